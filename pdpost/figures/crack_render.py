@@ -16,7 +16,7 @@ from pdpost.figures.render import STONE, add_body, framed, image, needed_pyvista
 from pdpost.figures.style import COLOURS, FigureError
 from pdpost.measures import slices
 from pdpost.measures.crack_faces import CrackSurface, OpenedPairs, crack_surface, find_opened_pairs
-from pdpost.measures.fragments_in_space import SMALLEST, number_pieces
+from pdpost.measures.fragments_in_space import SMALLEST, piece_of_node
 from pdpost.reading.stored_fields import diffuses
 from pdsolve.results import Nodes, Results
 
@@ -116,7 +116,7 @@ def fragments_apart(nodes: Nodes, parted_pairs: OpenedPairs, by: float, written:
 
     Raises FigureError.
     """
-    pyvista, piece = needed_pyvista(), number_pieces(parted_pairs)
+    pyvista, piece = needed_pyvista(), piece_of_node(parted_pairs)
     count = np.bincount(piece)
     middle, plotter = nodes.position.mean(axis=0), plotter_of(pyvista)
     large = np.flatnonzero(count >= SMALLEST)

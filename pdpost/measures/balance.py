@@ -61,38 +61,38 @@ class _BalanceKeys(msgspec.Struct):
 
 def energy_remarks(results: Results) -> list[str]:
     """Sentences about energy that went elsewhere than into cracks, if it is a large share."""
-    books, model = results.history(), read(results, _BalanceKeys)
-    energy_input = largest_energy_supplied(books, float(results.meta()["initial_energy"]))
-    damped = float(np.nan_to_num(damped_energy(books))[-1] + friction_heat(books)[-1])
+    ledger, model = results.history(), read(results, _BalanceKeys)
+    energy_input = largest_energy_supplied(ledger, float(results.meta()["initial_energy"]))
+    damped = float(np.nan_to_num(damped_energy(ledger))[-1] + friction_heat(ledger)[-1])
     said = remark(model.run, model.conditions, model.contact, damped, energy_input)
     return [] if said is None else [said]
 
 
 def balance(results: Results) -> Balance:
     """The energy balance of a run. Raises ResultsError if its ledger is empty."""
-    books = results.history()
-    if not len(books):
+    ledger = results.history()
+    if not len(ledger):
         expect_mechanics(results)
         raise ResultsError(f"{results.name}: the energy balance is empty; use a run with at least one entry")
     initial = float(results.meta()["initial_energy"])
-    damped, friction = damped_energy(books), friction_heat(books)
-    total = books["kinetic"] + books["strain"] + books["dissipated"] + np.nan_to_num(damped) + friction
-    energy_input = books["work"] + initial
-    if "refinement" in (books.dtype.names or ()):
-        energy_input = energy_input + books["refinement"]
-    scale = largest_energy_supplied(books, initial)
-    error = (total - energy_input) / scale if scale > 0 else np.zeros(len(books))
+    damped, friction = damped_energy(ledger), friction_heat(ledger)
+    total = ledger["kinetic"] + ledger["strain"] + ledger["dissipated"] + np.nan_to_num(damped) + friction
+    energy_input = ledger["work"] + initial
+    if "refinement" in (ledger.dtype.names or ()):
+        energy_input = energy_input + ledger["refinement"]
+    scale = largest_energy_supplied(ledger, initial)
+    error = (total - energy_input) / scale if scale > 0 else np.zeros(len(ledger))
     return Balance(
-        books["step"].astype(np.int64),
-        books["time"],
-        books["kinetic"],
-        books["strain"],
-        books["dissipated"],
+        ledger["step"].astype(np.int64),
+        ledger["time"],
+        ledger["kinetic"],
+        ledger["strain"],
+        ledger["dissipated"],
         damped,
         friction,
         energy_input,
         total,
         error,
-        books["momentum_x"],
-        books["momentum_y"],
+        ledger["momentum_x"],
+        ledger["momentum_y"],
     )

@@ -29,7 +29,7 @@ def read_bond_pairs(results: Results, step: int) -> BondPairs:
     count = len(families.start) - 1
     side = csr_array((state, families.neighbour, families.start), (count, count))
     if results.epoch(step):
-        nodes, neighbours, _ = broken_bond_ends(results, step, earlier=True)
+        nodes, neighbours, _ = broken_bond_ends(results, step, with_bonds_before_birth=True)
         broken_counts = csr_array((np.ones(len(nodes), dtype=np.int64), (nodes, neighbours)), (count, count))
         side = side.maximum((broken_counts > 0).astype(np.int8))
     bonds = triu(side.maximum(side.T.tocsr()), format="coo")

@@ -119,11 +119,12 @@ class DamageHistory:
 
 
 def _first_cracked_step(
-    damage: DamageHistory, pairs: NDArray[np.int64], last: int, threshold: float
+    damage: DamageHistory, pairs: NDArray[np.int64], last_step: int, threshold: float
 ) -> NDArray[np.int64]:
-    """The first step (k,) after which the mean damage of pairs (k, 2) is above `threshold`; `last` + 1 for none."""
-    low, high = np.zeros(len(pairs), dtype=np.int64), np.full(len(pairs), last + 1)
-    for _ in range(int(last + 1).bit_length()):
+    """The first step (k,) after which the mean damage of pairs (k, 2) is above `threshold`; `last_step` + 1 for
+    none."""
+    low, high = np.zeros(len(pairs), dtype=np.int64), np.full(len(pairs), last_step + 1)
+    for _ in range(int(last_step + 1).bit_length()):
         step = (low + high) // 2
         cracked = (damage.damage_at(pairs[:, 0], step) + damage.damage_at(pairs[:, 1], step)) / 2 > threshold
         low, high = np.where(cracked, low, np.minimum(step + 1, high)), np.where(cracked, np.minimum(step, high), high)
@@ -228,32 +229,36 @@ def _edges_are_inside(cubes: NodeCubes, edges: NDArray[np.float64]) -> NDArray[n
 
 
 def _corners_are_fixed(
-    cubes: NodeCubes, stairs: NDArray[np.float64], free: NDArray[np.int64], inside: NDArray[np.bool_]
+    cubes: NodeCubes, corners: NDArray[np.float64], free_edges: NDArray[np.int64], edge_is_inside: NDArray[np.bool_]
 ) -> NDArray[np.bool_]:
-    """Mask (p,) of corners on edges of the body, and of those where `free` (k, 2) edges inside meet others."""
-    reach, around = cubes.finest / 4, np.zeros(len(stairs), dtype=int)
+    """Mask (p,) of corners on edges of the body, and of those where `free_edges` (k, 2) edges inside meet others."""
+    reach, around = cubes.finest / 4, np.zeros(len(corners), dtype=int)
     for way in itertools.product((-reach, reach), repeat=3):
-        around += cubes.contain(stairs + way)
-    ends = np.zeros((2, len(stairs)), dtype=bool)
-    for row, edge_mask in zip(ends, (inside, ~inside), strict=True):
-        row[free[edge_mask]] = True
+        around += cubes.contain(corners + way)
+    ends = np.zeros((2, len(corners)), dtype=bool)
+    for row, edge_mask in zip(ends, (edge_is_inside, ~edge_is_inside), strict=True):
+        row[free_edges[edge_mask]] = True
     return np.asarray((around <= ON_EDGE) | ends.all(axis=0))
 
 
 def _smooth_corners(
-    stairs: NDArray[np.float64], edges: NDArray[np.int64], free: NDArray[np.bool_], stays: NDArray[np.bool_]
+    corners: NDArray[np.float64],
+    edges: NDArray[np.int64],
+    edge_is_free: NDArray[np.bool_],
+    corner_is_fixed: NDArray[np.bool_],
 ) -> NDArray[np.float64]:
-    """The corners (p, 3) of stairs, smoothed; those on `free` (e,) edges move with the corners on these alone."""
-    count, on = len(stairs), np.zeros(len(stairs), dtype=bool)
-    on[edges[free]] = True
+    """The corners (p, 3) of stairs, smoothed; those on `edge_is_free` (e,) edges move with the corners on these
+    alone."""
+    count, on = len(corners), np.zeros(len(corners), dtype=bool)
+    on[edges[edge_is_free]] = True
     corner, neighbour = np.concatenate([edges, edges[:, ::-1]]).T
-    used = ~on[corner] | np.concatenate([free, free])
+    used = ~on[corner] | np.concatenate([edge_is_free, edge_is_free])
     graph = csr_array((np.ones(used.sum()), (corner[used], neighbour[used])), shape=(count, count))
     mean = diags_array(1 / np.maximum(graph.sum(axis=1), 1)) @ graph
-    corners = stairs.copy()
+    corners = corners.copy()
     for _ in range(ROUNDS):
         for share in (FORTH, BACK):
-            corners += np.where(stays, 0.0, share)[:, None] * (mean @ corners - corners)
+            corners += np.where(corner_is_fixed, 0.0, share)[:, None] * (mean @ corners - corners)
     return corners
 
 

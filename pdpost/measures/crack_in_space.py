@@ -65,7 +65,7 @@ def crack_in_space(results: Results, step: int | None = None, threshold: float =
     steps, times = steps[past], times[past]
     parted_pairs = find_opened_pairs(results, step, threshold)
     cracks = crack_surface(results, step, parted_pairs)
-    books = results.history()
+    ledger = results.history()
     last = step * float(results.meta()["time_step"])
     return SummaryInSpace(
         step=step,
@@ -73,7 +73,7 @@ def crack_in_space(results: Results, step: int | None = None, threshold: float =
         frame_step=steps,
         time=times,
         area=cracks.grown_area_at(times),
-        dissipated=np.interp(times, books["time"], books["dissipated"]),
+        dissipated=np.interp(times, ledger["time"], ledger["dissipated"]),
         front_length=np.array([sum(map(line_length, front_lines(cracks, time))) for time in times]),
         fronts=front_lines(cracks, last),
         speed=front_speeds(results, cracks),

@@ -34,7 +34,7 @@ class MassBalance(NamedTuple):
     error: NDArray[np.float64]  # (t,) of the balance, over what there was or was supplied
 
 
-class _Model(msgspec.Struct):
+class _MediumKeys(msgspec.Struct):
     """The key of the grid file that says what amounts are of."""
 
     medium: Medium | None = None
@@ -43,9 +43,9 @@ class _Model(msgspec.Struct):
 def balance_with_unit(results: Results) -> tuple[MassBalance, str]:
     """The balance of a run, and the unit of its amounts: mol; of heat J or J/m, or K m^d where its heat capacity is not
     known. Raises ResultsError for a run of mechanics."""
-    books, medium = mass_balance(results), read(results, _Model).medium
+    balance, medium = mass_balance(results), read(results, _MediumKeys).medium
     factor, unit = (1.0, "mol") if medium is None else amount_of(medium, results.dimension)
-    return books._replace(**{name: factor * getattr(books, name) for name in AMOUNTS}), unit
+    return balance._replace(**{name: factor * getattr(balance, name) for name in AMOUNTS}), unit
 
 
 def mass_balance(results: Results) -> MassBalance:

@@ -39,7 +39,7 @@ class CrackDirection:
 
 
 def measure_directions(results: Results, branches: Sequence[Branch]) -> list[CrackDirection]:
-    """Directions of the cracks from each tip of a pre-crack, from all `branches` (see `tips`).
+    """Directions of the cracks from each tip of a pre-crack, from all `branches` (see `crack_branches`).
 
     A crack that forks within five spacings of the tip has a direction for each arm. A crack of particles has the
     direction of its first arm.

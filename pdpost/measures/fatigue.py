@@ -89,11 +89,11 @@ class FatigueLife(NamedTuple):
         if C is not None:
             return np.asarray(C * dK**m)
         assert self.line is not None
-        rate, at = settled_points(self.growths, m)
+        rate, at = settled_rates_and_dK(self.growths, m)
         return np.asarray(np.exp(np.log(rate).mean()) * (dK / np.exp(np.log(at).mean())) ** m)
 
 
-def settled_points(growths: Sequence[TipGrowth], m: float) -> Array:
+def settled_rates_and_dK(growths: Sequence[TipGrowth], m: float) -> Array:
     """Growth a cycle, m, and dK of all settled points, (2, p), for Paris's exponent."""
     columns = [np.empty((2, 0))]
     for growth in growths:
@@ -112,7 +112,7 @@ def dK_between_frames(growth: TipGrowth, m: float) -> Array:
     return np.where(steep, effective_range, (first + last) / 2)
 
 
-class _Model(msgspec.Struct):
+class _FatigueKeys(msgspec.Struct):
     """The keys of the grid file that fatigue needs."""
 
     horizon: Horizon = Horizon()
@@ -124,7 +124,7 @@ def fatigue_life(
     results: Results, steps: Sequence[int], progress: Callable[[list[int]], Iterable[int]] = lambda steps: steps
 ) -> FatigueLife:
     """The life of a run, and the growth of its cracks. Raises ResultsError."""
-    N, model = cycles_after_steps(results), read(results, _Model)
+    N, model = cycles_after_steps(results), read(results, _FatigueKeys)
     said = results.summary()
     growths = tip_growths(results, steps, progress) if model.notch else []
     first, stretch = (said.get(name) for name in ("first_break", "first_range"))
@@ -147,7 +147,7 @@ def tip_growths(
     results: Results, steps: Sequence[int], progress: Callable[[list[int]], Iterable[int]] = lambda steps: steps
 ) -> list[TipGrowth]:
     """The growth of each tip that has room for J at two frames or more. Raises ResultsError."""
-    N, model = cycles_after_steps(results), read(results, _Model)
+    N, model = cycles_after_steps(results), read(results, _FatigueKeys)
     ratio = 0.0 if model.run.fatigue is None else max(model.run.fatigue.ratio, 0.0)
     growths = []
     for series in stress_intensities.follow_tips(results, [step for step in steps if step < len(N)], progress=progress):
@@ -173,7 +173,7 @@ def fit_paris_line(growths: Sequence[TipGrowth]) -> ParisLine | None:
     """The line through all settled points; None with fewer than three."""
     slope, at_0, x, y = FIRST, 0.0, np.empty(0), np.empty(0)
     for _ in range(ROUNDS):  # as the dK of a point depends on the slope a little
-        y, x = np.log10(settled_points(growths, slope))
+        y, x = np.log10(settled_rates_and_dK(growths, slope))
         if len(x) < FEWEST:
             return None
         slope, at_0 = (float(number) for number in np.polyfit(x, y, 1))

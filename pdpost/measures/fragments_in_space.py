@@ -36,7 +36,7 @@ class Fragments(NamedTuple):
     crumbs_mass: float  # kg
 
 
-class _Solid(msgspec.Struct):
+class _DensityKeys(msgspec.Struct):
     """The keys of the grid file that densities come from."""
 
     material: Material
@@ -45,14 +45,14 @@ class _Solid(msgspec.Struct):
 
 def node_masses(results: Results, step: int) -> NDArray[np.float64]:
     """The mass (n,) of the nodes of a body, kg. Raises ResultsError."""
-    model, nodes = read(results, _Solid), results.nodes(step)
+    model, nodes = read(results, _DensityKeys), results.nodes(step)
     rho = np.full(len(nodes.ids), model.material.rho)
     for region in model.regions:
         rho[selected(nodes, region.nodes, region.box)] = region.material.rho
     return np.asarray(rho * nodes.area)
 
 
-def number_pieces(opened_pairs: OpenedPairs) -> NDArray[np.int64]:
+def piece_of_node(opened_pairs: OpenedPairs) -> NDArray[np.int64]:
     """The number (n,) of the piece that each node is in."""
     return connected(len(opened_pairs.sound), *opened_pairs.pairs[~opened_pairs.is_opened].T)
 
@@ -60,7 +60,7 @@ def number_pieces(opened_pairs: OpenedPairs) -> NDArray[np.int64]:
 def find_fragments(results: Results, step: int, opened_pairs: OpenedPairs) -> Fragments:
     """The fragments of a body after `step`, from the neighbours that parted."""
     nodes, mass = results.nodes(step), node_masses(results, step)
-    piece = number_pieces(opened_pairs)
+    piece = piece_of_node(opened_pairs)
     count = np.bincount(piece)
     large = count >= SMALLEST
     names = ("vx", "vy", "vz")

@@ -165,16 +165,16 @@ def _front_place(
     point: NDArray[np.float64],
     near_front: NDArray[np.float64],
     near_crack: NDArray[np.float64],
-    before: NDArray[np.float64] | None,
+    previous_normal: NDArray[np.float64] | None,
 ) -> FrontPlace:
     """The arc at a point: a circle through points `near_front` of the front, in the plane of those and points
     `near_crack` of the crack.
 
-    The normal is on the side of that of the point `before`, of the first one along its longest component.
+    The normal is on the side of that of the point `previous_normal`, of the first one along its longest component.
     """
     normal = np.linalg.svd(np.concatenate([near_crack, near_front]) - point, full_matrices=False)[2][2]
-    side = normal if before is None else before
-    normal = normal * np.sign((normal @ side) if before is not None else normal[np.abs(normal).argmax()])
+    side = normal if previous_normal is None else previous_normal
+    normal = normal * np.sign((normal @ side) if previous_normal is not None else normal[np.abs(normal).argmax()])
     tangent = np.linalg.svd(near_front - near_front.mean(axis=0), full_matrices=False)[2][0]
     tangent -= (tangent @ normal) * normal
     tangent /= np.linalg.norm(tangent)

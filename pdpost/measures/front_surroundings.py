@@ -26,7 +26,7 @@ BESIDE, SLANT = 1.5, 0.1  # spacings beside an arc's plane or circle, and of the
 AXIS = 0.95  # of an arc's radius
 
 
-class _Conditions(msgspec.Struct):
+class _ConditionKeys(msgspec.Struct):
     """The key of the grid file that holds its conditions."""
 
     conditions: list[dict[str, Any]] = []
@@ -40,12 +40,12 @@ class ObstaclesInSpace:
         self._nodes, self._cracks, self._tree = nodes, cracks, cKDTree(nodes.position)
         self._elastic = elastic_constants(results, step)
         acted_on = np.zeros(len(nodes.ids), dtype=bool)
-        for condition in read(results, _Conditions).conditions:
+        for condition in read(results, _ConditionKeys).conditions:
             if condition["kind"] not in FREE:
                 acted_on |= selected(nodes, condition.get("nodes"), condition.get("box"))
         self._held, self._surface = acted_on, _surface_face_centres(nodes)
 
-    def room(self, front_place: FrontPlace, half_length: float, largest_radius: float) -> UndisturbedRoom:
+    def undisturbed_room(self, front_place: FrontPlace, half_length: float, largest_radius: float) -> UndisturbedRoom:
         """The room around a point of a front, `largest_radius` m at most, for a tube of the half length `half_length`,
         m."""
         near = np.array(

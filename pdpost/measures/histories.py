@@ -51,7 +51,9 @@ def node_history(results: Results, node: int, quantity: str = "displacement", co
         columns = of_dimension(quantity, results.dimension)
         value = _vector_component(np.column_stack([mine[column] for column in columns]), component)
         return History(label, component, (node,), "probe", mine["time"], value, value, value, place, 0.0)
-    time, values = _read_frames(results, lambda nodes: np.flatnonzero(nodes.ids == node), quantity, component)
+    time, values = _read_quantity_of_frames(
+        results, lambda nodes: np.flatnonzero(nodes.ids == node), quantity, component
+    )
     value = np.array([frame_values[0] if len(frame_values) else np.nan for frame_values in values])
     return History(label, component, (node,), "frames", time, value, value, value, place, 0.0)
 
@@ -79,7 +81,7 @@ def place_history(
     steps = frames(results)[0].tolist()
     nearest = {step: int(_distances_from_place(results.nodes(step), place).argmin()) for step in steps}
     ids = tuple(dict.fromkeys(int(results.nodes(step).ids[at]) for step, at in nearest.items()))
-    time, values = _read_frames(
+    time, values = _read_quantity_of_frames(
         results, lambda nodes: np.array([_distances_from_place(nodes, place).argmin()]), quantity, component
     )
     value = np.concatenate(values)
@@ -114,7 +116,7 @@ def box_history(
     def rows(nodes: Nodes) -> NDArray[np.int64]:
         return np.flatnonzero(selection.in_box(nodes, corners))
 
-    time, values = _read_frames(results, rows, quantity, component)
+    time, values = _read_quantity_of_frames(results, rows, quantity, component)
     spread = [
         (frame_values.mean(), frame_values.min(), frame_values.max()) if len(frame_values) else (np.nan,) * 3
         for frame_values in values
@@ -123,7 +125,7 @@ def box_history(
     return History(label, component, ids, "frames", time, middle, low, high, None, 0.0)
 
 
-def _read_frames(
+def _read_quantity_of_frames(
     results: Results, select_rows: Callable[[Nodes], NDArray[np.int64]], quantity: str, component: str
 ) -> tuple[NDArray[np.float64], list[NDArray[np.float64]]]:
     """Times (t,) of the frames, and for each frame the quantity of the k nodes that `select_rows` selects."""

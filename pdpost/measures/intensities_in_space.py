@@ -37,7 +37,7 @@ TUBES = ((1.0, 0.8), (1.0, 1.0), (1.4, 1.0))  # inner radii in horizons, outer o
 NAMES = ("J", "K1", "K2", "K3", "angle")
 
 
-class _Model(msgspec.Struct):
+class _FractureKeys(msgspec.Struct):
     """The keys of the grid file that fracture parameters need."""
 
     material: Material
@@ -100,7 +100,7 @@ def front_intensities(
     is inside the body, if no point of any has room for a tube, and for frames that lack fields.
     """
     cracks, nodes = cracks_at(results, step), results.nodes(step)
-    ratio = read(results, _Model).horizon.ratio
+    ratio = read(results, _FractureKeys).horizon.ratio
     lines = cracks.fronts
     if near is not None:
         place = np.array(near)
@@ -143,10 +143,12 @@ def front_intensities(
 def _find_rooms(
     results: Results, step: int, cracks: CracksInSpace, fronts: list[FrontPoints], ring: tuple[float, float] | None
 ) -> list[list[UndisturbedRoom]]:
-    obstacles, ratio = ObstaclesInSpace(results, step, cracks), read(results, _Model).horizon.ratio
+    obstacles, ratio = ObstaclesInSpace(results, step, cracks), read(results, _FractureKeys).horizon.ratio
     return [
         [
-            obstacles.room(front_place, HALF * ratio * spacing, MOST * ratio * spacing if ring is None else ring[1])
+            obstacles.undisturbed_room(
+                front_place, HALF * ratio * spacing, MOST * ratio * spacing if ring is None else ring[1]
+            )
             for front_place, spacing in zip(points.places, points.spacing.tolist(), strict=True)
         ]
         for points in fronts
@@ -204,7 +206,7 @@ def _sample_fields(results: Results, step: int, rows: NDArray[np.int64]) -> Samp
     motion = None
     if not at_rest(results):
         velocity, acceleration = (vector(results, name, step) for name in ("velocity", "acceleration"))
-        density = read(results, _Model).material.rho
+        density = read(results, _FractureKeys).material.rho
         motion = Motion(density, velocity[rows], acceleration[rows], fitted(velocity))
     work = stress_work(results, step)
     parts = _unpack_tensors(strain), _unpack_tensors(stress), motion, None if work is None else work[rows]

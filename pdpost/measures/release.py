@@ -40,7 +40,7 @@ class EnergyRelease(NamedTuple):
         return np.asarray(np.interp(time, self.time[finite], self.value[finite], left=np.nan, right=np.nan))
 
 
-class _Plate(msgspec.Struct):
+class _MaterialKeys(msgspec.Struct):
     """The keys of the grid file that the energy release needs."""
 
     material: Material
@@ -51,9 +51,9 @@ def energy_release(results: Results, branches: Sequence[Branch]) -> EnergyReleas
 
     D is the dissipated energy of the ledger; at rest it includes the energy that the plate releases on the way to rest.
     """
-    books = results.history()
-    spent = books["dissipated"] + (np.nan_to_num(damped_energy(books)) if at_rest(results) else 0.0)
-    return release_over_length(books["time"], spent, branches, read(results, _Plate).material.G0)
+    ledger = results.history()
+    spent = ledger["dissipated"] + (np.nan_to_num(damped_energy(ledger)) if at_rest(results) else 0.0)
+    return release_over_length(ledger["time"], spent, branches, read(results, _MaterialKeys).material.G0)
 
 
 def release_over_length(

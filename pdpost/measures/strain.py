@@ -25,7 +25,7 @@ from pdpost.reading.stored_fields import scalar, vector
 from pdsolve.results import Families, Nodes, Results, ResultsError
 
 
-class _Materials(msgspec.Struct):
+class _MaterialKeys(msgspec.Struct):
     """The keys of the grid file that stress needs."""
 
     material: Material
@@ -72,17 +72,18 @@ def bonds_are_broken(results: Results, families: Families, step: int) -> NDArray
 
 
 def broken_bond_ends(
-    results: Results, step: int, earlier: bool = False
+    results: Results, step: int, with_bonds_before_birth: bool = False
 ) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.int64]]:
     """Rows (b,) of both end nodes at `step` of the bonds broken until then, and the steps in which they broke.
 
-    Bonds that broke before one of their nodes was born belong to no present family: left out, unless `earlier`.
+    Bonds that broke before one of their nodes was born belong to no present family: left out, unless
+    `with_bonds_before_birth`.
     """
     breaks, lives, rows = results.breaks(), results.lives(), results.rows(step)
     node_rows = lives.at(breaks.node, step)
     neighbour_rows = lives.at(breaks.neighbour, step)
     present = (breaks.step <= step) & (node_rows >= 0) & (neighbour_rows >= 0)
-    if not earlier:
+    if not with_bonds_before_birth:
         present &= breaks.step >= lives.birth[node_rows]
     return (
         np.searchsorted(rows, node_rows[present]),
@@ -143,7 +144,7 @@ def stress_work(results: Results, step: int) -> NDArray[np.float64] | None:
 
 def _materials_of_nodes(results: Results, step: int) -> tuple[NDArray[np.int64], tuple[Material, ...]]:
     """The number (n,) of each node's material at `step`, and the materials. Raises ResultsError."""
-    model, nodes = read(results, _Materials), results.nodes(0)
+    model, nodes = read(results, _MaterialKeys), results.nodes(0)
     which = np.zeros(len(nodes.ids if model.regions else results.rows(step)), dtype=np.int64)
     for number, region in enumerate(model.regions):
         which[selected(nodes, region.nodes, region.box)] = number + 1

@@ -72,7 +72,7 @@ class IntensityHistory(NamedTuple):
 NAMES = ("J", "K1", "K2", "T", "angle")
 
 
-class _Model(msgspec.Struct):
+class _FractureKeys(msgspec.Struct):
     """The keys of the grid file that fracture parameters need."""
 
     material: Material
@@ -104,7 +104,7 @@ def follow_tips(
         for number, front in enumerate(chosen):
             tip, rings = front.tip_at(step * time_step), None
             if tip is not None:
-                room = obstacles.room(tip, step, step * time_step)
+                room = obstacles.undisturbed_room(tip, step, step * time_step)
                 said = _refusal_reason(results, step, tip, room, ring)
                 refused[number] = said or refused[number]
                 if not said:
@@ -127,7 +127,7 @@ class FrameFields:
         self._results, self._rest = results, at_rest(results)
         self._step = -1
         self._sampled: Sampled | None = None
-        self._model = read(results, _Model)
+        self._model = read(results, _FractureKeys)
 
     def integrate_around(self, step: int, tip: Tip, rings: tuple[Ring, ...]) -> RingIntegrals:
         """Fracture parameters of a tip on rings after a step."""
@@ -173,7 +173,7 @@ def _spacing_at_tip(results: Results, step: int, tip: Tip) -> float:
 def _refusal_reason(results: Results, step: int, tip: Tip, room: UndisturbedRoom, ring: Ring | None) -> str:
     """Why a tip has no room for rings, and the spacing that would give it room; "" if it has."""
     x, y = tip.place
-    spacing, ratio = _spacing_at_tip(results, step, tip), read(results, _Model).horizon.ratio
+    spacing, ratio = _spacing_at_tip(results, step, tip), read(results, _FractureKeys).horizon.ratio
     if ring is not None and ring.outer - ring.inner < spacing:
         wide = f"{ring.outer - ring.inner:.3g} m wide; use at least a spacing, {spacing:.3g} m"
         return f"the ring around the tip at ({x:.4g}, {y:.4g}) m is {wide}"
@@ -196,7 +196,7 @@ def _choose_rings(results: Results, step: int, tip: Tip, room: UndisturbedRoom, 
     if ring is not None:
         quarter = (ring.outer - ring.inner) / 4
         return Ring(ring.inner, ring.outer - quarter), ring, Ring(ring.inner + quarter, ring.outer)
-    horizon = read(results, _Model).horizon.ratio * _spacing_at_tip(results, step, tip)
+    horizon = read(results, _FractureKeys).horizon.ratio * _spacing_at_tip(results, step, tip)
     least = max(BLURRED * horizon, 0.2 * room.radius)
     span = 0.8 * room.radius - least
     return tuple(Ring(least + inner * span, outer * room.radius) for inner, outer in RINGS)

@@ -139,9 +139,9 @@ class Obstacles:
     def __init__(self, results: Results, tips: Sequence[TipHistory]) -> None:
         self._results, self._fronts = results, tips
         self._edge = read_plate_geometry(results).shape.boundary
-        self._conditions = read(results, _Conditions).conditions
+        self._conditions = read(results, _ConditionKeys).conditions
 
-    def room(self, tip: Tip, step: int, time: float) -> UndisturbedRoom:
+    def undisturbed_room(self, tip: Tip, step: int, time: float) -> UndisturbedRoom:
         """The room around a tip after a step."""
         nodes = self._results.nodes(step)
         elastic = elastic_constants(self._results, step)
@@ -181,7 +181,7 @@ class Obstacles:
         return np.asarray((away + tip.place)[~behind_tip])
 
 
-class _Conditions(msgspec.Struct):
+class _ConditionKeys(msgspec.Struct):
     """The keys of the grid file that hold its conditions."""
 
     conditions: list[dict[str, Any]] = []

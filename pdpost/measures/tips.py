@@ -81,7 +81,7 @@ class Fork:
     arms: tuple[float, ...]  # degrees of each arm from the direction the crack came with, to the left positive
 
 
-class _Model(msgspec.Struct):
+class _HorizonKeys(msgspec.Struct):
     """The key of the grid file that says how far bonds reach."""
 
     horizon: Horizon = Horizon()
@@ -120,7 +120,7 @@ def crack_branches(results: Results, step: int | None = None, threshold: float =
         arrival = float(branch.time[-1]), float(branch.along[-1])
         reached[chain[-1]] = min(arrival, reached.get(chain[-1], arrival))
     if branches:
-        edges, ratio = read_plate_geometry(results).shape.boundary, read(results, _Model).horizon.ratio
+        edges, ratio = read_plate_geometry(results).shape.boundary, read(results, _HorizonKeys).horizon.ratio
         branches = [replace(branch, inside=_count_points_before_edge(branch, edges, ratio)) for branch in branches]
     return sorted(branches, key=lambda branch: -branch.length)
 

@@ -190,8 +190,8 @@ def _relative_error(value: float, expected: float) -> float | None:
 
 
 def _dissipated_energy_at(results: Results, time: float) -> float:
-    books = results.history()
-    if not len(books):
+    ledger = results.history()
+    if not len(ledger):
         raise ResultsError(f"{results.name} has no energies; use a run of mechanics")
-    total = books["kinetic"] + books["strain"] + books["dissipated"] + np.nan_to_num(damped_energy(books))
-    return float(np.interp(time, books["time"], total))
+    total = ledger["kinetic"] + ledger["strain"] + ledger["dissipated"] + np.nan_to_num(damped_energy(ledger))
+    return float(np.interp(time, ledger["time"], total))

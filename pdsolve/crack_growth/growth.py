@@ -89,20 +89,24 @@ class Growth:
         tips = self.tips()
         return [(tip, self.judge(tip, tips, state)) for tip in tips]
 
-    def lengthen_tips(self, tips: list[tuple[Tip, Verdict]], state: State, step: int, share: float = 1.0) -> int:
+    def lengthen_tips(
+        self, tips: list[tuple[Tip, Verdict]], state: State, step: int, particle_share: float = 1.0
+    ) -> int:
         """Let these tips grow by a particle each, of that share of its length, and cut the bonds; returns the number of
         new particles."""
         before = len(self.particles.place)
         for tip, verdict in tips:
-            self._grow(tip, verdict, step, share)
+            self._grow(tip, verdict, step, particle_share)
         new = len(self.particles.place) - before
         if new:
             self._cut(arms(self.particles)[-new:], state, step)
         return new
 
-    def growth_length(self, tip: Tip, share: float = 1.0) -> float:
+    def growth_length(self, tip: Tip, particle_share: float = 1.0) -> float:
         """The length, m, by which a tip grows at once, or a share of it; a spacing at least."""
-        return max(share * self.rules.spacing, 1.0) * float(self._model.grid.delta[self._near.nearest(tip.place)])
+        return max(particle_share * self.rules.spacing, 1.0) * float(
+            self._model.grid.delta[self._near.nearest(tip.place)]
+        )
 
     def toughness(self, tip: Tip) -> float:
         """What the stress intensity of a tip must reach, Pa m^0.5."""

@@ -17,7 +17,7 @@ AMOUNTS = ("inside", "through", "supplied")
 
 
 class MassAccounts:
-    """The mass accounts of one run; see `pdsolve.run.accounts.PhysicsRecords`."""
+    """The mass accounts of one run; see `pdsolve.run.physics_records.PhysicsRecords`."""
 
     broken_bond_count = 0  # bonds do not break
 
@@ -37,7 +37,7 @@ class MassAccounts:
         return self.last.balance(self._start)
 
     def progress_text(self, broken_bond_count: int) -> str:
-        """State of the accounts in words, for a progress display."""
+        """State of the balance in words, for a progress display."""
         dissolved = f"{1 - self.last.solid / self._start.solid:.1%} dissolved, " if self._start.solid else ""
         return f"{dissolved}balance {self.balance_error:+.1e}"
 

@@ -34,24 +34,26 @@ def motion_file(path: Path) -> Path:
     return path.with_name(f"{path.stem}_motion{path.suffix}")
 
 
-def motion_follows(path: Results) -> bool:
+def motion_follows(path_results: Results) -> bool:
     """Whether a motion is to follow the run in these results. Raises ResultsError."""
-    if path.meta().get("status") != "finished" or path.summary().get("lost") is None:
+    if path_results.meta().get("status") != "finished" or path_results.summary().get("lost") is None:
         return False
-    return model_of(path.model(), path.name).settings.run.after == "motion"
+    return model_of(path_results.model(), path_results.name).settings.run.after == "motion"
 
 
-def motion_after(path: Results, threads: int | None) -> tuple[Prepared, int]:
+def prepare_motion_after(path_results: Results, threads: int | None) -> tuple[Prepared, int]:
     """The motion after a path that it follows, and the last step of the path. Raises ModelError, ResultsError."""
-    step, checkpoint = path.checkpoint()
-    options = Options(path.meta()["mode"], "float64", threads, "listed")
-    system, state = prepare(_model_in_motion(model_of(path.model(), path.name), path.summary()["lost"]), options)
+    step, checkpoint = path_results.checkpoint()
+    options = Options(path_results.meta()["mode"], "float64", threads, "listed")
+    system, state = prepare(
+        _model_in_motion(model_of(path_results.model(), path_results.name), path_results.summary()["lost"]), options
+    )
     ahead = system.model.settings.run.steps
     model = _with_run_settings(
         system.model, steps=step + ahead, every=max(1, ahead // FRAMES), ledger=max(1, ahead // ENTRIES)
     )
     system = dataclasses.replace(system, model=model)
-    restore_state(system, state, step, checkpoint, path.breaks())
+    restore_state(system, state, step, checkpoint, path_results.breaks())
     _set_first_accelerations(system, state)
     return Prepared(system, state), step
 

@@ -21,15 +21,15 @@ from pdsolve.run.system import Prepared, System
 from pdsolve.schemes.scheme import Scheme
 from pdsolve.state import zero_state
 from pdsolve.steppers.arc_length_steps import ArcLengthSteps
+from pdsolve.steppers.contact_method import ContactMethod
 from pdsolve.steppers.crack_length_steps import CrackLengthSteps
+from pdsolve.steppers.cycle_or_path_steps import make_cycle_steps
 from pdsolve.steppers.equilibrium import EquilibriumMethod
 from pdsolve.steppers.load_steps import LoadSteps
 from pdsolve.steppers.newton import FACTORED, FACTORED_IN, Newton
 from pdsolve.steppers.path_steps import SofteningPathSteps
 from pdsolve.steppers.relaxation import Relaxation
 from pdsolve.steppers.static_loads import follows_arc_length, follows_crack_length, follows_softening_path
-from pdsolve.steppers.stepped_rest import make_cycle_steps
-from pdsolve.steppers.touching import ContactMethod
 
 MOST_ALONG_PATH = {2: FACTORED, 3: 10_000}  # free components by dimension: factors of 5800 in space take 0.5 GB
 
@@ -45,7 +45,7 @@ def prepare_load_steps(model: Model, options: Options, scheme: Scheme, bonds_bre
     no_fail = StaticBreakage(all_bonds)
     filling = all_bonds if of_families else no_fail.filling()
     options = options._replace(kernel="listed") if of_families else options
-    bonds, filled = make_operator(model, options, scheme, filling, unbreakable=not of_families)
+    bonds, filled = make_operator(model, options, scheme, filling, bonds_are_unbreakable=not of_families)
     area = filling.area
     operator, contact = add_contact_at_rest(model, area, add_ground_supports(model, area, bonds))
     driven = drive(model, area, scheme.exact_load, np.float64)

@@ -43,7 +43,7 @@ class BodyRefinement:
             + kick_work(fresh, new_state, pull, which)
         )
         after.history = after.history._replace(made=after.history.made + energy_created)
-        return NodeChange(fresh, new_state, _rows_with_same_bonds(system, fresh, rows))
+        return NodeChange(fresh, new_state, _previous_rows_with_same_bonds(system, fresh, rows))
 
     def restore_system(self, system: System, checkpoint: Kept) -> Prepared:
         """The system of a checkpoint's cells. Raises CheckpointError for cells that no run from here can have."""
@@ -99,7 +99,7 @@ def _set_held_forces(
     )
 
 
-def _rows_with_same_bonds(
+def _previous_rows_with_same_bonds(
     old_system: System, new_system: System, previous_rows: NDArray[np.int64]
 ) -> NDArray[np.int64]:
     """The `previous_rows` (m,) before of nodes that keep their cell and their bonds; -1 for others."""

@@ -63,11 +63,12 @@ class CellSplitting:
         system: System,
         state: State,
         step: int,
-        after: tuple[Cells, Transfer],
-        past: tuple[Before, NDArray[np.float64]],
+        new_cells: tuple[Cells, Transfer],
+        previous_bonds: tuple[Before, NDArray[np.float64]],
     ) -> NodeChange:
-        """The leaves `after` this step, made from the previous bonds and their energies (n,), J/m^3, in `past`."""
-        (cells, transfer), (before, energies_before), old_operator = after, past, leaf_operator(system)
+        """The leaves `new_cells` this step, made from the previous bonds and their energies (n,), J/m^3, in
+        `previous_bonds`."""
+        (cells, transfer), (before, energies_before), old_operator = new_cells, previous_bonds, leaf_operator(system)
         new, begun = self._prepare_cells(system, cells, transfer)
         operator = leaf_operator(new)
         broken = inherited(before, operator.list, transfer)
@@ -85,7 +86,7 @@ class CellSplitting:
         )
         calm = np.where(transfer.stays, old_operator.memory.calm[transfer.before[:, 0]], 0)
         operator.memory = Memory(calm, old_operator.memory.created + created)
-        return NodeChange(new, begun, self._rows_with_same_bonds(system, new, transfer))
+        return NodeChange(new, begun, self._previous_rows_with_same_bonds(system, new, transfer))
 
     def _prepare_cells(self, system: System, cells: Cells, transfer: Transfer | None = None) -> Prepared:
         """The system of these leaves at rest; `transfer` is their origin, if any.
@@ -107,7 +108,9 @@ class CellSplitting:
             )
         return Prepared(dataclasses.replace(rest.system, full_model=tree.model), rest.state)
 
-    def _rows_with_same_bonds(self, old_system: System, new_system: System, transfer: Transfer) -> NDArray[np.int64]:
+    def _previous_rows_with_same_bonds(
+        self, old_system: System, new_system: System, transfer: Transfer
+    ) -> NDArray[np.int64]:
         """Former rows (m,) of nodes that keep their bonds; -1 for others."""
         before, now = leaf_operator(old_system).list, leaf_operator(new_system).list
         origin = np.where(transfer.stays, transfer.before[:, 0], -1)

@@ -23,7 +23,7 @@ from pdsolve.laws import law_of
 from pdsolve.model import Model, counted
 from pdsolve.options import Options, threads_of
 from pdsolve.run.assembly import choose_time_step
-from pdsolve.run.operator_factory import count_bonds, largest_stable_step, stable_time_step
+from pdsolve.run.operator_factory import bond_counts_and_stiffness_bound, largest_stable_step, stable_time_step
 from pdsolve.run.prepare import prepare, select_scheme
 from pdsolve.run.static_start import prepare_static_start
 from pdsolve.run.system import System
@@ -117,7 +117,7 @@ def estimate_run(model: Model, options: Options = DEFAULT) -> Plan:
         count, bound = prepared.count, stable_time_step(model, prepared.operator)
         step = choose_time_step(model, bound)
     elif paired and not (moves or model.swells) and settings.run.solver != "static":
-        count, stiffness_bound, in_blocks = count_bonds(model, options, scheme)
+        count, stiffness_bound, in_blocks = bond_counts_and_stiffness_bound(model, options, scheme)
         bound = largest_stable_step(stiffness_bound, model.rho)
         step = choose_time_step(model, bound)
     else:
@@ -194,7 +194,7 @@ def estimate_size(
 ) -> Plan:
     """Cost of solving so many nodes and bonds; `steps`, s, are the run's step and the surely stable one."""
     run = settings.run
-    rest, load_step = estimate_load_step(run, nodes, bonds)
+    rest, load_step = load_step_memory_and_time(run, nodes, bonds)
     if run.solver == "static":
         if any(isinstance(condition, Load) for condition in settings.conditions) and 2 * nodes <= FACTORED:
             rest = REST + DEAD * (rest - REST)
@@ -218,14 +218,17 @@ def estimate_size(
     return Plan(nodes, bonds, run.steps, *steps, round(memory), seconds, in_blocks=in_blocks)
 
 
-def estimate_load_step(run: Run, nodes: int, bonds: int) -> tuple[float, float]:
+def load_step_memory_and_time(run: Run, node_count: int, bond_count: int) -> tuple[float, float]:
     """Memory (bytes) and time (s on the measured machine) of a load step in which nothing breaks."""
     if run.static.method == "relaxation":
-        return REST + RELAXED_BOND * bonds, RELAXED * LONG * bonds * nodes**0.5
-    if 2 * nodes > FACTORED:
-        return REST + GRADIENT * bonds, TANGENT * bonds + WITHOUT * bonds * nodes**0.5
-    entries = FILL * bonds * (nodes / 1000) ** GROWTH
-    return REST + REST_BOND * bonds + ENTRY * entries, TANGENT * bonds + SOLVED * entries + FACTOR * entries**2 / nodes
+        return REST + RELAXED_BOND * bond_count, RELAXED * LONG * bond_count * node_count**0.5
+    if 2 * node_count > FACTORED:
+        return REST + GRADIENT * bond_count, TANGENT * bond_count + WITHOUT * bond_count * node_count**0.5
+    entries = FILL * bond_count * (node_count / 1000) ** GROWTH
+    return (
+        REST + REST_BOND * bond_count + ENTRY * entries,
+        TANGENT * bond_count + SOLVED * entries + FACTOR * entries**2 / node_count,
+    )
 
 
 @cache

@@ -48,8 +48,8 @@ class MotionChecks:
         initial_bonds: Callable[[int, int], tuple[NDArray[np.int64], NDArray[np.int64]]],
         past_warnings: tuple[bool, bool] = (False, False),
     ) -> None:
-        """`bonds(first, last)` returns the rows of both ends of the initial bonds of sources `first` to `last` - 1;
-        `past_warnings` are the warnings given already, of nodes before, as they have them."""
+        """`initial_bonds(first, last)` returns the rows of both ends of the initial bonds of sources `first` to `last`
+        - 1; `past_warnings` are the warnings given already, of nodes before, as they have them."""
         self._model, (self._said, self._vague) = model, past_warnings
         self._bonds, self._own = initial_bonds, slice(None)
         self._triangles: _NearestTriangles | None = None  # of nodes off a lattice
@@ -83,13 +83,13 @@ class MotionChecks:
         self.warn_of_imprecision(extent, step)
 
     @property
-    def check_lengths(self) -> tuple[float, float]:
+    def spacing_and_breaking_length(self) -> tuple[float, float]:
         """The smallest spacing, and the lengthening that breaks or softens a bond, m."""
         return self._smallest, self._breaking
 
-    def set_check_lengths(self, lengths: Sequence[tuple[float, float]], local_rows: slice) -> None:
+    def use_lengths_of_ranks(self, lengths_of_ranks: Sequence[tuple[float, float]], local_rows: slice) -> None:
         """Take these lengths of all ranks as known, and look at the triangles of `local_rows` alone."""
-        self._smallest, self._breaking = (min(column) for column in zip(*lengths, strict=True))
+        self._smallest, self._breaking = (min(column) for column in zip(*lengths_of_ranks, strict=True))
         self._own = local_rows
 
     def may_be_inverted(self, displacements: DisplacementRange) -> bool:

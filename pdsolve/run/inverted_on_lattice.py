@@ -81,22 +81,22 @@ def _number_lattice_sites(position, key):  # type: ignore[no-untyped-def]
 
 
 @njit(**INNER)
-def _nearest_along_axis(key, at, n, step):  # type: ignore[no-untyped-def]
+def _nearest_along_axis(key, at, node, step):  # type: ignore[no-untyped-def]
     """The nearest node along an axis, whose nodes are `step` apart, or the node itself; `at` (4,) goes along."""
-    nearest = n
+    nearest = node
     for k in range(4):
-        wanted = key[n] + (k // 2 + 1) * (step if k % 2 == 0 else -step)
+        wanted = key[node] + (k // 2 + 1) * (step if k % 2 == 0 else -step)
         while at[k] < len(key) - 1 and key[at[k]] < wanted:
             at[k] += 1
-        if nearest == n and key[at[k]] == wanted:
+        if nearest == node and key[at[k]] == wanted:
             nearest = at[k]
     return nearest
 
 
 @njit(forceinline=True, **INNER)
-def _double_area(position, u, share, n, a, b):  # type: ignore[no-untyped-def]
-    """Twice the area of a triangle, m^2, displaced by a `share` of u."""
-    x, y = position[n, 0] + share * u[n, 0], position[n, 1] + share * u[n, 1]
-    ax, ay = position[a, 0] + share * u[a, 0] - x, position[a, 1] + share * u[a, 1] - y
-    bx, by = position[b, 0] + share * u[b, 0] - x, position[b, 1] + share * u[b, 1] - y
+def _double_area(position, u, displaced_share, node, a, b):  # type: ignore[no-untyped-def]
+    """Twice the area of a triangle, m^2, displaced by a `displaced_share` of u."""
+    x, y = position[node, 0] + displaced_share * u[node, 0], position[node, 1] + displaced_share * u[node, 1]
+    ax, ay = position[a, 0] + displaced_share * u[a, 0] - x, position[a, 1] + displaced_share * u[a, 1] - y
+    bx, by = position[b, 0] + displaced_share * u[b, 0] - x, position[b, 1] + displaced_share * u[b, 1] - y
     return ax * by - ay * bx

@@ -31,35 +31,35 @@ from pdsolve.schemes.scheme import Scheme
 
 
 def make_operator(
-    model: Model, options: Options, scheme: Scheme, filling: BondSource, unbreakable: bool = False
+    model: Model, options: Options, scheme: Scheme, bond_source: BondSource, bonds_are_unbreakable: bool = False
 ) -> tuple[Operator, Counted]:
     """The operator of the bonds: in blocks if possible and not excluded by options; and what is counted of the bonds.
 
-    `unbreakable`: no bond breaks, as `filling` has it.
+    `bonds_are_unbreakable`: no bond breaks, as `bond_source` has it.
     """
     law, kind, nodes = law_of(model, scheme.matches_work), np.dtype(options.precision).type, len(model.grid)
-    tiles = _make_tiles(model, options, scheme, unbreakable)
+    tiles = _make_tiles(model, options, scheme, bonds_are_unbreakable)
     if tiles is not None:
         parts = tiles.tiles, tiles.sites, tiles.stiffness_bound
         if model.settings.run.device != "cpu":
             return SpaceOnDevice(law, *parts, scheme.symmetric, Session(model.settings.run.device)), tiles.counted
         return SpaceLattice(law, *parts, scheme.symmetric, threads_of(options, nodes, True)), tiles.counted
     blocked = not numba.config.DISABLE_JIT and model.grid.dimension == 2  # blocks are compiled code, of the plane
-    statistics = BondStatistics(filling, scheme.symmetric)
+    statistics = BondStatistics(bond_source, scheme.symmetric)
     if model.settings.run.device != "cpu":
-        return _make_device_operator(model, options, scheme, filling, law, statistics)
+        return _make_device_operator(model, options, scheme, bond_source, law, statistics)
     if law.pair is not None and options.kernel != "listed" and blocked:
         blocks = blocks_of(law, statistics.parts(), nodes, kind, threads_of(options, nodes, True))
         if blocks is not None:
             operator = SimdLattice(law, blocks, statistics.stiffness_bound, scheme.symmetric, statistics.softens)
-            return operator, statistics.counted(filling.area)
-        statistics = BondStatistics(filling, scheme.symmetric)
+            return operator, statistics.counted(bond_source.area)
+        statistics = BondStatistics(bond_source, scheme.symmetric)
     threads = threads_of(options, nodes, False)
-    bonds = listed(statistics.parts(), filling.area).bonds
-    counted = statistics.counted(filling.area)
+    bonds = listed(statistics.parts(), bond_source.area).bonds
+    counted = statistics.counted(bond_source.area)
     compiled = not numba.config.DISABLE_JIT and options.kernel != "listed"
     of = law, model, bonds, scheme.symmetric, options.precision, threads
-    in_space = families_in_tiles.placed(law, model, bonds, filling.area) if compiled else None
+    in_space = families_in_tiles.placed(law, model, bonds, bond_source.area) if compiled else None
     if in_space is not None:
         return families_in_tiles.FamiliesInTiles(*of, in_space), counted
     where = state_based.placed(law, bonds) if compiled else None
@@ -74,16 +74,16 @@ def make_operator(
 
 
 def _make_device_operator(
-    model: Model, options: Options, scheme: Scheme, filling: BondSource, law: Law, statistics: BondStatistics
+    model: Model, options: Options, scheme: Scheme, bond_source: BondSource, law: Law, statistics: BondStatistics
 ) -> tuple[Operator, Counted]:
     """The operator of bonds that are in no tiles on a device. Raises ModelError."""
     if law.lanes is not None:  # a law of families
-        bonds = listed(statistics.parts(), filling.area).bonds
+        bonds = listed(statistics.parts(), bond_source.area).bonds
         where = state_based.placed(law, bonds)
         if where is None:
             raise ModelError(f"{model.name}: $.run.device: nodes are on no lattice; use cpu, or nodes on one")
         of = law, model, bonds, scheme.symmetric, options.precision, where
-        return FamiliesOnDevice(*of, Session(model.settings.run.device)), statistics.counted(filling.area)
+        return FamiliesOnDevice(*of, Session(model.settings.run.device)), statistics.counted(bond_source.area)
     if law.pair is None or law.pair.held is not None:
         raise ModelError(f"{model.name}: $.run.device: the law is no straight line; use cpu for such a law")
     session, kind = Session(model.settings.run.device), np.dtype(options.precision).type
@@ -96,7 +96,7 @@ def _make_device_operator(
     if blocks is None:
         raise ModelError(f"{model.name}: $.run.device: nodes are on no lattice; use cpu, or nodes on one")
     operator = PlaneOnDevice(law, blocks, statistics.stiffness_bound, scheme.symmetric, statistics.softens, session)
-    return operator, statistics.counted(filling.area)
+    return operator, statistics.counted(bond_source.area)
 
 
 def add_ground_supports(model: Model, volume: NDArray[np.float64], bonds: Operator) -> Operator:
@@ -142,7 +142,7 @@ def options_for_swelling(model: Model, options: Options) -> Options:
     return options if fast else options._replace(kernel="listed")
 
 
-def bond_operator(operator: Operator) -> Operator:
+def unwrap_bond_operator(operator: Operator) -> Operator:
     """The operator of bonds in one to which supports or contact may be added."""
     while isinstance(operator, Together):
         operator = operator.parts[-1]
@@ -158,7 +158,9 @@ def blocks_and_contact(operator: Operator) -> tuple[SimdLattice | None, PenaltyC
     return (operator if isinstance(operator, SimdLattice) else None), None
 
 
-def count_bonds(model: Model, options: Options, scheme: Scheme) -> tuple[NDArray[np.int64], NDArray[np.float64], bool]:
+def bond_counts_and_stiffness_bound(
+    model: Model, options: Options, scheme: Scheme
+) -> tuple[NDArray[np.int64], NDArray[np.float64], bool]:
     """Number (n,) of the bonds of a pair law, the bound (n,) of their stiffness, N/m^4, and whether blocks can have
     them."""
     tiles = _make_tiles(model, options, scheme, False)
@@ -178,16 +180,16 @@ def _stiffness_bound_beside_bonds(model: Model, volume: NDArray[np.float64]) -> 
     return touch_bound(model, volume) + support_bound(model, volume)
 
 
-def _make_tiles(model: Model, options: Options, scheme: Scheme, unbreakable: bool) -> Tiled | None:
+def _make_tiles(model: Model, options: Options, scheme: Scheme, bonds_are_unbreakable: bool) -> Tiled | None:
     """The bonds of a body in tiles, where they can be and options do not exclude it."""
     if model.grid.dimension == 2 or options.kernel == "listed" or numba.config.DISABLE_JIT or not scheme.symmetric:
         return None
-    return tiled(model, np.dtype(options.precision).type, unbreakable)
+    return tiled(model, np.dtype(options.precision).type, bonds_are_unbreakable)
 
 
 def stable_time_step(model: Model, operator: Operator) -> float:
     """The longest surely stable step of a motion, s, in which families may lose bonds; infinite without bonds."""
-    start, bonds = operator.stiffness_bound(), bond_operator(operator)
+    start, bonds = operator.stiffness_bound(), unwrap_bond_operator(operator)
     breaks = model.settings.run.cracks == "bonds" and any(material.failure != "none" for material in model.materials)
     if breaks and isinstance(bonds, BondList) and bonds.law.torn_stiffness is not None:
         start = np.maximum(start, bonds.law.torn_stiffness(bonds.columns, start))
@@ -196,7 +198,7 @@ def stable_time_step(model: Model, operator: Operator) -> float:
 
 def intact_stable_time_step(model: Model, operator: Operator) -> float:
     """The longest surely stable step, s, with the bonds that are left, which may be shorter than at the start."""
-    bonds = bond_operator(operator)
+    bonds = unwrap_bond_operator(operator)
     return (
         largest_stable_step(bonds.intact_stiffness_bound(), model.rho) if isinstance(bonds, BondList) else float("inf")
     )

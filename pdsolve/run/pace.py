@@ -23,7 +23,7 @@ class Pace:
         """Record the duration of some steps."""
         self._each = seconds / max(steps, 1)
 
-    def takes_short(self, steps: int) -> bool:
+    def will_soon_be_done(self, steps: int) -> bool:
         """Whether so many steps take at most as long as three batches."""
         return steps * self._each < 3 * PIECE
 

@@ -37,7 +37,7 @@ from pdsolve.run.assembly import (
     set_initial_motion,
 )
 from pdsolve.run.at_rest import prepare_load_steps
-from pdsolve.run.operator_factory import bond_operator, largest_stable_step, options_for_swelling
+from pdsolve.run.operator_factory import largest_stable_step, options_for_swelling, unwrap_bond_operator
 from pdsolve.run.swelling_with_fine_zone import PlateBrokenBonds, SwellingZone
 from pdsolve.run.system import Prepared, System
 from pdsolve.schemes import SCHEMES
@@ -134,7 +134,7 @@ def _prepare_swelling(model: Model, options: Options, scheme: Scheme) -> Prepare
         system, state = assemble_motion(model.moving_part(), options, scheme)
     content = _prepare_diffusion(model.diffusing_part(system.time_step), Options(threads=options.threads))
     transport, marches, cycle = content.system.transport, content.system.stepper, 1
-    bonds = bond_operator(system.operator)
+    bonds = unwrap_bond_operator(system.operator)
     assert isinstance(bonds, BondList | SimdLattice)
     assert transport is not None
     if not rests:

@@ -27,14 +27,14 @@ def in_notebook() -> bool:
     return kernels is not None and bool(kernels.IPKernelApp.initialized())
 
 
-def progress_bar(label: str, unit: str, **more: Any) -> Any:
+def progress_bar(label: str, unit: str, **options: Any) -> Any:
     """A progress bar (tqdm's), as a widget in notebooks that support it; None if nobody would see it."""
     if not (sys.stderr.isatty() or in_notebook()):
         return None
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # of a notebook without widgets: the bar is one of letters
         from tqdm.auto import tqdm
-    return tqdm(desc=label, unit=unit, dynamic_ncols=True, leave=False, **more)
+    return tqdm(desc=label, unit=unit, dynamic_ncols=True, leave=False, **options)
 
 
 class Watch:

@@ -71,7 +71,7 @@ def compute_reactions(
     The force of a rigid body is that on what it touches.
     """
     pulls, pushes = _condition_forces(system, state, len(conditions))
-    reaction_rows, at = [], system.load_time(step)
+    reaction_rows, at = [], system.profile_time(step)
     supports = supports_of(system.operator) if any(grip.kind in GROUND for grip in conditions) else None
     for profile, grip in enumerate(conditions):
         force = (pulls[profile] + float(factor_now(system.drive.profiles, profile, at)) * pushes[profile]).tolist()

@@ -22,15 +22,15 @@ from pdsolve.diffusion.swelling import Swelling
 from pdsolve.errors import CheckpointError
 from pdsolve.results import Breaks, Epoch, Families, Frame, Nodes, Results, Writer
 from pdsolve.results.schema import taken
-from pdsolve.run.accounts import CoupledRecords, PhysicsRecords
 from pdsolve.run.measures import BondState, count_bodies, count_pieces, evaluate_bonds, fields
-from pdsolve.run.motion_accounts import MechanicsRecords
+from pdsolve.run.mechanics_records import MechanicsRecords
 from pdsolve.run.node_changes import NodeChange
+from pdsolve.run.physics_records import CoupledRecords, PhysicsRecords
 from pdsolve.run.system import System
 from pdsolve.state import Broken, State, zero_state
+from pdsolve.steppers.cycle_or_path_steps import CycleOrPathSteps
 from pdsolve.steppers.load_steps import LoadStepResult
-from pdsolve.steppers.path_records import PathStepper
-from pdsolve.steppers.stepped_rest import CycleOrPathSteps
+from pdsolve.steppers.path_stepper import PathStepper
 
 GAP = 64  # rows between born nodes whose bonds are asked for together
 KEPT = 1.0  # s between checkpoints in full precision, with frames
@@ -80,7 +80,7 @@ def _bonds_of_nodes(
         yield system.operator.bonds(int(run[0]), int(run[-1]) + 1)
 
 
-def breaks_after(system: System, after_step: int, broken: Broken | None = None) -> Breaks:
+def breaks_since(system: System, after_step: int, broken: Broken | None = None) -> Breaks:
     """Bonds broken after a step, in order; from all `broken` ones, if known."""
     ids, all_broken = system.model.grid.ids, system.operator.broken(after_step) if broken is None else broken
     new = np.flatnonzero(all_broken.step > after_step)
@@ -112,17 +112,17 @@ def make_checkpoint(system: System, state: State) -> dict[str, NDArray[Any]]:
     checkpoint_arrays = copies | of_bonds | crack_arrays
     for prepared in system.coupled:
         checkpoint_arrays |= {
-            _coupled_name(prepared.system, name): values for name, values in make_checkpoint(*prepared).items()
+            _coupled_array_name(prepared.system, name): values for name, values in make_checkpoint(*prepared).items()
         }
     return checkpoint_arrays
 
 
-def _coupled_name(system: System, name: str) -> str:
+def _coupled_array_name(system: System, name: str) -> str:
     """The name in a checkpoint of an array of an unknown beside the motion."""
     return f"{system.operator.unknowns[0].name}_{name}"
 
 
-def node_change_arrays(system: System) -> dict[str, NDArray[Any]]:
+def checkpoint_of_changed_nodes(system: System) -> dict[str, NDArray[Any]]:
     """Additional checkpoint data if nodes change: their ids, and which of their bonds are broken."""
     broken = system.operator.broken()
     order = np.lexsort((broken.target, broken.source, broken.step))
@@ -159,9 +159,9 @@ def restore_state(
         system.stepper.restore(checkpoint, step)
     if system.growth is not None:
         system.growth.restore(checkpoint, past)
-    put_loads(system.drive, system.load_time(step))
+    put_loads(system.drive, system.profile_time(step))
     for prepared in system.coupled:
-        start = _coupled_name(prepared.system, "")
+        start = _coupled_array_name(prepared.system, "")
         coupled_checkpoint = {
             name.removeprefix(start): values for name, values in checkpoint.items() if name.startswith(start)
         }
@@ -190,7 +190,7 @@ class RunHistory(NamedTuple):
 
 
 def _physics_records(system: System, state: State, history: RunHistory, bond_state: BondState) -> PhysicsRecords:
-    """The books of a system as they stand after a step."""
+    """The records of a system from a step on."""
     if system.transport is not None:
         return MassAccounts(system.transport, state, history.step, history.results)
     motion = MechanicsRecords(system, state, history.step, bond_state, history.results)
@@ -202,7 +202,7 @@ def _physics_records(system: System, state: State, history: RunHistory, bond_sta
 
 
 class Recorder:
-    """Records of a run since it last wrote: accounts, broken bonds, births and deaths."""
+    """Records of a run since it last wrote: ledger, broken bonds, births and deaths."""
 
     def __init__(self, system: System, state: State, history: RunHistory | None, nodes_change: bool) -> None:
         """`history` is None for a new run, and without results of one that begins after a step, with what broke before.
@@ -216,14 +216,14 @@ class Recorder:
         self._updates, self._since = history.bond_updates, history.step  # until the last change, or where a run goes on
         self._latest = history.last_break_step  # likewise
         # Of clouds that are no more, or of before the run began
-        self._breaks: list[Breaks] = [breaks_after(system, 0)] if self.is_new else []
+        self._breaks: list[Breaks] = [breaks_since(system, 0)] if self.is_new else []
         self._epochs: list[Epoch] = []
         self.frame_step = self.step = history.step  # of the last frame; of the last entry
         self._kept = clock.perf_counter()
         self._open_records(history)
 
     def _open_records(self, history: RunHistory) -> None:
-        """Open the accounts of the state that the run begins with."""
+        """Open the records of the state that the run begins with."""
         self.bond_state = evaluate_bonds(self.system, self.state)
         self.physics_records = _physics_records(self.system, self.state, history, self.bond_state)
 
@@ -292,7 +292,7 @@ class Recorder:
         if system.time_step != before.time_step or (ids[stay] != before.model.grid.ids[origin[stay]]).any():
             raise ValueError(f"step {step}: the time step or the ids of nodes that stay have changed; keep them")
         broken, broken_after = (_broken_until(step, run_system.operator.broken()) for run_system in (before, system))
-        self._breaks.append(breaks_after(before, max(self.frame_step, self._since), broken))
+        self._breaks.append(breaks_since(before, max(self.frame_step, self._since), broken))
         self._updates, self._since = self.bond_updates(step), step
         self._latest = int(broken.step.max(initial=self._latest))
         self.system = dataclasses.replace(
@@ -319,13 +319,13 @@ class Recorder:
         self._rows, self._count = rows, self._count + len(new)
 
     def update_last_row(self, step: int) -> None:
-        """Bring the accounts to this step, if they are not there yet."""
+        """Bring the last ledger row to this step, if they are not there yet."""
         if step != self.step:
             bond_state = self._evaluate_bonds(step)
             self.physics_records.update_last_row(self.state, step, bond_state)
 
     def record_step(self, step: int) -> None:
-        """Record this step in the accounts. Raises UnstableError."""
+        """Record this step. Raises UnstableError."""
         bond_state = self._evaluate_bonds(step)
         self.physics_records.record_step(self.state, step, bond_state)
 
@@ -358,10 +358,10 @@ class Recorder:
             self.drop_state()
         checkpoint_arrays = make_checkpoint(system, self.state) if with_checkpoint else None
         if checkpoint_arrays is not None and self._changes:
-            checkpoint_arrays |= node_change_arrays(system)
+            checkpoint_arrays |= checkpoint_of_changed_nodes(system)
         broken = [
             *self._breaks,
-            breaks_after(system, max(self.frame_step, self._since), bond_state and bond_state.broken),
+            breaks_since(system, max(self.frame_step, self._since), bond_state and bond_state.broken),
         ]
         frame = Frame(
             step=step,

@@ -30,7 +30,7 @@ from pdsolve.numerics.team import Team
 from pdsolve.options import Options
 from pdsolve.results import Behind, Results, ResultsError, Writer, behind, gone_back, is_empty, put_away, writing_to
 from pdsolve.run import late_zones
-from pdsolve.run.after_path import motion_after, motion_file, motion_follows
+from pdsolve.run.after_path import motion_file, motion_follows, prepare_motion_after
 from pdsolve.run.body_zones import BodyRefinement
 from pdsolve.run.cell_splitting import CellSplitting
 from pdsolve.run.coarse_breaks import warn_of_coarse_breaks
@@ -49,9 +49,9 @@ from pdsolve.run.static_start import start_at_rest
 from pdsolve.run.summary import run_metadata, run_summary
 from pdsolve.run.system import System
 from pdsolve.state import State
+from pdsolve.steppers.cycle_or_path_steps import CycleOrPathSteps
 from pdsolve.steppers.equilibrium import UnsettledError
 from pdsolve.steppers.load_steps import LoadStepProgress
-from pdsolve.steppers.stepped_rest import CycleOrPathSteps
 
 PATIENCE = 5e7  # bond updates between two looks at the watcher, some 20 ms; fewer where they take longer
 DEFAULT = Options()
@@ -62,9 +62,9 @@ class Progress(NamedTuple):
 
     step: int
     steps: int
-    broken: int  # directed bonds, as of the last entry in the books
+    broken: int  # directed bonds, as of the last ledger row
     balance: float  # likewise
-    words: str = ""  # how the books stand
+    words: str = ""  # energy balance
     fine: ZoneSummary | None = None  # of a fine zone that moves
     going: LoadStepProgress | None = None  # of a load step that is being solved
 
@@ -211,7 +211,7 @@ def _solve_motion_after(
     if not motion_follows(path_results):
         return path_results
     with stopping.patience(stopping.AT_ONCE):
-        (system, state), step = motion_after(path_results, threads)
+        (system, state), step = prepare_motion_after(path_results, threads)
     provenance = path_results.meta()["provenance"]
     path_results.close()
     target = None if output is None else motion_file(output)
@@ -312,7 +312,7 @@ def _resume_from_checkpoint(output: Path, request: RunRequest) -> Results:
             results.close()
             return _solve_with_restarts(model, options, request)
         if request.team is not None and not model.diffuses:
-            ranked = resuming.resume_recorder(results, model, options, meta)
+            ranked = resuming.make_resumed_recorder(results, model, options, meta)
             make = partial(Writer.reopen, output, ranked.reopen_rank_databases(output, results.pieces))
             results.close()
             return _march_and_close(ranked, make, request)
@@ -350,9 +350,9 @@ def _resume_from_checkpoint(output: Path, request: RunRequest) -> Results:
         energy = float(meta.get("initial_energy", 0.0))  # results of diffusion have none
         system = dataclasses.replace(system, broken_before=broken, initial_energy=energy)
         with gone_back(output):
-            notes = Recorder(system, state, past, _nodes_may_change(system, adapt))
+            recorder = Recorder(system, state, past, _nodes_may_change(system, adapt))
     return _march_and_close(
-        notes, partial(_reopen_writer, output, request.earlier_refinements), request._replace(adaptation=adapt)
+        recorder, partial(_reopen_writer, output, request.earlier_refinements), request._replace(adaptation=adapt)
     )
 
 
@@ -424,7 +424,7 @@ def _march_to_end(recorder: Recorder, writer: Behind, request: RunRequest) -> st
         writer.look()
         is_record = step in records
         interrupted = asked() and (
-            is_record or _can_stop_after(recorder.system, step, pace.takes_short(min(records) - step))
+            is_record or _can_stop_after(recorder.system, step, pace.will_soon_be_done(min(records) - step))
         )
         if is_record:
             record_zone_motion(recorder, looked)
@@ -445,12 +445,12 @@ def _march_to_end(recorder: Recorder, writer: Behind, request: RunRequest) -> st
 
 def _make_progress(recorder: Recorder, step: int, load_step_progress: LoadStepProgress | None = None) -> Progress:
     """Data for a progress display after `step`, or within a load step `load_step_progress`."""
-    books, steps = recorder.physics_records, recorder.system.model.settings.run.steps
-    broken = books.broken_bond_count if load_step_progress is None else load_step_progress.broken
-    words, stepper = books.progress_text(broken), recorder.system.stepper
+    records, steps = recorder.physics_records, recorder.system.model.settings.run.steps
+    broken = records.broken_bond_count if load_step_progress is None else load_step_progress.broken
+    words, stepper = records.progress_text(broken), recorder.system.stepper
     if isinstance(stepper, CycleOrPathSteps):
         words = f"{stepper.progress_text()}, {words}"
-    return Progress(step, steps, broken, books.balance_error, words, recorder.system.zone_summary, load_step_progress)
+    return Progress(step, steps, broken, records.balance_error, words, recorder.system.zone_summary, load_step_progress)
 
 
 def _can_stop_after(system: System, step: int, entry_is_soon: bool) -> bool:

@@ -14,11 +14,11 @@ from pdsolve.codegen.processor import processor_kind
 from pdsolve.run.recorder import Recorder
 from pdsolve.steppers.arc_length_steps import ArcLengthSteps
 from pdsolve.steppers.crack_length_steps import CrackLengthSteps
+from pdsolve.steppers.cycle_or_path_steps import CycleOrPathSteps
 from pdsolve.steppers.fatigue_steps import FatigueSteps
 from pdsolve.steppers.load_steps import LoadSteps
 from pdsolve.steppers.paris_steps import ParisSteps
 from pdsolve.steppers.path_steps import SofteningPathSteps
-from pdsolve.steppers.stepped_rest import CycleOrPathSteps
 
 
 def run_metadata(recorder: Recorder, provenance: str) -> dict[str, Any]:

@@ -24,13 +24,13 @@ from pdsolve.operators.contact.operator import PenaltyContact
 from pdsolve.operators.protocol import Operator
 from pdsolve.operators.simd_lattice.operator import SimdLattice
 from pdsolve.options import Options, threads_of
-from pdsolve.run.operator_factory import bond_operator
+from pdsolve.run.operator_factory import unwrap_bond_operator
 from pdsolve.run.swelling_with_fine_zone import SwellingZone
 from pdsolve.schemes.scheme import Scheme
 from pdsolve.state import State
+from pdsolve.steppers.cycle_or_path_steps import CycleOrPathSteps
 from pdsolve.steppers.load_steps import LoadSteps
 from pdsolve.steppers.protocol import Stepper
-from pdsolve.steppers.stepped_rest import CycleOrPathSteps
 from pdsolve.steppers.verlet_on_device import VerletOnDevice
 
 if TYPE_CHECKING:
@@ -72,7 +72,7 @@ class System:
     @property
     def kernel(self) -> str:
         """The kernel that sums the forces of bonds, by name."""
-        return bond_operator(self.operator).name
+        return unwrap_bond_operator(self.operator).name
 
     @property
     def device(self) -> str:
@@ -102,9 +102,9 @@ class System:
         if isinstance(self.stepper, OnDevice):
             self.stepper.fetch()
 
-    def load_time(self, step: int) -> float:
-        """Time of the profiles of conditions after `step`, s."""
-        return self.stepper.factor if isinstance(self.stepper, CycleOrPathSteps) else step * self.time_step
+    def profile_time(self, step_number: int) -> float:
+        """Time of the profiles of conditions after `step_number`, s."""
+        return self.stepper.factor if isinstance(self.stepper, CycleOrPathSteps) else step_number * self.time_step
 
     @property
     def threads(self) -> int:

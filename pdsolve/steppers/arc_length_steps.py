@@ -29,7 +29,7 @@ from pdsolve.steppers.equilibrium import UnsettledError, force_densities, norm, 
 from pdsolve.steppers.factors import factorize
 from pdsolve.steppers.load_steps import LoadStepProgress
 from pdsolve.steppers.path_following import PathPoint
-from pdsolve.steppers.path_records import REACHED, PathStepper
+from pdsolve.steppers.path_stepper import REACHED, PathStepper
 from pdsolve.steppers.path_steps import CRACK_STEPS, work_along_path
 
 if TYPE_CHECKING:

@@ -27,7 +27,7 @@ from pdsolve.state import State
 from pdsolve.steppers.equilibrium import Equilibrium, UnsettledError, force_densities
 from pdsolve.steppers.growing_cracks import CrackedBodySnapshot, CrackGrowth, tip_intensities
 from pdsolve.steppers.load_steps import LoadStepResult, LoadSteps
-from pdsolve.steppers.path_records import REACHED, PathStepper
+from pdsolve.steppers.path_stepper import REACHED, PathStepper
 
 Array = NDArray[np.float64]
 
@@ -94,12 +94,12 @@ class CrackLengthSteps(PathStepper):
         first = 0.0
         if self._start.any():
             rest(0.0)
-            first = self._largest_share_or_zero(state)
+            first = self._largest_toughness_share(state)
             if first >= 1:
                 raise UnsettledError(f"a tip has {first:.3g} of what lets it grow under what does not change")
         previous_point, factor = (0.0, first), SMALL
         iterations = rest(factor).iterations
-        while factor < 1 and (share := self._largest_share_or_zero(state)) < CLOSED:
+        while factor < 1 and (share := self._largest_toughness_share(state)) < CLOSED:
             previous_point, factor = (factor, share), min(2 * factor, 1.0)
             iterations += rest(factor).iterations
         equilibrium, factor = self._find_growth_factor(state, previous_point, factor, rest)
@@ -133,7 +133,7 @@ class CrackLengthSteps(PathStepper):
             previous_point = (0.0, 0.0)
             if self._start.any():
                 motion.settle_without_booking(state, step, start)
-                previous_point = start, self._expect_largest_share(state)
+                previous_point = start, self._expect_toughness_share(state)
             equilibrium, factor = self._find_growth_factor(
                 state, previous_point, last.factor, lambda at: motion.settle_without_booking(state, step, at)
             )
@@ -160,7 +160,7 @@ class CrackLengthSteps(PathStepper):
         iterations = 0
         for _ in range(TRIES):
             equilibrium = settle_at(factor)
-            iterations, share = iterations + equilibrium.iterations, self._expect_largest_share(state)
+            iterations, share = iterations + equilibrium.iterations, self._expect_toughness_share(state)
             if abs(share - 1) < NEAR or (factor == 1 and share < 1):
                 if factor == 1:
                     self.ended, self.end_reason = True, REACHED
@@ -177,13 +177,13 @@ class CrackLengthSteps(PathStepper):
         moves = np.array([bool(verdict.angles) and not verdict.straight for _, verdict in judged_tips])
         return np.asarray(np.where(moves, tip_intensities(self._cracks, judged_tips) / toughness, 0.0))
 
-    def _largest_share_or_zero(self, state: State) -> float:
+    def _largest_toughness_share(self, state: State) -> float:
         """The largest share; 0 where no tip may go on."""
         return float(self._toughness_shares(self._cracks.judge_tips(state)).max(initial=0.0))
 
-    def _expect_largest_share(self, state: State) -> float:
+    def _expect_toughness_share(self, state: State) -> float:
         """The largest share. Raises NoTipError where no tip may go on."""
-        share = self._largest_share_or_zero(state)
+        share = self._largest_toughness_share(state)
         if not share > 0:
             raise NoTipError("no tip is opened by the loads, with room for intensities around it")
         return share

@@ -101,7 +101,7 @@ def relative_residual(
 
 
 def round_off_stiffness(largest_stiffness: float, tolerance: float) -> float:
-    """The smallest reference `least`, N/m^4, for which a residual of `tolerance` exceeds round-off.
+    """The smallest reference, N/m^4, for which a residual of `tolerance` exceeds round-off.
 
     Forces of a plate of stiffness `largest_stiffness` (N/m^4) are not known better.
     """

@@ -96,7 +96,7 @@ class FatigueSteps(CycleSteps):
             bonds.part(self._operator, state, step, which, stretches)
             equilibrium = motion.settle_after_breakage(state, step, previous.iterations)
             total = Equilibrium(previous.iterations + equilibrium.iterations, equilibrium.residual)
-            return motion.break_overstretched(state, step, total)[0]
+            return motion.break_overstretched_bonds(state, step, total)[0]
         except UnsettledError:
             for part, value in zip(state, values, strict=True):
                 part[:] = value

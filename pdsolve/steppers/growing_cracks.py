@@ -21,11 +21,11 @@ class CrackGrowth(Protocol):
     def judge_tips(self, state: State) -> list[tuple[Any, Any]]:
         """All tips, and what is decided about them in a state."""
 
-    def lengthen_tips(self, tips: list[tuple[Any, Any]], state: State, step: int, share: float = 1.0) -> int:
+    def lengthen_tips(self, tips: list[tuple[Any, Any]], state: State, step: int, particle_share: float = 1.0) -> int:
         """Let these tips grow by a particle each, of that share of its length, and cut the bonds; returns the number of
         new particles."""
 
-    def growth_length(self, tip: Any, share: float = 1.0) -> float:
+    def growth_length(self, tip: Any, particle_share: float = 1.0) -> float:
         """The length, m, by which a tip grows at once, or a share of it; a spacing at least."""
 
     def toughness(self, tip: Any) -> float:

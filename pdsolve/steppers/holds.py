@@ -42,14 +42,14 @@ def accelerate_held_component(v, a, rho, work, holds, profiles, held_speed, held
 
 
 @njit
-def damp_component(v, a, before, rho, damping, i, axis, dt):  # type: ignore[no-untyped-def]
+def damp_component(v, a, before, rho, damping, node, axis, dt):  # type: ignore[no-untyped-def]
     """Damp a component at the end of a step with c, 1/s, as at its beginning; the energy taken, J/m^3.
 
     v, a and `before`, the velocities one step ago, are (n, d). The energy that Verlet takes out of the motion is the
     mean force of both ends times the displacement between them.
     """
-    undamped = a[i, axis]
-    middle = v[i, axis] - dt / 2 * undamped
-    v[i, axis] /= 1 + damping * dt / 2
-    a[i, axis] = undamped - damping * v[i, axis]
-    return rho[i] * damping * (before[i, axis] + v[i, axis]) / 2 * (dt * middle)
+    undamped = a[node, axis]
+    middle = v[node, axis] - dt / 2 * undamped
+    v[node, axis] /= 1 + damping * dt / 2
+    a[node, axis] = undamped - damping * v[node, axis]
+    return rho[node] * damping * (before[node, axis] + v[node, axis]) / 2 * (dt * middle)

@@ -24,6 +24,7 @@ from pdsolve.model import Model, ModelError, ModelWarning
 from pdsolve.operators.ground_supports import grounded
 from pdsolve.operators.protocol import Operator
 from pdsolve.state import Broken, State
+from pdsolve.steppers.contact_method import ContactMethod, with_contact_pairs
 from pdsolve.steppers.equilibrium import (
     Equilibrium,
     EquilibriumConditions,
@@ -34,7 +35,6 @@ from pdsolve.steppers.equilibrium import (
     norm,
 )
 from pdsolve.steppers.rigid_body_modes import LooseBodies, SupportedBonds, describe_unbalanced_body, find_loose_bodies
-from pdsolve.steppers.touching import ContactMethod, with_contact_pairs
 
 Array = NDArray[np.float64]
 
@@ -141,7 +141,7 @@ class LoadSteps:
         self._check_load_balance("")
         at = np.where(self.held, prescribed_positions(self._drive, time), 0.0)
         conditions = EquilibriumConditions(self._drive.force.astype(float), self.held, at, self._inner)
-        equilibrium = self.method.solve_equilibrium(state, conditions, self._progress_report(step, 0))
+        equilibrium = self.method.solve_equilibrium(state, conditions, self._make_progress_report(step, 0))
         self._store_reactions(state)
         return equilibrium
 
@@ -177,7 +177,7 @@ class LoadSteps:
             self._check_load_balance("")
             equilibrium = self._settle_in_parts(state, before, step, step * self._dt)
             self._loaded(state)
-            equilibrium, breaks, least = self.break_overstretched(state, step, equilibrium)
+            equilibrium, breaks, least = self.break_overstretched_bonds(state, step, equilibrium)
             equilibrium, growth_count = self._grow_and_settle(state, step, equilibrium)
             self._refuse_unstable(state)
         except UnsettledError as error:
@@ -240,7 +240,7 @@ class LoadSteps:
             places = [np.where(self.held, start + share * (at - start), 0.0) for share in ((done + end) / 2, end)]
             value, operator_arrays = state.value.copy(), self._operator.keep()
             try:
-                equilibrium = self._settle_one_part(state, loads, places, self._progress_report(step, iterations))
+                equilibrium = self._settle_one_part(state, loads, places, self._make_progress_report(step, iterations))
             except UnsettledError as error:
                 state.value[:], part = value, part / 2
                 self._operator.back(operator_arrays, self._operator.broken())
@@ -283,7 +283,9 @@ class LoadSteps:
         state.work[:] += work.sum(axis=1)
         return Equilibrium(iterations, equilibrium.residual)
 
-    def break_overstretched(self, state: State, step: int, equilibrium: Equilibrium) -> tuple[Equilibrium, int, float]:
+    def break_overstretched_bonds(
+        self, state: State, step: int, equilibrium: Equilibrium
+    ) -> tuple[Equilibrium, int, float]:
         """Break bonds and settle until no bond is above its limit.
 
         Returns how it settled, how often, and the smallest share of the load.
@@ -333,7 +335,9 @@ class LoadSteps:
             load, self.held, np.where(self.held, u, 0.0), self._inner, sufficient_residual
         )
         residual_forces = [self._residual_forces(state, load)]
-        equilibrium = self.method.solve_equilibrium(state, conditions, self._progress_report(step, iterations_before))
+        equilibrium = self.method.solve_equilibrium(
+            state, conditions, self._make_progress_report(step, iterations_before)
+        )
         end, way = state.value.copy(), state.value - u
         for values in ((u + end) / 2, end):
             state.value[:] = values
@@ -357,7 +361,7 @@ class LoadSteps:
         self._drive.before[:] = self._drive.force
         state.rate[:] = state.second[:] = 0
 
-    def _progress_report(self, step: int, iterations_before: int) -> Callable[[int, float], None]:
+    def _make_progress_report(self, step: int, iterations_before: int) -> Callable[[int, float], None]:
         def tell(iterations: int, residual: float) -> None:
             if self.watch is not None:
                 self.watch(

@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 
 from pdsolve.operators.protocol import Operator
 from pdsolve.state import State
+from pdsolve.steppers.downdated_tangent import DowndatedTangent
 from pdsolve.steppers.equilibrium import (
     Equilibrium,
     EquilibriumConditions,
@@ -31,7 +32,6 @@ from pdsolve.steppers.equilibrium import (
     weighted_tangent,
 )
 from pdsolve.steppers.factors import count_negative_eigenvalues, factorize
-from pdsolve.steppers.lost_bonds import DowndatedTangent
 
 if TYPE_CHECKING:
     from scipy.sparse import csr_array

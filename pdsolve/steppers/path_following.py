@@ -21,8 +21,8 @@ from numpy.typing import NDArray
 
 from pdsolve.operators.softening_bonds import Response, SofteningBonds
 from pdsolve.steppers.equilibrium import ProgressReport, UnsettledError, norm
-from pdsolve.steppers.old_factors import ReusedFactorSolver
 from pdsolve.steppers.path_control import PathControl
+from pdsolve.steppers.reused_factors import ReusedFactorSolver
 
 if TYPE_CHECKING:
     from scipy.sparse import csr_array
@@ -72,10 +72,10 @@ class LoadingReversals:
             np.zeros(len(is_loading), dtype=int),
         )
 
-    def record_iteration(self, is_loading: NDArray[np.bool_], reversals_count: bool) -> int:
+    def record_iteration(self, is_loading: NDArray[np.bool_], count_reversals: bool) -> int:
         """Take those that load in the next iteration, whose turns count or not; returns how many have turned."""
         turned = is_loading != self._loads
-        self._times += turned & reversals_count
+        self._times += turned & count_reversals
         self._since = np.where(turned, 0, self._since + 1)
         self._loads = is_loading
         return int(turned.sum())

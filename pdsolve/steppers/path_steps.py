@@ -25,6 +25,7 @@ from pdsolve.operators.ground_supports import grounded
 from pdsolve.operators.protocol import Operator
 from pdsolve.operators.softening_bonds import Response, SofteningBonds
 from pdsolve.state import Broken, State
+from pdsolve.steppers.contact_method import solve_with_contact, with_contact_pairs
 from pdsolve.steppers.cracks_at_no_fail_bonds import no_fail_crack_message
 from pdsolve.steppers.equilibrium import UnsettledError
 from pdsolve.steppers.load_steps import LoadStepProgress
@@ -40,9 +41,8 @@ from pdsolve.steppers.path_following import (
     PathPoint,
     ProportionalLoads,
 )
-from pdsolve.steppers.path_records import PathStepper
+from pdsolve.steppers.path_stepper import PathStepper
 from pdsolve.steppers.rigid_body_modes import find_loose_bodies
-from pdsolve.steppers.touching import solve_with_contact, with_contact_pairs
 
 Array = NDArray[np.float64]
 
@@ -222,7 +222,7 @@ class SofteningPathSteps(PathStepper):
     def _equilibrium_at_factor(self, near: PathPoint, factor: float) -> tuple[PathPoint, int, float]:
         return solve_with_contact(
             self._contact,
-            lambda: self._follower.solve_at_factor(near.value, factor, self._progress_report(0)),
+            lambda: self._follower.solve_at_factor(near.value, factor, self._make_progress_report(0)),
             self._follower.relative_residual,
         )
 
@@ -238,7 +238,13 @@ class SofteningPathSteps(PathStepper):
                 guess = PathPoint(ahead, last.factor + share * (last.factor - self._before.factor), 0.0)
             steady = NEVER if secants == PATIENT else STEADY
             follow = partial(
-                self._follower.solve_at_control, last, guess, self._more, self._progress_report(step), secants, steady
+                self._follower.solve_at_control,
+                last,
+                guess,
+                self._more,
+                self._make_progress_report(step),
+                secants,
+                steady,
             )
             try:
                 new, count, residual = solve_with_contact(self._contact, follow, self._follower.relative_residual)
@@ -310,7 +316,7 @@ class SofteningPathSteps(PathStepper):
         }
         self._operator.back(worst, broken)
 
-    def _progress_report(self, step: int) -> Callable[[int, float], None]:
+    def _make_progress_report(self, step: int) -> Callable[[int, float], None]:
         def tell(iterations: int, residual: float) -> None:
             if self.watch is not None:
                 self.watch(LoadStepProgress(step, iterations, residual, len(self._operator.broken().step)))

@@ -113,7 +113,7 @@ class VerletOnDevice:
         self._u = [self._u[2], *self._u[:2]]  # the last sweep wrote no displacements
         self.session.finish()
 
-    def _launch_step(self, step: int, phase: int, at: int) -> None:
+    def _launch_step(self, step: int, phase: int, factor_row: int) -> None:
         operator, drive = self._operator, self._drive
         before, now, after = self._u
         if isinstance(operator, FamiliesOnDevice) and not phase & STARTS and operator.sum_families(now):
@@ -123,7 +123,7 @@ class VerletOnDevice:
         motion = before, now, after, *self._v, self._a, self._weight, self._damping, self._work, self._damped
         acting = self._acts, self._now, self._ago, *self._load, *self._hold, self._speed, self._force
         numbers = np.int32(self._factors.count), np.int32(drive.varies), np.float64(self._dt)
-        last = (np.int32(number) for number in (operator.room, step, phase, at))
+        last = (np.int32(number) for number in (operator.room, step, phase, factor_row))
         arguments = [*operator.arguments, *motion, *acting, self._factors.buffer, *numbers, *last]
         self.session.launch(self._kernel, (operator.room // operator.together, LANES // operator.together), arguments)
         self._u, self._v = [now, after, before], self._v[::-1]

@@ -18,7 +18,7 @@ from pdsolve.model import Model
 from pdsolve.options import Options
 from pdsolve.run.assembly import assemble_motion
 from pdsolve.run.prepare import prepare
-from pdsolve.run.recorder import breaks_after
+from pdsolve.run.recorder import breaks_since
 from pdsolve.run.system import Prepared
 from pdsolve.schemes import SCHEMES, average_horizon
 
@@ -214,7 +214,7 @@ def test_the_notches_of_kalthoff_and_winkler_hold(faces: Faces, first: float) ->
     grid, settings, _ = build_grid(read_geo(GEOMETRIES / "kalthoff_winkler.geo"))
     problem = with_faces(Model(grid, settings), faces)
     problem.march(1, round(22e-6 / problem.system.time_step))
-    broke = breaks_after(problem.system, 0)
+    broke = breaks_since(problem.system, 0)
     x, y = (1e3 * grid.position[np.searchsorted(grid.ids, broke.node)]).T
     time = broke.step * problem.system.time_step
     near = np.minimum(np.abs(y - 75.5), np.abs(y - 124.5)) < 3

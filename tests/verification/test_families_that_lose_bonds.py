@@ -14,8 +14,8 @@ from pdmesh.model.document import Load, Run
 from pdsolve.model import Model
 from pdsolve.options import Options
 from pdsolve.run.measures import compute_ledger_row
-from pdsolve.run.motion_accounts import instability_message
-from pdsolve.run.operator_factory import bond_operator, intact_stable_time_step
+from pdsolve.run.mechanics_records import instability_message
+from pdsolve.run.operator_factory import intact_stable_time_step, unwrap_bond_operator
 from pdsolve.run.prepare import prepare
 from pdsolve.run.simulation import simulate
 
@@ -40,7 +40,7 @@ def test_the_stable_step_is_stable_while_bonds_break(failure: str, control: str,
     model = torn(failure=failure, control=control, pull=pull)
     system, _ = prepare(model, Options(threads=1))
     assert system.stable_time_step == pytest.approx(
-        intact_stable_time_step(model, bond_operator(system.operator)), rel=1e-9
+        intact_stable_time_step(model, unwrap_bond_operator(system.operator)), rel=1e-9
     )
     with simulate(model, None, Options(threads=1)) as results:
         found = results.summary()
@@ -52,7 +52,7 @@ def test_the_stable_step_is_stable_while_bonds_break(failure: str, control: str,
 def test_torn_families_are_no_stiffer_than_straight_faces() -> None:
     """Two bonds nearly in a line have hardly any stress, half a family has all of its own."""
     system, _ = prepare(torn(), Options(threads=1))
-    operator, node = bond_operator(system.operator), 200
+    operator, node = unwrap_bond_operator(system.operator), 200
     law, bonds = operator.columns, operator._bonds
     first, xi = bonds.start[node], bonds.xi[bonds.start[node] : bonds.start[node + 1]]
     in_line = (xi[:, 0] > 1.5e-3) & (xi[:, 1] > -1e-4) & (xi[:, 1] < 1.5e-3)
@@ -68,7 +68,7 @@ def test_torn_families_are_no_stiffer_than_straight_faces() -> None:
 def test_rubble_is_as_stiff_as_the_body_was(control: str) -> None:
     """Half of all bonds are gone at random. Without a limit, 2.4 to 20 times the stiffness; measured 1.0 at most."""
     system, _ = prepare(torn(control=control), Options(threads=1))
-    operator = bond_operator(system.operator)
+    operator = unwrap_bond_operator(system.operator)
     source, target = operator.bonds()
     chance = np.random.default_rng(0).random((len(system.area),) * 2)
     gone = np.minimum(chance, chance.T)[source, target] < 0.3
@@ -81,7 +81,7 @@ def test_rubble_is_as_stiff_as_the_body_was(control: str) -> None:
 def test_a_step_that_became_too_long_is_said_to_be_the_cause() -> None:
     """With whole families the step is not; with stiffer ones it is."""
     system, state = prepare(torn(), Options(threads=1, kernel="listed"))
-    operator, node = bond_operator(system.operator), 200
+    operator, node = unwrap_bond_operator(system.operator), 200
     entry = compute_ledger_row(system, state, 0)
     assert "not the cause" in instability_message(system, entry, 1.0, node)
     operator.columns.inverse[:] *= 3  # as of families that have lost bonds

@@ -206,7 +206,7 @@ def test_a_beam_on_an_elastic_bed_sinks_by_its_force_over_it(law: dict[str, Any]
 def test_progress_says_how_long_a_path_still_takes(monkeypatch: pytest.MonkeyPatch) -> None:
     """By the share of its crack, or of its loads."""
     seconds = iter(range(0, 1000, 10))
-    monkeypatch.setattr("pdsolve.steppers.path_records.clock.monotonic", lambda: next(seconds))
+    monkeypatch.setattr("pdsolve.steppers.path_stepper.clock.monotonic", lambda: next(seconds))
     prepared = prepare(beam(0.02, load_steps=20), ONE)
     stepper = prepared.system.stepper
     assert isinstance(stepper, SofteningPathSteps)

@@ -24,7 +24,7 @@ from pdsolve.results.checksums import crc_joined
 from pdsolve.results.removal import INDEX_OF
 from pdsolve.results.schema import Births, Column
 from pdsolve.run.measures import fields
-from pdsolve.run.on_ranks.accounts import rank_bond_state
+from pdsolve.run.on_ranks.mechanics_records import rank_bond_state
 from pdsolve.run.on_ranks.rank_file import RankFile
 from pdsolve.run.on_ranks.start import RankSystem
 from pdsolve.run.recorder import result_nodes as nodes_of

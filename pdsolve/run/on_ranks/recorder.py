@@ -16,7 +16,7 @@ from pdsolve.results.removal import expect_piece
 from pdsolve.results.schema import CHUNK, Births, taken
 from pdsolve.run.measures import count_bodies
 from pdsolve.run.on_ranks import frames, split
-from pdsolve.run.on_ranks.accounts import MechanicsRecordsOnRanks
+from pdsolve.run.on_ranks.mechanics_records import MechanicsRecordsOnRanks
 from pdsolve.run.on_ranks.rank_file import wait_for_rank_files
 from pdsolve.run.on_ranks.start import SystemOnRanks
 from pdsolve.run.recorder import KEPT, Recorder, RunHistory
@@ -37,7 +37,7 @@ class RecorderOnRanks(Recorder):
         super().__init__(system, state, history, False)
 
     def _open_records(self, history: RunHistory) -> None:
-        """Open the accounts of the state that the run begins with."""
+        """Open the records of the state that the run begins with."""
         assert isinstance(self.system, SystemOnRanks)
         self.physics_records: MechanicsRecordsOnRanks = MechanicsRecordsOnRanks(
             self.system, history.step, history.results
@@ -49,11 +49,11 @@ class RecorderOnRanks(Recorder):
         return max(self._latest, self.physics_records.known.last_break_step)
 
     def update_last_row(self, step: int) -> None:
-        """Bring the accounts to this step."""
+        """Bring the last ledger row to this step."""
         self.physics_records.update_last_row(self.state, step, None)
 
     def record_step(self, step: int) -> None:
-        """Record this step in the accounts. Raises UnstableError."""
+        """Record this step. Raises UnstableError."""
         self.physics_records.record_step(self.state, step, None)
 
     def is_split(self) -> bool:

@@ -32,7 +32,7 @@ from pdsolve.run.system import System
 from pdsolve.state import Broken, State
 
 
-def resume_recorder(results: Results, model: Model, options: Options, meta: Mapping[str, Any]) -> RecorderOnRanks:
+def make_resumed_recorder(results: Results, model: Model, options: Options, meta: Mapping[str, Any]) -> RecorderOnRanks:
     """The records of a run that goes on on many ranks."""
     options = options._replace(one_file=0 if results.pieces else len(model.grid))
     assert options.team is not None
@@ -130,13 +130,17 @@ def _read_checkpoint_arrays(results: Results, names: Iterable[str]) -> Kept:
     return {name: np.concatenate(parts) for name, parts in pieces_by_name.items() if parts}
 
 
-def _scatter_to_ranks(system: SystemOnRanks, name: str, parts: Iterator[NDArray[Any]], row: NDArray[Any]) -> None:
-    """Give all ranks their rows of an array of the state, whose `row` (1, ...) is as long as one. Raises
+def _scatter_to_ranks(
+    system: SystemOnRanks, name: str, parts: Iterator[NDArray[Any]], sample_row: NDArray[Any]
+) -> None:
+    """Give all ranks their rows of an array of the state, whose `sample_row` (1, ...) is as long as one. Raises
     CheckpointError."""
     first, nodes, team = 0, len(system.model.grid), system.team
     assert team is not None
     for values in parts:
-        piece = entry({name: values}, name, (None, *row.shape[1:]) if row.ndim > 1 else (None, 1), row.dtype)
+        piece = entry(
+            {name: values}, name, (None, *sample_row.shape[1:]) if sample_row.ndim > 1 else (None, 1), sample_row.dtype
+        )
         last = first + len(piece)
         shares = [
             (max(slab.begin, first), piece[max(slab.begin - first, 0) : max(slab.end - first, 0)])
@@ -180,10 +184,10 @@ def _count_held_components(team: Team) -> list[int]:
     return [len(rows) for rows in held_component_rows(team.part.now)]
 
 
-def _set_held_forces(team: Team, runs: list[NDArray[np.float64]]) -> None:
+def _set_held_forces(team: Team, forces_by_condition: list[NDArray[np.float64]]) -> None:
     """Take over the forces that hold own nodes, of each condition and axis."""
     subdomain: RankSystem = team.part.now
-    for rows, values in zip(held_component_rows(subdomain), runs, strict=True):
+    for rows, values in zip(held_component_rows(subdomain), forces_by_condition, strict=True):
         subdomain.system.drive.held_force[rows] = values
 
 
@@ -194,10 +198,10 @@ def _checkpoint_names(team: Team) -> tuple[list[str], list[str]]:
     return of_bonds, [name for name in operator_arrays if name not in of_bonds]
 
 
-def _restore_rank(team: Team, of_bonds: Kept, broken: Broken, step: int, of_nodes: Kept) -> None:
+def _restore_rank(team: Team, bond_arrays: Kept, broken: Broken, step: int, node_arrays: Kept) -> None:
     """Take over the history of bonds, and broken ones; then all is as after the step."""
     part: Part = team.part
     subdomain: RankSystem = part.now
-    parts.back(part, {**of_bonds, **of_nodes}, broken)
-    put_loads(subdomain.system.drive, subdomain.system.load_time(step))
+    parts.back(part, {**bond_arrays, **node_arrays}, broken)
+    put_loads(subdomain.system.drive, subdomain.system.profile_time(step))
     subdomain.bond_state_step = -1  # nothing has been asked of this state

@@ -46,11 +46,12 @@ def pieces_joined_across_ranks(team: Team) -> NDArray[np.int64]:
     return np.unique(shared[0, np.array([source, target])[:, across]].astype(np.int64), axis=1)
 
 
-def piece_sizes(team: Team, labels: NDArray[np.int64], least: float) -> tuple[NDArray[np.int64], int]:
-    """How many own nodes each of these pieces (k,) has, and how many others have more nodes than the `least`."""
+def piece_sizes(team: Team, labels: NDArray[np.int64], smallest_counted: float) -> tuple[NDArray[np.int64], int]:
+    """How many own nodes each of these pieces (k,) has, and how many others have more nodes than the
+    `smallest_counted`."""
     subdomain: RankSystem = team.part.now
     names, counts = np.unique(subdomain.pieces, return_counts=True)
     node_counts = np.zeros(len(labels), dtype=np.int64)
     has_label = np.isin(names, labels)
     node_counts[np.searchsorted(labels, names[has_label])] = counts[has_label]
-    return node_counts, int((counts[~has_label] > least).sum())
+    return node_counts, int((counts[~has_label] > smallest_counted).sum())

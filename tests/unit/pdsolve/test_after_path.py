@@ -14,7 +14,7 @@ from plates import plate, square_grid
 from pdmesh.model.document import Displacement, Load, Run
 from pdsolve.model import Model
 from pdsolve.run import after_path
-from pdsolve.run.after_path import _model_in_motion, _set_first_accelerations, motion_after
+from pdsolve.run.after_path import _model_in_motion, _set_first_accelerations, prepare_motion_after
 from pdsolve.run.system import Prepared
 
 GROWS = ((0.0, 0.0), (2.0, 8.0))
@@ -70,7 +70,7 @@ def test_it_goes_on_from_the_path(
     monkeypatch.setattr(after_path, "_set_first_accelerations", lambda system, state: done.append(("let go", state)))
     path: Any = Part(name="path.sqlite", model=lambda: "text", breaks=lambda: "breaks")
     path.checkpoint, path.meta, path.summary = lambda: (7, "kept"), lambda: {"mode": "thesis"}, lambda: {"lost": 0.5}
-    (system, state), step = motion_after(path, 3)
+    (system, state), step = prepare_motion_after(path, 3)
     assert (state, step) == ("state", 7)
     assert done == [
         ("prepare", ((0.0, 0.5),), "thesis", "float64", 3, "listed"),

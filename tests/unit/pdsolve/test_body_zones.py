@@ -10,7 +10,7 @@ import pytest
 
 from pdsolve.errors import CheckpointError
 from pdsolve.run import body_zones
-from pdsolve.run.body_zones import BodyRefinement, _interpolate_state, _rows_with_same_bonds, _set_held_forces
+from pdsolve.run.body_zones import BodyRefinement, _interpolate_state, _previous_rows_with_same_bonds, _set_held_forces
 from pdsolve.run.system import Prepared
 from pdsolve.state import State
 
@@ -68,7 +68,7 @@ def test_nodes_that_keep_their_cell_and_bonds(
     changed: dict[str, list[float]], expected: list[int], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(body_zones, "zone_operator", lambda system: system.operator)
-    assert _rows_with_same_bonds(*systems(**changed), ROWS).tolist() == expected
+    assert _previous_rows_with_same_bonds(*systems(**changed), ROWS).tolist() == expected
 
 
 class Zone:
@@ -113,7 +113,7 @@ def test_the_energy_made_by_a_refinement_is_added_up(monkeypatch: pytest.MonkeyP
     monkeypatch.setattr(body_zones, "kick_work", lambda *_: 0.5)
     monkeypatch.setattr(body_zones, "_system_of_operator", lambda system, after, step: Part(operator=after))
     monkeypatch.setattr(body_zones, "_interpolate_state", lambda *_: "moved")
-    monkeypatch.setattr(body_zones, "_rows_with_same_bonds", lambda *_: "origin")
+    monkeypatch.setattr(body_zones, "_previous_rows_with_same_bonds", lambda *_: "origin")
     monkeypatch.setattr(body_zones, "_set_held_forces", lambda *words: held.append(words[2:]))
     zone = Zone([3], 100.0)
     change: Any = BodyRefinement().change_nodes(Part(operator=zone), "state", 256)  # type: ignore[arg-type]

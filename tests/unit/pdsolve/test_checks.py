@@ -19,7 +19,7 @@ from pdsolve.checks import advise, advise_spent, closing, nearest, refuse
 from pdsolve.model import Model, ModelError
 from pdsolve.options import Options
 from pdsolve.run.inversion_checks import MotionChecks
-from pdsolve.run.motion_accounts import MechanicsRecords
+from pdsolve.run.mechanics_records import MechanicsRecords
 from pdsolve.run.prepare import prepare
 from pdsolve.run.simulation import simulate
 from pdsolve.run.system import Prepared

@@ -14,5 +14,5 @@ def test_a_piece_takes_no_longer_than_it_should() -> None:
         assert 1 <= pace.choose_step_count(1, 1000) <= 1000
         assert pace.choose_step_count(1, 1000) * each <= max(PIECE, each) * (1 + 1e-9)
         assert pace.choose_step_count(8, 1000) >= 8
-    assert pace.takes_short(70)
-    assert not pace.takes_short(80)
+    assert pace.will_soon_be_done(70)
+    assert not pace.will_soon_be_done(80)

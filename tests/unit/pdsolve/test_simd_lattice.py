@@ -23,7 +23,7 @@ from pdsolve.operators.simd_lattice.operator import SimdLattice
 from pdsolve.options import Options
 from pdsolve.run.measures import compute_ledger_row
 from pdsolve.run.prepare import prepare
-from pdsolve.run.recorder import breaks_after, restore_state
+from pdsolve.run.recorder import breaks_since, restore_state
 from pdsolve.run.simulation import simulate
 from pdsolve.run.system import Prepared
 
@@ -108,13 +108,13 @@ def test_bonds_that_have_softened_stay_so_when_they_are_let_go(mode: str) -> Non
     assert not nearly(fast.state.second, new.state.second, 0.05)  # measured 0.095 and 0.12
     assert nearly(fast.system.operator.energies(fast.state)[1], listed.system.operator.energies(listed.state)[1], 1e-12)
     assert fast.system.operator.energies(fast.state)[1].max() > 0
-    restore_state(*again, 2, kept(fast), breaks_after(fast.system, 0))
+    restore_state(*again, 2, kept(fast), breaks_since(fast.system, 0))
     assert flags.any()
     assert np.array_equal(of_again, flags)
     for problem in (fast, again):
         problem.march(3, 6)
     assert fast.state.second.tobytes() == again.state.second.tobytes()
-    restore_state(*fast, 0, at_rest, breaks_after(fast.system, 0))
+    restore_state(*fast, 0, at_rest, breaks_since(fast.system, 0))
     assert not flags.any()
     assert not of_new.any()
 

@@ -22,7 +22,7 @@ from pdsolve.model import Model, ModelError, ModelWarning
 from pdsolve.results import Breaks, Results, ResultsError
 from pdsolve.run.estimate import estimate_run
 from pdsolve.run.measures import CRACKED, count_pieces, damage
-from pdsolve.run.recorder import breaks_after, restore_state
+from pdsolve.run.recorder import breaks_since, restore_state
 from pdsolve.run.simulation import Options, Progress, UnstableError, prepare, resume, simulate
 
 
@@ -151,15 +151,15 @@ def test_a_torn_problem_goes_back(small_plate: Model, kernel: str) -> None:
     """Bonds that broke later are whole again, and the way from there is the same to the last bit."""
     problem = prepare(bilinear(small_plate), Options(kernel=kernel))
     problem.march(1, 41)
-    before, broke = kept(problem), breaks_after(problem.system, 0)
+    before, broke = kept(problem), breaks_since(problem.system, 0)
     problem.march(41, 61)
-    after = problem.state.value.copy(), breaks_after(problem.system, 0)
+    after = problem.state.value.copy(), breaks_since(problem.system, 0)
     assert 0 < len(broke.step) < len(after[1].step)
     restore_state(*problem, 40, before, broke)
-    assert breaks_after(problem.system, 0).step.tolist() == broke.step.tolist()
+    assert breaks_since(problem.system, 0).step.tolist() == broke.step.tolist()
     problem.march(41, 61)
     assert np.array_equal(problem.state.value, after[0])
-    assert all(np.array_equal(*columns) for columns in zip(breaks_after(problem.system, 0), after[1], strict=True))
+    assert all(np.array_equal(*columns) for columns in zip(breaks_since(problem.system, 0), after[1], strict=True))
 
 
 def test_a_checkpoint_of_another_version_is_refused(small_plate: Model, tmp_path: Path) -> None:

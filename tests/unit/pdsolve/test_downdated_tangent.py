@@ -9,8 +9,8 @@ from scipy.sparse import csr_array
 
 from pdsolve.operators.tangent import of_springs
 from pdsolve.state import Broken
+from pdsolve.steppers.downdated_tangent import AT_ONCE, DowndatedTangent
 from pdsolve.steppers.factors import factorize
-from pdsolve.steppers.lost_bonds import AT_ONCE, DowndatedTangent
 from pdsolve.steppers.rigid_body_modes import SupportedBonds, find_loose_bodies
 
 COLUMNS, ROWS = 9, 7

@@ -1,4 +1,4 @@
-"""Accounts of a motion: energy ledger, probes and reactions, with checks of the physics."""
+"""Records of a motion: energy ledger, probes and reactions, with checks of the physics."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ RUNAWAY = 10.0  # times the energy put in: more than this is not physics
 
 
 class MechanicsRecords:
-    """The accounts of one motion; see `pdsolve.run.accounts.PhysicsRecords`."""
+    """The records of one motion; see `pdsolve.run.physics_records.PhysicsRecords`."""
 
     def __init__(
         self, system: System, state: State, step: int, bond_state: BondState, past_results: Results | None
@@ -85,7 +85,7 @@ class MechanicsRecords:
         return self.last.balance_error(self._system.initial_energy, max(self._largest_work, self._heat_energy))
 
     def progress_text(self, broken_bond_count: int) -> str:
-        """State of the accounts in words, with so many broken bonds, for a progress display."""
+        """State of the balance in words, with so many broken bonds, for a progress display."""
         fine, text = (
             self._system.zone_summary,
             f"broken bonds {pair_count(broken_bond_count)}, balance {self.balance_error:+.1e}",
@@ -175,7 +175,7 @@ class MechanicsRecords:
         return {"cracks": {**cracks._asdict(), "spent": self.last.dissipated - (created if sure else 0.0)}}
 
     def warn_at_end(self) -> None:
-        """Issue warnings that follow from the final accounts."""
+        """Issue warnings that follow from the last records."""
         system, last = self._system, self.last
         put_in = last.energy_scale(system.initial_energy, self._largest_work)
         closing(system.model, self.balance_error, last.dissipated, system.scheme.symmetric)

@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pdsolve.state import Broken
-from pdsolve.steppers.old_factors import solve_columns
+from pdsolve.steppers.reused_factors import solve_columns
 
 if TYPE_CHECKING:
     from scipy.sparse import csr_array

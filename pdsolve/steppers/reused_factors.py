@@ -46,7 +46,7 @@ class ReusedFactorSolver:
         rights = right.reshape(len(right), -1)
         solution = None if refactor or self._old is None else self._solve_by_old_factors(matrix, rights)
         if solution is None:
-            self._old, self._inverse = matrix, _factor_quietly(matrix, self._symmetric)
+            self._old, self._inverse = matrix, _factor_without_warnings(matrix, self._symmetric)
             self._changed, self._columns = np.zeros(0, dtype=np.int64), np.zeros((len(right), 0))
             solution = self._inverse(rights)
         return solution.reshape(right.shape)
@@ -104,7 +104,7 @@ def solve_columns(inverse: Callable[[Array], Array], right: Array) -> Array:
     return np.hstack([right[:, :0], *(inverse(np.asfortranarray(right[:, k : k + BLOCK])) for k in blocks)])
 
 
-def _factor_quietly(matrix: csr_array, symmetric: bool) -> Callable[[Array], Array]:
+def _factor_without_warnings(matrix: csr_array, symmetric: bool) -> Callable[[Array], Array]:
     """The function that solves with a matrix; SuperLU's warnings are left out. Raises UnsettledError."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")

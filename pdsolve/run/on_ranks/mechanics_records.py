@@ -15,7 +15,7 @@ from pdsolve.ranks.part import Part, broken
 from pdsolve.results import Results
 from pdsolve.run.inversion_checks import DisplacementRange, MotionChecks, displacement_range
 from pdsolve.run.measures import BondState, LedgerRow, evaluate_bonds, ledger_terms
-from pdsolve.run.motion_accounts import MechanicsRecords, instability_message, motion_values
+from pdsolve.run.mechanics_records import MechanicsRecords, instability_message, motion_values
 from pdsolve.run.on_ranks.start import RankSystem, SystemOnRanks
 from pdsolve.run.reactions import Reaction
 from pdsolve.state import Broken, State
@@ -43,7 +43,7 @@ class GatheredReports(NamedTuple):
 
 
 class MechanicsRecordsOnRanks(MechanicsRecords):
-    """The accounts of a motion on all ranks; see `pdsolve.run.accounts.PhysicsRecords`."""
+    """The records of a motion on all ranks; see `pdsolve.run.physics_records.PhysicsRecords`."""
 
     def __init__(self, system: SystemOnRanks, resumed_step: int, past_results: Results | None) -> None:
         """`past_results` are those of a resumed run after `resumed_step`, else None."""
@@ -57,8 +57,8 @@ class MechanicsRecordsOnRanks(MechanicsRecords):
         self._order = {row: number for number, row in enumerate(rows)}
         subdomain: RankSystem = self._team.part.now
         self._kinds, self._checks = subdomain.acting_conditions, subdomain.motion_checks
-        lengths_of_all = self._team.everywhere(check_lengths)
-        self._team.everywhere(set_check_lengths, lengths_of_all)
+        lengths_of_all = self._team.everywhere(spacing_and_breaking_length)
+        self._team.everywhere(use_lengths_of_ranks, lengths_of_all)
         self.known = self._gather_reports(resumed_step)
         self.last, self._heat_energy = self.known.ledger_row, 0.0
 
@@ -72,7 +72,7 @@ class MechanicsRecordsOnRanks(MechanicsRecords):
         """Record the ledger, the probes and the reactions of this step. Raises UnstableError."""
         self.update_last_row(state, step, bond_state)
         if self._is_unstable(self.last, self.known.values_are_finite):  # the error is that of one process
-            worst = self._team.everywhere(fastest_node, self.known.values_are_finite)
+            worst = self._team.everywhere(fastest_or_non_finite_node, self.known.values_are_finite)
             most = max(speed for speed, _ in worst)
             node = next(node for speed, node in worst if speed == most)
             raise UnstableError(
@@ -141,14 +141,14 @@ def report_step(team: Team, step: int) -> RankReport:
     return RankReport(sums, len(mine.step), int(mine.step.max(initial=0)), finite, displacement_range(u[:, :d]))
 
 
-def check_lengths(team: Team) -> tuple[float, float]:
+def spacing_and_breaking_length(team: Team) -> tuple[float, float]:
     """The lengths by which this rank's window looks at the motion."""
-    return _motion_checks(team).check_lengths
+    return _motion_checks(team).spacing_and_breaking_length
 
 
-def set_check_lengths(team: Team, lengths_of_ranks: list[tuple[float, float]]) -> None:
+def use_lengths_of_ranks(team: Team, lengths_of_ranks: list[tuple[float, float]]) -> None:
     """Look at the motion of own nodes by the lengths of all ranks."""
-    _motion_checks(team).set_check_lengths(lengths_of_ranks, team.part.own)
+    _motion_checks(team).use_lengths_of_ranks(lengths_of_ranks, team.part.own)
 
 
 def describe_inverted_triangle(team: Team) -> str | None:
@@ -157,7 +157,7 @@ def describe_inverted_triangle(team: Team) -> str | None:
     return subdomain.motion_checks.describe_inverted_triangle(subdomain.state.value[:, :2], Broken(*broken(team.part)))
 
 
-def fastest_node(team: Team, values_are_finite: bool) -> tuple[float, int]:
+def fastest_or_non_finite_node(team: Team, values_are_finite: bool) -> tuple[float, int]:
     """The speed of the fastest own node along all axes, m/s, and its id; or 1 and the first that is not finite, or
     0."""
     part: Part = team.part
@@ -202,7 +202,7 @@ def sum_reactions_over_ranks(team: Team, step: int, time: float) -> list[Reactio
     if team.rank < team.size - 1:
         team.comm.send(sums, team.rank + 1, PASSED)
         return []
-    at, all_reactions = system.load_time(step), list[Reaction]()
+    at, all_reactions = system.profile_time(step), list[Reaction]()
     for number, grip in enumerate(subdomain.acting_conditions):
         components = slice(d * number, d * number + d)
         factor = float(factor_now(drive.profiles, number, at))

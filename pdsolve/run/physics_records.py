@@ -1,4 +1,4 @@
-"""The interface of a run to its physics: accounts of conserved quantities, and closing remarks."""
+"""The interface of a run to its physics: records of conserved quantities, and closing remarks."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from pdsolve.state import State
 
 
 class PhysicsRecords(Protocol):
-    """Accounts of what a run conserves: energy and momentum, or amounts of a substance."""
+    """Records of what a run conserves: energy and momentum, or amounts of a substance."""
 
     @property
     def broken_bond_count(self) -> int:
@@ -22,7 +22,7 @@ class PhysicsRecords(Protocol):
         """Relative error of the balance at the last entry: amount created over amount supplied."""
 
     def progress_text(self, broken_bond_count: int) -> str:
-        """State of the accounts in words, with so many broken bonds, for a progress display."""
+        """State of the balance in words, with so many broken bonds, for a progress display."""
 
     def switch_system(self, system: System) -> None:
         """Continue with changed nodes."""
@@ -43,11 +43,11 @@ class PhysicsRecords(Protocol):
         """Results of the run for its summary."""
 
     def warn_at_end(self) -> None:
-        """Issue warnings that follow from the final accounts."""
+        """Issue warnings that follow from the last records."""
 
 
 class CoupledRecords:
-    """The books of a motion and of what diffuses on the same nodes; see `PhysicsRecords`."""
+    """The records of a motion and of what diffuses on the same nodes; see `PhysicsRecords`."""
 
     def __init__(self, motion: PhysicsRecords, others: tuple[tuple[PhysicsRecords, Prepared], ...]) -> None:
         self._motion, self._others = motion, others
@@ -60,14 +60,14 @@ class CoupledRecords:
     @property
     def balance_error(self) -> float:
         """The worst of all, by size."""
-        return max([self._motion.balance_error, *(accounts.balance_error for accounts, _ in self._others)], key=abs)
+        return max([self._motion.balance_error, *(records.balance_error for records, _ in self._others)], key=abs)
 
     def progress_text(self, broken_bond_count: int) -> str:
-        """How the books stand with so many broken bonds, for a watcher."""
+        """State of all balances in words, with so many broken bonds, for a progress display."""
         return "; ".join(
             [
                 self._motion.progress_text(broken_bond_count),
-                *(accounts.progress_text(broken_bond_count) for accounts, _ in self._others),
+                *(records.progress_text(broken_bond_count) for records, _ in self._others),
             ]
         )
 
@@ -78,20 +78,20 @@ class CoupledRecords:
     def update_last_row(self, state: State, step: int, bond_state: BondState) -> None:
         """Make the last entries those of this step, without noting them."""
         self._motion.update_last_row(state, step, bond_state)
-        for accounts, prepared in self._others:
-            accounts.update_last_row(prepared.state, step, bond_state)
+        for records, prepared in self._others:
+            records.update_last_row(prepared.state, step, bond_state)
 
     def record_step(self, state: State, step: int, bond_state: BondState) -> None:
         """Note this step. Raises UnstableError."""
         self._motion.record_step(state, step, bond_state)
-        for accounts, prepared in self._others:
-            accounts.record_step(prepared.state, step, bond_state)
+        for records, prepared in self._others:
+            records.record_step(prepared.state, step, bond_state)
 
     def move_records_into(self, frame: Frame) -> Frame:
         """The frame with what was noted since the last one."""
         frame = self._motion.move_records_into(frame)
-        for accounts, _ in self._others:
-            frame = accounts.move_records_into(frame)
+        for records, _ in self._others:
+            frame = records.move_records_into(frame)
         return frame
 
     def metadata(self) -> dict[str, Any]:
@@ -100,9 +100,9 @@ class CoupledRecords:
 
     def summary(self) -> dict[str, Any]:
         """What the run came to: that of the motion, and of each other under the name of its physics."""
-        others = [accounts.summary() for accounts, _ in self._others]
+        others = [records.summary() for records, _ in self._others]
         return {**self._motion.summary(), **{str(summary["physics"]): summary for summary in others}}
 
     def warn_at_end(self) -> None:
-        """Warn of what the books show in the end."""
+        """Issue warnings that follow from the last records of the motion."""
         self._motion.warn_at_end()

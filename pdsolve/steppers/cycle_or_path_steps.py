@@ -28,7 +28,8 @@ def make_cycle_steps(
     uncut_count: NDArray[np.int64],
     growth: CrackGrowth | None,
 ) -> FatigueSteps | ParisSteps:
-    """Steps of a model with fatigue: of cracks that `growth` grows, or of bonds; see `tiring`. Raises ModelError."""
+    """Steps of a model with fatigue: of cracks that `growth` grows, or of bonds; see `make_fatigue_steps`. Raises
+    ModelError."""
     law = model.settings.run.fatigue
     if growth is not None and law is not None:
         return ParisSteps(law, operator, load_steps, growth)
