@@ -29,10 +29,10 @@ from pdmesh.model.refused_settings import impossible
 from pdmesh.scene.shapes import SceneError
 from pdsolve.model import Model, ModelWarning
 from pdsolve.options import Options
-from pdsolve.run.measures import books, damage
-from pdsolve.run.node_changes import zone_moved
+from pdsolve.run.measures import compute_ledger_row, damage
+from pdsolve.run.node_changes import find_zone_change
 from pdsolve.run.prepare import prepare
-from pdsolve.run.simulation import changing
+from pdsolve.run.simulation import required_adaptation
 
 ROOT = Path(__file__).parent.parent
 GEOMETRIES = ROOT / "geometries"
@@ -123,22 +123,22 @@ def solved(
     """One run, with its step that share of the surely stable one; None: as the scene says."""
     plate = with_run(plate, adapt=adapt)
     if share is not None:
-        step = share * prepare(with_run(plate, time_step=None), Options(threads=1)).system.bound
+        step = share * prepare(with_run(plate, time_step=None), Options(threads=1)).system.stable_time_step
         plate = with_run(plate, time_step=step, steps=round(duration / step))
     (system, state), steps = prepare(plate, Options(threads=1)), plate.settings.run.steps
     begins = system.zone_summary.fine_share if system.zone_summary else 1.0
-    splits = changing(system)
+    splits = required_adaptation(system)
     began, done = time.thread_time(), 0
     while done < steps:
-        change = splits.epoch(system, state, done) if splits else None
+        change = splits.change_nodes(system, state, done) if splits else None
         system, state = (system, state) if change is None else (change.system, change.state)
         last = min(done + (splits.every if splits else LOOK), steps)
         system.stepper.march(state, done + 1, last + 1)
         done = last
     cpu = time.thread_time() - began
-    change = zone_moved(system) if system.hybrid else None
+    change = find_zone_change(system) if system.hybrid else None
     system, state = (system, state) if change is None else (change.system, change.state)
-    broken, energies = system.operator.broken(), books(system, state, steps)
+    broken, energies = system.operator.broken(), compute_ledger_row(system, state, steps)
     cracked = system.model.grid.position[damage(system, broken) > CRACKED]
     if box is not None:
         cracked = cracked[((cracked > box[:2]) & (cracked < box[2:])).all(axis=1)]
@@ -151,7 +151,7 @@ def solved(
         cracked,
         energies.dissipated,
         energies.damped,
-        energies.balance(system.initial_energy),
+        energies.balance_error(system.initial_energy),
         begins,
         energies.fine_share,
         energies.clipped_stretch,

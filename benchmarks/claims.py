@@ -14,9 +14,9 @@ import numpy as np
 
 from pdmesh.model.output_fields import CRACKED
 from pdpost.measures.cracked_nodes import damage_at
-from pdpost.measures.cracks import DIRECTIONS, Growth, growth
-from pdpost.measures.directions import directions
-from pdpost.measures.tips import forks, tips
+from pdpost.measures.cracks import DIRECTIONS, CrackEvents, crack_events
+from pdpost.measures.directions import measure_directions
+from pdpost.measures.tips import crack_branches, find_forks
 from pdsolve.results import Results
 
 
@@ -28,7 +28,7 @@ class Claim:
     claimed: str
     low: float
     high: float
-    measure: Callable[[Results, Growth], float]  # not a number where it did not happen
+    measure: Callable[[Results, CrackEvents], float]  # not a number where it did not happen
 
     def accepts(self, value: float) -> bool:
         """Whether a measured value is a reproduction."""
@@ -55,46 +55,46 @@ class Case:
     long: bool = False  # too long for a quick test
 
 
-def _time(event: str) -> Callable[[Results, Growth], float]:
+def _time(event: str) -> Callable[[Results, CrackEvents], float]:
     return lambda _, found: np.nan if getattr(found, event) is None else getattr(found, event).time * 1e6
 
 
-def _step(event: str) -> Callable[[Results, Growth], float]:
+def _step(event: str) -> Callable[[Results, CrackEvents], float]:
     return lambda _, found: np.nan if getattr(found, event) is None else float(getattr(found, event).step)
 
 
-def _apart(results: Results, _: Growth) -> float:
+def _apart(results: Results, _: CrackEvents) -> float:
     """When all arms of the first fork have left it, us: only then does a picture show them."""
-    branches = tips(results)
-    for fork in forks(branches)[:1]:
+    branches = crack_branches(results)
+    for fork in find_forks(branches)[:1]:
         arms = (branch for branch in branches if tuple(branch.place[0].tolist()) == fork.place)
         return max(float(arm.time[1]) for arm in arms) * 1e6
     return np.nan
 
 
-def _place(event: str, sign: float = 1.0) -> Callable[[Results, Growth], float]:
+def _place(event: str, sign: float = 1.0) -> Callable[[Results, CrackEvents], float]:
     return lambda _, found: np.nan if getattr(found, event) is None else sign * getattr(found, event).along * 1e3
 
 
-def _angle(results: Results, _: Growth) -> float:
+def _angle(results: Results, _: CrackEvents) -> float:
     """Mean of the angles of the cracks from the two notches, each as a whole, away from each other."""
-    return float(np.mean([abs(way.whole) for way in directions(results, tips(results))] or [np.nan]))
+    return float(np.mean([abs(way.whole) for way in measure_directions(results, crack_branches(results))] or [np.nan]))
 
 
-def _width(step: int) -> Callable[[Results, Growth], float]:
+def _width(step: int) -> Callable[[Results, CrackEvents], float]:
     """Width of all that is cracked, mm."""
 
-    def width(results: Results, _: Growth) -> float:
+    def width(results: Results, _: CrackEvents) -> float:
         x = results.nodes().position[damage_at(results, step) > CRACKED, 0]
         return float(np.ptp(x)) * 1e3
 
     return width
 
 
-def _furthest(step: int, direction: str, sign: float = 1.0) -> Callable[[Results, Growth], float]:
+def _furthest(step: int, direction: str, sign: float = 1.0) -> Callable[[Results, CrackEvents], float]:
     """How far the cracked nodes reach, mm."""
 
-    def furthest(results: Results, _: Growth) -> float:
+    def furthest(results: Results, _: CrackEvents) -> float:
         cracked = results.nodes().position[damage_at(results, step) > CRACKED]
         return sign * float((cracked @ np.array(DIRECTIONS[direction])).max(initial=-np.inf)) * 1e3
 
@@ -204,5 +204,5 @@ CASES = (
 
 def measured(case: Case, results: Results) -> list[float]:
     """The case's numbers as this run has them."""
-    found = growth(results, DIRECTIONS[case.along])
+    found = crack_events(results, DIRECTIONS[case.along])
     return [claim.measure(results, found) for claim in case.claims]

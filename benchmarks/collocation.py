@@ -31,8 +31,8 @@ from pdmesh.model.document import Collocation
 from pdsolve.adaptivity.collocation.operator import CollocationOperator
 from pdsolve.model import Model, ModelWarning
 from pdsolve.options import Options
-from pdsolve.run.measures import books, damage
-from pdsolve.run.node_changes import zone_moved
+from pdsolve.run.measures import compute_ledger_row, damage
+from pdsolve.run.node_changes import find_zone_change
 from pdsolve.run.prepare import prepare
 
 PAGE = ROOT / "docs" / "verification" / "collocation.md"
@@ -106,10 +106,10 @@ def _solved(deck: Deck) -> Generator[None, None, Found]:
         began = time.thread_time()
         system.stepper.march(state, look * steps // LOOKS + 1, (look + 1) * steps // LOOKS + 1)
         cpu += time.thread_time() - began
-        change = zone_moved(system)
+        change = find_zone_change(system)
         if change is not None:
             system, state = change.system, change.state
-        ledger = books(system, state, (look + 1) * steps // LOOKS)
+        ledger = compute_ledger_row(system, state, (look + 1) * steps // LOOKS)
         noted.append((ledger.time, *_looked(system, state, deck.h)))
         print(deck.name, f"{1e6 * ledger.time:.1f} us, {cpu:.1f} s,", *noted[-1][1:], file=sys.stderr, flush=True)
         yield
@@ -117,7 +117,7 @@ def _solved(deck: Deck) -> Generator[None, None, Found]:
     hurt, position = damage(system), system.model.grid.position
     path = position[(hurt > CRACKED) & (position[:, 1] > 0.1)]
     told = system.hybrid.zone_summary()  # type: ignore[union-attr]
-    balance = ledger.balance(system.initial_energy)
+    balance = ledger.balance_error(system.initial_energy)
     return Found(
         deck, cpu, took, begins, at, near, balance, top, path, told.fine_share, told.clipped_stretch, position,
         system.model.grid.delta, hurt,

@@ -16,7 +16,7 @@ import numpy as np
 from benchmarks.pages import put_section
 from pdmesh.drawing.file_reading import build_file
 from pdmesh.model.crack_particles import polylines
-from pdpost.measures.tips import forks, tips
+from pdpost.measures.tips import crack_branches, find_forks
 from pdsolve.model import Model
 from pdsolve.run.simulation import Options, simulate
 
@@ -58,8 +58,8 @@ def forked(spacing: float, time_step: float) -> Forked:
     run = msgspec.structs.replace(made.settings.run, time_step=time_step, steps=steps, every=steps)
     settings = msgspec.structs.replace(made.settings, run=run)
     with simulate(Model(made.grid, settings), options=Options(threads=1)) as results:
-        branches, particles, balance = tips(results), results.particles(), float(results.summary()["balance"])
-    first, *further = forks(branches)
+        branches, particles, balance = crack_branches(results), results.particles(), float(results.summary()["balance"])
+    first, *further = find_forks(branches)
     trunk = min(branches, key=lambda branch: float(branch.along[0]))
     points = np.concatenate(polylines(particles))
     apart = np.hypot(*(points[:, None] - points * [1, -1]).transpose(2, 0, 1)).min(axis=1)

@@ -119,7 +119,7 @@ def marched(prepared: Prepared, first: int) -> float:
 def measured(ranks: Team, nodes: int) -> dict[str, Any]:
     """What a plate of so many nodes takes, on all ranks and on as many threads."""
     model = plate(nodes)
-    many = start.prepare(model, Options(), ranks)
+    many = start.prepare_ranks(model, Options(), ranks)
     memory = ranks.everywhere(peak)
     one = prepare(model, Options(threads=ranks.size))
     times: tuple[list[float], list[float]] = ([], [])
@@ -155,7 +155,7 @@ def memory_of_a_run(ranks: Team | None, model: Model) -> dict[str, Any]:
 def step_alone(ranks: Team | None, nodes: int) -> dict[str, float]:
     """The least time of a step of a plate of about so many nodes, and of an exchange in it, s."""
     alone = Options(threads=1)
-    prepared = prepare(plate(nodes), alone) if ranks is None else start.prepare(plate(nodes), alone, ranks)
+    prepared = prepare(plate(nodes), alone) if ranks is None else start.prepare_ranks(plate(nodes), alone, ranks)
     found, nodes = [], len(prepared.system.model.grid)
     prepared.march(1, 2)
     for first in range(2, 2 + 6 * REPEATS * STEPS, STEPS):
@@ -180,7 +180,7 @@ def worked(ranks: Team, first: int, last: int) -> float:
         waited[0] += time.process_time() - began
 
     ghosts.fill, began = timed, time.process_time()
-    start.march(ranks, first, last)
+    start.march_rank(ranks, first, last)
     spent = time.process_time() - began
     del ghosts.fill
     return spent - waited[0]

@@ -187,7 +187,7 @@ def _solve(args: argparse.Namespace, ranks: Team | None) -> int:
         from pdsolve.model import ModelWarning, read_model
         from pdsolve.numerics.memory import large_arrays_apart
         from pdsolve.results import ResultsWarning, is_empty, state_of
-        from pdsolve.run.after_path import name_of
+        from pdsolve.run.after_path import motion_file
         from pdsolve.run.simulation import Options, resume, simulate
         from pdsolve.run.summary_lines import summary_lines
 
@@ -218,7 +218,7 @@ def _solve(args: argparse.Namespace, ranks: Team | None) -> int:
             output = args.output or Path(args.model.stem + ".sqlite")
             path = commandline.output_path(args.output, args.model, ".sqlite", args.force or is_empty(output))
             if model.settings.run.after == "motion":
-                commandline.output_path(name_of(path), args.model, ".sqlite", args.force, is_companion=True)
+                commandline.output_path(motion_file(path), args.model, ".sqlite", args.force, is_companion=True)
             if not args.force:
                 state_of(path)  # a log without its database is left alone
             with _says_how_to_go_on(path, args), compile_time_said(lambda words: commandline.note(words, args)):
@@ -363,7 +363,7 @@ def _show_what_is_left(path: Path, args: argparse.Namespace) -> int:
     from pdsolve.model import model_of
     from pdsolve.results import Kind, Results, state_of
     from pdsolve.run.estimate import estimate_run
-    from pdsolve.run.simulation import options_of
+    from pdsolve.run.simulation import options_from_metadata
 
     state = state_of(path)
     lines = [f"{path}: {state.words}"]
@@ -371,7 +371,7 @@ def _show_what_is_left(path: Path, args: argparse.Namespace) -> int:
     if state.kind not in (Kind.RUNNING, Kind.FINISHED):
         with Results.open(path) as results:
             model = model_of(results.model(), str(path))
-        plan = estimate_run(model, options_of(model, state.meta, args.threads))
+        plan = estimate_run(model, options_from_metadata(model, state.meta, args.threads))
         steps_left = plan.steps - (state.step or 0)
         seconds = plan.wall_time * steps_left / max(plan.steps, 1)
         lines.append(

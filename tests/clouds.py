@@ -179,7 +179,7 @@ def on_a_lattice(case: Case, side: int, order: NDArray[np.int64] | None, threads
     system, state = prepare(model, Options("conservative", case.precision, threads, case.operator))
     assert system.operator.name == case.operator
     rho = model.rho.astype(case.precision)
-    return Cloud(system.operator, state, grid.position, system.area, rho, system.bound)
+    return Cloud(system.operator, state, grid.position, system.area, rho, system.stable_time_step)
 
 
 def cubic_grid(side: int) -> Grid:

@@ -9,9 +9,9 @@ from scipy.spatial import cKDTree
 from systems import bonds_of
 
 from pdmesh.model.node_grid import Grid
-from pdsolve.bonds.assembly import Assembly, Bonds, Filling, Part
+from pdsolve.bonds.assembly import Assembly, Bonds, BondSource, Part
 from pdsolve.model import Model
-from pdsolve.run.assembly import system_of
+from pdsolve.run.assembly import assemble_motion
 from pdsolve.run.system import Prepared
 
 Box = tuple[float, float, float, float]  # x0, y0, x1, y1, m; a side of infinite length is not joined
@@ -40,8 +40,8 @@ def joined(problem: Prepared, box: Box) -> Prepared:
         *(np.ascontiguousarray(column[chosen]) for column in bonds[2:]),
     )
     assembly = Assembly(own, system.area[rows], system.family[rows])
-    scheme = system.scheme._replace(fill=lambda _: Filling(assembly.area, lambda rows: _part(assembly, rows)))
-    return system_of(sub, system.options, scheme)
+    scheme = system.scheme._replace(fill=lambda _: BondSource(assembly.area, lambda rows: _part(assembly, rows)))
+    return assemble_motion(sub, system.options, scheme)
 
 
 def _part(assembly: Assembly, rows: np.ndarray) -> Part:

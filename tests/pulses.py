@@ -30,7 +30,7 @@ from pdsolve.adaptivity.hybrid.operator import HybridOperator
 from pdsolve.adaptivity.quadtree.leaf_mapping import transfer_of
 from pdsolve.model import Model
 from pdsolve.options import Options
-from pdsolve.run.cell_splitting import Splitting
+from pdsolve.run.cell_splitting import CellSplitting
 from pdsolve.run.prepare import prepare
 from pdsolve.run.system import Prepared
 
@@ -118,13 +118,13 @@ def _bonds(problem: Prepared) -> Marching:
 
 def split_where(problem: Prepared, where: Callable[[NDArray[np.float64]], NDArray[np.bool_]]) -> Prepared:
     """Cells, by the places (n, 2) of their middles, are split there and nowhere else."""
-    splitting = Splitting(problem.system)
+    splitting = CellSplitting(problem.system)
     tree = splitting.tree
     cells = tree.roots()
     splits = tree.splits(cells) & where(tree.place(cells))
     new, _ = transfer_of(tree, cells, splits, cells.taken(np.zeros(0, dtype=np.int64)))
     kept = {"ids": tree.ids(new), "calm": np.zeros(len(new.root), dtype=np.int64), "made": np.zeros(1)}
-    return splitting.back(problem.system, kept)
+    return splitting.restore_system(problem.system, kept)
 
 
 def _collocation(engine: CollocationEngine, seam: float) -> Marching:

@@ -15,10 +15,10 @@ from pdmesh.model.node_grid import Grid
 from pdsolve.model import Model
 from pdsolve.operators.protocol import Kept
 from pdsolve.options import Options
-from pdsolve.run.assembly import system_of
-from pdsolve.run.node_changes import Change
+from pdsolve.run.assembly import assemble_motion
+from pdsolve.run.node_changes import NodeChange
 from pdsolve.run.prepare import prepare
-from pdsolve.run.recorder import restore
+from pdsolve.run.recorder import restore_state
 from pdsolve.run.system import Prepared, System
 from pdsolve.state import State
 
@@ -77,23 +77,23 @@ class Moving:
             hole_id=np.full(len(ids), -1),
         )
 
-    def back(self, system: System, kept: Kept) -> Prepared:
-        """As in `Adapt`."""
+    def restore_system(self, system: System, kept: Kept) -> Prepared:
+        """As in `NodeAdaptation`."""
         model = dataclasses.replace(system.model, grid=self.grid(kept["ids"]))
-        return system_of(model, system.options, system.scheme)
+        return assemble_motion(model, system.options, system.scheme)
 
-    def epoch(self, system: System, state: State, step: int) -> Change | None:
-        """As in `Adapt`."""
+    def change_nodes(self, system: System, state: State, step: int) -> NodeChange | None:
+        """As in `NodeAdaptation`."""
         ids, known = self.ids(step), system.model.grid.ids
         if set(ids) == set(known):
             return None
-        new, fresh = self.back(system, {"ids": ids})
-        restore(new, fresh, step, self._moved(system, state, new), system.operator.broken())  # type: ignore[arg-type]
+        new, fresh = self.restore_system(system, {"ids": ids})
+        restore_state(new, fresh, step, self._moved(system, state, new), system.operator.broken())  # type: ignore[arg-type]
         rows = {node: row for row, node in enumerate(known.tolist())}
         origin = np.array([rows.get(node, -1) for node in ids.tolist()])
         before, after = (_bonded(one) for one in (system, new))
         changed = np.array([origin[row] < 0 or before[node] != after[node] for row, node in enumerate(ids.tolist())])
-        return Change(new, fresh, np.where(changed, -1, origin))
+        return NodeChange(new, fresh, np.where(changed, -1, origin))
 
     def _moved(self, system: System, state: State, new: System) -> dict[str, NDArray[Any]]:
         """A checkpoint for the new cloud: parts have what the whole had, wholes the mean of their parts."""
@@ -131,7 +131,7 @@ def marched(model: Model, adapt: Moving, options: Options) -> Iterator[tuple[int
     system, state = prepare(model, options)
     for step in range(1, model.settings.run.steps + 1):
         yield step - 1, system, state
-        change = adapt.epoch(system, state, step - 1) if (step - 1) % adapt.every == 0 else None
+        change = adapt.change_nodes(system, state, step - 1) if (step - 1) % adapt.every == 0 else None
         if change is not None:
             system, state, _ = change
         system.stepper.march(state, step, step + 1)

@@ -11,7 +11,7 @@ from plates import plate, square_grid
 from pdmesh.model.document import Displacement, Material, Run
 from pdmesh.model.material_constants import poisson
 from pdsolve.options import Options
-from pdsolve.run.measures import books
+from pdsolve.run.measures import compute_ledger_row
 from pdsolve.run.prepare import prepare
 
 
@@ -48,7 +48,7 @@ def torn(material: Material, ratio: float = 3.0, columns: int = 60, rows: int = 
     system, state = prepare(model, Options(threads=1))
     steps = int((slow + 2.5 * columns * delta / np.sqrt(material.E / 2 / material.rho)) / system.time_step)
     system.stepper.march(state, 1, steps)
-    found, broken = books(system, state, steps), system.operator.broken()
+    found, broken = compute_ledger_row(system, state, steps), system.operator.broken()
     y = grid.position[:, 1]
     crosses = y[broken.source] * y[broken.target] < 0
     source, target = system.operator.bonds(start=True)
@@ -58,5 +58,5 @@ def torn(material: Material, ratio: float = 3.0, columns: int = 60, rows: int = 
         found.dissipated / (material.G0 * length),
         float(crosses.mean()) if len(crosses) else 1.0,
         float(crosses.sum() / ligament),
-        found.balance(0.0),
+        found.balance_error(0.0),
     )

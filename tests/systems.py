@@ -14,11 +14,11 @@ from scipy.sparse.linalg import eigsh
 
 from pdsolve.bonds.assembly import Bonds, in_precision
 from pdsolve.model import ModelWarning
-from pdsolve.run.assembly import system_of
-from pdsolve.run.recorder import checkpoint
+from pdsolve.run.assembly import assemble_motion
+from pdsolve.run.recorder import make_checkpoint
 from pdsolve.run.system import Prepared
 from pdsolve.state import Broken
-from pdsolve.steppers.equilibrium import Asked
+from pdsolve.steppers.equilibrium import EquilibriumConditions
 from pdsolve.steppers.newton import Newton
 
 SMALL = 1e-6
@@ -60,7 +60,7 @@ def worst(problem: Prepared) -> NDArray[np.floating]:
 
 def kept(problem: Prepared) -> dict[str, NDArray[Any]]:
     """A copy of what a checkpoint has."""
-    return {name: values.copy() for name, values in checkpoint(*problem).items()}
+    return {name: values.copy() for name, values in make_checkpoint(*problem).items()}
 
 
 def at_step(problem: Prepared, dt: float) -> Prepared:
@@ -70,7 +70,7 @@ def at_step(problem: Prepared, dt: float) -> Prepared:
     settings = msgspec.structs.replace(system.model.settings, run=run)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", ModelWarning)
-        return system_of(dataclasses.replace(system.model, settings=settings), system.options, system.scheme)
+        return assemble_motion(dataclasses.replace(system.model, settings=settings), system.options, system.scheme)
 
 
 def sources(bonds: Bonds) -> NDArray[np.int64]:
@@ -103,8 +103,10 @@ def equilibrium(problem: Prepared, held: NDArray[np.bool_], at: NDArray[np.float
     Newton's method on a millionth of them, where the plate is as good as linear."""
     system, state = problem.system, problem.state
     rest = state._replace(value=np.zeros(state.value.shape), rate=np.zeros(state.value.shape))
-    newton = Newton(system.operator, system.area, 1e-9, free=int((~held).sum()))
-    newton.settle(rest, Asked(SMALL * system.drive.force, held, SMALL * np.where(held, at, 0.0)), lambda *_: None)
+    newton = Newton(system.operator, system.area, 1e-9, free_count=int((~held).sum()))
+    newton.solve_equilibrium(
+        rest, EquilibriumConditions(SMALL * system.drive.force, held, SMALL * np.where(held, at, 0.0)), lambda *_: None
+    )
     return np.asarray(rest.value / SMALL)
 
 

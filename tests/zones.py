@@ -20,9 +20,9 @@ from pdsolve.adaptivity.hybrid.lattice import COARSE, FAR, FINE, FREE, VOID, coa
 from pdsolve.adaptivity.hybrid.prepare import hybrid_of
 from pdsolve.model import Model, ModelWarning
 from pdsolve.options import Options
-from pdsolve.run.assembly import step_of
-from pdsolve.run.measures import Ledger, books
-from pdsolve.run.node_changes import zone_moved
+from pdsolve.run.assembly import choose_time_step
+from pdsolve.run.measures import LedgerRow, compute_ledger_row
+from pdsolve.run.node_changes import find_zone_change
 from pdsolve.run.prepare import prepare
 
 H = 1e-3  # m
@@ -141,7 +141,7 @@ def zoned(
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", ModelWarning)
         shown, _ = hybrid_of(
-            plate(grid, ratio, material=material, run=run, regions=regions), "conservative", "float64", step_of
+            plate(grid, ratio, material=material, run=run, regions=regions), "conservative", "float64", choose_time_step
         )
     hybrid = shown.hybrid
     at = hybrid.plate.at
@@ -189,7 +189,7 @@ class Solved(NamedTuple):
     """What a run came to."""
 
     first: int  # step of the first broken bond; the last step without one
-    books: Ledger
+    books: LedgerRow
     balance: float
 
 
@@ -201,8 +201,8 @@ def side_by_side(model: Model, steps: int | None = None) -> tuple[Solved, Solved
         settings = msgspec.structs.replace(model.settings, run=run)
         problem = prepare(dataclasses.replace(model, settings=settings), Options(threads=1))
         problem.march(1, steps + 1)
-        change = zone_moved(problem.system) if adapt == "hybrid" else None
+        change = find_zone_change(problem.system) if adapt == "hybrid" else None
         system, state = (problem.system, problem.state) if change is None else (change.system, change.state)
-        broken, ledger = system.operator.broken(), books(system, state, steps)
-        found.append(Solved(int(broken.step.min(initial=steps)), ledger, ledger.balance(system.initial_energy)))
+        broken, ledger = system.operator.broken(), compute_ledger_row(system, state, steps)
+        found.append(Solved(int(broken.step.min(initial=steps)), ledger, ledger.balance_error(system.initial_energy)))
     return found[0], found[1]

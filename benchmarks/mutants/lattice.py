@@ -9,12 +9,12 @@ VERLET = f"{UNIT}/test_lattice_march.py::test_each_bit_is_that_of_verlet_on_any_
 LATTICE = tuple(
     Mutant(MARCH, line, becomes, VERLET)
     for line, becomes in (
-        ("    course.pulled[t] = False\n", ""),
+        ("    tile_motion.pulled[tile] = False\n", ""),
         ("bonds[np.lexsort((tile, bonds[:, 0]))]", "bonds[:-1]"),
         ("np.concatenate(broken + self._collect_breaks())", "self._collect_breaks()[0]"),
         ("v = advanced(advanced(v, a, half), a, half)", "v = advanced(v, a, dt)"),
         ("(drive.before[i, axis] + drive.force[i, axis]) / 2", "drive.force[i, axis]"),
-        ("if c > 0 and not course.constrained[i, axis]", "if c > 0"),
-        ("course.v[after][axis, site]", "course.v[0][axis, site]"),
+        ("if c > 0 and not tile_motion.constrained[i, axis]", "if c > 0"),
+        ("tile_motion.v[after][axis, site]", "tile_motion.v[0][axis, site]"),
     )
 )

@@ -19,7 +19,7 @@ RIGHT_ANSWERS = (
         "tests/unit/pdsolve/test_checks.py::test_bonds_that_take_too_little_are_said",
     ),
     Mutant(
-        "pdsolve/run/motion_accounts.py",
+        "pdsolve/run/mechanics_records.py",
         "        if system.scheme.symmetric and not self._nodes_changed:\n",
         "        if False:\n",
         "tests/unit/pdsolve/test_checks.py::test_a_run_says_that_its_bonds_took_too_little",
@@ -38,7 +38,7 @@ RIGHT_ANSWERS = (
         "tests/verification/test_families_that_lose_bonds.py::test_torn_families_are_no_stiffer_than_straight_faces",
     ),
     Mutant(
-        "pdsolve/run/motion_accounts.py",
+        "pdsolve/run/mechanics_records.py",
         "        if system.time_step > intact_step:",
         "        if False:",
         "tests/verification/test_families_that_lose_bonds.py::test_a_step_that_became_too_long_is_said_to_be_the_cause",
@@ -286,7 +286,7 @@ RIGHT_ANSWERS = (
     ),
     Mutant(
         "pdpost/measures/crack_summary.py",
-        "    lines += _crumbs(summary.fragments)\n",
+        "    lines += _crumbs_sentences(summary.fragments)\n",
         "",
         "tests/unit/pdpost/measures/test_cracks.py::test_pieces_beside_crumbs_are_said_to_be_few",
     ),

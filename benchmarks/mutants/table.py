@@ -13,14 +13,14 @@ MUTANTS = (
     *LATTICE,
     Mutant(
         "pdsolve/steppers/holds.py",
-        "v[i, axis] = holds.value[e] * factor_at(profiles, holds.profile[e], time - dt / 2)",
-        "v[i, axis] = holds.value[e] * factor_at(profiles, holds.profile[e], time)",
+        "v[i, axis] = holds.value[entry] * factor_at(profiles, holds.profile[entry], time - dt / 2)",
+        "v[i, axis] = holds.value[entry] * factor_at(profiles, holds.profile[entry], time)",
         f"{UNIT}/test_conditions.py::test_a_held_velocity_follows_its_profile",
     ),
     Mutant(
         "pdsolve/steppers/holds.py",
-        "value = holds.value[e] * factor_at(profiles, holds.profile[e], time)",
-        "value = holds.value[e] * factor_at(profiles, holds.profile[e], time - dt / 2)",
+        "value = holds.value[entry] * factor_at(profiles, holds.profile[entry], time)",
+        "value = holds.value[entry] * factor_at(profiles, holds.profile[entry], time - dt / 2)",
         f"{UNIT}/test_conditions.py::test_a_held_velocity_follows_its_profile",
     ),
     Mutant(
@@ -67,8 +67,8 @@ MUTANTS = (
     ),
     Mutant(
         "pdpost/measures/cracked_nodes.py",
-        "np.minimum.at(since, born_row[cracked], since[died_row[cracked]])",
-        "since[born_row[cracked]] = birth[born_row[cracked]]",
+        "np.minimum.at(cracked_step, born_row[cracked], cracked_step[died_row[cracked]])",
+        "cracked_step[born_row[cracked]] = birth[born_row[cracked]]",
         "tests/unit/pdpost/measures/test_changing.py::test_a_node_that_is_born_cracked_is_so_since_the_one_before",
     ),
     Mutant(
@@ -247,7 +247,7 @@ MUTANTS = (
     ),
     Mutant(
         "pdsolve/run/recorder.py",
-        "    put_loads(system.drive, system.load_time(step))\n",
+        "    put_loads(system.drive, system.profile_time(step))\n",
         "",
         f"{UNIT}/test_interrupted_runs.py::test_interrupted_anywhere",
     ),
@@ -327,7 +327,7 @@ MUTANTS = (
         "pdsolve/steppers/rigid_body_modes.py",
         "        if not all(np.isin(near[i], near[j]).any()",
         "        if False and not all(np.isin(near[i], near[j]).any()",
-        f"{UNIT}/test_lost_bonds.py::test_bodies_that_stay_supported_are[True]",
+        f"{UNIT}/test_downdated_tangent.py::test_bodies_that_stay_supported_are[True]",
     ),
     Mutant(
         "pdmesh/grid/cubic.py",
@@ -379,14 +379,14 @@ MUTANTS = (
     ),
     Mutant(
         "pdpost/measures/directions.py",
-        "heading[0] * way[1] - heading[1] * way[0]",
-        "heading[1] * way[0] - heading[0] * way[1]",
+        "heading[0] * direction[1] - heading[1] * direction[0]",
+        "heading[1] * direction[0] - heading[0] * direction[1]",
         "tests/unit/pdpost/measures/test_directions.py",
     ),
     Mutant(
         "pdpost/measures/release.py",
-        "float(spent[-1] / length[-1])",
-        "float((spent[-1] - spent[0]) / length[-1])",
+        "float(dissipated[-1] / length[-1])",
+        "float((dissipated[-1] - dissipated[0]) / length[-1])",
         "tests/unit/pdpost/measures/test_release.py",
     ),
     *DIFFUSION,

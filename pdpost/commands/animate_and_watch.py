@@ -75,14 +75,14 @@ def _animate(args: argparse.Namespace) -> int:
 
     from pdmesh.files import write_atomically
     from pdpost.figures import animation, style
-    from pdpost.measures.fields import usual
+    from pdpost.measures.fields import default_field_name
     from pdpost.reading.frame_steps import frames
     from pdsolve.results import Results
 
     settings = dict(args.assignments)
     with style.styled(settings), Results.open(args.results) as results:
         steps, times = frames(results)
-        field = args.field or usual(results, int(steps[0]))
+        field = args.field or default_field_name(results, int(steps[0]))
         none = args.json and args.output is None
         path = None if none else commandline.output_path(args.output, args.results, f".{field}.gif", args.force)
         kind = None if path is None else animation.check_format(path)
@@ -116,7 +116,7 @@ def _animate(args: argparse.Namespace) -> int:
 
 def _watch(args: argparse.Namespace) -> int:
     from pdpost.figures import field_figure, style
-    from pdpost.measures.fields import usual
+    from pdpost.measures.fields import default_field_name
     from pdpost.reading import watching
     from pdpost.reading.time_text import time_text
     from pdsolve.results import Results
@@ -135,7 +135,7 @@ def _watch(args: argparse.Namespace) -> int:
                 scale = chosen_scale(results, step, args)
                 time = step * float(results.meta()["time_step"])
                 check_window(results, args)
-                field = field or usual(results, step)
+                field = field or default_field_name(results, step)
                 path = path or chosen(field)
                 how: dict[str, Any] = {
                     "scale": scale,

@@ -90,10 +90,10 @@ def _slice(args: argparse.Namespace) -> int:
     with style.styled(dict(args.assignments)), Results.open(args.results) as results:
         slices.expect_body(results)
         step, time = chosen_frame(results, args)
-        name = args.field or fields.usual(results, step)
-        part = fields.component(name, args.component, results.dimension)
-        shown = slices.values(results, name, step, part or None)
-        section = slices.cut(results, shown, step, *args.plane)
+        name = args.field or fields.default_field_name(results, step)
+        part = fields.choose_component(name, args.component, results.dimension)
+        shown = slices.reliable_values(results, name, step, part or None)
+        section = slices.cut_by_plane(results, shown, step, *args.plane)
         if path is not None:
             style.save(slice_figure.plane(results, section, name, part, step, largest_of(args, name)), path)
         nodes, when = results.nodes(step), moment(results, step)
@@ -136,9 +136,9 @@ def _render(args: argparse.Namespace) -> int:
             output = None if path is None else str(path)
             commandline.report({"output": output, "step": step, "time": time}, [f"{path}: {when}"], args)
             return commandline.OK
-        name = args.field or fields.usual(results, step)
-        part = fields.component(name, args.component, results.dimension)
-        values = slices.values(results, name, step, part or None)
+        name = args.field or fields.default_field_name(results, step)
+        part = fields.choose_component(name, args.component, results.dimension)
+        values = slices.reliable_values(results, name, step, part or None)
         shown = colours.colours(name, part, values, largest_of(args, name))
         title = colours.title(results, name, part, step, 0.0)
         if args.level is not None:
@@ -155,9 +155,9 @@ def _cracked(results: Results, step: int, explode: float | None) -> Figure:
     """The cracks of a body, or its fragments apart."""
     from pdpost.figures import crack_render
     from pdpost.figures.colours import at
-    from pdpost.measures.crack_faces import opened, surface
+    from pdpost.measures.crack_faces import crack_surface, find_opened_pairs
 
-    parted_pairs, nodes = opened(results, step), results.nodes(step)
+    parted_pairs, nodes = find_opened_pairs(results, step), results.nodes(step)
     if explode is not None:
         return crack_render.fragments_apart(nodes, parted_pairs, explode, f"Fragments {at(results, step)}")
-    return crack_render.cracks_in_body(nodes, surface(results, step, parted_pairs), f"Cracks {at(results, step)}")
+    return crack_render.cracks_in_body(nodes, crack_surface(results, step, parted_pairs), f"Cracks {at(results, step)}")

@@ -56,7 +56,7 @@ def add(commands: Commands) -> None:
 def _compare(args: argparse.Namespace) -> int:
     from pdpost.figures import frames_figure, style
     from pdpost.measures import fields
-    from pdpost.measures.plate_geometry import check_alike
+    from pdpost.measures.plate_geometry import expect_same_plate
     from pdpost.reading.time_text import time_text
     from pdsolve.results import Results
 
@@ -73,12 +73,12 @@ def _compare(args: argparse.Namespace) -> int:
     path = picture_path(args, ".png")
     if path is not None:
         style.check_format(path)
-    part = fields.component(args.field, args.component)
+    part = fields.choose_component(args.field, args.component)
     with style.styled(dict(args.assignments)), ExitStack() as stack:
         runs = [stack.enter_context(Results.open(file)) for file in files]
         panels, compared_frames = [], []
         for file, results, title in zip(files, runs, titles, strict=True):
-            check_alike(results, runs[0])
+            expect_same_plate(results, runs[0])
             args.results = file  # which a message names
             step, time = chosen_frame(results, args)
             panels.append(frames_figure.Panel(results, step, f"{title}, {time_text(time, micro='µs')}"))

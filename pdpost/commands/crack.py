@@ -84,7 +84,7 @@ def _one(args: argparse.Namespace, results: Results, threshold: float, path: Pat
     from dataclasses import asdict
 
     from pdpost.measures import crack_summary
-    from pdpost.measures.predicted_directions import predicted
+    from pdpost.measures.predicted_directions import predict_directions
 
     check_window(results, args)
     summary = crack_summary.crack(results, _step(args, results), threshold, args.along)
@@ -94,8 +94,8 @@ def _one(args: argparse.Namespace, results: Results, threshold: float, path: Pat
         style.save(crack_figure.crack(results, summary, args.window), path)
     header, rows = crack_summary.table(summary)
     first = summary.growth.first_break
-    expected = [] if first is None else predicted(results, summary.directions, first.step)
-    lines = [*crack_summary.sentences(summary), *crack_summary.predictions(expected, results)]
+    expected = [] if first is None else predict_directions(results, summary.directions, first.step)
+    lines = [*crack_summary.sentences(summary), *crack_summary.prediction_sentences(expected, results)]
     result = {**crack_summary.numbers(summary), "predicted": [asdict(prediction) for prediction in expected]}
     return number_options.deliver(args, result, lines, header, rows, path)
 
@@ -130,7 +130,7 @@ def _two(args: argparse.Namespace, first_run: Results, second_run: Results, thre
 
     check_window(first_run, args)
     steps = _step(args, first_run), _step(args, second_run)
-    along = args.along or paths.heading(paths.path(first_run, steps[0], threshold))
+    along = args.along or paths.main_direction(paths.crack_paths(first_run, steps[0], threshold))
     comparison = compare(first_run, second_run, steps, cracks.DIRECTIONS[along], threshold)
     lines = ["one of the two runs has no crack: nothing to compare"]
     if comparison.mean is not None and comparison.hausdorff is not None:

@@ -124,12 +124,12 @@ def _history(args: argparse.Namespace) -> int:
 def _masses(args: argparse.Namespace, results: Results, path: Path | None) -> int:
     """The history of a substance that diffuses, or of heat."""
     from pdmesh.model.content_amounts import amounts_line
-    from pdpost.measures.diffused_amounts import amounts
+    from pdpost.measures.diffused_amounts import balance_with_unit
     from pdpost.reading.time_text import time_text
 
     if args.places or args.components:
         raise commandline.UsageError("history: masses are of the whole model; leave out nodes and components")
-    books, unit = amounts(results)
+    books, unit = balance_with_unit(results)
     if path is not None:
         from pdpost.figures import charts, style
 
@@ -170,10 +170,10 @@ def _curve(results: Results, place: Place, *what: str) -> History:
 
     option, values = place
     if option == "--node":
-        return histories.of_node(results, int(values[0]), *what)
+        return histories.node_history(results, int(values[0]), *what)
     if option == "--at":
-        return histories.at_place(results, values, *what)
-    return histories.in_box(results, values, *what)
+        return histories.place_history(results, values, *what)
+    return histories.box_history(results, values, *what)
 
 
 def _told(curve: History, unit: str) -> str:
@@ -192,13 +192,13 @@ def _told(curve: History, unit: str) -> str:
 def _balance(args: argparse.Namespace) -> int:
     import numpy as np
 
-    from pdpost.measures.balance import balance, per_thickness, remarks
+    from pdpost.measures.balance import balance, energy_remarks, thickness_unit_suffix
     from pdpost.reading.time_text import time_text
     from pdsolve.results import Results
 
     path = picture_path(args, ".balance.png")
     with number_options.styled(path, dict(args.assignments)), Results.open(args.results) as results:
-        books, per, said = balance(results), per_thickness(results), remarks(results)
+        books, per, said = balance(results), thickness_unit_suffix(results), energy_remarks(results)
         if path is not None:
             from pdpost.figures import charts, style
 
@@ -232,8 +232,8 @@ def _balance(args: argparse.Namespace) -> int:
 
 
 def _reaction(args: argparse.Namespace) -> int:
-    from pdpost.measures.balance import per_thickness
-    from pdpost.measures.forces import chosen, reactions
+    from pdpost.measures.balance import thickness_unit_suffix
+    from pdpost.measures.forces import reactions, select_reactions
     from pdsolve.results import Results
 
     if args.gap is not None:
@@ -242,8 +242,8 @@ def _reaction(args: argparse.Namespace) -> int:
         raise commandline.UsageError("--smooth needs --gap; give both, or leave it out")
     path = picture_path(args, ".reaction.png")
     with number_options.styled(path, dict(args.assignments)), Results.open(args.results) as results:
-        axis, per, ways = _axis(results, args), per_thickness(results), "xyz"[: results.dimension]
-        chosen_reactions = chosen(reactions(results), args.condition)
+        axis, per, ways = _axis(results, args), thickness_unit_suffix(results), "xyz"[: results.dimension]
+        chosen_reactions = select_reactions(reactions(results), args.condition)
         if path is not None:
             from pdpost.figures import charts, style
 
@@ -275,20 +275,20 @@ def _reaction(args: argparse.Namespace) -> int:
 
 
 def _gap(args: argparse.Namespace) -> int:
-    from pdpost.measures.balance import per_thickness
-    from pdpost.measures.forces import chosen, reactions
-    from pdpost.measures.gaps import against, gap, named_gap
+    from pdpost.measures.balance import thickness_unit_suffix
+    from pdpost.measures.forces import reactions, select_reactions
+    from pdpost.measures.gaps import force_against_gap, gap_between, named_gap
     from pdsolve.results import Results
 
     if args.smooth < 1:
         raise commandline.UsageError(f"--smooth is {args.smooth}; use 1 or more")
     path = picture_path(args, ".gap.png")
     with number_options.styled(path, dict(args.assignments)), Results.open(args.results) as results:
-        axis, per = _axis(results, args), per_thickness(results)
-        opened = named_gap(results, args.gap[0]) if len(args.gap) == 1 else gap(results, *_two_places(args.gap))
-        conditions = chosen(reactions(results), args.condition)
+        axis, per = _axis(results, args), thickness_unit_suffix(results)
+        opened = named_gap(results, args.gap[0]) if len(args.gap) == 1 else gap_between(results, *_two_places(args.gap))
+        conditions = select_reactions(reactions(results), args.condition)
         opening_curves = [
-            against(opened, curve, curve.axis if axis is None else axis, args.smooth) for curve in conditions
+            force_against_gap(opened, curve, curve.axis if axis is None else axis, args.smooth) for curve in conditions
         ]
         if path is not None:
             from pdpost.figures import charts, style
@@ -296,8 +296,10 @@ def _gap(args: argparse.Namespace) -> int:
             style.save(charts.openings(opening_curves, per), path)
     lines = [f"between nodes {opened.nodes[0]} and {opened.nodes[1]}"]
     for curve in opening_curves:
-        last, most = (f"{curve.force[k]:+.4g} N{per} at {curve.opening[k] * 1e3:+.4g} mm" for k in (-1, curve.peak))
-        area = f"area {abs(curve.area):.4g} J{per}"
+        last, most = (
+            f"{curve.force[k]:+.4g} N{per} at {curve.opening[k] * 1e3:+.4g} mm" for k in (-1, curve.peak_index)
+        )
+        area = f"area {abs(curve.work):.4g} J{per}"
         lines.append(f"{curve.name}, along {'xyz'[curve.axis]}: {last} of opening in the end, {most} at most, {area}")
     rows = [
         (curve.name, opening, force)
@@ -305,7 +307,7 @@ def _gap(args: argparse.Namespace) -> int:
         for opening, force in zip(curve.opening, curve.force, strict=True)
     ]
     forces = [
-        curve._asdict() | {"peak": float(curve.force[curve.peak]), "area": curve.area} for curve in opening_curves
+        curve._asdict() | {"peak": float(curve.force[curve.peak_index]), "area": curve.work} for curve in opening_curves
     ]
     result = {"units": _units(per), "nodes": opened.nodes, "forces": forces}
     return number_options.deliver(args, result, lines, ("condition", "opening, m", f"force, N{per}"), rows, path)

@@ -10,7 +10,7 @@ from pdpost.commands.shared import add_every, chosen_stride, counted, picture_pa
 
 if TYPE_CHECKING:
     from pdpost.commands.shared import Commands
-    from pdpost.measures.fatigue import Life
+    from pdpost.measures.fatigue import FatigueLife
 
 HEADER = (
     *("run", "tip", "cycles", "growth, m", "K, Pa m^0.5", "dK, Pa m^0.5", "da/dN to the next, m", "settled"),
@@ -44,7 +44,7 @@ def _fatigue(args: argparse.Namespace) -> int:
     return number_options.deliver(args, result, lines, HEADER, rows, path)
 
 
-def _measured(args: argparse.Namespace, name: str) -> Life:
+def _measured(args: argparse.Namespace, name: str) -> FatigueLife:
     """The life of a run. Raises ResultsError."""
     from pathlib import Path
 
@@ -55,10 +55,10 @@ def _measured(args: argparse.Namespace, name: str) -> Life:
 
     with Results.open(Path(name)) as results:
         expect_mechanics(results)
-        return fatigue.lived(results, chosen(results, chosen_stride(results, args)), counted(args, "summing"))
+        return fatigue.fatigue_life(results, chosen(results, chosen_stride(results, args)), counted(args, "summing"))
 
 
-def _told(run: Life) -> dict[str, Any]:
+def _told(run: FatigueLife) -> dict[str, Any]:
     return {
         "name": run.name,
         "cycles": run.cycles,
@@ -70,7 +70,7 @@ def _told(run: Life) -> dict[str, Any]:
     }
 
 
-def _lines(run: Life) -> list[str]:
+def _lines(run: FatigueLife) -> list[str]:
     import numpy as np
 
     wrong = run.error / run.cycles if run.error and run.cycles else None
@@ -82,7 +82,7 @@ def _lines(run: Life) -> list[str]:
         f"{tip.name}: grown by {tip.length[-1] * 1e3:.4g} mm until {tip.cycles[-1]:.4g} cycles" for tip in run.growths
     ]
     if run.growths and run.line is not None:
-        at = float(run.line.at(np.array(10e6)))
+        at = float(run.line.growth_rate(np.array(10e6)))
         lines.append(
             f"da/dN = {at:.4g} m a cycle at 10 MPa m^0.5, m = {run.line.m:.4g}, from {run.line.points} points, which"
             f" scatter by {10**run.line.scatter - 1:.1%}"
@@ -92,7 +92,7 @@ def _lines(run: Life) -> list[str]:
     return lines
 
 
-def _rows(run: Life) -> Any:
+def _rows(run: FatigueLife) -> Any:
     none = float("nan")
     if run.first is not None:
         yield (run.name, "first break", run.first, none, none, none, none, None, run.range)

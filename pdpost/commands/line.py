@@ -49,10 +49,10 @@ def _line(args: argparse.Namespace) -> int:
     with number_options.styled(path, dict(args.assignments)), Results.open(args.results) as results:
         components = args.components or [None]
         parts = list(
-            dict.fromkeys(fields.component(args.field, component, results.dimension) for component in components)
+            dict.fromkeys(fields.choose_component(args.field, component, results.dimension) for component in components)
         )
         step, time = chosen_frame(results, args)
-        sampled_line = lines.line(results, args.field, step, args.begins, args.ends)
+        sampled_line = lines.sample_line(results, args.field, step, args.begins, args.ends)
         if path is not None:
             from pdpost.figures import charts, colours, style
 

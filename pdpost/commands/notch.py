@@ -93,15 +93,15 @@ def _triangles(results: Results, step: int) -> _Found:
     """The pre-cracks of a body, and what opened in its run. Raises ResultsError without any."""
     import numpy as np
 
-    from pdpost.measures.crack_faces import grown_triangles, opened, surface
+    from pdpost.measures.crack_faces import crack_surface, find_opened_pairs, grown_triangles
     from pdsolve.results import ResultsError
 
-    cracks = surface(results, step, opened(results, step))
+    cracks = crack_surface(results, step, find_opened_pairs(results, step))
     opened_triangles = grown_triangles(cracks)
     triangles = np.concatenate([results.cracks(), opened_triangles])
     if not len(triangles):
         raise ResultsError(f"{results.name} has no crack; use a body in which neighbours parted")
-    area = float(cracks.area[cracks.grown].sum())
+    area = float(cracks.area[cracks.is_grown].sum())
     return _Found(
         notch=tuple(map(tuple, triangles.tolist())),
         written=f"{len(triangles)} triangles of cracks",

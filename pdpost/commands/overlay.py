@@ -14,7 +14,7 @@ ALONE = ("compare", "along", "frame", "step", "time")  # options that a study do
 def overlaid(args: argparse.Namespace, threshold: float) -> int:
     """Draw the crack paths of all runs of a study, for `pdpost crack`; returns the exit code."""
     from pdpost.measures import paths
-    from pdpost.measures.plate_geometry import check_alike
+    from pdpost.measures.plate_geometry import expect_same_plate
     from pdpost.reading import studies
     from pdpost.reading.frame_steps import last_step
     from pdsolve.results import Results, ResultsError
@@ -31,8 +31,8 @@ def overlaid(args: argparse.Namespace, threshold: float) -> int:
         lines = []
         for row in study.rows:
             with Results.open(row.file) as results:
-                check_alike(results, first)
-                way = paths.path(results, last_step(results), threshold)
+                expect_same_plate(results, first)
+                way = paths.crack_paths(results, last_step(results), threshold)
                 lines.append((row, studies.label(row, study.varied), way))
         title = f"Paths of the cracks of {len(lines)} runs"
         if picture is not None:
@@ -40,7 +40,7 @@ def overlaid(args: argparse.Namespace, threshold: float) -> int:
 
             named_paths = [(name, way) for _, name, way in lines]
             style.save(study_figure.overlay(first, named_paths, title, args.window), picture)
-    apart = [(row, paths.distance(way, lines[0][2])[0]) for row, _, way in lines[1:] if way and lines[0][2]]
+    apart = [(row, paths.path_distances(way, lines[0][2])[0]) for row, _, way in lines[1:] if way and lines[0][2]]
     text = [f"{len(lines)} runs, {sum(bool(way) for _, _, way in lines)} with a crack"]
     if apart:
         most = max(apart, key=lambda one: one[1])

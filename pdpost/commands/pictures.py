@@ -110,10 +110,10 @@ def _field(args: argparse.Namespace) -> int:
 
     name = args.picture
     if args.frames is not None:
-        return _sheet(args, name, fields.component(name, args.component))
+        return _sheet(args, name, fields.choose_component(name, args.component))
 
     def show(results: Results, step: int, scale: float) -> Drawn:
-        part = fields.component(name, args.component, results.dimension)
+        part = fields.choose_component(name, args.component, results.dimension)
         shown, largest = field_figure.values_of(results, name, step, part), largest_of(args, name)
         how: dict[str, Any] = {"part": part or None, "scale": scale, "largest": largest, "window": args.window}
         how["hide"] = args.hide
@@ -126,7 +126,7 @@ def _field(args: argparse.Namespace) -> int:
         unit = fields.FIELDS[name].unit
         reported = {"component": part or None, **numbers(shown), "unit": unit}
         low, high = reported["smallest"], reported["largest"]
-        ends = f"{low:.4g} to" if low is not None and fields.signed(name, part) else "up to"
+        ends = f"{low:.4g} to" if low is not None and fields.takes_both_signs(name, part) else "up to"
         words = "nothing known" if high is None else f"{ends} {high:.4g} {unit}".rstrip()
         if reported["torn"]:
             words += f", {reported['torn']} torn nodes left out"
@@ -198,12 +198,12 @@ def _nodes(args: argparse.Namespace) -> int:
 def _bonds(args: argparse.Namespace) -> int:
     from pdpost.exports import csv_columns
     from pdpost.figures import bond_figure
-    from pdpost.measures.bond_pairs import pairs
+    from pdpost.measures.bond_pairs import read_bond_pairs
     from pdpost.reading.embedded_model import expect_mechanics
 
     def show(results: Results, step: int, scale: float) -> Drawn:
         expect_mechanics(results)
-        bond_pairs = pairs(results, step)
+        bond_pairs = read_bond_pairs(results, step)
         reported = {"intact": int((~bond_pairs.broken).sum()), "broken": int(bond_pairs.broken.sum())}
         words = f"{reported['intact']} bonds intact, {reported['broken']} broken"
         figure = bond_figure.bonds(results, step, scale=scale, window=args.window, bond_pairs=bond_pairs)

@@ -24,7 +24,7 @@ from pdpost.commands.shared import (
 if TYPE_CHECKING:
     from pdmesh.model.domain_integrals import Ring
     from pdpost.commands.shared import Commands
-    from pdpost.measures.stress_intensities import Series
+    from pdpost.measures.stress_intensities import IntensityHistory
     from pdsolve.results import Results
 
 UNITS = {"J": "J/m^2", "K1": "Pa m^0.5", "K2": "Pa m^0.5", "T": "Pa", "angle": "degrees"}
@@ -64,8 +64,8 @@ def _sif(args: argparse.Namespace) -> int:
     from pdmesh.model.domain_integrals import Ring
     from pdpost.commands import sif_in_space
     from pdpost.measures import stress_intensities
-    from pdpost.measures.release import release
-    from pdpost.measures.tips import tips
+    from pdpost.measures.release import energy_release
+    from pdpost.measures.tips import crack_branches
     from pdpost.reading.embedded_model import expect_mechanics
     from pdsolve.results import Results
 
@@ -80,9 +80,9 @@ def _sif(args: argparse.Namespace) -> int:
         if args.tip is not None and len(args.tip) != 2:
             raise commandline.UsageError(f"--tip has {len(args.tip)} numbers; use 2, a place in m")
         _expect_on_plate(results, args.tip)
-        tip_series = stress_intensities.follow(results, steps, args.tip, ring, counted(args, "summing"))
-        spent = release(results, tips(results, max(steps)))
-        release_rates = spent.at(tip_series[0].time)
+        tip_series = stress_intensities.follow_tips(results, steps, args.tip, ring, counted(args, "summing"))
+        spent = energy_release(results, crack_branches(results, max(steps)))
+        release_rates = spent.release_at(tip_series[0].time)
         if path is not None:
             from pdpost.figures import sif_figure, style
 
@@ -107,11 +107,11 @@ def _expect_on_plate(results: Results, place: tuple[float, float] | None) -> Non
     """Raise UsageError for a place that is farther from the plate than a spacing."""
     from shapely import Point
 
-    from pdpost.measures.plate_geometry import plate
+    from pdpost.measures.plate_geometry import read_plate_geometry
 
     if place is None:
         return
-    shape = plate(results).shape
+    shape = read_plate_geometry(results).shape
     if shape.distance(Point(place)) > results.nodes(0).delta.max():
         x0, y0, x1, y1 = shape.bounds
         raise commandline.UsageError(
@@ -134,7 +134,7 @@ def _steps(results: Results, args: argparse.Namespace) -> list[int]:
     return [chosen_frame(results, args)[0]]
 
 
-def _told(series: Series, release_rates: Any) -> dict[str, Any]:
+def _told(series: IntensityHistory, release_rates: Any) -> dict[str, Any]:
     rings: list[Ring] = [] if series.last is None else list(series.last.rings)
     return {
         "name": series.front.name,
@@ -150,13 +150,13 @@ def _told(series: Series, release_rates: Any) -> dict[str, Any]:
     }
 
 
-def _rows(series: Series, release_rates: Any) -> Any:
+def _rows(series: IntensityHistory, release_rates: Any) -> Any:
     columns = [side[name] for name in UNITS for side in (series.value, series.low, series.high)]
     for row in zip(series.step, series.time, *series.place.T, *columns, release_rates, strict=True):
         yield (series.front.name, *row)
 
 
-def _words(series: Series) -> str:
+def _words(series: IntensityHistory) -> str:
     import numpy as np
 
     from pdpost.reading.time_text import time_text
@@ -174,7 +174,7 @@ def _words(series: Series) -> str:
     said += [f"T {values['T'][0] * 1e-6:.3g} MPa" if elastic else YIELDS]
     if np.isfinite(values["angle"][0]):
         said += [f"turns by {values['angle'][0]:+.1f} degrees"]
-    if series.differs[at]:
+    if series.K_differs_from_J[at]:
         said += [f"(K1^2 + K2^2)/E' {series.of_K[at]:.4g} J/m^2 is outside the band of J: trust J"]
     (x, y), when = series.place[at] * 1e3 + 0.0, time_text(float(series.time[at]))
     gaps = len(series.step) - len(finite)

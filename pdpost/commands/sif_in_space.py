@@ -12,7 +12,7 @@ from pdpost.commands import number_options
 from pdpost.commands.shared import YIELDS, counted
 
 if TYPE_CHECKING:
-    from pdpost.measures.intensities_in_space import AlongFront
+    from pdpost.measures.intensities_in_space import FrontIntensities
     from pdsolve.results import Results
 
 UNITS = {"J": "J/m^2", "K1": "Pa m^0.5", "K2": "Pa m^0.5", "K3": "Pa m^0.5", "angle": "degrees"}
@@ -35,7 +35,7 @@ def deliver_fronts(args: argparse.Namespace, results: Results, steps: list[int],
             reasons = ", ".join(f"{count} at {why}" for why, count in left_out.most_common())
             said = f"{sum(left_out.values())} of {len(front.along)} points left out: {reasons}"
             commandline.warn(f"{args.results}: {front.name}: {said}")
-    lines = [_words(front) for front in last if len(front.known)]
+    lines = [_words(front) for front in last if len(front.points_with_values)]
     result = {"steps": steps, "units": UNITS, "fronts": [_told(front) for front in front_states]}
     names = [f"{name}{end}, {unit}" for name, unit in UNITS.items() for end in ("", " at least", " at most")]
     header = ("front", "step", "time, s", "along, m", "x, m", "y, m", "z, m", *names)
@@ -43,7 +43,7 @@ def deliver_fronts(args: argparse.Namespace, results: Results, steps: list[int],
     return number_options.deliver(args, result, lines, header, rows, path)
 
 
-def _told(front: AlongFront) -> dict[str, Any]:
+def _told(front: FrontIntensities) -> dict[str, Any]:
     return {
         "name": front.name,
         "step": front.step,
@@ -60,19 +60,19 @@ def _told(front: AlongFront) -> dict[str, Any]:
     }
 
 
-def _rows(front: AlongFront) -> Any:
+def _rows(front: FrontIntensities) -> Any:
     columns = [side[name] for name in UNITS for side in (front.value, front.low, front.high)]
     for row in zip(front.along, *front.place.T, *columns, strict=True):
         yield (front.name, front.step, front.time, *row)
 
 
-def _words(front: AlongFront) -> str:
+def _words(front: FrontIntensities) -> str:
     """The largest and the mean of a front's values."""
     import numpy as np
 
     from pdpost.reading.time_text import time_text
 
-    known_points = front.known
+    known_points = front.points_with_values
     at = int(known_points[front.value["J"][known_points].argmax()])
     place = ", ".join(f"{x * 1e3 + 0.0:.4g}" for x in front.place[at])
     said, intensities = [], ("K1", "K2", "K3") if np.isfinite(front.value["K1"][at]) else ()

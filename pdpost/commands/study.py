@@ -48,9 +48,9 @@ def _study(args: argparse.Namespace) -> int:
     path = picture_path(args, ".study.png")
     with number_options.styled(path, dict(args.assignments)):
         study = studies.read(args.results)
-        measures, over = scatter.chosen(study, args.measure, args.over)
-        nowhere = scatter.empty(study, args.measure)
-        measured = {name: scatter.spreads(study, name, over) for name in measures}
+        measures, over = scatter.choose_measures_and_parameter(study, args.measure, args.over)
+        nowhere = scatter.measures_without_values(study, args.measure)
+        measured = {name: scatter.group_runs(study, name, over) for name in measures}
         if path is not None:
             from pdpost.figures import study_figure, style
 
@@ -58,7 +58,15 @@ def _study(args: argparse.Namespace) -> int:
     if nowhere:
         commandline.note(f"pdpost study: in none of {len(study.rows)} runs: {', '.join(nowhere)}", args)
     rows = [
-        (measure, spread.series, spread.value, spread.median, *spread.ends, len(spread.known), len(spread.measured))
+        (
+            measure,
+            spread.series,
+            spread.value,
+            spread.median,
+            *spread.extremes,
+            len(spread.known_values),
+            len(spread.measured),
+        )
         for measure, spreads in measured.items()
         for spread in spreads
     ]

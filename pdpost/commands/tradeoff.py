@@ -12,7 +12,7 @@ from pdpost.commands.shared import add_csv, add_journal, check_csv
 
 if TYPE_CHECKING:
     from pdpost.commands.shared import Commands
-    from pdpost.measures.tradeoff import Point
+    from pdpost.measures.tradeoff import TradeoffPoint
 
 COSTS = ("wall_time", "bond_updates", "bytes")
 ERRORS = ("displacement", "path", "start", "branching", "energy")
@@ -72,8 +72,8 @@ def _tradeoff(args: argparse.Namespace) -> int:
         error = np.array([_worst(point, kinds) for point in points])
         shown = kinds if len(kinds) == 1 else [*kinds, "worst"]
         style.save(tradeoff_figure.tradeoff(points, args.cost, shown, args.within), picture)
-    best = tradeoff.front(cost, error)
-    chosen = None if args.within is None else tradeoff.cheapest(cost, error, args.within)
+    best = tradeoff.pareto_front(cost, error)
+    chosen = None if args.within is None else tradeoff.cheapest_point(cost, error, args.within)
     cheapest = None if chosen is None else points[chosen].name
     rated = list(zip(points, error.tolist(), strict=True))
     result = {
@@ -104,7 +104,7 @@ def _tradeoff(args: argparse.Namespace) -> int:
     return number_options.deliver(args, result, lines, header, rows, picture)
 
 
-def _points(files: list[Path], reference: Path) -> list[Point]:
+def _points(files: list[Path], reference: Path) -> list[TradeoffPoint]:
     """Points of the chart for the results in `files`, named by their paths if file names repeat."""
     from pdpost.measures import tradeoff
     from pdpost.reading.studies import stands_for
@@ -114,13 +114,13 @@ def _points(files: list[Path], reference: Path) -> list[Point]:
     with Results.open(reference) as fine:
         for name, path in named:
             with Results.open(path) as results:
-                points.append(tradeoff.point(results, path, fine)._replace(name=name))
+                points.append(tradeoff.tradeoff_point(results, path, fine)._replace(name=name))
     if len({point.name for point in points}) < len(points):
         points = [point._replace(name=str(path)) for point, (_, path) in zip(points, named, strict=True)]
     return points
 
 
-def _kinds(points: list[Point], wanted_kinds: list[str]) -> list[str]:
+def _kinds(points: list[TradeoffPoint], wanted_kinds: list[str]) -> list[str]:
     """The kinds of error to draw: those asked for, or all available. Raises UsageError naming the available ones."""
     available = [kind for kind in ERRORS if any(getattr(point.errors, kind) is not None for point in points)]
     missing = [kind for kind in wanted_kinds if kind not in available]
@@ -132,6 +132,6 @@ def _kinds(points: list[Point], wanted_kinds: list[str]) -> list[str]:
     return wanted_kinds or available
 
 
-def _worst(point: Point, kinds: list[str]) -> float:
+def _worst(point: TradeoffPoint, kinds: list[str]) -> float:
     errors = [getattr(point.errors, kind) for kind in kinds]
     return max((error for error in errors if error is not None), default=float("nan"))

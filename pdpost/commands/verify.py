@@ -28,11 +28,11 @@ def add(commands: Commands) -> None:
 
 
 def _verify(args: argparse.Namespace) -> int:
-    from pdpost.measures.verification import verified
+    from pdpost.measures.verification import verify_database
     from pdsolve.results import Results
 
     with Results.open(args.results) as results:
-        counts = verified(results)
+        counts = verify_database(results)
     nodes, bonds = f"{counts.nodes} nodes", f"{counts.bonds} bonds, {counts.broken} of them broken"
     rest = f"{counts.frames} frames of {counts.fields} fields, steps 0 to {counts.last}; the run is '{counts.status}'"
     line = f"{args.results}: ok: {nodes}, {bonds}, {rest}" + ("" if counts.checksums else "; it has no checksums")

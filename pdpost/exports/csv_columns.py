@@ -13,7 +13,7 @@ from pdpost.measures import fields
 from pdsolve.results import Nodes, Results
 
 if TYPE_CHECKING:
-    from pdpost.measures.bond_pairs import Pairs
+    from pdpost.measures.bond_pairs import BondPairs
 
 Columns = Mapping[str, NDArray[np.generic]]
 
@@ -32,10 +32,10 @@ def of_field(results: Results, name: str, step: int) -> dict[str, NDArray[np.gen
     Strain and stress come with the damage, and with the separation, which tells where they are unreliable.
     """
     nodes = results.nodes(step)
-    components = fields.components(results, name, step)
+    components = fields.field_components(results, name, step)
     named = {f"{name}_{part}" if part else name: values for part, values in components.items()}
-    shares = ("damage", "separation") if fields.FIELDS[name].fitted else ()
-    more = {share: fields.values(results, share, step) for share in shares}
+    shares = ("damage", "separation") if fields.FIELDS[name].is_fitted_to_bonds else ()
+    more = {share: fields.field_values(results, share, step) for share in shares}
     return {"node": nodes.ids, **_places(nodes), **more, **named}
 
 
@@ -45,9 +45,11 @@ def of_frame(results: Results, step: int, also: Sequence[str] = ()) -> dict[str,
     nodes = results.nodes(step)
     stored = {name: results.field(name, step) for name in results.stored(step)}
     if "damage" in stored:  # in files bonds that pre-cracks cut count
-        stored["damage"] = fields.values(results, "damage", step).astype(np.float32)
+        stored["damage"] = fields.field_values(results, "damage", step).astype(np.float32)
     more = {
-        f"{name}_{part}": values for name in also for part, values in fields.components(results, name, step).items()
+        f"{name}_{part}": values
+        for name in also
+        for part, values in fields.field_components(results, name, step).items()
     }
     extent = "area" if results.dimension == 2 else "volume"
     return {"node": nodes.ids, **_places(nodes), "delta": nodes.delta, extent: nodes.area, **stored, **more}
@@ -57,7 +59,7 @@ def _places(nodes: Nodes) -> dict[str, NDArray[np.generic]]:
     return dict(zip("xyz", nodes.position.T, strict=False))
 
 
-def of_bonds(results: Results, step: int, bond_pairs: Pairs) -> dict[str, NDArray[np.generic]]:
+def of_bonds(results: Results, step: int, bond_pairs: BondPairs) -> dict[str, NDArray[np.generic]]:
     """Both nodes of each bond in `bond_pairs` after `step`, and 1 if it is broken, else 0."""
     ids = results.nodes(step).ids
     return {

@@ -48,13 +48,13 @@ def point_data(results: Results, step: int, also: Sequence[str] = ()) -> dict[st
         if column in stored:
             data[name] = results.field(column, step)
     if not diffuses(results):
-        data["damage"] = fields.values(results, "damage", step).astype(np.float32)
+        data["damage"] = fields.field_values(results, "damage", step).astype(np.float32)
     if results.dimension == 3:
         stress_names = ("sxx", "sxy", "sxz", "sxy", "syy", "syz", "sxz", "syz", "szz")
         if set(stress_names) <= set(stored):
             data["stress"] = np.column_stack([results.field(part, step) for part in stress_names])
     for name in also:
-        part = fields.components(results, name, step)
+        part = fields.field_components(results, name, step)
         zero = np.zeros_like(part["xx"])
         rows = ("xx", "xy", "xz", "xy", "yy", "yz", "xz", "yz", "zz")
         data[name] = np.column_stack([part.get(component, zero) for component in rows])

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from pdmesh.files import write_atomically
 from pdpost.exports.frame_files import ExportError
-from pdpost.measures.crack_faces import Surface, opened, surface
+from pdpost.measures.crack_faces import CrackSurface, crack_surface, find_opened_pairs
 from pdpost.measures.crack_in_space import front_speeds
 from pdsolve.results import Results
 
@@ -35,7 +35,7 @@ def check_suffix(path: Path) -> None:
         raise ExportError(f"{path}: suffix '{path.suffix}' is not known; use {' or '.join(SUFFIXES)}")
 
 
-def write(path: Path, cracks: Surface, speed: NDArray[np.float64]) -> None:
+def write(path: Path, cracks: CrackSurface, speed: NDArray[np.float64]) -> None:
     """Write a crack's surface: with opening times (s; -1 of pre-cracks) and the front's `speed` (f,), m/s, as VTP."""
     check_suffix(path)
     write_atomically(path, vtp(cracks, speed) if path.suffix.lower() == ".vtp" else stl(cracks))
@@ -43,11 +43,11 @@ def write(path: Path, cracks: Surface, speed: NDArray[np.float64]) -> None:
 
 def write_frame(path: Path, results: Results, step: int) -> None:
     """Write the surface of the cracks of a body after `step`."""
-    cracks = surface(results, step, opened(results, step))
+    cracks = crack_surface(results, step, find_opened_pairs(results, step))
     write(path, cracks, front_speeds(results, cracks))
 
 
-def vtp(cracks: Surface, speed: NDArray[np.float64]) -> bytes:
+def vtp(cracks: CrackSurface, speed: NDArray[np.float64]) -> bytes:
     """The surface as VTK PolyData."""
     polys = cracks.faces
     return VTP.format(
@@ -69,7 +69,7 @@ def _array(name: str, values: NDArray[np.generic], components: int = 1) -> str:
     )
 
 
-def stl(cracks: Surface) -> bytes:
+def stl(cracks: CrackSurface) -> bytes:
     """The surface as binary STL, two triangles a face, in m."""
     quads = cracks.corners[cracks.faces]
     triangles = np.concatenate([quads[:, [0, 1, 2]], quads[:, [0, 2, 3]]])

@@ -59,7 +59,7 @@ def frames(
     usual largest value of all frames. A body in space is shown undeformed: on three planes through its middle, or cut
     open by the plane `clip` (axis, m), with its cracks. Raises FieldError, and ResultsError naming what is available.
     """
-    part = fields.component(name, part, results.dimension)
+    part = fields.choose_component(name, part, results.dimension)
     if results.dimension == 3 or clip is not None:
         yield from _in_space(results, name, part, clip, every, dpi, largest, progress)
         return
@@ -143,7 +143,7 @@ def gif(
     how: dict[str, Any] = {"part": part, "scale": scale, "largest": largest, "every": every, "window": window}
     shots: Iterable[Pixels] = frames(results, name, dpi=dpi, progress=progress, hide=hide, clip=clip, **how)
     if clip is None:
-        palette = _palette(name, fields.component(name, part, results.dimension))
+        palette = _palette(name, fields.choose_component(name, part, results.dimension))
     else:  # shades, and the colours of cracks
         shots = list(shots)
         palette = Image.fromarray(shots[-1]).quantize(256)

@@ -13,7 +13,7 @@ from pdpost.figures.colours import at
 from pdpost.figures.raster import Box
 from pdpost.figures.sheets import Shape, Sheet, box_of, legend, mark, seen, shape, sheet
 from pdpost.figures.style import SKY_BLUE, VERMILION
-from pdpost.measures.bond_pairs import Pairs, pairs
+from pdpost.measures.bond_pairs import BondPairs, read_bond_pairs
 from pdpost.reading.frame_steps import last_frame
 from pdsolve.results import Results
 
@@ -30,7 +30,7 @@ def bonds(
     *,
     scale: float = 0.0,
     window: Box | None = None,
-    bond_pairs: Pairs | None = None,
+    bond_pairs: BondPairs | None = None,
 ) -> Figure:
     """The bonds after `step` (default: the last frame), on nodes displaced by `scale` times their displacement.
 
@@ -38,10 +38,10 @@ def bonds(
     """
     step = last_frame(results) if step is None else step
     where = shape(results, step, scale)._replace(turned=None)
-    bond_pairs = pairs(results, step) if bond_pairs is None else bond_pairs
+    bond_pairs = read_bond_pairs(results, step) if bond_pairs is None else bond_pairs
     box = window or box_of([where])
     in_view = seen(where.position, box)[bond_pairs.ends].any(axis=1)
-    visible_pairs = Pairs(bond_pairs.ends[in_view], bond_pairs.broken[in_view])
+    visible_pairs = BondPairs(bond_pairs.ends[in_view], bond_pairs.broken[in_view])
     many = len(visible_pairs.broken) > LINES
     on = sheet(box, bar=many)
     if many:
@@ -54,7 +54,7 @@ def bonds(
     return on.figure
 
 
-def _draw_lines(on: Sheet, where: Shape, bond_pairs: Pairs) -> None:
+def _draw_lines(on: Sheet, where: Shape, bond_pairs: BondPairs) -> None:
     width = float(np.clip(INK / np.sqrt(max(len(bond_pairs.broken), 1)), 0.15, 0.8))
     for broken, colour, word, order in ((False, INTACT, "intact", 1), (True, BROKEN, "broken", 2)):
         ends = bond_pairs.ends[bond_pairs.broken == broken]
@@ -69,7 +69,7 @@ def _draw_lines(on: Sheet, where: Shape, bond_pairs: Pairs) -> None:
         on.axes.plot([], [], color=colour, linewidth=1.5, label=f"{len(ends)} bonds {word}")
 
 
-def _count(on: Sheet, where: Shape, bond_pairs: Pairs) -> None:
+def _count(on: Sheet, where: Shape, bond_pairs: BondPairs) -> None:
     """Draw the share of broken bonds among those with their middle in a pixel; pixels are no finer than the nodes."""
     middle = where.position[bond_pairs.ends].mean(axis=1)
     x0, _, x1, _ = on.box

@@ -16,13 +16,13 @@ from pdpost.figures.labels import scaled, ten_to
 from pdpost.figures.style import COLOURS
 from pdpost.measures import fields
 from pdpost.measures.balance import Balance
-from pdpost.measures.diffused_amounts import AMOUNTS, Masses
+from pdpost.measures.diffused_amounts import AMOUNTS, MassBalance
 from pdpost.measures.forces import Reaction
-from pdpost.measures.gaps import Pulled
+from pdpost.measures.gaps import ForceOpeningCurve
 from pdpost.measures.histories import History
 
 if TYPE_CHECKING:
-    from pdpost.measures.lines import Line  # which would import SciPy
+    from pdpost.measures.lines import FieldLine  # which would import SciPy
 
 DASHES = ("-", "--", "-.", ":")
 WIDTH = 7.0  # inches
@@ -93,7 +93,7 @@ def balance(books: Balance, per: str = "/m") -> Figure:
     return figure
 
 
-def masses(books: Masses, unit: str = "mol") -> Figure:
+def masses(books: MassBalance, unit: str = "mol") -> Figure:
     """Amounts of a substance or heat in this unit over time and, where a solid dissolves, the share that is left.
 
     An amount is that of its way at the end, and negative while it goes the other way.
@@ -157,7 +157,7 @@ def reactions(chosen_reactions: list[Reaction], axis: int | None = None, per: st
     return figure
 
 
-def openings(opening_curves: list[Pulled], per: str = "/m") -> Figure:
+def openings(opening_curves: list[ForceOpeningCurve], per: str = "/m") -> Figure:
     """Forces against the opening of a gap with their peaks, and the areas below; `per` is the end of the unit."""
     figure = Figure(figsize=(WIDTH, 3.6), layout="constrained")
     axes = figure.add_subplot()
@@ -167,18 +167,25 @@ def openings(opening_curves: list[Pulled], per: str = "/m") -> Figure:
     for number, curve in enumerate(opening_curves):
         style, (x, y) = look(number), (curve.opening * metre, curve.force * newton)
         axes.plot(
-            x, y, lw=1.2, label=f"{for_legend(curve.name)}, {'xyz'[curve.axis]}: {abs(curve.area):.4g} J{per}", **style
+            x, y, lw=1.2, label=f"{for_legend(curve.name)}, {'xyz'[curve.axis]}: {abs(curve.work):.4g} J{per}", **style
         )
         axes.fill_between(x, y, color=style["color"], alpha=0.08, lw=0)
-        axes.plot(x[curve.peak], y[curve.peak], "o", ms=4, color=style["color"])
-        said = f"{y[curve.peak]:.4g} {newtons} at {x[curve.peak]:.3g} {metres}"
-        axes.annotate(said, (x[curve.peak], y[curve.peak]), (6, 4), textcoords="offset points", va="bottom", fontsize=8)
+        axes.plot(x[curve.peak_index], y[curve.peak_index], "o", ms=4, color=style["color"])
+        said = f"{y[curve.peak_index]:.4g} {newtons} at {x[curve.peak_index]:.3g} {metres}"
+        axes.annotate(
+            said,
+            (x[curve.peak_index], y[curve.peak_index]),
+            (6, 4),
+            textcoords="offset points",
+            va="bottom",
+            fontsize=8,
+        )
     axes.set(xlabel=f"opening, {metres}", ylabel=f"force on the {'plate' if per else 'body'}, {newtons}")
     figure.legend(loc="outside upper center", ncols=3, frameon=False)
     return figure
 
 
-def line(sampled_line: Line, name: str, parts: Sequence[str], title: str) -> Figure:
+def line(sampled_line: FieldLine, name: str, parts: Sequence[str], title: str) -> Figure:
     """Components of the field `name` along a line, with gaps where there is no value."""
     figure = Figure(figsize=(WIDTH, 3.6), layout="constrained")
     axes = figure.add_subplot(title=title)

@@ -15,8 +15,8 @@ from pdpost.figures.opening_colours import CMAP, Opening, opening_colours
 from pdpost.figures.render import STONE, add_body, framed, image, needed_pyvista, plotter_of, taken
 from pdpost.figures.style import COLOURS, FigureError
 from pdpost.measures import slices
-from pdpost.measures.crack_faces import Opened, Surface, opened, surface
-from pdpost.measures.fragments_in_space import SMALLEST, connected_pieces
+from pdpost.measures.crack_faces import CrackSurface, OpenedPairs, crack_surface, find_opened_pairs
+from pdpost.measures.fragments_in_space import SMALLEST, piece_of_node
 from pdpost.reading.stored_fields import diffuses
 from pdsolve.results import Nodes, Results
 
@@ -25,14 +25,14 @@ OLD = "#8a8a8a"  # colour of pre-cracks
 LIGHTING = {"ambient": 0.3, "diffuse": 0.7, "specular": 0.15}
 
 
-def cracks_in_body(nodes: Nodes, cracks: Surface, written: str) -> Figure:
+def cracks_in_body(nodes: Nodes, cracks: CrackSurface, written: str) -> Figure:
     """The surface of the cracks, coloured by when it opened, in the body as through glass. Raises FigureError."""
     pyvista = needed_pyvista()
     plotter = plotter_of(pyvista)
     for part in _solids(pyvista, nodes, np.ones(len(nodes.ids), dtype=bool)):
         plotter.add_mesh(part, color=STONE, opacity=CLEAR)
     times = _add_surface(pyvista, plotter, cracks)
-    painted = times.painted if cracks.grown.any() else None
+    painted = times.painted if cracks.is_grown.any() else None
     return framed(taken(plotter, nodes.position.mean(axis=0)), written, painted, times.label, "max")
 
 
@@ -40,7 +40,7 @@ def cut_open(
     nodes: Nodes,
     values: NDArray[np.float64],
     shown: Colours,
-    cracks: Surface | None,
+    cracks: CrackSurface | None,
     written: str,
     plane: tuple[str, float],
     uncropped: bool = False,
@@ -68,9 +68,9 @@ def frame_cut_open(
     uncropped: bool = False,
 ) -> Figure:
     """`cut_open` of the component `part` of a field after `step`, by a plane through the middle if none is given."""
-    values = slices.values(results, name, step, part or None)
-    plane = plane or ("y", float(slices.middle(results)[1]))
-    cracks = None if diffuses(results) else surface(results, step, opened(results, step))
+    values = slices.reliable_values(results, name, step, part or None)
+    plane = plane or ("y", float(slices.grid_centre(results)[1]))
+    cracks = None if diffuses(results) else crack_surface(results, step, find_opened_pairs(results, step))
     shown = colours(name, part, values, largest)
     return cut_open(results.nodes(step), values, shown, cracks, title(results, name, part, step, 0.0), plane, uncropped)
 
@@ -93,11 +93,11 @@ def film(
         yield np.asarray(canvas.buffer_rgba())[:, :, :3].copy()
 
 
-def _add_surface(pyvista: Any, plotter: Any, cracks: Surface) -> Opening:
+def _add_surface(pyvista: Any, plotter: Any, cracks: CrackSurface) -> Opening:
     """Add the surface of cracks to a plotter; returns the colours of what opened."""
     times = opening_colours(cracks)
     for is_opened in (False, True):
-        face_mask = cracks.grown == is_opened
+        face_mask = cracks.is_grown == is_opened
         if not face_mask.any():
             continue
         quads = np.column_stack([np.full(face_mask.sum(), 4), cracks.faces[face_mask]])
@@ -111,12 +111,12 @@ def _add_surface(pyvista: Any, plotter: Any, cracks: Surface) -> Opening:
     return times
 
 
-def fragments_apart(nodes: Nodes, parted_pairs: Opened, by: float, written: str) -> Figure:
+def fragments_apart(nodes: Nodes, parted_pairs: OpenedPairs, by: float, written: str) -> Figure:
     """The fragments of a body, each in a colour, moved from its middle by `by` times their distance from it.
 
     Raises FigureError.
     """
-    pyvista, piece = needed_pyvista(), connected_pieces(parted_pairs)
+    pyvista, piece = needed_pyvista(), piece_of_node(parted_pairs)
     count = np.bincount(piece)
     middle, plotter = nodes.position.mean(axis=0), plotter_of(pyvista)
     large = np.flatnonzero(count >= SMALLEST)

@@ -27,7 +27,7 @@ SIDES = [(0, 1), (1, 2), (2, 3), (3, 0), (4, 5), (5, 6), (6, 7), (7, 4), (0, 4),
 
 def crack_surface(results: Results, summary: SummaryInSpace) -> Figure:
     """The surface of the cracks in a body and, once something opened, area and energy per area over time."""
-    opened = bool(summary.surface.grown.any())
+    opened = bool(summary.surface.is_grown.any())
     figure = Figure(figsize=(WIDTH, 8.0 if opened else 5.5), layout="constrained")
     grid = figure.add_gridspec(2 if opened else 1, 2, height_ratios=(2.6, 1) if opened else (1,))
     axes = figure.add_subplot(grid[0, :], projection="3d")
@@ -62,7 +62,7 @@ def _surface(axes: Axes3D, results: Results, summary: SummaryInSpace) -> Opening
     metre, metres = scaled([low, high], "m")
     opening = opening_colours(surface)
     colours = opening.painted.to_rgba(surface.time * opening.factor)
-    colours[~surface.grown] = to_rgba(OLD)
+    colours[~surface.is_grown] = to_rgba(OLD)
     if len(surface.faces):
         quads = surface.corners[surface.faces]
         normal = np.cross(quads[:, 2] - quads[:, 0], quads[:, 3] - quads[:, 1])

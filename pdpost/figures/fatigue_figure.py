@@ -12,12 +12,12 @@ from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 from pdmesh.plain_figure import Figure
 from pdmesh.plain_text import for_legend
 from pdpost.figures.charts import WIDTH, look, plain
-from pdpost.measures.fatigue import FIRST, Growth, Life, between
+from pdpost.measures.fatigue import FIRST, FatigueLife, TipGrowth, dK_between_frames
 
 WIDER = 3.0  # times the range of the points that Wöhler's line is drawn over
 
 
-def fatigue(runs: Sequence[Life]) -> Figure:
+def fatigue(runs: Sequence[FatigueLife]) -> Figure:
     """A panel of lengths and one of growth a cycle where cracks grow, and one of lives where smooth bodies break."""
     cracked = [run for run in runs if run.growths]
     smooth = [run for run in runs if not run.growths or (run.given.A1 is not None and run.first is not None)]
@@ -34,11 +34,11 @@ def fatigue(runs: Sequence[Life]) -> Figure:
     return figure
 
 
-def _tips(runs: Sequence[Life]) -> list[tuple[Life, Growth]]:
+def _tips(runs: Sequence[FatigueLife]) -> list[tuple[FatigueLife, TipGrowth]]:
     return [(run, growth) for run in runs for growth in run.growths]
 
 
-def _lengths(axes: Axes, runs: Sequence[Life], named: bool) -> None:
+def _lengths(axes: Axes, runs: Sequence[FatigueLife], named: bool) -> None:
     for number, (run, growth) in enumerate(_tips(runs)):
         label = f"{for_legend(run.name)}, {growth.name}" if named else growth.name
         axes.plot(growth.cycles, growth.length * 1e3, marker=".", lw=1.2, label=label, **look(number))
@@ -46,11 +46,11 @@ def _lengths(axes: Axes, runs: Sequence[Life], named: bool) -> None:
     axes.legend(frameon=False, fontsize="small")
 
 
-def _growth(axes: Axes, runs: Sequence[Life], named: bool) -> None:
+def _growth(axes: Axes, runs: Sequence[FatigueLife], named: bool) -> None:
     """Points, hollow at the start of a crack, where they are off the line; the line through them, and that given."""
     for number, (run, growth) in enumerate(_tips(runs)):
         colour = look(number)["color"]
-        dK = between(growth, run.line.m if run.line is not None else FIRST)
+        dK = dK_between_frames(growth, run.line.m if run.line is not None else FIRST)
         for point_mask, fill in ((growth.settled, colour), (~growth.settled, "white")):
             axes.plot(dK[point_mask] * 1e-6, growth.rate[point_mask], "o", ms=4, mfc=fill, mec=colour, ls="none")
     for run, dashes in zip(runs, ("--", ":", "-."), strict=False):
@@ -58,8 +58,8 @@ def _growth(axes: Axes, runs: Sequence[Life], named: bool) -> None:
         ends, of = np.array([ranges.min(), ranges.max()]), f"{for_legend(run.name)}: " if named else ""
         if run.line is not None:
             words = f"{of}measured, m = {run.line.m:.3g}"
-            axes.plot(ends * 1e-6, run.line.at(ends), color="black", lw=0.9, ls=dashes, label=words)
-        law_rate = run.slope(ends)
+            axes.plot(ends * 1e-6, run.line.growth_rate(ends), color="black", lw=0.9, ls=dashes, label=words)
+        law_rate = run.prescribed_growth_rate(ends)
         if law_rate is not None:
             words = f"{of}given, m = {run.given.m:.3g}"
             axes.plot(ends * 1e-6, law_rate, color="0.6", lw=2.5, alpha=0.6, ls=dashes, label=words, zorder=0)
@@ -71,7 +71,7 @@ def _growth(axes: Axes, runs: Sequence[Life], named: bool) -> None:
     axes.xaxis.set_minor_formatter(NullFormatter())
 
 
-def _lives(axes: Axes, runs: Sequence[Life]) -> None:
+def _lives(axes: Axes, runs: Sequence[FatigueLife]) -> None:
     """Cycles until the first bonds break over the range of their stretch, beside the lines that runs were given."""
     broke = [(run.range, run.first) for run in runs if run.range is not None and run.first is not None]
     points = np.array(broke).reshape(-1, 2)
@@ -82,7 +82,7 @@ def _lives(axes: Axes, runs: Sequence[Life]) -> None:
         plotted_laws.add((run.given.A1, run.given.m1, run.given.endurance))
         low = max(points[:, 0].min() / WIDER, run.given.endurance)
         eps = np.geomspace(low * (1 + 1e-9), points[:, 0].max() * WIDER, 50)
-        axes.plot(run.smooth(eps), eps, color="black", lw=0.9, label=f"given, m = {run.given.m1:.3g}")
+        axes.plot(run.woehler_cycles(eps), eps, color="black", lw=0.9, label=f"given, m = {run.given.m1:.3g}")
         if run.given.endurance > 0:
             axes.axhline(run.given.endurance, color="0.6", lw=0.9, ls=":", label="endurance")
     for number, run in enumerate(runs):

@@ -26,7 +26,7 @@ class Shown(NamedTuple):
     """A component of a field as it is drawn."""
 
     values: NDArray[np.float64]  # (n,) SI; NaN: none
-    torn: NDArray[np.bool_]  # (n,) nodes whose value says nothing, see `fields.torn`
+    torn: NDArray[np.bool_]  # (n,) nodes whose value says nothing, see `fields.unreliable_nodes`
 
 
 def field(
@@ -50,8 +50,8 @@ def field(
     what is available.
     """
     step = last_frame(results) if step is None else step
-    name = name or fields.usual(results, step)
-    part = fields.component(name, part, results.dimension)
+    name = name or fields.default_field_name(results, step)
+    part = fields.choose_component(name, part, results.dimension)
     shown = values_of(results, name, step, part) if shown is None else shown
     if results.dimension == 3:
         return slice_figure.sections(results, name, step, part, np.where(shown.torn, np.nan, shown.values), largest)
@@ -68,7 +68,7 @@ def field(
 
 def values_of(results: Results, name: str, step: int, part: str) -> Shown:
     """A component of a field after `step`, with the nodes where it is unreliable. Raises ResultsError."""
-    return Shown(fields.values(results, name, step, part or None), fields.torn(results, name, step))
+    return Shown(fields.field_values(results, name, step, part or None), fields.unreliable_nodes(results, name, step))
 
 
 def explained(shown: Shown, where: NDArray[np.bool_] | bool = True) -> list[tuple[str, str]]:

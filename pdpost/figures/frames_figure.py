@@ -62,7 +62,7 @@ def panels(
     The colour range ends at the usual largest value of all frames. Raises FieldError, and ResultsError naming what is
     available.
     """
-    part = fields.component(name, part)
+    part = fields.choose_component(name, part)
     shots = [field_figure.values_of(panel.results, name, panel.step, part) for panel in panels]
     shapes = [hidden(shape(panel.results, panel.step, scale), hide) for panel in panels]
     box = window or box_of(shapes)

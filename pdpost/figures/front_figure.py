@@ -9,14 +9,14 @@ from numpy.typing import NDArray
 from pdmesh.plain_figure import Figure
 from pdpost.figures.charts import WIDTH, look, plain
 from pdpost.figures.labels import scaled
-from pdpost.measures.intensities_in_space import AlongFront
+from pdpost.measures.intensities_in_space import FrontIntensities
 from pdpost.reading.time_text import time_text
 
 INTENSITIES = ("K1", "K2", "K3")
 SHOWN = 4  # fronts with curves
 
 
-def along_fronts(front_states: list[AlongFront]) -> Figure:
+def along_fronts(front_states: list[FrontIntensities]) -> Figure:
     """K1, K2 and K3, J and (K1^2 + K2^2)/E' + K3^2/2G along the fronts of the last frame, with their bands.
 
     Of several frames also the mean of each front's intensities over time.
@@ -40,7 +40,7 @@ def along_fronts(front_states: list[AlongFront]) -> Figure:
     return figure
 
 
-def _curves(axes: Axes, last: list[AlongFront], names: tuple[str, ...], unit: str, label: str) -> float:
+def _curves(axes: Axes, last: list[FrontIntensities], names: tuple[str, ...], unit: str, label: str) -> float:
     """Draw values with their bands along the fronts; returns the factor from SI to the unit of the axis."""
     metre, metres = scaled([front.along for front in last], "m")
     factor, shown = scaled((side[name] for front in last for name in names for side in (front.low, front.high)), unit)
@@ -49,7 +49,7 @@ def _curves(axes: Axes, last: list[AlongFront], names: tuple[str, ...], unit: st
             style = look(len(names) * number + order)
             sides = front.low[name] * factor, front.high[name] * factor
             axes.fill_between(front.along * metre, *sides, color=style["color"], alpha=0.2, lw=0)
-            marker = "." if len(front.known) < 3 else ""
+            marker = "." if len(front.points_with_values) < 3 else ""
             words = f"{name}, {front.name}"
             axes.plot(front.along * metre, front.value[name] * factor, lw=1.3, marker=marker, label=words, **style)
     axes.set(xlabel=f"along the front, {metres}", ylabel=f"{label}, {shown}")
@@ -57,7 +57,7 @@ def _curves(axes: Axes, last: list[AlongFront], names: tuple[str, ...], unit: st
     return factor
 
 
-def _over_time(axes: Axes, front_states: list[AlongFront]) -> None:
+def _over_time(axes: Axes, front_states: list[FrontIntensities]) -> None:
     """Draw the means of the intensities of each front over time."""
     second, seconds = scaled([np.array([state.time for state in front_states])], "s")
     factor, unit = scaled((_means(front_states, name) for name in INTENSITIES), "Pa√m")
@@ -73,6 +73,11 @@ def _over_time(axes: Axes, front_states: list[AlongFront]) -> None:
     plain(axes)
 
 
-def _means(front_states: list[AlongFront], name: str) -> NDArray[np.float64]:
+def _means(front_states: list[FrontIntensities], name: str) -> NDArray[np.float64]:
     """The mean (f,) along each front; NaN where nothing is known."""
-    return np.array([front.value[name][front.known].mean() if len(front.known) else np.nan for front in front_states])
+    return np.array(
+        [
+            front.value[name][front.points_with_values].mean() if len(front.points_with_values) else np.nan
+            for front in front_states
+        ]
+    )

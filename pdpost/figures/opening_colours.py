@@ -9,7 +9,7 @@ from matplotlib.cm import ScalarMappable
 from matplotlib.colors import Normalize
 
 from pdpost.figures.labels import scaled
-from pdpost.measures.crack_faces import Surface
+from pdpost.measures.crack_faces import CrackSurface
 
 CMAP = "viridis"
 NEARLY = 0.9  # of the area: what opens later has the last colour
@@ -23,9 +23,9 @@ class Opening(NamedTuple):
     label: str
 
 
-def opening_colours(surface: Surface) -> Opening:
+def opening_colours(surface: CrackSurface) -> Opening:
     """Colours from the first opening until nearly all of the area was open."""
-    time, area = surface.time[surface.grown], np.cumsum(surface.area[surface.grown])
+    time, area = surface.time[surface.is_grown], np.cumsum(surface.area[surface.is_grown])
     factor, unit = scaled([time], "s")
     first, last = 0.0, 1.0
     if len(time):

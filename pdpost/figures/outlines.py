@@ -9,11 +9,11 @@ import shapely
 from matplotlib.path import Path as Curve
 from numpy.typing import NDArray
 
-from pdpost.measures.plate_geometry import Cells
+from pdpost.measures.plate_geometry import VoronoiCells
 
 
 def outlines(
-    cell: Cells, position: NDArray[np.float64], turned: NDArray[np.float64] | None, factor: float
+    cell: VoronoiCells, position: NDArray[np.float64], turned: NDArray[np.float64] | None, factor: float
 ) -> list[Curve]:
     """The cells as curves (n) around nodes at `position` (n, 2), m, with lengths multiplied by `factor`.
 

@@ -22,9 +22,9 @@ from pdpost.figures.labels import prefixed, spelled
 from pdpost.figures.scene_figure import acted_on, scene
 from pdpost.figures.style import written
 from pdpost.measures import crack_in_space, crack_summary
-from pdpost.measures.balance import balance, per_thickness, remarks
-from pdpost.measures.diffused_amounts import AMOUNTS, amounts
-from pdpost.measures.fields import usual
+from pdpost.measures.balance import balance, energy_remarks, thickness_unit_suffix
+from pdpost.measures.diffused_amounts import AMOUNTS, balance_with_unit
+from pdpost.measures.fields import default_field_name
 from pdpost.measures.forces import reactions
 from pdpost.reading.embedded_model import moment, whole
 from pdpost.reading.frame_steps import frames
@@ -65,7 +65,7 @@ def report(results: Results, name: str) -> str:
     """The page, titled `name`; equal results give equal text. Raises ResultsError if there is no frame yet."""
     steps, _ = frames(results)
     model, meta, nodes = whole(results), results.meta(), results.nodes(0)
-    shown, moves, flat = usual(results, int(steps[0])), not diffuses(results), results.dimension == 2
+    shown, moves, flat = default_field_name(results, int(steps[0])), not diffuses(results), results.dimension == 2
     scene_images = [_image(scene(results, model), "the plate, its grid and its conditions")] if flat else []
     sections = [
         *([("Crack", _crack(results))] if moves else []),
@@ -138,14 +138,14 @@ def _conditions(nodes: Nodes, model: dict[str, Any]) -> str:
 
 
 def _balance(results: Results) -> list[str]:
-    books, per = balance(results), per_thickness(results)
+    books, per = balance(results), thickness_unit_suffix(results)
     names = ("work", "kinetic", "strain", "dissipated", *(("damped",) if np.isfinite(books.damped[-1]) else ()))
     names = (*names, *(("friction",) if books.friction[-1] else ()))
     last = {name: f"{getattr(books, name)[-1]:.5g} J{per}" for name in names}
     last = {"put in" if name == "work" else name: value for name, value in last.items()}
     last["balance error"] = f"{books.error[-1]:+.2e} of the most put in"
     last["broken bonds"] = str(pair_count(len(results.breaks().step)))
-    said = "".join(f"<li>{for_html(sentence)}</li>" for sentence in remarks(results))
+    said = "".join(f"<li>{for_html(sentence)}</li>" for sentence in energy_remarks(results))
     parts = [
         _table(last),
         *([f"<ul>{said}</ul>"] if said else []),
@@ -157,7 +157,7 @@ def _balance(results: Results) -> list[str]:
 
 
 def _masses(results: Results) -> list[str]:
-    books, unit = amounts(results)
+    books, unit = balance_with_unit(results)
     at_end = {name: float(getattr(books, name)[-1]) for name in AMOUNTS}
     last = {way(name, amount): f"{abs(amount):.6g} {unit}" for name, amount in at_end.items()}
     last["balance error"] = f"{books.error[-1]:+.1e} of what there was"

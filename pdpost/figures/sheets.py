@@ -26,8 +26,8 @@ from pdpost.figures.outlines import around, outlines
 from pdpost.figures.raster import Box
 from pdpost.figures.style import BLACK, EDGE, GROWN, THICK, THIN, TORN, narrow
 from pdpost.measures import plate_geometry
-from pdpost.measures.plate_geometry import Cells, Plate, cells, plate
-from pdpost.measures.strain import fitted, intact
+from pdpost.measures.plate_geometry import PlateGeometry, VoronoiCells, read_plate_geometry, voronoi_cells
+from pdpost.measures.strain import fit_gradients, remove_broken_bonds
 from pdpost.reading.stored_fields import vector
 from pdsolve.results import Results
 
@@ -43,11 +43,11 @@ ROOM = 0.2  # of the plate, around it, for what is displaced
 class Shape(NamedTuple):
     """Nodes at the places where they are drawn, and their plate."""
 
-    plate: Plate
+    plate: PlateGeometry
     position: NDArray[np.float64]  # (n, 2) m
     reference: NDArray[np.float64]  # (n, 2) m, where they were
     delta: NDArray[np.float64]  # (n,) m
-    cells: Cells | None  # None where there are too many to draw them one by one
+    cells: VoronoiCells | None  # None where there are too many to draw them one by one
     turned: NDArray[np.float64] | None  # (n, 2, 2) what becomes of their cells; None: nothing
     scale: float  # what their displacement is multiplied by
     epoch: int  # the first step with these nodes
@@ -71,8 +71,8 @@ def shape(results: Results, step: int, scale: float, still: Shape | None = None)
     """
     nodes, epoch = results.nodes(step), results.epoch(step)
     if still is None or still.epoch != epoch:
-        on = plate(results) if still is None else still.plate
-        node_cells = cells(nodes, on.shape) if len(nodes.ids) <= plate_geometry.MANY else None
+        on = read_plate_geometry(results) if still is None else still.plate
+        node_cells = voronoi_cells(nodes, on.shape) if len(nodes.ids) <= plate_geometry.MANY else None
         still = Shape(on, nodes.position, nodes.position, nodes.delta, node_cells, None, 0.0, epoch)
     still = still._replace(grown=arms(until(results.particles(), step), after=0).reshape(-1, 2, 2))
     if not scale:
@@ -80,7 +80,9 @@ def shape(results: Results, step: int, scale: float, still: Shape | None = None)
     displacements = displacement(results, step)
     turned = None
     if still.cells is not None:
-        turned = np.eye(2) + scale * fitted(nodes, displacements, intact(results, results.families(step), step))
+        turned = np.eye(2) + scale * fit_gradients(
+            nodes, displacements, remove_broken_bonds(results, results.families(step), step)
+        )
         turned[~np.isfinite(turned).all(axis=(1, 2)) | (np.abs(turned).max(axis=(1, 2)) > 2)] = np.eye(2)
     return still._replace(position=nodes.position + scale * displacements, turned=turned, scale=scale)
 

@@ -16,8 +16,8 @@ from pdpost.figures.labels import scaled
 from pdpost.figures.raster import Box
 from pdpost.figures.sheets import Sheet, box_of, shape
 from pdpost.measures.cracked_nodes import damage_at
-from pdpost.measures.release import Release
-from pdpost.measures.stress_intensities import Series
+from pdpost.measures.release import EnergyRelease
+from pdpost.measures.stress_intensities import IntensityHistory
 from pdpost.reading.time_text import time_text
 from pdsolve.results import Results
 
@@ -25,7 +25,9 @@ SHOWN = 6  # tips with curves
 BETWEEN = 8  # parts of a curve between two frames
 
 
-def sif(results: Results, tip_series: list[Series], spent: Release, window: Box | None = None) -> Figure:
+def sif(
+    results: Results, tip_series: list[IntensityHistory], spent: EnergyRelease, window: Box | None = None
+) -> Figure:
     """The tips with their rings at the last frame that has any, K1 and K2, and J with dD/da; `window` is in view, m."""
     shown = [series for series in tip_series if series.last is not None][:SHOWN]
     step = int(tip_series[0].step[-1])
@@ -52,7 +54,7 @@ def sif(results: Results, tip_series: list[Series], spent: Release, window: Box 
     return figure
 
 
-def _rings(on: Sheet, series: Series, colour: str) -> None:
+def _rings(on: Sheet, series: IntensityHistory, colour: str) -> None:
     assert series.last is not None
     place = series.last.tip.place * on.factor
     ring = series.last.rings[1]
@@ -65,7 +67,7 @@ def _rings(on: Sheet, series: Series, colour: str) -> None:
     on.axes.plot(*place, "+", color=colour, ms=7, zorder=6)
 
 
-def _curves(axes: Axes, shown: list[Series], names: tuple[str, ...], unit: str, label: str) -> None:
+def _curves(axes: Axes, shown: list[IntensityHistory], names: tuple[str, ...], unit: str, label: str) -> None:
     """Draw values with their bands over time; points for a single frame."""
     second, seconds = scaled((series.time for series in shown), "s")
     factor, scale = scaled(

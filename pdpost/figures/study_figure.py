@@ -18,7 +18,7 @@ from pdpost.figures.raster import Box
 from pdpost.figures.sheets import box_of, shape
 from pdpost.measures.cracked_nodes import damage_at
 from pdpost.measures.paths import Polyline
-from pdpost.measures.scatter import Spread, chosen, spreads
+from pdpost.measures.scatter import RunGroup, choose_measures_and_parameter, group_runs
 from pdpost.reading.frame_steps import last_step
 from pdpost.reading.studies import Read, read, short, value_of
 from pdsolve.results import Results
@@ -35,11 +35,11 @@ def study(path: FilePath, measures: Sequence[str] = (), over: str | None = None)
     By default the most informative measures, against the parameter with the most values. Raises StudyError.
     """
     study = read(Path(path))
-    names, against = chosen(study, measures, over)
-    return panels_of(study, {name: spreads(study, name, against) for name in names}, against)
+    names, against = choose_measures_and_parameter(study, measures, over)
+    return panels_of(study, {name: group_runs(study, name, against) for name in names}, against)
 
 
-def panels_of(study: Read, measured: Mapping[str, Sequence[Spread]], over: str | None) -> Figure:
+def panels_of(study: Read, measured: Mapping[str, Sequence[RunGroup]], over: str | None) -> Figure:
     """A figure with one panel for each measure: its spread against the parameter `over`."""
     columns = min(len(measured), 2)
     rows = -(-len(measured) // columns)
@@ -55,11 +55,11 @@ def panels_of(study: Read, measured: Mapping[str, Sequence[Spread]], over: str |
     return figure
 
 
-def _panel(axes: Axes, study: Read, name: str, measure_spreads: Sequence[Spread], over: str | None) -> None:
+def _panel(axes: Axes, study: Read, name: str, measure_spreads: Sequence[RunGroup], over: str | None) -> None:
     plain(axes)
     series = list(dict.fromkeys(spread.series for spread in measure_spreads))
     places = _places(axes, study, measure_spreads, over)
-    factor, unit = scaled([spread.known for spread in measure_spreads], spelled(study.columns[name].unit))
+    factor, unit = scaled([spread.known_values for spread in measure_spreads], spelled(study.columns[name].unit))
     if study.columns[name].unit in ("", "degrees"):
         factor, unit = 1.0, study.columns[name].unit
     for number, which in enumerate(series):
@@ -72,13 +72,19 @@ def _panel(axes: Axes, study: Read, name: str, measure_spreads: Sequence[Spread]
         colour = look(number)["color"]
         for x, spread in zip(at, mine, strict=True):
             axes.plot(
-                np.full(len(spread.known), x), spread.known * factor, "o", ms=3.5, color=colour, alpha=0.45, mew=0
+                np.full(len(spread.known_values), x),
+                spread.known_values * factor,
+                "o",
+                ms=3.5,
+                color=colour,
+                alpha=0.45,
+                mew=0,
             )
-        low, high = (factor * np.array(side) for side in zip(*(spread.ends for spread in mine), strict=True))
+        low, high = (factor * np.array(side) for side in zip(*(spread.extremes for spread in mine), strict=True))
         axes.vlines(at, low, high, color=colour, lw=1.0)
         middle = factor * np.array([spread.median for spread in mine])
         axes.plot(at, middle, marker="_", ms=9, mew=1.6, lw=0.9, color=colour, label=for_legend(which) or None)
-    missing = sum(len(spread.measured) - len(spread.known) for spread in measure_spreads)
+    missing = sum(len(spread.measured) - len(spread.known_values) for spread in measure_spreads)
     least, most = min(places.values()), max(places.values())  # also of values at which no run has one
     if axes.get_xscale() == "log":
         margin = (most / least) ** ASIDE
@@ -91,7 +97,7 @@ def _panel(axes: Axes, study: Read, name: str, measure_spreads: Sequence[Spread]
         axes.set_title(f"{which} of {len(study.rows)} runs", fontsize="small")
 
 
-def _places(axes: Axes, study: Read, measure_spreads: Sequence[Spread], over: str | None) -> dict[object, float]:
+def _places(axes: Axes, study: Read, measure_spreads: Sequence[RunGroup], over: str | None) -> dict[object, float]:
     """Position of each parameter value on the axis: numbers in their unit, words side by side."""
     values = list(dict.fromkeys(spread.value for spread in measure_spreads))
     column = None if over is None else study.columns[over]

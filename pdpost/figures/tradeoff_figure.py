@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from pdmesh.plain_figure import Figure
 from pdpost.figures.charts import WIDTH, plain
 from pdpost.figures.style import BLUE, VERMILION
-from pdpost.measures.tradeoff import Point, front
+from pdpost.measures.tradeoff import TradeoffPoint, pareto_front
 
 LEAST = 1e-6  # errors below are drawn there
 CROWDED = 1.6  # decades of an axis that has names at 1, 10, 100 alone
@@ -20,7 +20,7 @@ SUBS = ((1.0, 2.0, 5.0), (1.0,))
 COSTS = {"wall_time": "wall time, s", "bond_updates": "bond updates", "bytes": "size of the results, bytes"}
 
 
-def tradeoff(points: Sequence[Point], by: str, kinds: Sequence[str], within: float | None = None) -> Figure:
+def tradeoff(points: Sequence[TradeoffPoint], by: str, kinds: Sequence[str], within: float | None = None) -> Figure:
     """Cost against each of the `kinds` of errors; `by` is the field of Cost on the x-axes."""
     columns = min(len(kinds), 3)
     rows = -(-len(kinds) // columns)
@@ -48,7 +48,7 @@ def draw(axes: Axes, cost: NDArray[np.float64], error: NDArray[np.float64], name
         axes.text(0.5, 0.5, "nothing to compare", ha="center", transform=axes.transAxes)
         return
     shown = np.maximum(np.where(finite, error, np.nan), LEAST)
-    best = [at for at in front(cost, error) if finite[at]]
+    best = [at for at in pareto_front(cost, error) if finite[at]]
     others = [at for at in range(len(names)) if at not in best]
     axes.plot(cost[others], shown[others], "o", ms=4, mfc="white", mec="0.5", ls="none")
     axes.plot(cost[best], shown[best], "o-", ms=5, color=BLUE, lw=1, drawstyle="steps-post")

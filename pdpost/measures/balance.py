@@ -31,27 +31,27 @@ class Balance(NamedTuple):
     momentum_y: NDArray[np.float64]  # (t,) N s/m
 
 
-def per_thickness(results: Results) -> str:
+def thickness_unit_suffix(results: Results) -> str:
     """End of the units of energies and forces: "/m" for a plate, per metre of thickness, "" for a body."""
     return "/m" if results.dimension == 2 else ""
 
 
-def damping(books: NDArray[np.void]) -> NDArray[np.float64]:
+def damped_energy(ledger: NDArray[np.void]) -> NDArray[np.float64]:
     """Energy (t,) taken by damping, J/m; NaN in older files, where it is part of the dissipated energy."""
-    return np.asarray(books["damped"] if "damped" in (books.dtype.names or ()) else np.full(len(books), np.nan))
+    return np.asarray(ledger["damped"] if "damped" in (ledger.dtype.names or ()) else np.full(len(ledger), np.nan))
 
 
-def rubbing(books: NDArray[np.void]) -> NDArray[np.float64]:
+def friction_heat(ledger: NDArray[np.void]) -> NDArray[np.float64]:
     """Heat (t,) of friction, J/m; 0 in files without it."""
-    return np.asarray(books["friction"] if "friction" in (books.dtype.names or ()) else np.zeros(len(books)))
+    return np.asarray(ledger["friction"] if "friction" in (ledger.dtype.names or ()) else np.zeros(len(ledger)))
 
 
-def put_in(books: NDArray[np.void], initial: float) -> float:
-    """Largest total energy supplied to a run so far, J/m, including the `initial` energy at the start."""
-    return max(float(np.abs(books["work"]).max()), initial)
+def largest_energy_supplied(ledger: NDArray[np.void], initial_energy: float) -> float:
+    """Largest total energy supplied to a run so far, J/m, including the `initial_energy` energy at the start."""
+    return max(float(np.abs(ledger["work"]).max()), initial_energy)
 
 
-class _Solved(msgspec.Struct):
+class _BalanceKeys(msgspec.Struct):
     """The keys of the grid file that the balance of energy needs."""
 
     run: Run = Run()
@@ -59,40 +59,40 @@ class _Solved(msgspec.Struct):
     contact: Contact | None = None
 
 
-def remarks(results: Results) -> list[str]:
+def energy_remarks(results: Results) -> list[str]:
     """Sentences about energy that went elsewhere than into cracks, if it is a large share."""
-    books, model = results.history(), read(results, _Solved)
-    energy_input = put_in(books, float(results.meta()["initial_energy"]))
-    damped = float(np.nan_to_num(damping(books))[-1] + rubbing(books)[-1])
+    ledger, model = results.history(), read(results, _BalanceKeys)
+    energy_input = largest_energy_supplied(ledger, float(results.meta()["initial_energy"]))
+    damped = float(np.nan_to_num(damped_energy(ledger))[-1] + friction_heat(ledger)[-1])
     said = remark(model.run, model.conditions, model.contact, damped, energy_input)
     return [] if said is None else [said]
 
 
 def balance(results: Results) -> Balance:
     """The energy balance of a run. Raises ResultsError if its ledger is empty."""
-    books = results.history()
-    if not len(books):
+    ledger = results.history()
+    if not len(ledger):
         expect_mechanics(results)
         raise ResultsError(f"{results.name}: the energy balance is empty; use a run with at least one entry")
     initial = float(results.meta()["initial_energy"])
-    damped, friction = damping(books), rubbing(books)
-    total = books["kinetic"] + books["strain"] + books["dissipated"] + np.nan_to_num(damped) + friction
-    energy_input = books["work"] + initial
-    if "refinement" in (books.dtype.names or ()):
-        energy_input = energy_input + books["refinement"]
-    scale = put_in(books, initial)
-    error = (total - energy_input) / scale if scale > 0 else np.zeros(len(books))
+    damped, friction = damped_energy(ledger), friction_heat(ledger)
+    total = ledger["kinetic"] + ledger["strain"] + ledger["dissipated"] + np.nan_to_num(damped) + friction
+    energy_input = ledger["work"] + initial
+    if "refinement" in (ledger.dtype.names or ()):
+        energy_input = energy_input + ledger["refinement"]
+    scale = largest_energy_supplied(ledger, initial)
+    error = (total - energy_input) / scale if scale > 0 else np.zeros(len(ledger))
     return Balance(
-        books["step"].astype(np.int64),
-        books["time"],
-        books["kinetic"],
-        books["strain"],
-        books["dissipated"],
+        ledger["step"].astype(np.int64),
+        ledger["time"],
+        ledger["kinetic"],
+        ledger["strain"],
+        ledger["dissipated"],
         damped,
         friction,
         energy_input,
         total,
         error,
-        books["momentum_x"],
-        books["momentum_y"],
+        ledger["momentum_x"],
+        ledger["momentum_y"],
     )

@@ -5,9 +5,9 @@ from __future__ import annotations
 from typing import NamedTuple
 
 from pdmesh.model.output_fields import CRACKED
-from pdpost.measures.cracks import growth
-from pdpost.measures.paths import Polyline, distance, path
-from pdpost.measures.plate_geometry import check_alike
+from pdpost.measures.cracks import crack_events
+from pdpost.measures.paths import Polyline, crack_paths, path_distances
+from pdpost.measures.plate_geometry import expect_same_plate
 from pdsolve.results import Results
 
 
@@ -18,7 +18,7 @@ class Comparison(NamedTuple):
     """
 
     paths: tuple[list[Polyline], list[Polyline]]
-    mean: float | None  # m, symmetric, see `paths.distance`
+    mean: float | None  # m, symmetric, see `paths.path_distances`
     hausdorff: float | None  # m
     start: float | None  # s
     branching: float | None  # s
@@ -36,11 +36,11 @@ def compare(
 
     Raises ResultsError if the plates differ.
     """
-    check_alike(second_run, first_run)
-    paths = path(first_run, steps[0], threshold), path(second_run, steps[1], threshold)
-    apart = distance(*paths) if all(paths) else (None, None)
+    expect_same_plate(second_run, first_run)
+    paths = crack_paths(first_run, steps[0], threshold), crack_paths(second_run, steps[1], threshold)
+    apart = path_distances(*paths) if all(paths) else (None, None)
     first_growth, second_growth = (
-        growth(results, direction, threshold, step)
+        crack_events(results, direction, threshold, step)
         for results, step in zip((first_run, second_run), steps, strict=True)
     )
     events = (

@@ -28,7 +28,7 @@ from pdmesh.model.neighbours import Pairs
 from pdmesh.model.output_fields import CRACKED
 from pdmesh.model.triangulated_surface import Screen
 from pdpost.measures.cracked_nodes import separation_at
-from pdpost.measures.lattice_neighbours import NEAR, neighbours
+from pdpost.measures.lattice_neighbours import NEAR, face_neighbours
 from pdsolve.results import Nodes, Results
 
 OPEN = 3.0  # what a way over an open face counts, in ways over a closed one
@@ -40,7 +40,7 @@ BEFORE = -1.0  # s: a face of a pre-crack
 PRE_CRACK, CLOSED = -1, -2  # steps in which neighbours parted
 
 
-class Surface(NamedTuple):
+class CrackSurface(NamedTuple):
     """Cracks as faces, those that opened first before the others."""
 
     corners: NDArray[np.float64]  # (p, 3) m, smoothed; where they were at the start of the run
@@ -52,23 +52,23 @@ class Surface(NamedTuple):
     inside: NDArray[np.bool_]  # (e,) whether cubes are all round the edge: a crack that ends there has its front there
 
     @property
-    def grown(self) -> NDArray[np.bool_]:
+    def is_grown(self) -> NDArray[np.bool_]:
         """Mask (f,) of the faces that opened during the run."""
         return np.asarray(self.time > BEFORE)
 
     @property
-    def middle(self) -> NDArray[np.float64]:
+    def face_centres(self) -> NDArray[np.float64]:
         """The middles (f, 3) of the faces, m."""
         return np.asarray(self.corners[self.faces].mean(axis=1))
 
-    def area_at(self, time: NDArray[np.float64]) -> NDArray[np.float64]:
+    def grown_area_at(self, time: NDArray[np.float64]) -> NDArray[np.float64]:
         """The area (t,) that opened during the run until times (t,), s, in m^2."""
-        new_faces = self.grown
+        new_faces = self.is_grown
         total_area = np.concatenate([[0.0], np.cumsum(self.area[new_faces])])
         return np.asarray(total_area[np.searchsorted(self.time[new_faces], time, side="right")])
 
 
-class Opened(NamedTuple):
+class OpenedPairs(NamedTuple):
     """Pairs of neighbours and when they parted."""
 
     pairs: NDArray[np.int64]  # (b, 2) rows of nodes
@@ -76,16 +76,16 @@ class Opened(NamedTuple):
     sound: NDArray[np.bool_]  # (n,) nodes that are not cracked
 
     @property
-    def mask(self) -> NDArray[np.bool_]:
+    def is_opened(self) -> NDArray[np.bool_]:
         """Mask (b,) of the pairs that are parted."""
         return np.asarray(self.step != CLOSED)
 
 
-def opened(results: Results, step: int, threshold: float = CRACKED) -> Opened:
+def find_opened_pairs(results: Results, step: int, threshold: float = CRACKED) -> OpenedPairs:
     """Which neighbours in a body parted until `step`: their bond is broken and their mean damage is above `threshold`,
     or a pre-crack is between them. Nodes are cracked above the same damage."""
     nodes, breaks = results.nodes(step), results.breaks()
-    pairs, past, count = neighbours(nodes), breaks.step <= step, len(nodes.ids)
+    pairs, past, count = face_neighbours(nodes), breaks.step <= step, len(nodes.ids)
     order, when = np.argsort(nodes.ids), breaks.step[past]
     ends = [order[np.searchsorted(nodes.ids, side[past], sorter=order)] for side in (breaks.node, breaks.neighbour)]
     broken, pair_keys = np.minimum(*ends) * count + np.maximum(*ends), pairs[:, 0] * count + pairs[:, 1]
@@ -93,24 +93,24 @@ def opened(results: Results, step: int, threshold: float = CRACKED) -> Opened:
     matched = pair_keys[place] == broken
     parting_step = np.full(len(pairs), CLOSED)
     np.maximum.at(parting_step, place[matched], when[matched])
-    damage = Damage(nodes, ends[0], when)
+    damage = DamageHistory(nodes, ends[0], when)
     parted_rows = np.flatnonzero(parting_step != CLOSED)
     parting_step[parted_rows] = np.maximum(
-        parting_step[parted_rows], _cracked_at(damage, pairs[parted_rows], step, threshold)
+        parting_step[parted_rows], _first_cracked_step(damage, pairs[parted_rows], step, threshold)
     )
     parting_step[parting_step > step] = CLOSED
-    parting_step[_cut(nodes, pairs, results.cracks().reshape(-1, 3, 3))] = PRE_CRACK
-    return Opened(pairs, parting_step, separation_at(results, step) <= threshold)
+    parting_step[_pairs_cut_by_pre_cracks(nodes, pairs, results.cracks().reshape(-1, 3, 3))] = PRE_CRACK
+    return OpenedPairs(pairs, parting_step, separation_at(results, step) <= threshold)
 
 
-class Damage:
+class DamageHistory:
     """The damage of nodes at any step, from the rows (k,) whose bonds broke and the steps (k,) in which they did."""
 
     def __init__(self, nodes: Nodes, row: NDArray[np.int64], step: NDArray[np.int64]) -> None:
         self._nodes, self._steps = nodes, int(step.max(initial=0)) + 1
         self._keys = np.sort(row * self._steps + step)
 
-    def at(self, rows: NDArray[np.int64], step: NDArray[np.int64]) -> NDArray[np.float64]:
+    def damage_at(self, rows: NDArray[np.int64], step: NDArray[np.int64]) -> NDArray[np.float64]:
         """The damage (k,) of `rows` (k,) after `step` (k,), which is not negative."""
         first = rows * self._steps
         last = first + step.clip(max=self._steps - 1)
@@ -118,33 +118,40 @@ class Damage:
         return np.asarray((self._nodes.cut[rows] + broken_count) / np.maximum(self._nodes.family[rows], 1))
 
 
-def _cracked_at(damage: Damage, pairs: NDArray[np.int64], last: int, threshold: float) -> NDArray[np.int64]:
-    """The first step (k,) after which the mean damage of pairs (k, 2) is above `threshold`; `last` + 1 for none."""
-    low, high = np.zeros(len(pairs), dtype=np.int64), np.full(len(pairs), last + 1)
-    for _ in range(int(last + 1).bit_length()):
+def _first_cracked_step(
+    damage: DamageHistory, pairs: NDArray[np.int64], last_step: int, threshold: float
+) -> NDArray[np.int64]:
+    """The first step (k,) after which the mean damage of pairs (k, 2) is above `threshold`; `last_step` + 1 for
+    none."""
+    low, high = np.zeros(len(pairs), dtype=np.int64), np.full(len(pairs), last_step + 1)
+    for _ in range(int(last_step + 1).bit_length()):
         step = (low + high) // 2
-        cracked = (damage.at(pairs[:, 0], step) + damage.at(pairs[:, 1], step)) / 2 > threshold
+        cracked = (damage.damage_at(pairs[:, 0], step) + damage.damage_at(pairs[:, 1], step)) / 2 > threshold
         low, high = np.where(cracked, low, np.minimum(step + 1, high)), np.where(cracked, np.minimum(step, high), high)
     return high
 
 
-def surface(results: Results, step: int, parted_pairs: Opened) -> Surface:
+def crack_surface(results: Results, step: int, opened_pairs: OpenedPairs) -> CrackSurface:
     """The cracks of a body after `step` from the neighbours that parted, its pre-cracks included."""
     nodes = results.nodes(step)
-    crack = np.flatnonzero((parted_pairs.step == PRE_CRACK) | (parted_pairs.mask & _in_the_middle(nodes, parted_pairs)))
-    crack = crack[np.argsort(parted_pairs.step[crack], kind="stable")]
-    when = parted_pairs.step[crack]
+    crack = np.flatnonzero(
+        (opened_pairs.step == PRE_CRACK) | (opened_pairs.is_opened & _is_between_sound_nodes(nodes, opened_pairs))
+    )
+    crack = crack[np.argsort(opened_pairs.step[crack], kind="stable")]
+    when = opened_pairs.step[crack]
     time = np.where(when == PRE_CRACK, BEFORE, when * float(results.meta()["time_step"]))
-    return meshed(nodes, parted_pairs.pairs[crack], time)
+    return mesh_faces(nodes, opened_pairs.pairs[crack], time)
 
 
-def grown_triangles(cracks: Surface) -> NDArray[np.float64]:
+def grown_triangles(cracks: CrackSurface) -> NDArray[np.float64]:
     """Two triangles (t, 9), m, for each face that opened during the run."""
-    corners = cracks.corners[cracks.faces[cracks.grown]]
+    corners = cracks.corners[cracks.faces[cracks.is_grown]]
     return np.asarray(corners[:, [[0, 1, 2], [0, 2, 3]]].reshape(-1, 9))
 
 
-def _cut(nodes: Nodes, pairs: NDArray[np.int64], triangles: NDArray[np.float64]) -> NDArray[np.int64]:
+def _pairs_cut_by_pre_cracks(
+    nodes: Nodes, pairs: NDArray[np.int64], triangles: NDArray[np.float64]
+) -> NDArray[np.int64]:
     """The pairs (rows of `pairs`) that the triangles (t, 3, 3) of pre-cracks part."""
     if not len(triangles):
         return np.zeros(0, dtype=np.int64)
@@ -156,12 +163,12 @@ def _cut(nodes: Nodes, pairs: NDArray[np.int64], triangles: NDArray[np.float64])
     return np.asarray(near[Screen(triangles, nodes.position, nodes.delta).met(near_pairs)])
 
 
-def _in_the_middle(nodes: Nodes, parted_pairs: Opened) -> NDArray[np.bool_]:
+def _is_between_sound_nodes(nodes: Nodes, opened_pairs: OpenedPairs) -> NDArray[np.bool_]:
     """Mask (b,) of pairs whose nodes belong to sound nodes far from each other, or to none."""
-    pairs, sound = parted_pairs.pairs, np.flatnonzero(parted_pairs.sound)
+    pairs, sound = opened_pairs.pairs, np.flatnonzero(opened_pairs.sound)
     if not len(sound):
         return np.ones(len(pairs), dtype=bool)
-    cost = np.where(parted_pairs.mask, OPEN, 1.0)
+    cost = np.where(opened_pairs.is_opened, OPEN, 1.0)
     graph = csr_array((np.tile(cost, 2), (pairs.T.ravel(), pairs[:, ::-1].T.ravel())), shape=(len(nodes.ids),) * 2)
     _, _, home = dijkstra(graph, indices=sound, min_only=True, return_predecessors=True)
     sound_a, sound_b = home[pairs].T
@@ -170,7 +177,7 @@ def _in_the_middle(nodes: Nodes, parted_pairs: Opened) -> NDArray[np.bool_]:
     return np.asarray((sound_a < 0) | (sound_b < 0) | ((way * way).sum(axis=1) > (APART * spacing) ** 2))
 
 
-def meshed(nodes: Nodes, pairs: NDArray[np.int64], time: NDArray[np.float64]) -> Surface:
+def mesh_faces(nodes: Nodes, pairs: NDArray[np.int64], time: NDArray[np.float64]) -> CrackSurface:
     """The faces between `pairs` (f, 2) of neighbours that parted at `time` (f,), s, in this order."""
     finer = np.take_along_axis(pairs, nodes.delta[pairs].argmin(axis=1)[:, None], axis=1)[:, 0]
     way = nodes.position[pairs.sum(axis=1) - finer] - nodes.position[finer]
@@ -187,25 +194,25 @@ def meshed(nodes: Nodes, pairs: NDArray[np.int64], time: NDArray[np.float64]) ->
     every = np.sort(np.stack([faces, np.roll(faces, -1, axis=1)], axis=2).reshape(-1, 2), axis=1)
     edges, sides = np.unique(every, axis=0, return_inverse=True)
     free = np.bincount(sides.ravel(), minlength=len(edges)) == 1
-    cubes = Cubes(nodes)
-    inside = _inside(cubes, stairs[edges])
-    corners = _smoothed(stairs, edges, free, _stays(cubes, stairs, edges[free], inside[free]))
-    return Surface(corners, faces, time, areas(corners[faces]), edges, sides.reshape(-1, 4), inside)
+    cubes = NodeCubes(nodes)
+    inside = _edges_are_inside(cubes, stairs[edges])
+    corners = _smooth_corners(stairs, edges, free, _corners_are_fixed(cubes, stairs, edges[free], inside[free]))
+    return CrackSurface(corners, faces, time, quadrilateral_areas(corners[faces]), edges, sides.reshape(-1, 4), inside)
 
 
-class Cubes:
+class NodeCubes:
     """The cubes of a body's nodes."""
 
     def __init__(self, nodes: Nodes) -> None:
         self._tree, self._delta, self.finest = cKDTree(nodes.position), nodes.delta, float(nodes.delta.min())
 
-    def cover(self, places: NDArray[np.float64]) -> NDArray[np.bool_]:
+    def contain(self, places: NDArray[np.float64]) -> NDArray[np.bool_]:
         """Mask (k,) of places (k, 3), m, in the cube of the nearest node."""
         away, nearest = self._tree.query(places, p=np.inf)
         return np.asarray(away < (0.5 + NEAR) * self._delta[nearest])
 
 
-def _inside(cubes: Cubes, edges: NDArray[np.float64]) -> NDArray[np.bool_]:
+def _edges_are_inside(cubes: NodeCubes, edges: NDArray[np.float64]) -> NDArray[np.bool_]:
     """Mask (e,) of edges (e, 2, 3) of cubes that are between four cubes."""
     if not len(edges):
         return np.zeros(0, dtype=bool)
@@ -217,41 +224,45 @@ def _inside(cubes: Cubes, edges: NDArray[np.float64]) -> NDArray[np.bool_]:
         place = edges.mean(axis=1)
         place[row, (axis + 1) % 3] += u * far
         place[row, (axis + 2) % 3] += v * far
-        inside &= cubes.cover(place)
+        inside &= cubes.contain(place)
     return inside
 
 
-def _stays(
-    cubes: Cubes, stairs: NDArray[np.float64], free: NDArray[np.int64], inside: NDArray[np.bool_]
+def _corners_are_fixed(
+    cubes: NodeCubes, corners: NDArray[np.float64], free_edges: NDArray[np.int64], edge_is_inside: NDArray[np.bool_]
 ) -> NDArray[np.bool_]:
-    """Mask (p,) of corners on edges of the body, and of those where `free` (k, 2) edges inside meet others."""
-    reach, around = cubes.finest / 4, np.zeros(len(stairs), dtype=int)
+    """Mask (p,) of corners on edges of the body, and of those where `free_edges` (k, 2) edges inside meet others."""
+    reach, around = cubes.finest / 4, np.zeros(len(corners), dtype=int)
     for way in itertools.product((-reach, reach), repeat=3):
-        around += cubes.cover(stairs + way)
-    ends = np.zeros((2, len(stairs)), dtype=bool)
-    for row, edge_mask in zip(ends, (inside, ~inside), strict=True):
-        row[free[edge_mask]] = True
+        around += cubes.contain(corners + way)
+    ends = np.zeros((2, len(corners)), dtype=bool)
+    for row, edge_mask in zip(ends, (edge_is_inside, ~edge_is_inside), strict=True):
+        row[free_edges[edge_mask]] = True
     return np.asarray((around <= ON_EDGE) | ends.all(axis=0))
 
 
-def _smoothed(
-    stairs: NDArray[np.float64], edges: NDArray[np.int64], free: NDArray[np.bool_], stays: NDArray[np.bool_]
+def _smooth_corners(
+    corners: NDArray[np.float64],
+    edges: NDArray[np.int64],
+    edge_is_free: NDArray[np.bool_],
+    corner_is_fixed: NDArray[np.bool_],
 ) -> NDArray[np.float64]:
-    """The corners (p, 3) of stairs, smoothed; those on `free` (e,) edges move with the corners on these alone."""
-    count, on = len(stairs), np.zeros(len(stairs), dtype=bool)
-    on[edges[free]] = True
+    """The corners (p, 3) of stairs, smoothed; those on `edge_is_free` (e,) edges move with the corners on these
+    alone."""
+    count, on = len(corners), np.zeros(len(corners), dtype=bool)
+    on[edges[edge_is_free]] = True
     corner, neighbour = np.concatenate([edges, edges[:, ::-1]]).T
-    used = ~on[corner] | np.concatenate([free, free])
+    used = ~on[corner] | np.concatenate([edge_is_free, edge_is_free])
     graph = csr_array((np.ones(used.sum()), (corner[used], neighbour[used])), shape=(count, count))
     mean = diags_array(1 / np.maximum(graph.sum(axis=1), 1)) @ graph
-    corners = stairs.copy()
+    corners = corners.copy()
     for _ in range(ROUNDS):
         for share in (FORTH, BACK):
-            corners += np.where(stays, 0.0, share)[:, None] * (mean @ corners - corners)
+            corners += np.where(corner_is_fixed, 0.0, share)[:, None] * (mean @ corners - corners)
     return corners
 
 
-def areas(faces: NDArray[np.float64]) -> NDArray[np.float64]:
+def quadrilateral_areas(faces: NDArray[np.float64]) -> NDArray[np.float64]:
     """Areas (f,) of quadrilaterals (f, 4, 3), each as two triangles, m^2."""
     first, second, third = (faces[:, k] - faces[:, 0] for k in (1, 2, 3))
     both = np.linalg.norm(np.cross(first, second), axis=1) + np.linalg.norm(np.cross(second, third), axis=1)

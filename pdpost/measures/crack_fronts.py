@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 from scipy.sparse import csr_array
 from scipy.spatial import cKDTree
 
-from pdpost.measures.crack_faces import Surface
+from pdpost.measures.crack_faces import CrackSurface
 
 AROUND = 4.0  # face sizes: how far faces are that a speed is fitted to
 FEWEST = 12  # faces that a speed is fitted to
@@ -17,26 +17,26 @@ KNOWN = 0.5  # share of the scatter of times that a plane must explain
 Polyline = NDArray[np.float64]  # (k, 3) m
 
 
-def front_edges(cracks: Surface, time: float) -> NDArray[np.int64]:
+def front_edges(cracks: CrackSurface, time: float) -> NDArray[np.int64]:
     """The edges (k,) inside the body where the surface that is open at `time`, s, ends."""
     open_now = cracks.time <= time
     uses = np.bincount(cracks.sides[open_now].ravel(), minlength=len(cracks.edges))
     return np.flatnonzero((uses == 1) & cracks.inside)
 
 
-def fronts(cracks: Surface, time: float) -> list[Polyline]:
+def front_lines(cracks: CrackSurface, time: float) -> list[Polyline]:
     """The front at `time`, s, as lines; the longest first, closed ones end where they begin."""
     edges = cracks.edges[front_edges(cracks, time)]
-    lines = [cracks.corners[chain] for chain in chains(edges)]
-    return sorted(lines, key=lambda line: -length(line))
+    lines = [cracks.corners[chain] for chain in edge_chains(edges)]
+    return sorted(lines, key=lambda line: -line_length(line))
 
 
-def length(line: Polyline) -> float:
+def line_length(line: Polyline) -> float:
     """The length of a line, m."""
     return float(np.linalg.norm(np.diff(line, axis=0), axis=1).sum())
 
 
-def chains(edges: NDArray[np.int64]) -> list[list[int]]:
+def edge_chains(edges: NDArray[np.int64]) -> list[list[int]]:
     """Edges (k, 2) between corners as chains of corners; each edge is in one, chains end where not two edges meet."""
     at: dict[int, list[int]] = {}
     for number, ends in enumerate(edges.tolist()):
@@ -62,15 +62,15 @@ def chains(edges: NDArray[np.int64]) -> list[list[int]]:
     return corner_chains
 
 
-def speeds(cracks: Surface) -> NDArray[np.float64]:
+def face_speeds(cracks: CrackSurface) -> NDArray[np.float64]:
     """The speed (f,) at which the front went over each face, m/s: one over the slope of the opening times around it.
 
     NaN of pre-cracks, and where a plane through these times explains less than half of their scatter.
     """
-    speed, new_faces = np.full(len(cracks.faces), np.nan), np.flatnonzero(cracks.grown)
+    speed, new_faces = np.full(len(cracks.faces), np.nan), np.flatnonzero(cracks.is_grown)
     if len(new_faces) < FEWEST:
         return speed
-    place, time = cracks.middle[new_faces], cracks.time[new_faces]
+    place, time = cracks.face_centres[new_faces], cracks.time[new_faces]
     size = float(np.sqrt(np.median(cracks.area[new_faces])))
     near = cKDTree(place).query_pairs(AROUND * size, output_type="ndarray")
     face, neighbour = np.concatenate([near, near[:, ::-1]]).T

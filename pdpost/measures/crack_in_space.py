@@ -10,10 +10,10 @@ from numpy.typing import NDArray
 
 from pdmesh.model.material import Material
 from pdmesh.model.output_fields import CRACKED
-from pdpost.measures.crack_faces import Surface, opened, surface
-from pdpost.measures.crack_fronts import Polyline, fronts, length, speeds
-from pdpost.measures.fragments_in_space import Fragments, fragments
-from pdpost.measures.waves import rayleigh_of
+from pdpost.measures.crack_faces import CrackSurface, crack_surface, find_opened_pairs
+from pdpost.measures.crack_fronts import Polyline, face_speeds, front_lines, line_length
+from pdpost.measures.fragments_in_space import Fragments, find_fragments
+from pdpost.measures.waves import plate_rayleigh_speed
 from pdpost.reading.embedded_model import at_rest, read
 from pdpost.reading.frame_steps import frames, last_step
 from pdpost.reading.time_text import time_text
@@ -28,7 +28,7 @@ class SummaryInSpace:
     """What the cracks of a body did until a step."""
 
     step: int
-    surface: Surface
+    surface: CrackSurface
     frame_step: NDArray[np.int64]  # (t,) frames until the step
     time: NDArray[np.float64]  # (t,) s
     area: NDArray[np.float64]  # (t,) m^2, that opened during the run
@@ -48,7 +48,7 @@ class SummaryInSpace:
         return np.where(opened, self.dissipated / np.where(opened, self.area, 1.0), np.nan)
 
 
-class _Solid(msgspec.Struct):
+class _MaterialKeys(msgspec.Struct):
     """The key of the grid file that the fracture energy comes from."""
 
     material: Material
@@ -63,36 +63,36 @@ def crack_in_space(results: Results, step: int | None = None, threshold: float =
     steps, times = frames(results)
     past = steps <= step
     steps, times = steps[past], times[past]
-    parted_pairs = opened(results, step, threshold)
-    cracks = surface(results, step, parted_pairs)
-    books = results.history()
+    parted_pairs = find_opened_pairs(results, step, threshold)
+    cracks = crack_surface(results, step, parted_pairs)
+    ledger = results.history()
     last = step * float(results.meta()["time_step"])
     return SummaryInSpace(
         step=step,
         surface=cracks,
         frame_step=steps,
         time=times,
-        area=cracks.area_at(times),
-        dissipated=np.interp(times, books["time"], books["dissipated"]),
-        front_length=np.array([sum(map(length, fronts(cracks, time))) for time in times]),
-        fronts=fronts(cracks, last),
+        area=cracks.grown_area_at(times),
+        dissipated=np.interp(times, ledger["time"], ledger["dissipated"]),
+        front_length=np.array([sum(map(line_length, front_lines(cracks, time))) for time in times]),
+        fronts=front_lines(cracks, last),
         speed=front_speeds(results, cracks),
         junctions=int((np.bincount(cracks.sides.ravel(), minlength=len(cracks.edges)) > 2).sum()),
-        fragments=fragments(results, step, parted_pairs),
-        rayleigh_speed=rayleigh_of(results),
-        G0=read(results, _Solid).material.G0,
+        fragments=find_fragments(results, step, parted_pairs),
+        rayleigh_speed=plate_rayleigh_speed(results),
+        G0=read(results, _MaterialKeys).material.G0,
     )
 
 
-def front_speeds(results: Results, cracks: Surface) -> NDArray[np.float64]:
+def front_speeds(results: Results, cracks: CrackSurface) -> NDArray[np.float64]:
     """Speed of the front over each face (f,), m/s; NaN at rest and where it is not known."""
     if not len(cracks.faces) or at_rest(results):
         return np.full(len(cracks.faces), np.nan)
-    speed = speeds(cracks)
-    return np.where(speed > rayleigh_of(results), np.nan, speed)
+    speed = face_speeds(cracks)
+    return np.where(speed > plate_rayleigh_speed(results), np.nan, speed)
 
 
-def _speeds(summary: SummaryInSpace) -> NDArray[np.float64] | None:
+def _speed_percentiles(summary: SummaryInSpace) -> NDArray[np.float64] | None:
     """The 10th, 50th and 90th percentile of the front's speed, weighted by area, m/s; None if it is nowhere known."""
     finite = np.isfinite(summary.speed)
     if not finite.any():
@@ -105,8 +105,8 @@ def _speeds(summary: SummaryInSpace) -> NDArray[np.float64] | None:
 
 def numbers(summary: SummaryInSpace) -> dict[str, object]:
     """The summary as plain numbers, for JSON."""
-    speed = _speeds(summary)
-    new_faces = summary.surface.grown
+    speed = _speed_percentiles(summary)
+    new_faces = summary.surface.is_grown
     return {
         "step": summary.step,
         "faces": len(new_faces),
@@ -117,7 +117,7 @@ def numbers(summary: SummaryInSpace) -> dict[str, object]:
         "first_opened": float(summary.surface.time[new_faces][0]) if new_faces.any() else None,
         "speed": None if speed is None else dict(zip(("low", "median", "high"), speed.tolist(), strict=True)),
         "rayleigh_speed": summary.rayleigh_speed,
-        "front_length": sum(map(length, summary.fronts)),
+        "front_length": sum(map(line_length, summary.fronts)),
         "fronts": summary.fronts,
         "junctions": summary.junctions,
         "fragments": summary.fragments._asdict() | {"pieces": [piece._asdict() for piece in summary.fragments.pieces]},
@@ -133,12 +133,12 @@ def table(summary: SummaryInSpace) -> tuple[tuple[str, ...], list[tuple[object, 
 
 def sentences(summary: SummaryInSpace) -> list[str]:
     """The summary for a reader, a line each."""
-    new_faces = summary.surface.grown
+    new_faces = summary.surface.is_grown
     if not new_faces.any():
         return ["nothing opened"]
-    area, speed = float(summary.surface.area[new_faces].sum()), _speeds(summary)
+    area, speed = float(summary.surface.area[new_faces].sum()), _speed_percentiles(summary)
     front = "none, the cracks end at the surface of the body"
-    if long := [length(line) * 1e3 for line in summary.fronts]:
+    if long := [line_length(line) * 1e3 for line in summary.fronts]:
         parts = "" if len(long) == 1 else f" in {len(long)} lines, the longest {long[0]:.4g} mm"
         front = f"{sum(long):.4g} mm{parts}"
     lines = [

@@ -28,7 +28,7 @@ ABREAST = 0.5  # local spacings: nodes no further apart along a crack are beside
 SHORTEST = 5.0  # local spacings: shorter ends are the crack's rough edge, shorter patches are crumbs
 
 
-class Grown(NamedTuple):
+class CrackedNodes(NamedTuple):
     """The c nodes that have cracked since the start, and the cracks they belong to."""
 
     position: NDArray[np.float64]  # (c, 2) m
@@ -40,14 +40,14 @@ class Grown(NamedTuple):
     links: csr_array  # (c, c) spacings between nodes that touch
 
 
-class _Root(NamedTuple):
+class _CrackOrigin(NamedTuple):
     """The origin of a crack."""
 
     step: int
     nodes: list[int]
 
 
-def grown(results: Results, step: int, threshold: float = CRACKED) -> Grown:
+def label_cracked_nodes(results: Results, step: int, threshold: float = CRACKED) -> CrackedNodes:
     """The nodes cracked after `step`, without those cracked at the start, each assigned to a crack."""
     nodes, since = results.nodes(step), cracked_since(results, threshold, step)
     rows = np.flatnonzero((since > 0) & (since <= step))
@@ -59,27 +59,31 @@ def grown(results: Results, step: int, threshold: float = CRACKED) -> Grown:
     near, far = near[close], far[close] / delta[near[close]].mean(axis=1)
     ends = near.T.ravel(), near[:, ::-1].T.ravel()
     links = csr_array((np.tile(far, 2), ends), (len(rows), len(rows)))
-    spread = _spread(links, since[rows], _roots(links, position, delta, since[rows]))
-    return Grown(position, delta, separation_at(results, step)[rows], *spread, links)
+    spread = _spread_cracks(links, since[rows], _find_crack_origins(links, position, delta, since[rows]))
+    return CrackedNodes(position, delta, separation_at(results, step)[rows], *spread, links)
 
 
 class _Patches:
     """A union-find of touching nodes, joined step by step; each patch is represented by one of its nodes."""
 
-    def __init__(self, position: NDArray[np.float64], delta: NDArray[np.float64], when: NDArray[np.int64]) -> None:
+    def __init__(
+        self, position: NDArray[np.float64], delta: NDArray[np.float64], cracked_step: NDArray[np.int64]
+    ) -> None:
         self.position, self.delta = position, delta
-        self.parent = list(range(len(when)))
+        self.parent = list(range(len(cracked_step)))
         self.members = [[node] for node in self.parent]
-        self.roots: list[_Root | None] = [_Root(step, [node]) for node, step in enumerate(when.tolist())]
+        self.roots: list[_CrackOrigin | None] = [
+            _CrackOrigin(step, [node]) for node, step in enumerate(cracked_step.tolist())
+        ]
 
-    def of(self, node: int) -> int:
+    def representative(self, node: int) -> int:
         """The representative node of a node's patch."""
         while self.parent[node] != node:
             self.parent[node] = self.parent[self.parent[node]]
             node = self.parent[node]
         return node
 
-    def join(self, patches: list[int]) -> _Root | None:
+    def join(self, patches: list[int]) -> _CrackOrigin | None:
         """Join several patches; returns the origin if the result becomes a crack. The root of a crack is None."""
         largest = max(patches, key=lambda patch: len(self.members[patch]))
         roots = [self.roots[patch] for patch in patches]
@@ -93,15 +97,15 @@ class _Patches:
         if len(known_roots) < len(roots):
             return None
         first = min(root.step for root in known_roots)
-        began = _Root(first, [node for root in known_roots if root.step == first for node in root.nodes])
+        began = _CrackOrigin(first, [node for root in known_roots if root.step == first for node in root.nodes])
         rows = self.members[largest]
         far = np.hypot(*(self.position[rows] - self.position[began.nodes].mean(axis=0)).T)
         if (far >= SHORTEST * self.delta[rows]).any():
-            return _Root(first, self._ends(began.nodes, rows))
+            return _CrackOrigin(first, self._origin_nodes(began.nodes, rows))
         self.roots[largest] = began
         return None
 
-    def _ends(self, first: list[int], rows: list[int]) -> list[int]:
+    def _origin_nodes(self, first: list[int], rows: list[int]) -> list[int]:
         """Origin of a crack: the nodes that cracked first or, if they are many, those furthest from their centre."""
         apart = np.hypot(*(self.position[first] - self.position[first].mean(axis=0)).T)
         if (apart <= SHORTEST / 2 * self.delta[first]).all():
@@ -110,38 +114,38 @@ class _Patches:
         return [node for node, off in zip(first, far, strict=True) if off >= far.max() - ABREAST * self.delta[node]]
 
 
-def _roots(
-    graph: csr_array, position: NDArray[np.float64], delta: NDArray[np.float64], when: NDArray[np.int64]
-) -> list[_Root]:
+def _find_crack_origins(
+    touching: csr_array, position: NDArray[np.float64], delta: NDArray[np.float64], cracked_step: NDArray[np.int64]
+) -> list[_CrackOrigin]:
     """Origins of the cracks, oldest first."""
-    patches = _Patches(position, delta, when)
+    patches = _Patches(position, delta, cracked_step)
     roots = []
-    for links in _by_step(graph, when):
+    for links in _touching_pairs_by_step(touching, cracked_step):
         pairs = {
             (min(pair), max(pair))
             for node, neighbour in links
-            if len(pair := {patches.of(node), patches.of(neighbour)}) > 1
+            if len(pair := {patches.representative(node), patches.representative(neighbour)}) > 1
         }
-        for together in _connected(pairs):
+        for together in _connected_groups(pairs):
             root = patches.join(together)
             if root is not None:
                 roots.append(root)
     return sorted(roots, key=lambda root: (root.step, min(root.nodes)))
 
 
-def _by_step(graph: csr_array, when: NDArray[np.int64]) -> Iterator[list[tuple[int, int]]]:
+def _touching_pairs_by_step(touching: csr_array, cracked_step: NDArray[np.int64]) -> Iterator[list[tuple[int, int]]]:
     """Groups of pairs of touching nodes, one for each step from which both nodes are cracked."""
-    links = graph.tocoo()
+    links = touching.tocoo()
     once = links.row < links.col
     node, neighbour = links.row[once], links.col[once]
-    since = np.maximum(when[node], when[neighbour])
+    since = np.maximum(cracked_step[node], cracked_step[neighbour])
     order = np.argsort(since, kind="stable")
     rows = zip(since[order].tolist(), node[order].tolist(), neighbour[order].tolist(), strict=True)
     for _, group in groupby(rows, key=lambda row: row[0]):
         yield [(a, b) for _, a, b in group]
 
 
-def _connected(pairs: set[tuple[int, int]]) -> list[list[int]]:
+def _connected_groups(pairs: set[tuple[int, int]]) -> list[list[int]]:
     """The parts of a small graph."""
     linked: dict[int, set[int]] = {}
     for first, second in pairs:
@@ -158,16 +162,16 @@ def _connected(pairs: set[tuple[int, int]]) -> list[list[int]]:
     return parts
 
 
-def _spread(
-    graph: csr_array, when: NDArray[np.int64], roots: list[_Root]
+def _spread_cracks(
+    touching: csr_array, cracked_step: NDArray[np.int64], origins: list[_CrackOrigin]
 ) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.float64]]:
-    """Let the cracks spread from their roots; returns crack, reached and level (c,) of `Grown`.
+    """Let the cracks spread from their roots; returns crack, reached and level (c,) of `CrackedNodes`.
 
     Two cracks of equal age that meet in one step are one crack with two origins.
     """
-    count = len(when)
+    count = len(cracked_step)
     crack, reached, level = np.full(count, -1), np.full(count, -1), np.full(count, np.inf)
-    same = list(range(len(roots)))  # the crack that each root's is a part of
+    same = list(range(len(origins)))  # the crack that each root's is a part of
 
     def of(number: int) -> int:
         while same[number] != number:
@@ -177,13 +181,17 @@ def _spread(
     def one(first_crack: int, second_crack: int) -> None:
         same[max(of(first_crack), of(second_crack))] = min(of(first_crack), of(second_crack))
 
-    heap = [(int(when[node]), root.step, 0.0, node, at) for at, root in enumerate(roots) for node in root.nodes]
+    heap = [
+        (int(cracked_step[node]), root.step, 0.0, node, at) for at, root in enumerate(origins) for node in root.nodes
+    ]
     heapq.heapify(heap)
-    start, near, apart, cracked = (part.tolist() for part in (graph.indptr, graph.indices, graph.data, when))
+    start, near, apart, cracked = (
+        part.tolist() for part in (touching.indptr, touching.indices, touching.data, cracked_step)
+    )
     while heap:
         step, age, far, node, number = heapq.heappop(heap)
         if crack[node] >= 0:
-            if (reached[node], roots[crack[node]].step) == (step, age) and far - level[node] < ROUND_OFF:
+            if (reached[node], origins[crack[node]].step) == (step, age) and far - level[node] < ROUND_OFF:
                 one(int(crack[node]), number)
             continue
         crack[node], reached[node], level[node] = number, step, far
@@ -192,7 +200,7 @@ def _spread(
             its = int(crack[neighbour])
             if its < 0:
                 heapq.heappush(heap, (max(step, cracked[neighbour]), age, far + apart[link], neighbour, number))
-            elif (reached[neighbour], roots[its].step) == (step, age):
+            elif (reached[neighbour], origins[its].step) == (step, age):
                 one(its, number)
-    crack_of_root = np.array([*(of(at) for at in range(len(roots))), -1])
+    crack_of_root = np.array([*(of(at) for at in range(len(origins))), -1])
     return crack_of_root[crack], reached, level

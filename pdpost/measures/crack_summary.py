@@ -9,15 +9,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pdmesh.model.output_fields import CRACKED
-from pdpost.measures.cracks import DIRECTIONS, PIECE, Growth, growth
-from pdpost.measures.directions import Direction, directions
-from pdpost.measures.fragments import Fragments, fragments
-from pdpost.measures.paths import heading
-from pdpost.measures.predicted_directions import LEANS, Predicted
-from pdpost.measures.release import Release, release
-from pdpost.measures.speed import Speeds
-from pdpost.measures.tips import Branch, Fork, forks, tips
-from pdpost.measures.waves import rayleigh_of
+from pdpost.measures.cracks import DIRECTIONS, PIECE, CrackEvents, crack_events
+from pdpost.measures.directions import CrackDirection, measure_directions
+from pdpost.measures.fragments import Fragments, find_fragments
+from pdpost.measures.paths import main_direction
+from pdpost.measures.predicted_directions import LEANS, PredictedDirection
+from pdpost.measures.release import EnergyRelease, energy_release
+from pdpost.measures.speed import TipSpeeds
+from pdpost.measures.tips import Branch, Fork, crack_branches, find_forks
+from pdpost.measures.waves import plate_rayleigh_speed
 from pdpost.reading.embedded_model import at_rest, moment
 from pdpost.reading.frame_steps import last_step
 from pdpost.reading.table_columns import Columns, columns_of
@@ -37,13 +37,13 @@ class Summary:
     step: int
     time_step: float  # s
     along: str  # the direction that places of `growth` are measured in
-    growth: Growth
-    directions: list[Direction]
+    growth: CrackEvents
+    directions: list[CrackDirection]
     branches: list[Branch]
     forks: list[Fork]
     fragments: Fragments
     rayleigh_speed: float  # m/s
-    release: Release  # energy over crack advance
+    release: EnergyRelease  # energy over crack advance
     at_rest: bool = False  # cracks went from load step to load step, and have no speed
 
 
@@ -54,24 +54,24 @@ def crack(results: Results, step: int | None = None, threshold: float = CRACKED,
     ResultsError if there is no frame yet.
     """
     step = last_step(results) if step is None else step
-    limit, rest = rayleigh_of(results), at_rest(results)
+    limit, rest = plate_rayleigh_speed(results), at_rest(results)
     branches = []
-    for branch in tips(results, step, threshold):
+    for branch in crack_branches(results, step, threshold):
         too_fast = branch.speed.low > (0.0 if rest else limit)  # surely: there a whole stretch broke at once
-        speed = Speeds(*(np.where(too_fast, np.nan, column) for column in branch.speed))
+        speed = TipSpeeds(*(np.where(too_fast, np.nan, column) for column in branch.speed))
         branches.append(replace(branch, speed=speed))
-    along = along or heading([branch.place for branch in branches])
+    along = along or main_direction([branch.place for branch in branches])
     return Summary(
         step,
         float(results.meta()["time_step"]),
         along,
-        growth(results, DIRECTIONS[along], threshold, step, branches),
-        directions(results, branches),
+        crack_events(results, DIRECTIONS[along], threshold, step, branches),
+        measure_directions(results, branches),
         branches,
-        forks(branches),
-        fragments(results, step, threshold),
+        find_forks(branches),
+        find_fragments(results, step, threshold),
         limit,
-        release(results, branches),
+        energy_release(results, branches),
         rest,
     )
 
@@ -115,7 +115,7 @@ def table(summary: Summary) -> tuple[tuple[str, ...], list[tuple[object, ...]]]:
     """Header and rows: every point of the path with its time and speed."""
     rows: list[tuple[object, ...]] = []
     for number, branch in enumerate(summary.branches):
-        spent = summary.release.at(branch.time)
+        spent = summary.release.release_at(branch.time)
         columns = branch.time, *branch.place.T, branch.along, *branch.speed, *branch.direction.T, branch.line, spent
         rows += [(number, *row) for row in zip(*columns, strict=True)]
     speeds = ("speed, m/s", "speed at least, m/s", "speed at most, m/s")
@@ -142,28 +142,28 @@ def sentences(summary: Summary) -> list[str]:
         if event is not None
     ]
     for number, branch in enumerate(summary.branches[:LISTED]):
-        lines.append(f"branch {number}: {_way(branch, summary)}")
+        lines.append(f"branch {number}: {_branch_text(branch, summary)}")
     if len(summary.branches) > LISTED:
         lines.append(f"and {len(summary.branches) - LISTED} shorter branches")
     for fork in summary.forks[:LISTED]:
-        where = f"{_place(fork.place)}, {time_text(fork.time)}"
+        where = f"{_place_text(fork.place)}, {time_text(fork.time)}"
         lines.append(f"fork at {where}: {fork.angle:.1f} degrees between {len(fork.arms)} arms")
-    lines += _spent(summary.release)
+    lines += _energy_sentences(summary.release)
     for way in summary.directions:
         band = f" ({way.low:+.1f} to {way.high:+.1f})" if way.low < way.high else ""
         angle, overall_angle = (f"{round(number, 1) + 0.0:+.1f}" for number in (way.angle, way.whole))
         over = f"over its first {way.length * 1e3:.3g} mm, {overall_angle} as a whole"
-        lines.append(f"from {_place(way.tip)}: {angle} degrees{band} from the notch {over}")
+        lines.append(f"from {_place_text(way.tip)}: {angle} degrees{band} from the notch {over}")
     if len(summary.fragments.pieces) > 1:
         areas = ", ".join(f"{piece.area * 1e6:.4g}" for piece in summary.fragments.pieces)
         lines.append(f"{len(summary.fragments.pieces)} pieces of {areas} mm^2, cracked nodes left out")
-    lines += _crumbs(summary.fragments)
+    lines += _crumbs_sentences(summary.fragments)
     return lines or ["nothing broke"]
 
 
-def _way(branch: Branch, summary: Summary) -> str:
+def _branch_text(branch: Branch, summary: Summary) -> str:
     """Where and when a tip started and ended, and its speed, in words."""
-    ways = [f"{_place(branch.place[at])} at {time_text(branch.time[at])}" for at in (0, -1)]
+    ways = [f"{_place_text(branch.place[at])} at {time_text(branch.time[at])}" for at in (0, -1)]
     mean, rayleigh = _mean_speed(branch, summary), summary.rayleigh_speed
     if summary.at_rest:
         fast = ""
@@ -178,7 +178,7 @@ def _way(branch: Branch, summary: Summary) -> str:
     return f"{branch.length * 1e3:.3g} mm long, from {ways[0]} to {ways[1]}{fast}"
 
 
-def _crumbs(fragments: Fragments) -> list[str]:
+def _crumbs_sentences(fragments: Fragments) -> list[str]:
     """Words for what is in no piece, where that is much: crumbs and cracked nodes."""
     total_area = sum(piece.area for piece in fragments.pieces) + fragments.crumbs_area + fragments.cracked_area
     share = (fragments.crumbs_area + fragments.cracked_area) / total_area
@@ -190,7 +190,7 @@ def _crumbs(fragments: Fragments) -> list[str]:
     ]
 
 
-def _spent(release: Release) -> list[str]:
+def _energy_sentences(release: EnergyRelease) -> list[str]:
     """Words for the energy that the cracks spent, relative to G0."""
     finite_values = release.value[np.isfinite(release.value)]
     if not len(finite_values):
@@ -202,19 +202,20 @@ def _spent(release: Release) -> list[str]:
     return [f"spent over advance, of G0: {middle:.3g} in the median, {low:.3g} to {high:.3g}; {total_text}"]
 
 
-def predictions(expected: Sequence[Predicted], results: Results) -> list[str]:
+def prediction_sentences(expected: Sequence[PredictedDirection], results: Results) -> list[str]:
     """What stress intensities predicted, and how far the paths lie from it, a line each."""
     lines = []
     for prediction in expected:
         line = (
-            f"from {_place(prediction.tip)}: sif at {moment(results, prediction.step)}, before bonds broke, predicts"
-            f" {round(prediction.angle, 1) + 0.0:+.1f} degrees; the path lies {abs(prediction.off):.1f} degrees from it"
+            f"from {_place_text(prediction.tip)}: sif at {moment(results, prediction.step)}, before bonds broke,"
+            f" predicts {round(prediction.angle, 1) + 0.0:+.1f} degrees; the path lies {abs(prediction.off):.1f}"
+            " degrees from it"
         )
         lines.append(f"{line}{LEANING}" if abs(prediction.off) > LEANS else line)
     return lines
 
 
-def _place(point: Sequence[float] | NDArray[np.float64]) -> str:
+def _place_text(point: Sequence[float] | NDArray[np.float64]) -> str:
     """A place in mm, without round-off in zeros."""
     x, y = (round(float(value) * 1e3, 6) + 0.0 for value in point)
     return f"({x:.4g}, {y:.4g}) mm"

@@ -28,7 +28,7 @@ ROUND_OFF = 1e-6
 SAME_PLACE = 1e-12  # m: ends of pre-cracks as near as that are one
 
 
-class _Bonded(msgspec.Struct):
+class _BondKeys(msgspec.Struct):
     """The keys of the grid file that say who is bonded."""
 
     horizon: Horizon = Horizon()
@@ -37,18 +37,18 @@ class _Bonded(msgspec.Struct):
 
 def separation_at(results: Results, step: int) -> NDArray[np.float64]:
     """Separation (n,) of the living nodes after any step, also between frames; see above."""
-    family, broken_count = _bonds_at(results, step)
+    family, broken_count = _bonds_and_broken_at(results, step)
     return np.asarray(broken_count / np.maximum(family, 1))
 
 
 def damage_at(results: Results, step: int) -> NDArray[np.float64]:
     """Damage (n,) of the living nodes after any step, also between frames; see above."""
-    family, broken_count = _bonds_at(results, step)
-    cut = _cut_by_pre_cracks(results, step)
+    family, broken_count = _bonds_and_broken_at(results, step)
+    cut = _count_bonds_cut_by_pre_cracks(results, step)
     return np.asarray((broken_count - cut) / np.maximum(family - cut, 1))
 
 
-def _bonds_at(results: Results, step: int) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+def _bonds_and_broken_at(results: Results, step: int) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
     """Bonds (n,) of the living nodes, and those of them that are gone after a step."""
     lives, breaks, rows = results.lives(), results.breaks(), results.rows(step)
     before = breaks.step <= step
@@ -57,7 +57,7 @@ def _bonds_at(results: Results, step: int) -> tuple[NDArray[np.int64], NDArray[n
     return lives.nodes.family[rows], broken_count[rows]
 
 
-def _cut_by_pre_cracks(results: Results, step: int) -> NDArray[np.int64]:
+def _count_bonds_cut_by_pre_cracks(results: Results, step: int) -> NDArray[np.int64]:
     """Bonds (n,) of the living nodes that pre-cracks cut.
 
     Nodes that are born during a run are also born without bonds that broke before; pre-cracks cut those of their pairs
@@ -70,7 +70,7 @@ def _cut_by_pre_cracks(results: Results, step: int) -> NDArray[np.int64]:
         return cut
     crossing = np.zeros(len(rows), dtype=np.int64)
     if len(cracks):
-        bonded, nowhere = read(results, _Bonded), np.full(len(rows), -1)
+        bonded, nowhere = read(results, _BondKeys), np.full(len(rows), -1)
         margin = 0.5 if bonded.material is not None and has_partial_cells(bonded.material) else 0.0
         around = Neighbours(nodes.position, nodes.delta, (bonded.horizon.ratio + margin) * nodes.delta, mutual=True)
         grid = Grid(nodes.ids, nodes.position, nodes.delta, nowhere >= 0, nowhere, cracks)
@@ -100,21 +100,21 @@ def cracked_since(results: Results, threshold: float = CRACKED, step: int | None
     ends, hurt = np.argsort(lives.death, kind="stable"), count > 0
     for epoch in results.epochs()[1:].tolist():
         born, died = (slice(*np.searchsorted(steps, [epoch, epoch + 1])) for steps in (lives.birth, lives.death[ends]))
-        _inherit(lives, np.arange(len(since))[born], ends[died], since, hurt)
+        _inherit_cracked_step(lives, np.arange(len(since))[born], ends[died], since, hurt)
     return since[results.rows(step)]
 
 
-def _inherit(
+def _inherit_cracked_step(
     lives: Lives,
     born: NDArray[np.int64],
     died: NDArray[np.int64],
-    since: NDArray[np.int64],
+    cracked_step: NDArray[np.int64],
     broken: NDArray[np.bool_],
 ) -> None:
-    """For nodes born cracked, set `since` to that of the overlapping nodes that die at the same time.
+    """For nodes born cracked, set `cracked_step` to that of the overlapping nodes that die at the same time.
 
-    If none of these was cracked and none had lost bonds during the run, a pre-crack cut them: since step 0. `since`
-    (r,) and `broken` (r,), whether bonds broke during the run, cover all nodes that ever lived.
+    If none of these was cracked and none had lost bonds during the run, a pre-crack cut them: since step 0.
+    `cracked_step` (r,) and `broken` (r,), whether bonds broke during the run, cover all nodes that ever lived.
     """
     place, half, birth = lives.nodes.position, lives.nodes.delta / 2, lives.birth
     if len(born) and len(died):
@@ -127,9 +127,9 @@ def _inherit(
         touch = apart < (half[born_row] + half[died_row]) * (1 - ROUND_OFF)
         born_row, died_row = born_row[touch], died_row[touch]
         broken[born_row[broken[died_row]]] = True
-        cracked = (since[died_row] >= 0) & (since[born_row] == birth[born_row])
-        np.minimum.at(since, born_row[cracked], since[died_row[cracked]])
-    since[born[(since[born] == birth[born]) & ~broken[born]]] = 0
+        cracked = (cracked_step[died_row] >= 0) & (cracked_step[born_row] == birth[born_row])
+        np.minimum.at(cracked_step, born_row[cracked], cracked_step[died_row[cracked]])
+    cracked_step[born[(cracked_step[born] == birth[born]) & ~broken[born]]] = 0
 
 
 def pre_crack_tips(cracks: NDArray[np.float64]) -> list[tuple[NDArray[np.float64], NDArray[np.float64]]]:

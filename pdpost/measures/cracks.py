@@ -16,7 +16,7 @@ from scipy.spatial import cKDTree
 from pdmesh.model.graphs import connected
 from pdmesh.model.output_fields import CRACKED
 from pdpost.measures.cracked_nodes import LINKED, ROUND_OFF, cracked_since
-from pdpost.measures.tips import Branch, forks, tips
+from pdpost.measures.tips import Branch, crack_branches, find_forks
 from pdsolve.results import Nodes, Results
 
 ADVANCE = 1.5  # of the finest spacing: a crack this far from what was cracked at first has started
@@ -35,7 +35,7 @@ class Event:
 
 
 @dataclass(frozen=True)
-class Growth:
+class CrackEvents:
     """Events of a crack; those that did not happen are None."""
 
     first_break: Event | None
@@ -46,18 +46,18 @@ class Growth:
     final_tip: float | None  # m
 
 
-def growth(
+def crack_events(
     results: Results,
     direction: tuple[float, float] = (1.0, 0.0),
     threshold: float = CRACKED,
     step: int | None = None,
     branches: Sequence[Branch] | None = None,
-) -> Growth:
+) -> CrackEvents:
     """Events of the cracks of a run until `step` (default: its end), along the unit vector `direction`.
 
     A node is cracked above the damage `threshold`. Start: the first cracked node at least 1.5 of the finest spacings
     away from all that were cracked at first, or the first cracked node of all if none was; for cracks of particles, the
-    first growth. Branching: the first fork of `branches`, by default those of `tips`. Split: see `is_split`.
+    first growth. Branching: the first fork of `branches`, by default those of `crack_branches`. Split: see `is_split`.
     """
     nodes, breaks, since = results.nodes(step), results.breaks(), cracked_since(results, threshold, step)
     until = np.inf if step is None else step
@@ -69,40 +69,45 @@ def growth(
     if (since == 0).any():
         away, _ = cKDTree(nodes.position[since == 0]).query(nodes.position)
         begins &= away >= (ADVANCE - ROUND_OFF) * nodes.delta.min()
-    when, grown, ends = since, since[begins], (_furthest(along[since == 0]), _furthest(along[since >= 0]))
+    when, grown, ends = since, since[begins], (_largest_or_none(along[since == 0]), _largest_or_none(along[since >= 0]))
     particles = results.particles()
     if len(particles.place):
         along, when = particles.place @ axis, particles.step
         grown = when[(when > 0) & (when <= until)]
-        ends = _furthest(along[when == 0]), _furthest(along[when <= until])
+        ends = _largest_or_none(along[when == 0]), _largest_or_none(along[when <= until])
     start = None
     if len(grown):
         begun = int(grown.min())
-        start = Event(begun, begun * time_step, _furthest(along[when == begun]))
-    branches = tips(results, step, threshold) if branches is None else branches
-    forked = [Event(round(fork.time / time_step), fork.time, float(axis @ fork.place)) for fork in forks(branches)[:1]]
+        start = Event(begun, begun * time_step, _largest_or_none(along[when == begun]))
+    branches = crack_branches(results, step, threshold) if branches is None else branches
+    forked = [
+        Event(round(fork.time / time_step), fork.time, float(axis @ fork.place)) for fork in find_forks(branches)[:1]
+    ]
     first = breaks.step[:1][breaks.step[:1] <= until].tolist()
-    return Growth(
+    return CrackEvents(
         first_break=Event(first[0], first[0] * time_step) if first else None,
         initial_tip=ends[0],
         start=start,
         branching=forked[0] if forked else None,
-        split=_split(nodes, since, time_step),
+        split=_first_split_event(nodes, since, time_step),
         final_tip=ends[1],
     )
 
 
-def _furthest(along: NDArray[np.float64]) -> float | None:
+def _largest_or_none(along: NDArray[np.float64]) -> float | None:
     return float(along.max()) if len(along) else None
 
 
-def clusters(position: NDArray[np.float64], delta: NDArray[np.float64], link: float = LINKED) -> NDArray[np.int64]:
-    """Cluster number (c,) of each node; nodes within `link` times the larger spacing of each other are linked."""
+def cluster_nodes(
+    position: NDArray[np.float64], delta: NDArray[np.float64], link_distance: float = LINKED
+) -> NDArray[np.int64]:
+    """Cluster number (c,) of each node; nodes within `link_distance` times the larger spacing of each other are
+    linked."""
     tree = cKDTree(position)
-    reach = (link + ROUND_OFF) * float(delta.max(initial=0.0))
+    reach = (link_distance + ROUND_OFF) * float(delta.max(initial=0.0))
     near = tree.query_pairs(reach, output_type="ndarray")
     far = np.hypot(*(position[near[:, 0]] - position[near[:, 1]]).T)
-    near = near[far <= (link + ROUND_OFF) * delta[near].max(axis=1, initial=0.0)]
+    near = near[far <= (link_distance + ROUND_OFF) * delta[near].max(axis=1, initial=0.0)]
     return connected(len(position), *near.T)
 
 
@@ -115,17 +120,17 @@ def is_split(nodes: Nodes, cracked: NDArray[np.bool_]) -> bool:
     sound = ~cracked
     if sound.all() or not sound.any():
         return False
-    piece = np.bincount(clusters(nodes.position[sound], nodes.delta[sound], link=1.0))
+    piece = np.bincount(cluster_nodes(nodes.position[sound], nodes.delta[sound], link_distance=1.0))
     return int((piece > PIECE * len(cracked)).sum()) > 1
 
 
-def _split(nodes: Nodes, since: NDArray[np.int64], time_step: float) -> Event | None:
+def _first_split_event(nodes: Nodes, cracked_step: NDArray[np.int64], time_step: float) -> Event | None:
     """The first step at which the plate is split, by bisection, as a cracked node stays cracked."""
-    steps = np.unique(since[since >= 0])
+    steps = np.unique(cracked_step[cracked_step >= 0])
     low, high = 0, len(steps)
     while low < high:
         middle = (low + high) // 2
-        if is_split(nodes, (since >= 0) & (since <= steps[middle])):
+        if is_split(nodes, (cracked_step >= 0) & (cracked_step <= steps[middle])):
             high = middle
         else:
             low = middle + 1

@@ -15,10 +15,11 @@ from pdsolve.results import Results, ResultsError
 AMOUNTS = ("inside", "through", "supplied")
 
 
-class Masses(NamedTuple):
+class MassBalance(NamedTuple):
     """Balance of a diffusion run at t times; for a plate, per unit thickness.
 
-    Amounts are in mol. Those of heat are in K m^d as `masses` reads them, and in the unit that `amounts` returns.
+    Amounts are in mol. Those of heat are in K m^d as `mass_balance` reads them, and in the unit that
+    `balance_with_unit` returns.
     """
 
     step: NDArray[np.int64]  # (t,)
@@ -33,21 +34,21 @@ class Masses(NamedTuple):
     error: NDArray[np.float64]  # (t,) of the balance, over what there was or was supplied
 
 
-class _Model(msgspec.Struct):
+class _MediumKeys(msgspec.Struct):
     """The key of the grid file that says what amounts are of."""
 
     medium: Medium | None = None
 
 
-def amounts(results: Results) -> tuple[Masses, str]:
+def balance_with_unit(results: Results) -> tuple[MassBalance, str]:
     """The balance of a run, and the unit of its amounts: mol; of heat J or J/m, or K m^d where its heat capacity is not
     known. Raises ResultsError for a run of mechanics."""
-    books, medium = masses(results), read(results, _Model).medium
+    balance, medium = mass_balance(results), read(results, _MediumKeys).medium
     factor, unit = (1.0, "mol") if medium is None else amount_of(medium, results.dimension)
-    return books._replace(**{name: factor * getattr(books, name) for name in AMOUNTS}), unit
+    return balance._replace(**{name: factor * getattr(balance, name) for name in AMOUNTS}), unit
 
 
-def masses(results: Results) -> Masses:
+def mass_balance(results: Results) -> MassBalance:
     """The mass balance of a run. Raises ResultsError for a run of mechanics."""
     table = results.masses()
     if not len(table):
@@ -58,4 +59,4 @@ def masses(results: Results) -> Masses:
     missing = inside + through - supplied - inside[0]
     scale = np.maximum(inside[0], np.maximum(np.abs(supplied), np.abs(through)))
     solid_share = solid / solid[0] if solid[0] > 0 else np.full(len(solid), np.nan)
-    return Masses(**columns, left=solid_share, error=missing / np.where(scale > 0, scale, 1.0))
+    return MassBalance(**columns, left=solid_share, error=missing / np.where(scale > 0, scale, 1.0))

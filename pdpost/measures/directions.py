@@ -16,7 +16,7 @@ from scipy.special import stdtrit
 from pdpost.measures.crack_labels import SHORTEST
 from pdpost.measures.cracked_nodes import pre_crack_tips
 from pdpost.measures.speed import SURE
-from pdpost.measures.tips import ARM, BEGINS, NEAR_TIP, Branch, axis_of
+from pdpost.measures.tips import ARM, BEGINS, NEAR_TIP, Branch, fit_direction
 from pdsolve.results import Results
 
 STRAIGHT = 1.0  # local spacings: a stretch with a point further off its line is not straight
@@ -27,7 +27,7 @@ BEHIND = 135.0  # degrees: what turns back further runs along its notch
 
 
 @dataclass(frozen=True)
-class Direction:
+class CrackDirection:
     """The angle between a crack and the pre-crack that it starts from, positive to the left."""
 
     tip: tuple[float, float]  # m
@@ -38,8 +38,8 @@ class Direction:
     whole: float  # degrees, of a line through all of the crack until it forks or ends
 
 
-def directions(results: Results, branches: Sequence[Branch]) -> list[Direction]:
-    """Directions of the cracks from each tip of a pre-crack, from all `branches` (see `tips`).
+def measure_directions(results: Results, branches: Sequence[Branch]) -> list[CrackDirection]:
+    """Directions of the cracks from each tip of a pre-crack, from all `branches` (see `crack_branches`).
 
     A crack that forks within five spacings of the tip has a direction for each arm. A crack of particles has the
     direction of its first arm.
@@ -49,61 +49,65 @@ def directions(results: Results, branches: Sequence[Branch]) -> list[Direction]:
         for first in branches:
             if np.hypot(*(first.place[0] - tip)) > BEGINS * first.spacing[0]:
                 continue
-            for branch in _leaving(first, branches):
-                way = _direction(branch, tip, heading)
+            for branch in _branches_to_measure(first, branches):
+                way = _branch_direction(branch, tip, heading)
                 if way is not None and abs(way.angle) <= BEHIND:
                     crack_directions.append(way)
     return crack_directions
 
 
-def _leaving(branch: Branch, branches: Sequence[Branch]) -> list[Branch]:
+def _branches_to_measure(branch: Branch, branches: Sequence[Branch]) -> list[Branch]:
     """The branch itself or, if it is too short for a direction, its arms."""
     arms = [candidate for candidate in branches if candidate.begin == branch.end]
     if branch.exact or branch.length >= SHORTEST * branch.spacing[0] or not arms:
         return [branch]
-    return [leaving_arm for arm in arms for leaving_arm in _leaving(arm, branches)]
+    return [leaving_arm for arm in arms for leaving_arm in _branches_to_measure(arm, branches)]
 
 
-def _direction(branch: Branch, tip: NDArray[np.float64], heading: NDArray[np.float64]) -> Direction | None:
+def _branch_direction(branch: Branch, tip: NDArray[np.float64], heading: NDArray[np.float64]) -> CrackDirection | None:
     """The direction of a branch; None if it has too few points."""
     place = (float(tip[0]), float(tip[1]))
     if branch.exact:
-        angle, overall_angle = (_angle(way, heading) for way in (branch.direction[0], axis_of(branch.place)))
-        return Direction(place, angle, angle, angle, float(branch.along[1] - branch.along[0]), overall_angle)
+        angle, overall_angle = (
+            _signed_angle(way, heading) for way in (branch.direction[0], fit_direction(branch.place))
+        )
+        return CrackDirection(place, angle, angle, angle, float(branch.along[1] - branch.along[0]), overall_angle)
     beyond = np.hypot(*(branch.place - tip).T) > NEAR_TIP * branch.spacing
     first = int(beyond.argmax()) if beyond.sum() >= FEWEST else 0
     points, spacing, along = branch.place[first:], branch.spacing[first:], branch.along[first:]
     if len(points) < FEWEST:
         return None
-    count = _straight(points, spacing, along - along[0])
+    count = _count_straight_points(points, spacing, along - along[0])
     line, free = points[:count], count - 2
     # the uncertainty is Student's, but not below the resolution of the nodes
-    scatter = float(stdtrit(free, (1 + SURE) / 2)) * np.sqrt((_across(line) ** 2).sum() / free)
-    from_middle = (line - line.mean(axis=0)) @ axis_of(line)
+    scatter = float(stdtrit(free, (1 + SURE) / 2)) * np.sqrt((_distances_from_fitted_line(line) ** 2).sum() / free)
+    from_middle = (line - line.mean(axis=0)) @ fit_direction(line)
     slope = max(float(scatter), NORMAL * PLACED * float(spacing[:count].max())) / np.sqrt((from_middle**2).sum())
-    angle, off = _angle(axis_of(line), heading), float(np.degrees(np.arctan(slope)))
-    length, overall_angle = float(along[count - 1]), _angle(axis_of(points), heading)
-    return Direction(place, angle, angle - off, angle + off, length, overall_angle)
+    angle, off = _signed_angle(fit_direction(line), heading), float(np.degrees(np.arctan(slope)))
+    length, overall_angle = float(along[count - 1]), _signed_angle(fit_direction(points), heading)
+    return CrackDirection(place, angle, angle - off, angle + off, length, overall_angle)
 
 
-def _straight(points: NDArray[np.float64], spacing: NDArray[np.float64], far: NDArray[np.float64]) -> int:
+def _count_straight_points(
+    points: NDArray[np.float64], spacing: NDArray[np.float64], distance_from_tip: NDArray[np.float64]
+) -> int:
     """Number of leading points on a straight line: all within ten spacings, then as many as stay within one spacing of
     the line fitted through them."""
-    count = max(FEWEST, int((far <= ARM * spacing[0]).sum()))
+    count = max(FEWEST, int((distance_from_tip <= ARM * spacing[0]).sum()))
     while count < len(points):
-        across = _across(points[: count + 1])
+        across = _distances_from_fitted_line(points[: count + 1])
         if (np.abs(across) > STRAIGHT * spacing[: count + 1]).any():
             break
         count += 1
     return count
 
 
-def _across(points: NDArray[np.float64]) -> NDArray[np.float64]:
+def _distances_from_fitted_line(points: NDArray[np.float64]) -> NDArray[np.float64]:
     """Distances (k,) of points from the straight line through them, m."""
-    x, y = axis_of(points)
+    x, y = fit_direction(points)
     return np.asarray((points - points.mean(axis=0)) @ np.array([-y, x]))
 
 
-def _angle(way: NDArray[np.float64], heading: NDArray[np.float64]) -> float:
-    """Angle in degrees from the unit vector `heading` to the unit vector `way`, positive to the left."""
-    return float(np.degrees(np.arctan2(heading[0] * way[1] - heading[1] * way[0], heading @ way)))
+def _signed_angle(direction: NDArray[np.float64], heading: NDArray[np.float64]) -> float:
+    """Angle in degrees from the unit vector `heading` to the unit vector `direction`, positive to the left."""
+    return float(np.degrees(np.arctan2(heading[0] * direction[1] - heading[1] * direction[0], heading @ direction)))

@@ -37,7 +37,7 @@ FIRST, ROUNDS = 3.0, 20  # slope to begin with, and how often it is taken anew
 CYCLES = Cycled._fields.index("cycles")
 
 
-class Growth(NamedTuple):
+class TipGrowth(NamedTuple):
     """A tip at t frames, and its t - 1 ways from one to the next."""
 
     name: str
@@ -49,7 +49,7 @@ class Growth(NamedTuple):
     settled: NDArray[np.bool_]  # (t - 1,) whether it is beyond the start, which is slower
 
 
-class Line(NamedTuple):
+class ParisLine(NamedTuple):
     """Paris's line."""
 
     C: float  # m a cycle at 1 Pa m^0.5
@@ -57,12 +57,12 @@ class Line(NamedTuple):
     points: int
     scatter: float  # of points about it: the standard deviation of log10 of the growth
 
-    def at(self, dK: Array) -> Array:
+    def growth_rate(self, dK: Array) -> Array:
         """Growth a cycle, m."""
         return np.asarray(self.C * dK**self.m)
 
 
-class Life(NamedTuple):
+class FatigueLife(NamedTuple):
     """What a run under loads that repeat came to."""
 
     name: str
@@ -71,17 +71,17 @@ class Life(NamedTuple):
     first: float | None  # cycles until its first bonds broke; None: none did, or the crack is one of particles
     range: float | None  # of the stretch of these bonds
     given: Fatigue
-    growths: list[Growth]  # of its cracks; empty: a smooth body
-    line: Line | None  # Paris's, through these
+    growths: list[TipGrowth]  # of its cracks; empty: a smooth body
+    line: ParisLine | None  # Paris's, through these
 
-    def smooth(self, eps: Array) -> Array:
+    def woehler_cycles(self, strain_range: Array) -> Array:
         """Wöhler's line: cycles until bonds stretched by these ranges break, away from damage."""
         A1, m1 = self.given.A1, self.given.m1
         if A1 is None or m1 is None:
-            return np.full(len(eps), np.inf)
-        return np.where(eps > self.given.endurance, 1 / (A1 * eps**m1), np.inf)
+            return np.full(len(strain_range), np.inf)
+        return np.where(strain_range > self.given.endurance, 1 / (A1 * strain_range**m1), np.inf)
 
-    def slope(self, dK: Array) -> Array | None:
+    def prescribed_growth_rate(self, dK: Array) -> Array | None:
         """Growth a cycle by what the run was given: C and m, or m alone through the middle of the settled points."""
         C, m = self.given.C, self.given.m
         if m is None or (C is None and self.line is None):
@@ -89,20 +89,20 @@ class Life(NamedTuple):
         if C is not None:
             return np.asarray(C * dK**m)
         assert self.line is not None
-        rate, at = settled_points(self.growths, m)
+        rate, at = settled_rates_and_dK(self.growths, m)
         return np.asarray(np.exp(np.log(rate).mean()) * (dK / np.exp(np.log(at).mean())) ** m)
 
 
-def settled_points(growths: Sequence[Growth], m: float) -> Array:
+def settled_rates_and_dK(growths: Sequence[TipGrowth], m: float) -> Array:
     """Growth a cycle, m, and dK of all settled points, (2, p), for Paris's exponent."""
     columns = [np.empty((2, 0))]
     for growth in growths:
         good = growth.settled & (growth.rate > 0) & np.isfinite(growth.rate)
-        columns.append(np.array([growth.rate[good], between(growth, m)[good]]))
+        columns.append(np.array([growth.rate[good], dK_between_frames(growth, m)[good]]))
     return np.concatenate(columns, axis=1)
 
 
-def between(growth: Growth, m: float) -> Array:
+def dK_between_frames(growth: TipGrowth, m: float) -> Array:
     """The dK (t - 1,) to which the growth between two frames belongs, for Paris's exponent."""
     first, last = growth.dK[:-1], growth.dK[1:]
     more = np.log(last / first)
@@ -112,7 +112,7 @@ def between(growth: Growth, m: float) -> Array:
     return np.where(steep, effective_range, (first + last) / 2)
 
 
-class _Model(msgspec.Struct):
+class _FatigueKeys(msgspec.Struct):
     """The keys of the grid file that fatigue needs."""
 
     horizon: Horizon = Horizon()
@@ -120,22 +120,22 @@ class _Model(msgspec.Struct):
     notch: list[Any] = []
 
 
-def lived(
+def fatigue_life(
     results: Results, steps: Sequence[int], progress: Callable[[list[int]], Iterable[int]] = lambda steps: steps
-) -> Life:
+) -> FatigueLife:
     """The life of a run, and the growth of its cracks. Raises ResultsError."""
-    N, model = cycles(results), read(results, _Model)
+    N, model = cycles_after_steps(results), read(results, _FatigueKeys)
     said = results.summary()
-    growths = growth(results, steps, progress) if model.notch else []
+    growths = tip_growths(results, steps, progress) if model.notch else []
     first, stretch = (said.get(name) for name in ("first_break", "first_range"))
     broke = first is not None and stretch is not None and stretch > 0
     fatigue = model.run.fatigue or Fatigue()
     name = Path(results.name).stem
     broken = (first, stretch) if broke else (None, None)
-    return Life(name, float(N[-1]), said.get("cycles_error"), *broken, fatigue, growths, paris(growths))
+    return FatigueLife(name, float(N[-1]), said.get("cycles_error"), *broken, fatigue, growths, fit_paris_line(growths))
 
 
-def cycles(results: Results) -> Array:
+def cycles_after_steps(results: Results) -> Array:
     """Cycles (s + 1,) after each step until the last checkpoint, those of step 0 first. Raises ResultsError."""
     checkpoint_state = results.checkpoint()[1] if results.has_checkpoint() else {}
     if "cycled" not in checkpoint_state:
@@ -143,18 +143,18 @@ def cycles(results: Results) -> Array:
     return np.concatenate([[0.0], checkpoint_state["cycled"].reshape(-1, len(Cycled._fields))[:, CYCLES]])
 
 
-def growth(
+def tip_growths(
     results: Results, steps: Sequence[int], progress: Callable[[list[int]], Iterable[int]] = lambda steps: steps
-) -> list[Growth]:
+) -> list[TipGrowth]:
     """The growth of each tip that has room for J at two frames or more. Raises ResultsError."""
-    N, model = cycles(results), read(results, _Model)
+    N, model = cycles_after_steps(results), read(results, _FatigueKeys)
     ratio = 0.0 if model.run.fatigue is None else max(model.run.fatigue.ratio, 0.0)
     growths = []
-    for series in stress_intensities.follow(results, [step for step in steps if step < len(N)], progress=progress):
+    for series in stress_intensities.follow_tips(results, [step for step in steps if step < len(N)], progress=progress):
         known_frames = np.flatnonzero((series.value["J"] > 0) & np.isfinite(series.place).all(axis=1))
         if len(known_frames) < 2 or series.last is None:
             continue
-        begins = series.front.at(0.0)
+        begins = series.front.tip_at(0.0)
         place = series.place[known_frames] if begins is None else np.vstack([begins.place, series.place[known_frames]])
         K = np.sqrt(series.value["J"][known_frames] * series.last.effective)
         way = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(place, axis=0).T))])[-len(known_frames) :]
@@ -163,18 +163,18 @@ def growth(
         n = N[series.step[known_frames]]
         with np.errstate(divide="ignore", invalid="ignore"):
             rate = np.diff(way) / np.diff(n)
-        growths.append(Growth(series.front.name, n, way, K, (1 - ratio) * K, rate, past_start))
+        growths.append(TipGrowth(series.front.name, n, way, K, (1 - ratio) * K, rate, past_start))
     if not growths:
         raise ResultsError(f"{results.name}: no tip grows over two frames or more; use a crack that grows")
     return growths
 
 
-def paris(growths: Sequence[Growth]) -> Line | None:
+def fit_paris_line(growths: Sequence[TipGrowth]) -> ParisLine | None:
     """The line through all settled points; None with fewer than three."""
     slope, at_0, x, y = FIRST, 0.0, np.empty(0), np.empty(0)
     for _ in range(ROUNDS):  # as the dK of a point depends on the slope a little
-        y, x = np.log10(settled_points(growths, slope))
+        y, x = np.log10(settled_rates_and_dK(growths, slope))
         if len(x) < FEWEST:
             return None
         slope, at_0 = (float(number) for number in np.polyfit(x, y, 1))
-    return Line(10**at_0, slope, len(x), float(np.std(y - slope * x - at_0)))
+    return ParisLine(10**at_0, slope, len(x), float(np.std(y - slope * x - at_0)))

@@ -12,7 +12,7 @@ from pdmesh.model import output_fields
 from pdmesh.model.gradients import green, hooke, thinning
 from pdmesh.model.output_fields import CRACKED
 from pdpost.measures.cracked_nodes import damage_at, separation_at
-from pdpost.measures.strain import gradients, stiffness, thermal
+from pdpost.measures.strain import displacement_gradients, elastic_constants, thermal_strain
 from pdpost.reading.stored_fields import OF_DIFFUSION, diffuses, expect_physics_of, scalar, vector
 from pdsolve.results import Results
 
@@ -35,18 +35,18 @@ class Field:
     components: tuple[str, ...] = ()  # none: a scalar
 
     @property
-    def fitted(self) -> bool:
+    def is_fitted_to_bonds(self) -> bool:
         """Whether the field is fitted to the intact bonds: strain and stress."""
         return self.components[: len(TENSOR)] == TENSOR
 
-    def parts(self, dimension: int = 2) -> tuple[str, ...]:
+    def component_names(self, dimension: int = 2) -> tuple[str, ...]:
         """The components of this field in 2 or 3 dimensions."""
         if dimension == 2 or not self.components:
             return self.components
         return (*self.components, *(("z",) if self.components == VECTOR else ("xz", "yz")))
 
 
-def _stored(name: str, title: str, components: tuple[str, ...] = ()) -> Field:
+def _stored_field(name: str, title: str, components: tuple[str, ...] = ()) -> Field:
     """A field stored in results, with its unit from the table of stored fields."""
     unit = output_fields.FIELDS[name].unit
     return Field(name, title, "" if unit == "1" else unit.translate(POWERS), components)
@@ -55,39 +55,39 @@ def _stored(name: str, title: str, components: tuple[str, ...] = ()) -> Field:
 FIELDS = {
     field.name: field
     for field in (
-        _stored("damage", "Damage"),
+        _stored_field("damage", "Damage"),
         Field("separation", "Damage, pre-cracks counted", ""),
-        _stored("energy", "Strain energy"),
-        _stored("displacement", "Displacement", VECTOR),
-        _stored("velocity", "Velocity", VECTOR),
-        _stored("acceleration", "Acceleration", VECTOR),
+        _stored_field("energy", "Strain energy"),
+        _stored_field("displacement", "Displacement", VECTOR),
+        _stored_field("velocity", "Velocity", VECTOR),
+        _stored_field("acceleration", "Acceleration", VECTOR),
         Field("strain", "Strain", "", TENSOR),
         Field("stress", "Stress", "Pa", (*TENSOR, "mises")),
-        _stored("plastic", "Equivalent plastic strain"),
-        _stored("rotation", "Rotation"),
-        _stored("volume", "Volume over that at the start"),
-        _stored("concentration", "Concentration"),
-        _stored("content", "Content, the solid counted"),
-        _stored("solid", "Share that is solid"),
-        _stored("temperature", "Temperature"),
+        _stored_field("plastic", "Equivalent plastic strain"),
+        _stored_field("rotation", "Rotation"),
+        _stored_field("volume", "Volume over that at the start"),
+        _stored_field("concentration", "Concentration"),
+        _stored_field("content", "Content, the solid counted"),
+        _stored_field("solid", "Share that is solid"),
+        _stored_field("temperature", "Temperature"),
     )
 }
 
 
-def component(name: str, part: str | None, dimension: int = 2) -> str:
+def choose_component(name: str, component: str | None, dimension: int = 2) -> str:
     """The component to show: the given one or the first; "" for a scalar. Raises FieldError."""
     if name not in FIELDS:
         raise FieldError(f"field '{name}' is unknown; use one of {', '.join(FIELDS)}")
-    available = FIELDS[name].parts(dimension)
-    if part is None:
+    available = FIELDS[name].component_names(dimension)
+    if component is None:
         return available[0] if available else ""
-    if part not in available:
+    if component not in available:
         expected = f"one of {', '.join(available)}" if available else "none, it is a scalar"
-        raise FieldError(f"{name} has no component '{part}'; use {expected}")
-    return part
+        raise FieldError(f"{name} has no component '{component}'; use {expected}")
+    return component
 
 
-def usual(results: Results, step: int) -> str:
+def default_field_name(results: Results, step: int) -> str:
     """The default field: damage in mechanics; content where a solid dissolves, otherwise concentration."""
     if not diffuses(results):
         return "damage"
@@ -96,31 +96,31 @@ def usual(results: Results, step: int) -> str:
     return next((name for name in (first, *OF_DIFFUSION) if output_fields.FIELDS[name].columns[0] in stored), first)
 
 
-def torn(results: Results, name: str, step: int) -> NDArray[np.bool_]:
+def unreliable_nodes(results: Results, name: str, step: int) -> NDArray[np.bool_]:
     """Mask (n,) of nodes whose value is unreliable: for strain and stress, more than 0.35 of the bonds are broken.
 
     A gradient fitted to so few bonds measures the opening of a crack, not a strain.
     """
-    if not FIELDS[name].fitted:
+    if not FIELDS[name].is_fitted_to_bonds:
         return np.zeros(len(results.rows(step)), dtype=bool)
     return separation_at(results, step) > CRACKED
 
 
-def signed(name: str, part: str) -> bool:
+def takes_both_signs(name: str, component: str) -> bool:
     """Whether a component takes both signs."""
-    return name == "rotation" or (bool(part) and part not in ("magnitude", "mises"))
+    return name == "rotation" or (bool(component) and component not in ("magnitude", "mises"))
 
 
-def values(results: Results, name: str, step: int, part: str | None = None) -> NDArray[np.float64]:
+def field_values(results: Results, name: str, step: int, component: str | None = None) -> NDArray[np.float64]:
     """A component (n,) of the field `name` after `step`, in SI units; NaN where a node has none.
 
     Damage is known at every step, other fields at frames that store them. Raises FieldError, and ResultsError naming
     what is stored.
     """
-    return components(results, name, step)[component(name, part, results.dimension)]
+    return field_components(results, name, step)[choose_component(name, component, results.dimension)]
 
 
-def components(results: Results, name: str, step: int) -> dict[str, NDArray[np.float64]]:
+def field_components(results: Results, name: str, step: int) -> dict[str, NDArray[np.float64]]:
     """All components (n,) of the field `name` after `step`, by name; a scalar's name is ""."""
     field = FIELDS[name]
     if name == "damage" and not diffuses(results):
@@ -134,34 +134,38 @@ def components(results: Results, name: str, step: int) -> dict[str, NDArray[np.f
         ways = vector(results, name, step).T
         return {"magnitude": reduce(np.hypot, ways), **dict(zip("xyz", ways, strict=False))}
     if results.dimension == 3:
-        return _in_space(results, name, step)
+        return _components_in_space(results, name, step)
     if name == "stress" and "sxx" in results.stored(step):
         stress = vector(results, "stress", step)
     else:
-        strain, elastic, free = green(gradients(results, step)), stiffness(results, step), thermal(results, step)
+        strain, elastic, free = (
+            green(displacement_gradients(results, step)),
+            elastic_constants(results, step),
+            thermal_strain(results, step),
+        )
         if name == "strain":
-            return {**_principal(strain), "zz": thinning(strain, elastic, free)}
+            return {**_principal_components(strain), "zz": thinning(strain, elastic, free)}
         stress = hooke(strain, elastic, free)
     xx, yy, xy, zz = stress.T
     mises = np.sqrt(((xx - yy) ** 2 + (yy - zz) ** 2 + (zz - xx) ** 2) / 2 + 3 * xy**2)
-    return {**_principal(stress[:, :3]), "mises": mises, "zz": zz}
+    return {**_principal_components(stress[:, :3]), "mises": mises, "zz": zz}
 
 
-def _principal(tensor: NDArray[np.float64]) -> dict[str, NDArray[np.float64]]:
+def _principal_components(tensor: NDArray[np.float64]) -> dict[str, NDArray[np.float64]]:
     xx, yy, xy = tensor.T
     middle, radius = (xx + yy) / 2, np.hypot((xx - yy) / 2, xy)
     return {"largest": middle + radius, "smallest": middle - radius, "xx": xx, "yy": yy, "xy": xy}
 
 
-def _in_space(results: Results, name: str, step: int) -> dict[str, NDArray[np.float64]]:
+def _components_in_space(results: Results, name: str, step: int) -> dict[str, NDArray[np.float64]]:
     """All components (n,) of the strain or stress of a body, by name."""
     expect_physics_of(results, name)
     if name == "stress" and "sxx" in results.stored(step):
         tensor = vector(results, "stress", step)
     else:
-        tensor = green(gradients(results, step))
+        tensor = green(displacement_gradients(results, step))
         if name == "stress":
-            tensor = hooke(tensor, stiffness(results, step), thermal(results, step))
+            tensor = hooke(tensor, elastic_constants(results, step), thermal_strain(results, step))
     xx, yy, xy, zz, xz, yz = tensor.T
     matrices = np.moveaxis(np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]), 2, 0)
     finite = np.isfinite(tensor).all(axis=1)

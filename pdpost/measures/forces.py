@@ -14,7 +14,7 @@ from pdpost.reading.embedded_model import read
 from pdsolve.results import Results, ResultsError
 
 
-class _Named(msgspec.Struct):
+class _ConditionKeys(msgspec.Struct):
     """The keys of the grid file that name its conditions and load cells."""
 
     conditions: list[dict[str, Any]] = []
@@ -46,7 +46,7 @@ class Reaction(NamedTuple):
 
 def reactions(results: Results) -> list[Reaction]:
     """Reactions of all conditions over the run, then load cells. Raises ResultsError if there are none."""
-    rows, ways, model = results.reactions(), "xyz"[: results.dimension], read(results, _Named)
+    rows, ways, model = results.reactions(), "xyz"[: results.dimension], read(results, _ConditionKeys)
     conditions = model.conditions
     all_reactions = []
     wrong = (rows["condition"] < 0) | (rows["condition"] >= len(conditions))
@@ -74,7 +74,7 @@ def reactions(results: Results) -> list[Reaction]:
     return all_reactions + cells
 
 
-def chosen(all_reactions: list[Reaction], names: list[str]) -> list[Reaction]:
+def select_reactions(all_reactions: list[Reaction], names: list[str]) -> list[Reaction]:
     """The reactions with these names or numbers; all if `names` is empty. Raises ResultsError naming the conditions."""
     numbered = {str(reaction.number): reaction for reaction in all_reactions if reaction.kind != CELL}
     by_name = numbered | {reaction.name: reaction for reaction in all_reactions}

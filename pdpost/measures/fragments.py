@@ -8,7 +8,7 @@ import numpy as np
 
 from pdmesh.model.output_fields import CRACKED
 from pdpost.measures.cracked_nodes import separation_at
-from pdpost.measures.cracks import PIECE, clusters
+from pdpost.measures.cracks import PIECE, cluster_nodes
 from pdsolve.results import Results
 
 
@@ -29,11 +29,11 @@ class Fragments(NamedTuple):
     cracked_area: float  # m^2, of the cracked nodes, which belong to no piece
 
 
-def fragments(results: Results, step: int, threshold: float = CRACKED) -> Fragments:
+def find_fragments(results: Results, step: int, cracked_separation: float = CRACKED) -> Fragments:
     """The fragments after `step`: sound nodes linked along rows and columns, as in `cracks.is_split`."""
-    nodes, cracked = results.nodes(step), separation_at(results, step) > threshold
+    nodes, cracked = results.nodes(step), separation_at(results, step) > cracked_separation
     sound = np.flatnonzero(~cracked)
-    piece = clusters(nodes.position[sound], nodes.delta[sound], link=1.0)
+    piece = cluster_nodes(nodes.position[sound], nodes.delta[sound], link_distance=1.0)
     fragment_list, crumbs, crumbs_area = [], 0, 0.0
     for number in range(int(piece.max(initial=-1)) + 1):
         rows = sound[piece == number]

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from pdmesh.model.document import Material, Region
 from pdmesh.model.graphs import connected
 from pdmesh.model.selection import selected
-from pdpost.measures.crack_faces import Opened
+from pdpost.measures.crack_faces import OpenedPairs
 from pdpost.reading.embedded_model import read
 from pdsolve.results import Results
 
@@ -36,31 +36,31 @@ class Fragments(NamedTuple):
     crumbs_mass: float  # kg
 
 
-class _Solid(msgspec.Struct):
+class _DensityKeys(msgspec.Struct):
     """The keys of the grid file that densities come from."""
 
     material: Material
     regions: tuple[Region, ...] = ()
 
 
-def masses(results: Results, step: int) -> NDArray[np.float64]:
+def node_masses(results: Results, step: int) -> NDArray[np.float64]:
     """The mass (n,) of the nodes of a body, kg. Raises ResultsError."""
-    model, nodes = read(results, _Solid), results.nodes(step)
+    model, nodes = read(results, _DensityKeys), results.nodes(step)
     rho = np.full(len(nodes.ids), model.material.rho)
     for region in model.regions:
         rho[selected(nodes, region.nodes, region.box)] = region.material.rho
     return np.asarray(rho * nodes.area)
 
 
-def connected_pieces(parted_pairs: Opened) -> NDArray[np.int64]:
+def piece_of_node(opened_pairs: OpenedPairs) -> NDArray[np.int64]:
     """The number (n,) of the piece that each node is in."""
-    return connected(len(parted_pairs.sound), *parted_pairs.pairs[~parted_pairs.mask].T)
+    return connected(len(opened_pairs.sound), *opened_pairs.pairs[~opened_pairs.is_opened].T)
 
 
-def fragments(results: Results, step: int, parted_pairs: Opened) -> Fragments:
+def find_fragments(results: Results, step: int, opened_pairs: OpenedPairs) -> Fragments:
     """The fragments of a body after `step`, from the neighbours that parted."""
-    nodes, mass = results.nodes(step), masses(results, step)
-    piece = connected_pieces(parted_pairs)
+    nodes, mass = results.nodes(step), node_masses(results, step)
+    piece = piece_of_node(opened_pairs)
     count = np.bincount(piece)
     large = count >= SMALLEST
     names = ("vx", "vy", "vz")
@@ -74,8 +74,8 @@ def fragments(results: Results, step: int, parted_pairs: Opened) -> Fragments:
             int(count[number]),
             float(volume[number]),
             float(sums[number, 0]),
-            _mean(sums[number], 1),
-            _mean(sums[number], 4) if velocity else None,
+            _mean_vector(sums[number], 1),
+            _mean_vector(sums[number], 4) if velocity else None,
         )
         for number in np.flatnonzero(large)
     ]
@@ -83,7 +83,7 @@ def fragments(results: Results, step: int, parted_pairs: Opened) -> Fragments:
     return Fragments(tuple(pieces), int((~large).sum()), float(sums[~large, 0].sum()))
 
 
-def _mean(sums: NDArray[np.float64], first: int) -> tuple[float, float, float]:
+def _mean_vector(sums: NDArray[np.float64], first_column: int) -> tuple[float, float, float]:
     """Three components of a mean, from sums weighted by mass."""
-    x, y, z = (float(component) for component in sums[first : first + 3] / sums[0])
+    x, y, z = (float(component) for component in sums[first_column : first_column + 3] / sums[0])
     return x, y, z

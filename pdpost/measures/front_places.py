@@ -16,8 +16,8 @@ from scipy.spatial import cKDTree
 
 from pdmesh.model.crack_surfaces import TOUCH, front
 from pdmesh.model.front_integrals import FrontPlace
-from pdpost.measures.crack_faces import opened, surface
-from pdpost.measures.crack_fronts import Polyline, chains, fronts, length
+from pdpost.measures.crack_faces import crack_surface, find_opened_pairs
+from pdpost.measures.crack_fronts import Polyline, edge_chains, front_lines, line_length
 from pdpost.measures.lattice_neighbours import NEAR
 from pdsolve.results import Nodes, Results
 
@@ -26,7 +26,7 @@ WINDOW = 1.5  # horizons to both sides of a point: what an arc and a normal are 
 FEWEST = 6  # points that an arc or a plane is fitted to
 
 
-class Cracks(NamedTuple):
+class CracksInSpace(NamedTuple):
     """The surface of all cracks as points about a spacing apart, and their fronts inside the body."""
 
     points: NDArray[np.float64]  # (p, 3) m
@@ -41,32 +41,38 @@ class FrontPoints(NamedTuple):
     spacing: NDArray[np.float64]  # (k,) m, of the nodes there
 
 
-def cracks_at(results: Results, step: int) -> Cracks:
+def cracks_at(results: Results, step: int) -> CracksInSpace:
     """The cracks of a body after `step`."""
     nodes = results.nodes(step)
     triangles = results.cracks().reshape(-1, 3, 3)
     if (results.breaks().step <= step).any():
-        parted_pairs = opened(results, step)
+        parted_pairs = find_opened_pairs(results, step)
         if (parted_pairs.step >= 0).any():
-            cracks, now = surface(results, step, parted_pairs), step * float(results.meta()["time_step"])
-            return Cracks(cracks.middle[cracks.time <= now], fronts(cracks, now))
+            cracks, now = crack_surface(results, step, parted_pairs), step * float(results.meta()["time_step"])
+            return CracksInSpace(cracks.face_centres[cracks.time <= now], front_lines(cracks, now))
     if not len(triangles):
-        return Cracks(np.zeros((0, 3)), [])
+        return CracksInSpace(np.zeros((0, 3)), [])
     spacing, edges = float(nodes.delta.min()), front(triangles)
     ends = edges.reshape(-1, 3)
     size = TOUCH * float(np.ptp(ends, axis=0).max())
     _, first, number = np.unique(np.round(ends / size), axis=0, return_index=True, return_inverse=True)
     places = ends[first]
-    lines = [part for chain in chains(number.reshape(-1, 2)) for part in _inside(nodes, places[chain], spacing)]
-    return Cracks(_sampled(nodes, triangles, spacing), sorted(lines, key=lambda line: -length(line)))
+    lines = [
+        part
+        for chain in edge_chains(number.reshape(-1, 2))
+        for part in _parts_inside_body(nodes, places[chain], spacing)
+    ]
+    return CracksInSpace(
+        _sample_triangles(nodes, triangles, spacing), sorted(lines, key=lambda line: -line_length(line))
+    )
 
 
-def _inside(nodes: Nodes, line: Polyline, spacing: float) -> list[Polyline]:
+def _parts_inside_body(nodes: Nodes, line: Polyline, spacing: float) -> list[Polyline]:
     """The parts of a line, as points at most half a spacing apart, that are in the cubes of nodes."""
-    low, high = _box(nodes)
+    low, high = _bounding_box(nodes)
     pieces = []
     for a, b in itertools.pairwise(line):
-        piece = _clipped(a, b, low, high)
+        piece = _clip_segment_to_box(a, b, low, high)
         count = 0 if piece is None else int(np.ceil(2 * np.linalg.norm(piece[1] - piece[0]) / spacing))
         if piece is not None and count:
             pieces.append(piece[0] + np.arange(count + 1)[:, None] / count * (piece[1] - piece[0]))
@@ -81,7 +87,7 @@ def _inside(nodes: Nodes, line: Polyline, spacing: float) -> list[Polyline]:
     return [part for part in inner_parts if len(part) > 1]
 
 
-def _clipped(
+def _clip_segment_to_box(
     a: NDArray[np.float64], b: NDArray[np.float64], low: NDArray[np.float64], high: NDArray[np.float64]
 ) -> NDArray[np.float64] | None:
     """The part (2, 3) of a segment in a box; None if there is none."""
@@ -96,14 +102,14 @@ def _clipped(
     return np.array([a + first * way, a + last * way]) if first < last else None
 
 
-def _box(nodes: Nodes) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def _bounding_box(nodes: Nodes) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     half = nodes.delta[:, None] / 2
     return (nodes.position - half).min(axis=0), (nodes.position + half).max(axis=0)
 
 
-def _sampled(nodes: Nodes, triangles: NDArray[np.float64], spacing: float) -> NDArray[np.float64]:
+def _sample_triangles(nodes: Nodes, triangles: NDArray[np.float64], spacing: float) -> NDArray[np.float64]:
     """Points (p, 3) of triangles in the box of the nodes: the middles of pieces no longer than a spacing."""
-    low, high = _box(nodes)
+    low, high = _bounding_box(nodes)
     points = []
     while len(triangles):
         near = (triangles.max(axis=1) >= low).all(axis=1) & (triangles.min(axis=1) <= high).all(axis=1)
@@ -117,8 +123,8 @@ def _sampled(nodes: Nodes, triangles: NDArray[np.float64], spacing: float) -> ND
     return np.concatenate(points)
 
 
-def front_points(nodes: Nodes, cracks: Cracks, line: Polyline, ratio: float) -> FrontPoints:
-    """Points of a front about two spacings apart, with their arcs; `ratio` is the horizon in spacings.
+def front_points(nodes: Nodes, cracks: CracksInSpace, line: Polyline, horizon_ratio: float) -> FrontPoints:
+    """Points of a front about two spacings apart, with their arcs; `horizon_ratio` is the horizon in spacings.
 
     Points are left out where too little of the front or of the crack is around them for an arc or a normal.
     """
@@ -130,18 +136,18 @@ def front_points(nodes: Nodes, cracks: Cracks, line: Polyline, ratio: float) -> 
     count = max(round(total_length / (EVERY * grain)), 1)
     along = (np.arange(count) + (0.0 if closed else 0.5)) * total_length / count
     fine = np.arange(0.0, total_length, min(grain / 2, total_length / 64))
-    points = _on(line, at, fine)
+    points = _places_on_line(line, at, fine)
     arc_lengths, places, spacings, before = [], [], [], None
     for s in along.tolist():
-        point = _on(line, at, np.array([s]))[0]
+        point = _places_on_line(line, at, np.array([s]))[0]
         spacing = float(nodes.delta[tree.query(point)[1]])
         off = np.abs(fine - s)
         off = np.minimum(off, total_length - off) if closed else off
-        near_front = points[off <= WINDOW * ratio * spacing]
-        near_crack = cracks.points[surface_tree.query_ball_point(point, WINDOW * ratio * spacing)]
+        near_front = points[off <= WINDOW * horizon_ratio * spacing]
+        near_crack = cracks.points[surface_tree.query_ball_point(point, WINDOW * horizon_ratio * spacing)]
         if len(near_front) < FEWEST or len(near_crack) < FEWEST:
             continue
-        place = _arc(point, near_front, near_crack, before)
+        place = _front_place(point, near_front, near_crack, before)
         before = place.frame[1]
         arc_lengths.append(s)
         places.append(place)
@@ -149,24 +155,26 @@ def front_points(nodes: Nodes, cracks: Cracks, line: Polyline, ratio: float) -> 
     return FrontPoints(np.array(arc_lengths), places, np.array(spacings))
 
 
-def _on(line: Polyline, at: NDArray[np.float64], s: NDArray[np.float64]) -> NDArray[np.float64]:
-    return np.column_stack([np.interp(s, at, column) for column in line.T])
+def _places_on_line(
+    line: Polyline, line_length_at_points: NDArray[np.float64], lengths: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    return np.column_stack([np.interp(lengths, line_length_at_points, column) for column in line.T])
 
 
-def _arc(
+def _front_place(
     point: NDArray[np.float64],
     near_front: NDArray[np.float64],
     near_crack: NDArray[np.float64],
-    before: NDArray[np.float64] | None,
+    previous_normal: NDArray[np.float64] | None,
 ) -> FrontPlace:
     """The arc at a point: a circle through points `near_front` of the front, in the plane of those and points
     `near_crack` of the crack.
 
-    The normal is on the side of that of the point `before`, of the first one along its longest component.
+    The normal is on the side of that of the point `previous_normal`, of the first one along its longest component.
     """
     normal = np.linalg.svd(np.concatenate([near_crack, near_front]) - point, full_matrices=False)[2][2]
-    side = normal if before is None else before
-    normal = normal * np.sign((normal @ side) if before is not None else normal[np.abs(normal).argmax()])
+    side = normal if previous_normal is None else previous_normal
+    normal = normal * np.sign((normal @ side) if previous_normal is not None else normal[np.abs(normal).argmax()])
     tangent = np.linalg.svd(near_front - near_front.mean(axis=0), full_matrices=False)[2][0]
     tangent -= (tangent @ normal) * normal
     tangent /= np.linalg.norm(tangent)

@@ -15,10 +15,10 @@ from scipy.spatial import cKDTree
 
 from pdmesh.model.front_integrals import FrontPlace, across
 from pdmesh.model.selection import selected
-from pdpost.measures.front_places import Cracks
-from pdpost.measures.lattice_neighbours import NEAR, neighbours
-from pdpost.measures.strain import stiffness
-from pdpost.measures.tip_surroundings import FREE, Room
+from pdpost.measures.front_places import CracksInSpace
+from pdpost.measures.lattice_neighbours import NEAR, face_neighbours
+from pdpost.measures.strain import elastic_constants
+from pdpost.measures.tip_surroundings import FREE, UndisturbedRoom
 from pdpost.reading.embedded_model import read
 from pdsolve.results import Nodes, Results
 
@@ -26,7 +26,7 @@ BESIDE, SLANT = 1.5, 0.1  # spacings beside an arc's plane or circle, and of the
 AXIS = 0.95  # of an arc's radius
 
 
-class _Conditions(msgspec.Struct):
+class _ConditionKeys(msgspec.Struct):
     """The key of the grid file that holds its conditions."""
 
     conditions: list[dict[str, Any]] = []
@@ -35,26 +35,30 @@ class _Conditions(msgspec.Struct):
 class ObstaclesInSpace:
     """Obstacles to the fields around fronts after a step."""
 
-    def __init__(self, results: Results, step: int, cracks: Cracks) -> None:
+    def __init__(self, results: Results, step: int, cracks: CracksInSpace) -> None:
         nodes = results.nodes(step)
         self._nodes, self._cracks, self._tree = nodes, cracks, cKDTree(nodes.position)
-        self._elastic = stiffness(results, step)
+        self._elastic = elastic_constants(results, step)
         acted_on = np.zeros(len(nodes.ids), dtype=bool)
-        for condition in read(results, _Conditions).conditions:
+        for condition in read(results, _ConditionKeys).conditions:
             if condition["kind"] not in FREE:
                 acted_on |= selected(nodes, condition.get("nodes"), condition.get("box"))
-        self._held, self._surface = acted_on, _outside(nodes)
+        self._held, self._surface = acted_on, _surface_face_centres(nodes)
 
-    def room(self, front_place: FrontPlace, half: float, most: float) -> Room:
-        """The room around a point of a front, `most` m at most, for a tube of the half length `half`, m."""
-        near = np.array(self._tree.query_ball_point(front_place.place, np.hypot(most, half + most)), dtype=np.int64)
+    def undisturbed_room(self, front_place: FrontPlace, half_length: float, largest_radius: float) -> UndisturbedRoom:
+        """The room around a point of a front, `largest_radius` m at most, for a tube of the half length `half_length`,
+        m."""
+        near = np.array(
+            self._tree.query_ball_point(front_place.place, np.hypot(largest_radius, half_length + largest_radius)),
+            dtype=np.int64,
+        )
         nodes, nearest = self._nodes, int(self._tree.query(front_place.place)[1])
         spacing = float(nodes.delta[nearest])
         E, nu, _ = self._elastic
         other_material = (E[near] != E[nearest]) | (nu[near] != nu[nearest])
-        rooms = [Room(most, "")]
+        rooms = [UndisturbedRoom(largest_radius, "")]
         if front_place.curvature:
-            rooms.append(Room(AXIS / abs(front_place.curvature), "the middle of the front's arc"))
+            rooms.append(UndisturbedRoom(AXIS / abs(front_place.curvature), "the middle of the front's arc"))
         points = self._cracks.points
         x, y, _, _ = across(points, front_place)
         slack = np.maximum(BESIDE * spacing, SLANT * np.hypot(x, y))
@@ -70,15 +74,15 @@ class ObstaclesInSpace:
             (nodes.position[near[other_material]], "another material"),
         ):
             x, y, s, _ = across(places, front_place)
-            in_tube = np.abs(s) < half
+            in_tube = np.abs(s) < half_length
             if in_tube.any():
-                rooms.append(Room(float(np.hypot(x, y)[in_tube].min()), what))
+                rooms.append(UndisturbedRoom(float(np.hypot(x, y)[in_tube].min()), what))
         return min(rooms)
 
 
-def _outside(nodes: Nodes) -> NDArray[np.float64]:
+def _surface_face_centres(nodes: Nodes) -> NDArray[np.float64]:
     """The middles (k, 3) of those faces of nodes' cubes that other cubes do not cover: the surface of the body."""
-    pairs, count = neighbours(nodes), len(nodes.ids)
+    pairs, count = face_neighbours(nodes), len(nodes.ids)
     way = nodes.position[pairs[:, 1]] - nodes.position[pairs[:, 0]]
     axis = np.abs(way).argmax(axis=1)
     ahead = way[np.arange(len(pairs)), axis] > 0

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from pdmesh.model.document import Run
 from pdpost.measures.forces import Reaction
-from pdpost.measures.histories import at_place
+from pdpost.measures.histories import place_history
 from pdpost.reading.embedded_model import read
 from pdsolve.results import Results, ResultsError
 
@@ -26,7 +26,7 @@ class Gap(NamedTuple):
     opening: NDArray[np.float64]  # (t,) m, how much longer the way between them has become
 
 
-class Pulled(NamedTuple):
+class ForceOpeningCurve(NamedTuple):
     """A force against a gap, at the t times at which both are recorded."""
 
     name: str  # of the condition
@@ -35,17 +35,17 @@ class Pulled(NamedTuple):
     force: NDArray[np.float64]  # (t,) N/m, of a body N
 
     @property
-    def peak(self) -> int:
+    def peak_index(self) -> int:
         """The step with the largest force, by its size."""
         return int(np.abs(self.force).argmax())
 
     @property
-    def area(self) -> float:
+    def work(self) -> float:
         """The area under the curve, J/m, of a body J: the work of a force that acts where the gap opens."""
         return float(np.sum(np.diff(self.opening) * (self.force[1:] + self.force[:-1])) / 2)
 
 
-class _Monitored(msgspec.Struct):
+class _GapKeys(msgspec.Struct):
     """The key of the grid file that has its gaps."""
 
     run: Run = Run()
@@ -53,21 +53,21 @@ class _Monitored(msgspec.Struct):
 
 def named_gap(results: Results, name: str) -> Gap:
     """The gap of this name in the model. Raises ResultsError naming those that there are."""
-    gaps = {gap_settings.name: gap_settings for gap_settings in read(results, _Monitored).run.gaps}
+    gaps = {gap_settings.name: gap_settings for gap_settings in read(results, _GapKeys).run.gaps}
     if name not in gaps:
         raise ResultsError(f"--gap: there is no gap '{name}'; use {', '.join(gaps) or 'two places: it has no gap'}")
     first_place, second_place = gaps[name].ends
-    return gap(results, first_place, second_place)
+    return gap_between(results, first_place, second_place)
 
 
-def gap(results: Results, first_place: Place, second_place: Place) -> Gap:
+def gap_between(results: Results, first_place: Place, second_place: Place) -> Gap:
     """The gap between the nodes nearest to two places, m, from probes if there are any, else from frames.
 
     Raises ResultsError for places off the plate, for places with the same nearest node, and where nothing is recorded.
     """
     ways = "xyz"[: results.dimension]
     ends = [
-        [at_place(results, place, "displacement", component) for component in ways]
+        [place_history(results, place, "displacement", component) for component in ways]
         for place in (first_place, second_place)
     ]
     nodes = ends[0][0].nodes[0], ends[1][0].nodes[0]
@@ -81,18 +81,18 @@ def gap(results: Results, first_place: Place, second_place: Place) -> Gap:
     return Gap(nodes, time, way - float(reduce(np.hypot, second - first)))
 
 
-def against(gap: Gap, reaction: Reaction, axis: int, smooth: int = 1) -> Pulled:
-    """The force of a condition along an axis against a gap; `smooth` is the number of steps in a running mean.
+def force_against_gap(gap: Gap, reaction: Reaction, axis: int, averaged_steps: int = 1) -> ForceOpeningCurve:
+    """The force of a condition along an axis against a gap; `averaged_steps` is the number of steps in a running mean.
 
     Raises ResultsError where fewer than two steps are left.
     """
     both = np.intersect1d(gap.time, reaction.time)
     opening = gap.opening[np.isin(gap.time, both)]
     force = reaction.force[np.isin(reaction.time, both), axis]
-    if len(both) < max(2, smooth):
+    if len(both) < max(2, averaged_steps):
         raise ResultsError(
-            f"--gap: the force and the gap are both known at {len(both)} times; {max(2, smooth)} or more are needed"
-            " (pdsolve --probe X,Y records places as often as forces)"
+            f"--gap: the force and the gap are both known at {len(both)} times; {max(2, averaged_steps)} or more are"
+            " needed (pdsolve --probe X,Y records places as often as forces)"
         )
-    mean = np.ones(smooth) / smooth
-    return Pulled(reaction.name, axis, *(np.convolve(column, mean, "valid") for column in (opening, force)))
+    mean = np.ones(averaged_steps) / averaged_steps
+    return ForceOpeningCurve(reaction.name, axis, *(np.convolve(column, mean, "valid") for column in (opening, force)))

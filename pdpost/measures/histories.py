@@ -37,7 +37,7 @@ class History(NamedTuple):
     off: float  # m, from the place that was asked for
 
 
-def of_node(results: Results, node: int, quantity: str = "displacement", component: str = "magnitude") -> History:
+def node_history(results: Results, node: int, quantity: str = "displacement", component: str = "magnitude") -> History:
     """The history of one node, from its probe if there is one, else from the frames. Raises ResultsError."""
     nodes = results.lives().nodes
     (rows,) = np.nonzero(nodes.ids == node)
@@ -47,44 +47,50 @@ def of_node(results: Results, node: int, quantity: str = "displacement", compone
     label = f"node {node}"
     probes = results.probes()
     mine = probes[probes["node"] == node]
-    if len(mine) and (len(results.epochs()) == 1 or len(mine) == _booked(results, node)):
+    if len(mine) and (len(results.epochs()) == 1 or len(mine) == _count_ledger_rows(results, node)):
         columns = of_dimension(quantity, results.dimension)
-        value = _component(np.column_stack([mine[column] for column in columns]), component)
+        value = _vector_component(np.column_stack([mine[column] for column in columns]), component)
         return History(label, component, (node,), "probe", mine["time"], value, value, value, place, 0.0)
-    time, values = _of_frames(results, lambda nodes: np.flatnonzero(nodes.ids == node), quantity, component)
+    time, values = _read_quantity_of_frames(
+        results, lambda nodes: np.flatnonzero(nodes.ids == node), quantity, component
+    )
     value = np.array([frame_values[0] if len(frame_values) else np.nan for frame_values in values])
     return History(label, component, (node,), "frames", time, value, value, value, place, 0.0)
 
 
-def at_place(results: Results, place: Place, quantity: str = "displacement", component: str = "magnitude") -> History:
+def place_history(
+    results: Results, place: Place, quantity: str = "displacement", component: str = "magnitude"
+) -> History:
     """The history of the node nearest to a place, m; where nodes change, the nearest one at each frame.
 
     Raises ResultsError if the place is not on the plate.
     """
-    _expect(results, "--at", place, 1)
+    _expect_dimension(results, "--at", place, 1)
     nodes = results.nodes()
-    far = _away(nodes, place)
+    far = _distances_from_place(nodes, place)
     row = int(far.argmin())
     if not far[row] <= OUTSIDE * nodes.delta[row]:
         low, high = nodes.position.min(axis=0), nodes.position.max(axis=0)
         raise ResultsError(
-            f"{results.name}: no node is near {_written(place)}: node {nodes.ids[row]} is {far[row]:.3g} m away;"
-            f" use a place {'on' if len(place) == 2 else 'in'} the {_kind(results)}, from {_written(low)} to"
-            f" {_written(high)}"
+            f"{results.name}: no node is near {_place_text(place)}: node {nodes.ids[row]} is {far[row]:.3g} m away;"
+            f" use a place {'on' if len(place) == 2 else 'in'} the {_body_or_plate(results)}, from {_place_text(low)}"
+            f" to {_place_text(high)}"
         )
     if len(results.epochs()) == 1:
-        return of_node(results, int(nodes.ids[row]), quantity, component)._replace(off=float(far[row]))
+        return node_history(results, int(nodes.ids[row]), quantity, component)._replace(off=float(far[row]))
     steps = frames(results)[0].tolist()
-    nearest = {step: int(_away(results.nodes(step), place).argmin()) for step in steps}
+    nearest = {step: int(_distances_from_place(results.nodes(step), place).argmin()) for step in steps}
     ids = tuple(dict.fromkeys(int(results.nodes(step).ids[at]) for step, at in nearest.items()))
-    time, values = _of_frames(results, lambda nodes: np.array([_away(nodes, place).argmin()]), quantity, component)
+    time, values = _read_quantity_of_frames(
+        results, lambda nodes: np.array([_distances_from_place(nodes, place).argmin()]), quantity, component
+    )
     value = np.concatenate(values)
     where = tuple(nodes.position[row].tolist())
     label = f"node {ids[0]}" if len(ids) == 1 else f"nearest of {len(ids)} nodes"
     return History(label, component, ids, "frames", time, value, value, value, where, float(far[row]))
 
 
-def in_box(
+def box_history(
     results: Results,
     box: tuple[float, ...],
     quantity: str = "displacement",
@@ -94,15 +100,15 @@ def in_box(
 
     Raises ResultsError.
     """
-    _expect(results, "--box", box, 2)
+    _expect_dimension(results, "--box", box, 2)
     corners = np.sort(np.reshape(box, (2, -1)), axis=0)
     nodes = results.lives().nodes
     inside = selection.in_box(nodes, corners)
     if not inside.any():
         low, high = nodes.position.min(axis=0), nodes.position.max(axis=0)
         raise ResultsError(
-            f"{results.name}: no node is in the box {_written(box)}; the {_kind(results)} goes from {_written(low)}"
-            f" to {_written(high)}"
+            f"{results.name}: no node is in the box {_place_text(box)}; the {_body_or_plate(results)} goes from"
+            f" {_place_text(low)} to {_place_text(high)}"
         )
     ids = tuple(dict.fromkeys(nodes.ids[inside].tolist()))
     label = f"mean of {len(ids)} nodes" if len(ids) > 1 else f"node {ids[0]}"
@@ -110,7 +116,7 @@ def in_box(
     def rows(nodes: Nodes) -> NDArray[np.int64]:
         return np.flatnonzero(selection.in_box(nodes, corners))
 
-    time, values = _of_frames(results, rows, quantity, component)
+    time, values = _read_quantity_of_frames(results, rows, quantity, component)
     spread = [
         (frame_values.mean(), frame_values.min(), frame_values.max()) if len(frame_values) else (np.nan,) * 3
         for frame_values in values
@@ -119,44 +125,44 @@ def in_box(
     return History(label, component, ids, "frames", time, middle, low, high, None, 0.0)
 
 
-def _of_frames(
-    results: Results, rows: Callable[[Nodes], NDArray[np.int64]], quantity: str, component: str
+def _read_quantity_of_frames(
+    results: Results, select_rows: Callable[[Nodes], NDArray[np.int64]], quantity: str, component: str
 ) -> tuple[NDArray[np.float64], list[NDArray[np.float64]]]:
-    """Times (t,) of the frames, and for each frame the quantity of the k nodes that `rows` selects."""
+    """Times (t,) of the frames, and for each frame the quantity of the k nodes that `select_rows` selects."""
     steps, times = frames(results)
-    frame_vectors = (vector(results, quantity, step)[rows(results.nodes(step))] for step in steps.tolist())
-    return times, [_component(ways, component) for ways in frame_vectors]
+    frame_vectors = (vector(results, quantity, step)[select_rows(results.nodes(step))] for step in steps.tolist())
+    return times, [_vector_component(ways, component) for ways in frame_vectors]
 
 
-def _booked(results: Results, node: int) -> int:
+def _count_ledger_rows(results: Results, node: int) -> int:
     """Number of ledger entries during a node's life."""
     steps = results.history()["step"].astype(np.int64)
     return int((results.lives().at(np.full(len(steps), node), steps) >= 0).sum())
 
 
-def _away(nodes: Nodes, place: Place) -> NDArray[np.float64]:
+def _distances_from_place(nodes: Nodes, place: Place) -> NDArray[np.float64]:
     return reduce(np.hypot, (nodes.position - place).T)
 
 
-def _component(ways: NDArray[np.float64], component: str) -> NDArray[np.float64]:
+def _vector_component(vectors: NDArray[np.float64], component: str) -> NDArray[np.float64]:
     """A component (t,), or the magnitude, of vectors (t, d). Raises FieldError for a component they do not have."""
     if component == "magnitude":
-        return reduce(np.hypot, ways.T)
-    if component not in "xyz"[: ways.shape[1]]:
+        return reduce(np.hypot, vectors.T)
+    if component not in "xyz"[: vectors.shape[1]]:
         raise FieldError(f"a plate has no component '{component}'; use x, y or magnitude")
-    return np.asarray(ways[:, "xyz".index(component)])
+    return np.asarray(vectors[:, "xyz".index(component)])
 
 
-def _expect(results: Results, option: str, coordinates: tuple[float, ...], places: int) -> None:
+def _expect_dimension(results: Results, option: str, coordinates: tuple[float, ...], places: int) -> None:
     """Raise ResultsError if a place has not as many coordinates as the nodes."""
     expected = places * results.dimension
     if len(coordinates) != expected:
-        raise ResultsError(f"{option} has {len(coordinates)} numbers; use {expected} in a {_kind(results)}")
+        raise ResultsError(f"{option} has {len(coordinates)} numbers; use {expected} in a {_body_or_plate(results)}")
 
 
-def _kind(results: Results) -> str:
+def _body_or_plate(results: Results) -> str:
     return "plate" if results.dimension == 2 else "body"
 
 
-def _written(place: Iterable[float]) -> str:
+def _place_text(place: Iterable[float]) -> str:
     return ",".join(f"{number:g}" for number in place)

@@ -22,11 +22,11 @@ from pdmesh.model.front_integrals import FoundInSpace, SampledInSpace, Tube, fro
 from pdmesh.model.gradients import PAIRS, gradients_of, green, hooke
 from pdmesh.model.tip_fields import Elastic
 from pdpost.measures.cracked_nodes import ROUND_OFF, separation_at
-from pdpost.measures.front_places import Cracks, FrontPoints, cracks_at, front_points
+from pdpost.measures.front_places import CracksInSpace, FrontPoints, cracks_at, front_points
 from pdpost.measures.front_surroundings import ObstaclesInSpace
-from pdpost.measures.strain import intact, stiffness, stress_work
+from pdpost.measures.strain import elastic_constants, remove_broken_bonds, stress_work
 from pdpost.measures.stress_intensities import CRUMB
-from pdpost.measures.tip_surroundings import Room
+from pdpost.measures.tip_surroundings import UndisturbedRoom
 from pdpost.reading.embedded_model import at_rest, read
 from pdpost.reading.stored_fields import vector
 from pdsolve.results import Results, ResultsError
@@ -37,14 +37,14 @@ TUBES = ((1.0, 0.8), (1.0, 1.0), (1.4, 1.0))  # inner radii in horizons, outer o
 NAMES = ("J", "K1", "K2", "K3", "angle")
 
 
-class _Model(msgspec.Struct):
+class _FractureKeys(msgspec.Struct):
     """The keys of the grid file that fracture parameters need."""
 
     material: Material
     horizon: Horizon = Horizon()
 
 
-class AlongFront(NamedTuple):
+class FrontIntensities(NamedTuple):
     """Fracture parameters at k points of a front in one frame; NaN where a point has no room."""
 
     name: str
@@ -61,7 +61,7 @@ class AlongFront(NamedTuple):
     refused: tuple[str, ...]  # for each point why it has no room; "" if it has
 
     @property
-    def known(self) -> NDArray[np.int64]:
+    def points_with_values(self) -> NDArray[np.int64]:
         """The points that have values."""
         return np.flatnonzero(np.isfinite(self.value["J"]))
 
@@ -72,18 +72,18 @@ def follow_fronts(
     near: tuple[float, ...] | None = None,
     ring: tuple[float, float] | None = None,
     progress: Callable[[list[int]], Iterable[int]] = lambda steps: steps,
-) -> list[AlongFront]:
-    """Fracture parameters along the fronts after `steps`, see `along_fronts`; frames without any are left out.
+) -> list[FrontIntensities]:
+    """Fracture parameters along the fronts after `steps`, see `front_intensities`; frames without any are left out.
 
     Raises ResultsError if none has any.
     """
     if near is not None and len(near) != 3:
         raise ResultsError(f"--tip has {len(near)} numbers; use 3, a place in m")
-    front_states: list[AlongFront] = []
+    front_states: list[FrontIntensities] = []
     why: ResultsError | None = None
     for step in progress(list(steps)):
         try:
-            front_states += along_fronts(results, step, near, ring)
+            front_states += front_intensities(results, step, near, ring)
         except ResultsError as error:
             why = error
     if not front_states and why is not None:
@@ -91,16 +91,16 @@ def follow_fronts(
     return front_states
 
 
-def along_fronts(
+def front_intensities(
     results: Results, step: int, near: tuple[float, ...] | None = None, ring: tuple[float, float] | None = None
-) -> list[AlongFront]:
+) -> list[FrontIntensities]:
     """Fracture parameters along the fronts of a body after `step`: of all, or of the one nearest to a place (3,), m.
 
     `ring` are the radii of the widest tube, m; by default tubes fill the room there is. Raises ResultsError if no front
     is inside the body, if no point of any has room for a tube, and for frames that lack fields.
     """
     cracks, nodes = cracks_at(results, step), results.nodes(step)
-    ratio = read(results, _Model).horizon.ratio
+    ratio = read(results, _FractureKeys).horizon.ratio
     lines = cracks.fronts
     if near is not None:
         place = np.array(near)
@@ -109,9 +109,9 @@ def along_fronts(
     numbered = [(number, points) for number, points in enumerate(line_points) if len(points.places)]
     if not numbered:
         raise ResultsError(f"{results.name}: no front of a crack is inside the body; use a frame with one")
-    rooms = _rooms(results, step, cracks, [points for _, points in numbered], ring)
+    rooms = _find_rooms(results, step, cracks, [points for _, points in numbered], ring)
     tubes = [
-        [_tubes(room, ratio * spacing, ring) for room, spacing in zip(per_point, points.spacing, strict=True)]
+        [_choose_tubes(room, ratio * spacing, ring) for room, spacing in zip(per_point, points.spacing, strict=True)]
         for per_point, (_, points) in zip(rooms, numbered, strict=True)
     ]
     every = [
@@ -121,11 +121,11 @@ def along_fronts(
         for tube in wide[1:2]
     ]
     if not every:
-        raise ResultsError(f"{results.name}: {_refused(numbered[0][1], rooms[0], ratio, ring)[0]}")
+        raise ResultsError(f"{results.name}: {_refusal_reasons(numbered[0][1], rooms[0], ratio, ring)[0]}")
     reach = max(np.hypot(tube.outer, tube.half + tube.outer) for _, tube in every)
     tree = cKDTree(nodes.position)
     rows = np.unique(np.concatenate([tree.query_ball_point(place, reach) for place, _ in every]).astype(np.int64))
-    at, elastic = _sample(results, step, rows), stiffness(results, step)
+    at, elastic = _sample_fields(results, step, rows), elastic_constants(results, step)
     series = []
     for (number, points), per_point, room in zip(numbered, tubes, rooms, strict=True):
         nearest = tree.query(np.array([front_place.place for front_place in points.places]))[1]
@@ -134,26 +134,28 @@ def along_fronts(
             [front_integrals(at, front_place, tube, solid) for tube in wide]
             for front_place, wide, solid in zip(points.places, per_point, solids, strict=True)
         ]
-        refused = _refused(points, room, ratio, ring)
-        found_here = _along(results, step, f"front {number}", points, got, solids, refused)
-        series.append(found_here if at.work is None else _yielded(found_here))
+        refused = _refusal_reasons(points, room, ratio, ring)
+        found_here = _collect_intensities(results, step, f"front {number}", points, got, solids, refused)
+        series.append(found_here if at.work is None else _keep_only_J(found_here))
     return series
 
 
-def _rooms(
-    results: Results, step: int, cracks: Cracks, fronts: list[FrontPoints], ring: tuple[float, float] | None
-) -> list[list[Room]]:
-    obstacles, ratio = ObstaclesInSpace(results, step, cracks), read(results, _Model).horizon.ratio
+def _find_rooms(
+    results: Results, step: int, cracks: CracksInSpace, fronts: list[FrontPoints], ring: tuple[float, float] | None
+) -> list[list[UndisturbedRoom]]:
+    obstacles, ratio = ObstaclesInSpace(results, step, cracks), read(results, _FractureKeys).horizon.ratio
     return [
         [
-            obstacles.room(front_place, HALF * ratio * spacing, MOST * ratio * spacing if ring is None else ring[1])
+            obstacles.undisturbed_room(
+                front_place, HALF * ratio * spacing, MOST * ratio * spacing if ring is None else ring[1]
+            )
             for front_place, spacing in zip(points.places, points.spacing.tolist(), strict=True)
         ]
         for points in fronts
     ]
 
 
-def _tubes(room: Room, horizon: float, ring: tuple[float, float] | None) -> list[Tube]:
+def _choose_tubes(room: UndisturbedRoom, horizon: float, ring: tuple[float, float] | None) -> list[Tube]:
     """Three tubes, the second of which gives the value; none without room."""
     half = HALF * horizon
     if ring is not None:
@@ -166,7 +168,9 @@ def _tubes(room: Room, horizon: float, ring: tuple[float, float] | None) -> list
     return [Tube(inner * horizon, outer * room.radius, half) for inner, outer in TUBES]
 
 
-def _refused(points: FrontPoints, rooms: list[Room], ratio: float, ring: tuple[float, float] | None) -> tuple[str, ...]:
+def _refusal_reasons(
+    points: FrontPoints, rooms: list[UndisturbedRoom], ratio: float, ring: tuple[float, float] | None
+) -> tuple[str, ...]:
     """Why each point has no room; "" if it has."""
     said = []
     for front_place, spacing, room in zip(points.places, points.spacing.tolist(), rooms, strict=True):
@@ -180,10 +184,10 @@ def _refused(points: FrontPoints, rooms: list[Room], ratio: float, ring: tuple[f
     return tuple(said)
 
 
-def _sample(results: Results, step: int, rows: NDArray[np.int64]) -> SampledInSpace:
+def _sample_fields(results: Results, step: int, rows: NDArray[np.int64]) -> SampledInSpace:
     """The fields of some nodes."""
     nodes = results.nodes(step)
-    families = intact(results, results.families(step), step)
+    families = remove_broken_bonds(results, results.families(step), step)
     count = np.diff(families.start)[rows]
     start = np.concatenate([[0], np.cumsum(count)])
     neighbour = families.neighbour[np.arange(start[-1]) + np.repeat(families.start[rows] - start[:-1], count)]
@@ -197,38 +201,38 @@ def _sample(results: Results, step: int, rows: NDArray[np.int64]) -> SampledInSp
     if "sxx" in results.stored(step):
         stress = vector(results, "stress", step)[rows]
     else:
-        every = stiffness(results, step)
+        every = elastic_constants(results, step)
         stress = hooke(strain, every._replace(E=every.E[rows], nu=every.nu[rows]))
     motion = None
     if not at_rest(results):
         velocity, acceleration = (vector(results, name, step) for name in ("velocity", "acceleration"))
-        density = read(results, _Model).material.rho
+        density = read(results, _FractureKeys).material.rho
         motion = Motion(density, velocity[rows], acceleration[rows], fitted(velocity))
     work = stress_work(results, step)
-    parts = _tensor(strain), _tensor(stress), motion, None if work is None else work[rows]
+    parts = _unpack_tensors(strain), _unpack_tensors(stress), motion, None if work is None else work[rows]
     return SampledInSpace(nodes.position[rows], nodes.area[rows], gradient, *parts)
 
 
-def _tensor(packed: NDArray[np.float64]) -> NDArray[np.float64]:
+def _unpack_tensors(six_components: NDArray[np.float64]) -> NDArray[np.float64]:
     """Symmetric tensors (n, 3, 3) of (n, 6)."""
-    tensors = np.empty((len(packed), 3, 3))
+    tensors = np.empty((len(six_components), 3, 3))
     for k, (a, b) in enumerate(PAIRS):
-        tensors[:, a, b] = tensors[:, b, a] = packed[:, k]
+        tensors[:, a, b] = tensors[:, b, a] = six_components[:, k]
     return tensors
 
 
-def _along(
+def _collect_intensities(
     results: Results,
     step: int,
     name: str,
     points: FrontPoints,
-    got: list[list[FoundInSpace]],
+    tube_integrals: list[list[FoundInSpace]],
     solids: list[Elastic],
     refused: tuple[str, ...],
-) -> AlongFront:
-    columns = {quantity: np.full((3, len(got)), np.nan) for quantity in NAMES}
-    of_K = np.full(len(got), np.nan)
-    for at, (tubes, solid) in enumerate(zip(got, solids, strict=True)):
+) -> FrontIntensities:
+    columns = {quantity: np.full((3, len(tube_integrals)), np.nan) for quantity in NAMES}
+    of_K = np.full(len(tube_integrals), np.nan)
+    for at, (tubes, solid) in enumerate(zip(tube_integrals, solids, strict=True)):
         if not tubes:
             continue
         for quantity in NAMES:
@@ -242,12 +246,12 @@ def _along(
         np.array([front_place.place for front_place in points.places]),
         step * float(results.meta()["time_step"]),
     )
-    return AlongFront(
+    return FrontIntensities(
         name, step, time, points.along, place, frames[:, 0], frames[:, 1], value, low, high, of_K, refused
     )
 
 
-def _yielded(front: AlongFront) -> AlongFront:
+def _keep_only_J(front: FrontIntensities) -> FrontIntensities:
     """A front of a body that has yielded, of which J alone has a meaning."""
     value, low, high = (
         {name: numbers if name == "J" else np.full_like(numbers, np.nan) for name, numbers in columns.items()}

@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 
 from pdmesh.model.output_fields import CRACKED
 from pdpost.measures.cracks import DIRECTIONS
-from pdpost.measures.segments import distances
-from pdpost.measures.tips import tips
+from pdpost.measures.segments import distances_from_segments
+from pdpost.measures.tips import crack_branches
 from pdsolve.results import Results
 
 LONG = 0.4  # of the longest: shorter branches are no main ones
@@ -23,12 +23,12 @@ class PathError(ValueError):
     """Paths that cannot be compared."""
 
 
-def path(results: Results, step: int, threshold: float = CRACKED) -> list[Polyline]:
+def crack_paths(results: Results, step: int, threshold: float = CRACKED) -> list[Polyline]:
     """The crack paths after `step`: a polyline (k, 2), m, for each branch, the longest first."""
-    return [branch.place for branch in tips(results, step, threshold)]
+    return [branch.place for branch in crack_branches(results, step, threshold)]
 
 
-def distance(first_lines: Sequence[Polyline], second_lines: Sequence[Polyline]) -> tuple[float, float]:
+def path_distances(first_lines: Sequence[Polyline], second_lines: Sequence[Polyline]) -> tuple[float, float]:
     """Distances between two sets of lines, m: the mean over the length of both, and the Hausdorff distance.
 
     The mean is that of the two mean distances from one set to the nearest points of the other. Each set is sampled at
@@ -36,11 +36,14 @@ def distance(first_lines: Sequence[Polyline], second_lines: Sequence[Polyline]) 
     """
     if not first_lines or not second_lines:
         raise PathError("one of the runs has no path of a crack; compare runs with cracks")
-    forward, back = _from_to(first_lines, second_lines), _from_to(second_lines, first_lines)
+    forward, back = (
+        _mean_and_largest_distance(first_lines, second_lines),
+        _mean_and_largest_distance(second_lines, first_lines),
+    )
     return (forward[0] + back[0]) / 2, max(forward[1], back[1])
 
 
-def heading(lines: Sequence[Polyline]) -> str:
+def main_direction(lines: Sequence[Polyline]) -> str:
     """The direction in `cracks.DIRECTIONS` along which most of a crack's length runs; "right" without a crack.
 
     Lines shorter than 0.4 of the longest do not count. Of directions within a tenth of each other, the first is taken.
@@ -54,16 +57,16 @@ def heading(lines: Sequence[Polyline]) -> str:
     return list(DIRECTIONS)[int((lengths >= 0.9 * lengths.max()).argmax())]
 
 
-def _from_to(lines: Sequence[Polyline], others: Sequence[Polyline]) -> tuple[float, float]:
+def _mean_and_largest_distance(lines: Sequence[Polyline], others: Sequence[Polyline]) -> tuple[float, float]:
     """Mean and largest distance from points of `lines` to the nearest points of `others`, m."""
-    points, weight = _samples(lines)
+    points, weight = _sample_points(lines)
     start = np.concatenate([line[:-1] if len(line) > 1 else line for line in others])
     end = np.concatenate([line[1:] if len(line) > 1 else line for line in others])
-    nearest = distances(points, start, end)
+    nearest = distances_from_segments(points, start, end)
     return float(np.average(nearest, weights=weight)), float(nearest.max())
 
 
-def _samples(lines: Sequence[Polyline]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def _sample_points(lines: Sequence[Polyline]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Sample points of lines, including their corners, and the length that each stands for, m."""
     pieces = [np.hypot(*np.diff(line, axis=0).T) for line in lines]
     total_length = sum(float(piece.sum()) for piece in pieces)

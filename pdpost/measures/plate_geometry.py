@@ -22,7 +22,7 @@ FRACTIONS = 2**20  # of the finest spacing: what nodes are rounded to, so that a
 Ring: TypeAlias = Annotated[list[tuple[float, float]], msgspec.Meta(min_length=3)]  # m
 
 
-class Plate(NamedTuple):
+class PlateGeometry(NamedTuple):
     """What a figure shows of a model besides its nodes, m."""
 
     edges: tuple[NDArray[np.float64], ...]  # (k, 2) each: outline and holes; none if the model has none
@@ -32,7 +32,7 @@ class Plate(NamedTuple):
     splits: bool  # whether its cells split, so that there are zones within zones
 
 
-class Cells(NamedTuple):
+class VoronoiCells(NamedTuple):
     """The cells of n nodes. The rings of a node are consecutive; a ring's last corner is its first."""
 
     corners: NDArray[np.float64]  # (c, 2) m, from their nodes
@@ -40,7 +40,7 @@ class Cells(NamedTuple):
     owner: NDArray[np.int64]  # (c,) rows of the nodes, rising; a node outside the plate has no cell
 
 
-class _Drawn(msgspec.Struct):
+class _DrawingKeys(msgspec.Struct):
     """The keys of the grid file that shape the plate."""
 
     outline: list[Ring] = []
@@ -48,13 +48,13 @@ class _Drawn(msgspec.Struct):
     run: Run = Run()
 
 
-def plate(results: Results) -> Plate:
+def read_plate_geometry(results: Results) -> PlateGeometry:
     """The plate of a run.
 
     Without an outline it is the union of its nodes' squares at the start, with gaps between spacings closed; for many
     nodes, their bounding box.
     """
-    geometry = read(results, _Drawn)
+    geometry = read(results, _DrawingKeys)
     edges = tuple(np.array(ring) for ring in (*geometry.outline, *geometry.holes))
     if edges:
         outer, holes = (
@@ -72,12 +72,12 @@ def plate(results: Results) -> Plate:
             squares = shapely.union_all(shapely.box(*low.T, *high.T))
             shape = squares.buffer(reach, join_style="mitre").buffer(-reach, join_style="mitre")
     shapely.prepare(shape)
-    return Plate(edges, results.cracks(), shape, geometry.run.adapt != "none", geometry.run.adapt == "split")
+    return PlateGeometry(edges, results.cracks(), shape, geometry.run.adapt != "none", geometry.run.adapt == "split")
 
 
-def check_alike(results: Results, reference: Results) -> None:
+def expect_same_plate(results: Results, reference: Results) -> None:
     """Raise ResultsError if two plates differ by more than a strip of two of the larger spacings."""
-    shape, expected = plate(results).shape, plate(reference).shape
+    shape, expected = read_plate_geometry(results).shape, read_plate_geometry(reference).shape
     reach = ALIKE / 2 * max(float(run.nodes(0).delta.max()) for run in (results, reference))
     off = shapely.symmetric_difference(shape, expected).buffer(-reach)
     if off.is_empty:
@@ -92,16 +92,16 @@ def check_alike(results: Results, reference: Results) -> None:
     )
 
 
-def cells(nodes: Nodes, shape: shapely.Geometry) -> Cells:
-    """The Voronoi cell of each node, clipped by `shape`.
+def voronoi_cells(nodes: Nodes, plate_shape: shapely.Geometry) -> VoronoiCells:
+    """The Voronoi cell of each node, clipped by `plate_shape`.
 
     Raises ResultsError for coincident nodes.
     """
     if not len(nodes.ids):
-        return Cells(np.zeros((0, 2)), np.zeros(0, dtype=bool), np.zeros(0, dtype=np.int64))
+        return VoronoiCells(np.zeros((0, 2)), np.zeros(0, dtype=bool), np.zeros(0, dtype=np.int64))
     unit, origin = float(nodes.delta.min()), nodes.position.min(axis=0)
     points = np.round((nodes.position - origin) / unit * FRACTIONS) / FRACTIONS
-    around = shapely.transform(shape, lambda corners: (corners - origin) / unit)
+    around = shapely.transform(plate_shape, lambda corners: (corners - origin) / unit)
     frame = shapely.union(around.envelope, shapely.multipoints(points).envelope).envelope.buffer(4)
     try:
         polygons = shapely.voronoi_polygons(shapely.multipoints(points), extend_to=frame, ordered=True)
@@ -117,4 +117,4 @@ def cells(nodes: Nodes, shape: shapely.Geometry) -> Cells:
     corners, corner_of = shapely.get_coordinates(rings, return_index=True)
     owner = node[is_surface][ring_of][corner_of]
     closes = np.append(np.diff(corner_of) > 0, True)[: len(corners)]
-    return Cells((corners - points[owner]) * unit, closes, owner)
+    return VoronoiCells((corners - points[owner]) * unit, closes, owner)

@@ -11,8 +11,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pdpost.measures.directions import Direction
-from pdpost.measures.stress_intensities import follow
+from pdpost.measures.directions import CrackDirection
+from pdpost.measures.stress_intensities import follow_tips
 from pdsolve.results import Results, ResultsError
 
 LEANS = 10.0  # degrees: a path that lies further off may be the grid's
@@ -20,7 +20,7 @@ SURE = 20.0  # degrees: a wider band of the rings, as of waves that cross them, 
 
 
 @dataclass(frozen=True)
-class Predicted:
+class PredictedDirection:
     """What stress intensities predict of the direction of a crack, and how far its path lies from that."""
 
     tip: tuple[float, float]  # m
@@ -31,21 +31,23 @@ class Predicted:
     off: float  # degrees that the path turns more to the left than that
 
 
-def predicted(results: Results, ways: Sequence[Direction], first_break: int) -> list[Predicted]:
-    """Predictions for the directions `ways`, from the last frame before the step `first_break`.
+def predict_directions(
+    results: Results, directions: Sequence[CrackDirection], first_break_step: int
+) -> list[PredictedDirection]:
+    """Predictions for the directions `directions`, from the last frame before the step `first_break_step`.
 
     A tip without room for a ring, or with too vague a direction, has none; nor has a run without such a frame.
     """
     steps = results.frames()[0]
-    before = steps[steps < first_break]
+    before = steps[steps < first_break_step]
     predictions = []
-    for way in ways if len(before) else ():
+    for way in directions if len(before) else ():
         step = int(before[-1])
         try:
-            (series,) = follow(results, [step], way.tip)
+            (series,) = follow_tips(results, [step], way.tip)
         except ResultsError:
             continue
         (low,), (angle,), (high,) = (side["angle"].tolist() for side in (series.low, series.value, series.high))
         if np.isfinite(angle) and high - low <= SURE and float(series.value["J"][0]) > 0:
-            predictions.append(Predicted(way.tip, step, angle, low, high, way.angle - angle))
+            predictions.append(PredictedDirection(way.tip, step, angle, low, high, way.angle - angle))
     return predictions

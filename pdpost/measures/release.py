@@ -15,14 +15,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pdmesh.model.material import Material
-from pdpost.measures.balance import damping
+from pdpost.measures.balance import damped_energy
 from pdpost.measures.speed import WINDOW
 from pdpost.measures.tips import Branch
 from pdpost.reading.embedded_model import at_rest, read
 from pdsolve.results import Results
 
 
-class Release(NamedTuple):
+class EnergyRelease(NamedTuple):
     """Energy released over crack advance, dD/da, at k ledger entries while cracks grew."""
 
     time: NDArray[np.float64]  # (k,) s
@@ -32,7 +32,7 @@ class Release(NamedTuple):
     before: float = 0.0  # J/m, spent when the cracks began to grow: by what softens ahead of a crack to be
     whole: float = float("nan")  # J/m^2, all that was spent until they grew last over their length
 
-    def at(self, time: NDArray[np.float64]) -> NDArray[np.float64]:
+    def release_at(self, time: NDArray[np.float64]) -> NDArray[np.float64]:
         """The energy release dD/da (t,) at times (t,), s, in J/m^2; NaN where no crack grows."""
         finite = np.isfinite(self.value)
         if not finite.any():
@@ -40,42 +40,44 @@ class Release(NamedTuple):
         return np.asarray(np.interp(time, self.time[finite], self.value[finite], left=np.nan, right=np.nan))
 
 
-class _Plate(msgspec.Struct):
+class _MaterialKeys(msgspec.Struct):
     """The keys of the grid file that the energy release needs."""
 
     material: Material
 
 
-def release(results: Results, branches: Sequence[Branch]) -> Release:
+def energy_release(results: Results, branches: Sequence[Branch]) -> EnergyRelease:
     """dD/da of a run, where a is the length of all `branches` together.
 
     D is the dissipated energy of the ledger; at rest it includes the energy that the plate releases on the way to rest.
     """
-    books = results.history()
-    spent = books["dissipated"] + (np.nan_to_num(damping(books)) if at_rest(results) else 0.0)
-    return over_length(books["time"], spent, branches, read(results, _Plate).material.G0)
+    ledger = results.history()
+    spent = ledger["dissipated"] + (np.nan_to_num(damped_energy(ledger)) if at_rest(results) else 0.0)
+    return release_over_length(ledger["time"], spent, branches, read(results, _MaterialKeys).material.G0)
 
 
-def over_length(
-    time: NDArray[np.float64], spent: NDArray[np.float64], branches: Sequence[Branch], G0: float
-) -> Release:
-    """dD/da, where D is the energy `spent` (t,) at times (t,), s, and a the length of all `branches` together."""
-    length = np.sum([_reached(branch, time) for branch in branches], axis=0) if branches else np.zeros(len(time))
+def release_over_length(
+    time: NDArray[np.float64], dissipated: NDArray[np.float64], branches: Sequence[Branch], G0: float
+) -> EnergyRelease:
+    """dD/da, where D is the energy `dissipated` (t,) at times (t,), s, and a the length of all `branches` together."""
+    length = (
+        np.sum([_branch_length_at(branch, time) for branch in branches], axis=0) if branches else np.zeros(len(time))
+    )
     grew = np.flatnonzero(np.diff(length) > 0)
     if not len(grew):
-        return Release(time[:0], time[:0], time[:0], G0)
+        return EnergyRelease(time[:0], time[:0], time[:0], G0)
     span = slice(int(grew[0]), int(grew[-1]) + 2)
-    time, length, spent = time[span], length[span], spent[span]
+    time, length, dissipated = time[span], length[span], dissipated[span]
     unique, which = np.unique(length, return_inverse=True)
-    mean = np.bincount(which, spent) / np.bincount(which)  # of the entries while it waited
+    mean = np.bincount(which, dissipated) / np.bincount(which)  # of the entries while it waited
     half = WINDOW / 2 * max(float(branch.spacing.max()) for branch in branches)
     ends = np.array([length - half, length + half])
     within = (ends[0] >= unique[0]) & (ends[1] <= unique[-1])
     value = np.where(within, np.diff(np.interp(ends, unique, mean), axis=0)[0] / (2 * half), np.nan)
-    return Release(time, length, value, G0, float(spent[0]), float(spent[-1] / length[-1]))
+    return EnergyRelease(time, length, value, G0, float(dissipated[0]), float(dissipated[-1] / length[-1]))
 
 
-def _reached(branch: Branch, time: NDArray[np.float64]) -> NDArray[np.float64]:
+def _branch_length_at(branch: Branch, time: NDArray[np.float64]) -> NDArray[np.float64]:
     """The length (t,) of a branch at times (t,), s, in m; of several points at one time, the last counts."""
     keep = np.append(np.diff(branch.time) > 0, True)
     at, far = branch.time[keep], branch.along[keep] - branch.along[0]

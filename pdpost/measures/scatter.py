@@ -20,7 +20,7 @@ HOW = ("kernel", "precision", "run.adapt")  # how a run is solved: what it takes
 PANELS = 4
 
 
-class Spread(NamedTuple):
+class RunGroup(NamedTuple):
     """The runs with one value of the parameter that differ only in their disturbances."""
 
     series: str  # the values of what else was varied
@@ -29,19 +29,19 @@ class Spread(NamedTuple):
     measured: NDArray[np.float64]  # (k,) SI units; NaN where it did not happen
 
     @property
-    def known(self) -> NDArray[np.float64]:
+    def known_values(self) -> NDArray[np.float64]:
         """Values (m,) of the runs that have one."""
         return self.measured[np.isfinite(self.measured)]
 
     @property
     def median(self) -> float:
         """Median of the known values; NaN without any."""
-        return float(np.median(self.known)) if len(self.known) else float("nan")
+        return float(np.median(self.known_values)) if len(self.known_values) else float("nan")
 
     @property
-    def ends(self) -> tuple[float, float]:
+    def extremes(self) -> tuple[float, float]:
         """Smallest and largest known value; NaN without any."""
-        known_values = self.known
+        known_values = self.known_values
         return (
             (float(known_values.min()), float(known_values.max()))
             if len(known_values)
@@ -49,27 +49,29 @@ class Spread(NamedTuple):
         )
 
 
-def spreads(study: Read, measure: str, over: str | None) -> list[Spread]:
-    """The runs of a study grouped by equal parameters, series by series, in the order of the parameter `over`.
+def group_runs(study: Read, measure: str, parameter: str | None) -> list[RunGroup]:
+    """The runs of a study grouped by equal parameters, series by series, in the order of the parameter `parameter`.
 
     Without a parameter, each group of equal runs is a series of its own.
     """
-    others = [name for name in study.varied if name != over]
+    others = [name for name in study.varied if name != parameter]
     units = {name: column.unit for name, column in study.columns.items()}
     together: dict[tuple[str, Any], list[tuple[int, float]]] = {}
     for row in study.rows:
         measure_value = row.values[measure]
-        at = (label(row, others, units), None if over is None else row.values[over])
+        at = (label(row, others, units), None if parameter is None else row.values[parameter])
         together.setdefault(at, []).append((row.number, np.nan if measure_value is None else float(measure_value)))
     series = list(dict.fromkeys(name for name, _ in together))
-    ordered = sorted(together, key=lambda at: (series.index(at[0]), _rank(at[1])))
+    ordered = sorted(together, key=lambda at: (series.index(at[0]), _sort_key(at[1])))
     return [
-        Spread(*at, [number for number, _ in together[at]], np.array([value for _, value in together[at]]))
+        RunGroup(*at, [number for number, _ in together[at]], np.array([value for _, value in together[at]]))
         for at in ordered
     ]
 
 
-def chosen(study: Read, measures: Sequence[str], over: str | None) -> tuple[list[str], str | None]:
+def choose_measures_and_parameter(
+    study: Read, measures: Sequence[str], parameter: str | None
+) -> tuple[list[str], str | None]:
     """The measures and the parameter asked for, or the most informative ones.
 
     Raises StudyError naming the available ones.
@@ -80,18 +82,18 @@ def chosen(study: Read, measures: Sequence[str], over: str | None) -> tuple[list
         if name not in available:
             raise StudyError(f"--measure is '{name}'; use one of {', '.join(available)}")
     parameters = [name for name, kind in kinds.items() if kind != "measure"]
-    if over is not None and over not in parameters:
-        raise StudyError(f"--over is '{over}'; use one of {', '.join(parameters) or 'none'}")
-    return list(measures) or _telling(study), over or _axis(study)
+    if parameter is not None and parameter not in parameters:
+        raise StudyError(f"--over is '{parameter}'; use one of {', '.join(parameters) or 'none'}")
+    return list(measures) or _informative_measures(study), parameter or _choose_parameter(study)
 
 
-def empty(study: Read, measures: Sequence[str]) -> list[str]:
+def measures_without_values(study: Read, measures: Sequence[str]) -> list[str]:
     """Measures without a value in any run, of those given or else of those drawn if present."""
     names = measures or [name for name in FIRST if name in study.columns]
     return [name for name in names if all(row.values[name] is None for row in study.rows)]
 
 
-def _telling(study: Read) -> list[str]:
+def _informative_measures(study: Read) -> list[str]:
     """The most informative measures: those that differ between runs, first those known in at least half of the runs."""
     candidates = ["wall_time"] if set(HOW) & set(study.varied) else []
     candidates += [name for name in FIRST if name in study.columns]
@@ -101,14 +103,14 @@ def _telling(study: Read) -> list[str]:
     return sorted(differing, key=lambda name: 2 * len(values[name]) < len(study.rows))[:PANELS]
 
 
-def _axis(study: Read) -> str | None:
+def _choose_parameter(study: Read) -> str | None:
     """The parameter with the most values, numeric ones preferred; of several, the first that was varied."""
     values = {name: {row.values[name] for row in study.rows} - {None} for name in study.varied}
     numbers = [name for name in values if all(isinstance(value, int | float) for value in values[name])]
     return max(numbers or values, key=lambda name: len(values[name]), default=None)
 
 
-def _rank(value: Any) -> tuple[int, float, str]:
+def _sort_key(value: Any) -> tuple[int, float, str]:
     """Sort key: not given, then numbers, then words."""
     if value is None:
         return (0, 0.0, "")

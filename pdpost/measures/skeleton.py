@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
-from pdpost.measures.crack_labels import SHORTEST, Grown
+from pdpost.measures.crack_labels import SHORTEST, CrackedNodes
 from pdpost.measures.cracked_nodes import ROUND_OFF
 
 SLAB = 2.0  # local spacings, along the crack
@@ -25,10 +25,10 @@ SLAB = 2.0  # local spacings, along the crack
 Chain = list[int]  # numbers of parts from joint to joint, away from where the crack began
 
 
-class Skeleton:
+class CrackSkeleton:
     """Parts of slabs and their links; a removed part has no links."""
 
-    def __init__(self, cracked: Grown) -> None:
+    def __init__(self, cracked: CrackedNodes) -> None:
         mine = np.flatnonzero(cracked.crack >= 0)
         self.level = cracked.level
         slab, crack = np.floor((cracked.level[mine] + ROUND_OFF) / SLAB).astype(np.int64), cracked.crack[mine]
@@ -47,70 +47,74 @@ class Skeleton:
         for a, b in zip(part[node[across]].tolist(), part[neighbour[across]].tolist(), strict=True):
             self.links[a].add(b)
 
-    def chains(self) -> list[Chain]:
+    def chains_between_joints(self) -> list[Chain]:
         """All parts as chains from joint to joint; joints are where cracks begin, end, fork and meet."""
         joints = {
             at
             for at, links in enumerate(self.links)
-            if links and (at in self.begins or len(links) != 2 or len(self._further(at)) != 1)
+            if links and (at in self.begins or len(links) != 2 or len(self._next_parts(at)) != 1)
         }
         chains = []
         for joint in sorted(joints):
-            for following in sorted(self._further(joint)):
+            for following in sorted(self._next_parts(joint)):
                 chain = [joint, following]
                 while chain[-1] not in joints:
-                    chain += self._further(chain[-1])
+                    chain += self._next_parts(chain[-1])
                 chains.append(chain)
         return chains
 
-    def is_end(self, at: int) -> bool:
+    def is_dead_end(self, part: int) -> bool:
         """Whether a crack ends at a part without meeting another."""
-        return len(self.links[at]) == 1 and at not in self.begins
+        return len(self.links[part]) == 1 and part not in self.begins
 
-    def prune(self) -> None:
+    def remove_short_chains(self) -> None:
         """Remove short ends, merge short ways between the same joints, and drop cracks that are short as a whole.
 
         The shortest go first. Of those that share a joint, one length is removed at a time, as the rest may then be
         part of a longer chain.
         """
-        while short := sorted(self._short()):
+        while short := sorted(self._find_short_chains()):
             touched: dict[int, float] = {}
             for length, chain, way in short:
                 ends = chain[0], chain[-1]
                 if all(abs(touched.get(end, length) - length) <= ROUND_OFF for end in ends):
                     touched |= dict.fromkeys(ends, length)
-                    self._merge(chain, way) if way else self._cut(chain)
-        for chain in self.chains():
-            if len(self.links[chain[0]]) == 1 and self.is_end(chain[-1]) and self._length(chain) < SHORTEST:
-                self._cut(chain)
+                    self._merge_chain_into(chain, way) if way else self._remove_chain(chain)
+        for chain in self.chains_between_joints():
+            if (
+                len(self.links[chain[0]]) == 1
+                and self.is_dead_end(chain[-1])
+                and self._length_in_spacings(chain) < SHORTEST
+            ):
+                self._remove_chain(chain)
 
-    def _further(self, at: int) -> list[int]:
+    def _next_parts(self, part: int) -> list[int]:
         """The parts that follow one, away from the crack's origin."""
-        return [neighbour for neighbour in self.links[at] if self.slab[neighbour] > self.slab[at]]
+        return [neighbour for neighbour in self.links[part] if self.slab[neighbour] > self.slab[part]]
 
-    def _length(self, chain: Chain) -> float:
+    def _length_in_spacings(self, chain: Chain) -> float:
         """Length of a chain in spacings, up to its last node if it ends there."""
         last = self.level[self.members[chain[-1]]]
         first = 0.0 if chain[0] in self.begins else float(self.level[self.members[chain[0]]].mean())
-        return float(last.max() if self.is_end(chain[-1]) else last.mean()) - first
+        return float(last.max() if self.is_dead_end(chain[-1]) else last.mean()) - first
 
-    def _short(self) -> Iterator[tuple[float, Chain, Chain]]:
+    def _find_short_chains(self) -> Iterator[tuple[float, Chain, Chain]]:
         """Pairs of a short chain and itself if it is a dead end, or another chain that joins the same two joints."""
         ways: dict[tuple[int, int], Chain] = {}
-        for chain in self.chains():
-            length, way = self._length(chain), (chain[0], chain[-1])
-            loose = self.is_end(chain[-1]) and len(self.links[chain[0]]) > 1
+        for chain in self.chains_between_joints():
+            length, way = self._length_in_spacings(chain), (chain[0], chain[-1])
+            loose = self.is_dead_end(chain[-1]) and len(self.links[chain[0]]) > 1
             if length < SHORTEST and (loose or way in ways):
                 yield length, chain, ways.get(way, [])
             ways.setdefault(way, chain)
 
-    def _cut(self, chain: Chain) -> None:
+    def _remove_chain(self, chain: Chain) -> None:
         for part, next_part in pairwise(chain):
             self.links[part].discard(next_part)
             self.links[next_part].discard(part)
 
-    def _merge(self, chain: Chain, way: Chain) -> None:
+    def _merge_chain_into(self, chain: Chain, other: Chain) -> None:
         """Move the nodes of a chain to another between the same joints, slab by slab."""
-        self._cut(chain)
-        for part, into in zip(chain[1:-1], way[1:-1], strict=True):
+        self._remove_chain(chain)
+        for part, into in zip(chain[1:-1], other[1:-1], strict=True):
             self.members[into] = np.concatenate([self.members[into], self.members[part]])

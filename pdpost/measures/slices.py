@@ -14,7 +14,7 @@ AXES = "xyz"
 ROUND_OFF = 1e-6  # of a spacing
 
 
-class Cut(NamedTuple):
+class PlaneCut(NamedTuple):
     """The k nodes whose cells a plane cuts."""
 
     rows: NDArray[np.int64]  # (k,)
@@ -31,13 +31,17 @@ def expect_body(results: Results) -> None:
         raise ResultsError(f"{results.name} is a plate; use a body in space")
 
 
-def values(results: Results, name: str, step: int, part: str | None = None) -> NDArray[np.float64]:
+def reliable_values(results: Results, name: str, step: int, component: str | None = None) -> NDArray[np.float64]:
     """A component (n,) of a field after `step`, NaN where it is unreliable. Raises FieldError, ResultsError."""
-    part = fields.component(name, part, results.dimension)
-    return np.where(fields.torn(results, name, step), np.nan, fields.values(results, name, step, part or None))
+    component = fields.choose_component(name, component, results.dimension)
+    return np.where(
+        fields.unreliable_nodes(results, name, step),
+        np.nan,
+        fields.field_values(results, name, step, component or None),
+    )
 
 
-def middle(results: Results) -> NDArray[np.float64]:
+def grid_centre(results: Results) -> NDArray[np.float64]:
     """The centre (3,) of the bounding box of the nodes at the start, m.
 
     Where no node lies at that coordinate along an axis, it is the nearest node's.
@@ -50,16 +54,21 @@ def middle(results: Results) -> NDArray[np.float64]:
     return np.asarray(np.where(has_node, centre, nearest))
 
 
-def cut(results: Results, shown: NDArray[np.float64], step: int, axis: str, at: float) -> Cut:
-    """The values `shown` (n,) of the nodes cut by the plane `axis` = `at` (m). Raises ResultsError if it cuts none."""
+def cut_by_plane(
+    results: Results, values: NDArray[np.float64], step: int, axis: str, plane_position: float
+) -> PlaneCut:
+    """The values `values` (n,) of the nodes cut by the plane `axis` = `plane_position` (m). Raises ResultsError if it
+    cuts none."""
     nodes, number = results.nodes(step), AXES.index(axis)
     along = nodes.position[:, number]
     # a plane between two layers of cells shows the upper one, whatever places were rounded to
-    above = (at - along) / nodes.delta + ROUND_OFF
+    above = (plane_position - along) / nodes.delta + ROUND_OFF
     rows = np.flatnonzero((above >= -0.5) & (above < 0.5))
     if not len(rows):
         low, high = float((along - nodes.delta / 2).min()), float((along + nodes.delta / 2).max())
-        raise ResultsError(f"{results.name} has no node at {axis} = {at:g} m; use {low:g} to {high:g} m")
+        raise ResultsError(f"{results.name} has no node at {axis} = {plane_position:g} m; use {low:g} to {high:g} m")
     others = [other_axis for other_axis in range(3) if other_axis != number]
     place = nodes.position[rows][:, others]
-    return Cut(rows, place, nodes.delta[rows], shown[rows], "".join(AXES[other_axis] for other_axis in others), at)
+    return PlaneCut(
+        rows, place, nodes.delta[rows], values[rows], "".join(AXES[other_axis] for other_axis in others), plane_position
+    )

@@ -14,7 +14,7 @@ BLUR = 0.1  # spacings: how well the place of a tip is known at best
 VAGUE = 0.5  # of the slope: where it is less sure than this, no speed is told
 
 
-class Speeds(NamedTuple):
+class TipSpeeds(NamedTuple):
     """Speeds of a tip at k places, m/s; NaN where they are unknown."""
 
     value: NDArray[np.float64]  # (k,)
@@ -22,13 +22,13 @@ class Speeds(NamedTuple):
     high: NDArray[np.float64]  # (k,)
 
 
-def speeds(
+def tip_speeds(
     along: NDArray[np.float64],
     time: NDArray[np.float64],
     spacing: NDArray[np.float64],
     known_time: NDArray[np.bool_],
     time_step: float,
-) -> Speeds:
+) -> TipSpeeds:
     """Speeds at k points of a path, from the length there, m, and the time the tip passed, s.
 
     A speed is one over the slope of a least-squares line of time over length, through the surrounding points, at least
@@ -38,9 +38,9 @@ def speeds(
     """
     speed_columns = np.full((3, len(along)), np.nan)
     for at in range(len(along)):
-        near = window(along, at, WINDOW * spacing[at])
+        near = averaging_window(along, at, WINDOW * spacing[at])
         if near is not None:  # of the coarsest nodes there
-            near = window(along, at, WINDOW * float(spacing[near].max()))
+            near = averaging_window(along, at, WINDOW * float(spacing[near].max()))
         if near is None or not known_time[near].all():
             continue
         away, late = along[near] - along[near].mean(), time[near] - time[near].mean()
@@ -51,10 +51,10 @@ def speeds(
         off = float(stdtrit(free, (1 + SURE) / 2)) * np.sqrt(scatter / float(away @ away))
         if slowness > 0 and off <= VAGUE * slowness:
             speed_columns[:, at] = 1 / slowness, 1 / (slowness + off), 1 / (slowness - off)
-    return Speeds(*speed_columns)
+    return TipSpeeds(*speed_columns)
 
 
-def window(along: NDArray[np.float64], at: int, length: float) -> slice | None:
+def averaging_window(along: NDArray[np.float64], point: int, length: float) -> slice | None:
     """The points around one, first to last at least `length` apart, extending equally to both sides if the path allows.
 
     None if the whole path is shorter.
@@ -62,7 +62,7 @@ def window(along: NDArray[np.float64], at: int, length: float) -> slice | None:
     slack = 1e-9 * length
     if along[-1] - along[0] < length - slack:
         return None
-    low = min(max(along[at] - length / 2, along[0]), along[-1] - length)
+    low = min(max(along[point] - length / 2, along[0]), along[-1] - length)
     first = int(np.searchsorted(along, low + slack, side="right")) - 1
     last = int(np.searchsorted(along, low + length - slack))
     return slice(max(first, 0), last + 1)

@@ -25,42 +25,42 @@ from pdpost.reading.stored_fields import scalar, vector
 from pdsolve.results import Families, Nodes, Results, ResultsError
 
 
-class _Materials(msgspec.Struct):
+class _MaterialKeys(msgspec.Struct):
     """The keys of the grid file that stress needs."""
 
     material: Material
     regions: tuple[Region, ...] = ()
 
 
-def gradients(results: Results, step: int) -> NDArray[np.float64]:
+def displacement_gradients(results: Results, step: int) -> NDArray[np.float64]:
     """The displacement gradient (n, d, d) of a frame, H[i, a, b] = du_a / dx_b; NaN where it is undefined.
 
     Raises ResultsError if the frame does not hold the displacement.
     """
-    families = intact(results, results.families(step), step)
+    families = remove_broken_bonds(results, results.families(step), step)
     nodes, u = results.nodes(step), vector(results, "displacement", step)
     if physics_of(results) == "thermoelastic":
         return curved_gradients_of(nodes.position, nodes.area, u, families.start, families.neighbour)
-    return fitted(nodes, u, families)
+    return fit_gradients(nodes, u, families)
 
 
-def fitted(nodes: Nodes, values: NDArray[np.float64], families: Families) -> NDArray[np.float64]:
+def fit_gradients(nodes: Nodes, values: NDArray[np.float64], families: Families) -> NDArray[np.float64]:
     """The gradient (n, k, d) of nodal values (n, k), fitted to the bonds of `families`."""
     return gradients_of(nodes.position, nodes.area, values, families.start, families.neighbour)
 
 
-def intact(results: Results, families: Families, step: int) -> Families:
+def remove_broken_bonds(results: Results, families: Families, step: int) -> Families:
     """The bonds of `families` that are not broken after `step`."""
-    unbroken = ~broken(results, families, step)
+    unbroken = ~bonds_are_broken(results, families, step)
     count = len(families.start) - 1
     row = np.repeat(np.arange(count), np.diff(families.start))
     start = np.concatenate([[0], np.cumsum(np.bincount(row[unbroken], minlength=count))])
     return Families(start, families.neighbour[unbroken])
 
 
-def broken(results: Results, families: Families, step: int) -> NDArray[np.bool_]:
+def bonds_are_broken(results: Results, families: Families, step: int) -> NDArray[np.bool_]:
     """Whether each bond (b,) of `families` is broken after `step`; its two directions are separate entries."""
-    node, neighbour, _ = broken_ends(results, step)
+    node, neighbour, _ = broken_bond_ends(results, step)
     count = len(families.start) - 1
     torn = np.zeros(count, dtype=bool)
     torn[node] = True
@@ -71,18 +71,19 @@ def broken(results: Results, families: Families, step: int) -> NDArray[np.bool_]
     return broken_mask
 
 
-def broken_ends(
-    results: Results, step: int, earlier: bool = False
+def broken_bond_ends(
+    results: Results, step: int, with_bonds_before_birth: bool = False
 ) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.int64]]:
     """Rows (b,) of both end nodes at `step` of the bonds broken until then, and the steps in which they broke.
 
-    Bonds that broke before one of their nodes was born belong to no present family: left out, unless `earlier`.
+    Bonds that broke before one of their nodes was born belong to no present family: left out, unless
+    `with_bonds_before_birth`.
     """
     breaks, lives, rows = results.breaks(), results.lives(), results.rows(step)
     node_rows = lives.at(breaks.node, step)
     neighbour_rows = lives.at(breaks.neighbour, step)
     present = (breaks.step <= step) & (node_rows >= 0) & (neighbour_rows >= 0)
-    if not earlier:
+    if not with_bonds_before_birth:
         present &= breaks.step >= lives.birth[node_rows]
     return (
         np.searchsorted(rows, node_rows[present]),
@@ -91,17 +92,17 @@ def broken_ends(
     )
 
 
-def stiffness(results: Results, step: int) -> Stiffness:
+def elastic_constants(results: Results, step: int) -> Stiffness:
     """Elastic constants of the nodes at `step`. Raises ResultsError.
 
     A node that was born later has the material of the nearest initial node.
     """
-    which, materials = _materials(results, step)
+    which, materials = _materials_of_nodes(results, step)
     E, nu = (np.array(column)[which] for column in zip(*((m.E, poisson(m)) for m in materials), strict=True))
     return Stiffness(E, nu, materials[0].plane)
 
 
-def thermal(results: Results, step: int) -> NDArray[np.float64]:
+def thermal_strain(results: Results, step: int) -> NDArray[np.float64]:
     """The strain (n,) of free nodes at `step`, alpha (T - T0); 0 in a model of mechanics alone.
 
     Raises ResultsError if the frame holds neither the temperature, T, nor the concentration, c.
@@ -113,7 +114,7 @@ def thermal(results: Results, step: int) -> NDArray[np.float64]:
         raise ResultsError(
             f"{results.name} has no field 'T' or 'c' at step {step}; solve it with one (pdsolve --fields +T, or +c)"
         )
-    which, materials = _materials(results, step)
+    which, materials = _materials_of_nodes(results, step)
     alpha, T0 = (np.array(column)[which] for column in zip(*((m.alpha, m.T0) for m in materials), strict=True))
     return np.asarray(alpha * (results.field(content, step).astype(float) - T0))
 
@@ -124,7 +125,7 @@ def stress_work(results: Results, step: int) -> NDArray[np.float64] | None:
     It is the elastic energy of the stress, and the yield stress times the plastic strain. Raises ResultsError if the
     frame lacks the plastic strain of a plastic solid, or the stress.
     """
-    which, materials = _materials(results, step)
+    which, materials = _materials_of_nodes(results, step)
     if not any(material.solid == "j2" for material in materials):
         return None
     alpha = scalar(results, "plastic", step)
@@ -141,9 +142,9 @@ def stress_work(results: Results, step: int) -> NDArray[np.float64] | None:
     return np.asarray(elastic + alpha * (yields + hardening * alpha / 2))
 
 
-def _materials(results: Results, step: int) -> tuple[NDArray[np.int64], tuple[Material, ...]]:
+def _materials_of_nodes(results: Results, step: int) -> tuple[NDArray[np.int64], tuple[Material, ...]]:
     """The number (n,) of each node's material at `step`, and the materials. Raises ResultsError."""
-    model, nodes = read(results, _Materials), results.nodes(0)
+    model, nodes = read(results, _MaterialKeys), results.nodes(0)
     which = np.zeros(len(nodes.ids if model.regions else results.rows(step)), dtype=np.int64)
     for number, region in enumerate(model.regions):
         which[selected(nodes, region.nodes, region.box)] = number + 1

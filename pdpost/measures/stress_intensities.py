@@ -22,8 +22,8 @@ from pdmesh.model.gradients import green
 from pdmesh.model.tip_fields import Elastic
 from pdpost.measures import fields
 from pdpost.measures.cracked_nodes import ROUND_OFF, separation_at
-from pdpost.measures.strain import fitted, intact, stiffness, stress_work
-from pdpost.measures.tip_surroundings import Front, Obstacles, Room, Tip, fronts, nearest
+from pdpost.measures.strain import elastic_constants, fit_gradients, remove_broken_bonds, stress_work
+from pdpost.measures.tip_surroundings import Obstacles, Tip, TipHistory, UndisturbedRoom, nearest_node, tip_histories
 from pdpost.reading.embedded_model import at_rest, read
 from pdpost.reading.stored_fields import vector
 from pdsolve.results import Results, ResultsError
@@ -35,7 +35,7 @@ CRUMB = 0.6  # damage above which a node is no face of a crack, and what is fitt
 RINGS = ((0.0, 0.8), (0.25, 0.8), (0.5, 0.95))  # inner ends between the blurred and 0.8, outer ones of the room
 
 
-class Rings(NamedTuple):
+class RingIntegrals(NamedTuple):
     """The rings around a tip in one frame, and the values on each."""
 
     tip: Tip
@@ -45,25 +45,25 @@ class Rings(NamedTuple):
     flows: bool  # whether nodes of the plate have yielded: only J has a meaning then
 
 
-class Series(NamedTuple):
+class IntensityHistory(NamedTuple):
     """Fracture parameters of a tip at t frames; NaN where the tip does not exist or has no room.
 
     All but J are NaN, too, where the body has yielded.
     """
 
-    front: Front
+    front: TipHistory
     step: NDArray[np.int64]  # (t,)
     time: NDArray[np.float64]  # (t,) s
     place: NDArray[np.float64]  # (t, 2) m
     value: dict[str, NDArray[np.float64]]  # (t,) each: J, K1, K2, T, angle
     low: dict[str, NDArray[np.float64]]
     high: dict[str, NDArray[np.float64]]
-    last: Rings | None  # of the last frame with room
+    last: RingIntegrals | None  # of the last frame with room
     refused: str  # why there was no room, the last time, and what would give it; "" if there always was
     of_K: NDArray[np.float64]  # (t,) J/m^2, (K1^2 + K2^2) / E', which J is of a crack at rest in a classical plate
 
     @property
-    def differs(self) -> NDArray[np.bool_]:
+    def K_differs_from_J(self) -> NDArray[np.bool_]:
         """Frames (t,) with (K1^2 + K2^2)/E' outside the band of J. Trust J there: it needs no auxiliary field."""
         slack = ROUND_OFF * np.abs(self.value["J"])
         return (self.of_K < self.low["J"] - slack) | (self.of_K > self.high["J"] + slack)
@@ -72,106 +72,108 @@ class Series(NamedTuple):
 NAMES = ("J", "K1", "K2", "T", "angle")
 
 
-class _Model(msgspec.Struct):
+class _FractureKeys(msgspec.Struct):
     """The keys of the grid file that fracture parameters need."""
 
     material: Material
     horizon: Horizon = Horizon()
 
 
-def follow(
+def follow_tips(
     results: Results,
     steps: Sequence[int],
     near: tuple[float, float] | None = None,
     ring: Ring | None = None,
     progress: Callable[[list[int]], Iterable[int]] = lambda steps: steps,
-) -> list[Series]:
+) -> list[IntensityHistory]:
     """Fracture parameters of a run's tips at the frames `steps`: of all tips, or of the one nearest to a place, m.
 
     `ring` is the widest of the rings, m; by default the rings fill the available room. Raises ResultsError if no tip is
     inside the plate, if none has room for a ring (all are named), and for frames that lack fields.
     """
-    every = fronts(results, max(steps))
+    every = tip_histories(results, max(steps))
     time_step = float(results.meta()["time_step"])
-    chosen = every if near is None else [_nearest(every, steps, time_step, near)] if every else []
+    chosen = every if near is None else [_nearest_tip(every, steps, time_step, near)] if every else []
     if not chosen:
         raise ResultsError(f"{results.name}: no tip of a crack is inside the plate; use a frame with one")
     obstacles = Obstacles(results, every)
-    state = State(results)
-    got: list[list[Rings | None]] = [[] for _ in chosen]
+    state = FrameFields(results)
+    got: list[list[RingIntegrals | None]] = [[] for _ in chosen]
     refused = [""] * len(chosen)
     for step in progress(list(steps)):
         for number, front in enumerate(chosen):
-            tip, rings = front.at(step * time_step), None
+            tip, rings = front.tip_at(step * time_step), None
             if tip is not None:
-                room = obstacles.room(tip, step, step * time_step)
-                said = _too_small(results, step, tip, room, ring)
+                room = obstacles.undisturbed_room(tip, step, step * time_step)
+                said = _refusal_reason(results, step, tip, room, ring)
                 refused[number] = said or refused[number]
                 if not said:
-                    rings = state.around(step, tip, _rings(results, step, tip, room, ring))
+                    rings = state.integrate_around(step, tip, _choose_rings(results, step, tip, room, ring))
             got[number].append(rings)
     if not any(any(front_rings) for front_rings in got):
         all_of_them = [f"{front.name}: {why}" for front, why in zip(chosen, refused, strict=True) if why]
         raise ResultsError(f"{results.name}: {'; '.join(all_of_them) or 'found no tip of a crack at these frames'}")
     when = np.array(steps, dtype=np.int64)
     return [
-        _series(front, when, time_step, front_rings, why)
+        _collect_history(front, when, time_step, front_rings, why)
         for front, front_rings, why in zip(chosen, got, refused, strict=True)
     ]
 
 
-class State:
+class FrameFields:
     """The fields of a frame as the integrals need them, cached for one frame."""
 
     def __init__(self, results: Results) -> None:
         self._results, self._rest = results, at_rest(results)
         self._step = -1
         self._sampled: Sampled | None = None
-        self._model = read(results, _Model)
+        self._model = read(results, _FractureKeys)
 
-    def around(self, step: int, tip: Tip, rings: tuple[Ring, ...]) -> Rings:
+    def integrate_around(self, step: int, tip: Tip, rings: tuple[Ring, ...]) -> RingIntegrals:
         """Fracture parameters of a tip on rings after a step."""
         if self._sampled is None or self._step != step:
-            self._step, self._sampled = step, self._sample(step)
+            self._step, self._sampled = step, self._sample_fields(step)
         nodes = self._results.nodes(step)
-        every, near = stiffness(self._results, step), nearest(nodes, tip.place)
+        every, near = elastic_constants(self._results, step), nearest_node(nodes, tip.place)
         elastic = Elastic(float(every.E[near]), float(every.nu[near]), every.plane)
         ring_integrals = tuple(integrals(self._sampled, tip.place, tip.way, ring, elastic) for ring in rings)
-        return Rings(tip, rings, ring_integrals, elastic.effective, self._sampled.work is not None)
+        return RingIntegrals(tip, rings, ring_integrals, elastic.effective, self._sampled.work is not None)
 
-    def _sample(self, step: int) -> Sampled:
+    def _sample_fields(self, step: int) -> Sampled:
         results, nodes = self._results, self._results.nodes(step)
-        families = intact(results, results.families(step), step)
-        gradient = fitted(nodes, vector(results, "displacement", step), families)
+        families = remove_broken_bonds(results, results.families(step), step)
+        gradient = fit_gradients(nodes, vector(results, "displacement", step), families)
         gradient[separation_at(results, step) > CRUMB] = np.nan
         motion = None
         if not self._rest:
             velocity, acceleration = (vector(results, name, step) for name in ("velocity", "acceleration"))
-            rates = fitted(nodes, velocity, families)
+            rates = fit_gradients(nodes, velocity, families)
             motion = Motion(self._model.material.rho, velocity, acceleration, rates)
-        stress = fields.components(results, "stress", step)
+        stress = fields.field_components(results, "stress", step)
         parts = np.column_stack([stress[part] for part in ("xx", "yy", "xy")])
         return Sampled(nodes.position, nodes.area, gradient, green(gradient), parts, motion, stress_work(results, step))
 
 
-def _nearest(every: list[Front], steps: Sequence[int], time_step: float, near: tuple[float, float]) -> Front:
-    def far(front: Front) -> float:
-        places = [tip.place for step in steps if (tip := front.at(step * time_step)) is not None]
+def _nearest_tip(
+    tips: list[TipHistory], steps: Sequence[int], time_step: float, near: tuple[float, float]
+) -> TipHistory:
+    def far(front: TipHistory) -> float:
+        places = [tip.place for step in steps if (tip := front.tip_at(step * time_step)) is not None]
         return min((float(np.hypot(*(place - near))) for place in places), default=np.inf)
 
-    return min(every, key=far)
+    return min(tips, key=far)
 
 
-def _spacing(results: Results, step: int, tip: Tip) -> float:
+def _spacing_at_tip(results: Results, step: int, tip: Tip) -> float:
     """The spacing of the node nearest to a tip, m."""
     nodes = results.nodes(step)
-    return float(nodes.delta[nearest(nodes, tip.place)])
+    return float(nodes.delta[nearest_node(nodes, tip.place)])
 
 
-def _too_small(results: Results, step: int, tip: Tip, room: Room, ring: Ring | None) -> str:
+def _refusal_reason(results: Results, step: int, tip: Tip, room: UndisturbedRoom, ring: Ring | None) -> str:
     """Why a tip has no room for rings, and the spacing that would give it room; "" if it has."""
     x, y = tip.place
-    spacing, ratio = _spacing(results, step, tip), read(results, _Model).horizon.ratio
+    spacing, ratio = _spacing_at_tip(results, step, tip), read(results, _FractureKeys).horizon.ratio
     if ring is not None and ring.outer - ring.inner < spacing:
         wide = f"{ring.outer - ring.inner:.3g} m wide; use at least a spacing, {spacing:.3g} m"
         return f"the ring around the tip at ({x:.4g}, {y:.4g}) m is {wide}"
@@ -189,21 +191,27 @@ def _too_small(results: Results, step: int, tip: Tip, room: Room, ring: Ring | N
     return f"{message} {LEAST:g} horizons, {least:.3g} m{finer}"
 
 
-def _rings(results: Results, step: int, tip: Tip, room: Room, ring: Ring | None) -> tuple[Ring, ...]:
+def _choose_rings(results: Results, step: int, tip: Tip, room: UndisturbedRoom, ring: Ring | None) -> tuple[Ring, ...]:
     """Three rings; the middle one gives the reported value."""
     if ring is not None:
         quarter = (ring.outer - ring.inner) / 4
         return Ring(ring.inner, ring.outer - quarter), ring, Ring(ring.inner + quarter, ring.outer)
-    horizon = read(results, _Model).horizon.ratio * _spacing(results, step, tip)
+    horizon = read(results, _FractureKeys).horizon.ratio * _spacing_at_tip(results, step, tip)
     least = max(BLURRED * horizon, 0.2 * room.radius)
     span = 0.8 * room.radius - least
     return tuple(Ring(least + inner * span, outer * room.radius) for inner, outer in RINGS)
 
 
-def _series(front: Front, steps: NDArray[np.int64], time_step: float, got: list[Rings | None], refused: str) -> Series:
+def _collect_history(
+    front: TipHistory,
+    steps: NDArray[np.int64],
+    time_step: float,
+    frame_integrals: list[RingIntegrals | None],
+    refused: str,
+) -> IntensityHistory:
     columns = {name: np.full((3, len(steps)), np.nan) for name in NAMES}
     places, of_K = np.full((len(steps), 2), np.nan), np.full(len(steps), np.nan)
-    for at, rings in enumerate(got):
+    for at, rings in enumerate(frame_integrals):
         if rings is None:
             continue
         places[at] = rings.tip.place
@@ -212,5 +220,5 @@ def _series(front: Front, steps: NDArray[np.int64], time_step: float, got: list[
             columns[name][:, at] = ring_values[1], min(ring_values), max(ring_values)
         of_K[at] = (columns["K1"][0, at] ** 2 + columns["K2"][0, at] ** 2) / rings.effective
     value, low, high = ({name: column[row] for name, column in columns.items()} for row in range(3))
-    last = next((rings for rings in reversed(got) if rings is not None), None)
-    return Series(front, steps, np.asarray(steps * time_step), places, value, low, high, last, refused, of_K)
+    last = next((rings for rings in reversed(frame_integrals) if rings is not None), None)
+    return IntensityHistory(front, steps, np.asarray(steps * time_step), places, value, low, high, last, refused, of_K)

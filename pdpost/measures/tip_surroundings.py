@@ -17,9 +17,9 @@ from numpy.typing import NDArray
 
 from pdmesh.model.selection import selected
 from pdpost.measures.cracked_nodes import pre_crack_tips
-from pdpost.measures.plate_geometry import plate
-from pdpost.measures.strain import stiffness
-from pdpost.measures.tips import ARM, BEGINS, Branch, tips
+from pdpost.measures.plate_geometry import read_plate_geometry
+from pdpost.measures.strain import elastic_constants
+from pdpost.measures.tips import ARM, BEGINS, Branch, crack_branches
 from pdpost.reading.embedded_model import read
 from pdsolve.results import Nodes, Results
 
@@ -29,7 +29,7 @@ FREE = ("initial velocity", "initial displacement")  # conditions that leave the
 
 
 @dataclass(frozen=True)
-class Front:
+class TipHistory:
     """A tip through a run: the end of a pre-crack, the branch that grows from it, or both."""
 
     name: str
@@ -38,14 +38,14 @@ class Front:
     branch: Branch | None
     last: float  # s: up to when it was there, before it forked or met another crack or an edge; inf if it still is
 
-    def at(self, time: float) -> Tip | None:
+    def tip_at(self, time: float) -> Tip | None:
         """The tip at a time, s; None before it exists and after it ends."""
         branch = self.branch
         if branch is None or time < branch.time[0]:
             return None if self.start is None else Tip(self.start, self.heading)
         if time > self.last:
             return None
-        place = passed(branch, time)
+        place = points_passed(branch, time)
         if branch.exact:
             return Tip(place[-1], branch.direction[len(place) - 1])
         back = branch.along[min(len(place), len(branch.along)) - 1] - branch.along[: len(place)]
@@ -63,38 +63,40 @@ class Tip(NamedTuple):
     way: NDArray[np.float64]  # (2,) unit vector
 
 
-class Room(NamedTuple):
+class UndisturbedRoom(NamedTuple):
     """Radius around a tip that holds only elastic plate and the tip's own straight crack."""
 
     radius: float  # m
     limit: str  # what is there
 
 
-def fronts(results: Results, step: int) -> list[Front]:
+def tip_histories(results: Results, step: int) -> list[TipHistory]:
     """Tips of all cracks until `step`: branches, the longest first, then pre-cracks that do not grow.
 
     Ends of pre-cracks on the edge of the plate or off it are no tips.
     """
-    branches, spacing = tips(results, step), float(results.nodes(0).delta.min())
-    edge = plate(results).shape.boundary
+    branches, spacing = crack_branches(results, step), float(results.nodes(0).delta.min())
+    edge = read_plate_geometry(results).shape.boundary
     starts = [
         (tip, heading)
         for tip, heading in pre_crack_tips(results.cracks())
-        if inside(results, tip) and edge.distance(shapely.Point(tip)) > spacing / 2
+        if is_on_plate(results, tip) and edge.distance(shapely.Point(tip)) > spacing / 2
     ]
     tip_fronts, carried = [], set()
     for number, branch in enumerate(branches):
         near = [k for k, (tip, _) in enumerate(starts) if np.hypot(*(tip - branch.place[0])) < BEGINS * spacing]
         carried |= set(near)
         start, heading = starts[near[0]] if near else (None, branch.direction[0])
-        tip_fronts.append(Front(f"branch {number}", start, heading, branch, _last(results, branch, branches)))
+        tip_fronts.append(
+            TipHistory(f"branch {number}", start, heading, branch, _last_tip_time(results, branch, branches))
+        )
     for k, (tip, heading) in enumerate(starts):
         if k not in carried:
-            tip_fronts.append(Front(f"pre-crack {k}", tip, heading, None, np.inf))
+            tip_fronts.append(TipHistory(f"pre-crack {k}", tip, heading, None, np.inf))
     return tip_fronts
 
 
-def _last(results: Results, branch: Branch, branches: Sequence[Branch]) -> float:
+def _last_tip_time(results: Results, branch: Branch, branches: Sequence[Branch]) -> float:
     """The last time, s, at which the tip of a branch existed."""
     arms = [other_branch for other_branch in branches if other_branch.begin == branch.end]
     if not branch.exact:
@@ -102,7 +104,7 @@ def _last(results: Results, branch: Branch, branches: Sequence[Branch]) -> float
         return float(branch.time[-1]) if arms or met else np.inf
     if arms:
         return float(np.nextafter(arms[0].time[0], 0))
-    end, spacing, shape = shapely.Point(branch.place[-1]), branch.spacing[-1], plate(results).shape
+    end, spacing, shape = shapely.Point(branch.place[-1]), branch.spacing[-1], read_plate_geometry(results).shape
     arm_segments = (np.stack([any_branch.place[:-1], any_branch.place[1:]], axis=1) for any_branch in branches)
     every = shapely.linestrings(np.concatenate([results.cracks().reshape(-1, 2, 2), *arm_segments]))
     on_another = shapely.dwithin(every, end, TOUCHES * spacing).sum() > 1  # its own last arm is one
@@ -110,17 +112,17 @@ def _last(results: Results, branch: Branch, branches: Sequence[Branch]) -> float
     return float(np.nextafter(branch.time[-1], 0)) if on_another or on_edge else np.inf
 
 
-def nearest(nodes: Nodes, place: NDArray[np.float64]) -> int:
+def nearest_node(nodes: Nodes, place: NDArray[np.float64]) -> int:
     """The row of the node nearest to a place (2,), m."""
     return int(np.hypot(*(nodes.position - place).T).argmin())
 
 
-def inside(results: Results, place: NDArray[np.float64]) -> bool:
+def is_on_plate(results: Results, place: NDArray[np.float64]) -> bool:
     """Whether a place is on the plate."""
-    return bool(shapely.intersects_xy(plate(results).shape, *place))
+    return bool(shapely.intersects_xy(read_plate_geometry(results).shape, *place))
 
 
-def passed(branch: Branch, time: float) -> NDArray[np.float64]:
+def points_passed(branch: Branch, time: float) -> NDArray[np.float64]:
     """Points (k, 2) of a branch up to its tip's position at a time, s, and at least the first."""
     count = int(np.searchsorted(branch.time, time, side="right"))
     place = branch.place[:count]
@@ -134,24 +136,24 @@ def passed(branch: Branch, time: float) -> NDArray[np.float64]:
 class Obstacles:
     """Obstacles to the fields around a tip, in one run."""
 
-    def __init__(self, results: Results, all_of_them: Sequence[Front]) -> None:
-        self._results, self._fronts = results, all_of_them
-        self._edge = plate(results).shape.boundary
-        self._conditions = read(results, _Conditions).conditions
+    def __init__(self, results: Results, tips: Sequence[TipHistory]) -> None:
+        self._results, self._fronts = results, tips
+        self._edge = read_plate_geometry(results).shape.boundary
+        self._conditions = read(results, _ConditionKeys).conditions
 
-    def room(self, tip: Tip, step: int, time: float) -> Room:
+    def undisturbed_room(self, tip: Tip, step: int, time: float) -> UndisturbedRoom:
         """The room around a tip after a step."""
         nodes = self._results.nodes(step)
-        elastic = stiffness(self._results, step)
-        near = nearest(nodes, tip.place)
+        elastic = elastic_constants(self._results, step)
+        near = nearest_node(nodes, tip.place)
         other_material = (elastic.E[near] != elastic.E) | (elastic.nu[near] != elastic.nu)
-        tips = [at.place for front in self._fronts if (at := front.at(time)) is not None]
+        tips = [at.place for front in self._fronts if (at := front.tip_at(time)) is not None]
         other_tips = np.array([place for place in tips if not np.array_equal(place, tip.place)]).reshape(-1, 2)
         acted_on = np.zeros(len(nodes.ids), dtype=bool)
         for condition in self._conditions:
             if condition["kind"] not in FREE:
                 acted_on |= selected(nodes, condition.get("nodes"), condition.get("box"))
-        rooms = [Room(float(self._edge.distance(shapely.Point(tip.place))), "the edge of the plate")]
+        rooms = [UndisturbedRoom(float(self._edge.distance(shapely.Point(tip.place))), "the edge of the plate")]
         for places, what in (
             (other_tips, "another tip"),
             (self._other_cracks(tip, time, float(nodes.delta[near])), "another crack or a bend of this one"),
@@ -159,7 +161,7 @@ class Obstacles:
             (nodes.position[other_material], "another material"),
         ):
             if len(places):
-                rooms.append(Room(float(np.hypot(*(places - tip.place).T).min()), what))
+                rooms.append(UndisturbedRoom(float(np.hypot(*(places - tip.place).T).min()), what))
         return min(rooms)
 
     def _other_cracks(self, tip: Tip, time: float, spacing: float) -> NDArray[np.float64]:
@@ -167,7 +169,7 @@ class Obstacles:
         segments = [self._results.cracks().reshape(-1, 2, 2)]
         for front in self._fronts:
             if front.branch is not None and time >= front.branch.time[0]:
-                line = passed(front.branch, time)
+                line = points_passed(front.branch, time)
                 segments.append(np.stack([line[:-1], line[1:]], axis=1))
         every = np.concatenate(segments)
         count = np.ceil(2 * np.hypot(*(every[:, 1] - every[:, 0]).T) / spacing).astype(int) + 1
@@ -179,7 +181,7 @@ class Obstacles:
         return np.asarray((away + tip.place)[~behind_tip])
 
 
-class _Conditions(msgspec.Struct):
+class _ConditionKeys(msgspec.Struct):
     """The keys of the grid file that hold its conditions."""
 
     conditions: list[dict[str, Any]] = []

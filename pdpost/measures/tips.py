@@ -24,11 +24,11 @@ from pdmesh.model.crack_particles import Particles, until
 from pdmesh.model.document import Horizon
 from pdmesh.model.kd_trees import tree_of
 from pdmesh.model.output_fields import CRACKED
-from pdpost.measures.crack_labels import Grown, grown
+from pdpost.measures.crack_labels import CrackedNodes, label_cracked_nodes
 from pdpost.measures.cracked_nodes import ROUND_OFF, pre_crack_tips
-from pdpost.measures.plate_geometry import plate
-from pdpost.measures.skeleton import SLAB, Chain, Skeleton
-from pdpost.measures.speed import WINDOW, Speeds, speeds, window
+from pdpost.measures.plate_geometry import read_plate_geometry
+from pdpost.measures.skeleton import SLAB, Chain, CrackSkeleton
+from pdpost.measures.speed import WINDOW, TipSpeeds, averaging_window, tip_speeds
 from pdpost.reading.embedded_model import read
 from pdsolve.results import Results
 
@@ -46,7 +46,7 @@ class Branch:
     time: NDArray[np.float64]  # (k,) s, never falling, when the tip came past; when it left the tip of a pre-crack
     direction: NDArray[np.float64]  # (k, 2) unit vectors, of some ten spacings around
     along: NDArray[np.float64]  # (k,) length from the beginning of the crack, m, over its parents
-    speed: Speeds  # (k,) m/s
+    speed: TipSpeeds  # (k,) m/s
     spacing: NDArray[np.float64]  # (k,) m, of the nodes there
     line: NDArray[np.bool_]  # (k,) False where so much is cracked that there is no line to tell
     begin: int  # number of the joint it begins at
@@ -81,7 +81,7 @@ class Fork:
     arms: tuple[float, ...]  # degrees of each arm from the direction the crack came with, to the left positive
 
 
-class _Model(msgspec.Struct):
+class _HorizonKeys(msgspec.Struct):
     """The key of the grid file that says how far bonds reach."""
 
     horizon: Horizon = Horizon()
@@ -96,7 +96,7 @@ class _Point(NamedTuple):
     line: bool
 
 
-def tips(results: Results, step: int | None = None, threshold: float = CRACKED) -> list[Branch]:
+def crack_branches(results: Results, step: int | None = None, threshold: float = CRACKED) -> list[Branch]:
     """All branches of the cracks after `step` (default: the last), the longest first.
 
     A node is cracked above the damage `threshold`, which cracks of particles do not use. Mirrored cracks have mirrored
@@ -104,35 +104,36 @@ def tips(results: Results, step: int | None = None, threshold: float = CRACKED) 
     """
     particles = results.particles()
     if len(particles.place):
-        return _of_particles(results, particles if step is None else until(particles, step))
+        return _branches_of_particles(results, particles if step is None else until(particles, step))
     last = int(results.breaks().step.max(initial=0)) if step is None else step
-    cracked = grown(results, last, threshold)
-    skeleton = Skeleton(cracked)
-    skeleton.prune()
+    cracked = label_cracked_nodes(results, last, threshold)
+    skeleton = CrackSkeleton(cracked)
+    skeleton.remove_short_chains()
     time_step = float(results.meta()["time_step"])
     pre_cracks = np.array([tip for tip, _ in pre_crack_tips(results.cracks())]).reshape(-1, 2)
     reached: dict[int, tuple[float, float]] = {}  # time and length at joints
     branches = []
-    for chain in sorted(skeleton.chains(), key=lambda chain: (skeleton.slab[chain[0]], chain)):
-        points = _points(skeleton, cracked, chain, pre_cracks)
-        branch = _branch(chain, points, *reached.get(chain[0], (0.0, 0.0)), time_step)
+    for chain in sorted(skeleton.chains_between_joints(), key=lambda chain: (skeleton.slab[chain[0]], chain)):
+        points = _points_of_chain(skeleton, cracked, chain, pre_cracks)
+        branch = _branch_of_chain(chain, points, *reached.get(chain[0], (0.0, 0.0)), time_step)
         branches.append(branch)
         arrival = float(branch.time[-1]), float(branch.along[-1])
         reached[chain[-1]] = min(arrival, reached.get(chain[-1], arrival))
     if branches:
-        edges, ratio = plate(results).shape.boundary, read(results, _Model).horizon.ratio
-        branches = [replace(branch, inside=_inside(branch, edges, ratio)) for branch in branches]
+        edges, ratio = read_plate_geometry(results).shape.boundary, read(results, _HorizonKeys).horizon.ratio
+        branches = [replace(branch, inside=_count_points_before_edge(branch, edges, ratio)) for branch in branches]
     return sorted(branches, key=lambda branch: -branch.length)
 
 
-def _inside(branch: Branch, edges: shapely.Geometry, ratio: float) -> int | None:
-    """Points of a branch before its tip is a horizon, `ratio` spacings, from the edge it runs into; None: all."""
-    away = shapely.distance(edges, shapely.points(branch.place)) > ratio * branch.spacing * (1 - ROUND_OFF)
+def _count_points_before_edge(branch: Branch, edges: shapely.Geometry, horizon_ratio: float) -> int | None:
+    """Points of a branch before its tip is a horizon, `horizon_ratio` spacings, from the edge it runs into; None:
+    all."""
+    away = shapely.distance(edges, shapely.points(branch.place)) > horizon_ratio * branch.spacing * (1 - ROUND_OFF)
     before = int(np.flatnonzero(away).max(initial=0)) + 1
     return before if before < len(away) and branch.time[before - 1] > branch.time[0] else None
 
 
-def forks(branches: Sequence[Branch]) -> list[Fork]:
+def find_forks(branches: Sequence[Branch]) -> list[Fork]:
     """Forks, where one of the `branches` ends and two or more begin, in the order of time.
 
     Directions are those of straight lines through the ten spacings next to the fork.
@@ -143,15 +144,15 @@ def forks(branches: Sequence[Branch]) -> list[Fork]:
         stems = [branch for branch in branches if branch.end == joint]
         if len(arms) < 2 or not stems:
             continue
-        came = -np.sum([_heading(stem.place[::-1], ARM * stem.spacing[-1]) for stem in stems], axis=0)
-        ways = [_heading(arm.place, ARM * arm.spacing[0]) for arm in arms]
+        came = -np.sum([_initial_direction(stem.place[::-1], ARM * stem.spacing[-1]) for stem in stems], axis=0)
+        ways = [_initial_direction(arm.place, ARM * arm.spacing[0]) for arm in arms]
         angles = sorted(float(np.degrees(np.arctan2(came[0] * w[1] - came[1] * w[0], came @ w))) for w in ways)
         x, y = arms[0].place[0].tolist()
         fork_list.append(Fork((x, y), float(arms[0].time[0]), angles[-1] - angles[0], tuple(angles)))
     return sorted(fork_list, key=lambda fork: fork.time)
 
 
-def _of_particles(results: Results, particles: Particles) -> list[Branch]:
+def _branches_of_particles(results: Results, particles: Particles) -> list[Branch]:
     """The grown arms of cracks of particles, from the tip of a pre-crack or a fork to an end or the next fork."""
     place, _, parent, step = particles
     after: list[list[int]] = [[] for _ in parent]
@@ -173,42 +174,48 @@ def _of_particles(results: Results, particles: Particles) -> list[Branch]:
         time = np.asarray(step[[first, *chain[1:]]] * time_step, dtype=float)
         length[chain[-1]] = along[-1]
         line, ways = np.ones(len(chain), dtype=bool), (arms / far[:, None])[[0, *range(len(arms))]]
-        fast = speeds(along, time, spacing[chain], line, time_step)
+        fast = tip_speeds(along, time, spacing[chain], line, time_step)
         points = place[chain], time, ways, along, fast, spacing[chain], line
         branches.append(Branch(*points, begin, chain[-1], exact=True))
     return sorted(branches, key=lambda branch: -branch.length)
 
 
-def _branch(chain: Chain, points: list[_Point], began: float, length: float, time_step: float) -> Branch:
+def _branch_of_chain(
+    chain: Chain, points: list[_Point], start_time: float, start_length: float, time_step: float
+) -> Branch:
     """A chain as a branch; time and length continue from the end of its parent."""
     place, step, spacing, line = (np.array(column) for column in zip(*points, strict=True))
     smooth = place.copy()  # the lattice's zigzag is no way that the tip went
     smooth[1:-1] = (place[:-2] + 2 * place[1:-1] + place[2:]) / 4
-    along = length + np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(smooth, axis=0).T))])
-    time = np.maximum.accumulate(np.maximum(step * time_step, began))
-    fast = speeds(along, time, spacing, line, time_step)
-    stretches = (window(along, at, WINDOW * spacing[at]) or slice(None) for at in range(len(place)))  # as of its speeds
-    direction = np.array([axis_of(place[points]) for points in stretches])
+    along = start_length + np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(smooth, axis=0).T))])
+    time = np.maximum.accumulate(np.maximum(step * time_step, start_time))
+    fast = tip_speeds(along, time, spacing, line, time_step)
+    stretches = (
+        averaging_window(along, at, WINDOW * spacing[at]) or slice(None) for at in range(len(place))
+    )  # as of its speeds
+    direction = np.array([fit_direction(place[points]) for points in stretches])
     return Branch(place, time, direction, along, fast, spacing, line, chain[0], chain[-1])
 
 
-def _points(skeleton: Skeleton, cracked: Grown, chain: Chain, pre_cracks: NDArray[np.float64]) -> list[_Point]:
+def _points_of_chain(
+    skeleton: CrackSkeleton, cracked: CrackedNodes, chain: Chain, pre_cracks: NDArray[np.float64]
+) -> list[_Point]:
     """The points of a chain, extended to its first and last nodes and to adjacent tips of pre-cracks."""
-    points = [_point(cracked, skeleton.members[at]) for at in chain]
+    points = [_merge_to_point(cracked, skeleton.members[at]) for at in chain]
     level, first, last = cracked.level, skeleton.members[chain[0]], skeleton.members[chain[-1]]
     if chain[0] in skeleton.begins:
         if len(skeleton.links[chain[0]]) == 1 and level[first].mean() >= 0.25:
-            points.insert(0, _point(cracked, first[level[first] < 0.5])._replace(line=points[0].line))
-        points[:0] = _tip_near(points[0], pre_cracks)
-    if skeleton.is_end(chain[-1]):
+            points.insert(0, _merge_to_point(cracked, first[level[first] < 0.5])._replace(line=points[0].line))
+        points[:0] = _pre_crack_tip_near(points[0], pre_cracks)
+    if skeleton.is_dead_end(chain[-1]):
         far = level[last].max()
         if far - level[last].mean() >= 0.25:
-            points.append(_point(cracked, last[level[last] >= far - 0.5])._replace(line=points[-1].line))
-        points += _tip_near(points[-1], pre_cracks)
+            points.append(_merge_to_point(cracked, last[level[last] >= far - 0.5])._replace(line=points[-1].line))
+        points += _pre_crack_tip_near(points[-1], pre_cracks)
     return points
 
 
-def _point(cracked: Grown, rows: NDArray[np.int64]) -> _Point:
+def _merge_to_point(cracked: CrackedNodes, rows: NDArray[np.int64]) -> _Point:
     """The centre of nodes; the time is the mean over spacings of length of the first node in each."""
     layer, delta = np.floor(cracked.level[rows] + ROUND_OFF), cracked.delta[rows]
     steps = [int(cracked.reached[rows][layer == number].min()) for number in np.unique(layer)]
@@ -217,21 +224,21 @@ def _point(cracked: Grown, rows: NDArray[np.int64]) -> _Point:
     return _Point(place, float(np.mean(steps)), float(delta.mean()), width <= WIDE)
 
 
-def _tip_near(point: _Point, pre_cracks: NDArray[np.float64]) -> list[_Point]:
+def _pre_crack_tip_near(point: _Point, pre_cracks: NDArray[np.float64]) -> list[_Point]:
     """The tip of a pre-crack near a point but not at it, reached at the same time; empty without one."""
     far = np.hypot(*(pre_cracks - point.place).T)
     near = len(far) > 0 and 0.1 * point.spacing < far.min() <= NEAR_TIP * point.spacing
     return [point._replace(place=pre_cracks[far.argmin()])] if near else []
 
 
-def _heading(points: NDArray[np.float64], reach: float) -> NDArray[np.float64]:
-    """The unit vector along which a line leaves its first point, over its first `reach`, m."""
+def _initial_direction(points: NDArray[np.float64], fitted_length: float) -> NDArray[np.float64]:
+    """The unit vector along which a line leaves its first point, over its first `fitted_length`, m."""
     far = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(points, axis=0).T))])
-    near = points[far <= max(reach, far[1] * (1 + ROUND_OFF))]
-    return axis_of(near[1:] if len(near) > 3 else near)  # the fork itself lies between its arms
+    near = points[far <= max(fitted_length, far[1] * (1 + ROUND_OFF))]
+    return fit_direction(near[1:] if len(near) > 3 else near)  # the fork itself lies between its arms
 
 
-def axis_of(points: NDArray[np.float64]) -> NDArray[np.float64]:
+def fit_direction(points: NDArray[np.float64]) -> NDArray[np.float64]:
     """The unit vector (2,) of a straight line fitted to points, from the first to the last."""
     _, _, axes = np.linalg.svd(points - points.mean(axis=0), full_matrices=False)
     axis: NDArray[np.float64] = axes[0]

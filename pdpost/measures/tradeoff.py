@@ -15,11 +15,11 @@ from scipy.interpolate import LinearNDInterpolator
 from scipy.spatial import QhullError, cKDTree
 
 from pdmesh.model.output_fields import CRACKED
-from pdpost.measures.balance import damping
+from pdpost.measures.balance import damped_energy
 from pdpost.measures.cracked_nodes import separation_at
-from pdpost.measures.cracks import DIRECTIONS, Event, growth
-from pdpost.measures.paths import Polyline, distance, heading, path
-from pdpost.measures.plate_geometry import check_alike
+from pdpost.measures.cracks import DIRECTIONS, Event, crack_events
+from pdpost.measures.paths import Polyline, crack_paths, main_direction, path_distances
+from pdpost.measures.plate_geometry import expect_same_plate
 from pdpost.reading.frame_steps import frames
 from pdpost.reading.stored_fields import vector
 from pdsolve.results import Results, ResultsError
@@ -50,7 +50,7 @@ class Errors(NamedTuple):
         return max((error for error in self if error is not None), default=float("nan"))
 
 
-class Point(NamedTuple):
+class TradeoffPoint(NamedTuple):
     """One result on the chart of cost against error."""
 
     name: str
@@ -59,12 +59,12 @@ class Point(NamedTuple):
     errors: Errors
 
 
-def point(results: Results, file: Path, reference: Results) -> Point:
-    """A result as a point of the chart. Raises ResultsError as `cost` and `errors` do."""
-    return Point(file.stem, len(results.nodes().ids), cost(results, file), errors(results, reference))
+def tradeoff_point(results: Results, file: Path, reference: Results) -> TradeoffPoint:
+    """A result as a point of the chart. Raises ResultsError as `run_cost` and `run_errors` do."""
+    return TradeoffPoint(file.stem, len(results.nodes().ids), run_cost(results, file), run_errors(results, reference))
 
 
-def cost(results: Results, file: Path) -> Cost:
+def run_cost(results: Results, file: Path) -> Cost:
     """The cost of a run. Raises ResultsError if it is not finished."""
     summary = results.summary()
     if not summary:
@@ -73,22 +73,22 @@ def cost(results: Results, file: Path) -> Cost:
     return Cost(float(summary["wall_time"]), updates, float(file.stat().st_size))
 
 
-def errors(results: Results, reference: Results) -> Errors:
+def run_errors(results: Results, reference: Results) -> Errors:
     """Errors of a run against its reference. Raises ResultsError if the scenes differ or a frame is missing."""
     time = _common_time(results, reference)
-    lines = [path(run, _step(run, time)) for run in (results, reference)]
-    direction = DIRECTIONS[heading(lines[1])]
-    run_growth, expected = growth(results, direction), growth(reference, direction)
+    lines = [crack_paths(run, _step_at(run, time)) for run in (results, reference)]
+    direction = DIRECTIONS[main_direction(lines[1])]
+    run_growth, expected = crack_events(results, direction), crack_events(reference, direction)
     return Errors(
-        displacement=displacement(results, reference),
-        path=_path(*lines),
-        start=_later(run_growth.start, expected.start),
-        branching=_later(run_growth.branching, expected.branching),
-        energy=_share(_energy(results, time), _energy(reference, time)),
+        displacement=displacement_error(results, reference),
+        path=_path_error(*lines),
+        start=_event_time_error(run_growth.start, expected.start),
+        branching=_event_time_error(run_growth.branching, expected.branching),
+        energy=_relative_error(_dissipated_energy_at(results, time), _dissipated_energy_at(reference, time)),
     )
 
 
-def front(cost: NDArray[np.float64], error: NDArray[np.float64]) -> list[int]:
+def pareto_front(cost: NDArray[np.float64], error: NDArray[np.float64]) -> list[int]:
     """Pareto front of points (k,): those that no other beats in both cost and error, the cheapest first."""
     best, least = [], np.inf
     for at in np.lexsort((error, cost)).tolist():
@@ -98,64 +98,64 @@ def front(cost: NDArray[np.float64], error: NDArray[np.float64]) -> list[int]:
     return best
 
 
-def cheapest(cost: NDArray[np.float64], error: NDArray[np.float64], within: float) -> int | None:
-    """The cheapest point (k,) whose error is at most `within`; None if there is none."""
-    good = np.flatnonzero(error <= within)
+def cheapest_point(cost: NDArray[np.float64], error: NDArray[np.float64], largest_error: float) -> int | None:
+    """The cheapest point (k,) whose error is at most `largest_error`; None if there is none."""
+    good = np.flatnonzero(error <= largest_error)
     return int(good[cost[good].argmin()]) if len(good) else None
 
 
 def _common_time(results: Results, reference: Results) -> float:
-    check_alike(results, reference)
+    expect_same_plate(results, reference)
     return min(float(frames(run)[1][-1]) for run in (results, reference))
 
 
-def _step(results: Results, time: float) -> int:
+def _step_at(results: Results, time: float) -> int:
     return round(time / float(results.meta()["time_step"]))
 
 
-def displacement(results: Results, reference: Results) -> float | None:
+def displacement_error(results: Results, reference: Results) -> float | None:
     """Relative error of the displacements; None if there is nothing to compare. Raises ResultsError.
 
     The comparison is at the nodes of the coarser run; displacements of the finer run are interpolated linearly.
     """
     time = _common_time(results, reference)
-    runs = sorted((results, reference), key=lambda run: len(run.nodes(_frame(run, time)).ids))
-    coarse, fine = (run.nodes(_frame(run, time)) for run in runs)
+    runs = sorted((results, reference), key=lambda run: len(run.nodes(_first_frame_after(run, time)).ids))
+    coarse, fine = (run.nodes(_first_frame_after(run, time)) for run in runs)
     away = np.ones(len(coarse.ids), dtype=bool)
     for run in runs:
-        step = _step(run, time)
+        step = _step_at(run, time)
         nodes = run.nodes(step)
         near = (separation_at(run, step) > CRACKED) | (nodes.cut > 0)
         if near.any():
             reach = AWAY * float(max(coarse.delta.max(), fine.delta.max()))
             away &= cKDTree(nodes.position[near]).query(coarse.position)[0] > reach
     try:
-        between = LinearNDInterpolator(fine.position, _at(runs[1], time))(coarse.position)
+        between = LinearNDInterpolator(fine.position, _displacement_at(runs[1], time))(coarse.position)
     except QhullError:  # fewer than three nodes, or all in one row
         return None
     away &= np.isfinite(between).all(axis=1)
     if not away.any():
         return None
-    displacements = {id(runs[0]): _at(runs[0], time)[away], id(runs[1]): between[away]}
+    displacements = {id(runs[0]): _displacement_at(runs[0], time)[away], id(runs[1]): between[away]}
     off = displacements[id(results)] - displacements[id(reference)]
     area = coarse.area[away, None]
     size = float(np.sum(area * displacements[id(reference)] ** 2))
     return float(np.sqrt(np.sum(area * off**2) / size)) if size > 0 else None
 
 
-def _frame(results: Results, time: float) -> int:
+def _first_frame_after(results: Results, time: float) -> int:
     """The step of the first frame at or after a time, or else of the last frame."""
     steps, times = results.frames()
     return int(steps[np.searchsorted(times, time).clip(max=len(times) - 1)])
 
 
-def _at(results: Results, time: float) -> NDArray[np.float64]:
+def _displacement_at(results: Results, time: float) -> NDArray[np.float64]:
     """Displacements (n, 2), m, at a time between two frames, at the nodes of the second.
 
     Where the first frame has other nodes, its displacements are interpolated linearly.
     """
     steps, times = results.frames()
-    after = int(np.searchsorted(steps, _frame(results, time)))
+    after = int(np.searchsorted(steps, _first_frame_after(results, time)))
     before = max(after - 1, 0)
     gap = float(times[after] - times[before])
     share = (time - float(times[before])) / gap if gap > 0 else 1.0
@@ -170,28 +170,28 @@ def _at(results: Results, time: float) -> NDArray[np.float64]:
     return np.asarray((1 - share) * old + share * new)
 
 
-def _path(run_paths: list[Polyline], expected: list[Polyline]) -> float | None:
+def _path_error(run_paths: list[Polyline], expected: list[Polyline]) -> float | None:
     if not expected:
         return None
     if not run_paths:
         return float("inf")
     length = sum(float(np.hypot(*np.diff(line, axis=0).T).sum()) for line in expected)
-    return distance(run_paths, expected)[0] / length if length > 0 else None
+    return path_distances(run_paths, expected)[0] / length if length > 0 else None
 
 
-def _later(event: Event | None, expected: Event | None) -> float | None:
+def _event_time_error(event: Event | None, expected: Event | None) -> float | None:
     if expected is None:
         return None
-    return float("inf") if event is None else _share(event.time, expected.time)
+    return float("inf") if event is None else _relative_error(event.time, expected.time)
 
 
-def _share(value: float, expected: float) -> float | None:
+def _relative_error(value: float, expected: float) -> float | None:
     return abs(value - expected) / abs(expected) if expected else None
 
 
-def _energy(results: Results, time: float) -> float:
-    books = results.history()
-    if not len(books):
+def _dissipated_energy_at(results: Results, time: float) -> float:
+    ledger = results.history()
+    if not len(ledger):
         raise ResultsError(f"{results.name} has no energies; use a run of mechanics")
-    total = books["kinetic"] + books["strain"] + books["dissipated"] + np.nan_to_num(damping(books))
-    return float(np.interp(time, books["time"], total))
+    total = ledger["kinetic"] + ledger["strain"] + ledger["dissipated"] + np.nan_to_num(damped_energy(ledger))
+    return float(np.interp(time, ledger["time"], total))

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pdmesh.model.bond_counts import pair_count
-from pdpost.measures.diffused_amounts import masses
+from pdpost.measures.diffused_amounts import mass_balance
 from pdpost.reading.embedded_model import run_of
 from pdpost.reading.frame_steps import frames
 from pdsolve.results import DamagedError, Results
@@ -18,7 +18,7 @@ FIELDS_CLOSE = 1e-4  # of a sum over float32
 MASS_CLOSE = 1e-6  # of the substance there is
 
 
-class Verified(NamedTuple):
+class DatabaseContents(NamedTuple):
     """Contents of a database that has been read and found consistent."""
 
     nodes: int  # at the end
@@ -32,16 +32,16 @@ class Verified(NamedTuple):
     checksums: bool  # whether the file has some: the oldest ones have none
 
 
-def verified(results: Results) -> Verified:
+def verify_database(results: Results) -> DatabaseContents:
     """Read and check everything. Raises ResultsError naming the error and its place."""
     results.verify(older=True)
     meta, (steps, times) = results.meta(), frames(results)
     run = run_of(results)
     marches = run.solver != "static"
-    books = results.history() if len(results.history()) else results.masses()
-    _expect_order(results, books, steps)
+    ledger = results.history() if len(results.history()) else results.masses()
+    _expect_ordered_steps(results, ledger, steps)
     if marches:
-        for table, step, time in (("frame", steps, times), ("the ledger", books["step"], books["time"])):
+        for table, step, time in (("frame", steps, times), ("the ledger", ledger["step"], ledger["time"])):
             _expect_times(results, table, step, time, float(meta["time_step"]))
     odd = steps[:-1][steps[:-1] % run.every != 0]
     if len(odd):
@@ -51,27 +51,27 @@ def verified(results: Results) -> Verified:
             results.field(name, step)
     families, breaks = results.families(), results.breaks()
     if len(results.epochs()) == 1:
-        _expect_bonds(results)
-        _expect_energies(results)
-    _expect_masses(results)
+        _expect_consistent_bonds(results)
+        _expect_consistent_energies(results)
+    _expect_consistent_masses(results)
     status = str(meta.get("status", ""))
     if status == "finished" and not results.summary():
         raise DamagedError(f"{results.name}: it is finished without a summary; every finished run has one")
-    return Verified(
+    return DatabaseContents(
         len(results.nodes().ids),
         pair_count(len(families.neighbour)),
         pair_count(len(breaks.step)),
         len(steps),
         len(results.stored(int(steps[-1]))),
-        int(books["step"][-1]) if len(books) else int(steps[-1]),
+        int(ledger["step"][-1]) if len(ledger) else int(steps[-1]),
         status,
         results.version,
         results.checked,
     )
 
 
-def _expect_order(results: Results, books: NDArray[np.void], steps: NDArray[np.int64]) -> None:
-    booked = books["step"].astype(np.int64)
+def _expect_ordered_steps(results: Results, ledger: NDArray[np.void], steps: NDArray[np.int64]) -> None:
+    booked = ledger["step"].astype(np.int64)
     back = np.flatnonzero(np.diff(booked) <= 0)
     if len(back):
         raise DamagedError(f"{results.name}: energy balance: step {booked[back[0] + 1]} comes after {booked[back[0]]}")
@@ -94,9 +94,9 @@ def _expect_times(
         )
 
 
-def _expect_bonds(results: Results) -> None:
+def _expect_consistent_bonds(results: Results) -> None:
     """Raise ResultsError unless each broken bond exists and broke once, and damage and ledger count the same bonds."""
-    nodes, families, breaks, books = results.nodes(), results.families(), results.breaks(), results.history()
+    nodes, families, breaks, ledger = results.nodes(), results.families(), results.breaks(), results.history()
     count, order = len(nodes.ids), np.argsort(nodes.ids)
     node, neighbour = (order[np.searchsorted(nodes.ids, ids, sorter=order)] for ids in breaks[1:])
     bonds = np.repeat(np.arange(count), np.diff(families.start)) * count + families.neighbour
@@ -108,14 +108,14 @@ def _expect_bonds(results: Results) -> None:
             f"{results.name}: table bond_break: the bond of {breaks.node[at]} and {breaks.neighbour[at]} is of no"
             " family, or breaks twice"
         )
-    for step, ledger in zip(books["step"].tolist(), books["broken"].tolist(), strict=True):
+    for step, broken in zip(ledger["step"].tolist(), ledger["broken"].tolist(), strict=True):
         rows = int(np.searchsorted(breaks.step, step, side="right"))
-        if ledger != rows:
+        if broken != rows:
             raise DamagedError(
-                f"{results.name}: energy balance: {ledger:g} bonds are broken at step {step:g}; the table bond_break"
+                f"{results.name}: energy balance: {broken:g} bonds are broken at step {step:g}; the table bond_break"
                 f" has {rows}"
             )
-    for step in results.frames()[0].tolist() if len(books) else ():
+    for step in results.frames()[0].tolist() if len(ledger) else ():
         if "damage" not in results.stored(step):
             continue
         broken_count = np.bincount(node[breaks.step <= step], minlength=count) + nodes.cut
@@ -128,13 +128,13 @@ def _expect_bonds(results: Results) -> None:
             )
 
 
-def _expect_energies(results: Results) -> None:
+def _expect_consistent_energies(results: Results) -> None:
     """Raise ResultsError unless the energies of the nodes add up to the ledger's."""
-    books, nodes = results.history(), results.nodes()
-    for step in results.frames()[0].tolist() if len(books) else ():
+    ledger, nodes = results.history(), results.nodes()
+    for step in results.frames()[0].tolist() if len(ledger) else ():
         if "energy" not in results.stored(step):
             continue
-        entry = books[books["step"] == step][0]
+        entry = ledger[ledger["step"] == step][0]
         node_energy = float(nodes.area @ results.field("energy", step).astype(float))
         most = max(abs(float(entry["strain"])), abs(node_energy), FIELDS_CLOSE * abs(float(entry["work"])))
         if not abs(node_energy - entry["strain"]) <= FIELDS_CLOSE * most:
@@ -144,9 +144,9 @@ def _expect_energies(results: Results) -> None:
             )
 
 
-def _expect_masses(results: Results) -> None:
+def _expect_consistent_masses(results: Results) -> None:
     if len(results.masses()):
-        error = masses(results).error
+        error = mass_balance(results).error
         off = ~(np.abs(error) <= MASS_CLOSE)
         if off.any():
             step = results.masses()["step"][off.argmax()]

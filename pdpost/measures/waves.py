@@ -10,13 +10,13 @@ from pdpost.reading.embedded_model import read
 from pdsolve.results import Results
 
 
-class _Plate(msgspec.Struct):
+class _MaterialKeys(msgspec.Struct):
     """The keys of the grid file that wave speeds need."""
 
     material: Material
 
 
-def rayleigh_of(results: Results) -> float:
+def plate_rayleigh_speed(results: Results) -> float:
     """Rayleigh wave speed of the plate's main material, m/s; material regions are ignored."""
-    material = read(results, _Plate).material
+    material = read(results, _MaterialKeys).material
     return rayleigh_speed(material.E, material.rho, material.plane, poisson(material))

@@ -55,7 +55,7 @@ class Part(NamedTuple):
     family: NDArray[np.int64]  # (k,) as in Assembly
 
 
-class Filling(NamedTuple):
+class BondSource(NamedTuple):
     """How a scheme makes the bonds of a model with n nodes."""
 
     area: NDArray[np.float64]  # (n,) m^2
@@ -197,7 +197,7 @@ def stiffness_bound(bonds: Bonds, stiffness: NDArray[np.floating], symmetric: bo
 class BondStatistics:
     """Statistics of bonds, collected part by part."""
 
-    def __init__(self, filling: Filling, symmetric: bool) -> None:
+    def __init__(self, filling: BondSource, symmetric: bool) -> None:
         self._filling, self._symmetric = filling, symmetric
         self._counts: list[NDArray[np.int64]] = []
         self._families: list[NDArray[np.int64]] = []

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from pdsolve.bonds.assembly import Filling, Part
+from pdsolve.bonds.assembly import BondSource, Part
 from pdsolve.codegen.jit_cache import cached_njit
 from pdsolve.state import Broken, State
 
@@ -155,11 +155,11 @@ class FamilyBonds:
 class StaticBreakage:
     """Makes the bonds of a filling unbreakable, and records those that would break."""
 
-    def __init__(self, filling: Filling) -> None:
+    def __init__(self, filling: BondSource) -> None:
         self._filling = filling
         self._columns: dict[int, tuple[NDArray[Any], ...]] = {}  # by first row, as parts may be filled again
 
-    def filling(self) -> Filling:
+    def filling(self) -> BondSource:
         """The filling with unbreakable bonds."""
         return self._filling._replace(part=self._part)
 

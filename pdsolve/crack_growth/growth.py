@@ -22,7 +22,7 @@ from pdmesh.model.domain_integrals import Ring
 from pdmesh.model.material_constants import poisson, rayleigh_speed
 from pdmesh.model.timed_selection import MOST_STEPS
 from pdmesh.model.visibility import Sight
-from pdsolve.bonds.assembly import Filling
+from pdsolve.bonds.assembly import BondSource
 from pdsolve.checkpoint_validation import entry
 from pdsolve.conditions import Drive, held, unbreakable
 from pdsolve.crack_growth.criteria import AHEAD, Verdict, by_intensity, by_release, by_stress
@@ -35,7 +35,7 @@ from pdsolve.model import Model, ModelError, ModelWarning
 from pdsolve.operators.bond_list import BondList
 from pdsolve.operators.protocol import Operator
 from pdsolve.state import Broken, State
-from pdsolve.steppers.equilibrium import forces
+from pdsolve.steppers.equilibrium import force_densities
 
 BLURRED, LEAST, RING = 2.0, 3.5, 5.0  # horizons: where a ring begins, the room it needs, where it ends at most
 OUTER = 0.8  # of the room: where a ring ends
@@ -48,7 +48,7 @@ FORK = 2.0  # horizons of a branch until it turns and forks: before, it feels it
 class Growth:
     """The cracks of a run, and the operator whose bonds they cut."""
 
-    def __init__(self, model: Model, operator: Operator, filling: Filling, drive: Drive, every: int | None) -> None:
+    def __init__(self, model: Model, operator: Operator, filling: BondSource, drive: Drive, every: int | None) -> None:
         """`every` is the number of steps between checks; None: at rest, on request.
 
         Raises ModelError if no crack can grow.
@@ -77,32 +77,36 @@ class Growth:
 
     def look(self, state: State, step: int) -> bool:
         """Let cracks grow from a state, as of `step`; returns whether any did."""
-        judged = self.judged(state)
+        judged = self.judge_tips(state)
         due = [(tip, verdict) for tip, verdict in judged if verdict.share >= 1]
-        new = self.lengthen(due, state, step)
+        new = self.lengthen_tips(due, state, step)
         if new and self.every is None:
             self._watch(max(verdict.share for _, verdict in judged), new, step)
         return new > 0
 
-    def judged(self, state: State) -> list[tuple[Tip, Verdict]]:
+    def judge_tips(self, state: State) -> list[tuple[Tip, Verdict]]:
         """All tips, and what is decided about them in a state."""
         tips = self.tips()
         return [(tip, self.judge(tip, tips, state)) for tip in tips]
 
-    def lengthen(self, chosen: list[tuple[Tip, Verdict]], state: State, step: int, share: float = 1.0) -> int:
+    def lengthen_tips(
+        self, tips: list[tuple[Tip, Verdict]], state: State, step: int, particle_share: float = 1.0
+    ) -> int:
         """Let these tips grow by a particle each, of that share of its length, and cut the bonds; returns the number of
         new particles."""
         before = len(self.particles.place)
-        for tip, verdict in chosen:
-            self._grow(tip, verdict, step, share)
+        for tip, verdict in tips:
+            self._grow(tip, verdict, step, particle_share)
         new = len(self.particles.place) - before
         if new:
             self._cut(arms(self.particles)[-new:], state, step)
         return new
 
-    def length(self, tip: Tip, share: float = 1.0) -> float:
+    def growth_length(self, tip: Tip, particle_share: float = 1.0) -> float:
         """The length, m, by which a tip grows at once, or a share of it; a spacing at least."""
-        return max(share * self.rules.spacing, 1.0) * float(self._model.grid.delta[self._near.nearest(tip.place)])
+        return max(particle_share * self.rules.spacing, 1.0) * float(
+            self._model.grid.delta[self._near.nearest(tip.place)]
+        )
 
     def toughness(self, tip: Tip) -> float:
         """What the stress intensity of a tip must reach, Pa m^0.5."""
@@ -123,7 +127,7 @@ class Growth:
         if room >= LEAST * horizon:
             ring = Ring(BLURRED * horizon, min(RING * horizon, OUTER * room))
         elif what == ACTED_ON:
-            self.remark(f"room {tip.particle}", f"{self._too_small(tip, tips)}; it stays there")
+            self.add_remark(f"room {tip.particle}", f"{self._too_small(tip, tips)}; it stays there")
             return Verdict(0.0, ())
         elif self._ground.ahead(tip.place, self._way(tip), CLOSE * horizon, arms(self.particles)):
             return Verdict(1.0, (0.0,), straight=True)
@@ -136,16 +140,16 @@ class Growth:
 
     def _grow(self, tip: Tip, verdict: Verdict, step: int, share: float) -> None:
         """Add particles ahead of a tip."""
-        rules, way, length = self.rules, self._way(tip), self.length(tip, share)
+        rules, way, length = self.rules, self._way(tip), self.growth_length(tip, share)
         for angle in verdict.angles:
             if rules.most is not None and len(self.particles.place) - self._first >= rules.most:
                 reached = f"a crack would go on from {_at(tip.place)} after {rules.most} particles, and stops there"
-                self.remark("most", f"step {step}: {reached}; a larger run.particles.most lets it grow")
+                self.add_remark("most", f"step {step}: {reached}; a larger run.particles.most lets it grow")
                 return
             toward = float(np.arctan2(way[1], way[0])) + angle
             place = self._ground.end(tip.place, toward, length, arms(self.particles))
             if self._folds(tip, place):
-                self.remark(
+                self.add_remark(
                     f"folds {tip.particle}",
                     f"step {step}: a crack turns back on itself at {_at(tip.place)}, and stops there",
                 )
@@ -175,7 +179,7 @@ class Growth:
             expected = (
                 "load steps follow stable growth only; their path from there on is not known in quasi-static analysis"
             )
-            self.remark("runs", f"load step {step}: {message}; {expected}")
+            self.add_remark("runs", f"load step {step}: {message}; {expected}")
 
     def _cut(self, new: NDArray[np.float64], state: State, step: int) -> None:
         """Cut the bonds that cross new arms (k, 4)."""
@@ -191,7 +195,7 @@ class Growth:
             cut = np.flatnonzero(near.intact & (share == 0))  # those that the way round is too far for now, too
         if not len(cut) and share is None:
             return
-        strain_energy, pulled = operator.energies(state)[0], forces(operator, state)
+        strain_energy, pulled = operator.energies(state)[0], force_densities(operator, state)
         new_broken = Broken(np.full(len(cut), step), near.source[cut], near.target[cut])
         broken = Broken(*(np.concatenate(both) for both in zip(operator.broken(), new_broken, strict=True)))
         operator.back(operator.keep(), broken)
@@ -199,7 +203,7 @@ class Growth:
         self._reweigh(share)
         state.dissipated[:] += strain_energy - operator.energies(state)[0]
         if self.every is not None:  # the next half step goes without the forces that are lost
-            lost = (forces(operator, state) - pulled) / model.rho[:, None]
+            lost = (force_densities(operator, state) - pulled) / model.rho[:, None]
             lost[:, :2][self._held] = 0
             state.second[:] += lost.astype(state.second.dtype)
 
@@ -209,13 +213,13 @@ class Growth:
             assert isinstance(self._operator, BondList)
             self._operator.reweigh(np.where(self._near.intact & (share > 0), share, 1.0))
 
-    def keep(self) -> dict[str, NDArray[Any]]:
+    def checkpoint_arrays(self) -> dict[str, NDArray[Any]]:
         """Particles for a checkpoint."""
         remarks = np.frombuffer(json.dumps(self._remarks).encode(), dtype=np.uint8)
         columns = {name: column.copy() for name, column in self.particles._asdict().items()}
         return {f"particle_{name}": column for name, column in {**columns, "remarks": remarks}.items()}
 
-    def back(self, checkpoint: Mapping[str, NDArray[Any]], broken: Broken) -> None:
+    def restore(self, checkpoint: Mapping[str, NDArray[Any]], broken: Broken) -> None:
         """Restore a checkpoint with these broken bonds. Raises CheckpointError."""
         self.particles, self._remarks = self._kept_particles(checkpoint), _kept_remarks(checkpoint)
         near, nodes = self._near, len(self._near.start) - 1
@@ -279,11 +283,11 @@ class Growth:
         """Remarks to be read together with the crack paths."""
         return list(self._remarks.values())
 
-    def remark(self, key: str, words: str) -> None:
+    def add_remark(self, key: str, text: str) -> None:
         """Add a remark, once."""
         if key not in self._remarks:
-            self._remarks[key] = words
-            warnings.warn(f"{self._model.name}: {words}", ModelWarning, stacklevel=2)
+            self._remarks[key] = text
+            warnings.warn(f"{self._model.name}: {text}", ModelWarning, stacklevel=2)
 
 
 class _Began(NamedTuple):

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from pdmesh.model.neighbours import ROUND_OFF
 from pdmesh.model.visibility import Sight
-from pdsolve.bonds.assembly import Filling
+from pdsolve.bonds.assembly import BondSource
 from pdsolve.conditions import unbreakable
 from pdsolve.crack_growth.tip_gradients import Surroundings
 from pdsolve.model import Model
@@ -18,7 +18,7 @@ from pdsolve.model import Model
 class Round:
     """Weights of a run's bonds as its cracks grow."""
 
-    def __init__(self, model: Model, near: Surroundings, filling: Filling) -> None:
+    def __init__(self, model: Model, near: Surroundings, filling: BondSource) -> None:
         assert filling.strength is not None
         self._model, self._strength, self._farthest = model, filling.strength, 1.5 * float(model.horizons.max())
         no_fail = unbreakable(model)

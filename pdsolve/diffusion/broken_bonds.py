@@ -15,7 +15,7 @@ from pdsolve.diffusion.families import Families
 from pdsolve.diffusion.listed import ChangedBonds
 from pdsolve.diffusion.system import Transport
 from pdsolve.state import Broken
-from pdsolve.steppers.theta import Theta
+from pdsolve.steppers.theta import ThetaSteps
 
 
 class Breaking(Protocol):
@@ -46,8 +46,8 @@ class BrokenBonds:
         operator.torn = ChangedBonds(
             source[is_reduced], target[is_reduced], lost[is_reduced], operator.volume, self._transport.threads
         )
-        if isinstance(stepper, Theta):
-            stepper.forget()
+        if isinstance(stepper, ThetaSteps):
+            stepper.refactor()
 
     def _conductance(self, source: NDArray[np.int64], target: NDArray[np.int64]) -> NDArray[np.float64]:
         """Conductance (b,) of these pairs while they are whole, 1/(s m^d); 0 where nothing diffuses."""

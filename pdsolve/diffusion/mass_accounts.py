@@ -17,9 +17,9 @@ AMOUNTS = ("inside", "through", "supplied")
 
 
 class MassAccounts:
-    """The mass accounts of one run; see `pdsolve.run.accounts.Accounts`."""
+    """The mass accounts of one run; see `pdsolve.run.physics_records.PhysicsRecords`."""
 
-    broken = 0  # bonds do not break
+    broken_bond_count = 0  # bonds do not break
 
     def __init__(self, transport: Transport, state: State, step: int, results: Results | None) -> None:
         """`results` are those of a resumed run after `step`, else None."""
@@ -32,24 +32,24 @@ class MassAccounts:
         self._rows: list[Masses] = []
 
     @property
-    def balance(self) -> float:
+    def balance_error(self) -> float:
         """Relative error of the mass balance: amount created, over the amount present or supplied."""
         return self.last.balance(self._start)
 
-    def words(self, broken: int) -> str:
-        """State of the accounts in words, for a progress display."""
+    def progress_text(self, broken_bond_count: int) -> str:
+        """State of the balance in words, for a progress display."""
         dissolved = f"{1 - self.last.solid / self._start.solid:.1%} dissolved, " if self._start.solid else ""
-        return f"{dissolved}balance {self.balance:+.1e}"
+        return f"{dissolved}balance {self.balance_error:+.1e}"
 
-    def follow(self, system: object) -> None:
+    def switch_system(self, system: object) -> None:
         """Does nothing, as nodes do not change."""
 
-    def settle(self, state: State, step: int, bond_state: object) -> None:
+    def update_last_row(self, state: State, step: int, bond_state: object) -> None:
         """Make this step the last entry."""
         if self.last.step != step:
             self.last = masses(self._transport, state, step, self._start.solid)
 
-    def take(self, state: State, step: int, bond_state: object) -> None:
+    def record_step(self, state: State, step: int, bond_state: object) -> None:
         """Record the masses after this step. Raises UnstableError."""
         content, transport = state.value[:, 0], self._transport
         if not np.isfinite(content).all():
@@ -58,15 +58,15 @@ class MassAccounts:
                 f"unstable at step {step} ({step * transport.time_step:.4g} s, node"
                 f" {transport.model.grid.ids[worst]}): its content is {content[worst]}; reduce run.time_step"
             )
-        self.settle(state, step, bond_state)
+        self.update_last_row(state, step, bond_state)
         self._rows.append(self.last)
 
-    def entered(self, frame: Frame) -> Frame:
+    def move_records_into(self, frame: Frame) -> Frame:
         """The frame with the records since the last one."""
         rows, self._rows = self._rows, []
         return frame._replace(masses=rows)
 
-    def meta(self) -> dict[str, Any]:
+    def metadata(self) -> dict[str, Any]:
         """Metadata of the results about the physics."""
         return {"physics": "diffusion"}
 
@@ -81,8 +81,8 @@ class MassAccounts:
             "masses": self.last._asdict(),
             "amounts": {name: factor * getattr(self.last, name) for name in AMOUNTS} | {"unit": unit},
             "dissolved_share": 1 - self.last.solid / start.solid if start.solid else None,
-            "balance": self.balance,
+            "balance": self.balance_error,
         }
 
-    def close(self) -> None:
+    def warn_at_end(self) -> None:
         """Does nothing: there are no closing warnings."""

@@ -26,8 +26,8 @@ from pdsolve.model import Model, ModelError, counted
 from pdsolve.numerics.thread_team import crew
 from pdsolve.options import Options
 from pdsolve.state import State
-from pdsolve.steppers.euler import Euler, bound
-from pdsolve.steppers.theta import Theta
+from pdsolve.steppers.euler import Euler, stable_time_step
+from pdsolve.steppers.theta import ThetaSteps
 
 SLACK = 1e-9  # of a step: what is typed
 FACTORED = 1_000_000  # bonds: implicit equations of more are not factored
@@ -41,7 +41,7 @@ class Transport:
     operator: Fick
     drive: Drive  # sources and prescribed contents
     free: NDArray[np.bool_]  # (n,) nodes whose content is not prescribed
-    stepper: Euler | Theta
+    stepper: Euler | ThetaSteps
     time_step: float  # s
     bound: float  # s, surely stable
     blocked: NDArray[np.int64]  # (n,) bonds that cracks block
@@ -77,11 +77,13 @@ def prepare(model: Model, threads: int | None = None, listed: bool = False) -> t
         done = with_fluxes(done, Cloud(x, inside.volume, *around, inside.volume[:, None] * gain.T))
     operator, drive = Fick(stored.exchange, bonds, medium, done.exchange, change), done.drive()
     content, operator.solid = begin(model, drive)
-    most = bound(operator, done.free)
+    most = stable_time_step(operator, done.free)
     step = _step(model, most)
-    stepper: Euler | Theta = Euler(operator, drive, step)
+    stepper: Euler | ThetaSteps = Euler(operator, drive, step)
     if run.solver == "implicit":
-        stepper = Theta(operator, drive, step, run.theta, medium.C_sat is None and operator.count.sum() <= FACTORED)
+        stepper = ThetaSteps(
+            operator, drive, step, run.theta, medium.C_sat is None and operator.count.sum() <= FACTORED
+        )
     steps = stepper, step, most
     of, prescribed_amount = (stored.blocked, crossing(model), threads), float((volume * content)[~done.free].sum())
     transport = Transport(counted(model, step), operator, drive, done.free, *steps, *of, held=prescribed_amount)

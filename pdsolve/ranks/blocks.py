@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pdmesh.model.neighbours import ROWS
-from pdsolve.bonds.assembly import BondStatistics, Filling, Part
+from pdsolve.bonds.assembly import BondSource, BondStatistics, Part
 from pdsolve.laws.law import Law
 from pdsolve.numerics.team import PASSED, Team
 from pdsolve.operators.simd_lattice.kernel import LANES, Blocks
@@ -42,7 +42,9 @@ class Scratch(NamedTuple):
     threads: int
 
 
-def blocks_of(team: Team, law: Law, filling: Filling, slab: Slab, bond_survey: Seen, scratch: Scratch) -> Blocks | None:
+def blocks_of(
+    team: Team, law: Law, filling: BondSource, slab: Slab, bond_survey: Seen, scratch: Scratch
+) -> Blocks | None:
     """The bonds of a slab in blocks, for a window's rows, of which only its own have bonds; None if the nodes of all
     ranks are on no lattice. `filling` makes the bonds of the window. All ranks call this together."""
     tables: Tables | None = Tables()
@@ -65,7 +67,7 @@ def blocks_of(team: Team, law: Law, filling: Filling, slab: Slab, bond_survey: S
     )
 
 
-def _numbered(filling: Filling, slab: Slab, tables: Tables, bond_survey: Seen) -> list[Slots] | None:
+def _numbered(filling: BondSource, slab: Slab, tables: Tables, bond_survey: Seen) -> list[Slots] | None:
     """The slots of a slab's own rows; new values are added to the tables. None if nodes are on no lattice."""
     all_slots, room = [], room_of(slab.nodes)
     for first in range(*slab.chunks, ROWS):

@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from pdsolve.bonds.assembly import BondStatistics, Counted, Filling
+from pdsolve.bonds.assembly import BondSource, BondStatistics, Counted
 from pdsolve.laws import law_of
 from pdsolve.model import Model
 from pdsolve.numerics.ordered_sums import branches, total
@@ -29,7 +29,7 @@ from pdsolve.schemes.scheme import Scheme
 from pdsolve.state import Broken
 
 ENDS = ("_source", "_target")  # of bonds, in the names of their history
-Make = Callable[[Model, Options, Scheme, Filling], tuple[Operator, Counted]]  # what makes the operator of a model
+Make = Callable[[Model, Options, Scheme, BondSource], tuple[Operator, Counted]]  # what makes the operator of a model
 
 
 class Built(NamedTuple):

@@ -20,58 +20,62 @@ from pdsolve.model import Model, model_of
 from pdsolve.options import Options
 from pdsolve.results import Results
 from pdsolve.run.prepare import prepare
-from pdsolve.run.recorder import restore
+from pdsolve.run.recorder import restore_state
 from pdsolve.run.system import Prepared, System
 from pdsolve.state import State
-from pdsolve.steppers.equilibrium import forces
+from pdsolve.steppers.equilibrium import force_densities
 
 FRAMES = 50  # of the motion
 ENTRIES = 500  # of its ledger
 
 
-def name_of(path: Path) -> Path:
+def motion_file(path: Path) -> Path:
     """The file of the motion after the path in the file `path`."""
     return path.with_name(f"{path.stem}_motion{path.suffix}")
 
 
-def motion_follows(path: Results) -> bool:
+def motion_follows(path_results: Results) -> bool:
     """Whether a motion is to follow the run in these results. Raises ResultsError."""
-    if path.meta().get("status") != "finished" or path.summary().get("lost") is None:
+    if path_results.meta().get("status") != "finished" or path_results.summary().get("lost") is None:
         return False
-    return model_of(path.model(), path.name).settings.run.after == "motion"
+    return model_of(path_results.model(), path_results.name).settings.run.after == "motion"
 
 
-def motion_after(path: Results, threads: int | None) -> tuple[Prepared, int]:
+def prepare_motion_after(path_results: Results, threads: int | None) -> tuple[Prepared, int]:
     """The motion after a path that it follows, and the last step of the path. Raises ModelError, ResultsError."""
-    step, checkpoint = path.checkpoint()
-    options = Options(path.meta()["mode"], "float64", threads, "listed")
-    system, state = prepare(_moving(model_of(path.model(), path.name), path.summary()["lost"]), options)
+    step, checkpoint = path_results.checkpoint()
+    options = Options(path_results.meta()["mode"], "float64", threads, "listed")
+    system, state = prepare(
+        _model_in_motion(model_of(path_results.model(), path_results.name), path_results.summary()["lost"]), options
+    )
     ahead = system.model.settings.run.steps
-    model = _changed(system.model, steps=step + ahead, every=max(1, ahead // FRAMES), ledger=max(1, ahead // ENTRIES))
+    model = _with_run_settings(
+        system.model, steps=step + ahead, every=max(1, ahead // FRAMES), ledger=max(1, ahead // ENTRIES)
+    )
     system = dataclasses.replace(system, model=model)
-    restore(system, state, step, checkpoint, path.breaks())
-    _let_go(system, state)
+    restore_state(system, state, step, checkpoint, path_results.breaks())
+    _set_first_accelerations(system, state)
     return Prepared(system, state), step
 
 
-def _moving(model: Model, factor: float) -> Model:
+def _model_in_motion(model: Model, load_factor: float) -> Model:
     """The model in motion, whose loads and holds stay as they are at a factor of those prescribed."""
     conditions = []
     for condition in model.settings.conditions:
         assert isinstance(condition, Condition)
-        conditions.append(msgspec.structs.replace(condition, profile=((0.0, factors(condition, [factor])[0]),)))
+        conditions.append(msgspec.structs.replace(condition, profile=((0.0, factors(condition, [load_factor])[0]),)))
     settings = msgspec.structs.replace(model.settings, conditions=tuple(conditions))
     still = dataclasses.replace(model, settings=settings)
-    return _changed(still, solver="explicit", after="path", time_step=None)
+    return _with_run_settings(still, solver="explicit", after="path", time_step=None)
 
 
-def _changed(model: Model, **changes: Any) -> Model:
+def _with_run_settings(model: Model, **settings: Any) -> Model:
     """The model with some settings of its run changed."""
-    run = msgspec.structs.replace(model.settings.run, **changes)
+    run = msgspec.structs.replace(model.settings.run, **settings)
     return dataclasses.replace(model, settings=msgspec.structs.replace(model.settings, run=run))
 
 
-def _let_go(system: System, state: State) -> None:
+def _set_first_accelerations(system: System, state: State) -> None:
     """Set the accelerations (n, w), m/s^2, with which a body begins to move."""
-    acceleration = (forces(system.operator, state) + system.drive.force) / system.model.rho[:, None]
+    acceleration = (force_densities(system.operator, state) + system.drive.force) / system.model.rho[:, None]
     state.second[:] = np.where(held(system.drive), 0.0, acceleration)

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from pdsolve.bonds.assembly import Counted, Filling
+from pdsolve.bonds.assembly import BondSource, Counted
 from pdsolve.bonds.static_breakage import StaticBreakage
 from pdsolve.checks import refuse_fields
 from pdsolve.conditions import (
@@ -29,7 +29,13 @@ from pdsolve.operators.protocol import Operator
 from pdsolve.operators.space_lattice.operator import SpaceLattice
 from pdsolve.options import Options
 from pdsolve.ranks.diffusing import EulerOnRanks
-from pdsolve.run.operator_factory import held_by_ground, in_blocks, operator_of, stable_step, touched
+from pdsolve.run.operator_factory import (
+    add_contact,
+    add_ground_supports,
+    blocks_and_contact,
+    make_operator,
+    stable_time_step,
+)
 from pdsolve.run.system import Prepared, System
 from pdsolve.schemes.scheme import Scheme
 from pdsolve.state import State
@@ -47,7 +53,7 @@ if TYPE_CHECKING:
 STILL = 2.0  # damping times a step: more would turn velocities round within it
 
 
-class Beside(NamedTuple):
+class RankCoupling(NamedTuple):
     """What a window of a model has to do with other ranks."""
 
     ghosts: Ghosts
@@ -55,58 +61,58 @@ class Beside(NamedTuple):
     damps: bool  # whether a node of any rank is damped
 
 
-def system_of(model: Model, options: Options, scheme: Scheme) -> Prepared:
+def assemble_motion(model: Model, options: Options, scheme: Scheme) -> Prepared:
     """A model's system and its state at time 0, with the bonds of this scheme. Raises ModelError."""
-    filling = bonds_of(model, scheme)
-    bonds, filled = operator_of(model, options, scheme, filling, model.settings.run.cracks == "particles")
-    operator, touching = touched(model, filled.area, held_by_ground(model, filled.area, bonds))
-    bound = stable_step(model, operator)
-    prepared = assembled(model, options, scheme, operator, filled, step_of(model, bound), bound)
+    filling = bond_source(model, scheme)
+    bonds, filled = make_operator(model, options, scheme, filling, model.settings.run.cracks == "particles")
+    operator, touching = add_contact(model, filled.area, add_ground_supports(model, filled.area, bonds))
+    bound = stable_time_step(model, operator)
+    prepared = assemble_system(model, options, scheme, operator, filled, choose_time_step(model, bound), bound)
     if touching is not None:
         touching.rigid.start(prepared.state, prepared.system.drive, prepared.system.time_step)
-    growth = growth_of(model, bonds, filling, prepared.system.drive, prepared.system.time_step)
+    growth = make_crack_growth(model, bonds, filling, prepared.system.drive, prepared.system.time_step)
     return prepared._replace(system=replace(prepared.system, growth=growth, contact=touching))
 
 
-def assembled(
+def assemble_system(
     model: Model,
     options: Options,
     scheme: Scheme,
     operator: Operator,
-    filled: Counted,
+    counted: Counted,
     step: float,
     bound: float,
     *,
-    driven: Drive | None = None,
-    rank_coupling: Beside | None = None,
+    conditions: Drive | None = None,
+    rank_coupling: RankCoupling | None = None,
 ) -> Prepared:
     """The system of a model with this operator, and its state.
 
-    `step`, s, is the run's and `bound` the surely stable one; `driven` are the conditions, if not those of the model;
+    `step`, s, is the run's and `bound` the surely stable one; `conditions` are given if not those of the model;
     `rank_coupling` is what a window has to do with other ranks.
     """
     kind = np.dtype(options.precision).type
     rho = model.rho.astype(kind)
     width = sum(unknown.width for unknown in operator.unknowns)
-    driven = widened(driven or drive(model, filled.area, scheme.exact_load, kind), width)
-    if not driven.varies:
-        driven = driven._replace(before=driven.force)
+    conditions = widened(conditions or drive(model, counted.area, scheme.exact_load, kind), width)
+    if not conditions.varies:
+        conditions = conditions._replace(before=conditions.force)
     velocity, nodes = initial_velocity(model, width), len(model.grid)
     u, v = np.zeros((2, nodes, width), dtype=kind)
-    state = State(u, v, initial_acceleration(driven, rho), *np.zeros((3, nodes)))
+    state = State(u, v, initial_acceleration(conditions, rho), *np.zeros((3, nodes)))
     state, damped = operator.place(state), damping(model) if rank_coupling is None else rank_coupling.damping
-    set_off(state, velocity, damped, driven)
-    stepper, driven = stepper_of(operator, state, driven, rho, step, damped, rank_coupling)
-    energy = float(np.sum(model.rho / 2 * filled.area * (velocity**2).sum(axis=1))) if velocity.any() else 0.0
+    set_initial_motion(state, velocity, damped, conditions)
+    stepper, conditions = make_stepper(operator, state, conditions, rho, step, damped, rank_coupling)
+    energy = float(np.sum(model.rho / 2 * counted.area * (velocity**2).sum(axis=1))) if velocity.any() else 0.0
     refuse_fields(model, operator, state)
-    system = System(model, options, scheme, operator, stepper, driven, *filled, step, bound, energy)
+    system = System(model, options, scheme, operator, stepper, conditions, *counted, step, bound, energy)
     stepper.march(state, 1, 1)  # no step: compiles before the clock runs
     return Prepared(system, state)
 
 
-def step_of(model: Model, bound: float) -> float:
-    """The time step of a run, s; warns of one above the surely stable `bound`. Raises ModelError."""
-    step, damped = float(model.settings.run.time_step or bound), model.settings.run.damping
+def choose_time_step(model: Model, stable_time_step: float) -> float:
+    """The time step of a run, s; warns of one above the `stable_time_step`. Raises ModelError."""
+    step, damped = float(model.settings.run.time_step or stable_time_step), model.settings.run.damping
     if not np.isfinite(step):
         raise ModelError(f"{model.name}: $.run.time_step is missing, which a model without bonds needs; give one")
     if damped * step > STILL:
@@ -114,26 +120,27 @@ def step_of(model: Model, bound: float) -> float:
             f"{model.name}: $.run.damping is {damped:g} 1/s, which stops all motion within a step of {step:.3g} s;"
             f" use at most {STILL / step:.3g}"
         )
-    if step > bound:
+    if step > stable_time_step:
         warnings.warn(
-            f"{model.name}: the time step {step:.4g} s is above the stable time step, {bound:.4g} s; use a smaller"
-            " run.time_step",
+            f"{model.name}: the time step {step:.4g} s is above the stable time step, {stable_time_step:.4g} s;"
+            " use a smaller run.time_step",
             ModelWarning,
             stacklevel=3,
         )
     return step
 
 
-def stepper_of(
+def make_stepper(
     operator: Operator,
     state: State,
     drive: Drive,
     rho: NDArray[np.floating],
-    dt: float,
+    time_step: float,
     damping: NDArray[np.float64],
-    rank_coupling: Beside | None = None,
+    rank_coupling: RankCoupling | None = None,
 ) -> tuple[Stepper, Drive]:
-    """What takes steps of `dt`, s, of a placed state, and its conditions; `rho` (n,), kg/m^3, `damping` (n,), 1/s.
+    """What takes steps of `time_step`, s, of a placed state, and its conditions; `rho` (n,), kg/m^3, `damping` (n,),
+    1/s.
 
     `rank_coupling` is what a window has to do with other ranks.
     """
@@ -141,17 +148,17 @@ def stepper_of(
         (None, bool(damping.any())) if rank_coupling is None else (rank_coupling.ghosts, rank_coupling.damps)
     )
     if isinstance(operator, OnDevice):
-        return VerletOnDevice((operator, state, drive), rho, dt, damping), drive
+        return VerletOnDevice((operator, state, drive), rho, time_step, damping), drive
     if isinstance(operator, SpaceLattice) and ghosts is None and rho.dtype == np.float64:  # float32 sums in float64 too
-        return LatticeMarch(operator, drive, rho, dt, damping), drive
-    blocks, touching = in_blocks(operator)
+        return LatticeMarch(operator, drive, rho, time_step, damping), drive
+    blocks, touching = blocks_and_contact(operator)
     if blocks and not damps:
-        fused = VerletBlocks(blocks, drive, rho, dt, touching, ghosts)
+        fused = VerletBlocks(blocks, drive, rho, time_step, touching, ghosts)
         return fused, fused.drive
-    return Verlet(operator, drive, rho, dt, damping, ghosts), drive
+    return Verlet(operator, drive, rho, time_step, damping, ghosts), drive
 
 
-def stepper_of_content(model: Model, transport: Transport, state: State, team: Team | None) -> Stepper:
+def make_content_stepper(model: Model, transport: Transport, state: State, team: Team | None) -> Stepper:
     """What takes the steps of a transport through a model, on the ranks of a team if there is one."""
     device = model.settings.run.device
     if device != "cpu":
@@ -161,26 +168,31 @@ def stepper_of_content(model: Model, transport: Transport, state: State, team: T
     return EulerOnRanks(model, team, transport.operator, transport.drive, transport.time_step)
 
 
-def set_off(state: State, velocity: NDArray[np.float64], damped: NDArray[np.float64], driven: Drive) -> None:
+def set_initial_motion(
+    state: State, velocity: NDArray[np.float64], damping_rate: NDArray[np.float64], conditions: Drive
+) -> None:
     """Set velocities (n, w), m/s, and the accelerations from damping (n,), 1/s, except of prescribed components."""
     if velocity.any():
         state.rate[:] = velocity
-    if damped.any():
-        slowed = damped[:, None] * velocity
-        slowed[driven.holds.node, driven.holds.axis] = 0.0
+    if damping_rate.any():
+        slowed = damping_rate[:, None] * velocity
+        slowed[conditions.holds.node, conditions.holds.axis] = 0.0
         state.second[:] -= slowed
 
 
-def bonds_of(model: Model, scheme: Scheme) -> Filling:
+def bond_source(model: Model, scheme: Scheme) -> BondSource:
     """The bonds of a model; with cracks of particles, none breaks by itself."""
     filling = scheme.fill(model)
     return StaticBreakage(filling).filling() if model.settings.run.cracks == "particles" else filling
 
 
-def growth_of(model: Model, operator: Operator, filling: Filling, driven: Drive, step: float | None) -> Growth | None:
-    """The growth of cracks of particles, if there are any, in steps of `step` s; None: at rest. Raises ModelError."""
+def make_crack_growth(
+    model: Model, operator: Operator, filling: BondSource, conditions: Drive, time_step: float | None
+) -> Growth | None:
+    """The growth of cracks of particles, if there are any, in steps of `time_step` s; None: at rest. Raises
+    ModelError."""
     if model.settings.run.cracks == "bonds":
         return None
     from pdsolve.crack_growth.growth import Growth, every_of  # shapely takes long to import, and few runs need it
 
-    return Growth(model, operator, filling, driven, None if step is None else every_of(model, step))
+    return Growth(model, operator, filling, conditions, None if time_step is None else every_of(model, time_step))

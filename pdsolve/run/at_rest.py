@@ -15,44 +15,44 @@ from pdsolve.operators.bond_list import BondList
 from pdsolve.operators.ground_supports import supports_of
 from pdsolve.operators.softening_shear import softening_of
 from pdsolve.options import Options
-from pdsolve.run.assembly import growth_of
-from pdsolve.run.operator_factory import held_by_ground, operator_of, stable, touched_at_rest
+from pdsolve.run.assembly import make_crack_growth
+from pdsolve.run.operator_factory import add_contact_at_rest, add_ground_supports, largest_stable_step, make_operator
 from pdsolve.run.system import Prepared, System
 from pdsolve.schemes.scheme import Scheme
 from pdsolve.state import zero_state
 from pdsolve.steppers.arc_length_steps import ArcLengthSteps
+from pdsolve.steppers.contact_method import ContactMethod
 from pdsolve.steppers.crack_length_steps import CrackLengthSteps
-from pdsolve.steppers.equilibrium import Method
+from pdsolve.steppers.cycle_or_path_steps import make_cycle_steps
+from pdsolve.steppers.equilibrium import EquilibriumMethod
 from pdsolve.steppers.load_steps import LoadSteps
 from pdsolve.steppers.newton import FACTORED, FACTORED_IN, Newton
-from pdsolve.steppers.path_steps import PathSteps
+from pdsolve.steppers.path_steps import SofteningPathSteps
 from pdsolve.steppers.relaxation import Relaxation
-from pdsolve.steppers.static_loads import follows_arc, follows_cracks, follows_path
-from pdsolve.steppers.stepped_rest import repeating
-from pdsolve.steppers.touching import Touching
+from pdsolve.steppers.static_loads import follows_arc_length, follows_crack_length, follows_softening_path
 
 MOST_ALONG_PATH = {2: FACTORED, 3: 10_000}  # free components by dimension: factors of 5800 in space take 0.5 GB
 
 
-def at_rest(model: Model, options: Options, scheme: Scheme, breaks: bool = True) -> Prepared:
-    """A model in load steps, to be solved at rest; `breaks`: whether its bonds break. Raises ModelError."""
-    grows = breaks and model.settings.run.cracks == "particles"
-    breaks = breaks and not grows
-    if breaks and follows_path(model):
-        return _along_path(model, options, scheme)
+def prepare_load_steps(model: Model, options: Options, scheme: Scheme, bonds_break: bool = True) -> Prepared:
+    """A model in load steps, to be solved at rest; `bonds_break`: whether its bonds break. Raises ModelError."""
+    grows = bonds_break and model.settings.run.cracks == "particles"
+    bonds_break = bonds_break and not grows
+    if bonds_break and follows_softening_path(model):
+        return _prepare_path(model, options, scheme)
     law, all_bonds, static = law_of(model), scheme.fill(model), model.settings.run.static
-    of_families = breaks and law.pair is None and any(material.failure != "none" for material in model.materials)
+    of_families = bonds_break and law.pair is None and any(material.failure != "none" for material in model.materials)
     no_fail = StaticBreakage(all_bonds)
     filling = all_bonds if of_families else no_fail.filling()
     options = options._replace(kernel="listed") if of_families else options
-    bonds, filled = operator_of(model, options, scheme, filling, unbreakable=not of_families)
+    bonds, filled = make_operator(model, options, scheme, filling, bonds_are_unbreakable=not of_families)
     area = filling.area
-    operator, contact = touched_at_rest(model, area, held_by_ground(model, area, bonds))
+    operator, contact = add_contact_at_rest(model, area, add_ground_supports(model, area, bonds))
     driven = drive(model, area, scheme.exact_load, np.float64)
     driven.force[:] = driven.before[:] = driven.held_force[:] = 0  # nothing acts before the first load step
     state = operator.place(zero_state(*driven.force.shape))
     flows = any(SOLIDS[material.solid].flows for material in model.materials)
-    method: Method
+    method: EquilibriumMethod
     if static.method == "relaxation":
         method = Relaxation(operator, static.tolerance, static.iterations)
     else:
@@ -60,52 +60,52 @@ def at_rest(model: Model, options: Options, scheme: Scheme, breaks: bool = True)
         pairs = law.pair is not None and contact is None
         method = Newton(operator, area, static.tolerance, static.iterations, free, most, pairs, flows)
     if contact is not None:
-        method = Touching(method, operator, contact)
-    breakable = no_fail.breakable() if breaks and law.pair is not None else None
+        method = ContactMethod(method, operator, contact)
+    breakable = no_fail.breakable() if bonds_break and law.pair is not None else None
     breaking = FamilyBonds(bonds) if of_families and isinstance(bonds, BondList) else breakable
-    remember = {"remember": bonds.remember} if isinstance(bonds, BondList) else {}
-    growth = growth_of(model, bonds, filling, driven, None) if grows else None
-    fatigue, look = model.settings.run.fatigue, growth.look if growth and not follows_cracks(model) else None
+    remember = {"on_equilibrium": bonds.remember} if isinstance(bonds, BondList) else {}
+    growth = make_crack_growth(model, bonds, filling, driven, None) if grows else None
+    fatigue, look = model.settings.run.fatigue, growth.look if growth and not follows_crack_length(model) else None
     stepper = LoadSteps(model, operator, driven, area, method, breaking, None if fatigue else look, **remember)
-    step, bound = float(model.settings.run.time_step or 0.0), stable(operator.stiffness_bound(), model.rho)
+    step, bound = float(model.settings.run.time_step or 0.0), largest_stable_step(operator.stiffness_bound(), model.rho)
     system = System(model, options, scheme, operator, stepper, driven, *filled, step, bound, 0.0)
     system = replace(system, growth=growth, contact=contact)
-    if fatigue is not None and (breaks or grows):
-        system = replace(system, stepper=repeating(model, operator, stepper, breakable, *filled[1:], growth))
-    if breaks and follows_arc(model):
-        _refuse_size(model, driven)
-        arc = ArcLengthSteps(model, operator, driven, area, breaking, **remember, flows=flows)
+    if fatigue is not None and (bonds_break or grows):
+        system = replace(system, stepper=make_cycle_steps(model, operator, stepper, breakable, *filled[1:], growth))
+    if bonds_break and follows_arc_length(model):
+        _refuse_large_body(model, driven)
+        arc = ArcLengthSteps(model, operator, driven, area, breaking, **remember, solid_flows=flows)
         system = replace(system, stepper=arc)
-    if growth is not None and follows_cracks(model):
+    if growth is not None and follows_crack_length(model):
         system = replace(system, stepper=CrackLengthSteps(model, operator, driven, area, stepper, growth))
     return Prepared(system, state)
 
 
-def _along_path(model: Model, options: Options, scheme: Scheme) -> Prepared:
+def _prepare_path(model: Model, options: Options, scheme: Scheme) -> Prepared:
     """A model whose bonds soften, to be followed along its equilibrium path. Raises ModelError."""
     if not scheme.symmetric:
         raise ModelError(f"mode is {scheme.name}; use conservative, as bonds soften in quasi-static analysis")
     filling = scheme.fill(model)
-    bonded, filled = operator_of(model, options._replace(kernel="listed"), scheme, filling)
+    bonded, filled = make_operator(model, options._replace(kernel="listed"), scheme, filling)
     area = filling.area
-    operator, contact = touched_at_rest(model, area, held_by_ground(model, area, bonded))
+    operator, contact = add_contact_at_rest(model, area, add_ground_supports(model, area, bonded))
     width = sum(unknown.width for unknown in operator.unknowns)
     driven = widened(drive(model, area, scheme.exact_load, np.float64), width)
-    _refuse_size(model, driven)
+    _refuse_large_body(model, driven)
     driven.force[:] = driven.before[:] = driven.held_force[:] = 0
     state = operator.place(zero_state(*driven.force.shape))
     bonds, ground = softening_of(model, filling.whole(), contact), supports_of(operator)
     if ground is not None:
         bonds.stand_on(np.repeat(area, width)[:, None] * ground.stiffness_matrix())
-    stepper = PathSteps(model, bonded, driven, area, bonds, contact)
-    step, bound = model.settings.run.time_step or 1.0, stable(operator.stiffness_bound(), model.rho)
+    stepper = SofteningPathSteps(model, bonded, driven, area, bonds, contact)
+    step, bound = model.settings.run.time_step or 1.0, largest_stable_step(operator.stiffness_bound(), model.rho)
     system = System(model, options, scheme, operator, stepper, driven, *filled, step, bound, 0.0, contact=contact)
     return Prepared(system, state)
 
 
-def _refuse_size(model: Model, driven: Drive) -> None:
+def _refuse_large_body(model: Model, conditions: Drive) -> None:
     """Raise ModelError for a body that is too large to be followed along its path."""
-    most, (nodes, width) = MOST_ALONG_PATH[model.grid.dimension], driven.force.shape
-    if driven.force.size - len(driven.holds.node) > most:
+    most, (nodes, width) = MOST_ALONG_PATH[model.grid.dimension], conditions.force.shape
+    if conditions.force.size - len(conditions.holds.node) > most:
         why = "as the tangent is factored along a path"
         raise ModelError(f"{model.name}: $.nodes has {nodes} nodes; use at most {most // width}, {why}")

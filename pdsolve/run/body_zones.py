@@ -12,92 +12,102 @@ from pdsolve.adaptivity.hybrid.space.operator import SpaceHybrid
 from pdsolve.adaptivity.hybrid.space.prepare import drive_of_nodes
 from pdsolve.errors import CheckpointError
 from pdsolve.operators.protocol import Kept
-from pdsolve.run.assembly import assembled
-from pdsolve.run.energy_steps import energy, pushed
-from pdsolve.run.node_changes import Change
+from pdsolve.run.assembly import assemble_system
+from pdsolve.run.energy_steps import conserved_energy, kick_work
+from pdsolve.run.node_changes import NodeChange
 from pdsolve.run.system import Prepared, System
 from pdsolve.state import State, zero_state
 
 
-class Refining:
+class BodyRefinement:
     """Makes cells fine around broken bonds and stretched springs; its history is stored in the operator."""
 
     every = EVERY
 
-    def epoch(self, system: System, state: State, step: int) -> Change | None:
+    def change_nodes(self, system: System, state: State, step: int) -> NodeChange | None:
         """Refine after `step`; None if no cell becomes fine."""
-        before = zone_of(system)
+        before = zone_operator(system)
         new = before.wanted(state, step - self.every)
         if not len(new):
             return None
-        energy_before = energy(system, state, before.held_around(state, new))
+        energy_before = conserved_energy(system, state, before.held_around(state, new))
         after = before.refined(new)
-        fresh = _on(system, after, step)
+        fresh = _system_of_operator(system, after, step)
         rows = before.row_of_grid(after.rows)
-        new_state = _moved(before, after, state, rows)
+        new_state = _interpolate_state(before, after, state, rows)
         pull, which = after.forces_around(new_state, new)
-        _hold(system, fresh, rows, pull, which)
+        _set_held_forces(system, fresh, rows, pull, which)
         energy_created = (
-            energy(fresh, new_state, after.held_around(new_state, new))
+            conserved_energy(fresh, new_state, after.held_around(new_state, new))
             - energy_before
-            + pushed(fresh, new_state, pull, which)
+            + kick_work(fresh, new_state, pull, which)
         )
         after.history = after.history._replace(made=after.history.made + energy_created)
-        return Change(fresh, new_state, _origin(system, fresh, rows))
+        return NodeChange(fresh, new_state, _previous_rows_with_same_bonds(system, fresh, rows))
 
-    def back(self, system: System, checkpoint: Kept) -> Prepared:
+    def restore_system(self, system: System, checkpoint: Kept) -> Prepared:
         """The system of a checkpoint's cells. Raises CheckpointError for cells that no run from here can have."""
-        after = zone_of(system).restored(checkpoint)
+        after = zone_operator(system).restored(checkpoint)
         if not np.array_equal(after.model.grid.ids, checkpoint["ids"]):
             raise CheckpointError("ids of nodes are not those of its cells")
-        fresh = _on(system, after, 0)
+        fresh = _system_of_operator(system, after, 0)
         return Prepared(fresh, zero_state(len(after.volume), after.unknowns[0].width))
 
 
-def zone_of(system: System) -> SpaceHybrid:
+def zone_operator(system: System) -> SpaceHybrid:
     """The operator of such a run."""
     assert isinstance(system.operator, SpaceHybrid)
     return system.operator
 
 
-def _on(system: System, after: SpaceHybrid, step: int) -> System:
+def _system_of_operator(system: System, operator: SpaceHybrid, step: int) -> System:
     """The system of other nodes."""
-    steps, driven = (system.time_step, system.bound), drive_of_nodes(after, step * system.time_step)
-    prepared = assembled(after.model, system.options, system.scheme, after, after.counted, *steps, driven=driven)
-    return dataclasses.replace(prepared.system, whole=system.whole)
+    steps, driven = (system.time_step, system.stable_time_step), drive_of_nodes(operator, step * system.time_step)
+    prepared = assemble_system(
+        operator.model, system.options, system.scheme, operator, operator.counted, *steps, conditions=driven
+    )
+    return dataclasses.replace(prepared.system, full_model=system.full_model)
 
 
-def _moved(before: SpaceHybrid, after: SpaceHybrid, state: State, rows: NDArray[np.int64]) -> State:
-    """The state on the nodes `after` a refinement: interpolated, with what was booked where it was; `rows` (n,) are
-    those before, -1 for new nodes."""
-    old, nodes = rows >= 0, len(rows)
+def _interpolate_state(
+    before: SpaceHybrid, after: SpaceHybrid, state: State, previous_rows: NDArray[np.int64]
+) -> State:
+    """The state on the nodes `after` a refinement: interpolated, with what was booked where it was; `previous_rows`
+    (n,) are those before, -1 for new nodes."""
+    old, nodes = previous_rows >= 0, len(previous_rows)
     booked = np.zeros((3, nodes))
     for density_after, density_before in zip(booked, state[3:], strict=True):
-        density_after[old] = density_before[rows[old]] * before.volume[rows[old]] / after.volume[old]
+        density_after[old] = density_before[previous_rows[old]] * before.volume[previous_rows[old]] / after.volume[old]
     return State(*(before.moved(after.rows, values) for values in state[:3]), *booked)
 
 
-def _hold(
-    system: System,
-    fresh: System,
-    rows: NDArray[np.int64],
-    pull: NDArray[np.float64],
-    which: NDArray[np.bool_],
+def _set_held_forces(
+    old_system: System,
+    new_system: System,
+    previous_rows: NDArray[np.int64],
+    force_density: NDArray[np.float64],
+    is_recomputed: NDArray[np.bool_],
 ) -> None:
-    """Set the forces on held components: of `which` nodes (n,) the force densities `pull` (n, 3), of others those they
-    had; `rows` (n,) are those before."""
-    old, new = system.drive, fresh.drive
+    """Set the forces on held components: of nodes that `is_recomputed` (n,) says `force_density`
+    (n, 3), N/m^3, of others the forces they had at `previous_rows` (n,)."""
+    old, new = old_system.drive, new_system.drive
     node, axis = new.holds.node, new.holds.axis
     previous_force = np.zeros_like(old.force)
     previous_force[old.holds.node, old.holds.axis] = old.held_force
-    new.held_force[:] = np.where(which[node], (pull + new.force)[node, axis], previous_force[rows[node], axis])
+    new.held_force[:] = np.where(
+        is_recomputed[node], (force_density + new.force)[node, axis], previous_force[previous_rows[node], axis]
+    )
 
 
-def _origin(system: System, fresh: System, rows: NDArray[np.int64]) -> NDArray[np.int64]:
-    """The `rows` (m,) before of nodes that keep their cell and their bonds; -1 for others."""
-    before, after = zone_of(system), zone_of(fresh)
-    old = np.flatnonzero(rows >= 0)
-    rows_before = rows[old]
-    same = (before.volume[rows_before] == after.volume[old]) & (system.family[rows_before] == fresh.family[old])
-    same &= system.count[rows_before] == fresh.count[old]
-    return np.where(np.isin(np.arange(len(rows)), old[same]), rows, -1)
+def _previous_rows_with_same_bonds(
+    old_system: System, new_system: System, previous_rows: NDArray[np.int64]
+) -> NDArray[np.int64]:
+    """The `previous_rows` (m,) before of nodes that keep their cell and their bonds; -1 for others."""
+    before, after = zone_operator(old_system), zone_operator(new_system)
+    old = np.flatnonzero(previous_rows >= 0)
+    rows_before = previous_rows[old]
+    same = (before.volume[rows_before] == after.volume[old]) & (
+        old_system.family[rows_before] == new_system.family[old]
+    )
+    same &= old_system.count[rows_before] == new_system.count[old]
+    return np.where(np.isin(np.arange(len(previous_rows)), old[same]), previous_rows, -1)

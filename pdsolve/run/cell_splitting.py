@@ -18,29 +18,29 @@ from pdsolve.checkpoint_validation import entry
 from pdsolve.conditions import put_loads
 from pdsolve.errors import CheckpointError, UnstableError
 from pdsolve.operators.protocol import Kept
-from pdsolve.run.assembly import assembled
-from pdsolve.run.energy_steps import energy as energy_of
-from pdsolve.run.energy_steps import pushed
-from pdsolve.run.node_changes import Change
-from pdsolve.run.operator_factory import stable
+from pdsolve.run.assembly import assemble_system
+from pdsolve.run.energy_steps import conserved_energy as energy_of
+from pdsolve.run.energy_steps import kick_work
+from pdsolve.run.node_changes import NodeChange
+from pdsolve.run.operator_factory import largest_stable_step
 from pdsolve.run.system import Prepared, System
 from pdsolve.state import State
-from pdsolve.steppers.equilibrium import forces
+from pdsolve.steppers.equilibrium import force_densities
 
 
-class Splitting:
+class CellSplitting:
     """Splits and merges the cells of a run; its history is stored in the operator."""
 
     def __init__(self, system: System) -> None:
         """`system` is the system at the start."""
-        self.tree = leaves(system).tree
+        self.tree = leaf_operator(system).tree
         self.settings = self.tree.model.settings.run.split
         self.every = self.settings.every
         self._critical = criteria.criticals(self.tree)
 
-    def epoch(self, system: System, state: State, step: int) -> Change | None:
+    def change_nodes(self, system: System, state: State, step: int) -> NodeChange | None:
         """Split and merge cells after `step`; None if all stay."""
-        operator, wanted = leaves(system), self.settings
+        operator, wanted = leaf_operator(system), self.settings
         energy, before = operator.energies(state)[0], Before(operator.list, operator.steps())
         if wanted.by == "energy":
             height = criteria.heights(self.tree, operator.cells, energy, self._critical)
@@ -56,9 +56,9 @@ class Splitting:
         if not splits.any() and not len(merged.root):
             return None
         cells, transfer = transfer_of(self.tree, operator.cells, splits, merged)
-        return self._changed(system, state, step, cells, transfer, before, energy)
+        return self._make_change(system, state, step, cells, transfer, before, energy)
 
-    def _changed(
+    def _make_change(
         self,
         system: System,
         state: State,
@@ -67,11 +67,11 @@ class Splitting:
         transfer: Transfer,
         before: Before,
         energies_before: NDArray[np.float64],
-    ) -> Change:
+    ) -> NodeChange:
         """The leaves `cells` after this step, made from the bonds before and their energies (n,), J/m^3."""
-        old_operator = leaves(system)
-        new, begun = self._cloud(system, cells, transfer)
-        operator = leaves(new)
+        old_operator = leaf_operator(system)
+        new, begun = self._prepare_cells(system, cells, transfer)
+        operator = leaf_operator(new)
         broken = inherited(before, operator.list, transfer)
         assert not healed(before, operator.list, transfer, broken), f"step {step}: a bond has healed"
         operator.put(broken)
@@ -82,12 +82,14 @@ class Splitting:
         new.drive.held_force[:] = system.drive.held_force
         put_loads(new.drive, step * system.time_step)
         created = energy_of(new, begun, operator.energies(begun)[0]) - energy_of(system, state, energies_before)
-        created += pushed(new, begun, forces(operator, begun._replace(dissipated=np.zeros_like(begun.dissipated))))
+        created += kick_work(
+            new, begun, force_densities(operator, begun._replace(dissipated=np.zeros_like(begun.dissipated)))
+        )
         calm = np.where(transfer.stays, old_operator.memory.calm[transfer.before[:, 0]], 0)
         operator.memory = Memory(calm, old_operator.memory.created + created)
-        return Change(new, begun, self._origin(system, new, transfer))
+        return NodeChange(new, begun, self._previous_rows_with_same_bonds(system, new, transfer))
 
-    def _cloud(self, system: System, cells: Cells, transfer: Transfer | None = None) -> Prepared:
+    def _prepare_cells(self, system: System, cells: Cells, transfer: Transfer | None = None) -> Prepared:
         """The system of these leaves at rest; `transfer` is their origin, if any.
 
         Raises UnstableError if the run's step is too long for it.
@@ -95,21 +97,23 @@ class Splitting:
         tree, threads = self.tree, system.threads
         model = tree.model_of(cells)
         rule = system.scheme.by_pairs(model)
-        bonds = filled(rule) if transfer is None else refilled(rule, model, leaves(system).filled, transfer)
+        bonds = filled(rule) if transfer is None else refilled(rule, model, leaf_operator(system).filled, transfer)
         operator = Leaves(tree, cells, model, bonds, system.scheme, threads)
-        steps = system.time_step, system.bound
-        rest = assembled(model, system.options, system.scheme, operator, bonds.assembly.counted, *steps)
-        sure = stable(operator.stiffness_bound(), model.rho)
-        if sure < system.time_step <= system.bound:
+        steps = system.time_step, system.stable_time_step
+        rest = assemble_system(model, system.options, system.scheme, operator, bonds.assembly.counted, *steps)
+        sure = largest_stable_step(operator.stiffness_bound(), model.rho)
+        if sure < system.time_step <= system.stable_time_step:
             raise UnstableError(
                 f"{model.name}: cells have a stable time step of {sure:.4g} s, less than the run's,"
                 f" {system.time_step:.4g} s; use a smaller run.time_step"
             )
-        return Prepared(dataclasses.replace(rest.system, whole=tree.model), rest.state)
+        return Prepared(dataclasses.replace(rest.system, full_model=tree.model), rest.state)
 
-    def _origin(self, system: System, new: System, transfer: Transfer) -> NDArray[np.int64]:
+    def _previous_rows_with_same_bonds(
+        self, old_system: System, new_system: System, transfer: Transfer
+    ) -> NDArray[np.int64]:
         """Former rows (m,) of nodes that keep their bonds; -1 for others."""
-        before, now = leaves(system).list, leaves(new).list
+        before, now = leaf_operator(old_system).list, leaf_operator(new_system).list
         origin = np.where(transfer.stays, transfer.before[:, 0], -1)
         removed = np.ones(len(before.start) - 1, dtype=bool)
         removed[origin[transfer.stays]] = False
@@ -117,21 +121,21 @@ class Splitting:
         changed[sources(now)[~transfer.stays[now.neighbour]]] = True
         lost = np.zeros(len(removed), dtype=bool)
         lost[sources(before)[removed[before.neighbour]]] = True
-        same = transfer.stays & ~changed & ~lost[origin] & (system.family[origin] == new.family)
+        same = transfer.stays & ~changed & ~lost[origin] & (old_system.family[origin] == new_system.family)
         return np.where(same, origin, -1)
 
-    def back(self, system: System, checkpoint: Kept) -> Prepared:
+    def restore_system(self, system: System, checkpoint: Kept) -> Prepared:
         """The system of a checkpoint's cells. Raises CheckpointError for ids that are no set of leaves."""
         ids = entry(checkpoint, "ids", (None,), np.int64)
         memory, cells = remembered(checkpoint, len(ids)), self.tree.leaves(ids)
         if cells is None:
             raise CheckpointError("ids of cells are no whole plate; they must be those of its leaves in order")
-        prepared = self._cloud(system, cells)
-        leaves(prepared.system).memory = memory
+        prepared = self._prepare_cells(system, cells)
+        leaf_operator(prepared.system).memory = memory
         return prepared
 
 
-def leaves(system: System) -> Leaves:
+def leaf_operator(system: System) -> Leaves:
     """The operator of such a run."""
     assert isinstance(system.operator, Leaves)
     return system.operator

@@ -10,7 +10,7 @@ from pdsolve.run.system import System
 from pdsolve.state import State
 
 
-def energy(system: System, state: State, strain_energy: NDArray[np.float64]) -> float:
+def conserved_energy(system: System, state: State, strain_energy: NDArray[np.float64]) -> float:
     """Energy, J/m, of nodes with energy densities `strain_energy` (n,), J/m^3: the sum that Verlet conserves.
 
     It is m (dt a)^2 / 8 below that of whole steps, which the ledger uses.
@@ -20,17 +20,19 @@ def energy(system: System, state: State, strain_energy: NDArray[np.float64]) -> 
     return kinetic(mass, state.rate) - swing + float(np.sum(system.area * strain_energy))
 
 
-def pushed(system: System, state: State, pull: NDArray[np.float64], which: NDArray[np.bool_] | None = None) -> float:
+def kick_work(
+    system: System, state: State, force_density: NDArray[np.float64], is_counted: NDArray[np.bool_] | None = None
+) -> float:
     """Work, J/m, in the next half kick of interpolated accelerations that differ from those of the forces.
 
-    Verlet follows them for half of a kick. `pull` (n, w), N/m^3, are the force densities of neighbours; where they
-    are not of `which` nodes (n,), accelerations do not differ.
+    Verlet follows them for half of a kick. `force_density` (n, w), N/m^3, are the force densities of neighbours; where
+    they are not of `is_counted` nodes (n,), accelerations do not differ.
     """
     rho, drive, dt = system.model.rho[:, None], system.drive, system.time_step
     slowed = system.model.settings.run.damping * state.rate
-    excess = rho * (state.second + slowed) - pull - drive.force
+    excess = rho * (state.second + slowed) - force_density - drive.force
     excess[drive.holds.node, drive.holds.axis] = 0.0
-    if which is not None:
-        excess[~which] = 0.0
+    if is_counted is not None:
+        excess[~is_counted] = 0.0
     way = dt * (state.rate + dt / 2 * state.second)
     return float(np.sum(system.area[:, None] * excess / 2 * way))

@@ -22,15 +22,15 @@ from pdsolve.diffusion.swelling import Swelling
 from pdsolve.laws import law_of
 from pdsolve.model import Model, counted
 from pdsolve.options import Options, threads_of
-from pdsolve.run.assembly import step_of
-from pdsolve.run.operator_factory import bond_counts, stable, stable_step
-from pdsolve.run.prepare import prepare, scheme_of
-from pdsolve.run.static_start import still
+from pdsolve.run.assembly import choose_time_step
+from pdsolve.run.operator_factory import bond_counts_and_stiffness_bound, largest_stable_step, stable_time_step
+from pdsolve.run.prepare import prepare, select_scheme
+from pdsolve.run.static_start import prepare_static_start
 from pdsolve.run.system import System
 from pdsolve.steppers.arc_length_steps import ArcLengthSteps
 from pdsolve.steppers.crack_length_steps import CrackLengthSteps
 from pdsolve.steppers.newton import FACTORED
-from pdsolve.steppers.path_steps import CRACK_STEPS, PathSteps
+from pdsolve.steppers.path_steps import CRACK_STEPS, SofteningPathSteps
 
 DEFAULT = Options()
 
@@ -101,35 +101,35 @@ class Plan(NamedTuple):
 def estimate_run(model: Model, options: Options = DEFAULT) -> Plan:
     """Cost of solving the model; with a moving fine zone, that of its initial state. Raises ModelError."""
     if model.diffuses:
-        return _diffusing(model, options)
+        return _estimate_diffusion(model, options)
     model = decided(model, options) if model.settings.run.adapt == "auto" else model
-    scheme, settings = scheme_of(model, options), model.settings
+    scheme, settings = select_scheme(model, options), model.settings
     paired, splits = law_of(model).pair is not None, settings.run.adapt == "split"
     moves = settings.run.adapt in ON_ONE_LATTICE
     most = len(model.grid) * 4**settings.run.split.levels
     cycle: int | None = None  # of steps for one of a content
     along_path = False
     paired &= not splits  # which is listed bond by bond
-    prepared = still(model, options, scheme).system if settings.run.start == "static" else None
+    prepared = prepare_static_start(model, options, scheme).system if settings.run.start == "static" else None
     in_blocks = paired and model.grid.dimension == 2 and (moves or not model.swells)
     if prepared is not None and not moves:
         in_blocks |= paired and prepared.operator.name == "blocks"
-        count, bound = prepared.count, stable_step(model, prepared.operator)
-        step = step_of(model, bound)
+        count, bound = prepared.count, stable_time_step(model, prepared.operator)
+        step = choose_time_step(model, bound)
     elif paired and not (moves or model.swells) and settings.run.solver != "static":
-        count, stiffness_bound, in_blocks = bond_counts(model, options, scheme)
-        bound = stable(stiffness_bound, model.rho)
-        step = step_of(model, bound)
+        count, stiffness_bound, in_blocks = bond_counts_and_stiffness_bound(model, options, scheme)
+        bound = largest_stable_step(stiffness_bound, model.rho)
+        step = choose_time_step(model, bound)
     else:
         system = prepare(model, options).system
         model = system.model
         if isinstance(system.stepper, Swelling) and system.load_steps is None:
             cycle = system.stepper.cycle
         in_blocks |= paired and system.operator.name == "blocks"
-        count, bound, step, settings = system.count, system.bound, system.time_step, system.model.settings
-        along_path = isinstance(system.stepper, ArcLengthSteps | CrackLengthSteps | PathSteps)
+        count, bound, step, settings = system.count, system.stable_time_step, system.time_step, system.model.settings
+        along_path = isinstance(system.stepper, ArcLengthSteps | CrackLengthSteps | SofteningPathSteps)
         if along_path:
-            run = msgspec.structs.replace(settings.run, steps=_path_steps(settings.run))
+            run = msgspec.structs.replace(settings.run, steps=_estimate_path_steps(settings.run))
             settings = msgspec.structs.replace(settings, run=run)
             model = dataclasses.replace(model, settings=settings)
     settings = counted(model, step).settings
@@ -143,14 +143,14 @@ def estimate_run(model: Model, options: Options = DEFAULT) -> Plan:
         memory = round(MEMORY[options.mode][0] + bytes_per_node * len(model.grid))
         plan = plan._replace(wall_time=TILED * plan.wall_time, memory=memory)  # of a body in tiles
     if along_path:
-        plan = plan._replace(wall_time=_path_time(system, plan), along_path=True)
+        plan = plan._replace(wall_time=_estimate_path_time(system, plan), along_path=True)
     if cycle is not None:
         plan = plan._replace(wall_time=(1 + SWELLING / cycle) * plan.wall_time)
     grid = model.grid  # with a moving zone that of the start
     return plan._replace(finest=int(np.isclose(grid.delta, grid.delta.min()).sum())) if moves else plan
 
 
-def _path_steps(run: Run) -> int:
+def _estimate_path_steps(run: Run) -> int:
     """About how many steps a path takes."""
     load_steps = run.static.load_steps or CRACK_STEPS
     if run.static.control == ARC:
@@ -158,19 +158,19 @@ def _path_steps(run: Run) -> int:
     return load_steps if run.static.control is not None else round(TAKEN + TAKEN_MORE * load_steps)
 
 
-def _path_time(system: System, plan: Plan) -> float:
+def _estimate_path_time(system: System, plan: Plan) -> float:
     """Seconds of a path with the steps of a plan, of whose load steps this is the time."""
-    if not isinstance(system.stepper, PathSteps):
+    if not isinstance(system.stepper, SofteningPathSteps):
         return ARC_STEP * plan.wall_time
     if system.model.grid.dimension == 3:
         return IN_SPACE_STEP * plan.wall_time
     grid, width = system.model.grid, sum(unknown.width for unknown in system.operator.unknowns) / 2  # of two
     across = min(float(np.ptp(grid.position, axis=0).min() / np.median(grid.delta)) + 1, plan.nodes**0.5)  # nodes
     step_time = STEPPED + STEPPED_BOND * plan.bonds * width**2 + STEPPED_FACTORS * plan.nodes * across**2 * width**3
-    return slower() * float(BEGIN + plan.steps * step_time)
+    return machine_slowdown() * float(BEGIN + plan.steps * step_time)
 
 
-def _diffusing(model: Model, options: Options) -> Plan:
+def _estimate_diffusion(model: Model, options: Options) -> Plan:
     """Cost of solving a model of diffusion, which is prepared for this."""
     system = prepare(model, options).system
     bonds, run, nodes = system.bonds, system.model.settings.run, len(model.grid)
@@ -178,7 +178,15 @@ def _diffusing(model: Model, options: Options) -> Plan:
         FRAME + FRAME_NODE * nodes
     )
     memory = DIFFUSING + DIFFUSING_BOND_BYTES * bonds + DIFFUSING_NODE_BYTES * nodes
-    return Plan(nodes, bonds, run.steps, system.time_step, system.bound, round(memory), slower() * (BEGIN + seconds))
+    return Plan(
+        nodes,
+        bonds,
+        run.steps,
+        system.time_step,
+        system.stable_time_step,
+        round(memory),
+        machine_slowdown() * (BEGIN + seconds),
+    )
 
 
 def estimate_size(
@@ -186,12 +194,12 @@ def estimate_size(
 ) -> Plan:
     """Cost of solving so many nodes and bonds; `steps`, s, are the run's step and the surely stable one."""
     run = settings.run
-    rest, load_step = resting(run, nodes, bonds)
+    rest, load_step = load_step_memory_and_time(run, nodes, bonds)
     if run.solver == "static":
         if any(isinstance(condition, Load) for condition in settings.conditions) and 2 * nodes <= FACTORED:
             rest = REST + DEAD * (rest - REST)
         tires = run.fatigue is not None
-        seconds = slower() * (BEGIN + run.steps * (JUMPED if tires else 1) * load_step)
+        seconds = machine_slowdown() * (BEGIN + run.steps * (JUMPED if tires else 1) * load_step)
         return Plan(nodes, bonds, run.steps, *steps, round(rest), seconds, at_rest=True, in_jumps=tires)
     least, bytes_per_node = MEMORY[options.mode]
     memory = least + bytes_per_node * nodes + (0 if in_blocks else LISTED * bonds)
@@ -206,22 +214,25 @@ def estimate_size(
     seconds += ledgers * (LEDGER + LEDGER_BOND * bonds) + frames * (FRAME + FRAME_NODE * nodes)
     if run.start == "static":
         memory, seconds = max(memory, rest), seconds + load_step
-    seconds = slower() * (seconds + BEGIN + BEGIN_NODE * nodes)
+    seconds = machine_slowdown() * (seconds + BEGIN + BEGIN_NODE * nodes)
     return Plan(nodes, bonds, run.steps, *steps, round(memory), seconds, in_blocks=in_blocks)
 
 
-def resting(run: Run, nodes: int, bonds: int) -> tuple[float, float]:
+def load_step_memory_and_time(run: Run, node_count: int, bond_count: int) -> tuple[float, float]:
     """Memory (bytes) and time (s on the measured machine) of a load step in which nothing breaks."""
     if run.static.method == "relaxation":
-        return REST + RELAXED_BOND * bonds, RELAXED * LONG * bonds * nodes**0.5
-    if 2 * nodes > FACTORED:
-        return REST + GRADIENT * bonds, TANGENT * bonds + WITHOUT * bonds * nodes**0.5
-    entries = FILL * bonds * (nodes / 1000) ** GROWTH
-    return REST + REST_BOND * bonds + ENTRY * entries, TANGENT * bonds + SOLVED * entries + FACTOR * entries**2 / nodes
+        return REST + RELAXED_BOND * bond_count, RELAXED * LONG * bond_count * node_count**0.5
+    if 2 * node_count > FACTORED:
+        return REST + GRADIENT * bond_count, TANGENT * bond_count + WITHOUT * bond_count * node_count**0.5
+    entries = FILL * bond_count * (node_count / 1000) ** GROWTH
+    return (
+        REST + REST_BOND * bond_count + ENTRY * entries,
+        TANGENT * bond_count + SOLVED * entries + FACTOR * entries**2 / node_count,
+    )
 
 
 @cache
-def slower() -> float:
+def machine_slowdown() -> float:
     """Time of a multiplication on this machine over that on the measured one, measured once: plans can be compared."""
     values, best = np.full(PRODUCTS, 0.999), float("inf")
     for _ in range(ROUNDS):

@@ -10,10 +10,10 @@ from pdsolve.conditions import held, initial_displacement
 from pdsolve.model import on_device
 from pdsolve.run.prepare import prepare
 from pdsolve.run.system import Prepared
-from pdsolve.steppers.equilibrium import forces
+from pdsolve.steppers.equilibrium import force_densities
 
 
-def displaced(prepared: Prepared) -> Prepared:
+def apply_initial_displacements(prepared: Prepared) -> Prepared:
     """A prepared run with initial displacements: with the forces and the energies of time 0, before any step.
 
     What is prescribed at time 0 holds then. Bonds that are stretched too far break in step 0.
@@ -26,7 +26,7 @@ def displaced(prepared: Prepared) -> Prepared:
         host_system, on_processor = prepare(on_device(model, "cpu"), system.options)
         operator = host_system.operator
         on_processor.value[:] = state.value
-    pull = forces(operator, on_processor)
+    pull = force_densities(operator, on_processor)
     state.second[:] += np.where(held(system.drive), 0.0, pull / model.rho[:, None])
     holds = system.drive.holds
     system.drive.held_force[:] += pull[holds.node, holds.axis]

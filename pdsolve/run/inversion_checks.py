@@ -16,7 +16,7 @@ from pdsolve.checks import named, warn
 from pdsolve.laws import limits
 from pdsolve.laws.bond_limits import Sizes
 from pdsolve.model import Model
-from pdsolve.run.inverted_on_lattice import inverted_on_lattice
+from pdsolve.run.inverted_on_lattice import inverted_lattice_triangles
 from pdsolve.state import Broken
 
 AROUND = 4  # nodes next to a node, of which two and the node are a triangle to look at
@@ -25,7 +25,7 @@ FLAT = 0.1  # of a spacing squared: neighbours that span less are in line with t
 FRACTION = 0.005  # of what breaks a bond: displacements must be known to that, as errors add up over steps
 
 
-class Extent(NamedTuple):
+class DisplacementRange(NamedTuple):
     """The least and the largest displacement along each axis, m, and their number type."""
 
     least: tuple[float, ...]
@@ -33,10 +33,10 @@ class Extent(NamedTuple):
     kind: str
 
 
-def extent_of(u: NDArray[np.floating]) -> Extent:
+def displacement_range(u: NDArray[np.floating]) -> DisplacementRange:
     """The extent of displacements (n, d), m."""
     least, most = (tuple(float(of(column)) for column in u.T) for of in (np.min, np.max))  # not over both axes: slow
-    return Extent(least, most, u.dtype.name)
+    return DisplacementRange(least, most, u.dtype.name)
 
 
 class MotionChecks:
@@ -45,14 +45,14 @@ class MotionChecks:
     def __init__(
         self,
         model: Model,
-        bonds: Callable[[int, int], tuple[NDArray[np.int64], NDArray[np.int64]]],
+        initial_bonds: Callable[[int, int], tuple[NDArray[np.int64], NDArray[np.int64]]],
         past_warnings: tuple[bool, bool] = (False, False),
     ) -> None:
-        """`bonds(first, last)` returns the rows of both ends of the initial bonds of sources `first` to `last` - 1;
-        `past_warnings` are the warnings given already, of nodes before, as they have them."""
+        """`initial_bonds(first, last)` returns the rows of both ends of the initial bonds of sources `first` to `last`
+        - 1; `past_warnings` are the warnings given already, of nodes before, as they have them."""
         self._model, (self._said, self._vague) = model, past_warnings
-        self._bonds, self._own = bonds, slice(None)
-        self._triangles: _Triangles | None = None  # of nodes off a lattice
+        self._bonds, self._own = initial_bonds, slice(None)
+        self._triangles: _NearestTriangles | None = None  # of nodes off a lattice
         self._apart: NDArray[np.bool_] | None = None  # (n,) nodes whose triangle was not bonded at the start
         self._smallest = float(model.grid.delta.min())
         breaking, ratio = [np.inf], model.settings.horizon.ratio
@@ -67,123 +67,124 @@ class MotionChecks:
         self._breaking = min(breaking)  # m, lengthening that breaks or softens a bond
 
     @property
-    def given(self) -> tuple[bool, bool]:
+    def warnings_given(self) -> tuple[bool, bool]:
         """Whether warnings of inverted triangles, and of displacements too large for their precision, are given."""
         return self._said, self._vague
 
-    def look(self, u: NDArray[np.floating], broken: Broken, step: int) -> None:
+    def check_motion(self, u: NDArray[np.floating], broken: Broken, step: int) -> None:
         """Warn of inverted triangles, and of displacements too large for their precision.
 
         `u` (n, d) are the displacements, m; `broken` are all broken bonds. For bodies in space, only the precision is
         checked.
         """
-        extent = extent_of(u)
-        if self.is_crushed(extent) and (words := self.crushed(u, broken)) is not None:
-            self.say_crushed(words, step)
-        self.say_vague(extent, step)
+        extent = displacement_range(u)
+        if self.may_be_inverted(extent) and (words := self.describe_inverted_triangle(u, broken)) is not None:
+            self.warn_of_inversion(words, step)
+        self.warn_of_imprecision(extent, step)
 
     @property
-    def lengths(self) -> tuple[float, float]:
+    def spacing_and_breaking_length(self) -> tuple[float, float]:
         """The smallest spacing, and the lengthening that breaks or softens a bond, m."""
         return self._smallest, self._breaking
 
-    def know(self, lengths: Sequence[tuple[float, float]], local_rows: slice) -> None:
+    def use_lengths_of_ranks(self, lengths_of_ranks: Sequence[tuple[float, float]], local_rows: slice) -> None:
         """Take these lengths of all ranks as known, and look at the triangles of `local_rows` alone."""
-        self._smallest, self._breaking = (min(column) for column in zip(*lengths, strict=True))
+        self._smallest, self._breaking = (min(column) for column in zip(*lengths_of_ranks, strict=True))
         self._own = local_rows
 
-    def is_crushed(self, extent: Extent) -> bool:
+    def may_be_inverted(self, displacements: DisplacementRange) -> bool:
         """Whether triangles may be inverted."""
-        wide = max(most - least for least, most in zip(extent.least, extent.most, strict=True))
+        wide = max(most - least for least, most in zip(displacements.least, displacements.most, strict=True))
         return self._model.grid.dimension == 2 and not self._said and wide >= self._smallest
 
-    def say_crushed(self, words: str, step: int) -> None:
-        """Warn, once, of an inverted triangle in `words`."""
+    def warn_of_inversion(self, triangle_text: str, step: int) -> None:
+        """Warn, once, of an inverted triangle in `triangle_text`."""
         self._said = True
         warn(
             self._model,
-            f"step {step}: a triangle turned inside out with its bonds intact, {words}: bonds do not keep nodes"
+            f"step {step}: a triangle turned inside out with its bonds intact, {triangle_text}: bonds do not keep nodes"
             " apart; use less compression",
         )
 
-    def say_vague(self, extent: Extent, step: int) -> None:
+    def warn_of_imprecision(self, displacements: DisplacementRange, step: int) -> None:
         """Warn, once, of displacements too large for their precision."""
-        largest = max(abs(value) for value in (*extent.least, *extent.most))
-        error = float(np.finfo(extent.kind).eps * largest)
+        largest = max(abs(value) for value in (*displacements.least, *displacements.most))
+        error = float(np.finfo(displacements.kind).eps * largest)
         if not self._vague and error > FRACTION * self._breaking:
             self._vague = True
             warn(
                 self._model,
-                f"step {step}: displacements reach {largest:.3g} m, which {extent.kind} knows to {error:.2g} m, and"
-                f" {FRACTION * self._breaking:.2g} m are needed: {self._breaking:.2g} m break a bond",
+                f"step {step}: displacements reach {largest:.3g} m, which {displacements.kind} knows to {error:.2g} m,"
+                f" and {FRACTION * self._breaking:.2g} m are needed: {self._breaking:.2g} m break a bond",
             )
 
-    def crushed(self, u: NDArray[np.floating], broken: Broken) -> str | None:
+    def describe_inverted_triangle(self, u: NDArray[np.floating], broken: Broken) -> str | None:
         """The nodes of an inverted triangle whose bonds are intact, in words; None if there is none."""
         nodes = len(self._model.grid)
         if self._apart is None:
             self._apart = np.zeros(nodes, dtype=bool)
-        turned = self._turned(u)
+        turned = self._inverted_triangles(u)
         near = np.zeros(nodes, dtype=bool)
         near[turned[:, 0]] = True
         broken_keys = (nodes * broken.source + broken.target)[near[broken.source]]
         for end in (1, 2):
             turned = turned[~np.isin(nodes * turned[:, 0] + turned[:, end], broken_keys, assume_unique=True)]
-        if len(turned := self._bonded(turned)):
+        if len(turned := self._bonded_triangles(turned)):
             return ", ".join(named(self._model, int(corner)) for corner in turned[0])
         return None
 
-    def _turned(self, u: NDArray[np.floating]) -> NDArray[np.int64]:
+    def _inverted_triangles(self, u: NDArray[np.floating]) -> NDArray[np.int64]:
         """Corners (t, 3) of the inverted triangles, without those whose nodes were not bonded at the start."""
         assert self._apart is not None
         position, flat = self._model.grid.position, FLAT * self._smallest**2
         inverted = None
         if self._triangles is None:
-            inverted = inverted_on_lattice(position, u, self._own, flat, self._apart)
+            inverted = inverted_lattice_triangles(position, u, self._own, flat, self._apart)
         if inverted is not None:
             return inverted
-        self._triangles = self._triangles or _triangles(position, flat, self._own)
+        self._triangles = self._triangles or _largest_triangles(position, flat, self._own)
         corners, before = self._triangles
         current_position = position + u
         turned = (
-            before * _cross(*(current_position[corners[:, end]] - current_position[corners[:, 0]] for end in (1, 2)))
+            before
+            * _cross_product(*(current_position[corners[:, end]] - current_position[corners[:, 0]] for end in (1, 2)))
             <= 0
         )
         return corners[turned & ~self._apart[corners[:, 0]]]
 
-    def _bonded(self, turned: NDArray[np.int64]) -> NDArray[np.int64]:
+    def _bonded_triangles(self, triangles: NDArray[np.int64]) -> NDArray[np.int64]:
         """The triangles (t, 3) whose nodes were bonded at the start."""
         assert self._apart is not None
-        nodes, were_bonded = len(self._model.grid), np.zeros(len(turned), dtype=bool)
-        for part in np.unique(turned[:, 0] // TOGETHER).tolist():
-            rows = np.flatnonzero(turned[:, 0] // TOGETHER == part)
+        nodes, were_bonded = len(self._model.grid), np.zeros(len(triangles), dtype=bool)
+        for part in np.unique(triangles[:, 0] // TOGETHER).tolist():
+            rows = np.flatnonzero(triangles[:, 0] // TOGETHER == part)
             source, target = self._bonds(part * TOGETHER, min((part + 1) * TOGETHER, nodes))
-            keys, corner_keys = nodes * source + target, nodes * turned[rows, 0]
-            bonded = [np.isin(corner_keys + turned[rows, end], keys, assume_unique=True) for end in (1, 2)]
+            keys, corner_keys = nodes * source + target, nodes * triangles[rows, 0]
+            bonded = [np.isin(corner_keys + triangles[rows, end], keys, assume_unique=True) for end in (1, 2)]
             were_bonded[rows] = bonded[0] & bonded[1]
-        self._apart[turned[~were_bonded, 0]] = True
-        return turned[were_bonded]
+        self._apart[triangles[~were_bonded, 0]] = True
+        return triangles[were_bonded]
 
 
-class _Triangles(NamedTuple):
+class _NearestTriangles(NamedTuple):
     """For each node, a triangle with two of its nearest nodes not in line with it; t of them."""
 
     corners: NDArray[np.int64]  # (t, 3)
     twice: NDArray[np.float64]  # (t,) twice its area, m^2, with the sign of its sense
 
 
-def _triangles(position: NDArray[np.float64], flat: float, local_rows: slice) -> _Triangles:
-    """The largest triangle of each of `local_rows`, if twice its area is at least `flat` (m^2)."""
+def _largest_triangles(position: NDArray[np.float64], least_double_area: float, local_rows: slice) -> _NearestTriangles:
+    """The largest triangle of each of `local_rows`, if twice its area is at least `least_double_area` (m^2)."""
     near = tree_of(position).query(position, min(AROUND + 1, len(position)))[1][:, 1:]
     ends, twice = np.zeros((2, len(position)), dtype=np.int64), np.zeros(len(position))
     for pair in combinations(near.T, 2):
-        twice_area = _cross(*(position[end] - position for end in pair))
+        twice_area = _cross_product(*(position[end] - position for end in pair))
         larger = np.abs(twice_area) > np.abs(twice) * (1 + ROUND_OFF)
         ends[:, larger], twice[larger] = np.array(pair)[:, larger], twice_area[larger]
     low, high, _ = local_rows.indices(len(position))
-    rows = low + np.flatnonzero(np.abs(twice[low:high]) >= flat)
-    return _Triangles(np.column_stack([rows, *ends[:, rows]]), twice[rows])
+    rows = low + np.flatnonzero(np.abs(twice[low:high]) >= least_double_area)
+    return _NearestTriangles(np.column_stack([rows, *ends[:, rows]]), twice[rows])
 
 
-def _cross(a: NDArray[np.float64], b: NDArray[np.float64]) -> NDArray[np.float64]:
+def _cross_product(a: NDArray[np.float64], b: NDArray[np.float64]) -> NDArray[np.float64]:
     return np.asarray(a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0])

@@ -13,45 +13,45 @@ LINES = 2  # of a lattice: nodes on it may be that far from those beside them
 ON_LATTICE = 1e-6  # spacings: nodes this near to a lattice are on it
 
 
-def inverted_on_lattice(
+def inverted_lattice_triangles(
     position: NDArray[np.float64],
     u: NDArray[np.floating],
     local_rows: slice,
-    flat: float,
+    least_double_area: float,
     excluded: NDArray[np.bool_],
 ) -> NDArray[np.int64] | None:
     """Rows (t, 3) of the corners of triangles that displacements u (n, 2), m, have inverted, by the first corner.
 
-    A node of `local_rows` has one with the nearest nodes within `LINES` spacings along x and along y, if twice its
-    area is at least `flat`, m^2, and if it is not `excluded` (n,). None if the nodes (n, 2), m, are not row by row on a
-    square lattice, of which some may be missing.
+    A node of `local_rows` has one with the nearest nodes within `LINES` spacings along x and along y, if twice its area
+    is at least `least_double_area`, m^2, and if it is not `excluded` (n,). None if the nodes (n, 2), m, are not row by
+    row on a square lattice, of which some may be missing.
     """
     low, high, _ = local_rows.indices(len(position))
     places, moves = (np.require(values, requirements=("C", "W")) for values in (position, u))
     corners = np.empty((16, 3), dtype=np.int64)
     while True:
-        count = int(_inverted(places, moves, low, high, flat, excluded, corners))
+        count = int(_list_inverted_triangles(places, moves, low, high, least_double_area, excluded, corners))
         if count <= len(corners):
             return None if count < 0 else corners[:count]
         corners = np.empty((count, 3), dtype=np.int64)
 
 
 @cached_njit(nogil=True, error_model="numpy")
-def _inverted(position, u, low, high, flat, excluded, corners):  # type: ignore[no-untyped-def]
+def _list_inverted_triangles(position, u, low, high, least_double_area, excluded, corners):  # type: ignore[no-untyped-def]
     """List inverted triangles as far as there is room; returns how many there are, -1 off a lattice."""
     key = np.empty(len(position), np.int64)
-    stride, count = _number(position, key), 0
+    stride, count = _number_lattice_sites(position, key), 0
     if stride == 0:
         return -1
     at = np.zeros((2, 4), np.int64)
     for n in range(len(position)):
-        a, b = _arm(key, at[0], n, 1), _arm(key, at[1], n, stride)
-        before = _twice(position, u, 0.0, n, a, b)
+        a, b = _nearest_along_axis(key, at[0], n, 1), _nearest_along_axis(key, at[1], n, stride)
+        before = _double_area(position, u, 0.0, n, a, b)
         if (
             low <= n < high
             and not excluded[n]
-            and abs(before) >= flat
-            and before * _twice(position, u, 1.0, n, a, b) <= 0
+            and abs(before) >= least_double_area
+            and before * _double_area(position, u, 1.0, n, a, b) <= 0
         ):
             if count < len(corners):
                 corners[count, 0], corners[count, 1], corners[count, 2] = n, a, b
@@ -60,7 +60,7 @@ def _inverted(position, u, low, high, flat, excluded, corners):  # type: ignore[
 
 
 @njit(**INNER)
-def _number(position, key):  # type: ignore[no-untyped-def]
+def _number_lattice_sites(position, key):  # type: ignore[no-untyped-def]
     """Number the nodes (n,) row by row; returns the step from a row to the next, 0 off a lattice."""
     x0, y0, x1, spacing = np.inf, np.inf, -np.inf, np.inf
     for n in range(len(position)):
@@ -81,22 +81,22 @@ def _number(position, key):  # type: ignore[no-untyped-def]
 
 
 @njit(**INNER)
-def _arm(key, at, n, step):  # type: ignore[no-untyped-def]
+def _nearest_along_axis(key, at, node, step):  # type: ignore[no-untyped-def]
     """The nearest node along an axis, whose nodes are `step` apart, or the node itself; `at` (4,) goes along."""
-    nearest = n
+    nearest = node
     for k in range(4):
-        wanted = key[n] + (k // 2 + 1) * (step if k % 2 == 0 else -step)
+        wanted = key[node] + (k // 2 + 1) * (step if k % 2 == 0 else -step)
         while at[k] < len(key) - 1 and key[at[k]] < wanted:
             at[k] += 1
-        if nearest == n and key[at[k]] == wanted:
+        if nearest == node and key[at[k]] == wanted:
             nearest = at[k]
     return nearest
 
 
 @njit(forceinline=True, **INNER)
-def _twice(position, u, share, n, a, b):  # type: ignore[no-untyped-def]
-    """Twice the area of a triangle, m^2, displaced by a `share` of u."""
-    x, y = position[n, 0] + share * u[n, 0], position[n, 1] + share * u[n, 1]
-    ax, ay = position[a, 0] + share * u[a, 0] - x, position[a, 1] + share * u[a, 1] - y
-    bx, by = position[b, 0] + share * u[b, 0] - x, position[b, 1] + share * u[b, 1] - y
+def _double_area(position, u, displaced_share, node, a, b):  # type: ignore[no-untyped-def]
+    """Twice the area of a triangle, m^2, displaced by a `displaced_share` of u."""
+    x, y = position[node, 0] + displaced_share * u[node, 0], position[node, 1] + displaced_share * u[node, 1]
+    ax, ay = position[a, 0] + displaced_share * u[a, 0] - x, position[a, 1] + displaced_share * u[a, 1] - y
+    bx, by = position[b, 0] + displaced_share * u[b, 0] - x, position[b, 1] + displaced_share * u[b, 1] - y
     return ax * by - ay * bx

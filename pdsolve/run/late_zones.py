@@ -23,31 +23,42 @@ from pdsolve.run.system import System
 KEY = "sooner"  # of `meta`
 
 
-class Sooner(NamedTuple):
+class EarlierRefinement(NamedTuple):
     """From a step on, cells become fine at `kappa` of the stretch that breaks bonds."""
 
     step: int
     kappa: float
 
 
-def after(model: Model, before: tuple[Sooner, ...], late: LateZoneError) -> tuple[Model, tuple[Sooner, ...]]:
+def plan_earlier_refinement(
+    model: Model, earlier_refinements: tuple[EarlierRefinement, ...], late: LateZoneError
+) -> tuple[Model, tuple[EarlierRefinement, ...]]:
     """The model to solve after fine cells came too late, and from when on they are to come sooner.
 
     A run that has no frame before that begins anew with a wider zone. So does one for which no wider zone is left,
     first with the widest from the start, then with fine nodes everywhere.
     """
     run = model.settings.run
-    now = with_kappa(model, before[-1].kappa) if before else model
+    now = with_kappa(model, earlier_refinements[-1].kappa) if earlier_refinements else model
     wider = widened(now)
     step = max(late.step - EVERY - 1, 0) // run.every * run.every
     if wider.settings.run.adapt == "none":
-        return (now if before else wider), ()
+        return (now if earlier_refinements else wider), ()
     if step == 0 or model.grid.dimension == 3:
         return wider, ()
-    return model, (*(refinement for refinement in before if refinement.step < step), Sooner(step, kappa_of(wider)))
+    return model, (
+        *(refinement for refinement in earlier_refinements if refinement.step < step),
+        EarlierRefinement(step, kappa_of(wider)),
+    )
 
 
-def say(model: Model, late: LateZoneError, wider: Model, earlier_refinements: tuple[Sooner, ...], back: int) -> None:
+def warn_of_zone_restart(
+    model: Model,
+    late: LateZoneError,
+    wider: Model,
+    earlier_refinements: tuple[EarlierRefinement, ...],
+    checkpoint_step: int,
+) -> None:
     """Warn of what is done about cells that came too late: of the step that is gone back to."""
     if wider.settings.run.adapt == "none":
         how = "fine nodes everywhere (run.adapt none)"
@@ -55,11 +66,11 @@ def say(model: Model, late: LateZoneError, wider: Model, earlier_refinements: tu
         how = f"run.hybrid.kappa {earlier_refinements[-1].kappa if earlier_refinements else kappa_of(wider):g}"
     words = f"begins anew with {how}"
     if earlier_refinements:
-        words = f"goes back to step {back}, and on with {how} from step {earlier_refinements[-1].step} on"
+        words = f"goes back to step {checkpoint_step}, and on with {how} from step {earlier_refinements[-1].step} on"
     warnings.warn(f"{model.name}: {late}; {words}", ModelWarning, stacklevel=4)
 
 
-def back_to(output: Path | None, earlier_refinements: tuple[Sooner, ...]) -> int:
+def find_restart_step(output: Path | None, earlier_refinements: tuple[EarlierRefinement, ...]) -> int:
     """The step of the checkpoint to go back to, 0 for the start."""
     if output is None or not earlier_refinements or not output.exists():
         return 0
@@ -68,7 +79,7 @@ def back_to(output: Path | None, earlier_refinements: tuple[Sooner, ...]) -> int
     return step if step <= earlier_refinements[-1].step else 0
 
 
-def widen(system: System, earlier_refinements: tuple[Sooner, ...], step: int, last: int) -> int:
+def refine_earlier(system: System, earlier_refinements: tuple[EarlierRefinement, ...], step: int, last: int) -> int:
     """Make cells fine as soon as they are to be after a step; returns the next step from which that changes."""
     begun = [refinement for refinement in earlier_refinements if refinement.step <= step]
     if begun and isinstance(system.operator, HybridOperator):
@@ -76,19 +87,19 @@ def widen(system: System, earlier_refinements: tuple[Sooner, ...], step: int, la
     return next((refinement.step for refinement in earlier_refinements if refinement.step > step), last)
 
 
-def kept(earlier_refinements: tuple[Sooner, ...]) -> dict[str, Any]:
+def refinement_metadata(earlier_refinements: tuple[EarlierRefinement, ...]) -> dict[str, Any]:
     """What a database says of cells that come sooner."""
     return {KEY: json.dumps(earlier_refinements)} if earlier_refinements else {}
 
 
-def back(meta: Mapping[str, Any], path: Path) -> tuple[Sooner, ...]:
+def read_refinement_metadata(meta: Mapping[str, Any], path: Path) -> tuple[EarlierRefinement, ...]:
     """What the metadata of a database say of cells that come sooner. Raises ResultsError."""
     try:
         earlier_refinements = tuple(
-            Sooner(int(step), float(kappa)) for step, kappa in json.loads(str(meta.get(KEY, "[]")))
+            EarlierRefinement(int(step), float(kappa)) for step, kappa in json.loads(str(meta.get(KEY, "[]")))
         )
     except (TypeError, ValueError, OverflowError):
-        earlier_refinements = (Sooner(-1, 0.0),)
+        earlier_refinements = (EarlierRefinement(-1, 0.0),)
     if not all(refinement.step >= 0 and 0 < refinement.kappa < 1 for refinement in earlier_refinements):
         raise ResultsError(f"{path}: {KEY} is {str(meta[KEY])[:40]!r}; it must be steps and shares of a stretch")
     return earlier_refinements

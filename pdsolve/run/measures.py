@@ -18,20 +18,20 @@ from pdsolve.state import Broken, State
 PIECE = 0.02  # of all nodes: smaller parts of a plate do not count as pieces
 
 
-class Asked(NamedTuple):
+class BondState(NamedTuple):
     """Energies and fields of an operator at one state, computed once for all users."""
 
-    held: NDArray[np.float64]  # (n,) energy in intact bonds, J/m^3
-    spent: NDArray[np.float64]  # (n,) on softening so far, J/m^3
+    strain_energy: NDArray[np.float64]  # (n,) energy in intact bonds, J/m^3
+    softening_energy: NDArray[np.float64]  # (n,) on softening so far, J/m^3
     broken: Broken  # all so far
 
 
-def ask(system: System, state: State) -> Asked:
+def evaluate_bonds(system: System, state: State) -> BondState:
     """Energies and fields of the operator at this state."""
-    return Asked(*system.operator.energies(state), system.operator.broken())
+    return BondState(*system.operator.energies(state), system.operator.broken())
 
 
-class Ledger(NamedTuple):
+class LedgerRow(NamedTuple):
     """Energy balance of one step: energy present, dissipated and supplied. Energies in J/m, momentum in N s/m."""
 
     step: int
@@ -50,44 +50,44 @@ class Ledger(NamedTuple):
     damped: float = 0.0  # taken by damping, by layers that absorb and by numerical ones
     friction: float = 0.0  # turned into heat where bodies and crack faces rub
 
-    def balance(self, initial: float, most: float = 0.0) -> float:
-        """Energy created since a start with `initial` energy (J/m), over the energy supplied; 0 if energy is conserved.
+    def balance_error(self, initial_energy: float, largest_work: float = 0.0) -> float:
+        """Energy created since a start with `initial_energy` (J/m), over the energy supplied; 0 if energy is conserved.
 
-        The energy supplied is the largest of the work done, its maximum `most` so far, and the initial energy.
+        The energy supplied is the largest of the work done, its maximum `largest_work` so far, and the initial energy.
         """
         total_energy = self.kinetic + self.strain + self.dissipated + self.damped + self.friction
-        missing = total_energy - self.work - self.refinement - initial
-        scale = self.put_in(initial, most)
+        missing = total_energy - self.work - self.refinement - initial_energy
+        scale = self.energy_scale(initial_energy, largest_work)
         return missing / scale if scale else 0.0
 
-    def put_in(self, initial: float, most: float = 0.0) -> float:
-        """The reference for relative energies, J/m: the largest of work done, `most` and `initial`."""
-        return max(abs(self.work), most, initial)
+    def energy_scale(self, initial_energy: float, largest_work: float = 0.0) -> float:
+        """The reference for relative energies, J/m: the largest of work done, `largest_work` and `initial_energy`."""
+        return max(abs(self.work), largest_work, initial_energy)
 
 
-def books(system: System, state: State, step: int, bond_state: Asked | None = None) -> Ledger:
+def compute_ledger_row(system: System, state: State, step: int, bond_state: BondState | None = None) -> LedgerRow:
     """The ledger entry after `step`, in double precision and the nodes' order; `bond_state` is that of this state, if
     known."""
-    strain, softened, broken = bond_state or ask(system, state)
+    strain, softened, broken = bond_state or evaluate_bonds(system, state)
     if system.hybrid is not None:
         sums, zone = system.hybrid.books()._asdict(), system.hybrid.zone_summary()._asdict()
-        return Ledger(step, step * system.time_step, **sums, **zone)
+        return LedgerRow(step, step * system.time_step, **sums, **zone)
     with np.errstate(over="ignore", invalid="ignore"):  # of a run that becomes unstable
-        return Ledger(
+        return LedgerRow(
             step,
             step * system.time_step,
             broken=system.broken_before + len(broken.step),
-            friction=friction(system, state),
-            **{name: float(np.sum(values())) for name, values in terms(system, state, strain, softened).items()},
+            friction=friction_heat(system, state),
+            **{name: float(np.sum(values())) for name, values in ledger_terms(system, state, strain, softened).items()},
             **({} if system.zone_summary is None else system.zone_summary._asdict()),
         )
 
 
-def terms(
-    system: System, state: State, strain: NDArray[np.float64], softened: NDArray[np.float64]
+def ledger_terms(
+    system: System, state: State, strain_energy: NDArray[np.float64], softening_energy: NDArray[np.float64]
 ) -> dict[str, Callable[[], NDArray[np.float64]]]:
-    """What makes the values (n,) of nodes that add up to an entry of the ledger, by its name; `strain` and `softened`
-    (n,) are J/m^3."""
+    """What makes the values (n,) of nodes that add up to an entry of the ledger, by its name; `strain_energy` and
+    `softening_energy` (n,) are J/m^3."""
     area, rho, velocity = system.area, system.model.rho, state.rate.astype(np.float64, copy=False)
 
     def momentum(axis: int) -> NDArray[np.float64]:
@@ -96,15 +96,15 @@ def terms(
     axes = range(system.model.grid.dimension)
     return {
         "kinetic": lambda: rho / 2 * area * (velocity**2).sum(axis=1),
-        "strain": lambda: area * strain,
-        "dissipated": lambda: area * (state.dissipated + softened),
+        "strain": lambda: area * strain_energy,
+        "dissipated": lambda: area * (state.dissipated + softening_energy),
         "work": lambda: area * state.work,
         "damped": lambda: area * state.damped,
         **{f"momentum_{'xyz'[axis]}": partial(momentum, axis) for axis in axes},
     }
 
 
-def friction(system: System, state: State) -> float:
+def friction_heat(system: System, state: State) -> float:
     """Energy that friction has turned into heat so far, J/m, of a body J."""
     return 0.0 if system.contact is None else system.contact.friction(state)
 
@@ -121,7 +121,7 @@ def damage(system: System, broken: Broken | None = None) -> NDArray[np.float64]:
 
 
 def fields(
-    system: System, state: State, names: Iterable[str], bond_state: Asked | None = None
+    system: System, state: State, names: Iterable[str], bond_state: BondState | None = None
 ) -> dict[str, NDArray[np.floating]]:
     """Fields (n,) of these names at a state; `bond_state` is that of this state, if known."""
     columns: dict[str, NDArray[np.floating]] = {}
@@ -130,7 +130,7 @@ def fields(
     if chosen == USUAL or not set(chosen) <= set(usual_ones):
         operator_fields |= system.operator.fields(state)
         rows = system.stepper.rows if isinstance(system.stepper, SwellingZone) else slice(None)
-        for prepared in system.beside:
+        for prepared in system.coupled:
             operator_fields |= {
                 name: values[rows] for name, values in prepared.system.operator.fields(prepared.state).items()
             }
@@ -140,7 +140,7 @@ def fields(
         if name == "damage":
             columns[name] = damage(system, bond_state and bond_state.broken)
         elif name == "energy":
-            columns[name] = bond_state.held if bond_state else system.operator.energies(state)[0]
+            columns[name] = bond_state.strain_energy if bond_state else system.operator.energies(state)[0]
         elif name in operator_fields:
             columns[name] = operator_fields[name]
         else:
@@ -149,13 +149,13 @@ def fields(
     return columns
 
 
-def bodies(system: System) -> int:
+def count_bodies(system: System) -> int:
     """Number of bodies, which no bond joins from the start."""
     named = system.model.grid.bodies
     return 1 if named is None else len(named.names)
 
 
-def pieces(system: System) -> int:
+def count_pieces(system: System) -> int:
     """Number of pieces of the plate: connected components of intact bonds without cracked nodes."""
     sound = damage(system) <= CRACKED
     source, target = system.operator.bonds()

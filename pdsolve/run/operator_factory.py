@@ -6,7 +6,7 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from pdsolve.bonds.assembly import BondStatistics, Counted, Filling, listed
+from pdsolve.bonds.assembly import BondSource, BondStatistics, Counted, listed
 from pdsolve.laws import law_of
 from pdsolve.laws.law import Law
 from pdsolve.model import Model, ModelError
@@ -30,36 +30,36 @@ from pdsolve.schemes.cubic_lattice_bonds import Tiled, tiled
 from pdsolve.schemes.scheme import Scheme
 
 
-def operator_of(
-    model: Model, options: Options, scheme: Scheme, filling: Filling, unbreakable: bool = False
+def make_operator(
+    model: Model, options: Options, scheme: Scheme, bond_source: BondSource, bonds_are_unbreakable: bool = False
 ) -> tuple[Operator, Counted]:
     """The operator of the bonds: in blocks if possible and not excluded by options; and what is counted of the bonds.
 
-    `unbreakable`: no bond breaks, as `filling` has it.
+    `bonds_are_unbreakable`: no bond breaks, as `bond_source` has it.
     """
     law, kind, nodes = law_of(model, scheme.matches_work), np.dtype(options.precision).type, len(model.grid)
-    tiles = _tiled(model, options, scheme, unbreakable)
+    tiles = _make_tiles(model, options, scheme, bonds_are_unbreakable)
     if tiles is not None:
         parts = tiles.tiles, tiles.sites, tiles.stiffness_bound
         if model.settings.run.device != "cpu":
             return SpaceOnDevice(law, *parts, scheme.symmetric, Session(model.settings.run.device)), tiles.counted
         return SpaceLattice(law, *parts, scheme.symmetric, threads_of(options, nodes, True)), tiles.counted
     blocked = not numba.config.DISABLE_JIT and model.grid.dimension == 2  # blocks are compiled code, of the plane
-    statistics = BondStatistics(filling, scheme.symmetric)
+    statistics = BondStatistics(bond_source, scheme.symmetric)
     if model.settings.run.device != "cpu":
-        return _on_device(model, options, scheme, filling, law, statistics)
+        return _make_device_operator(model, options, scheme, bond_source, law, statistics)
     if law.pair is not None and options.kernel != "listed" and blocked:
         blocks = blocks_of(law, statistics.parts(), nodes, kind, threads_of(options, nodes, True))
         if blocks is not None:
             operator = SimdLattice(law, blocks, statistics.stiffness_bound, scheme.symmetric, statistics.softens)
-            return operator, statistics.counted(filling.area)
-        statistics = BondStatistics(filling, scheme.symmetric)
+            return operator, statistics.counted(bond_source.area)
+        statistics = BondStatistics(bond_source, scheme.symmetric)
     threads = threads_of(options, nodes, False)
-    bonds = listed(statistics.parts(), filling.area).bonds
-    counted = statistics.counted(filling.area)
+    bonds = listed(statistics.parts(), bond_source.area).bonds
+    counted = statistics.counted(bond_source.area)
     compiled = not numba.config.DISABLE_JIT and options.kernel != "listed"
     of = law, model, bonds, scheme.symmetric, options.precision, threads
-    in_space = families_in_tiles.placed(law, model, bonds, filling.area) if compiled else None
+    in_space = families_in_tiles.placed(law, model, bonds, bond_source.area) if compiled else None
     if in_space is not None:
         return families_in_tiles.FamiliesInTiles(*of, in_space), counted
     where = state_based.placed(law, bonds) if compiled else None
@@ -73,17 +73,17 @@ def operator_of(
     return BondList(law, model, bonds, scheme.symmetric, options.precision, threads), counted
 
 
-def _on_device(
-    model: Model, options: Options, scheme: Scheme, filling: Filling, law: Law, statistics: BondStatistics
+def _make_device_operator(
+    model: Model, options: Options, scheme: Scheme, bond_source: BondSource, law: Law, statistics: BondStatistics
 ) -> tuple[Operator, Counted]:
     """The operator of bonds that are in no tiles on a device. Raises ModelError."""
     if law.lanes is not None:  # a law of families
-        bonds = listed(statistics.parts(), filling.area).bonds
+        bonds = listed(statistics.parts(), bond_source.area).bonds
         where = state_based.placed(law, bonds)
         if where is None:
             raise ModelError(f"{model.name}: $.run.device: nodes are on no lattice; use cpu, or nodes on one")
         of = law, model, bonds, scheme.symmetric, options.precision, *where
-        return FamiliesOnDevice(*of, Session(model.settings.run.device)), statistics.counted(filling.area)
+        return FamiliesOnDevice(*of, Session(model.settings.run.device)), statistics.counted(bond_source.area)
     if law.pair is None or law.pair.held is not None:
         raise ModelError(f"{model.name}: $.run.device: the law is no straight line; use cpu for such a law")
     session, kind = Session(model.settings.run.device), np.dtype(options.precision).type
@@ -96,19 +96,19 @@ def _on_device(
     if blocks is None:
         raise ModelError(f"{model.name}: $.run.device: nodes are on no lattice; use cpu, or nodes on one")
     operator = PlaneOnDevice(law, blocks, statistics.stiffness_bound, scheme.symmetric, statistics.softens, session)
-    return operator, statistics.counted(filling.area)
+    return operator, statistics.counted(bond_source.area)
 
 
-def held_by_ground(model: Model, volume: NDArray[np.float64], bonds: Operator) -> Operator:
+def add_ground_supports(model: Model, volume: NDArray[np.float64], bonds: Operator) -> Operator:
     """The operator of a model's bonds with its spring supports and pins, if it has any. `volume` (n,), m^d."""
     return supported(model, volume, bonds) if model.has_supports else bonds
 
 
-def touched(model: Model, volume: NDArray[np.float64], bonds: Operator) -> tuple[Operator, PenaltyContact | None]:
+def add_contact(model: Model, volume: NDArray[np.float64], bonds: Operator) -> tuple[Operator, PenaltyContact | None]:
     """The operator of a model's bonds and of what touches; and the latter. `volume` (n,), m^d. Raises ModelError."""
     if model.settings.contact is None:
         return bonds, None
-    longest, step = stable(touch_bound(model, volume), model.rho), model.settings.run.time_step
+    longest, step = largest_stable_step(touch_bound(model, volume), model.rho), model.settings.run.time_step
     if step is not None and step > longest:
         raise ModelError(
             f"{model.name}: $.contact.stiffness is {model.settings.contact.stiffness:g} with steps of {step:.3g} s;"
@@ -118,7 +118,7 @@ def touched(model: Model, volume: NDArray[np.float64], bonds: Operator) -> tuple
     return Together(contact, bonds), contact
 
 
-def touched_at_rest(
+def add_contact_at_rest(
     model: Model, volume: NDArray[np.float64], bonds: Operator
 ) -> tuple[Operator, RestingContact | None]:
     """The operator of the bonds of a model at rest and of what touches; and the latter. `volume` (n,), m^d."""
@@ -128,7 +128,7 @@ def touched_at_rest(
     return Together(contact, bonds), contact
 
 
-def for_swelling(model: Model, options: Options) -> Options:
+def options_for_swelling(model: Model, options: Options) -> Options:
     """The options of a kernel that knows what swells: blocks in motion, of laws that they can sum so; else the list.
 
     Raises ModelError where the options exclude it.
@@ -142,14 +142,14 @@ def for_swelling(model: Model, options: Options) -> Options:
     return options if fast else options._replace(kernel="listed")
 
 
-def bonded(operator: Operator) -> Operator:
+def unwrap_bond_operator(operator: Operator) -> Operator:
     """The operator of bonds in one to which supports or contact may be added."""
     while isinstance(operator, Together):
         operator = operator.parts[-1]
     return operator
 
 
-def in_blocks(operator: Operator) -> tuple[SimdLattice | None, PenaltyContact | None]:
+def blocks_and_contact(operator: Operator) -> tuple[SimdLattice | None, PenaltyContact | None]:
     """The blocks of an operator, if they are all there is of it but for contact; and that."""
     if isinstance(operator, Together):
         *others, last = operator.parts
@@ -158,49 +158,53 @@ def in_blocks(operator: Operator) -> tuple[SimdLattice | None, PenaltyContact | 
     return (operator if isinstance(operator, SimdLattice) else None), None
 
 
-def bond_counts(model: Model, options: Options, scheme: Scheme) -> tuple[NDArray[np.int64], NDArray[np.float64], bool]:
+def bond_counts_and_stiffness_bound(
+    model: Model, options: Options, scheme: Scheme
+) -> tuple[NDArray[np.int64], NDArray[np.float64], bool]:
     """Number (n,) of the bonds of a pair law, the bound (n,) of their stiffness, N/m^4, and whether blocks can have
     them."""
-    tiles = _tiled(model, options, scheme, False)
+    tiles = _make_tiles(model, options, scheme, False)
     if tiles is not None:
         area = tiles.counted.area
-        return tiles.counted.bonds, tiles.stiffness_bound + _bound_beside_bonds(model, area), True
+        return tiles.counted.bonds, tiles.stiffness_bound + _stiffness_bound_beside_bonds(model, area), True
     filling = scheme.fill(model)
     statistics = BondStatistics(filling, scheme.symmetric)
     for _ in statistics.parts():
         pass
-    bound = statistics.stiffness_bound + _bound_beside_bonds(model, filling.area)
+    bound = statistics.stiffness_bound + _stiffness_bound_beside_bonds(model, filling.area)
     return statistics.count, bound, model.grid.dimension == 2
 
 
-def _bound_beside_bonds(model: Model, volume: NDArray[np.float64]) -> NDArray[np.float64]:
+def _stiffness_bound_beside_bonds(model: Model, volume: NDArray[np.float64]) -> NDArray[np.float64]:
     """What contact and supports add to the bound (n,) of each node's stiffness, N/m^4."""
     return touch_bound(model, volume) + support_bound(model, volume)
 
 
-def _tiled(model: Model, options: Options, scheme: Scheme, unbreakable: bool) -> Tiled | None:
+def _make_tiles(model: Model, options: Options, scheme: Scheme, bonds_are_unbreakable: bool) -> Tiled | None:
     """The bonds of a body in tiles, where they can be and options do not exclude it."""
     if model.grid.dimension == 2 or options.kernel == "listed" or numba.config.DISABLE_JIT or not scheme.symmetric:
         return None
-    return tiled(model, np.dtype(options.precision).type, unbreakable)
+    return tiled(model, np.dtype(options.precision).type, bonds_are_unbreakable)
 
 
-def stable_step(model: Model, operator: Operator) -> float:
+def stable_time_step(model: Model, operator: Operator) -> float:
     """The longest surely stable step of a motion, s, in which families may lose bonds; infinite without bonds."""
-    start, bonds = operator.stiffness_bound(), bonded(operator)
+    start, bonds = operator.stiffness_bound(), unwrap_bond_operator(operator)
     breaks = model.settings.run.cracks == "bonds" and any(material.failure != "none" for material in model.materials)
     if breaks and isinstance(bonds, BondList) and bonds.law.torn_stiffness is not None:
         start = np.maximum(start, bonds.law.torn_stiffness(bonds.columns, start))
-    return stable(start, model.rho)
+    return largest_stable_step(start, model.rho)
 
 
-def intact_stable_step(model: Model, operator: Operator) -> float:
+def intact_stable_time_step(model: Model, operator: Operator) -> float:
     """The longest surely stable step, s, with the bonds that are left, which may be shorter than at the start."""
-    bonds = bonded(operator)
-    return stable(bonds.intact_stiffness_bound(), model.rho) if isinstance(bonds, BondList) else float("inf")
+    bonds = unwrap_bond_operator(operator)
+    return (
+        largest_stable_step(bonds.intact_stiffness_bound(), model.rho) if isinstance(bonds, BondList) else float("inf")
+    )
 
 
-def stable(resistance: NDArray[np.float64], rho: NDArray[np.float64]) -> float:
+def largest_stable_step(stiffness_bound: NDArray[np.float64], rho: NDArray[np.float64]) -> float:
     """The longest surely stable step, s, for an operator's `stiffness_bound` (n,); infinite without bonds."""
-    largest = float((resistance / rho).max(initial=0.0))
+    largest = float((stiffness_bound / rho).max(initial=0.0))
     return float(np.sqrt(2 / largest)) if largest > 0 else float("inf")

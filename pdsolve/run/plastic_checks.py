@@ -7,7 +7,7 @@ import warnings
 import numpy as np
 
 from pdsolve.model import ModelWarning
-from pdsolve.run.operator_factory import bonded
+from pdsolve.run.operator_factory import unwrap_bond_operator
 from pdsolve.run.system import System
 
 LARGEST = 0.1  # plastic strain up to which j2 in its total form counts as one for small strains
@@ -15,7 +15,7 @@ LARGEST = 0.1  # plastic strain up to which j2 in its total form counts as one f
 
 def warn_of_plastic_strain(system: System, step: int) -> bool:
     """Warn if the equivalent plastic strain of a node is above `LARGEST`; returns whether one is."""
-    solid = getattr(getattr(bonded(system.operator), "columns", None), "solid", None)
+    solid = getattr(getattr(unwrap_bond_operator(system.operator), "columns", None), "solid", None)
     if solid is None:
         return False
     p = solid.history[:, :6].astype(float)

@@ -29,48 +29,56 @@ from pdsolve.numerics.thread_team import cores, crew
 from pdsolve.operators.bond_list import BondList
 from pdsolve.operators.simd_lattice.operator import SimdLattice
 from pdsolve.options import Options, threads_of
-from pdsolve.run.assembly import assembled, set_off, step_of, stepper_of_content, system_of
-from pdsolve.run.at_rest import at_rest
-from pdsolve.run.operator_factory import bonded, for_swelling, stable
-from pdsolve.run.swelling_with_fine_zone import PlateBonds, SwellingZone
+from pdsolve.run.assembly import (
+    assemble_motion,
+    assemble_system,
+    choose_time_step,
+    make_content_stepper,
+    set_initial_motion,
+)
+from pdsolve.run.at_rest import prepare_load_steps
+from pdsolve.run.operator_factory import largest_stable_step, options_for_swelling, unwrap_bond_operator
+from pdsolve.run.swelling_with_fine_zone import PlateBrokenBonds, SwellingZone
 from pdsolve.run.system import Prepared, System
 from pdsolve.schemes import SCHEMES
 from pdsolve.schemes.scheme import Scheme
-from pdsolve.steppers.equilibrium import forces
+from pdsolve.steppers.equilibrium import force_densities
 from pdsolve.steppers.euler import Euler
-from pdsolve.steppers.static_loads import in_load_steps, in_steps_of_content
+from pdsolve.steppers.static_loads import model_in_content_steps, model_in_load_steps
 
 WORTH_HYBRID = 25_000  # nodes of a plate with a fine zone that moves, were they all there
 
 
 def prepare(model: Model, options: Options) -> Prepared:
     """A model's bonds and conditions, and its state at time 0. Raises ModelError for an unsupported model."""
-    prepared = _prepared(decided(model, options) if model.settings.run.adapt == "auto" else model, options)
+    prepared = _prepare_by_kind(decided(model, options) if model.settings.run.adapt == "auto" else model, options)
     system = prepared.system
-    full_model = None if system.whole is None else counted(system.whole, system.time_step)
-    return prepared._replace(system=replace(system, model=counted(system.model, system.time_step), whole=full_model))
+    full_model = None if system.full_model is None else counted(system.full_model, system.time_step)
+    return prepared._replace(
+        system=replace(system, model=counted(system.model, system.time_step), full_model=full_model)
+    )
 
 
-def _prepared(model: Model, options: Options) -> Prepared:
+def _prepare_by_kind(model: Model, options: Options) -> Prepared:
     if options.team is not None:
         refuse_on_ranks(model)
     if model.diffuses:
-        return _diffusing(model, options)
-    scheme = scheme_of(model, options)
+        return _prepare_diffusion(model, options)
+    scheme = select_scheme(model, options)
     if model.swells:
-        return _swelling(model, options, scheme)
+        return _prepare_swelling(model, options, scheme)
     if model.settings.run.cracks == "particles" and model.materials[0].detour is not None:
         options = options._replace(kernel="listed")  # blocks keep the weights that their bonds began with
     if model.settings.run.adapt == "split":
-        return _split(model, options, scheme)
+        return _prepare_cell_splitting(model, options, scheme)
     if model.settings.run.adapt != "none":
-        return (_moving if model.grid.dimension == 2 else _refining)(model, options, scheme)
+        return (_prepare_plate_zone if model.grid.dimension == 2 else _prepare_body_zone)(model, options, scheme)
     if model.settings.run.solver == "static":
-        return at_rest(in_load_steps(model, options.precision), options, scheme)
-    return system_of(model, options, scheme)
+        return prepare_load_steps(model_in_load_steps(model, options.precision), options, scheme)
+    return assemble_motion(model, options, scheme)
 
 
-def scheme_of(model: Model, options: Options) -> Scheme:
+def select_scheme(model: Model, options: Options) -> Scheme:
     """The scheme that options name. Raises ModelError for an unsupported model or option."""
     if options.mode not in SCHEMES:
         raise ModelError(f"mode is '{options.mode}'; use one of {', '.join(SCHEMES)}")
@@ -88,7 +96,7 @@ def scheme_of(model: Model, options: Options) -> Scheme:
     return scheme
 
 
-def _diffusing(model: Model, options: Options) -> Prepared:
+def _prepare_diffusion(model: Model, options: Options) -> Prepared:
     """A prepared model of diffusion. Raises ModelError for an unsupported one."""
     diffusion.expect_usual(model, options)
     transport, state = diffusion.prepare(model, options.threads, options.kernel == "listed")
@@ -98,35 +106,35 @@ def _diffusing(model: Model, options: Options) -> Prepared:
         options=options._replace(threads=transport.threads),
         scheme=SCHEMES["conservative"],
         operator=operator,
-        stepper=stepper_of_content(model, transport, state, options.team),
+        stepper=make_content_stepper(model, transport, state, options.team),
         drive=transport.drive,
         area=volume,
         family=operator.count + transport.blocked,
         count=operator.count,
         time_step=transport.time_step,
-        bound=transport.bound,
+        stable_time_step=transport.bound,
         initial_energy=0.0,
         transport=transport,
     )
     return Prepared(system, state)
 
 
-def _swelling(model: Model, options: Options, scheme: Scheme) -> Prepared:
+def _prepare_swelling(model: Model, options: Options, scheme: Scheme) -> Prepared:
     """A model of a motion that a content swells. Raises ModelError for what cannot be solved so."""
     if not scheme.symmetric:
         expected = "conservative, as $.physics is thermoelastic"
         raise ModelError(f"{model.name}: mode is {scheme.name}; use {expected}")
     if model.settings.run.adapt == "hybrid":
-        return _swelling_zone(model, options, scheme)
-    options, rests = for_swelling(model, options), model.settings.run.solver == "static"
+        return _prepare_swelling_zone(model, options, scheme)
+    options, rests = options_for_swelling(model, options), model.settings.run.solver == "static"
     if rests:
-        model = in_steps_of_content(model, options.precision)
-        system, state = at_rest(model.moving_part(), options, scheme)
+        model = model_in_content_steps(model, options.precision)
+        system, state = prepare_load_steps(model.moving_part(), options, scheme)
     else:
-        system, state = system_of(model.moving_part(), options, scheme)
-    content = _diffusing(model.diffusing_part(system.time_step), Options(threads=options.threads))
+        system, state = assemble_motion(model.moving_part(), options, scheme)
+    content = _prepare_diffusion(model.diffusing_part(system.time_step), Options(threads=options.threads))
     transport, marches, cycle = content.system.transport, content.system.stepper, 1
-    bonds = bonded(system.operator)
+    bonds = unwrap_bond_operator(system.operator)
     assert isinstance(bonds, BondList | SimdLattice)
     assert transport is not None
     if not rests:
@@ -139,34 +147,36 @@ def _swelling(model: Model, options: Options, scheme: Scheme) -> Prepared:
         content = content._replace(state=content.state._replace(second=np.zeros((len(model.grid), 1))))
     stepper = Swelling(marches, content.state, system.stepper, bonds, model, cycle, broken, transport.free)
     if not rests:  # the first half step goes with what the strains of time 0 pull
-        pull = forces(system.operator, state) / system.model.rho[:, None]
+        pull = force_densities(system.operator, state) / system.model.rho[:, None]
         state.second[:] += np.where(held(system.drive), 0.0, pull)
         stepper.begin(state)
     energy = system.initial_energy + float(np.sum(system.area * system.operator.energies(state)[0]))
-    return Prepared(replace(system, stepper=stepper, whole=model, beside=(content,), initial_energy=energy), state)
+    return Prepared(
+        replace(system, stepper=stepper, full_model=model, coupled=(content,), initial_energy=energy), state
+    )
 
 
-def _swelling_zone(model: Model, options: Options, scheme: Scheme) -> Prepared:
+def _prepare_swelling_zone(model: Model, options: Options, scheme: Scheme) -> Prepared:
     """A plate with a moving fine zone that a content swells. Raises ModelError for what cannot be solved so."""
-    system, _ = _moving(model, options, scheme)
+    system, _ = _prepare_plate_zone(model, options, scheme)
     operator, medium = system.operator, model.settings.medium
     assert isinstance(operator, HybridOperator)
     assert medium is not None
-    content = _diffusing(model.diffusing_part(system.time_step), Options(threads=system.options.threads))
+    content = _prepare_diffusion(model.diffusing_part(system.time_step), Options(threads=system.options.threads))
     transport = content.system.transport
     assert transport is not None
     cycle = cycle_of(model.settings.run, system.time_step, transport.bound)
     marches = Euler(transport.operator, transport.drive, cycle * system.time_step)
-    broken = None if medium.broken == 1 else BrokenBonds(transport, PlateBonds(operator.hybrid), medium.broken)
+    broken = None if medium.broken == 1 else BrokenBonds(transport, PlateBrokenBonds(operator.hybrid), medium.broken)
     stepper = SwellingZone(marches, content.state, operator, model, cycle, broken)
     energy = system.initial_energy + operator.hybrid.stored()
-    return Prepared(replace(system, stepper=stepper, beside=(content,), initial_energy=energy), operator.state())
+    return Prepared(replace(system, stepper=stepper, coupled=(content,), initial_energy=energy), operator.state())
 
 
-def _moving(model: Model, options: Options, scheme: Scheme) -> Prepared:
+def _prepare_plate_zone(model: Model, options: Options, scheme: Scheme) -> Prepared:
     """A prepared model with a moving fine zone. Raises ModelError for an unsupported one."""
     threads = options.threads or crew(len(model.grid), WORTH_HYBRID)
-    shown, bound = moving_of(model, options.mode, options.precision, step_of, threads)
+    shown, bound = moving_of(model, options.mode, options.precision, choose_time_step, threads)
     state = shown.state()
     system = System(
         model=shown.model,
@@ -179,38 +189,39 @@ def _moving(model: Model, options: Options, scheme: Scheme) -> Prepared:
         family=shown.counts[1],
         count=shown.counts[0],
         time_step=float(shown.hybrid.ground.dt),
-        bound=bound,
+        stable_time_step=bound,
         initial_energy=shown.books().kinetic,
-        whole=model,
+        full_model=model,
     )
     return Prepared(system, state)
 
 
-def _split(model: Model, options: Options, scheme: Scheme) -> Prepared:
+def _prepare_cell_splitting(model: Model, options: Options, scheme: Scheme) -> Prepared:
     """A prepared model whose cells can split; none has yet. Raises ModelError for an unsupported one."""
     tree = tree_over(model, scheme.name, options.precision, options.kernel)
     cells = tree.roots()
     now = tree.model_of(cells)
     bonds, threads = filled(scheme.by_pairs(now)), threads_of(options, len(model.grid), False)
     operator = Leaves(tree, cells, now, bonds, scheme, threads)
-    bound = SURE[scheme.name] * stable(operator.stiffness_bound(), now.rho) / 2**tree.levels
-    rest = assembled(now, options, scheme, operator, bonds.assembly.counted, step_of(model, bound), bound)
-    return _set_going(rest, tree.model, initial_velocity(model))  # of which `now` knows nothing
+    bound = SURE[scheme.name] * largest_stable_step(operator.stiffness_bound(), now.rho) / 2**tree.levels
+    step = choose_time_step(model, bound)
+    rest = assemble_system(now, options, scheme, operator, bonds.assembly.counted, step, bound)
+    return _set_initial_velocity(rest, tree.model, initial_velocity(model))  # of which `now` knows nothing
 
 
-def _refining(model: Model, options: Options, scheme: Scheme) -> Prepared:
+def _prepare_body_zone(model: Model, options: Options, scheme: Scheme) -> Prepared:
     """A prepared body with a moving fine zone. Raises ModelError for an unsupported one."""
     threads = threads_of(options, len(model.grid), True)
     operator = body_of(model, options, threads)
     options = options._replace(threads=threads)
-    bound = stable(operator.stiffness_bound(), operator.model.rho)
-    steps, driven = (step_of(model, bound), bound), drive_of_nodes(operator, 0.0)
-    rest = assembled(operator.model, options, scheme, operator, operator.counted, *steps, driven=driven)
-    return _set_going(rest, model, initial_velocity(model)[operator.rows])
+    bound = largest_stable_step(operator.stiffness_bound(), operator.model.rho)
+    steps, driven = (choose_time_step(model, bound), bound), drive_of_nodes(operator, 0.0)
+    rest = assemble_system(operator.model, options, scheme, operator, operator.counted, *steps, conditions=driven)
+    return _set_initial_velocity(rest, model, initial_velocity(model)[operator.rows])
 
 
-def _set_going(rest: Prepared, full_model: Model, velocity: NDArray[np.float64]) -> Prepared:
+def _set_initial_velocity(rest: Prepared, full_model: Model, velocity: NDArray[np.float64]) -> Prepared:
     """The start of a run of `full_model`, whose current nodes have these velocities (n, d), m/s."""
-    set_off(rest.state, velocity, damping(rest.system.model), rest.system.drive)
+    set_initial_motion(rest.state, velocity, damping(rest.system.model), rest.system.drive)
     energy = float(np.sum(rest.system.model.rho / 2 * rest.system.area * (velocity**2).sum(axis=1)))
-    return rest._replace(system=replace(rest.system, whole=full_model, initial_energy=energy))
+    return rest._replace(system=replace(rest.system, full_model=full_model, initial_energy=energy))

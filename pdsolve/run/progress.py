@@ -27,14 +27,14 @@ def in_notebook() -> bool:
     return kernels is not None and bool(kernels.IPKernelApp.initialized())
 
 
-def bar(what: str, unit: str, **more: Any) -> Any:
+def progress_bar(label: str, unit: str, **options: Any) -> Any:
     """A progress bar (tqdm's), as a widget in notebooks that support it; None if nobody would see it."""
     if not (sys.stderr.isatty() or in_notebook()):
         return None
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # of a notebook without widgets: the bar is one of letters
         from tqdm.auto import tqdm
-    return tqdm(desc=what, unit=unit, dynamic_ncols=True, leave=False, **more)
+    return tqdm(desc=label, unit=unit, dynamic_ncols=True, leave=False, **options)
 
 
 class Watch:
@@ -61,9 +61,9 @@ class Watch:
         if threading.current_thread() is threading.main_thread():
             for number in STOPS:
                 if number == signal.SIGINT or signal.getsignal(number) is not signal.SIG_IGN:  # as under nohup
-                    self._before[number] = signal.signal(number, self._stop)
-        self._bar = None if self._quiet else bar("preparing (the first run compiles)", " steps")
-        return self._show
+                    self._before[number] = signal.signal(number, self._request_stop)
+        self._bar = None if self._quiet else progress_bar("preparing (the first run compiles)", " steps")
+        return self._show_progress
 
     def __exit__(self, *_: object) -> None:
         if self._runs:
@@ -73,7 +73,7 @@ class Watch:
         if self._bar is not None:
             self._bar.close()
 
-    def _stop(self, number: int, frame: FrameType | None) -> None:
+    def _request_stop(self, number: int, frame: FrameType | None) -> None:
         again, self.signal = self.signal is not None, self.signal or number
         if again or not self._runs or stopping.has_nothing_to_save():  # asked twice, or prepared anew
             before = self._before[number]
@@ -81,7 +81,7 @@ class Watch:
                 before(number, frame)
             raise KeyboardInterrupt
 
-    def _show(self, progress: Progress) -> bool:
+    def _show_progress(self, progress: Progress) -> bool:
         from pdsolve.codegen.compile_time import compile_seconds  # numba, which --help does not need
 
         compiled = compile_seconds()

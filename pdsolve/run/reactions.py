@@ -19,7 +19,7 @@ RIGID = str(RigidBody.__struct_config__.tag)
 GROUND = tuple(str(kind.__struct_config__.tag) for kind in (Spring, Pin))
 
 
-class Grip(NamedTuple):
+class ActingCondition(NamedTuple):
     """A condition that acts throughout a run, and its nodes."""
 
     number: int  # in the model's list of conditions
@@ -42,18 +42,18 @@ class Reaction(NamedTuple):
     displacement_z: float = 0.0
 
 
-def grips(system: System) -> tuple[Grip, ...]:
+def acting_conditions(system: System) -> tuple[ActingCondition, ...]:
     """All conditions with forces, in the model's order, which is that of the profiles of `Drive`."""
     return tuple(
-        Grip(number, str(condition.__struct_config__.tag), _rows(system, condition))
-        for number, condition in enumerate(system.asked.settings.conditions)
+        ActingCondition(number, str(condition.__struct_config__.tag), _nodes_of_condition(system, condition))
+        for number, condition in enumerate(system.requested_model.settings.conditions)
         if isinstance(condition, Driving)
     )
 
 
-def _rows(system: System, condition: Selection) -> NDArray[np.int64]:
+def _nodes_of_condition(system: System, condition: Selection) -> NDArray[np.int64]:
     """Current nodes of a condition; the nearest one if it acts between nodes."""
-    grid, full_model = system.model.grid, system.asked
+    grid, full_model = system.model.grid, system.requested_model
     rows = np.flatnonzero(selection.selected(grid, condition.nodes, condition.box))
     if len(rows):
         return rows
@@ -61,17 +61,19 @@ def _rows(system: System, condition: Selection) -> NDArray[np.int64]:
     return np.array([lengths(grid.position - place).argmin()])
 
 
-def reactions(grips: tuple[Grip, ...], system: System, state: State, step: int, time: float) -> list[Reaction]:
+def compute_reactions(
+    conditions: tuple[ActingCondition, ...], system: System, state: State, step: int, time: float
+) -> list[Reaction]:
     """External force of each grip after `step`.
 
     A hold balances bonds and loads on its components and provides their acceleration. The acceleration of a prescribed
     displacement or velocity is taken as 0: only the inertia of the held nodes is neglected while their speed changes.
     The force of a rigid body is that on what it touches.
     """
-    pulls, pushes = _forces(system, state, len(grips))
-    reaction_rows, at = [], system.load_time(step)
-    supports = supports_of(system.operator) if any(grip.kind in GROUND for grip in grips) else None
-    for profile, grip in enumerate(grips):
+    pulls, pushes = _condition_forces(system, state, len(conditions))
+    reaction_rows, at = [], system.profile_time(step)
+    supports = supports_of(system.operator) if any(grip.kind in GROUND for grip in conditions) else None
+    for profile, grip in enumerate(conditions):
         force = (pulls[profile] + float(factor_now(system.drive.profiles, profile, at)) * pushes[profile]).tolist()
         if grip.kind == RIGID and system.contact is not None:
             force = (-system.contact.rigid.force_of(grip.rows, len(force))).tolist()
@@ -83,17 +85,19 @@ def reactions(grips: tuple[Grip, ...], system: System, state: State, step: int, 
     return reaction_rows
 
 
-def _forces(system: System, state: State, profiles: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def _condition_forces(
+    system: System, state: State, condition_count: int
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Holding forces (profiles, d), and load forces at factor 1, N/m (in a body N)."""
     if system.hybrid is not None:
-        return system.hybrid.pulls(profiles), system.hybrid.pushes(profiles)
+        return system.hybrid.pulls(condition_count), system.hybrid.pushes(condition_count)
     drive, area, rho = system.drive, system.area, system.model.rho
     holds, loads = drive.holds, drive.loads
     pull = area[holds.node] * (rho[holds.node] * state.second[holds.node, holds.axis].astype(float) - drive.held_force)
     push = area[loads.node] * loads.value
     d = system.model.grid.dimension
     pulls, pushes = (
-        np.bincount(d * entries.profile + entries.axis, values, minlength=d * profiles).reshape(-1, d)
+        np.bincount(d * entries.profile + entries.axis, values, minlength=d * condition_count).reshape(-1, d)
         for entries, values in ((holds, pull), (loads, push))
     )
     return np.asarray(pulls), np.asarray(pushes)

@@ -22,28 +22,28 @@ from pdsolve.diffusion.swelling import Swelling
 from pdsolve.errors import CheckpointError
 from pdsolve.results import Breaks, Epoch, Families, Frame, Nodes, Results, Writer
 from pdsolve.results.schema import taken
-from pdsolve.run.accounts import Accounts, Together
-from pdsolve.run.measures import Asked, ask, bodies, fields, pieces
-from pdsolve.run.motion_accounts import MotionAccounts
-from pdsolve.run.node_changes import Change
+from pdsolve.run.measures import BondState, count_bodies, count_pieces, evaluate_bonds, fields
+from pdsolve.run.mechanics_records import MechanicsRecords
+from pdsolve.run.node_changes import NodeChange
+from pdsolve.run.physics_records import CoupledRecords, PhysicsRecords
 from pdsolve.run.system import System
 from pdsolve.state import Broken, State, zero_state
-from pdsolve.steppers.load_steps import Rested
-from pdsolve.steppers.path_records import PathRecords
-from pdsolve.steppers.stepped_rest import SteppedRest
+from pdsolve.steppers.cycle_or_path_steps import CycleOrPathSteps
+from pdsolve.steppers.load_steps import LoadStepResult
+from pdsolve.steppers.path_stepper import PathStepper
 
 GAP = 64  # rows between born nodes whose bonds are asked for together
 KEPT = 1.0  # s between checkpoints in full precision, with frames
 OLD = 10.0  # s, with entries of the ledger
 
 
-def nodes(system: System) -> Nodes:
+def result_nodes(system: System) -> Nodes:
     """The nodes in the format of results."""
     grid, cut = system.model.grid, system.family - system.count
     return Nodes(grid.ids, grid.position, grid.delta, system.area, system.family, cut)
 
 
-def families(system: System, first: int, last: int) -> Families:
+def result_families(system: System, first: int, last: int) -> Families:
     """Initial families of the rows `first` to `last` - 1; available during a run too."""
     if system.transport is not None:  # whose links do not break: nobody asks for them
         return Families(np.zeros(last - first + 1, dtype=np.int64), np.zeros(0, dtype=np.int64))
@@ -51,78 +51,87 @@ def families(system: System, first: int, last: int) -> Families:
     return Families(np.concatenate([[0], np.cumsum(system.count[first:last])]), target)
 
 
-def born(system: System, which: NDArray[np.int64], rows: NDArray[np.int64], step: int) -> tuple[Nodes, Families]:
-    """Nodes born after `step`, `which` (b,) of a set of nodes, and their remaining bonds; `rows` (n,) as in `Frame`."""
-    ends = [*_bonds_of(system, which)]
+def collect_born_nodes(
+    system: System, born_rows: NDArray[np.int64], rows_in_results: NDArray[np.int64], step: int
+) -> tuple[Nodes, Families]:
+    """Nodes born after `step`, `born_rows` (b,) of a set of nodes, and their remaining bonds; `rows_in_results` (n,) as
+    in `Frame`."""
+    ends = [*_bonds_of_nodes(system, born_rows)]
     since, is_born = system.operator.broken(step), np.zeros(len(system.family), dtype=np.bool_)
-    is_born[which] = True
+    is_born[born_rows] = True
     ends.append((since.source, since.target))
     source, target = (np.concatenate(column) for column in zip(*ends, strict=True))
     source, target = source[is_born[source]], target[is_born[source]]
     order = np.lexsort((target, source))
     source, target = source[order], target[order]
-    count = np.bincount(source, minlength=len(system.family))[which]
-    born_nodes = taken(nodes(system), which)._replace(cut=system.family[which] - count)
-    return born_nodes, Families(np.concatenate([[0], np.cumsum(count)]), rows[target])
+    count = np.bincount(source, minlength=len(system.family))[born_rows]
+    born_nodes = taken(result_nodes(system), born_rows)._replace(cut=system.family[born_rows] - count)
+    return born_nodes, Families(np.concatenate([[0], np.cumsum(count)]), rows_in_results[target])
 
 
-def _bonds_of(system: System, which: NDArray[np.int64]) -> Iterator[tuple[NDArray[np.int64], NDArray[np.int64]]]:
+def _bonds_of_nodes(
+    system: System, node_rows: NDArray[np.int64]
+) -> Iterator[tuple[NDArray[np.int64], NDArray[np.int64]]]:
     """Source and target rows (k,) of the bonds of at least these nodes."""
     if isinstance(system.operator, HybridOperator):
-        yield system.operator.bonds_of(which)
+        yield system.operator.bonds_of(node_rows)
         return
-    for run in np.split(which, np.flatnonzero(np.diff(which) > GAP) + 1) if len(which) else ():
+    for run in np.split(node_rows, np.flatnonzero(np.diff(node_rows) > GAP) + 1) if len(node_rows) else ():
         yield system.operator.bonds(int(run[0]), int(run[-1]) + 1)
 
 
-def breaks(system: System, after: int, broken: Broken | None = None) -> Breaks:
+def breaks_since(system: System, after_step: int, broken: Broken | None = None) -> Breaks:
     """Bonds broken after a step, in order; from all `broken` ones, if known."""
-    ids, all_broken = system.model.grid.ids, system.operator.broken(after) if broken is None else broken
-    new = np.flatnonzero(all_broken.step > after)
+    ids, all_broken = system.model.grid.ids, system.operator.broken(after_step) if broken is None else broken
+    new = np.flatnonzero(all_broken.step > after_step)
     step, source, target = (column[new] for column in all_broken)
     order = np.lexsort((target, source, step))
     return Breaks(step[order], ids[source[order]], ids[target[order]])
 
 
-def _until(step: int, broken: Broken) -> Broken:
+def _broken_until(step: int, broken: Broken) -> Broken:
     """The bonds broken up to a step."""
     before = broken.step <= step
     return Broken(*(column[before] for column in broken))
 
 
-def checkpoint(system: System, state: State) -> dict[str, NDArray[Any]]:
+def make_checkpoint(system: System, state: State) -> dict[str, NDArray[Any]]:
     """A copy of everything a resumed run needs to continue bit by bit, except the broken bonds."""
     of_bonds = dict(system.operator.keep())  # before the state, which it may bring up to date
     arrays = {"held_force": system.drive.held_force}
     if system.hybrid is None:  # whose operator has the state
         arrays |= state._asdict()
     if system.load_steps is not None:
-        arrays["rested"] = system.load_steps.keep()
-    if isinstance(system.stepper, SteppedRest):
-        arrays |= system.stepper.keep()
-    crack_arrays = {} if system.growth is None else system.growth.keep()
+        arrays["rested"] = system.load_steps.checkpoint_rows()
+    if isinstance(system.stepper, CycleOrPathSteps):
+        arrays |= system.stepper.checkpoint_arrays()
+    crack_arrays = {} if system.growth is None else system.growth.checkpoint_arrays()
     copies = {  # zeros alone, which the system makes when they are read, take no memory
         name: values.copy() if values.any() else np.zeros_like(values) for name, values in arrays.items()
     }
     checkpoint_arrays = copies | of_bonds | crack_arrays
-    for prepared in system.beside:
-        checkpoint_arrays |= {_of(prepared.system, name): values for name, values in checkpoint(*prepared).items()}
+    for prepared in system.coupled:
+        checkpoint_arrays |= {
+            _coupled_array_name(prepared.system, name): values for name, values in make_checkpoint(*prepared).items()
+        }
     return checkpoint_arrays
 
 
-def _of(system: System, name: str) -> str:
+def _coupled_array_name(system: System, name: str) -> str:
     """The name in a checkpoint of an array of an unknown beside the motion."""
     return f"{system.operator.unknowns[0].name}_{name}"
 
 
-def cloud(system: System) -> dict[str, NDArray[Any]]:
+def checkpoint_of_changed_nodes(system: System) -> dict[str, NDArray[Any]]:
     """Additional checkpoint data if nodes change: their ids, and which of their bonds are broken."""
     broken = system.operator.broken()
     order = np.lexsort((broken.target, broken.source, broken.step))
     return {"ids": system.model.grid.ids} | {f"broken_{name}": side[order] for name, side in broken._asdict().items()}
 
 
-def restore(system: System, state: State, step: int, checkpoint: Mapping[str, NDArray[Any]], broken: Breaks) -> None:
+def restore_state(
+    system: System, state: State, step: int, checkpoint: Mapping[str, NDArray[Any]], broken: Breaks
+) -> None:
     """Restore the state after `step` with the bonds `broken` until then. Raises CheckpointError."""
     for name, values in state._asdict().items() if system.hybrid is None else ():  # which has gone back with it
         values[:] = like(checkpoint, name, values)
@@ -142,111 +151,115 @@ def restore(system: System, state: State, step: int, checkpoint: Mapping[str, ND
     if system.hybrid is None:  # whose nodes are not known before it has gone back
         system.operator.back(checkpoint, past)
     if system.load_steps is not None:
-        load_step_rows = entry(checkpoint, "rested", (step, len(Rested._fields)), float)
+        load_step_rows = entry(checkpoint, "rested", (step, len(LoadStepResult._fields)), float)
         if not np.array_equal(load_step_rows[:, 0], np.arange(1, step + 1)):
             raise CheckpointError(f"load steps are not 1 to {step}, those until the checkpoint")
-        system.load_steps.back(load_step_rows, past)
-    if isinstance(system.stepper, SteppedRest):
-        system.stepper.back(checkpoint, step)
+        system.load_steps.restore(load_step_rows, past)
+    if isinstance(system.stepper, CycleOrPathSteps):
+        system.stepper.restore(checkpoint, step)
     if system.growth is not None:
-        system.growth.back(checkpoint, past)
-    put_loads(system.drive, system.load_time(step))
-    for prepared in system.beside:
-        start = _of(prepared.system, "")
+        system.growth.restore(checkpoint, past)
+    put_loads(system.drive, system.profile_time(step))
+    for prepared in system.coupled:
+        start = _coupled_array_name(prepared.system, "")
         coupled_checkpoint = {
             name.removeprefix(start): values for name, values in checkpoint.items() if name.startswith(start)
         }
-        restore(*prepared, step, coupled_checkpoint, Breaks(*np.zeros((3, 0), dtype=np.int64)))
+        restore_state(*prepared, step, coupled_checkpoint, Breaks(*np.zeros((3, 0), dtype=np.int64)))
     if isinstance(system.stepper, Swelling):
-        _swell(system, system.stepper, state)
+        _swell_restored_bonds(system, system.stepper, state)
 
 
-def _swell(system: System, stepper: Swelling, state: State) -> None:
+def _swell_restored_bonds(system: System, stepper: Swelling, state: State) -> None:
     """Swell the bonds of a restored system; nodes at the border of a fine zone move with that."""
     stepper.swell()
     if system.hybrid is not None:
         system.hybrid.sync(state)
 
 
-class Past(NamedTuple):
+class RunHistory(NamedTuple):
     """History of a resumed run until its checkpoint."""
 
     step: int
-    wall: float  # s spent
-    updates: int  # directed bonds times steps
-    latest: int  # step in which a bond broke last; 0: none has
+    wall_time: float  # s spent
+    bond_updates: int  # directed bonds times steps
+    last_break_step: int  # step in which a bond broke last; 0: none has
     rows: NDArray[np.int64] | None  # (n,) as in `Frame`
-    ever: int  # nodes that ever were
+    nodes_so_far: int  # nodes that ever were
     results: Results | None = None  # so far; None: it begins
 
 
-def _accounts(system: System, state: State, past: Past, bond_state: Asked) -> Accounts:
-    """The books of a system as they stand after a step."""
+def _physics_records(system: System, state: State, history: RunHistory, bond_state: BondState) -> PhysicsRecords:
+    """The records of a system from a step on."""
     if system.transport is not None:
-        return MassAccounts(system.transport, state, past.step, past.results)
-    motion = MotionAccounts(system, state, past.step, bond_state, past.results)
-    if not system.beside:
+        return MassAccounts(system.transport, state, history.step, history.results)
+    motion = MechanicsRecords(system, state, history.step, bond_state, history.results)
+    if not system.coupled:
         return motion
-    return Together(motion, tuple((_accounts(*prepared, past, bond_state), prepared) for prepared in system.beside))
+    return CoupledRecords(
+        motion, tuple((_physics_records(*prepared, history, bond_state), prepared) for prepared in system.coupled)
+    )
 
 
 class Recorder:
-    """Records of a run since it last wrote: accounts, broken bonds, births and deaths."""
+    """Records of a run since it last wrote: ledger, broken bonds, births and deaths."""
 
-    def __init__(self, system: System, state: State, past: Past | None, changes: bool) -> None:
-        """`past` is None for a new run, and without results of one that begins after a step, with what broke before.
+    def __init__(self, system: System, state: State, history: RunHistory | None, nodes_change: bool) -> None:
+        """`history` is None for a new run, and without results of one that begins after a step, with what broke before.
 
-        `changes`: whether nodes may be born and die.
+        `nodes_change`: whether nodes may be born and die.
         """
-        self.system, self.state, self.new = system, state, past is None or past.results is None
-        past = past or Past(0, 0.0, 0, 0, None, len(system.model.grid))
-        self._past, self._began = past._replace(results=None), running_time()
-        self._changes, self._rows, self._count = changes, past.rows, past.ever
-        self._updates, self._since = past.updates, past.step  # until the last change, or where a run goes on
-        self._latest = past.latest  # likewise
+        self.system, self.state, self.is_new = system, state, history is None or history.results is None
+        history = history or RunHistory(0, 0.0, 0, 0, None, len(system.model.grid))
+        self._past, self._began = history._replace(results=None), running_time()
+        self._changes, self._rows, self._count = nodes_change, history.rows, history.nodes_so_far
+        self._updates, self._since = history.bond_updates, history.step  # until the last change, or where a run goes on
+        self._latest = history.last_break_step  # likewise
         # Of clouds that are no more, or of before the run began
-        self._breaks: list[Breaks] = [breaks(system, 0)] if self.new else []
+        self._breaks: list[Breaks] = [breaks_since(system, 0)] if self.is_new else []
         self._epochs: list[Epoch] = []
-        self.written = self.step = past.step  # of the last frame; of the last entry
+        self.frame_step = self.step = history.step  # of the last frame; of the last entry
         self._kept = clock.perf_counter()
-        self._begin(past)
+        self._open_records(history)
 
-    def _begin(self, past: Past) -> None:
-        """Open the accounts of the state that the run begins with."""
-        self.now = ask(self.system, self.state)
-        self.accounts = _accounts(self.system, self.state, past, self.now)
+    def _open_records(self, history: RunHistory) -> None:
+        """Open the records of the state that the run begins with."""
+        self.bond_state = evaluate_bonds(self.system, self.state)
+        self.physics_records = _physics_records(self.system, self.state, history, self.bond_state)
 
-    def writer(self, system: System, output: Path | None, meta: Mapping[str, Any]) -> Writer:
+    def make_writer(self, system: System, output: Path | None, meta: Mapping[str, Any]) -> Writer:
         """The writer of a new database, of a run that begins with this system."""
-        return Writer.create(output, nodes(system), partial(families, system), system.model.grid.cracks, meta)
+        return Writer.create(
+            output, result_nodes(system), partial(result_families, system), system.model.grid.cracks, meta
+        )
 
-    def divide(self, output: Path | None) -> None:
+    def open_rank_databases(self, output: Path | None) -> None:
         """Begin other databases beside `output`, where one is not enough."""
 
-    def close(self) -> None:
+    def close_rank_databases(self) -> None:
         """End the records."""
 
     def is_split(self) -> bool:
         """Whether there are more pieces than bodies."""
-        return pieces(self.system) > bodies(self.system)
+        return count_pieces(self.system) > count_bodies(self.system)
 
-    def wall(self) -> float:
+    def wall_time(self) -> float:
         """Seconds spent on the run, including those before an interruption, without those of compiling kernels."""
-        return self._past.wall + running_time() - self._began
+        return self._past.wall_time + running_time() - self._began
 
     @property
-    def is_old(self) -> bool:
+    def checkpoint_is_old(self) -> bool:
         """Whether the last checkpoint is old enough to justify another one, also between frames."""
         return clock.perf_counter() - self._kept > OLD
 
-    def updates(self, step: int) -> int:
+    def bond_updates(self, step: int) -> int:
         """Number of directed bonds times steps until this step."""
         return self._updates + self.system.bonds * (step - self._since)
 
     @property
-    def latest(self) -> int:
+    def last_break_step(self) -> int:
         """Step of the last broken bond known at the last record; 0 without any."""
-        return int(self.now.broken.step.max(initial=self._latest))
+        return int(self.bond_state.broken.step.max(initial=self._latest))
 
     def march(self, first: int, last: int) -> int:
         """Take the steps `first` to `last` - 1; with a moving fine zone there is no state before it is asked for.
@@ -255,32 +268,32 @@ class Recorder:
         """
         stepper = self.system.stepper
         if isinstance(stepper, FusedMarch):
-            self.let_go()
+            self.drop_state()
             stepper.go_on(first, last)
         else:
             stepper.march(self.state, first, last)
-        return stepper.rested[-1].step if isinstance(stepper, PathRecords) else last - 1
+        return stepper.step_results[-1].step if isinstance(stepper, PathStepper) else last - 1
 
-    def let_go(self) -> None:
+    def drop_state(self) -> None:
         """Forget the state, which the operator of a moving fine zone has, and energies of nodes."""
         self.state = zero_state(0, 2)
-        self.now = self.now._replace(held=self.state.work, spent=self.state.work)
+        self.bond_state = self.bond_state._replace(strain_energy=self.state.work, softening_energy=self.state.work)
 
-    def _fetch(self) -> None:
+    def _fetch_state(self) -> None:
         """Bring the state up to the steps taken."""
-        self.system.fetch()
+        self.system.fetch_state()
         if self.system.hybrid is not None and not len(self.state.value):
             self.state = self.system.hybrid.state()
 
-    def follow(self, step: int, change: Change) -> None:
+    def record_node_change(self, step: int, change: NodeChange) -> None:
         """Continue with the nodes changed after `step`, and record births and deaths."""
         before, (system, self.state, origin) = self.system, change
         stay, ids = np.flatnonzero(origin >= 0), system.model.grid.ids
         if system.time_step != before.time_step or (ids[stay] != before.model.grid.ids[origin[stay]]).any():
             raise ValueError(f"step {step}: the time step or the ids of nodes that stay have changed; keep them")
-        broken, broken_after = (_until(step, run_system.operator.broken()) for run_system in (before, system))
-        self._breaks.append(breaks(before, max(self.written, self._since), broken))
-        self._updates, self._since = self.updates(step), step
+        broken, broken_after = (_broken_until(step, run_system.operator.broken()) for run_system in (before, system))
+        self._breaks.append(breaks_since(before, max(self.frame_step, self._since), broken))
+        self._updates, self._since = self.bond_updates(step), step
         self._latest = int(broken.step.max(initial=self._latest))
         self.system = dataclasses.replace(
             system,
@@ -288,71 +301,82 @@ class Recorder:
             broken_before=before.broken_before + len(broken.step) - len(broken_after.step),
         )
         del before  # which nothing holds any more: a large one is not to stand beside the new one for long
-        self.accounts.follow(self.system)
+        self.physics_records.switch_system(self.system)
         previous_rows = np.arange(self._count) if self._rows is None else self._rows
         new, rows = np.flatnonzero(origin < 0), np.zeros(len(origin), dtype=np.int64)
         rows[stay], rows[new] = previous_rows[origin[stay]], self._count + np.arange(len(new))
         died = np.delete(previous_rows, origin[stay])
         self._epochs.append(
-            Epoch(step + 1, self._count, *born(self.system, new, rows, step), died, len(rows), self.system.bonds)
+            Epoch(
+                step + 1,
+                self._count,
+                *collect_born_nodes(self.system, new, rows, step),
+                died,
+                len(rows),
+                self.system.bonds,
+            )
         )
         self._rows, self._count = rows, self._count + len(new)
 
-    def settle(self, step: int) -> None:
-        """Bring the accounts to this step, if they are not there yet."""
+    def update_last_row(self, step: int) -> None:
+        """Bring the last ledger row to this step, if they are not there yet."""
         if step != self.step:
-            bond_state = self._asked(step)
-            self.accounts.settle(self.state, step, bond_state)
+            bond_state = self._evaluate_bonds(step)
+            self.physics_records.update_last_row(self.state, step, bond_state)
 
-    def take(self, step: int) -> None:
-        """Record this step in the accounts. Raises UnstableError."""
-        bond_state = self._asked(step)
-        self.accounts.take(self.state, step, bond_state)
+    def record_step(self, step: int) -> None:
+        """Record this step. Raises UnstableError."""
+        bond_state = self._evaluate_bonds(step)
+        self.physics_records.record_step(self.state, step, bond_state)
 
-    def _asked(self, step: int) -> Asked:
+    def _evaluate_bonds(self, step: int) -> BondState:
         """What the operator says of the state after this step, asked once."""
-        self._fetch()
+        self._fetch_state()
         if step != self.step:
-            self.now, self.step = ask(self.system, self.state), step
-        return self.now
+            self.bond_state, self.step = evaluate_bonds(self.system, self.state), step
+        return self.bond_state
 
-    def frame(self, step: int, whole: bool, state: bool) -> Frame:
+    def make_frame(self, step: int, with_fields: bool, with_checkpoint: bool) -> Frame:
         """All records since the last frame, for writing.
 
-        `whole` adds the fields, after a recorded step; `state` adds a checkpoint now, otherwise only when it is due.
+        `with_fields` adds the fields, after a recorded step; `with_checkpoint` adds a checkpoint now, otherwise only
+        when it is due.
         """
         system = self.system
-        self._fetch()
-        state |= clock.perf_counter() - self._kept > KEPT
-        if state:
+        self._fetch_state()
+        with_checkpoint |= clock.perf_counter() - self._kept > KEPT
+        if with_checkpoint:
             self._kept = clock.perf_counter()
-        bond_state = self.now if self.step == step else None
+        bond_state = self.bond_state if self.step == step else None
         field_values = {}
-        if whole:
-            names = system.asked.settings.run.fields
+        if with_fields:
+            names = system.requested_model.settings.run.fields
             field_values = {
                 name: of.astype("<f4") for name, of in fields(system, self.state, names, bond_state).items()
             }
         if isinstance(system.stepper, FusedMarch):
-            self.let_go()
-        checkpoint_arrays = checkpoint(system, self.state) if state else None
+            self.drop_state()
+        checkpoint_arrays = make_checkpoint(system, self.state) if with_checkpoint else None
         if checkpoint_arrays is not None and self._changes:
-            checkpoint_arrays |= cloud(system)
-        broken = [*self._breaks, breaks(system, max(self.written, self._since), bond_state and bond_state.broken)]
+            checkpoint_arrays |= checkpoint_of_changed_nodes(system)
+        broken = [
+            *self._breaks,
+            breaks_since(system, max(self.frame_step, self._since), bond_state and bond_state.broken),
+        ]
         frame = Frame(
             step=step,
             time=step * system.time_step,
-            fields=field_values if whole else None,
+            fields=field_values if with_fields else None,
             breaks=Breaks(*map(np.concatenate, zip(*broken, strict=True))),
             ledger=(),
             probes=(),
             checkpoint=checkpoint_arrays,
-            wall_time=self.wall(),
+            wall_time=self.wall_time(),
             epochs=self._epochs,
             rows=self._rows,
             particles=()
             if system.growth is None
-            else system.growth.rows(-1 if self.new and step == 0 else self.written),
+            else system.growth.rows(-1 if self.is_new and step == 0 else self.frame_step),
         )
-        self.written, self._breaks, self._epochs = step, [], []
-        return self.accounts.entered(frame)
+        self.frame_step, self._breaks, self._epochs = step, [], []
+        return self.physics_records.move_records_into(frame)

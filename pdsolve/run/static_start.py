@@ -9,14 +9,14 @@ import numpy as np
 
 from pdsolve.model import Model
 from pdsolve.options import Options
-from pdsolve.run.at_rest import at_rest
+from pdsolve.run.at_rest import prepare_load_steps
 from pdsolve.run.system import Prepared
 from pdsolve.schemes.scheme import Scheme
-from pdsolve.steppers.equilibrium import forces
+from pdsolve.steppers.equilibrium import force_densities
 from pdsolve.steppers.load_steps import LoadSteps
 
 
-def started(prepared: Prepared) -> Prepared:
+def start_at_rest(prepared: Prepared) -> Prepared:
     """A prepared run at rest under what acts at time 0; no bond breaks on the way.
 
     Components with a prescribed velocity or acceleration are held still meanwhile. Energies are relative to the
@@ -24,23 +24,23 @@ def started(prepared: Prepared) -> Prepared:
     """
     system, state = prepared
     model = system.model
-    rest = still(model, system.options, system.scheme)
+    rest = prepare_static_start(model, system.options, system.scheme)
     stepper, operator, drive = rest.system.stepper, rest.system.operator, rest.system.drive
     assert isinstance(stepper, LoadSteps)
-    stepper.bring(rest.state)
+    stepper.settle_at_start(rest.state)
     state.value[:] = rest.state.value
     system.drive.held_force[:] = drive.held_force
-    acceleration = (forces(operator, rest.state) + drive.force) / model.rho[:, None]
+    acceleration = (force_densities(operator, rest.state) + drive.force) / model.rho[:, None]
     state.second[:] = np.where(stepper.held, state.second, acceleration)
     strain = float(np.sum(system.area * operator.energies(rest.state)[0]))
     return Prepared(dataclasses.replace(system, initial_energy=system.initial_energy + strain), state)
 
 
-def still(model: Model, options: Options, scheme: Scheme) -> Prepared:
+def prepare_static_start(model: Model, options: Options, scheme: Scheme) -> Prepared:
     """The model to be brought to rest, in double precision. Raises ModelError."""
     run = model.settings.run
     rest = msgspec.structs.replace(run, solver="static", start="unloaded", damping=0.0, until=None, quiet=None)
     rest = msgspec.structs.replace(rest, time_step=None, steps=1, device="cpu")  # what acts at time 0, and no later
     settings = msgspec.structs.replace(model.settings, run=rest)
     double = options._replace(precision="float64")
-    return at_rest(dataclasses.replace(model, settings=settings), double, scheme, breaks=False)
+    return prepare_load_steps(dataclasses.replace(model, settings=settings), double, scheme, bonds_break=False)

@@ -14,16 +14,16 @@ from pdsolve.codegen.processor import processor_kind
 from pdsolve.run.recorder import Recorder
 from pdsolve.steppers.arc_length_steps import ArcLengthSteps
 from pdsolve.steppers.crack_length_steps import CrackLengthSteps
+from pdsolve.steppers.cycle_or_path_steps import CycleOrPathSteps
 from pdsolve.steppers.fatigue_steps import FatigueSteps
 from pdsolve.steppers.load_steps import LoadSteps
 from pdsolve.steppers.paris_steps import ParisSteps
-from pdsolve.steppers.path_steps import PathSteps
-from pdsolve.steppers.stepped_rest import SteppedRest
+from pdsolve.steppers.path_steps import SofteningPathSteps
 
 
-def meta(notes: Recorder, provenance: str) -> dict[str, Any]:
+def run_metadata(recorder: Recorder, provenance: str) -> dict[str, Any]:
     """Metadata of a run, known from its start."""
-    system = notes.system
+    system = recorder.system
     return {
         "program": f"pdsolve {VERSION}",
         "provenance": provenance,
@@ -38,35 +38,35 @@ def meta(notes: Recorder, provenance: str) -> dict[str, Any]:
         "kernel": system.kernel,
         "device": system.device,
         "time_step": system.time_step,
-        "stable_time_step": system.bound,
-        "model": system.asked.to_json(),
-        **notes.accounts.meta(),
+        "stable_time_step": system.stable_time_step,
+        "model": system.requested_model.to_json(),
+        **recorder.physics_records.metadata(),
     }
 
 
-def summary(notes: Recorder, step: int, stopped_early: bool) -> dict[str, Any]:
+def run_summary(recorder: Recorder, step: int, stopped_early: bool) -> dict[str, Any]:
     """Results of a run for its summary."""
-    system, wall = notes.system, notes.wall()
+    system, wall = recorder.system, recorder.wall_time()
     results: dict[str, Any] = {
         "nodes": len(system.model.grid),
         "bonds": pair_count(system.bonds),
         "steps": step,
         "time": step * system.time_step,
         "time_step": system.time_step,
-        "stable_time_step": system.bound if np.isfinite(system.bound) else None,
+        "stable_time_step": system.stable_time_step if np.isfinite(system.stable_time_step) else None,
         "mode": system.options.mode,
         "precision": system.options.precision,
         "threads": system.threads,
         "kernel": system.kernel,
         "device": system.device,
         "wall_time": wall,
-        "bond_updates_per_second": notes.updates(step) / wall if wall > 0 else 0.0,
+        "bond_updates_per_second": recorder.bond_updates(step) / wall if wall > 0 else 0.0,
         "stopped": system.model.settings.run.until if stopped_early else None,
-        **notes.accounts.summary(),
+        **recorder.physics_records.summary(),
     }
     if system.contact is not None:  # N/m^5, in space N/m^7; heat, J/m, of a body J
         contact = system.contact
-        results["contact"] = {"stiffness": contact.stiffness, "friction": contact.friction(notes.state)}
+        results["contact"] = {"stiffness": contact.stiffness, "friction": contact.friction(recorder.state)}
     if system.growth is not None:
         results |= {"particles": len(system.growth.particles.place), "remarks": system.growth.remarks}
     if system.zone_summary is not None:
@@ -75,33 +75,35 @@ def summary(notes: Recorder, step: int, stopped_early: bool) -> dict[str, Any]:
             results["split"] = {name: statistics[name] for name in ("refinement", "fine_share")}
         else:
             results["hybrid"] = statistics
-    return results | _rested(system.stepper if isinstance(system.stepper, SteppedRest) else system.load_steps)
+    return results | _equilibrium_summary(
+        system.stepper if isinstance(system.stepper, CycleOrPathSteps) else system.load_steps
+    )
 
 
-def _rested(load_stepper: LoadSteps | SteppedRest | None) -> dict[str, Any]:
+def _equilibrium_summary(load_stepper: LoadSteps | CycleOrPathSteps | None) -> dict[str, Any]:
     """Iterations and residuals of each load step."""
     if isinstance(load_stepper, FatigueSteps | ParisSteps):
-        rows = [cycled._asdict() for cycled in load_stepper.rested]
+        rows = [cycled._asdict() for cycled in load_stepper.step_results]
         return {
-            "method": load_stepper.said,
+            "method": load_stepper.description,
             "fatigue_steps": rows,
             "first_break": load_stepper.first
-            if isinstance(load_stepper, FatigueSteps) and load_stepper.rested
+            if isinstance(load_stepper, FatigueSteps) and load_stepper.step_results
             else None,
             "first_range": load_stepper.range
-            if isinstance(load_stepper, FatigueSteps) and load_stepper.rested
+            if isinstance(load_stepper, FatigueSteps) and load_stepper.step_results
             else None,
-            "cycles_error": load_stepper.error if isinstance(load_stepper, ParisSteps) else None,
+            "cycles_error": load_stepper.cycle_error if isinstance(load_stepper, ParisSteps) else None,
             "cycles_error_of_jumps": load_stepper.jump_error if isinstance(load_stepper, ParisSteps) else None,
-            "ended": load_stepper.why or None,
+            "ended": load_stepper.end_reason or None,
         }
-    if isinstance(load_stepper, ArcLengthSteps | CrackLengthSteps | PathSteps):
-        rows = [stepped._asdict() for stepped in load_stepper.rested]
-        ended = {} if isinstance(load_stepper, PathSteps) else {"ended": load_stepper.why or None}
-        return {"method": load_stepper.said, "path_steps": rows, "lost": load_stepper.lost} | ended
+    if isinstance(load_stepper, ArcLengthSteps | CrackLengthSteps | SofteningPathSteps):
+        rows = [stepped._asdict() for stepped in load_stepper.step_results]
+        ended = {} if isinstance(load_stepper, SofteningPathSteps) else {"ended": load_stepper.end_reason or None}
+        return {"method": load_stepper.description, "path_steps": rows, "lost": load_stepper.lost} | ended
     if load_stepper is None:
         return {}
     return {
-        "method": load_stepper.method.said,
-        "load_steps": [load_step._asdict() for load_step in load_stepper.rested],
+        "method": load_stepper.method.description,
+        "load_steps": [load_step._asdict() for load_step in load_stepper.step_results],
     }

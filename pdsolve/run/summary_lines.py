@@ -7,16 +7,16 @@ from typing import Any
 
 from pdmesh.model.bond_counts import crack_energy
 from pdmesh.model.content_amounts import amounts_line
-from pdsolve.run.wall_time import wall_time
+from pdsolve.run.wall_time import wall_time_text
 
 
-def _lines_of_masses(path: Path, summary: dict[str, Any]) -> list[str]:
+def _mass_lines(path: Path, summary: dict[str, Any]) -> list[str]:
     masses, share = summary["masses"], summary["dissolved_share"]
     lines = [
         f"{path}: {summary['nodes']} nodes, {summary['bonds']} bonds, {summary['steps']} steps of"
         f" {summary['method']} to {summary['time']:.4g} s",
-        wall_time(summary),
-        _amounts(summary),
+        wall_time_text(summary),
+        _amounts_text(summary),
     ]
     if share is not None:
         lines.append(
@@ -26,13 +26,13 @@ def _lines_of_masses(path: Path, summary: dict[str, Any]) -> list[str]:
     return lines
 
 
-def _amounts(summary: dict[str, Any]) -> str:
+def _amounts_text(summary: dict[str, Any]) -> str:
     """Where a substance or heat is, and where it has gone."""
     amounts = summary.get("amounts") or summary["masses"] | {"unit": "mol"}  # files of earlier releases
     return amounts_line(amounts["unit"], amounts["inside"], amounts["through"], amounts["supplied"], summary["balance"])
 
 
-def _how_far(summary: dict[str, Any]) -> tuple[str, str]:
+def _steps_text(summary: dict[str, Any]) -> tuple[str, str]:
     """The kind of a run's steps, and where they ended."""
     if "load_steps" in summary:
         return "load steps", f"{summary['time']:.4g} s"
@@ -50,12 +50,12 @@ def _how_far(summary: dict[str, Any]) -> tuple[str, str]:
 def summary_lines(path: Path, summary: dict[str, Any]) -> list[str]:
     """What a run has computed, in lines: its size, time, energies and cracks."""
     if summary.get("physics") == "diffusion":
-        return _lines_of_masses(path, summary)
+        return _mass_lines(path, summary)
     energy, rested = (
         summary["energy"],
         summary.get("load_steps") or summary.get("path_steps") or summary.get("fatigue_steps"),
     )
-    what, until = _how_far(summary)
+    what, until = _steps_text(summary)
     how = None
     if rested:
         iterations, residual = sum(step["iterations"] for step in rested), max(step["residual"] for step in rested)
@@ -65,7 +65,7 @@ def summary_lines(path: Path, summary: dict[str, Any]) -> list[str]:
     lines = [
         f"{path}: {summary['nodes']} nodes, {summary['bonds']} bonds, {summary['steps']} {what} to"
         f" {until}, {summary['mode']} mode, {summary['precision']}",
-        wall_time(summary, how),
+        wall_time_text(summary, how),
         f"broken bonds {summary['broken_bonds']}; energy, {unit}:"
         f" work {energy['work']:.4g} = kinetic {energy['kinetic']:.4g} + strain {energy['strain']:.4g}"
         f" + dissipated {energy['dissipated']:.4g}{damped} (balance error {summary['balance']:+.1e})",
@@ -74,7 +74,7 @@ def summary_lines(path: Path, summary: dict[str, Any]) -> list[str]:
         lines.append(crack_energy(summary["cracks"], unit))
     heat = summary.get("diffusion")
     if heat is not None:
-        lines.append(f"content, {_amounts(heat)}, {heat['method']}")
+        lines.append(f"content, {_amounts_text(heat)}, {heat['method']}")
     fine = summary.get("hybrid")
     if fine is not None:
         coarse = "of coarse pairs" if summary["kernel"] == "collocation" else "at the zone border"

@@ -19,7 +19,7 @@ from pdsolve.state import Broken, State
 from pdsolve.steppers.protocol import Stepper
 
 
-class PlateBonds:
+class PlateBrokenBonds:
     """The broken bonds of a plate with a fine zone, by the rows of all nodes of its grid."""
 
     def __init__(self, hybrid: Hybrid) -> None:
@@ -55,12 +55,12 @@ class SwellingZone(Swelling):
         """The rows (n,) in the grid of the current nodes."""
         return self._operator.rows
 
-    def on(self, operator: HybridOperator) -> SwellingZone:
+    def with_operator(self, operator: HybridOperator) -> SwellingZone:
         """The stepper of the same plate with other current nodes."""
         self._operator = self._bonds = operator
         return self
 
-    def clamped(self, state: State) -> NDArray[np.float64]:
+    def clamped_energy(self, state: State) -> NDArray[np.float64]:
         """The energy densities (n,) of the current nodes at no displacement, J/m^3, inside of one material."""
         hybrid, rows = self._operator.hybrid, self._operator.rows
         ground, plate = hybrid.ground, hybrid.plate
@@ -77,12 +77,12 @@ class SwellingZone(Swelling):
             until = min(last, step + (self.cycle // 2 + 1 - step) % self.cycle)
             hybrid.march(step, until)
             if until < last:
-                self._heated(until)
+                self._take_coupled_step(until)
             step = until + 1
         if self._operator.current:
             self._operator.sync(state)
 
-    def _heated(self, step: int) -> None:
+    def _take_coupled_step(self, step: int) -> None:
         """Take a step of the content and the one of the motion after it."""
         hybrid = self._operator.hybrid
         if self._broken is not None:

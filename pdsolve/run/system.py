@@ -24,13 +24,13 @@ from pdsolve.operators.contact.operator import PenaltyContact
 from pdsolve.operators.protocol import Operator
 from pdsolve.operators.simd_lattice.operator import SimdLattice
 from pdsolve.options import Options, threads_of
-from pdsolve.run.operator_factory import bonded
+from pdsolve.run.operator_factory import unwrap_bond_operator
 from pdsolve.run.swelling_with_fine_zone import SwellingZone
 from pdsolve.schemes.scheme import Scheme
 from pdsolve.state import State
+from pdsolve.steppers.cycle_or_path_steps import CycleOrPathSteps
 from pdsolve.steppers.load_steps import LoadSteps
 from pdsolve.steppers.protocol import Stepper
-from pdsolve.steppers.stepped_rest import SteppedRest
 from pdsolve.steppers.verlet_on_device import VerletOnDevice
 
 if TYPE_CHECKING:
@@ -55,24 +55,24 @@ class System:
     family: NDArray[np.int64]  # (n,) bonds that count in damage, those cut by a pre-crack included
     count: NDArray[np.int64]  # (n,) bonds at the start, those cut by a pre-crack left out
     time_step: float  # s
-    bound: float  # surely stable time step, s
+    stable_time_step: float  # surely stable time step, s
     initial_energy: float  # J/m
-    whole: Model | None = None  # all there is to solve, where `model` is of the nodes there are now
+    full_model: Model | None = None  # all there is to solve, where `model` is of the nodes there are now
     growth: Growth | None = None  # cracks that are particles
     contact: PenaltyContact | None = None  # of bodies and crack faces; a part of the operator
     transport: Transport | None = None  # what carries a substance; None: the model moves
-    beside: tuple[Prepared, ...] = ()  # other unknowns of the same nodes, which the stepper marches too
+    coupled: tuple[Prepared, ...] = ()  # other unknowns of the same nodes, which the stepper marches too
     broken_before: int = 0  # directed bonds that broke and are none of the operator's: of nodes that are gone
 
     @property
-    def asked(self) -> Model:
+    def requested_model(self) -> Model:
         """The model as given, with all conditions."""
-        return self.whole or self.model
+        return self.full_model or self.model
 
     @property
     def kernel(self) -> str:
         """The kernel that sums the forces of bonds, by name."""
-        return bonded(self.operator).name
+        return unwrap_bond_operator(self.operator).name
 
     @property
     def device(self) -> str:
@@ -97,14 +97,14 @@ class System:
             return self.hybrid.zone_summary()
         return self.operator.zone_summary() if isinstance(self.operator, WithZone) else None
 
-    def fetch(self) -> None:
+    def fetch_state(self) -> None:
         """Bring the state up to the steps taken, if a device takes them."""
         if isinstance(self.stepper, OnDevice):
             self.stepper.fetch()
 
-    def load_time(self, step: int) -> float:
-        """Time of the profiles of conditions after `step`, s."""
-        return self.stepper.factor if isinstance(self.stepper, SteppedRest) else step * self.time_step
+    def profile_time(self, step_number: int) -> float:
+        """Time of the profiles of conditions after `step_number`, s."""
+        return self.stepper.factor if isinstance(self.stepper, CycleOrPathSteps) else step_number * self.time_step
 
     @property
     def threads(self) -> int:
@@ -112,7 +112,7 @@ class System:
         return threads_of(self.options, len(self.model.grid), isinstance(self.operator, SimdLattice))
 
     @property
-    def is_in_pieces(self) -> bool:
+    def has_rank_databases(self) -> bool:
         """Whether each rank writes a database of its own, as there are so many nodes."""
         return self.options.team is not None and len(self.model.grid) > self.options.one_file
 
@@ -136,22 +136,22 @@ class Prepared(NamedTuple):
     def march(self, first: int, last: int) -> None:
         """Take the steps `first` to `last` - 1, in place."""
         self.system.stepper.march(self.state, first, last)
-        self.system.fetch()
+        self.system.fetch_state()
 
 
-def moved(system: System, shown: Moving) -> System:
+def with_moved_zone(system: System, zone_operator: Moving) -> System:
     """The system of changed nodes of the same plate."""
-    count, family = shown.counts
-    stepper: Stepper = FusedMarch(shown)
+    count, family = zone_operator.counts
+    stepper: Stepper = FusedMarch(zone_operator)
     if isinstance(system.stepper, SwellingZone):
-        assert isinstance(shown, HybridOperator)
-        stepper = system.stepper.on(shown)
+        assert isinstance(zone_operator, HybridOperator)
+        stepper = system.stepper.with_operator(zone_operator)
     return replace(
         system,
-        model=counted(shown.model, system.time_step),
-        operator=shown,
+        model=counted(zone_operator.model, system.time_step),
+        operator=zone_operator,
         stepper=stepper,
-        area=shown.area,
+        area=zone_operator.area,
         family=family,
         count=count,
     )

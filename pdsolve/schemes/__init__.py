@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from pdmesh.model.materials import KINDS
-from pdsolve.bonds.assembly import Filling
+from pdsolve.bonds.assembly import BondSource
 from pdsolve.model import Model, ModelError
 from pdsolve.schemes import average_horizon, families, one_sided
 from pdsolve.schemes.gripped_edges import gripped
 from pdsolve.schemes.scheme import Scheme
 
 
-def _bonds_of_their_own(model: Model) -> Filling:
+def _bonds_of_their_own(model: Model) -> BondSource:
     """The thesis's bonds. Raises ModelError for a model of another law."""
     _refuse_others(model)
     return one_sided.fill(model)
@@ -38,7 +38,7 @@ def _refuse_others(model: Model) -> None:
         raise ModelError(f"{model.place_of(0)}.{name} is '{getattr(first, name)}'; use {expected}")
 
 
-def _symmetric(model: Model) -> Filling:
+def _symmetric(model: Model) -> BondSource:
     """Symmetric bonds for any model."""
     first = model.materials[0]
     springs = first.model == "bond" or (first.model == "micropolar" and first.law == "cohesive")

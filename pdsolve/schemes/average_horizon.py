@@ -43,7 +43,7 @@ from pdmesh.model.material import Material
 from pdmesh.model.material_constants import BONDS_NU, C11, C66, STIFFNESS, critical_stretch, micromodulus
 from pdmesh.model.neighbours import ROUND_OFF, Neighbours, Pairs, chosen, row_chunks
 from pdmesh.model.visibility import sight_of
-from pdsolve.bonds.assembly import Filling, Paired, Part, areas, part_of
+from pdsolve.bonds.assembly import BondSource, Paired, Part, areas, part_of
 from pdsolve.conditions import unbreakable
 from pdsolve.laws import limits
 from pdsolve.laws.bond_limits import Sizes
@@ -145,7 +145,7 @@ class Rule:
         return part_of(self._model.grid.position, self.held, rows, paired)
 
 
-def fill(model: Model, corrections: Corrections = ALL) -> Filling:
+def fill(model: Model, corrections: Corrections = ALL) -> BondSource:
     """Average-horizon bonds of the model. Raises GridError for an outline that encloses nothing."""
     rule, nodes, d = Rule(model, corrections), len(model.grid), model.grid.dimension
 
@@ -164,7 +164,7 @@ def fill(model: Model, corrections: Corrections = ALL) -> Filling:
         paired = together if len(rows) == nodes else None
         return rule.part(rows, paired or rule.looked(rule.neighbours.pairs(rows)), lack)
 
-    return Filling(rule.area, part, rule.strength)
+    return BondSource(rule.area, part, rule.strength)
 
 
 def _mean_of_ends(

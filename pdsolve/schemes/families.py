@@ -26,7 +26,7 @@ from pdmesh.model.material import Material
 from pdmesh.model.material_constants import dimension_of
 from pdmesh.model.neighbours import ROUND_OFF, Neighbours, Pairs, chosen, lengths
 from pdmesh.model.visibility import sight_of
-from pdsolve.bonds.assembly import Filling, Paired, Part, areas, part_of
+from pdsolve.bonds.assembly import BondSource, Paired, Part, areas, part_of
 from pdsolve.conditions import unbreakable
 from pdsolve.laws import law_of
 from pdsolve.model import Model
@@ -95,13 +95,13 @@ def _counts(
 Limit = Callable[[NDArray[np.int64], NDArray[np.float64]], NDArray[np.float64]]  # of rows and horizons (b,), m
 
 
-def fill(model: Model) -> Filling:
+def fill(model: Model) -> BondSource:
     """The families of the model. Raises ModelError, GridError."""
     law_of(model)
     return filled(model, _limits(model))
 
 
-def filled(model: Model, limits: Limit) -> Filling:
+def filled(model: Model, limits: Limit) -> BondSource:
     """The families of a model, whose bonds fail at the mean of the `limits` of the materials of both ends."""
     grid, horizon, area, unbreakable_nodes = model.grid, model.horizons, areas(model, "cells"), unbreakable(model)
     first, full_cells = model.materials[0], whole_cells(model.materials[0])
@@ -127,7 +127,7 @@ def filled(model: Model, limits: Limit) -> Filling:
         paired = Paired(pairs, part > ROUND_OFF, nothing, limit, limit, part * area[pairs.target])
         return part_of(grid.position, unbreakable_nodes, rows, paired)
 
-    return Filling(area, part, counts)
+    return BondSource(area, part, counts)
 
 
 def _limits(model: Model) -> Limit:

@@ -26,7 +26,7 @@ from pdmesh.model.kd_trees import tree_of
 from pdmesh.model.load_resultants import shares_of
 from pdmesh.model.neighbours import row_chunks
 from pdmesh.model.selection import components
-from pdsolve.bonds.assembly import Filling, Part
+from pdsolve.bonds.assembly import BondSource, Part
 from pdsolve.conditions import is_corrected
 from pdsolve.model import Model
 
@@ -46,7 +46,7 @@ class _Ends(NamedTuple):
     length: NDArray[np.float64]  # (b,) m
 
 
-def gripped(filling: Filling, model: Model) -> Filling:
+def gripped(filling: BondSource, model: Model) -> BondSource:
     """The filling whose bonds to corrected grips of the model make up for what the edge lacks."""
     constrained = _held(model)
     if not constrained.any():

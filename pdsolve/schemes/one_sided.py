@@ -15,7 +15,7 @@ from pdmesh.model.lattice_calibration import full_family, hu_beta
 from pdmesh.model.material_constants import critical_stretch, micromodulus
 from pdmesh.model.neighbours import Neighbours, Pairs, chosen
 from pdmesh.model.visibility import sight_of
-from pdsolve.bonds.assembly import Filling, Paired, Part, areas, part_of
+from pdsolve.bonds.assembly import BondSource, Paired, Part, areas, part_of
 from pdsolve.conditions import unbreakable
 from pdsolve.laws import limits
 from pdsolve.laws.bond_limits import Sizes
@@ -58,7 +58,7 @@ class Rule:
         return part_of(self._model.grid.position, self._held, rows, paired)
 
 
-def fill(model: Model) -> Filling:
+def fill(model: Model) -> BondSource:
     """One-sided bonds of the model. Raises GridError for an outline that encloses nothing."""
     rule, lack = Rule(model), np.zeros(len(model.grid))
 
@@ -67,7 +67,7 @@ def fill(model: Model) -> Filling:
         lack[rows] = rule.lack(rows, paired)
         return rule.part(rows, paired, lack)
 
-    return Filling(rule.area, part)
+    return BondSource(rule.area, part)
 
 
 def softening(full: int, actual: NDArray[np.int64]) -> NDArray[np.float64]:

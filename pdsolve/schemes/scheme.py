@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import NamedTuple
 
-from pdsolve.bonds.assembly import ByPairs, Filling
+from pdsolve.bonds.assembly import BondSource, ByPairs
 from pdsolve.model import Model
 
 
@@ -13,7 +13,7 @@ class Scheme(NamedTuple):
     """How the bonds of a model are made."""
 
     name: str  # as users give it
-    fill: Callable[[Model], Filling]
+    fill: Callable[[Model], BondSource]
     by_pairs: Callable[[Model], ByPairs]  # the same for bonds that hold energy by themselves
     symmetric: bool  # energy and momentum are conserved
     partial_cells: bool  # families reach half a spacing beyond the horizon, if the micromodulus is constant

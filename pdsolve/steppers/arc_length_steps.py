@@ -25,12 +25,12 @@ from pdsolve.conditions import Drive, put_loads
 from pdsolve.model import Model
 from pdsolve.operators.protocol import Operator
 from pdsolve.state import State
-from pdsolve.steppers.equilibrium import UnsettledError, forces, norm, weighted_tangent
-from pdsolve.steppers.factors import factors
-from pdsolve.steppers.load_steps import Going
-from pdsolve.steppers.path_following import Path
-from pdsolve.steppers.path_records import REACHED, PathRecords
-from pdsolve.steppers.path_steps import CRACK_STEPS, along
+from pdsolve.steppers.equilibrium import UnsettledError, force_densities, norm, weighted_tangent
+from pdsolve.steppers.factors import factorize
+from pdsolve.steppers.load_steps import LoadStepProgress
+from pdsolve.steppers.path_following import PathPoint
+from pdsolve.steppers.path_stepper import REACHED, PathStepper
+from pdsolve.steppers.path_steps import CRACK_STEPS, work_along_path
 
 if TYPE_CHECKING:
     from scipy.sparse import csr_array
@@ -46,11 +46,11 @@ PAST = 0.02  # of the limit of a bond, by which the path goes past it at most
 BENT = 0.5  # of a step, by which the path leaves its tangent at most
 
 
-class ArcLengthSteps(PathRecords):
+class ArcLengthSteps(PathStepper):
     """Takes steps of arc length with any operator whose bonds do not break."""
 
     end = 0.0
-    said = "arc length as the control, Newton's method with factors"
+    description = "arc length as the control, Newton's method with factors"
 
     def __init__(
         self,
@@ -59,77 +59,86 @@ class ArcLengthSteps(PathRecords):
         drive: Drive,
         area: Array,
         breaking: Breaking | None,
-        remember: Callable[[State], None] = lambda state: None,
-        flows: bool = False,
+        on_equilibrium: Callable[[State], None] = lambda state: None,
+        solid_flows: bool = False,
     ) -> None:
-        """`breaking` knows the limits of bonds, None: there are none; `remember` is called with each equilibrium.
+        """`breaking` knows the limits of bonds, None: there are none; `on_equilibrium` is called with each equilibrium.
 
-        The tangent of a solid that `flows` is elastic at an equilibrium that it has reached. Its path goes on in the
+        The tangent of a solid that flows is elastic at an equilibrium that it has reached. Its path goes on in the
         direction of its last step.
         """
         super().__init__(model, drive, area)
-        self._operator, self._breaking, self._remember, self._flows = operator, breaking, remember, flows
+        self._operator, self._breaking, self._remember, self._flows = operator, breaking, on_equilibrium, solid_flows
         self._free = np.flatnonzero(~self._held.ravel())
         static, shape = model.settings.run.static, self._held.shape
         self._tolerance = max(static.tolerance, COARSEST)
         self._steps = static.load_steps or CRACK_STEPS
         self._largest = 0.0  # N/m, norm of the forces from outside so far: the measure of residuals
         self._most = self._more = 0.0  # m, the first step and the next one
-        self._last, self._before = Path(np.zeros(shape), 0.0, 0.0), Path(np.zeros(shape), 0.0, 0.0)  # with arc lengths
+        self._last, self._before = (
+            PathPoint(np.zeros(shape), 0.0, 0.0),
+            PathPoint(np.zeros(shape), 0.0, 0.0),
+        )  # with arc lengths
         self._pushed = np.zeros(shape), np.zeros(shape)  # loads and reactions there, N/m
 
-    def keep(self) -> dict[str, Array]:
+    def checkpoint_arrays(self) -> dict[str, Array]:
         """The path so far, for a checkpoint."""
         numbers = [*self._last[1:], *self._before[1:], self._more, self._most, self._largest]
         values = {"path_value": self._last.value, "path_before": self._before.value}
-        return super().keep() | values | {"path_pushed": np.array(self._pushed), "path_numbers": np.array(numbers)}
+        return (
+            super().checkpoint_arrays()
+            | values
+            | {"path_pushed": np.array(self._pushed), "path_numbers": np.array(numbers)}
+        )
 
-    def back(self, checkpoint: Mapping[str, NDArray[Any]], step: int) -> None:
+    def restore(self, checkpoint: Mapping[str, NDArray[Any]], step: int) -> None:
         """Restore a checkpoint after `step`. Raises CheckpointError."""
-        super().back(checkpoint, step)
+        super().restore(checkpoint, step)
         self._pushed = tuple(entry(checkpoint, "path_pushed", (2, *self._held.shape), float).copy())
         value, before = (entry(checkpoint, f"path_{name}", self._held.shape, float) for name in ("value", "before"))
         factor, length, earlier, less, *rest = entry(checkpoint, "path_numbers", (7,), float).tolist()
-        self._last, self._before = Path(value.copy(), factor, length), Path(before.copy(), earlier, less)
+        self._last, self._before = PathPoint(value.copy(), factor, length), PathPoint(before.copy(), earlier, less)
         self._more, self._most, self._largest = rest
 
-    def _share(self) -> float:
+    def _finished_share(self) -> float:
         """How much of the path is done: of the loads."""
-        return min(max((path_step.factor for path_step in self.rested), default=0.0), 1.0)
+        return min(max((path_step.factor for path_step in self.step_results), default=0.0), 1.0)
 
-    def _take(self, state: State, step: int) -> None:
+    def _take_step(self, state: State, step: int) -> None:
         try:
-            new, iterations, residual = self._follow(state, step)
+            new, iterations, residual = self._next_equilibrium(state, step)
         except UnsettledError as error:
             raise UnsettledError(f"{self._model.name}: path step {step}: {error}") from None
         put_loads(self._drive, new.factor)
-        inside = self._area[:, None] * forces(self._operator, state)
+        inside = self._area[:, None] * force_densities(self._operator, state)
         after = np.where(self._held, -inside, self._start + new.factor * self._growth)  # loads and reactions, N/m
-        work = along((self._before, self._last, new), (*self._pushed, after)).sum(axis=1)
+        work = work_along_path((self._before, self._last, new), (*self._pushed, after)).sum(axis=1)
         self._pushed, self._before, self._last = (self._pushed[1], after), self._last, new
         state.work[:] += work / self._area
         state.rate[:] = state.second[:] = 0
         if new.factor == 1:
-            self.ended, self.why = True, REACHED
+            self.ended, self.end_reason = True, REACHED
         self._remember(state)
         drive, node, axis = self._drive, self._drive.holds.node, self._drive.holds.axis
         drive.held_force[:] = (drive.force - after / self._area[:, None])[node, axis]
         drive.before[:] = drive.force
         spent = float(self._area @ (state.dissipated + self._operator.energies(state)[1]))
-        self._note(step, iterations, residual, new.factor, after, spent)
-        if self._worst(state) > 0:
-            self.ended, self.why = True, "a bond has reached its limit"
+        self._record_step(step, iterations, residual, new.factor, after, spent)
+        if self._worst_bond_overload(state) > 0:
+            self.ended, self.end_reason = True, "a bond has reached its limit"
 
-    def _follow(self, state: State, step: int) -> tuple[Path, int, float]:
+    def _next_equilibrium(self, state: State, step: int) -> tuple[PathPoint, int, float]:
         """The next equilibrium, as far along the path as it converges; the state is there then."""
-        last, largest, begins = self._last, self._largest, len(self.rested) <= bool(self._start.any())
-        if not self.rested and self._start.any():
-            return self._settle(state, last.value, 0.0, step)
+        last, largest, begins = self._last, self._largest, len(self.step_results) <= bool(self._start.any())
+        if not self.step_results and self._start.any():
+            return self._equilibrium_at_factor(state, last.value, 0.0, step)
         if self._flows and not begins:
             way, turned = last.value - self._before.value, last.factor - self._before.factor
             size = norm(way)
         else:
-            way = self._by_loads(*self._factors(state))  # the derivative of the displacements by the factor
+            way = self._displacement_by_factor(
+                *self._factor_tangent(state)
+            )  # the derivative of the displacements by the factor
             size = norm(way)
             turned = -1.0 if not begins and (way * (last.value - self._before.value)).sum() < 0 else 1.0
             way *= turned
@@ -137,15 +146,15 @@ class ArcLengthSteps(PathRecords):
         self._more = self._more or self._most
         while True:
             share = self._more / size
-            guess = Path(last.value + share * way, last.factor + share * turned, last.spent + self._more)
+            guess = PathPoint(last.value + share * way, last.factor + share * turned, last.spent + self._more)
             try:
-                new, count, residual = self._found(state, guess, 1 / size * way, step)
+                new, count, residual = self._solve_in_plane(state, guess, 1 / size * way, step)
                 if not norm(new.value - guess.value) < BENT * self._more:
                     raise UnsettledError("the path bends within the shortest step")
                 if new.factor >= 1:
-                    new, more, residual = self._reach(state, new, step)
+                    new, more, residual = self._equilibrium_at_full_loads(state, new, step)
                     count += more
-                if self._worst(state) > 1 + PAST:
+                if self._worst_bond_overload(state) > 1 + PAST:
                     raise UnsettledError("a bond passes its limit within the shortest step")
                 break
             except UnsettledError:
@@ -156,26 +165,30 @@ class ArcLengthSteps(PathRecords):
             self._more = min(GROWTH * self._more, LONGEST * self._most)
         return new, count, residual
 
-    def _reach(self, state: State, beyond: Path, step: int) -> tuple[Path, int, float]:
+    def _equilibrium_at_full_loads(self, state: State, beyond: PathPoint, step: int) -> tuple[PathPoint, int, float]:
         """The equilibrium at the end of the loads, between the last one and one beyond."""
         last = self._last
         near = last.value + (1 - last.factor) / (beyond.factor - last.factor) * (beyond.value - last.value)
-        new, count, residual = self._settle(state, near, 1.0, step)
+        new, count, residual = self._equilibrium_at_factor(state, near, 1.0, step)
         if not norm(new.value - near) < BENT * self._more:
             raise UnsettledError("the path bends within the shortest step")
         return new, count, residual
 
-    def _worst(self, state: State) -> float:
+    def _worst_bond_overload(self, state: State) -> float:
         """How far over its limit a bond is: its load by that at which it breaks; 0 if none is."""
         return 0.0 if self._breaking is None else self._breaking.worst(state.value)
 
-    def _settle(self, state: State, near: Array, factor: float, step: int) -> tuple[Path, int, float]:
+    def _equilibrium_at_factor(
+        self, state: State, near: Array, factor: float, step: int
+    ) -> tuple[PathPoint, int, float]:
         """The equilibrium at a factor, from displacements (n, w) near it."""
         last, value = self._last.value, np.where(self._held, self._start + factor * self._growth, near)
-        new, count, residual = self._found(state, Path(value, factor, 0.0), None, step)
+        new, count, residual = self._solve_in_plane(state, PathPoint(value, factor, 0.0), None, step)
         return new._replace(spent=self._last.spent + norm(new.value - last)), count, residual
 
-    def _found(self, state: State, guess: Path, normal: Array | None, step: int) -> tuple[Path, int, float]:
+    def _solve_in_plane(
+        self, state: State, guess: PathPoint, normal: Array | None, step: int
+    ) -> tuple[PathPoint, int, float]:
         """The equilibrium in the plane through a guess with a unit normal (n, w), or at its factor.
 
         The state is there then. Raises UnsettledError.
@@ -183,23 +196,23 @@ class ArcLengthSteps(PathRecords):
         value, factor, constrained = guess.value.copy(), guess.factor, self._held
         for iteration in range(MOST + 1):
             state.value[:] = value
-            inside = self._area[:, None] * forces(self._operator, state)
+            inside = self._area[:, None] * force_densities(self._operator, state)
             loads = self._start + factor * self._growth
             rest, outside = (inside + loads)[~constrained], max(norm(loads[~constrained]), norm(inside[constrained]))
             scale = max(self._largest, outside)
             residual = norm(rest) / scale if scale > 0 else float(norm(rest) > 0)
             if self.watch is not None:
-                self.watch(Going(step, iteration, residual, 0))
+                self.watch(LoadStepProgress(step, iteration, residual, 0))
             if residual < self._tolerance:
                 self._largest = scale
-                return Path(value, factor, guess.spent), iteration, residual
+                return PathPoint(value, factor, guess.spent), iteration, residual
             if not np.isfinite(residual) or iteration == MOST:
                 break
-            matrix, solve = self._factors(state)
+            matrix, solve = self._factor_tangent(state)
             move, turn = np.zeros(constrained.shape), 0.0
             move.ravel()[self._free] = solve(rest)
             if normal is not None:
-                b = self._by_loads(matrix, solve)
+                b = self._displacement_by_factor(matrix, solve)
                 turn = -float((normal * (move + value - guess.value)).sum()) / float((normal * b).sum())
                 move += turn * b
             value, factor = value + move, factor + turn
@@ -208,16 +221,16 @@ class ArcLengthSteps(PathRecords):
             f" {self._tolerance:g} of the external forces)"
         )
 
-    def _by_loads(self, matrix: csr_array, solve: Callable[[Array], Array]) -> Array:
+    def _displacement_by_factor(self, matrix: csr_array, solve: Callable[[Array], Array]) -> Array:
         way = np.where(self._held, self._growth, 0.0)
         pushed = np.where(self._held, 0.0, self._growth).ravel() - matrix @ way.ravel()
         way.ravel()[self._free] = solve(pushed[self._free])
         return way
 
-    def _factors(self, state: State) -> tuple[csr_array, Callable[[Array], Array]]:
+    def _factor_tangent(self, state: State) -> tuple[csr_array, Callable[[Array], Array]]:
         """The tangent (n w, n w) of a state, N/m^2, and what solves with its free part."""
         free, matrix = ~self._held.ravel(), weighted_tangent(self._operator, self._area, state)
         try:
-            return matrix, factors(matrix[free][:, free], self._operator.symmetric)
+            return matrix, factorize(matrix[free][:, free], self._operator.symmetric)
         except RuntimeError:
             raise UnsettledError("the tangent is singular") from None

@@ -24,10 +24,10 @@ from pdsolve.conditions import Drive, put_loads
 from pdsolve.model import Model
 from pdsolve.operators.protocol import Operator
 from pdsolve.state import State
-from pdsolve.steppers.equilibrium import Settled, UnsettledError, forces
-from pdsolve.steppers.growing_cracks import Before, Growing, intensities
-from pdsolve.steppers.load_steps import LoadSteps, Rested
-from pdsolve.steppers.path_records import REACHED, PathRecords
+from pdsolve.steppers.equilibrium import Equilibrium, UnsettledError, force_densities
+from pdsolve.steppers.growing_cracks import CrackedBodySnapshot, CrackGrowth, tip_intensities
+from pdsolve.steppers.load_steps import LoadStepResult, LoadSteps
+from pdsolve.steppers.path_stepper import REACHED, PathStepper
 
 Array = NDArray[np.float64]
 
@@ -43,135 +43,147 @@ class NoTipError(UnsettledError):
     """No crack can go on: the path ends there."""
 
 
-class CrackLengthSteps(PathRecords):
+class CrackLengthSteps(PathStepper):
     """Takes steps of a particle of the tips that are next, with load steps whose bonds do not break."""
 
     def __init__(
-        self, model: Model, operator: Operator, drive: Drive, area: Array, motion: LoadSteps, growth: Growing
+        self, model: Model, operator: Operator, drive: Drive, area: Array, load_steps: LoadSteps, growth: CrackGrowth
     ) -> None:
         super().__init__(model, drive, area)
-        self._operator, self._motion, self._cracks = operator, motion, growth
-        self.said = f"crack length as the control, {motion.method.said}"
+        self._operator, self._motion, self._cracks = operator, load_steps, growth
+        self.description = f"crack length as the control, {load_steps.method.description}"
 
-    def back(self, checkpoint: Mapping[str, NDArray[Any]], step: int) -> None:
+    def restore(self, checkpoint: Mapping[str, NDArray[Any]], step: int) -> None:
         """Restore a checkpoint after `step`. Raises CheckpointError."""
-        super().back(checkpoint, step)
-        self._motion.back(np.zeros((0, len(Rested._fields))), self._operator.broken())
+        super().restore(checkpoint, step)
+        self._motion.restore(np.zeros((0, len(LoadStepResult._fields))), self._operator.broken())
 
-    def _share(self) -> float:
+    def _finished_share(self) -> float:
         """How much of the path is done: of its steps, or of the loads."""
         return max(
-            len(self.rested) / self._model.settings.run.steps, *(path_step.factor for path_step in self.rested), 0.0
+            len(self.step_results) / self._model.settings.run.steps,
+            *(path_step.factor for path_step in self.step_results),
+            0.0,
         )
 
-    def _take(self, state: State, step: int) -> None:
+    def _take_step(self, state: State, step: int) -> None:
         self._motion.watch = self.watch
-        self._motion.method.forget()
+        self._motion.method.reset_history()
         try:
-            path_point = self._grow(state, step) if self.rested else self._elastic(state, step)
+            path_point = (
+                self._grow_next_tips(state, step) if self.step_results else self._load_to_first_growth(state, step)
+            )
         except UnsettledError as error:
             raise UnsettledError(f"{self._model.name}: path step {step}: {error}") from None
         if path_point is None:
             return
         equilibrium, factor, cost = path_point
-        spent = cost + (self.rested[-1].spent if self.rested else 0.0)
-        after = self._area[:, None] * self._motion.outside(state)
-        self._note(step, equilibrium.iterations, equilibrium.residual, factor, after, spent)
+        spent = cost + (self.step_results[-1].spent if self.step_results else 0.0)
+        after = self._area[:, None] * self._motion.external_forces(state)
+        self._record_step(step, equilibrium.iterations, equilibrium.residual, factor, after, spent)
 
-    def _elastic(self, state: State, step: int) -> tuple[Settled, float, float]:
+    def _load_to_first_growth(self, state: State, step: int) -> tuple[Equilibrium, float, float]:
         """Loads up to the first tip that grows; books their work."""
         load = np.zeros(self._drive.force.shape)
 
-        def rest(factor: float) -> Settled:
-            equilibrium = self._motion.load(state, load.copy(), step, factor)
+        def rest(factor: float) -> Equilibrium:
+            equilibrium = self._motion.settle_under_loads(state, load.copy(), step, factor)
             load[:] = self._drive.force
             return equilibrium
 
         first = 0.0
         if self._start.any():
             rest(0.0)
-            first = self._share_now(state)
+            first = self._largest_toughness_share(state)
             if first >= 1:
                 raise UnsettledError(f"a tip has {first:.3g} of what lets it grow under what does not change")
         previous_point, factor = (0.0, first), SMALL
         iterations = rest(factor).iterations
-        while factor < 1 and (share := self._share_now(state)) < CLOSED:
+        while factor < 1 and (share := self._largest_toughness_share(state)) < CLOSED:
             previous_point, factor = (factor, share), min(2 * factor, 1.0)
             iterations += rest(factor).iterations
-        equilibrium, factor = self._sought(state, previous_point, factor, rest)
+        equilibrium, factor = self._find_growth_factor(state, previous_point, factor, rest)
         return equilibrium._replace(iterations=iterations + equilibrium.iterations), factor, 0.0
 
-    def _grow(self, state: State, step: int) -> tuple[Settled, float, float] | None:
+    def _grow_next_tips(self, state: State, step: int) -> tuple[Equilibrium, float, float] | None:
         """Let the tips that are next grow, and find the factor that goes with it; books what they take, J/m.
 
         None: no crack can go on, and all is as before.
         """
-        growth, operator, motion, last = self._cracks, self._operator, self._motion, self.rested[-1]
-        checkpoint, value, area = Before.of(state, operator, growth), state.value.copy(), self._area
-        outside, inside, spent = motion.outside(state), forces(operator, state), float(area @ state.dissipated)
+        growth, operator, motion, last = self._cracks, self._operator, self._motion, self.step_results[-1]
+        checkpoint, value, area = CrackedBodySnapshot.capture(state, operator, growth), state.value.copy(), self._area
+        outside, inside, spent = (
+            motion.external_forces(state),
+            force_densities(operator, state),
+            float(area @ state.dissipated),
+        )
         held_force = self._drive.held_force.copy()
         start = last.factor if not self._start.any() else STEP_BACK * last.factor
         try:
-            judged = growth.judged(state)
-            shares = self._shares(judged)
+            judged = growth.judge_tips(state)
+            shares = self._toughness_shares(judged)
             # Tips that go straight on to what is ahead of them; or else those with the largest share
             tips = [tip for tip in judged if tip[1].straight] or [
                 tip for tip, share in zip(judged, shares, strict=True) if share > (1 - ALIKE) * shares.max()
             ]
-            if not growth.lengthen(tips, state, step):
+            if not growth.lengthen_tips(tips, state, step):
                 raise NoTipError("no crack goes on")
-            cut = inside - forces(operator, state)  # forces of the bonds that are gone
+            cut = inside - force_densities(operator, state)  # forces of the bonds that are gone
             motion.expect_supports()
             previous_point = (0.0, 0.0)
             if self._start.any():
-                motion.rest_at(state, step, start)
-                previous_point = start, self._largest(state)
-            equilibrium, factor = self._sought(
-                state, previous_point, last.factor, lambda at: motion.rest_at(state, step, at)
+                motion.settle_without_booking(state, step, start)
+                previous_point = start, self._expect_toughness_share(state)
+            equilibrium, factor = self._find_growth_factor(
+                state, previous_point, last.factor, lambda at: motion.settle_without_booking(state, step, at)
             )
         except NoTipError as error:
             checkpoint.restore(state, operator, growth)
             put_loads(self._drive, last.factor)
             self._drive.held_force[:], self._drive.before[:] = held_force, self._drive.force
-            self.ended, self.why = True, str(error)
+            self.ended, self.end_reason = True, str(error)
             return None
         way = state.value - value
-        state.work[:] += ((outside + motion.outside(state)) / 2 * way).sum(axis=1)
+        state.work[:] += ((outside + motion.external_forces(state)) / 2 * way).sum(axis=1)
         state.dissipated[:] -= (cut * way).sum(axis=1) / 2
         return equilibrium, factor, float(area @ state.dissipated) - spent
 
-    def _sought(
-        self, state: State, previous_point: tuple[float, float], factor: float, rest: Callable[[float], Settled]
-    ) -> tuple[Settled, float]:
+    def _find_growth_factor(
+        self,
+        state: State,
+        previous_point: tuple[float, float],
+        factor: float,
+        settle_at: Callable[[float], Equilibrium],
+    ) -> tuple[Equilibrium, float]:
         """Bring the body to rest where the largest share is 1, or at the end of the loads; from a factor and the share
         there, and the next factor to try. Returns how it settled, and the factor."""
         iterations = 0
         for _ in range(TRIES):
-            equilibrium = rest(factor)
-            iterations, share = iterations + equilibrium.iterations, self._largest(state)
+            equilibrium = settle_at(factor)
+            iterations, share = iterations + equilibrium.iterations, self._expect_toughness_share(state)
             if abs(share - 1) < NEAR or (factor == 1 and share < 1):
                 if factor == 1:
-                    self.ended, self.why = True, REACHED
-                return Settled(iterations, equilibrium.residual), factor
+                    self.ended, self.end_reason = True, REACHED
+                return Equilibrium(iterations, equilibrium.residual), factor
             slope = (share - previous_point[1]) / (factor - previous_point[0])
             if not slope > 0:
                 raise UnsettledError(f"a tip has {share:.3g} of what lets it grow, and no more under larger loads")
             previous_point, factor = (factor, share), min(factor + (1 - share) / slope, 1.0)
         raise UnsettledError(f"no loads let a tip grow after {TRIES} tries")
 
-    def _shares(self, judged: list[tuple[Any, Any]]) -> Array:
+    def _toughness_shares(self, judged_tips: list[tuple[Any, Any]]) -> Array:
         """Shares (k,) of what lets tips grow; 0 of those that stay, or go straight on to what is ahead of them."""
-        toughness = np.array([self._cracks.toughness(tip) for tip, _ in judged])
-        moves = np.array([bool(verdict.angles) and not verdict.straight for _, verdict in judged])
-        return np.asarray(np.where(moves, intensities(self._cracks, judged) / toughness, 0.0))
+        toughness = np.array([self._cracks.toughness(tip) for tip, _ in judged_tips])
+        moves = np.array([bool(verdict.angles) and not verdict.straight for _, verdict in judged_tips])
+        return np.asarray(np.where(moves, tip_intensities(self._cracks, judged_tips) / toughness, 0.0))
 
-    def _share_now(self, state: State) -> float:
+    def _largest_toughness_share(self, state: State) -> float:
         """The largest share; 0 where no tip may go on."""
-        return float(self._shares(self._cracks.judged(state)).max(initial=0.0))
+        return float(self._toughness_shares(self._cracks.judge_tips(state)).max(initial=0.0))
 
-    def _largest(self, state: State) -> float:
+    def _expect_toughness_share(self, state: State) -> float:
         """The largest share. Raises NoTipError where no tip may go on."""
-        share = self._share_now(state)
+        share = self._largest_toughness_share(state)
         if not share > 0:
             raise NoTipError("no tip is opened by the loads, with room for intensities around it")
         return share

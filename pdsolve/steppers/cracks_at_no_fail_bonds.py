@@ -13,13 +13,13 @@ from pdsolve.operators.softening_bonds import SofteningBonds
 CRACKED = 5.0  # peaks: a stretch of bonds that a crack has gone through
 
 
-def held_crack(model: Model, bonds: SofteningBonds, value: NDArray[np.float64]) -> str | None:
+def no_fail_crack_message(model: Model, bonds: SofteningBonds, displacement: NDArray[np.float64]) -> str | None:
     """What there is to say of no-fail bonds beyond the peak of others at displacements (n, d), beside cracked bonds."""
     keeps = ~np.isfinite(bonds.limit)
     if not keeps.any() or keeps.all():
         return None
-    peaks = bonds.stretches(value) / float(bonds.peak[~keeps].max())
-    cracked = np.zeros(len(value), dtype=bool)
+    peaks = bonds.stretches(displacement) / float(bonds.peak[~keeps].max())
+    cracked = np.zeros(len(displacement), dtype=bool)
     for end in (bonds.source, bonds.target):
         cracked[end[~keeps & (peaks > CRACKED)]] = True
     at_crack = cracked[bonds.source] | cracked[bonds.target]

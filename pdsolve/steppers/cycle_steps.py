@@ -13,8 +13,8 @@ from pdsolve.checkpoint_validation import entry
 from pdsolve.errors import CheckpointError
 from pdsolve.operators.protocol import Operator
 from pdsolve.state import State
-from pdsolve.steppers.equilibrium import Settled
-from pdsolve.steppers.load_steps import Going, LoadSteps, Rested
+from pdsolve.steppers.equilibrium import Equilibrium
+from pdsolve.steppers.load_steps import LoadStepProgress, LoadStepResult, LoadSteps
 
 
 class CycleSteps:
@@ -22,21 +22,21 @@ class CycleSteps:
 
     factor = 1.0  # of the loads: the largest of a cycle
 
-    def __init__(self, law: Fatigue, operator: Operator, motion: LoadSteps, said: str) -> None:
-        """`said` is what a step is."""
-        self._law, self._operator, self._motion = law, operator, motion
+    def __init__(self, law: Fatigue, operator: Operator, load_steps: LoadSteps, step_description: str) -> None:
+        """`step_description` is what a step is."""
+        self._law, self._operator, self._motion = law, operator, load_steps
         self._cycles = 0.0
-        self.said = f"{said}, {motion.method.said}"
-        self.rested: list[Cycled] = []
-        self.ended, self.why = False, ""
+        self.description = f"{step_description}, {load_steps.method.description}"
+        self.step_results: list[Cycled] = []
+        self.ended, self.end_reason = False, ""
 
     @property
-    def watch(self) -> Callable[[Going], None] | None:
+    def watch(self) -> Callable[[LoadStepProgress], None] | None:
         """Called with the progress of an equilibrium."""
         return self._motion.watch
 
     @watch.setter
-    def watch(self, watch: Callable[[Going], None] | None) -> None:
+    def watch(self, watch: Callable[[LoadStepProgress], None] | None) -> None:
         self._motion.watch = watch
 
     def march(self, state: State, first: int, last: int) -> None:
@@ -46,32 +46,34 @@ class CycleSteps:
                 return
             if step == 1:
                 self._motion.march(state, 1, 2)
-            self._motion.method.forget()
-            equilibrium = self._step(state, step, Settled(0, self._motion.rested[-1].residual))
+            self._motion.method.reset_history()
+            equilibrium = self._take_step(state, step, Equilibrium(0, self._motion.step_results[-1].residual))
             broken = len(self._operator.broken().step)
-            self.rested.append(Cycled(step, equilibrium.iterations, equilibrium.residual, self._cycles, broken))
+            self.step_results.append(Cycled(step, equilibrium.iterations, equilibrium.residual, self._cycles, broken))
 
-    def _step(self, state: State, step: int, before: Settled) -> Settled:
-        """Take a step; returns how what is left settled, `before` if nothing changed."""
+    def _take_step(self, state: State, step: int, previous: Equilibrium) -> Equilibrium:
+        """Take a step; returns how what is left settled, `previous` if nothing changed."""
         raise NotImplementedError
 
-    def _end(self, why: str) -> None:
-        self.ended, self.why = True, why
+    def _end_life(self, reason: str) -> None:
+        self.ended, self.end_reason = True, reason
 
-    def keep(self) -> dict[str, NDArray[Any]]:
+    def checkpoint_arrays(self) -> dict[str, NDArray[Any]]:
         """Steps so far, for a checkpoint."""
-        steps = np.array(self.rested, dtype=float).reshape(-1, len(Cycled._fields))
-        return {"cycled": steps, "rested": self._motion.keep()}
+        steps = np.array(self.step_results, dtype=float).reshape(-1, len(Cycled._fields))
+        return {"cycled": steps, "rested": self._motion.checkpoint_rows()}
 
-    def back(self, checkpoint: Mapping[str, NDArray[Any]], step: int) -> None:
+    def restore(self, checkpoint: Mapping[str, NDArray[Any]], step: int) -> None:
         """Restore a checkpoint after `step`. Raises CheckpointError."""
         rows = entry(checkpoint, "cycled", (step, len(Cycled._fields)), float)
         if not np.array_equal(rows[:, 0], np.arange(1, step + 1)):
             raise CheckpointError(f"steps of cycles are not 1 to {step}, those until there")
-        self.rested = [Cycled(int(s), int(i), r, c, int(b)) for s, i, r, c, b in rows.tolist()]
+        self.step_results = [Cycled(int(s), int(i), r, c, int(b)) for s, i, r, c, b in rows.tolist()]
         if step:
-            self._motion.back(entry(checkpoint, "rested", (1, len(Rested._fields)), float), self._operator.broken())
+            self._motion.restore(
+                entry(checkpoint, "rested", (1, len(LoadStepResult._fields)), float), self._operator.broken()
+            )
 
-    def words(self) -> str:
+    def progress_text(self) -> str:
         """The cycles so far, for a progress display."""
         return f"{self._cycles:.4g} cycles"

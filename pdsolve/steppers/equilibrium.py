@@ -20,50 +20,52 @@ if TYPE_CHECKING:
     from scipy.sparse import csr_array
 
 ROUND = 3e-16  # of a force: what its sum over neighbours is known to
-Tell = Callable[[int, float], None]  # iterations so far in this go, and what is left
+ProgressReport = Callable[[int, float], None]  # iterations so far in this go, and what is left
 
 
 class UnsettledError(ArithmeticError):
     """A plate that does not come to rest; the message says how far it came and what to check."""
 
 
-class Asked(NamedTuple):
+class EquilibriumConditions(NamedTuple):
     """Loads and holds of an equilibrium; n nodes."""
 
     load: NDArray[np.float64]  # (n, w) body force, N/m^3
-    held: NDArray[np.bool_]  # (n, w) components that are held
-    at: NDArray[np.float64]  # (n, w) where, m
-    inner: float = 0.0  # N/m^3, size of what swelling alone makes of forces; as much counts as external
-    enough: float = 0.0  # residual that is enough, where the method would go on to a smaller one
+    constrained: NDArray[np.bool_]  # (n, w) components that are held
+    prescribed: NDArray[np.float64]  # (n, w) where, m
+    swelling_force: float = 0.0  # N/m^3, size of what swelling alone makes of forces; as much counts as external
+    sufficient_residual: float = 0.0  # residual that is enough, where the method would go on to a smaller one
 
 
-class Settled(NamedTuple):
+class Equilibrium(NamedTuple):
     """How a plate came to rest."""
 
     iterations: int
     residual: float  # what is left of the forces over those from outside
 
 
-class Method(Protocol):
+class EquilibriumMethod(Protocol):
     """A method to find equilibrium."""
 
-    said: str  # which it is, for the record
-    smallest: float  # share of a load step that is worth a try, where larger ones do not come to rest
+    description: str  # which it is, for the record
+    smallest_part: float  # share of a load step that is worth a try, where larger ones do not come to rest
 
-    def settle(self, state: State, conditions: Asked, tell: Tell) -> Settled:
+    def solve_equilibrium(
+        self, state: State, conditions: EquilibriumConditions, report_progress: ProgressReport
+    ) -> Equilibrium:
         """Move the values of the state to equilibrium, in place. Raises UnsettledError."""
 
-    def forget(self) -> None:
+    def reset_history(self) -> None:
         """Discard history, so that what follows depends on the state alone."""
 
-    def ways_down(self, state: State, constrained: NDArray[np.bool_]) -> int:
+    def count_unstable_modes(self, state: State, constrained: NDArray[np.bool_]) -> int:
         """Independent displacements of free components along which energy falls; 0 where that is not known."""
 
-    def hold_softly(self, nodes: NDArray[np.bool_]) -> None:
+    def restrain_softly(self, nodes: NDArray[np.bool_]) -> None:
         """Restrain these nodes (n,) by weak springs during the solution; no force of the springs remains."""
 
 
-def forces(operator: Operator, state: State) -> NDArray[np.float64]:
+def force_densities(operator: Operator, state: State) -> NDArray[np.float64]:
     """Force densities (n, w) of neighbours at a state whose bonds do not break, N/m^3."""
     out: NDArray[Any] = np.zeros(state.value.shape)
     operator.add(state, out, 0, 0.0)
@@ -77,26 +79,33 @@ def weighted_tangent(operator: Operator, area: NDArray[np.float64], state: State
     return (diags_array(np.repeat(area, state.value.shape[1])) @ operator.tangent(state)).tocsr()
 
 
-def left_over(state: State, conditions: Asked, out: NDArray[np.float64], least: float, before: float = 0.0) -> float:
-    """Residual over external forces; `out` (n, w) are the forces of neighbours.
+def relative_residual(
+    state: State,
+    conditions: EquilibriumConditions,
+    neighbour_forces: NDArray[np.float64],
+    round_off_stiffness: float,
+    previous_norm: float = 0.0,
+) -> float:
+    """Residual over external forces; `neighbour_forces` (n, w) are the forces of neighbours.
 
-    External forces count at least as `least` times the norm of displacements, now or `before`, m; `least` in N/m^4.
+    External forces count at least as `round_off_stiffness` times the norm of displacements, now or `previous_norm`, m;
+    `round_off_stiffness` in N/m^4.
     """
-    load = norm(conditions.load[~conditions.held])
-    outside = max(load if load > 0 else norm(out[conditions.held]), conditions.inner)
+    load = norm(conditions.load[~conditions.constrained])
+    outside = max(load if load > 0 else norm(neighbour_forces[conditions.constrained]), conditions.swelling_force)
     imbalance, scale = (
-        norm((out + conditions.load)[~conditions.held]),
-        max(outside, least * max(norm(state.value), before)),
+        norm((neighbour_forces + conditions.load)[~conditions.constrained]),
+        max(outside, round_off_stiffness * max(norm(state.value), previous_norm)),
     )
     return imbalance / scale if scale > 0 else float(imbalance > 0)
 
 
-def round_off(stiffest: float, tolerance: float) -> float:
-    """The smallest reference `least`, N/m^4, for which a residual of `tolerance` exceeds round-off.
+def round_off_stiffness(largest_stiffness: float, tolerance: float) -> float:
+    """The smallest reference, N/m^4, for which a residual of `tolerance` exceeds round-off.
 
-    Forces of a plate of stiffness `stiffest` (N/m^4) are not known better.
+    Forces of a plate of stiffness `largest_stiffness` (N/m^4) are not known better.
     """
-    return ROUND * stiffest / tolerance
+    return ROUND * largest_stiffness / tolerance
 
 
 def norm(values: NDArray[np.float64]) -> float:

@@ -40,7 +40,7 @@ class Euler:
             hold_values(drive, value, step * dt)
 
 
-def bound(operator: Operator, free: NDArray[np.bool_]) -> float:
+def stable_time_step(operator: Operator, free: NDArray[np.bool_]) -> float:
     """The longest step without overshoot at any of the `free` nodes (n,), s; infinite without neighbours."""
     most = float((operator.stiffness_bound() / 2)[free].max(initial=0.0))
     return 1 / most if most > 0 else float("inf")

@@ -19,7 +19,7 @@ SYMMETRIC: dict[str, Any] = {
 }
 
 
-def factors(matrix: csr_array, symmetric: bool = True) -> Callable[[NDArray[np.float64]], NDArray[np.float64]]:
+def factorize(matrix: csr_array, symmetric: bool = True) -> Callable[[NDArray[np.float64]], NDArray[np.float64]]:
     """The function that solves with a matrix (k, k). Raises RuntimeError for a singular one."""
     from scipy.sparse.linalg import splu  # SciPy takes long to import, and few runs ask
 
@@ -28,7 +28,7 @@ def factors(matrix: csr_array, symmetric: bool = True) -> Callable[[NDArray[np.f
     return solve
 
 
-def negative_pivots(matrix: csr_array) -> int:
+def count_negative_eigenvalues(matrix: csr_array) -> int:
     """How many eigenvalues of a symmetric matrix (k, k) are negative, by Sylvester's law of inertia.
 
     Raises RuntimeError for a singular one.

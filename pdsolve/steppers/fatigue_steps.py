@@ -23,7 +23,7 @@ from pdsolve.model import Model, ModelError
 from pdsolve.operators.protocol import Operator
 from pdsolve.state import State
 from pdsolve.steppers.cycle_steps import CycleSteps
-from pdsolve.steppers.equilibrium import Settled, UnsettledError
+from pdsolve.steppers.equilibrium import Equilibrium, UnsettledError
 from pdsolve.steppers.load_steps import LoadSteps
 
 JUMPS = 10  # to a step
@@ -37,35 +37,35 @@ class FatigueSteps(CycleSteps):
         self,
         law: Fatigue,
         operator: Operator,
-        motion: LoadSteps,
+        load_steps: LoadSteps,
         breakable: Breakable,
         family: NDArray[np.int64],
-        count: NDArray[np.int64],
+        uncut_count: NDArray[np.int64],
     ) -> None:
-        """`family` and `count` (n,) are bonds of nodes, with and without those that cracks cut at the start."""
-        super().__init__(law, operator, motion, "jumps of cycles")
+        """`family` and `uncut_count` (n,) are bonds of nodes, with and without those that cracks cut at the start."""
+        super().__init__(law, operator, load_steps, "jumps of cycles")
         self._breakable = breakable
-        self._family, self._cut = family, family - count
+        self._family, self._cut = family, family - uncut_count
         self._life = np.ones(len(breakable.source))
         self._at = Place(0, 0.0)
         self.first, self.range = np.inf, 0.0  # cycles until the first bonds broke, and their range of stretch
 
-    def _step(self, state: State, step: int, before: Settled) -> Settled:
-        equilibrium = before
+    def _take_step(self, state: State, step: int, previous: Equilibrium) -> Equilibrium:
+        equilibrium = previous
         for _ in range(JUMPS):
             if not self.ended:
-                equilibrium = self._jump(state, step, equilibrium)
+                equilibrium = self._jump_to_next_breaks(state, step, equilibrium)
         return equilibrium
 
-    def keep(self) -> dict[str, NDArray[Any]]:
+    def checkpoint_arrays(self) -> dict[str, NDArray[Any]]:
         """Lives and steps so far, for a checkpoint."""
         first = self.first if np.isfinite(self.first) else NONE_BROKE
         numbers = np.array([self._cycles, first, self.range, *self._at])
-        return super().keep() | {"fatigue_life": self._life, "fatigue_numbers": numbers}
+        return super().checkpoint_arrays() | {"fatigue_life": self._life, "fatigue_numbers": numbers}
 
-    def back(self, checkpoint: Mapping[str, NDArray[Any]], step: int) -> None:
+    def restore(self, checkpoint: Mapping[str, NDArray[Any]], step: int) -> None:
         """Restore a checkpoint after `step`. Raises CheckpointError."""
-        super().back(checkpoint, step)
+        super().restore(checkpoint, step)
         self._life[:] = entry(checkpoint, "fatigue_life", self._life.shape, float)
         self._cycles, self.first, self.range, block, done = entry(checkpoint, "fatigue_numbers", (5,), float).tolist()
         self.first = np.inf if self.first == NONE_BROKE else self.first
@@ -73,7 +73,7 @@ class FatigueSteps(CycleSteps):
             raise CheckpointError(f"block {block:g} of the loading does not exist; there are {len(self._law.blocks)}")
         self._at = Place(int(block), done)
 
-    def _jump(self, state: State, step: int, before: Settled) -> Settled:
+    def _jump_to_next_breaks(self, state: State, step: int, previous: Equilibrium) -> Equilibrium:
         """Let bonds tire until the next ones break, and settle without these. Returns iterations in all."""
         bonds, law, motion = self._breakable, self._law, self._motion
         stretches = bonds.stretches(state.value)
@@ -87,32 +87,32 @@ class FatigueSteps(CycleSteps):
         self._cycles = min(self._cycles + cycles, law.cycles)
         which = np.flatnonzero(bonds.intact & (self._life <= LEFT))
         if not len(which):
-            self._end("its cycles are over" if eps.any() else "no bond tires")
-            return before
+            self._end_life("its cycles are over" if eps.any() else "no bond tires")
+            return previous
         if np.isinf(self.first):
             self.first, self.range = self._cycles, float(eps[which].max())
         values, broken, intact = [part.copy() for part in state], self._operator.broken(), bonds.intact.copy()
         try:
             bonds.part(self._operator, state, step, which, stretches)
-            equilibrium = motion.settle_broken(state, step, before.iterations)
-            total = Settled(before.iterations + equilibrium.iterations, equilibrium.residual)
-            return motion.break_overstretched(state, step, total)[0]
+            equilibrium = motion.settle_after_breakage(state, step, previous.iterations)
+            total = Equilibrium(previous.iterations + equilibrium.iterations, equilibrium.residual)
+            return motion.break_overstretched_bonds(state, step, total)[0]
         except UnsettledError:
             for part, value in zip(state, values, strict=True):
                 part[:] = value
             bonds.intact[:] = intact
             self._operator.back(self._operator.keep(), broken)
-            self._end("what was left could not bear the largest loads")
-            return before
+            self._end_life("what was left could not bear the largest loads")
+            return previous
 
 
-def tiring(
+def make_fatigue_steps(
     model: Model,
     operator: Operator,
-    motion: LoadSteps,
+    load_steps: LoadSteps,
     breakable: Breakable | None,
     family: NDArray[np.int64],
-    count: NDArray[np.int64],
+    uncut_count: NDArray[np.int64],
 ) -> FatigueSteps:
     """Steps of jumps of a model with fatigue; arguments are those of `FatigueSteps`. Raises ModelError."""
     law = model.settings.run.fatigue
@@ -121,4 +121,4 @@ def tiring(
         raise ModelError(f"{model.name}: mode has forces that do not cancel; use conservative, as bonds tire")
     if breakable is None:
         raise ModelError(f"{model.name}: $.run.fatigue: no bond may break; let some tire")
-    return FatigueSteps(law, operator, motion, breakable, family, count)
+    return FatigueSteps(law, operator, load_steps, breakable, family, uncut_count)

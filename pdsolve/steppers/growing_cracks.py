@@ -13,35 +13,35 @@ from pdsolve.operators.protocol import Operator
 from pdsolve.state import Broken, State
 
 
-class Growing(Protocol):
+class CrackGrowth(Protocol):
     """Cracks of particles; see `pdsolve.crack_growth.growth.Growth`."""
 
     particles: Particles
 
-    def judged(self, state: State) -> list[tuple[Any, Any]]:
+    def judge_tips(self, state: State) -> list[tuple[Any, Any]]:
         """All tips, and what is decided about them in a state."""
 
-    def lengthen(self, chosen: list[tuple[Any, Any]], state: State, step: int, share: float = 1.0) -> int:
+    def lengthen_tips(self, tips: list[tuple[Any, Any]], state: State, step: int, particle_share: float = 1.0) -> int:
         """Let these tips grow by a particle each, of that share of its length, and cut the bonds; returns the number of
         new particles."""
 
-    def length(self, tip: Any, share: float = 1.0) -> float:
+    def growth_length(self, tip: Any, particle_share: float = 1.0) -> float:
         """The length, m, by which a tip grows at once, or a share of it; a spacing at least."""
 
     def toughness(self, tip: Any) -> float:
         """What the stress intensity of a tip must reach, Pa m^0.5."""
 
-    def keep(self) -> dict[str, NDArray[Any]]:
+    def checkpoint_arrays(self) -> dict[str, NDArray[Any]]:
         """Particles for a checkpoint."""
 
-    def back(self, checkpoint: Mapping[str, NDArray[Any]], broken: Broken) -> None:
+    def restore(self, checkpoint: Mapping[str, NDArray[Any]], broken: Broken) -> None:
         """Restore a checkpoint with these broken bonds."""
 
-    def remark(self, key: str, words: str) -> None:
+    def add_remark(self, key: str, text: str) -> None:
         """Add a remark to be read together with the crack paths, once for a key."""
 
 
-class Before(NamedTuple):
+class CrackedBodySnapshot(NamedTuple):
     """A body and its cracks before they grow."""
 
     values: list[NDArray[Any]]
@@ -49,27 +49,32 @@ class Before(NamedTuple):
     cracks: dict[str, NDArray[Any]]
 
     @classmethod
-    def of(cls, state: State, operator: Operator, growth: Growing) -> Before:
+    def capture(cls, state: State, operator: Operator, growth: CrackGrowth) -> CrackedBodySnapshot:
         """What is there in a state."""
-        return cls([part.copy() for part in state], operator.broken(), growth.keep())
+        return cls([part.copy() for part in state], operator.broken(), growth.checkpoint_arrays())
 
-    def restore(self, state: State, operator: Operator, growth: Growing) -> None:
+    def restore(self, state: State, operator: Operator, growth: CrackGrowth) -> None:
         """Set all back, in place."""
         for part, value in zip(state, self.values, strict=True):
             part[:] = value
         operator.back(operator.keep(), self.broken)
-        growth.back(self.cracks, self.broken)
+        growth.restore(self.cracks, self.broken)
 
 
-def apart(growth: Growing, judged: list[tuple[Any, Any]]) -> float:
+def largest_K_difference(growth: CrackGrowth, judged_tips: list[tuple[Any, Any]]) -> float:
     """How far K by interaction integrals and by J are apart, the most of all tips, over K; 0 where only J is known."""
-    both = [(v.share * growth.toughness(tip), v.released) for tip, v in judged if np.isfinite(v.K1) and v.released > 0]
+    both = [
+        (v.share * growth.toughness(tip), v.released) for tip, v in judged_tips if np.isfinite(v.K1) and v.released > 0
+    ]
     return max((abs(stress_intensity / released - 1) for stress_intensity, released in both), default=0.0)
 
 
-def intensities(growth: Growing, judged: list[tuple[Any, Any]]) -> NDArray[np.float64]:
+def tip_intensities(growth: CrackGrowth, judged_tips: list[tuple[Any, Any]]) -> NDArray[np.float64]:
     """K (k,) of tips, Pa m^0.5, with the size of sqrt(J E') where they have J."""
-    stress_intensities = [verdict.share * growth.toughness(tip) for tip, verdict in judged]
+    stress_intensities = [verdict.share * growth.toughness(tip) for tip, verdict in judged_tips]
     return np.array(
-        [v.released if np.isfinite(v.released) else k for (_, v), k in zip(judged, stress_intensities, strict=True)]
+        [
+            v.released if np.isfinite(v.released) else k
+            for (_, v), k in zip(judged_tips, stress_intensities, strict=True)
+        ]
     )

@@ -24,14 +24,14 @@ from pdsolve.numerics.thread_team import gate_of, meet, side_by_side
 from pdsolve.operators.simd_lattice.layout import aligned
 from pdsolve.operators.space_lattice.operator import SpaceLattice
 from pdsolve.state import State
-from pdsolve.steppers.holds import damp_component, hold_component, release_component
+from pdsolve.steppers.holds import accelerate_held_component, damp_component, prescribe_component
 
 READY, NO_ROOM, NO_MEMORY = range(3)  # what a tile waits for
 BETWEEN_LOOKS = 16  # sweeps in which nobody else can ask which bonds are broken
 ROOM = 16  # tiles of a thread all of whose bonds may break before it stops for more room
 
 
-class Course(NamedTuple):
+class TileMotion(NamedTuple):
     """The motion of m sites in t tiles, along d axes; what acts on them besides bonds."""
 
     u: tuple[NDArray[np.floating], NDArray[np.floating]]  # (d, m) displacements, m, of even and of odd sweeps
@@ -47,7 +47,7 @@ class Course(NamedTuple):
     stop: NDArray[np.int64]  # (1,) the sweep in which tiles wait, or -1
 
 
-class Local(NamedTuple):
+class TileBuffers(NamedTuple):
     """A tile's motion while it is advanced, along d axes."""
 
     force: NDArray[np.floating]  # (d, 16) force densities, N/m^3
@@ -56,7 +56,7 @@ class Local(NamedTuple):
     work: NDArray[np.float64]  # (16,) see `State`
 
 
-class Sweeps(NamedTuple):
+class SweepRange(NamedTuple):
     """Sweeps of a sequence of steps."""
 
     first: int  # step
@@ -72,7 +72,7 @@ class Sweep(NamedTuple):
     motion: Motion  # at its beginning
     state: State
     breaks: Breaks  # of the thread
-    after: int  # which of `Course.u` and `Course.v` the motion goes to
+    after: int  # which of `TileMotion.u` and `TileMotion.v` the motion goes to
     starts: bool  # it ends no step
     ends: bool  # it begins no step
 
@@ -105,7 +105,7 @@ class LatticeMarch:
         self._operator, self._dt = operator, dt
         self._of_lanes = drive._replace(holds=drive.holds._replace(node=lane))
         self._breaks = [room_for(ROOM * ROW * len(sites.ways)) for _ in range(operator.threads)]
-        self._course = Course(
+        self._course = TileMotion(
             u=(operator.u, like_u()),
             v=(like_u(), like_u()),
             pulled=np.zeros(count, dtype=np.bool_),
@@ -121,25 +121,28 @@ class LatticeMarch:
 
     def march(self, state: State, first: int, last: int) -> None:
         """Take the steps `first` to `last` - 1, in place."""
-        site, course = self._operator.sites.site, self._course
-        for axis in range(len(course.u[0])):
-            course.u[0][axis, site], course.v[0][axis, site] = state.value[:, axis], state.rate[:, axis]
+        site, tile_motion = self._operator.sites.site, self._course
+        for axis in range(len(tile_motion.u[0])):
+            tile_motion.u[0][axis, site], tile_motion.v[0][axis, site] = state.value[:, axis], state.rate[:, axis]
         sweep, ends = 0, last - first + 1 if last > first else 0
         while sweep < ends or ends == 0:
             with self._operator.breaking:
-                sweep = self._sweep(state, first, last, sweep, min(sweep + BETWEEN_LOOKS, ends))
+                sweep = self._sweep_tiles(state, first, last, sweep, min(sweep + BETWEEN_LOOKS, ends))
             if ends == 0:
                 return  # compiled
         after = (last - first + 1) % 2
-        for axis in range(len(course.u[0])):
-            state.value[:, axis], state.rate[:, axis] = course.u[after][axis, site], course.v[after][axis, site]
+        for axis in range(len(tile_motion.u[0])):
+            state.value[:, axis], state.rate[:, axis] = (
+                tile_motion.u[after][axis, site],
+                tile_motion.v[after][axis, site],
+            )
 
-    def _sweep(self, state: State, first_step: int, last_step: int, begin: int, end: int) -> int:
+    def _sweep_tiles(self, state: State, first_step: int, last_step: int, begin: int, end: int) -> int:
         """Do the sweeps `begin` to `end` - 1 of a sequence of steps, or fewer; returns the one to go on with."""
         threads, stop = self._operator.threads, self._course.stop
 
         def sweep(thread: int, first: int, last: int, again: bool, gate: Any) -> None:
-            sweeps = Sweeps(first_step, last_step, first, last, again)
+            sweeps = SweepRange(first_step, last_step, first, last, again)
             drive, breaks = self._of_lanes, self._breaks[thread]
             sweep_tiles(self._operator.tiles, self._course, drive, state, self._dt, sweeps, breaks, thread, gate)
 
@@ -167,7 +170,7 @@ class LatticeMarch:
 
 
 @cached_njit(nogil=True, error_model="numpy")
-def sweep_tiles(tiles, course, drive, state, dt, sweeps, breaks, thread, gate):  # type: ignore[no-untyped-def]
+def sweep_tiles(tiles, tile_motion, drive, state, dt, sweeps, breaks, thread, gate):  # type: ignore[no-untyped-def]
     """Do sweeps of a sequence of steps; all threads call this together, each with a share of the tiles.
 
     It stops after a sweep in which tiles wait. Prescribed components of `drive` are numbered by the lanes of their
@@ -175,8 +178,8 @@ def sweep_tiles(tiles, course, drive, state, dt, sweeps, breaks, thread, gate): 
     and of all nodes after the last sweep.
     """
     first, last, begin, end, again = sweeps
-    force, a, before = np.zeros((3, len(tiles.axes), ROW), course.rho.dtype)
-    local = Local(force, a, before, np.zeros(ROW))
+    force, a, before = np.zeros((3, len(tiles.axes), ROW), tile_motion.rho.dtype)
+    buffers = TileBuffers(force, a, before, np.zeros(ROW))
     count = len(tiles.kind)
     first_tile, end_tile = count * thread // gate.threads, count * (thread + 1) // gate.threads
     for sweep in range(begin, end):
@@ -186,137 +189,145 @@ def sweep_tiles(tiles, course, drive, state, dt, sweeps, breaks, thread, gate): 
                 apply_loads(drive, step * dt)
             meet(gate)
         now, after = sweep % 2, (sweep + 1) % 2
-        motion = Motion(course.u[now], course.v[now], True, dt, step)
-        of_sweep = Sweep(motion, state, breaks, after, starts, ends)
+        motion = Motion(tile_motion.u[now], tile_motion.v[now], True, dt, step)
+        sweep_state = Sweep(motion, state, breaks, after, starts, ends)
         for t in range(first_tile, end_tile):
-            if again and course.waiting[t] == READY:
+            if again and tile_motion.waiting[t] == READY:
                 continue
-            course.waiting[t] = _sweep_tile(tiles, course, drive, of_sweep, local, t)
-            if course.waiting[t] != READY:
-                course.stop[0] = sweep
+            tile_motion.waiting[t] = _sweep_tile(tiles, tile_motion, drive, sweep_state, buffers, t)
+            if tile_motion.waiting[t] != READY:
+                tile_motion.stop[0] = sweep
         meet(gate)
-        if course.stop[0] == sweep:
+        if tile_motion.stop[0] == sweep:
             return
 
 
 @njit(**IN_PLACE)
-def _sweep_tile(tiles, course, drive, of_sweep, local, t):  # type: ignore[no-untyped-def]
+def _sweep_tile(tiles, tile_motion, drive, sweep_state, buffers, tile):  # type: ignore[no-untyped-def]
     """End a step for a tile and begin the next one, or one of both; returns what it waits for."""
-    motion, starts = of_sweep.motion, of_sweep.starts
-    if tiles.kind[t] == EMPTY:
+    motion, starts = sweep_state.motion, sweep_state.starts
+    if tiles.kind[tile] == EMPTY:
         return READY
     if not starts:
-        waits_for = _sum_tile(tiles, course, of_sweep, local, t)
+        waits_for = _sum_tile_forces(tiles, tile_motion, sweep_state, buffers, tile)
         if waits_for != READY:
             return waits_for
-    if course.plain[t] and not starts and not of_sweep.ends:
+    if tile_motion.plain[tile] and not starts and not sweep_state.ends:
         for lane in range(0, ROW, across(motion.u)):
-            _advance_lanes(tiles, course, motion, local.force, of_sweep.after, tiles.margin + t * ROW, lane)
+            _advance_lanes(
+                tiles, tile_motion, motion, buffers.force, sweep_state.after, tiles.margin + tile * ROW, lane
+            )
     else:
-        _advance_tile(tiles, course, drive, of_sweep, local, t)
+        _advance_tile(tiles, tile_motion, drive, sweep_state, buffers, tile)
     return READY
 
 
 @njit(**IN_PLACE)
-def _sum_tile(tiles, course, of_sweep, local, t):  # type: ignore[no-untyped-def]
+def _sum_tile_forces(tiles, tile_motion, sweep_state, buffers, tile):  # type: ignore[no-untyped-def]
     """Fill the force densities on a tile; returns what it waits for."""
-    motion, breaks, dissipated = of_sweep.motion, of_sweep.breaks, of_sweep.state.dissipated
-    pulls = course.v[of_sweep.after]  # of bonds that soften or break: their place is free until the tile is advanced
+    motion, breaks, dissipated = sweep_state.motion, sweep_state.breaks, sweep_state.state.dissipated
+    pulls = tile_motion.v[
+        sweep_state.after
+    ]  # of bonds that soften or break: their place is free until the tile is advanced
     if not has_room(tiles, breaks):
         return NO_ROOM
-    if not course.pulled[t]:
+    if not tile_motion.pulled[tile]:
         for lane in range(0, ROW, across(motion.u)):
-            keep(zeros(motion.u, tiles.axes), pulls, tiles.margin + t * ROW + lane)
+            keep(zeros(motion.u, tiles.axes), pulls, tiles.margin + tile * ROW + lane)
     for lane in range(0, ROW, across(motion.u)):
-        status, f = sum_lanes(tiles, motion, pulls, dissipated, breaks, t, lane)
-        keep(f, local.force, lane)
+        status, f = sum_lanes(tiles, motion, pulls, dissipated, breaks, tile, lane)
+        keep(f, buffers.force, lane)
         if status != UNAGED:
-            course.pulled[t] = True
+            tile_motion.pulled[tile] = True
         if status == UNDONE:
             return NO_MEMORY
-    if course.pulled[t]:
-        _add_pulls(tiles, course, pulls, local.force, t)
+    if tile_motion.pulled[tile]:
+        _add_failure_pulls(tiles, tile_motion, pulls, buffers.force, tile)
     return READY
 
 
 @njit(**INNER)
-def _add_pulls(tiles, course, pulls, force, t):  # type: ignore[no-untyped-def]
+def _add_failure_pulls(tiles, tile_motion, pulls, force, tile):  # type: ignore[no-untyped-def]
     """Add the pulls of bonds that softened or broke to the force densities (d, 16) of a tile."""
-    course.pulled[t] = False
+    tile_motion.pulled[tile] = False
     for axis in range(len(force)):
         for lane in range(ROW):
-            force[axis, lane] += pulls[axis, tiles.margin + t * ROW + lane]
+            force[axis, lane] += pulls[axis, tiles.margin + tile * ROW + lane]
 
 
 @njit(**IN_PLACE)
-def _advance_lanes(tiles, course, motion, force, after, own, lane):  # type: ignore[no-untyped-def]
-    """End a step for some lanes, on which only bonds act, and begin the next one; `own` is the tile's first site."""
-    axes, dt, half, at = tiles.axes, same(motion.u, motion.dt), same(motion.u, motion.dt / 2), own + lane
-    (rho,) = beside(course.rho, (0,), at)
+def _advance_lanes(tiles, tile_motion, motion, force, after, first_site, lane):  # type: ignore[no-untyped-def]
+    """End a step for some lanes, on which only bonds act, and begin the next one; `first_site` is the tile's first
+    site."""
+    axes, dt, half, at = tiles.axes, same(motion.u, motion.dt), same(motion.u, motion.dt / 2), first_site + lane
+    (rho,) = beside(tile_motion.rho, (0,), at)
     a, v = divided(beside(force, axes, lane), rho), beside(motion.rate, axes, at)
     v = advanced(advanced(v, a, half), a, half)
-    keep(v, course.v[after], at)
-    keep(advanced(beside(motion.u, axes, at), v, dt), course.u[after], at)
+    keep(v, tile_motion.v[after], at)
+    keep(advanced(beside(motion.u, axes, at), v, dt), tile_motion.u[after], at)
 
 
 @njit(**INNER)
-def _advance_tile(tiles, course, drive, of_sweep, local, t):  # type: ignore[no-untyped-def]
+def _advance_tile(tiles, tile_motion, drive, sweep_state, buffers, tile):  # type: ignore[no-untyped-def]
     """End a step for a tile with its force densities, and begin the next one, or one of both."""
-    motion, state, after = of_sweep.motion, of_sweep.state, of_sweep.after
-    own, dt = tiles.margin + t * ROW, motion.dt
-    u, v = course.u[after][:, own : own + ROW], course.v[after][:, own : own + ROW]
+    motion, state, after = sweep_state.motion, sweep_state.state, sweep_state.after
+    first_site, dt = tiles.margin + tile * ROW, motion.dt
+    u, v = (
+        tile_motion.u[after][:, first_site : first_site + ROW],
+        tile_motion.v[after][:, first_site : first_site + ROW],
+    )
     for lane in range(ROW):
-        i = tiles.node[t * ROW + lane]
+        i = tiles.node[tile * ROW + lane]
         for axis in range(len(u)):
-            u[axis, lane], v[axis, lane] = motion.u[axis, own + lane], motion.rate[axis, own + lane]
-            local.a[axis, lane] = state.second[i, axis] if i >= 0 else 0
-            local.before[axis, lane] = v[axis, lane] - dt / 2 * local.a[axis, lane]
-    if not of_sweep.starts:
-        _end_step(tiles, course, drive, motion, state, v, local, t)
-    if not of_sweep.ends:
-        _begin_step(course, drive, u, v, local.a, dt, (motion.step + 1) * dt, t)
+            u[axis, lane], v[axis, lane] = motion.u[axis, first_site + lane], motion.rate[axis, first_site + lane]
+            buffers.a[axis, lane] = state.second[i, axis] if i >= 0 else 0
+            buffers.before[axis, lane] = v[axis, lane] - dt / 2 * buffers.a[axis, lane]
+    if not sweep_state.starts:
+        _kick_and_damp(tiles, tile_motion, drive, motion, state, v, buffers, tile)
+    if not sweep_state.ends:
+        _kick_and_drift(tile_motion, drive, u, v, buffers.a, dt, (motion.step + 1) * dt, tile)
     for lane in range(ROW):
-        i = tiles.node[t * ROW + lane]
+        i = tiles.node[tile * ROW + lane]
         if i >= 0:
             for axis in range(len(u)):
-                state.second[i, axis] = local.a[axis, lane]
+                state.second[i, axis] = buffers.a[axis, lane]
 
 
 @njit(**INNER)
-def _begin_step(course, drive, u, v, a, dt, time, t):  # type: ignore[no-untyped-def]
+def _kick_and_drift(tile_motion, drive, u, v, a, dt, time, tile):  # type: ignore[no-untyped-def]
     """The first half of the kick of a tile, and the drift to the displacements at `time`, s."""
     for axis in range(len(u)):
         for lane in range(ROW):
             v[axis, lane] += dt / 2 * a[axis, lane]
             u[axis, lane] += dt * v[axis, lane]
-    for k in range(course.held_start[t], course.held_start[t + 1]):
-        hold_component(u.T, v.T, a.T, drive.holds, drive.profiles, drive.held_speed, course.held[k], dt, time)
+    for k in range(tile_motion.held_start[tile], tile_motion.held_start[tile + 1]):
+        prescribe_component(u.T, v.T, a.T, drive.holds, drive.profiles, drive.held_speed, tile_motion.held[k], dt, time)
 
 
 @njit(**INNER)
-def _end_step(tiles, course, drive, motion, state, v, local, t):  # type: ignore[no-untyped-def]
+def _kick_and_damp(tiles, tile_motion, drive, motion, state, v, buffers, tile):  # type: ignore[no-untyped-def]
     """From the force densities on a tile to accelerations, the second half of the kick, and damping; v are (d, 16)."""
-    own, a, dt, axes, work = tiles.margin + t * ROW, local.a, motion.dt, len(v), local.work
-    rho = course.rho[own : own + ROW]
+    first_site, a, dt, axes, work = tiles.margin + tile * ROW, buffers.a, motion.dt, len(v), buffers.work
+    rho = tile_motion.rho[first_site : first_site + ROW]
     for lane in range(ROW):
-        i = tiles.node[t * ROW + lane]
+        i = tiles.node[tile * ROW + lane]
         if i < 0:
             continue
         work[lane] = state.work[i]
         for axis in range(axes):
-            a[axis, lane] = (local.force[axis, lane] + drive.force[i, axis]) / rho[lane]
+            a[axis, lane] = (buffers.force[axis, lane] + drive.force[i, axis]) / rho[lane]
         for axis in range(axes):
             work[lane] += (drive.before[i, axis] + drive.force[i, axis]) / 2 * (dt * v[axis, lane])
-    for k in range(course.held_start[t], course.held_start[t + 1]):
+    for k in range(tile_motion.held_start[tile], tile_motion.held_start[tile + 1]):
         speed, force, time = drive.held_speed, drive.held_force, motion.step * dt
         of_holds = drive.holds, drive.profiles, speed, force
-        release_component(v.T, a.T, rho, work, *of_holds, course.held[k], dt, time)
+        accelerate_held_component(v.T, a.T, rho, work, *of_holds, tile_motion.held[k], dt, time)
     for lane in range(ROW):
-        i = tiles.node[t * ROW + lane]
+        i = tiles.node[tile * ROW + lane]
         if i < 0:
             continue
-        c, state.work[i] = course.damping[i], work[lane]
+        c, state.work[i] = tile_motion.damping[i], work[lane]
         for axis in range(axes):
             v[axis, lane] += dt / 2 * a[axis, lane]
-            if c > 0 and not course.constrained[i, axis]:
-                state.damped[i] += damp_component(v.T, a.T, local.before.T, rho, c, lane, axis, dt)
+            if c > 0 and not tile_motion.constrained[i, axis]:
+                state.damped[i] += damp_component(v.T, a.T, buffers.before.T, rho, c, lane, axis, dt)

@@ -24,9 +24,17 @@ from pdsolve.model import Model, ModelError, ModelWarning
 from pdsolve.operators.ground_supports import grounded
 from pdsolve.operators.protocol import Operator
 from pdsolve.state import Broken, State
-from pdsolve.steppers.equilibrium import Asked, Method, Settled, Tell, UnsettledError, forces, norm
-from pdsolve.steppers.rigid_body_modes import Braced, Loose, loose, unbalanced
-from pdsolve.steppers.touching import Touching, and_touching
+from pdsolve.steppers.contact_method import ContactMethod, with_contact_pairs
+from pdsolve.steppers.equilibrium import (
+    Equilibrium,
+    EquilibriumConditions,
+    EquilibriumMethod,
+    ProgressReport,
+    UnsettledError,
+    force_densities,
+    norm,
+)
+from pdsolve.steppers.rigid_body_modes import LooseBodies, SupportedBonds, describe_unbalanced_body, find_loose_bodies
 
 Array = NDArray[np.float64]
 
@@ -36,7 +44,7 @@ BETWEEN = 1e-5  # tolerance of equilibria between rounds of breaking: bonds are 
 JUMP = 4  # horizons: cracks that grow by more in a load step, by themselves, jump; by less they go from node to node
 
 
-class Rested(NamedTuple):
+class LoadStepResult(NamedTuple):
     """How one load step came to rest."""
 
     step: int
@@ -46,7 +54,7 @@ class Rested(NamedTuple):
     least: float  # share of this step's loads that would have been enough to break the next bond, 1 if none broke
 
 
-class Going(NamedTuple):
+class LoadStepProgress(NamedTuple):
     """Progress of a load step."""
 
     step: int
@@ -64,36 +72,36 @@ class LoadSteps:
         operator: Operator,
         drive: Drive,
         area: Array,
-        method: Method,
+        method: EquilibriumMethod,
         breaking: Breaking | None,
-        grow: Callable[[State, int], bool] | None = None,
-        remember: Callable[[State], None] = lambda state: None,
+        grow_cracks: Callable[[State, int], bool] | None = None,
+        on_equilibrium: Callable[[State], None] = lambda state: None,
     ) -> None:
         """`breaking` lets bonds break here; None: none does.
 
-        `grow` lets cracks grow from an equilibrium in a step, and returns whether any did. `remember` is called with
-        each equilibrium under load. Raises ModelError for a body without supports.
+        `grow_cracks` lets cracks grow from an equilibrium in a step, and returns whether any did. `on_equilibrium` is
+        called with each equilibrium under load. Raises ModelError for a body without supports.
         """
         self._model, self._operator, self._drive, self._area = model, operator, drive, area
         self.method, self._breaking, self._dt = method, breaking, model.settings.run.time_step or 0.0
         self.held = np.zeros(drive.force.shape, dtype=bool)
         self.held[drive.holds.node, drive.holds.axis] = True
         self._supported = self.held | grounded(model, drive.force.shape[1])
-        self.rested: list[Rested] = []
-        self._remember, self._grow = remember, grow
-        self._contact = method.contact if isinstance(method, Touching) else None
-        self.watch: Callable[[Going], None] | None = None
-        self._inner = 0.0  # N/m^3, of `Asked`
+        self.step_results: list[LoadStepResult] = []
+        self._remember, self._grow = on_equilibrium, grow_cracks
+        self._contact = method.contact if isinstance(method, ContactMethod) else None
+        self.watch: Callable[[LoadStepProgress], None] | None = None
+        self._inner = 0.0  # N/m^3, of `EquilibriumConditions`
         self._loaded: Callable[[State], object] = lambda state: None
-        self._warned, self._told_loose, self._loose = False, False, cast("Loose | None", None)
-        self._braced: Braced | None = None  # of bodies that are supported
+        self._warned, self._told_loose, self._loose = False, False, cast("LooseBodies | None", None)
+        self._braced: SupportedBonds | None = None  # of bodies that are supported
         source, target = operator.bonds(start=True)
         self._bonds = source * len(area) + target
-        self._support(operator.broken(), "")
+        self._check_supports(operator.broken(), "")
         for step in range(1, model.settings.run.steps + 1) if self._loose is not None else ():
             put_loads(drive, step * self._dt)
             try:
-                self._balance("")
+                self._check_load_balance("")
             except UnsettledError as error:
                 raise ModelError(f"{model.name}: $.conditions: {error}") from None
         drive.force[:] = 0
@@ -101,168 +109,183 @@ class LoadSteps:
     def march(self, state: State, first: int, last: int) -> None:
         """Take the load steps `first` to `last` - 1, in place. Raises UnsettledError."""
         for step in range(first, last):
-            self._take(state, step)
+            self._take_step(state, step)
 
-    def swell(self, strain: Array, state: State, loaded: Callable[[State], object]) -> None:
+    def swell_bonds(self, strain: Array, state: State, on_equilibrium: Callable[[State], object]) -> None:
         """Break bonds by their stretch from these strains (n,), with which the operator has been strained.
 
-        `loaded` is called with the next equilibrium before bonds break.
+        `on_equilibrium` is called with the next equilibrium before bonds break.
         """
-        self._loaded = loaded
+        self._loaded = on_equilibrium
         if self._breaking is not None:
             self._breaking.swell(strain)
-        self._inner = norm(forces(self._operator, state._replace(value=np.zeros(state.value.shape))))
+        self._inner = norm(force_densities(self._operator, state._replace(value=np.zeros(state.value.shape))))
 
-    def bring(self, state: State) -> Settled:
+    def settle_at_start(self, state: State) -> Equilibrium:
         """Bring the plate to rest under the conditions of time 0, without breaking bonds. Raises UnsettledError."""
         put_loads(self._drive, 0.0)
-        return self._load(state, np.zeros(self._drive.force.shape), 0, 0.0)
+        return self._settle_in_parts(state, np.zeros(self._drive.force.shape), 0, 0.0)
 
-    def load(self, state: State, before: Array, step: int, time: float) -> Settled:
-        """Bring the plate from rest under the loads `before` (n, w) to rest under the conditions of `time`, s.
+    def settle_under_loads(self, state: State, previous_load: Array, step: int, time: float) -> Equilibrium:
+        """Bring the plate from rest under the loads `previous_load` (n, w) to rest under the conditions of `time`, s.
 
         Books the work. Raises UnsettledError.
         """
         put_loads(self._drive, time)
-        self._balance("")
-        return self._load(state, before, step, time)
+        self._check_load_balance("")
+        return self._settle_in_parts(state, previous_load, step, time)
 
-    def rest_at(self, state: State, step: int, time: float) -> Settled:
+    def settle_without_booking(self, state: State, step: int, time: float) -> Equilibrium:
         """Bring the plate to rest under the conditions of `time`, s; books nothing. Raises UnsettledError."""
         put_loads(self._drive, time)
-        self._balance("")
-        at = np.where(self.held, held_at(self._drive, time), 0.0)
-        conditions = Asked(self._drive.force.astype(float), self.held, at, self._inner)
-        equilibrium = self.method.settle(state, conditions, self._tell(step, 0))
-        self._note(state)
+        self._check_load_balance("")
+        at = np.where(self.held, prescribed_positions(self._drive, time), 0.0)
+        conditions = EquilibriumConditions(self._drive.force.astype(float), self.held, at, self._inner)
+        equilibrium = self.method.solve_equilibrium(state, conditions, self._make_progress_report(step, 0))
+        self._store_reactions(state)
         return equilibrium
 
-    def outside(self, state: State) -> Array:
+    def external_forces(self, state: State) -> Array:
         """External force densities (n, w) as the plate rests: loads, and reactions of held components."""
-        return self._outside(state, self._drive.force.astype(float))
+        return self._external_forces(state, self._drive.force.astype(float))
 
     def expect_supports(self) -> None:
         """Raise UnsettledError where broken bonds leave a body without supports."""
         broken = self._operator.broken()
-        self._support(broken, f"after {pair_count(len(broken.step))} bonds broke: ")
+        self._check_supports(broken, f"after {pair_count(len(broken.step))} bonds broke: ")
 
-    def keep(self) -> Array:
+    def checkpoint_rows(self) -> Array:
         """Convergence data (k, 5) of the load steps so far, for a checkpoint."""
-        return np.array(self.rested, dtype=float).reshape(-1, len(Rested._fields))
+        return np.array(self.step_results, dtype=float).reshape(-1, len(LoadStepResult._fields))
 
-    def back(self, load_step_rows: Array, broken: Broken) -> None:
+    def restore(self, load_step_rows: Array, broken: Broken) -> None:
         """Restore a checkpoint (k, 5) with these broken bonds."""
-        self.rested = [Rested(int(s), int(i), r, int(b), least) for s, i, r, b, least in load_step_rows.tolist()]
+        self.step_results = [
+            LoadStepResult(int(s), int(i), r, int(b), least) for s, i, r, b, least in load_step_rows.tolist()
+        ]
         if self._breaking is not None:
             self._breaking.restore(broken)
         count = len(broken.step)
-        self._support(broken, f"after {count} directed bonds broke: " if count else "")
+        self._check_supports(broken, f"after {count} directed bonds broke: " if count else "")
 
-    def _take(self, state: State, step: int) -> None:
-        before = self._drive.force.astype(float) if self.rested else np.zeros(self._drive.force.shape)
+    def _take_step(self, state: State, step: int) -> None:
+        before = self._drive.force.astype(float) if self.step_results else np.zeros(self._drive.force.shape)
         put_loads(self._drive, step * self._dt)
-        self.method.forget()
-        start, spent = self._size(state, before), self._released(state)
+        self.method.reset_history()
+        start, spent = self._load_size(state, before), self._spent_energy(state)
         try:
-            self._balance("")
-            equilibrium = self._load(state, before, step, step * self._dt)
+            self._check_load_balance("")
+            equilibrium = self._settle_in_parts(state, before, step, step * self._dt)
             self._loaded(state)
-            equilibrium, breaks, least = self.break_overstretched(state, step, equilibrium)
-            equilibrium, growth_count = self._let_grow(state, step, equilibrium)
+            equilibrium, breaks, least = self.break_overstretched_bonds(state, step, equilibrium)
+            equilibrium, growth_count = self._grow_and_settle(state, step, equilibrium)
             self._refuse_unstable(state)
         except UnsettledError as error:
             raise UnsettledError(f"{self._model.name}: load step {step}, {step * self._dt:.4g} s: {error}") from None
-        self.rested.append(Rested(step, equilibrium.iterations, equilibrium.residual, breaks + growth_count, least))
-        self._tell_jump(step, least * self._size(state, self._drive.force.astype(float)) < start, least, spent, state)
+        self.step_results.append(
+            LoadStepResult(step, equilibrium.iterations, equilibrium.residual, breaks + growth_count, least)
+        )
+        self._warn_of_jump(
+            step, least * self._load_size(state, self._drive.force.astype(float)) < start, least, spent, state
+        )
 
     def _refuse_unstable(self, state: State) -> None:
         """Raise UnsettledError under dead loads where the body would not stay."""
         if not self._drive.force[~self.held].any():
             return
-        ways = self.method.ways_down(state, self.held)
+        ways = self.method.count_unstable_modes(state, self.held)
         if ways:
             raise UnsettledError(
                 f"the equilibrium is not stable, as energy falls in {ways} independent ways: a body under dead"
                 " loads leaves it; use smaller loads, prescribed displacements, or motion (run.solver)"
             )
 
-    def _tell_jump(self, step: int, less: bool, least: float, spent: float, state: State) -> None:
+    def _warn_of_jump(
+        self, step: int, load_is_smaller: bool, sufficient_share: float, spent_before: float, state: State
+    ) -> None:
         """Report, once, a crack that grew a long way at a smaller load than that of the step before."""
         model = self._model
-        cost = self._released(state) - spent
+        cost = self._spent_energy(state) - spent_before
         crack_area = float(model.horizons.max()) ** (model.grid.dimension - 1)
         least_cost = crack_area * min(material.G0 for material in model.materials)
-        if step > 1 and less and cost > JUMP * least_cost and not self._warned:
+        if step > 1 and load_is_smaller and cost > JUMP * least_cost and not self._warned:
             self._warned = True
             warnings.warn(
                 f"{model.name}: load step {step} ({step * self._dt:.4g} s): snap-back: the crack jumped at this"
-                f" load ({cost:.3g} J/m released), though {least:.3g} of it was enough; the result is that of a"
-                " jump at this load",
+                f" load ({cost:.3g} J/m released), though {sufficient_share:.3g} of it was enough; the result is that"
+                " of a jump at this load",
                 ModelWarning,
                 stacklevel=2,
             )
 
-    def _released(self, state: State) -> float:
+    def _spent_energy(self, state: State) -> float:
         """Energy, J/m, dissipated by broken bonds and released by the plate on its way to rest."""
         return float(np.sum(self._area * (state.dissipated + state.damped)))
 
-    def _size(self, state: State, load: Array) -> float:
+    def _load_size(self, state: State, load: Array) -> float:
         """Size of the loading: the norm of loads, or of held displacements without loads."""
         size = norm(load)
         return size if size > 0 else norm(state.value[self.held])
 
-    def _load(self, state: State, before: Array, step: int, time: float) -> Settled:
+    def _settle_in_parts(self, state: State, previous_load: Array, step: int, time: float) -> Equilibrium:
         """Find equilibrium under the loads and holds of `time`, s, starting from those before; books the work.
 
         A part of the way that does not come to rest is halved, and the next part grows if few iterations were enough.
         """
-        at, now, start = held_at(self._drive, time), self._drive.force.astype(float), state.value.copy()
-        done, part, iterations, equilibrium = 0.0, 1.0, 0, Settled(0, 0.0)
+        at, now, start = prescribed_positions(self._drive, time), self._drive.force.astype(float), state.value.copy()
+        done, part, iterations, equilibrium = 0.0, 1.0, 0, Equilibrium(0, 0.0)
         while done < 1:
-            end = 1.0 if done + part > 1 - self.method.smallest else done + part
-            loads = [before + share * (now - before) for share in (done, (done + end) / 2, end)]
+            end = 1.0 if done + part > 1 - self.method.smallest_part else done + part
+            loads = [previous_load + share * (now - previous_load) for share in (done, (done + end) / 2, end)]
             places = [np.where(self.held, start + share * (at - start), 0.0) for share in ((done + end) / 2, end)]
             value, operator_arrays = state.value.copy(), self._operator.keep()
             try:
-                equilibrium = self._part(state, loads, places, self._tell(step, iterations))
+                equilibrium = self._settle_one_part(state, loads, places, self._make_progress_report(step, iterations))
             except UnsettledError as error:
                 state.value[:], part = value, part / 2
                 self._operator.back(operator_arrays, self._operator.broken())
-                if part < self.method.smallest:
-                    raise self._limit(error, state, done) from None
+                if part < self.method.smallest_part:
+                    raise self._limit_load_error(error, state, done) from None
                 continue
             done, iterations = end, iterations + equilibrium.iterations
             part *= GROWTH if equilibrium.iterations < 2 * FEW else 1.0
-        self._note(state)
-        return Settled(iterations, equilibrium.residual)
+        self._store_reactions(state)
+        return Equilibrium(iterations, equilibrium.residual)
 
-    def _limit(self, error: UnsettledError, state: State, done: float) -> UnsettledError:
-        """The error of a load step that comes to rest up to the share `done` only: a limit load, where nodes flow."""
+    def _limit_load_error(self, error: UnsettledError, state: State, settled_share: float) -> UnsettledError:
+        """The error of a load step that comes to rest up to the share `settled_share` only: a limit load, where nodes
+        flow."""
         plastic = self._operator.fields(state).get("plastic")
         flowing = 0 if plastic is None else int((plastic > 0).sum())
         if not flowing or not self._drive.force[~self.held].any():
             return error
         return UnsettledError(
-            f"limit load: no equilibrium above {done:.3g} of this load step, as {flowing} of {len(self._area)}"
+            f"limit load: no equilibrium above {settled_share:.3g} of this load step, as {flowing} of {len(self._area)}"
             " nodes flow; use smaller loads, prescribed displacements, or material.hardening"
         )
 
-    def _part(self, state: State, loads: list[Array], places: list[Array], tell: Tell) -> Settled:
+    def _settle_one_part(
+        self, state: State, loads: list[Array], places: list[Array], report_progress: ProgressReport
+    ) -> Equilibrium:
         """Find equilibrium half the way to the last of three loads, and there; books the work."""
-        u, pushed, iterations = [state.value.copy()], [self._outside(state, loads[0])], 0
+        u, pushed, iterations = [state.value.copy()], [self._external_forces(state, loads[0])], 0
         for load, place in zip(loads[1:], places, strict=True):
-            equilibrium = self.method.settle(state, Asked(load, self.held, place, self._inner), tell)
+            equilibrium = self.method.solve_equilibrium(
+                state, EquilibriumConditions(load, self.held, place, self._inner), report_progress
+            )
             iterations += equilibrium.iterations
             u.append(state.value.copy())
-            pushed.append(self._outside(state, load))
+            pushed.append(self._external_forces(state, load))
             self._remember(state)
         # work, J/m^3, of forces along the path through three states, quadratic in between
         (u0, um, u1), (f0, fm, f1) = u, pushed
         work = (f0 * (4 * um - 3 * u0 - u1) + 4 * fm * (u1 - u0) + f1 * (u0 - 4 * um + 3 * u1)) / 6
         state.work[:] += work.sum(axis=1)
-        return Settled(iterations, equilibrium.residual)
+        return Equilibrium(iterations, equilibrium.residual)
 
-    def break_overstretched(self, state: State, step: int, equilibrium: Settled) -> tuple[Settled, int, float]:
+    def break_overstretched_bonds(
+        self, state: State, step: int, equilibrium: Equilibrium
+    ) -> tuple[Equilibrium, int, float]:
         """Break bonds and settle until no bond is above its limit.
 
         Returns how it settled, how often, and the smallest share of the load.
@@ -275,69 +298,79 @@ class LoadSteps:
             if most and breaks:
                 least = min(least, 1 / most)
             roughly = most > 0
-            equilibrium = self.settle_broken(state, step, iterations, BETWEEN if roughly else 0.0)
+            equilibrium = self.settle_after_breakage(state, step, iterations, BETWEEN if roughly else 0.0)
             iterations += equilibrium.iterations
             breaks += roughly
-        return Settled(iterations, equilibrium.residual), breaks, least
+        return Equilibrium(iterations, equilibrium.residual), breaks, least
 
-    def settle_broken(self, state: State, step: int, iterations: int = 0, enough: float = 0.0) -> Settled:
-        """Settle again after bonds broke, at least to a residual of `enough`. Raises UnsettledError."""
+    def settle_after_breakage(
+        self, state: State, step: int, iterations_before: int = 0, sufficient_residual: float = 0.0
+    ) -> Equilibrium:
+        """Settle again after bonds broke, at least to a residual of `sufficient_residual`. Raises UnsettledError."""
         self.expect_supports()
         try:
-            return self._settle(state, step, iterations, enough)
+            return self._settle_at_constant_load(state, step, iterations_before, sufficient_residual)
         except UnsettledError as error:
             raise UnsettledError(
                 f"after {pair_count(len(self._operator.broken().step))} bonds broke: {error}"
             ) from None
 
-    def _let_grow(self, state: State, step: int, equilibrium: Settled) -> tuple[Settled, int]:
+    def _grow_and_settle(self, state: State, step: int, equilibrium: Equilibrium) -> tuple[Equilibrium, int]:
         """Let cracks grow and settle until none grows; returns how it settled, and how often."""
         times, iterations = 0, equilibrium.iterations
         while self._grow is not None and self._grow(state, step):
             broken = self._operator.broken()
-            self._support(broken, f"after {pair_count(len(broken.step))} bonds were cut: ")
-            equilibrium = self._settle(state, step, iterations)
+            self._check_supports(broken, f"after {pair_count(len(broken.step))} bonds were cut: ")
+            equilibrium = self._settle_at_constant_load(state, step, iterations)
             iterations += equilibrium.iterations
             times += 1
-        return Settled(iterations, equilibrium.residual), times
+        return Equilibrium(iterations, equilibrium.residual), times
 
-    def _settle(self, state: State, step: int, iterations: int, enough: float = 0.0) -> Settled:
+    def _settle_at_constant_load(
+        self, state: State, step: int, iterations_before: int, sufficient_residual: float = 0.0
+    ) -> Equilibrium:
         """Find equilibrium under the same loads; books their work, and the energy that the plate releases."""
         load, u = self._drive.force.astype(float), state.value.copy()
-        conditions = Asked(load, self.held, np.where(self.held, u, 0.0), self._inner, enough)
-        residual_forces = [self._left(state, load)]
-        equilibrium = self.method.settle(state, conditions, self._tell(step, iterations))
+        conditions = EquilibriumConditions(
+            load, self.held, np.where(self.held, u, 0.0), self._inner, sufficient_residual
+        )
+        residual_forces = [self._residual_forces(state, load)]
+        equilibrium = self.method.solve_equilibrium(
+            state, conditions, self._make_progress_report(step, iterations_before)
+        )
         end, way = state.value.copy(), state.value - u
         for values in ((u + end) / 2, end):
             state.value[:] = values
-            residual_forces.append(self._left(state, load))
+            residual_forces.append(self._residual_forces(state, load))
         state.damped[:] += ((residual_forces[0] + 4 * residual_forces[1] + residual_forces[2]) / 6 * way).sum(axis=1)
         state.work[:] += (load * way).sum(axis=1)
-        self._note(state)
+        self._store_reactions(state)
         return equilibrium
 
-    def _left(self, state: State, load: Array) -> Array:
-        return np.where(self.held, 0.0, forces(self._operator, state) + load)
+    def _residual_forces(self, state: State, load: Array) -> Array:
+        return np.where(self.held, 0.0, force_densities(self._operator, state) + load)
 
-    def _outside(self, state: State, load: Array) -> Array:
+    def _external_forces(self, state: State, load: Array) -> Array:
         """External force densities (n, d): loads, and reactions of held components."""
-        return np.where(self.held, -forces(self._operator, state), load)
+        return np.where(self.held, -force_densities(self._operator, state), load)
 
-    def _note(self, state: State) -> None:
+    def _store_reactions(self, state: State) -> None:
         """Store reactions, and set the motion to zero."""
         node, axis = self._drive.holds.node, self._drive.holds.axis
-        self._drive.held_force[:] = (forces(self._operator, state) + self._drive.force)[node, axis]
+        self._drive.held_force[:] = (force_densities(self._operator, state) + self._drive.force)[node, axis]
         self._drive.before[:] = self._drive.force
         state.rate[:] = state.second[:] = 0
 
-    def _tell(self, step: int, before: int) -> Callable[[int, float], None]:
+    def _make_progress_report(self, step: int, iterations_before: int) -> Callable[[int, float], None]:
         def tell(iterations: int, residual: float) -> None:
             if self.watch is not None:
-                self.watch(Going(step, before + iterations, residual, len(self._operator.broken().step)))
+                self.watch(
+                    LoadStepProgress(step, iterations_before + iterations, residual, len(self._operator.broken().step))
+                )
 
         return tell
 
-    def _support(self, broken: Broken, when: str) -> None:
+    def _check_supports(self, broken: Broken, occasion: str) -> None:
         """Check for unsupported bodies, and hold softly what breaking bonds cut free.
 
         Raises ModelError at the start, UnsettledError for loads on what is cut free.
@@ -345,41 +378,47 @@ class LoadSteps:
         model, nodes = self._model, len(self._area)
         intact = np.ones(len(self._bonds), dtype=bool)
         intact[np.searchsorted(self._bonds, broken.source * nodes + broken.target)] = False
-        if self._braced is not None and self._braced.stays(intact):
+        if self._braced is not None and self._braced.remain_supported(intact):
             return
         intact_bonds = self._bonds[intact]
-        loose_bodies = loose(model.grid.position, model.grid.ids, np.divmod(intact_bonds, nodes), self._supported)
+        loose_bodies = find_loose_bodies(
+            model.grid.position, model.grid.ids, np.divmod(intact_bonds, nodes), self._supported
+        )
         self._braced = None
-        if not loose_bodies.said:
-            self._braced = Braced(model.grid.position, np.divmod(self._bonds, nodes), self._supported, intact)
+        if not loose_bodies.description:
+            self._braced = SupportedBonds(model.grid.position, np.divmod(self._bonds, nodes), self._supported, intact)
             return
         if self._contact is not None:
-            alone = loose_bodies.nodes
-            joined = and_touching(np.divmod(intact_bonds, nodes), self._contact)
-            loose_bodies = loose(model.grid.position, model.grid.ids, joined, self._supported)
-            self.method.hold_softly(alone)  # which touch holds once it presses, in all directions but along a face
-            if not loose_bodies.said:
+            alone = loose_bodies.is_loose
+            joined = with_contact_pairs(np.divmod(intact_bonds, nodes), self._contact)
+            loose_bodies = find_loose_bodies(model.grid.position, model.grid.ids, joined, self._supported)
+            self.method.restrain_softly(alone)  # which touch holds once it presses, in all directions but along a face
+            if not loose_bodies.description:
                 return
-        if not model.settings.run.static.floating and not when:
-            said = f"{loose_bodies.said}; add supports, or use --float (run.static.floating) if the loads balance"
+        if not model.settings.run.static.floating and not occasion:
+            said = (
+                f"{loose_bodies.description}; add supports, or use --float (run.static.floating) if the loads balance"
+            )
             raise ModelError(f"{model.name}: $.conditions: {said}")
         self._loose = loose_bodies
-        self._balance(when)
+        self._check_load_balance(occasion)
         if not model.settings.run.static.floating and not self._told_loose:
             self._told_loose = True
-            said = f"{when}{loose_bodies.said}, without loads: it stays where it comes to rest"
+            said = f"{occasion}{loose_bodies.description}, without loads: it stays where it comes to rest"
             warnings.warn(f"{model.name}: {said}", ModelWarning, stacklevel=2)
-        self.method.hold_softly(loose_bodies.nodes)
+        self.method.restrain_softly(loose_bodies.is_loose)
 
-    def _balance(self, when: str) -> None:
+    def _check_load_balance(self, occasion: str) -> None:
         """Check that loads on unsupported bodies balance. Raises UnsettledError."""
         if self._loose is not None:
-            said = unbalanced(self._model.grid.position, self._drive.force * self._area[:, None], self._loose)
+            said = describe_unbalanced_body(
+                self._model.grid.position, self._drive.force * self._area[:, None], self._loose
+            )
             if said:
-                raise UnsettledError(f"{when}loads of {said} do not balance; add supports")
+                raise UnsettledError(f"{occasion}loads of {said} do not balance; add supports")
 
 
-def held_at(drive: Drive, time: float) -> Array:
+def prescribed_positions(drive: Drive, time: float) -> Array:
     """Positions (n, d) of held components at `time`, s; 0 for others, and for those with a prescribed velocity."""
     at = np.zeros(drive.force.shape)
     holds = drive.holds

@@ -3,7 +3,7 @@
 Each iteration takes the tangent anew and halves the step while the residual does not fall, so that convergence near
 equilibrium is quadratic. An equilibrium that took few iterations is nearly linear: the next one begins with the old
 tangent, its steps mixed to minimize the residual (D. G. Anderson, J. ACM 12 (1965) 547-560), until that stalls.
-`forget` discards the old tangent, so that a resumed run continues bit by bit.
+`reset_history` discards the old tangent, so that a resumed run continues bit by bit.
 
 Up to `FACTORED` free components, the tangent is factorized (SuperLU through SciPy). Above, where the factors would not
 fit into memory, equations are solved by conjugate gradients, or by BiCGStab for one-sided bonds.
@@ -19,19 +19,19 @@ from numpy.typing import NDArray
 
 from pdsolve.operators.protocol import Operator
 from pdsolve.state import State
+from pdsolve.steppers.downdated_tangent import DowndatedTangent
 from pdsolve.steppers.equilibrium import (
-    Asked,
-    Settled,
-    Tell,
+    Equilibrium,
+    EquilibriumConditions,
+    ProgressReport,
     UnsettledError,
-    forces,
-    left_over,
+    force_densities,
     norm,
-    round_off,
+    relative_residual,
+    round_off_stiffness,
     weighted_tangent,
 )
-from pdsolve.steppers.factors import factors, negative_pivots
-from pdsolve.steppers.lost_bonds import LostBonds
+from pdsolve.steppers.factors import count_negative_eigenvalues, factorize
 
 if TYPE_CHECKING:
     from scipy.sparse import csr_array
@@ -58,114 +58,119 @@ SOFT = 1e-6  # of the stiffest component: what a body that nothing supports is h
 
 
 class Newton:
-    """Solves with an operator's tangent; see `Method`."""
+    """Solves with an operator's tangent; see `EquilibriumMethod`."""
 
-    smallest = 1 / 64
+    smallest_part = 1 / 64
 
     def __init__(
         self,
         operator: Operator,
         area: Array,
         tolerance: float,
-        most: int | None = None,
-        free: int = 0,
-        factored: int = FACTORED,
-        pairs: bool = False,
-        flows: bool = False,
+        max_iterations: int | None = None,
+        free_count: int = 0,
+        most_factored: int = FACTORED,
+        forces_are_pairwise: bool = False,
+        nodes_flow: bool = False,
     ) -> None:
-        """`area` (n,) m^2 makes equations symmetric if bonds are; `free` is the number of free components; `pairs`:
-        whether forces are those of bonds one by one; `flows`: whether nodes do, so that the energy of a step is convex
-        and a step is also good that does not lead far beyond its least."""
+        """`area` (n,) m^2 makes equations symmetric if bonds are; `free_count` is the number of free components;
+        `forces_are_pairwise`: whether forces are those of bonds one by one; `nodes_flow`: whether nodes do, so that the
+        energy of a step is convex and a step is also good that does not lead far beyond its least."""
         self._operator, self._area, self._tolerance = operator, area, tolerance
-        self._most, self._flows = most or (MOST_FLOWING if flows else MOST), flows
-        self._least = round_off(float(operator.stiffness_bound().max(initial=0.0)), tolerance)
+        self._most, self._flows = max_iterations or (MOST_FLOWING if nodes_flow else MOST), nodes_flow
+        self._least = round_off_stiffness(float(operator.stiffness_bound().max(initial=0.0)), tolerance)
         self._before = 0.0  # m, norm of the displacements that the last equilibrium began with
-        self._factored = free <= factored
+        self._factored = free_count <= most_factored
         way = "factors" if self._factored else "conjugate gradients" if operator.symmetric else "BiCGStab"
-        self.said = f"Newton's method with {way}"
+        self.description = f"Newton's method with {way}"
         self._floating: NDArray[np.bool_] | None = None  # (n,) nodes that are held softly
-        self._pairs = pairs and operator.symmetric
-        self._lost: LostBonds | None = None
+        self._pairs = forces_are_pairwise and operator.symmetric
+        self._lost: DowndatedTangent | None = None
         self._inverse: Callable[[Array], Array] | None = None
         self._matrix: csr_array | None = None
         self._fresh = False  # whether the tangent is that of the state as it is
 
-    def forget(self) -> None:
+    def reset_history(self) -> None:
         """Discard the factors of the tangent, so that what follows depends on the state alone."""
         self._inverse = self._matrix = self._lost = None
         self._fresh = False
 
-    def hold_softly(self, nodes: NDArray[np.bool_]) -> None:
+    def restrain_softly(self, nodes: NDArray[np.bool_]) -> None:
         """Restrain these nodes (n,) by weak springs in the equations only, which takes a few more iterations."""
         if self._floating is None or (self._floating != nodes).any():
             self._floating = nodes
-            self.forget()
+            self.reset_history()
 
-    def ways_down(self, state: State, constrained: NDArray[np.bool_]) -> int:
+    def count_unstable_modes(self, state: State, constrained: NDArray[np.bool_]) -> int:
         """Independent displacements along which energy falls from this equilibrium; 0 where that is not known.
 
         It is known of symmetric tangents that are factorized, of bodies that are supported.
         """
         if not (self._factored and self._operator.symmetric) or self._floating is not None:
             return 0
-        self.forget()  # whose factors would be there beside these
-        matrix, free = self._symmetric(state), ~constrained.ravel()
-        return negative_pivots(matrix[free][:, free])
+        self.reset_history()  # whose factors would be there beside these
+        matrix, free = self._symmetric_tangent(state), ~constrained.ravel()
+        return count_negative_eigenvalues(matrix[free][:, free])
 
-    def settle(self, state: State, conditions: Asked, tell: Tell) -> Settled:
+    def solve_equilibrium(
+        self, state: State, conditions: EquilibriumConditions, report_progress: ProgressReport
+    ) -> Equilibrium:
         """Move the values of the state to equilibrium by Newton's method, in place; raises UnsettledError.
 
         The values are those of the start then.
         """
-        start, free, done = state.value.copy(), ~conditions.held, 0
+        start, free, done = state.value.copy(), ~conditions.constrained, 0
         self._before = norm(start)
-        if (state.value != np.where(free, state.value, conditions.at)).any():
-            self._lead(state, conditions)
-        if self._lost is not None and not self._lost.lose(self._operator.broken()):
-            self.forget()
+        if (state.value != np.where(free, state.value, conditions.prescribed)).any():
+            self._move_to_prescribed(state, conditions)
+        if self._lost is not None and not self._lost.remove_bonds(self._operator.broken()):
+            self.reset_history()
         if self._inverse is not None and not self._fresh:
-            equilibrium, done = self._mix(state, conditions, tell)
+            equilibrium, done = self._iterate_with_old_tangent(state, conditions, report_progress)
             if equilibrium is not None:
                 return equilibrium
-        equilibrium, done = self._renew(state, conditions, done, tell)
+        equilibrium, done = self._iterate_with_new_tangents(state, conditions, done, report_progress)
         if equilibrium is not None:
             return equilibrium
         state.value[:] = start
-        self.forget()
+        self.reset_history()
         loose = "" if self._floating is None else "support the bodies that nothing but contact or --float holds, or "
         raise UnsettledError(
-            f"no equilibrium after {done} iterations of {self.said} (tolerance {self._tolerance:g} of the external"
-            f" forces); {loose}take smaller load steps (run.static.load_steps)"
+            f"no equilibrium after {done} iterations of {self.description} (tolerance {self._tolerance:g} of the"
+            f" external forces); {loose}take smaller load steps (run.static.load_steps)"
         )
 
-    def _renew(self, state: State, conditions: Asked, before: int, tell: Tell) -> tuple[Settled | None, int]:
-        """Iterate with a new tangent each time; returns None without rest, and the iterations after those `before`."""
-        free, usual = ~conditions.held, 0.0  # m, norm of displacements after an iteration
+    def _iterate_with_new_tangents(
+        self, state: State, conditions: EquilibriumConditions, iterations_before: int, report_progress: ProgressReport
+    ) -> tuple[Equilibrium | None, int]:
+        """Iterate with a new tangent each time; returns None without rest, and the iterations after those
+        `iterations_before`."""
+        free, usual = ~conditions.constrained, 0.0  # m, norm of displacements after an iteration
         weight = np.repeat(self._area, free.shape[1])[free.ravel()] if self._operator.symmetric else 1.0
 
         def weighted(out: Array) -> Array:
             return np.asarray(weight * (out + conditions.load)[free])
 
-        out = forces(self._operator, state)
-        residual = left_over(state, conditions, out, self._least, self._before)
-        for done in range(before, before + self._most + 1):
-            if residual < max(self._tolerance, conditions.enough):
-                if done - before > NEARLY_LINEAR:
-                    self.forget()
-                return Settled(done, residual), done
-            tell(done, residual)
-            if done == before + self._most or not np.isfinite(residual):
+        out = force_densities(self._operator, state)
+        residual = relative_residual(state, conditions, out, self._least, self._before)
+        for done in range(iterations_before, iterations_before + self._most + 1):
+            if residual < max(self._tolerance, conditions.sufficient_residual):
+                if done - iterations_before > NEARLY_LINEAR:
+                    self.reset_history()
+                return Equilibrium(done, residual), done
+            report_progress(done, residual)
+            if done == iterations_before + self._most or not np.isfinite(residual):
                 break
-            if not self._fresh or done > before:
-                self._take_tangent(state, free, residual)
+            if not self._fresh or done > iterations_before:
+                self._set_up_equations(state, free, residual)
             self._fresh = False
             assert self._inverse is not None
             pushed = weighted(out)
             value, step, size = state.value[free], self._inverse(pushed), 1.0
             for _ in range(HALVINGS):
                 state.value[free] = value + size * step
-                out = forces(self._operator, state)
-                new_residual = left_over(state, conditions, out, self._least, self._before)
+                out = force_densities(self._operator, state)
+                new_residual = relative_residual(state, conditions, out, self._least, self._before)
                 if new_residual < residual or (self._flows and weighted(out) @ step > -OVERSHOT * (pushed @ step)):
                     break
                 size /= 2
@@ -177,34 +182,39 @@ class Newton:
                 break
         return None, done
 
-    def _lead(self, state: State, conditions: Asked) -> None:
+    def _move_to_prescribed(self, state: State, conditions: EquilibriumConditions) -> None:
         """Move held components to their prescribed positions, and the rest by the linear response."""
-        free = ~conditions.held
+        free = ~conditions.constrained
         if self._matrix is None:
-            self._take_tangent(state, free)
+            self._set_up_equations(state, free)
             self._fresh = False
         assert self._matrix is not None
         assert self._inverse is not None
-        way = np.where(free, 0.0, conditions.at - state.value).ravel()
+        way = np.where(free, 0.0, conditions.prescribed - state.value).ravel()
         along = -(self._matrix @ way)[free.ravel()]
         move = way.copy()
         move[free.ravel()] = self._inverse(along)
-        state.value[:] = np.where(free, state.value + move.reshape(free.shape), conditions.at)
+        state.value[:] = np.where(free, state.value + move.reshape(free.shape), conditions.prescribed)
 
-    def _mix(self, state: State, conditions: Asked, tell: Tell) -> tuple[Settled | None, int]:
+    def _iterate_with_old_tangent(
+        self, state: State, conditions: EquilibriumConditions, report_progress: ProgressReport
+    ) -> tuple[Equilibrium | None, int]:
         """Iterate with the old tangent until equilibrium or a stall; returns the iterations, too."""
         assert self._inverse is not None
-        free, weight = ~conditions.held, np.repeat(self._area, conditions.held.shape[1])
+        free, weight = ~conditions.constrained, np.repeat(self._area, conditions.constrained.shape[1])
         inner, least, best_values = free.ravel(), np.inf, state.value.copy()
-        mixed = _Mixed()
+        mixed = _AndersonMixing()
         last: tuple[Array, Array] | None = None
         milestone, reached, done = np.inf, 0, 0
         while True:
-            out = forces(self._operator, state)
-            residual, rest = left_over(state, conditions, out, self._least, self._before), (out + conditions.load)[free]
-            if residual < max(self._tolerance, conditions.enough):
-                return Settled(done, residual), done
-            tell(done, residual)
+            out = force_densities(self._operator, state)
+            residual, rest = (
+                relative_residual(state, conditions, out, self._least, self._before),
+                (out + conditions.load)[free],
+            )
+            if residual < max(self._tolerance, conditions.sufficient_residual):
+                return Equilibrium(done, residual), done
+            report_progress(done, residual)
             if residual < FALL * milestone:
                 milestone, reached = residual, done
             if not residual < GROWN * least or done - reached >= PATIENCE:
@@ -214,20 +224,20 @@ class Newton:
             value = state.value[free]
             proposed = self._inverse((weight[inner] if self._operator.symmetric else 1.0) * rest)
             if last is not None:
-                mixed.note(value - last[0], proposed - last[1])
+                mixed.add_step(value - last[0], proposed - last[1])
             last = value, proposed
-            state.value[free] = value + mixed.step(proposed)
+            state.value[free] = value + mixed.mix_step(proposed)
             done += 1
         state.value[:] = best_values
         return None, done
 
-    def _take_tangent(self, state: State, free: NDArray[np.bool_], residual: float = 1.0) -> None:
+    def _set_up_equations(self, state: State, free: NDArray[np.bool_], residual: float = 1.0) -> None:
         """Set up the equations of this state. A body that nothing supports is held the less, the smaller the residual
         is: it turns by its load's own stiffness then, and converges as one that is supported."""
         from scipy.sparse import diags_array  # here and below: SciPy takes long to import, and few runs ask
 
         symmetric = self._operator.symmetric
-        matrix = self._symmetric(state) if symmetric else self._operator.tangent(state).tocsr()
+        matrix = self._symmetric_tangent(state) if symmetric else self._operator.tangent(state).tocsr()
         self._matrix = matrix
         if self._floating is not None and self._floating.any():
             soft = (
@@ -238,41 +248,41 @@ class Newton:
             )
             matrix = (matrix + diags_array(soft)).tocsr()
         inner = matrix[free.ravel()][:, free.ravel()]
-        self._inverse = self._factors(inner) if self._factored else self._gradients(inner)
+        self._inverse = self._factor_solver(inner) if self._factored else self._gradient_solver(inner)
         if self._factored and self._pairs:
-            self._lost = LostBonds(matrix, free, self._inverse, self._operator.broken())
+            self._lost = DowndatedTangent(matrix, free, self._inverse, self._operator.broken())
             self._inverse = self._lost.solve
 
-    def _symmetric(self, state: State) -> csr_array:
+    def _symmetric_tangent(self, state: State) -> csr_array:
         """The symmetric part of the tangent times the nodes' areas, N/m^2."""
         matrix = weighted_tangent(self._operator, self._area, state)
         return ((matrix + matrix.T) / 2).tocsr()
 
-    def _factors(self, inner: csr_array) -> Callable[[Array], Array]:
+    def _factor_solver(self, matrix: csr_array) -> Callable[[Array], Array]:
         try:
-            return factors(inner, self._operator.symmetric)
+            return factorize(matrix, self._operator.symmetric)
         except RuntimeError:
             raise UnsettledError(
                 "a body is free to move in its own plane without a force; add supports, or use run.static.floating"
                 " (--float)"
             ) from None
 
-    def _gradients(self, inner: csr_array) -> Callable[[Array], Array]:
+    def _gradient_solver(self, matrix: csr_array) -> Callable[[Array], Array]:
         from scipy.sparse import diags_array
         from scipy.sparse.linalg import bicgstab, cg
 
-        diagonal = inner.diagonal()
+        diagonal = matrix.diagonal()
         light = diags_array(1 / np.where(diagonal > 0, diagonal, 1.0))
         method = cg if self._operator.symmetric else bicgstab
 
         def solve(right: Array) -> Array:
-            solution, _ = method(inner, right, rtol=INNER, maxiter=INNER_MOST, M=light)
+            solution, _ = method(matrix, right, rtol=INNER, maxiter=INNER_MOST, M=light)
             return np.asarray(solution)
 
         return solve
 
 
-class _Mixed:
+class _AndersonMixing:
     """Steps that are mixed to minimize the next proposal (D. G. Anderson), `MIXED` at most."""
 
     def __init__(self) -> None:
@@ -280,7 +290,7 @@ class _Mixed:
         self._changes: list[Array] = []  # of the latter alone
         self._products = np.zeros((0, 0))  # of these changes with each other
 
-    def note(self, move: Array, change: Array) -> None:
+    def add_step(self, move: Array, change: Array) -> None:
         """Take another step, from the last value to this one."""
         size = float(np.sqrt(change @ change)) or 1.0  # so that all are as large
         self._moves = [*self._moves[1 - MIXED :], (move + change) / size]
@@ -289,7 +299,7 @@ class _Mixed:
         before = self._products[-(len(last) - 1) :, -(len(last) - 1) :] if len(last) > 1 else self._products[:0, :0]
         self._products = np.block([[before, last[:-1, None]], [last]])
 
-    def step(self, proposed: Array) -> Array:
+    def mix_step(self, proposed: Array) -> Array:
         """The step to take (k,): the proposed one, mixed with earlier ones."""
         if not self._changes:
             return proposed

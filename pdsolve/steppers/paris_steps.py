@@ -29,168 +29,182 @@ from pdsolve.checkpoint_validation import entry
 from pdsolve.operators.protocol import Operator
 from pdsolve.state import State
 from pdsolve.steppers.cycle_steps import CycleSteps
-from pdsolve.steppers.equilibrium import Settled, UnsettledError
-from pdsolve.steppers.growing_cracks import Before, Growing, apart, intensities
+from pdsolve.steppers.equilibrium import Equilibrium, UnsettledError
+from pdsolve.steppers.growing_cracks import CrackedBodySnapshot, CrackGrowth, largest_K_difference, tip_intensities
 from pdsolve.steppers.load_steps import LoadSteps
 
 ALIKE = 1e-6  # of a particle: tips this near to the end of theirs grow together
 STEEPEST = 2.0  # of r to that of the step before
 
 
-class _Known(NamedTuple):
+class _TipHistory(NamedTuple):
     """What a tip remembers."""
 
-    gone: float  # m
+    grown_length: float  # m
     rate: float  # r of the step before
     length: float  # m, of the particle before
 
 
-class _Kept(NamedTuple):
+class _StepSnapshot(NamedTuple):
     """What is there before a step."""
 
-    body: Before
-    tips: dict[int, _Known]
+    body: CrackedBodySnapshot
+    tips: dict[int, _TipHistory]
     cycles: float
 
 
 class ParisSteps(CycleSteps):
     """Takes steps of a particle of the tip that needs the fewest cycles."""
 
-    def __init__(self, law: Fatigue, operator: Operator, motion: LoadSteps, growth: Growing) -> None:
-        super().__init__(law, operator, motion, "a particle a step")
+    def __init__(self, law: Fatigue, operator: Operator, load_steps: LoadSteps, growth: CrackGrowth) -> None:
+        super().__init__(law, operator, load_steps, "a particle a step")
         self._growth = growth
         self.jump_error = 0.0  # cycles by the middles of steps and by the mean of both their ends: differences, summed
         self.K_error = 0.0  # cycles, of how far the two integrals for K are apart: differences, summed
         self._apart = 0.0  # of K, the largest, where both were known last
-        self._tips: dict[int, _Known] = {}  # by their particle
+        self._tips: dict[int, _TipHistory] = {}  # by their particle
         self._share = 1.0  # of the length of particles
         self._at_first = 0.0  # cycles of this step if its tips grew on as at its beginning
 
-    def _step(self, state: State, step: int, rest: Settled) -> Settled:
+    def _take_step(self, state: State, step: int, previous: Equilibrium) -> Equilibrium:
         """Let tips grow until the first has grown a particle, and settle; returns how."""
         law, growth = self._law, self._growth
-        judged = growth.judged(state)
+        judged = growth.judge_tips(state)
         if any(verdict.share >= 1 and np.isfinite(verdict.K1) for _, verdict in judged):
-            self._end("K of the largest loads reached the toughness")
-            return rest
-        rate = rates(law, intensities(growth, judged))
+            self._end_life("K of the largest loads reached the toughness")
+            return previous
+        rate = growth_rates(law, tip_intensities(growth, judged))
         if not rate.any():
-            self._end("no crack grows: the range of K is not above its threshold")
-            return rest
-        before = self._kept(state)
+            self._end_life("no crack grows: the range of K is not above its threshold")
+            return previous
+        before = self._take_snapshot(state)
         while True:
-            equilibrium = self._grown(state, step, judged, rate)
+            equilibrium = self._grow_to_next_particle(state, step, judged, rate)
             if equilibrium is None:
-                return rest
-            steepest, ahead = self._steepest(state)
-            shorter = [growth.length(tip, self._share / 2) < growth.length(tip, self._share) for tip, _ in judged]
+                return previous
+            steepest, ahead = self._largest_rate_ratios(state)
+            shorter = [
+                growth.growth_length(tip, self._share / 2) < growth.growth_length(tip, self._share) for tip, _ in judged
+            ]
             if steepest <= STEEPEST or not any(shorter):
                 break
-            self._take_back(state, before)
+            self._restore_snapshot(state, before)
             self._share /= 2
         ahead = max(ahead, 1 / STEEPEST)  # of a tip that is stopped, as middles have it
-        cycles, mean = self._cycles - before.cycles, self._at_first * mean_cycles(ahead)
+        cycles, mean = self._cycles - before.cycles, self._at_first * cycles_over_first_rate(ahead)
         if not before.tips:  # no step before the first says how growth changes: the mean of both ends does
             cycles, mean = mean, self._at_first / float(np.sqrt(ahead))
             self._cycles = before.cycles + cycles
         self.jump_error += abs(cycles - mean)
-        self._apart = apart(growth, judged) or self._apart
+        self._apart = largest_K_difference(growth, judged) or self._apart
         assert law.m is not None
         self.K_error += abs(cycles) * law.m * self._apart
         if steepest > STEEPEST:
             message = f"growth is {steepest:.3g} times as fast as before this step, more than {STEEPEST:g} times"
-            growth.remark("outruns", f"step {step}: {message}, of particles as short as the spacing")
+            growth.add_remark("outruns", f"step {step}: {message}, of particles as short as the spacing")
         return equilibrium
 
-    def _grown(self, state: State, step: int, judged: list[Any], rate: NDArray[np.float64]) -> Settled | None:
+    def _grow_to_next_particle(
+        self, state: State, step: int, judged_tips: list[Any], growth_rate: NDArray[np.float64]
+    ) -> Equilibrium | None:
         """Let tips of these rates (k,) grow until the first has grown a particle, and settle; None where life ends."""
         law, growth = self._law, self._growth
-        length = np.array([growth.length(tip, self._share) for tip, _ in judged])
-        first = zip(judged, rate.tolist(), length.tolist(), strict=True)
-        tip_histories = [self._tips.get(tip.particle, _Known(0.0, r, way)) for (tip, _), r, way in first]
+        length = np.array([growth.growth_length(tip, self._share) for tip, _ in judged_tips])
+        first = zip(judged_tips, growth_rate.tolist(), length.tolist(), strict=True)
+        tip_histories = [self._tips.get(tip.particle, _TipHistory(0.0, r, way)) for (tip, _), r, way in first]
         grown_length, before, last = np.array(tip_histories).T
-        steep = np.clip(rate / np.where(before > 0, before, rate + (rate == 0)), 1 / STEEPEST, STEEPEST)
-        middle = rate * np.sqrt(steep) ** (length / last)
-        took = np.divide(length - grown_length, middle, out=np.full(len(rate), np.inf), where=middle > 0)
+        steep = np.clip(
+            growth_rate / np.where(before > 0, before, growth_rate + (growth_rate == 0)), 1 / STEEPEST, STEEPEST
+        )
+        middle = growth_rate * np.sqrt(steep) ** (length / last)
+        took = np.divide(length - grown_length, middle, out=np.full(len(growth_rate), np.inf), where=middle > 0)
         soonest = int(took.argmin())
         cycles_to_growth = max(float(took[soonest]), 0.0)
-        self._at_first = cycles_to_growth * float(middle[soonest] / rate[soonest])
+        self._at_first = cycles_to_growth * float(middle[soonest] / growth_rate[soonest])
         if self._cycles + cycles_to_growth >= law.cycles:
             self._cycles = law.cycles
-            self._end("its cycles are over")
+            self._end_life("its cycles are over")
             return None
         self._cycles += cycles_to_growth
         grown_length = grown_length + cycles_to_growth * middle
         grows = grown_length > (1 - ALIKE) * length
-        rows = zip(judged, grown_length.tolist(), rate.tolist(), length.tolist(), grows.tolist(), strict=True)
-        self._tips = {tip.particle: _Known(part, r, way) for (tip, _), part, r, way, due in rows if not due}
-        chosen = [judged_tip for judged_tip, due in zip(judged, grows, strict=True) if due]
-        return self._lengthen(state, step, chosen, rate[grows].tolist())
+        rows = zip(
+            judged_tips, grown_length.tolist(), growth_rate.tolist(), length.tolist(), grows.tolist(), strict=True
+        )
+        self._tips = {tip.particle: _TipHistory(part, r, way) for (tip, _), part, r, way, due in rows if not due}
+        chosen = [judged_tip for judged_tip, due in zip(judged_tips, grows, strict=True) if due]
+        return self._lengthen_tips(state, step, chosen, growth_rate[grows].tolist())
 
-    def _steepest(self, state: State) -> tuple[float, float]:
+    def _largest_rate_ratios(self, state: State) -> tuple[float, float]:
         """Growth of the tips over what it was in the step before, the largest: of all, and of those that have grown."""
-        judged = self._growth.judged(state)
-        rate = rates(self._law, intensities(self._growth, judged)).tolist()
+        judged = self._growth.judge_tips(state)
+        rate = growth_rates(self._law, tip_intensities(self._growth, judged)).tolist()
         tip_histories = [self._tips.get(tip.particle) for tip, _ in judged]
         more = [
-            (now / was.rate, was.gone) for now, was in zip(rate, tip_histories, strict=True) if was and was.rate > 0
+            (now / was.rate, was.grown_length)
+            for now, was in zip(rate, tip_histories, strict=True)
+            if was and was.rate > 0
         ]
         grown_ratios = (ratio for ratio, grown_length in more if grown_length == 0)
         return max((ratio for ratio, _ in more), default=1.0), max(grown_ratios, default=1.0)
 
-    def _lengthen(self, state: State, step: int, chosen: list[Any], rate: list[float]) -> Settled | None:
-        """Let these tips grow and settle; their children remember their `rate`. Without rest, life ends before that."""
-        growth, before = self._growth, self._kept(state)
-        if not growth.lengthen(chosen, state, step, self._share):
-            self._end("no crack goes on")
+    def _lengthen_tips(self, state: State, step: int, tips: list[Any], growth_rate: list[float]) -> Equilibrium | None:
+        """Let these tips grow and settle; their children remember their `growth_rate`. Without rest, life ends before
+        that."""
+        growth, before = self._growth, self._take_snapshot(state)
+        if not growth.lengthen_tips(tips, state, step, self._share):
+            self._end_life("no crack goes on")
             return None
         parent = growth.particles.parent.tolist()
         of = {
-            tip.particle: _Known(0.0, r, growth.length(tip, self._share))
-            for (tip, _), r in zip(chosen, rate, strict=True)
+            tip.particle: _TipHistory(0.0, r, growth.growth_length(tip, self._share))
+            for (tip, _), r in zip(tips, growth_rate, strict=True)
         }
         self._tips |= {number: of[above] for number, above in enumerate(parent) if above in of}
         try:
-            return self._motion.settle_broken(state, step)
+            return self._motion.settle_after_breakage(state, step)
         except UnsettledError:
-            self._take_back(state, before)
-            self._end("what was left could not bear the largest loads")
+            self._restore_snapshot(state, before)
+            self._end_life("what was left could not bear the largest loads")
             return None
 
-    def _kept(self, state: State) -> _Kept:
-        return _Kept(Before.of(state, self._operator, self._growth), dict(self._tips), self._cycles)
+    def _take_snapshot(self, state: State) -> _StepSnapshot:
+        return _StepSnapshot(
+            CrackedBodySnapshot.capture(state, self._operator, self._growth), dict(self._tips), self._cycles
+        )
 
-    def _take_back(self, state: State, before: _Kept) -> None:
-        before.body.restore(state, self._operator, self._growth)
-        self._motion.method.forget()
-        self._tips, self._cycles = dict(before.tips), before.cycles
+    def _restore_snapshot(self, state: State, snapshot: _StepSnapshot) -> None:
+        snapshot.body.restore(state, self._operator, self._growth)
+        self._motion.method.reset_history()
+        self._tips, self._cycles = dict(snapshot.tips), snapshot.cycles
 
     @property
-    def error(self) -> float:
+    def cycle_error(self) -> float:
         """The estimated error of the cycles, of particles and of K together."""
         return self.jump_error + self.K_error
 
-    def keep(self) -> dict[str, NDArray[Any]]:
+    def checkpoint_arrays(self) -> dict[str, NDArray[Any]]:
         """Growth of tips and steps so far, for a checkpoint."""
         tips = np.array([(n, *history) for n, history in self._tips.items()], dtype=float).reshape(-1, 4)
         numbers = np.array([self._cycles, self._share, self.jump_error, self.K_error, self._apart])
-        return super().keep() | {"paris_tips": tips, "paris_cycles": numbers}
+        return super().checkpoint_arrays() | {"paris_tips": tips, "paris_cycles": numbers}
 
-    def back(self, checkpoint: Mapping[str, NDArray[Any]], step: int) -> None:
+    def restore(self, checkpoint: Mapping[str, NDArray[Any]], step: int) -> None:
         """Restore a checkpoint after `step`. Raises CheckpointError."""
-        super().back(checkpoint, step)
+        super().restore(checkpoint, step)
         tips = entry(checkpoint, "paris_tips", (None, 4), float)
-        self._tips = {int(number): _Known(*history) for number, *history in tips.tolist()}
+        self._tips = {int(number): _TipHistory(*history) for number, *history in tips.tolist()}
         numbers = entry(checkpoint, "paris_cycles", (5,), float).tolist()
         self._cycles, self._share, self.jump_error, self.K_error, self._apart = numbers
 
 
-def mean_cycles(steepest: float) -> float:
-    """Cycles of a length over those at its first rate, where the rate grows to `steepest` times that geometrically."""
-    return 1.0 if abs(steepest - 1) < ALIKE else float(np.log(steepest) / (steepest - 1))
+def cycles_over_first_rate(rate_ratio: float) -> float:
+    """Cycles of a length over those at its first rate, where the rate grows to `rate_ratio` times that
+    geometrically."""
+    return 1.0 if abs(rate_ratio - 1) < ALIKE else float(np.log(rate_ratio) / (rate_ratio - 1))
 
 
-def rates(law: Fatigue, K: NDArray[np.float64]) -> NDArray[np.float64]:
+def growth_rates(law: Fatigue, K: NDArray[np.float64]) -> NDArray[np.float64]:
     """Growth (k,) of tips with these intensities (k,), Pa m^0.5, of the largest loads, m a cycle."""
     assert law.C is not None
     assert law.m is not None

@@ -12,58 +12,58 @@ from pdsolve.operators.softening_bonds import Response, SofteningBonds
 Array = NDArray[np.float64]
 
 
-class Control(Protocol):
+class PathControl(Protocol):
     """A quantity of the displacements (n, d) that a path is followed by."""
 
     unit: str
-    said: str  # what is prescribed, for messages
+    description: str  # what is prescribed, for messages
 
-    def measure(self, value: Array, spent: float) -> float:
+    def measure(self, displacement: Array, dissipated: float) -> float:
         """The quantity at these displacements, where bonds have spent so much, J/m."""
 
-    def gradient(self, value: Array, response: Response) -> Array:
+    def gradient(self, displacement: Array, response: Response) -> Array:
         """Derivative (n, d) of the quantity by the displacements."""
 
 
-class Dissipation:
+class DissipationControl:
     """The energy that bonds spend, J/m."""
 
-    unit, said = "J/m", "bonds have spent"
+    unit, description = "J/m", "bonds have spent"
 
     def __init__(self, bonds: SofteningBonds) -> None:
         self._bonds = bonds
 
-    def measure(self, value: Array, spent: float) -> float:
+    def measure(self, displacement: Array, dissipated: float) -> float:
         """Energy, J/m."""
-        return spent
+        return dissipated
 
-    def gradient(self, value: Array, response: Response) -> Array:
+    def gradient(self, displacement: Array, response: Response) -> Array:
         """Derivative (n, d) of the spent energy by the displacements, N/m."""
         return self._bonds.gradient(response)
 
 
-class Opening:
+class OpeningControl:
     """How much longer the distance between two nodes has become, m."""
 
     unit = "m"
 
     def __init__(self, name: str, position: Array, ends: tuple[int, int]) -> None:
         """`position` (n, d), m; `ends` are rows of it."""
-        self.said = f"the gap '{name}' has opened by"
+        self.description = f"the gap '{name}' has opened by"
         self._one, self._other = ends
         self._way = position[self._other] - position[self._one]
         self._length = float(np.sqrt((self._way**2).sum()))
 
-    def measure(self, value: Array, spent: float) -> float:
+    def measure(self, displacement: Array, dissipated: float) -> float:
         """The opening, without cancellation."""
-        more = (value[self._other] - value[self._one])[: len(self._way)]
+        more = (displacement[self._other] - displacement[self._one])[: len(self._way)]
         now = float(np.sqrt(((self._way + more) ** 2).sum()))
         return float((2 * self._way + more) @ more) / (now + self._length)
 
-    def gradient(self, value: Array, response: Response) -> Array:
+    def gradient(self, displacement: Array, response: Response) -> Array:
         """Unit vectors (n, d) at the two nodes."""
-        way = self._way + (value[self._other] - value[self._one])[: len(self._way)]
-        out = np.zeros_like(value)
+        way = self._way + (displacement[self._other] - displacement[self._one])[: len(self._way)]
+        out = np.zeros_like(displacement)
         out[self._other, : len(way)] = way / np.sqrt((way**2).sum())
         out[self._one] = -out[self._other]
         return out

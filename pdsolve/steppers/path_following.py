@@ -20,9 +20,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pdsolve.operators.softening_bonds import Response, SofteningBonds
-from pdsolve.steppers.equilibrium import Tell, UnsettledError, norm
-from pdsolve.steppers.old_factors import Solver
-from pdsolve.steppers.path_control import Control
+from pdsolve.steppers.equilibrium import ProgressReport, UnsettledError, norm
+from pdsolve.steppers.path_control import PathControl
+from pdsolve.steppers.reused_factors import ReusedFactorSolver
 
 if TYPE_CHECKING:
     from scipy.sparse import csr_array
@@ -42,7 +42,7 @@ STEADY = 3  # bonds that turned in an iteration of secants, at most: tangents co
 FAR = 0.5  # of the largest displacement: an iteration goes no further
 
 
-class Path(NamedTuple):
+class PathPoint(NamedTuple):
     """A place on the path."""
 
     value: Array  # (n, d) m
@@ -50,172 +50,187 @@ class Path(NamedTuple):
     spent: float  # J/m
 
 
-class Proportional(NamedTuple):
+class ProportionalLoads(NamedTuple):
     """Loads and holds (n, d) that grow with one factor."""
 
-    held: NDArray[np.bool_]
+    constrained: NDArray[np.bool_]
     start: Array  # N/m, and m where held, at lambda = 0
     growth: Array  # of it, from lambda = 0 to 1
 
-    def at(self, factor: float) -> Array:
+    def loads_at(self, factor: float) -> Array:
         """Forces, N/m, and places, m."""
         return self.start + factor * self.growth
 
 
-class Turns:
+class LoadingReversals:
     """How often bonds (b,) have begun or ceased to load within a step."""
 
-    def __init__(self, loads: NDArray[np.bool_]) -> None:
-        self._loads, self._times, self._since = loads, np.zeros(len(loads), dtype=int), np.zeros(len(loads), dtype=int)
+    def __init__(self, is_loading: NDArray[np.bool_]) -> None:
+        self._loads, self._times, self._since = (
+            is_loading,
+            np.zeros(len(is_loading), dtype=int),
+            np.zeros(len(is_loading), dtype=int),
+        )
 
-    def note(self, loads: NDArray[np.bool_], counts: bool) -> int:
+    def record_iteration(self, is_loading: NDArray[np.bool_], count_reversals: bool) -> int:
         """Take those that load in the next iteration, whose turns count or not; returns how many have turned."""
-        turned = loads != self._loads
-        self._times += turned & counts
+        turned = is_loading != self._loads
+        self._times += turned & count_reversals
         self._since = np.where(turned, 0, self._since + 1)
-        self._loads = loads
+        self._loads = is_loading
         return int(turned.sum())
 
-    def torn(self) -> NDArray[np.bool_]:
+    def undecided_bonds(self) -> NDArray[np.bool_]:
         """Bonds that load, and turned often and lately."""
         return np.asarray((self._times >= UNDECIDED) & (self._since < DECIDED) & self._loads)
 
 
-class Follower:
+class PathFollower:
     """Finds equilibria of softening bonds."""
 
-    def __init__(self, bonds: SofteningBonds, drive: Proportional, tolerance: float, control: Control) -> None:
+    def __init__(self, bonds: SofteningBonds, drive: ProportionalLoads, tolerance: float, control: PathControl) -> None:
         self.bonds, self.drive, self._tolerance, self.control = bonds, drive, tolerance, control
-        self._free = np.flatnonzero(~drive.held.ravel())
-        self.solver = Solver(bonds.symmetric)
+        self._free = np.flatnonzero(~drive.constrained.ravel())
+        self.solver = ReusedFactorSolver(bonds.symmetric)
         self.largest = 0.0  # N/m, norm of the forces from outside so far: the measure of residuals
 
-    def settle(self, start: Array, factor: float, tell: Tell) -> tuple[Path, int, float]:
+    def solve_at_factor(
+        self, start_displacement: Array, factor: float, report_progress: ProgressReport
+    ) -> tuple[PathPoint, int, float]:
         """Equilibrium at this lambda by Newton's method with a line search, its iterations and residual.
 
         Raises UnsettledError.
         """
         drive, free = self.drive, self._free
-        at = drive.at(factor)
-        value, response = start.copy(), self.bonds.respond(start)
-        way = np.where(drive.held, at - start, 0.0)
-        rest, matrix = self._rest(response, at), self.bonds.tangent(response)
+        at = drive.loads_at(factor)
+        value, response = start_displacement.copy(), self.bonds.respond(start_displacement)
+        way = np.where(drive.constrained, at - start_displacement, 0.0)
+        rest, matrix = self._residual_forces(response, at), self.bonds.tangent(response)
         step = self.solver.solve(matrix[free][:, free], rest - (matrix @ way.ravel())[free], True)
-        value[drive.held] = at[drive.held]
+        value[drive.constrained] = at[drive.constrained]
         value.ravel()[free] += step
         for iteration in range(1, 2 * MOST):
             response = self.bonds.respond(value)
-            rest = self._rest(response, at)
-            residual = self._left(response, at, rest)
-            tell(iteration, residual)
+            rest = self._residual_forces(response, at)
+            residual = self._relative_residual(response, at, rest)
+            report_progress(iteration, residual)
             if residual < self._tolerance:
-                self.largest = max(self.largest, self._outside(response, at))
-                return Path(value, factor, response.spent), iteration, residual
+                self.largest = max(self.largest, self._external_force_norm(response, at))
+                return PathPoint(value, factor, response.spent), iteration, residual
             step = self.solver.solve(self.bonds.tangent(response)[free][:, free], rest, False)
             size, before = 1.0, norm(rest)
             while size > 1e-3:
                 tried = value.copy()
                 tried.ravel()[free] += size * step
-                if norm(self._rest(self.bonds.respond(tried), at)) < before:
+                if norm(self._residual_forces(self.bonds.respond(tried), at)) < before:
                     break
                 size /= 2
             value = tried
         raise UnsettledError(f"no equilibrium at {factor:.4g} of the loads after {2 * MOST} iterations")
 
-    def follow(
-        self, last: Path, guess: Path | None, more: float, tell: Tell, secants: int = 0, steady: int = STEADY
-    ) -> tuple[Path, int, float]:
-        """The equilibrium where the control is by `more` larger than at the last one, its iterations and its residual.
+    def solve_at_control(
+        self,
+        last_point: PathPoint,
+        guess: PathPoint | None,
+        control_increment: float,
+        report_progress: ProgressReport,
+        secant_iterations: int = 0,
+        most_reversals: int = STEADY,
+    ) -> tuple[PathPoint, int, float]:
+        """The equilibrium where the control has grown by `control_increment`, its iterations and its residual.
 
         `guess` is a place to begin with; None: along the last direction of the secants. So many first iterations take
-        `secants` for tangents, which leads from further away; fewer if no more than `steady` bonds turn in one. Raises
-        UnsettledError.
+        `secant_iterations` for tangents, which leads from further away; fewer if no more than `most_reversals` bonds
+        turn in one. Raises UnsettledError.
         """
         free = self._free
         if guess is None:
-            guess = self._along(last, more)
-        value, factor, begin = guess.value.copy(), guess.factor, self.control.measure(last.value, last.spent)
-        reach = FAR * max(float(np.abs(last.value).max()), float(np.abs(value).max()))
+            guess = self._extrapolate(last_point, control_increment)
+        value, factor = guess.value.copy(), guess.factor
+        begin = self.control.measure(last_point.value, last_point.spent)
+        reach = FAR * max(float(np.abs(last_point.value).max()), float(np.abs(value).max()))
         response, residual = self.bonds.respond(value), np.inf
-        turns = Turns(response.releases > 0)
-        for iteration in range(secants + CONVERGING + 1):
-            at = self.drive.at(factor)
-            rest = self._rest(response, at)
-            before, residual = residual, self._left(response, at, rest)
-            missed = more - (self.control.measure(value, response.spent) - begin)
-            tell(iteration, residual)
-            if residual < self._tolerance and abs(missed) < NEAR * more:
-                self.largest = max(self.largest, self._outside(response, at))
-                return Path(value, factor, response.spent), iteration, residual
-            last_one = secants + (MOST if residual > before / 2 else CONVERGING)
+        turns = LoadingReversals(response.releases > 0)
+        for iteration in range(secant_iterations + CONVERGING + 1):
+            at = self.drive.loads_at(factor)
+            rest = self._residual_forces(response, at)
+            before, residual = residual, self._relative_residual(response, at, rest)
+            missed = control_increment - (self.control.measure(value, response.spent) - begin)
+            report_progress(iteration, residual)
+            if residual < self._tolerance and abs(missed) < NEAR * control_increment:
+                self.largest = max(self.largest, self._external_force_norm(response, at))
+                return PathPoint(value, factor, response.spent), iteration, residual
+            last_one = secant_iterations + (MOST if residual > before / 2 else CONVERGING)
             if not np.isfinite(residual) or iteration >= last_one:
                 break
-            if turns.note(response.releases > 0, iteration >= secants) <= steady and iteration:
-                secants = min(secants, iteration)
+            reversals = turns.record_iteration(response.releases > 0, iteration >= secant_iterations)
+            if reversals <= most_reversals and iteration:
+                secant_iterations = min(secant_iterations, iteration)
             mean = response._replace(
-                slope=np.where(turns.torn(), (response.slope + response.secant) / 2, response.slope)
+                slope=np.where(turns.undecided_bonds(), (response.slope + response.secant) / 2, response.slope)
             )
-            matrix = self.bonds.tangent(mean, iteration < secants)
-            inner, pushed = matrix[free][:, free], self._pushed(matrix)
+            matrix = self.bonds.tangent(mean, iteration < secant_iterations)
+            inner, pushed = matrix[free][:, free], self._free_forces_by_factor(matrix)
             a, b = self.solver.solve(inner, np.column_stack([rest, pushed]), iteration == 0).T
             q = self.control.gradient(value, response)
-            free_q, held_q = q.ravel()[free], float((q * np.where(self.drive.held, self.drive.growth, 0.0)).sum())
+            held_q = float((q * np.where(self.drive.constrained, self.drive.growth, 0.0)).sum())
+            free_q = q.ravel()[free]
             along = float(free_q @ b) + held_q
             if along == 0 or not np.isfinite(along):
                 break
             turn = (missed - float(free_q @ a)) / along
-            move = np.where(self.drive.held, turn * self.drive.growth, 0.0)
+            move = np.where(self.drive.constrained, turn * self.drive.growth, 0.0)
             move.ravel()[free] = a + turn * b
             size = min(1.0, reach / max(float(np.abs(move).max()), 1e-300))
             value, factor = value + size * move, factor + size * turn
             response = self.bonds.respond(value)
         raise UnsettledError(
-            f"no equilibrium where {self.control.said} {more:.3g} {self.control.unit} more after {iteration}"
-            f" iterations (residual {residual:.2g}; tolerance {self._tolerance:g} of the external forces)"
+            f"no equilibrium where {self.control.description} {control_increment:.3g} {self.control.unit} more after"
+            f" {iteration} iterations (residual {residual:.2g}; tolerance {self._tolerance:g} of the external forces)"
         )
 
-    def left(self, at: Path) -> float:
+    def relative_residual(self, point: PathPoint) -> float:
         """What is left of the forces at a place, over the largest from outside so far."""
-        response, outside = self.bonds.respond(at.value), self.drive.at(at.factor)
-        return self._left(response, outside, self._rest(response, outside))
+        response, outside = self.bonds.respond(point.value), self.drive.loads_at(point.factor)
+        return self._relative_residual(response, outside, self._residual_forces(response, outside))
 
-    def direction(self, response: Response) -> Array:
+    def displacement_by_factor(self, response: Response) -> Array:
         """Derivative (n, d) of displacements by lambda, of bonds that are straight."""
         matrix = self.bonds.tangent(response, secant=True)
         free = self._free
-        way = np.where(self.drive.held, self.drive.growth, 0.0)
-        way.ravel()[free] = self.solver.solve(matrix[free][:, free], self._pushed(matrix), True)
+        way = np.where(self.drive.constrained, self.drive.growth, 0.0)
+        way.ravel()[free] = self.solver.solve(matrix[free][:, free], self._free_forces_by_factor(matrix), True)
         return way
 
-    def _along(self, last: Path, more: float) -> Path:
-        """Where the control is by `more` larger, along the straight direction of growing loads."""
-        way = self.direction(self.bonds.respond(last.value))
-        begin, turn = self.control.measure(last.value, last.spent), max(last.factor, 1e-6) * 1e-3
+    def _extrapolate(self, last_point: PathPoint, control_increment: float) -> PathPoint:
+        """Where the control is by `control_increment` larger, along the straight direction of growing loads."""
+        way = self.displacement_by_factor(self.bonds.respond(last_point.value))
+        begin, turn = self.control.measure(last_point.value, last_point.spent), max(last_point.factor, 1e-6) * 1e-3
 
         def growth_along(at: float) -> float:
-            value = last.value + at * way
+            value = last_point.value + at * way
             return self.control.measure(value, self.bonds.respond(value).spent) - begin
 
-        while growth_along(turn) < more and turn < 1e3:
+        while growth_along(turn) < control_increment and turn < 1e3:
             turn *= 2
         low, high = 0.0, turn
         for _ in range(40):
             middle = (low + high) / 2
-            low, high = (middle, high) if growth_along(middle) < more else (low, middle)
-        return Path(last.value + high * way, last.factor + high, last.spent)
+            low, high = (middle, high) if growth_along(middle) < control_increment else (low, middle)
+        return PathPoint(last_point.value + high * way, last_point.factor + high, last_point.spent)
 
-    def _pushed(self, matrix: csr_array) -> Array:
+    def _free_forces_by_factor(self, matrix: csr_array) -> Array:
         """Forces (f,) that lambda adds on free components at fixed displacements of these, N/m."""
-        way = np.where(self.drive.held, self.drive.growth, 0.0).ravel()
+        way = np.where(self.drive.constrained, self.drive.growth, 0.0).ravel()
         return np.asarray((self.drive.growth.ravel() - matrix @ way)[self._free])
 
-    def _rest(self, response: Response, at: Array) -> Array:
-        return np.asarray((self.bonds.forces(response) + at).ravel()[self._free])
+    def _residual_forces(self, response: Response, loads: Array) -> Array:
+        return np.asarray((self.bonds.forces(response) + loads).ravel()[self._free])
 
-    def _outside(self, response: Response, at: Array) -> float:
-        constrained = self.drive.held
-        return max(norm(at[~constrained]), norm(self.bonds.forces(response)[constrained]))
+    def _external_force_norm(self, response: Response, loads: Array) -> float:
+        constrained = self.drive.constrained
+        return max(norm(loads[~constrained]), norm(self.bonds.forces(response)[constrained]))
 
-    def _left(self, response: Response, at: Array, rest: Array) -> float:
-        scale = max(self.largest, self._outside(response, at))
-        return norm(rest) / scale if scale > 0 else float(norm(rest) > 0)
+    def _relative_residual(self, response: Response, loads: Array, residual_forces: Array) -> float:
+        scale = max(self.largest, self._external_force_norm(response, loads))
+        return norm(residual_forces) / scale if scale > 0 else float(norm(residual_forces) > 0)

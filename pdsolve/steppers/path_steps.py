@@ -25,14 +25,24 @@ from pdsolve.operators.ground_supports import grounded
 from pdsolve.operators.protocol import Operator
 from pdsolve.operators.softening_bonds import Response, SofteningBonds
 from pdsolve.state import Broken, State
-from pdsolve.steppers.cracks_at_no_fail_bonds import held_crack
+from pdsolve.steppers.contact_method import solve_with_contact, with_contact_pairs
+from pdsolve.steppers.cracks_at_no_fail_bonds import no_fail_crack_message
 from pdsolve.steppers.equilibrium import UnsettledError
-from pdsolve.steppers.load_steps import Going
-from pdsolve.steppers.path_control import Control, Dissipation, Opening
-from pdsolve.steppers.path_following import FEW, FIRST, GROWTH, LEAST, NEAR, STEADY, Follower, Path, Proportional
-from pdsolve.steppers.path_records import PathRecords
-from pdsolve.steppers.rigid_body_modes import loose
-from pdsolve.steppers.touching import and_touching, resting
+from pdsolve.steppers.load_steps import LoadStepProgress
+from pdsolve.steppers.path_control import DissipationControl, OpeningControl, PathControl
+from pdsolve.steppers.path_following import (
+    FEW,
+    FIRST,
+    GROWTH,
+    LEAST,
+    NEAR,
+    STEADY,
+    PathFollower,
+    PathPoint,
+    ProportionalLoads,
+)
+from pdsolve.steppers.path_stepper import PathStepper
+from pdsolve.steppers.rigid_body_modes import find_loose_bodies
 
 Array = NDArray[np.float64]
 
@@ -47,10 +57,10 @@ SMALL = 1e-3  # of the loads: the first look at an elastic body
 ALIKE = 3.0  # times: steps of dissipation that one parabola may go through
 
 
-class PathSteps(PathRecords):
+class SofteningPathSteps(PathStepper):
     """Takes path steps with the bonds of an operator, whose history it keeps up to date."""
 
-    said = "path following with factors"
+    description = "path following with factors"
 
     def __init__(
         self,
@@ -68,88 +78,90 @@ class PathSteps(PathRecords):
         d = model.grid.dimension
         joined = operator.bonds(start=True)
         if contact is not None:
-            joined = and_touching(joined, contact)
+            joined = with_contact_pairs(joined, contact)
         self._contact = contact
         supported = constrained | grounded(model, drive.force.shape[1])
-        loose_bodies = loose(model.grid.position, model.grid.ids, joined, supported[:, :d])
-        if loose_bodies.said:
-            raise ModelError(f"{model.name}: $.conditions: {loose_bodies.said}; add supports")
+        loose_bodies = find_loose_bodies(model.grid.position, model.grid.ids, joined, supported[:, :d])
+        if loose_bodies.description:
+            raise ModelError(f"{model.name}: $.conditions: {loose_bodies.description}; add supports")
         static = model.settings.run.static
-        control = _controlled(model, bonds)
-        self._follower = Follower(
-            bonds, Proportional(constrained, self._start, self._growth), max(static.tolerance, COARSEST), control
+        control = _choose_control(model, bonds)
+        self._follower = PathFollower(
+            bonds, ProportionalLoads(constrained, self._start, self._growth), max(static.tolerance, COARSEST), control
         )
         self._most = _largest_step(model)
         self._whole = self._most * (static.load_steps or CRACK_STEPS)  # of the control
         self._opening = np.inf if static.opening is None else static.opening  # m, of the gap that controls, in the end
         self._more = FIRST * self._most
         self._last, self._before = (
-            Path(np.zeros(constrained.shape), 0.0, 0.0),
-            Path(np.zeros(constrained.shape), 0.0, 0.0),
+            PathPoint(np.zeros(constrained.shape), 0.0, 0.0),
+            PathPoint(np.zeros(constrained.shape), 0.0, 0.0),
         )
         self._pushed = np.zeros(constrained.shape), np.zeros(constrained.shape)  # loads and reactions there, N/m
         self._told = False  # of bonds that must not break where a crack would pass
 
-    def keep(self) -> dict[str, Array]:
+    def checkpoint_arrays(self) -> dict[str, Array]:
         """The path so far, for a checkpoint."""
-        return super().keep() | {
+        return super().checkpoint_arrays() | {
             "path_value": self._last.value,
             "path_before": self._before.value,
             "path_pushed": np.array(self._pushed),
             "path_numbers": np.array([*self._last[1:], *self._before[1:], self._more, self._follower.largest]),
         }
 
-    def back(self, checkpoint: Mapping[str, NDArray[Any]], step: int) -> None:
+    def restore(self, checkpoint: Mapping[str, NDArray[Any]], step: int) -> None:
         """Restore a checkpoint after `step`, with the history that its operator has. Raises CheckpointError."""
-        super().back(checkpoint, step)
+        super().restore(checkpoint, step)
         self._pushed = tuple(entry(checkpoint, "path_pushed", (2, *self._held.shape), float).copy())
         value, before = (entry(checkpoint, f"path_{name}", self._held.shape, float) for name in ("value", "before"))
         factor, spent, earlier, less, self._more, self._follower.largest = entry(
             checkpoint, "path_numbers", (6,), float
         ).tolist()
-        self._last, self._before = Path(value.copy(), factor, spent), Path(before.copy(), earlier, less)
+        self._last, self._before = PathPoint(value.copy(), factor, spent), PathPoint(before.copy(), earlier, less)
         self._bonds.remember(self._operator.keep(), self._operator.broken())
 
-    def _share(self) -> float:
+    def _finished_share(self) -> float:
         """How much of the path is done: of the factor, or of the control until a crack is through, the larger."""
-        factor = max((path_step.factor for path_step in self.rested), default=0.0)
-        return min(max(factor, self._measure(self._last) / self._whole), 1.0)
+        factor = max((path_step.factor for path_step in self.step_results), default=0.0)
+        return min(max(factor, self._control_value(self._last) / self._whole), 1.0)
 
-    def _take(self, state: State, step: int) -> None:
+    def _take_step(self, state: State, step: int) -> None:
         if self._contact is not None:
             self._contact.begin(state)
         try:
-            new, iterations, residual = self._first(state) if not self.rested else self._follow(step)
+            new, iterations, residual = (
+                self._first_equilibrium(state) if not self.step_results else self._next_equilibrium(step)
+            )
         except UnsettledError as error:
             raise UnsettledError(f"{self._model.name}: path step {step}: {error}") from None
         response = self._bonds.respond(new.value)
-        after = self._outside(new, response)
-        work = along((self._before, self._last, new), (*self._pushed, after)).sum(axis=1)
+        after = self._external_forces(new, response)
+        work = work_along_path((self._before, self._last, new), (*self._pushed, after)).sum(axis=1)
         self._pushed = self._pushed[1], after
         self._bonds.kappa[:] = response.kappa
         self._before, self._last = self._last, new
         state.value[:] = new.value
         state.work[:] += work / self._area
-        self._book(state, step, response)
-        self._note(step, iterations, residual, new.factor, after, new.spent)
-        message = None if self._told else held_crack(self._model, self._bonds, self._last.value)
+        self._store_bond_history(state, step, response)
+        self._record_step(step, iterations, residual, new.factor, after, new.spent)
+        message = None if self._told else no_fail_crack_message(self._model, self._bonds, self._last.value)
         if message is not None:  # a crack arrives at bonds that do not break
             self._told = True
             said = f"{self._model.name}: path step {step}: {message}"
             warnings.warn(said, ModelWarning, stacklevel=2)
 
-    def _first(self, state: State) -> tuple[Path, int, float]:
+    def _first_equilibrium(self, state: State) -> tuple[PathPoint, int, float]:
         """Elastic, or as far as what does not grow where bonds soften under this alone."""
         start, bonds, k = self._last, self._bonds, self._bonds.breaks
         if not self._follower.drive.start.any():
-            return self._elastic(start)
+            return self._load_to_first_peak(start)
         with suppress(UnsettledError):
-            path_point = self._settle(start, 0.0)
+            path_point = self._equilibrium_at_factor(start, 0.0)
             if not (bonds.stretches(path_point[0].value)[k] >= bonds.peak[k]).any():
-                return self._elastic(path_point[0])
-        return self._constant(state)
+                return self._load_to_first_peak(path_point[0])
+        return self._apply_constant_loads(state)
 
-    def _constant(self, state: State) -> tuple[Path, int, float]:
+    def _apply_constant_loads(self, state: State) -> tuple[PathPoint, int, float]:
         """In parts up to all that does not grow, under which bonds soften; books the work but for the last part's."""
         full_drive, count = self._follower.drive, 0
         try:
@@ -158,12 +170,12 @@ class PathSteps(PathRecords):
                 self._follower.drive = full_drive._replace(
                     start=share * full_drive.start, growth=np.zeros_like(full_drive.growth)
                 )
-                new, more, residual = self._settle(self._last, 0.0)
+                new, more, residual = self._equilibrium_at_factor(self._last, 0.0)
                 count += more
                 if part == PARTS:
                     break
                 response = self._bonds.respond(new.value)
-                after = self._outside(new, response)
+                after = self._external_forces(new, response)
                 state.work[:] += ((self._pushed[1] + after) / 2 * (new.value - self._last.value)).sum(
                     axis=1
                 ) / self._area
@@ -175,95 +187,105 @@ class PathSteps(PathRecords):
         self._before = self._last
         return new, count, residual
 
-    def _elastic(self, start: Path) -> tuple[Path, int, float]:
+    def _load_to_first_peak(self, start: PathPoint) -> tuple[PathPoint, int, float]:
         """Up to the first bond at its peak, or to the end of the loads."""
         bonds, k = self._bonds, self._bonds.breaks
         peak, first = bonds.peak[k], bonds.stretches(start.value)[k]
         current_point, factor = start, SMALL
         for _ in range(3):
-            near, count, residual = self._settle(current_point, factor)
+            near, count, residual = self._equilibrium_at_factor(current_point, factor)
             rate = (bonds.stretches(near.value)[k] - first) / (factor - start.factor)
             grows = rate > 0
             reach = ((peak - first)[grows] / rate[grows]).min(initial=1.0)
             if np.isfinite(self._opening):
-                reach = min(reach, self._reach_of_opening(start, near))
+                reach = min(reach, self._factor_of_last_opening(start, near))
             current_point, factor = near, min(float(start.factor + reach), 1.0)
-        path_point = self._settle(current_point, factor)
-        self.ended = factor == 1.0 or self._opened(path_point[0])
+        path_point = self._equilibrium_at_factor(current_point, factor)
+        self.ended = factor == 1.0 or self._opening_is_reached(path_point[0])
         return path_point[0], count + path_point[1], max(residual, path_point[2])
 
-    def _measure(self, at: Path) -> float:
-        return self._follower.control.measure(at.value, at.spent)
+    def _control_value(self, point: PathPoint) -> float:
+        return self._follower.control.measure(point.value, point.spent)
 
-    def _opened(self, at: Path) -> bool:
+    def _opening_is_reached(self, point: PathPoint) -> bool:
         """Whether the gap that controls is as wide as it is to be in the end."""
-        return self._measure(at) > self._opening - NEAR * self._most
+        return self._control_value(point) > self._opening - NEAR * self._most
 
-    def _reach_of_opening(self, start: Path, near: Path) -> float:
+    def _factor_of_last_opening(self, start: PathPoint, near: PathPoint) -> float:
         """The factor by which loads grow from the start until an elastic body has the last opening."""
-        opened = self._measure(near) - self._measure(start)
+        opened = self._control_value(near) - self._control_value(start)
         if not opened > 0:
-            said = f"{self._follower.control.said} {opened:.3g} m under growing loads"
+            said = f"{self._follower.control.description} {opened:.3g} m under growing loads"
             raise UnsettledError(f"{said}; use a gap that grows")
-        return (self._opening - self._measure(start)) / opened * (near.factor - start.factor)
+        return (self._opening - self._control_value(start)) / opened * (near.factor - start.factor)
 
-    def _settle(self, near: Path, factor: float) -> tuple[Path, int, float]:
-        return resting(
-            self._contact, lambda: self._follower.settle(near.value, factor, self._tell(0)), self._follower.left
+    def _equilibrium_at_factor(self, near: PathPoint, factor: float) -> tuple[PathPoint, int, float]:
+        return solve_with_contact(
+            self._contact,
+            lambda: self._follower.solve_at_factor(near.value, factor, self._make_progress_report(0)),
+            self._follower.relative_residual,
         )
 
-    def _follow(self, step: int) -> tuple[Path, int, float]:
+    def _next_equilibrium(self, step: int) -> tuple[PathPoint, int, float]:
         """A step of dissipation, as large as it converges."""
         iterations, last, secants = 0, self._last, 0
-        self._more = min(self._more, max(self._opening - self._measure(last), LEAST * self._most))
+        self._more = min(self._more, max(self._opening - self._control_value(last), LEAST * self._most))
         while True:
-            guess, done = None, self._measure(last) - self._measure(self._before)
+            guess, done = None, self._control_value(last) - self._control_value(self._before)
             if self._more < 2 * GROWTH * done and self._more >= LEAST * self._most:
                 share = self._more / done
                 ahead = last.value + share * (last.value - self._before.value)
-                guess = Path(ahead, last.factor + share * (last.factor - self._before.factor), 0.0)
+                guess = PathPoint(ahead, last.factor + share * (last.factor - self._before.factor), 0.0)
             steady = NEVER if secants == PATIENT else STEADY
-            follow = partial(self._follower.follow, last, guess, self._more, self._tell(step), secants, steady)
+            follow = partial(
+                self._follower.solve_at_control,
+                last,
+                guess,
+                self._more,
+                self._make_progress_report(step),
+                secants,
+                steady,
+            )
             try:
-                new, count, residual = resting(self._contact, follow, self._follower.left)
+                new, count, residual = solve_with_contact(self._contact, follow, self._follower.relative_residual)
                 break
             except UnsettledError as error:
-                secants = self._begin_again(secants, error)
+                secants = self._choose_next_try(secants, error)
         if count <= FEW:
             self._more = min(self._more * GROWTH, self._most)
         if new.factor > 1:
             try:
-                new, more, residual = self._settle(last, 1.0)
+                new, more, residual = self._equilibrium_at_factor(last, 1.0)
                 count += more
             except UnsettledError:  # the path turns round beyond
                 pass
             self.ended = True
-        self.ended |= self._opened(new)
+        self.ended |= self._opening_is_reached(new)
         return new, iterations + count, residual
 
-    def _begin_again(self, secants: int, error: UnsettledError) -> int:
+    def _choose_next_try(self, secant_iterations: int, error: UnsettledError) -> int:
         """Secants to begin the step again with, after it did not converge with so many; sets how much more is spent.
 
         Raises the error where nothing is left to try.
         """
-        if secants < PATIENT and self._more >= LEAST * self._most:
-            self._more, secants = (self._more, SECANTS) if not secants else (self._more / 2, 0)
+        if secant_iterations < PATIENT and self._more >= LEAST * self._most:
+            self._more, secant_iterations = (self._more, SECANTS) if not secant_iterations else (self._more / 2, 0)
         elif np.isfinite(self._opening):
             said = f"the gap '{self._model.settings.run.static.control}' does not grow along the path"
             raise UnsettledError(f"{said}; use one that does, or no run.static.control") from None
-        elif secants < PATIENT:
-            self._more, secants = self._most, PATIENT
+        elif secant_iterations < PATIENT:
+            self._more, secant_iterations = self._most, PATIENT
         elif self._more > self._most / COARSER**3:
             self._more /= COARSER
         else:
             raise error
-        return secants
+        return secant_iterations
 
-    def _outside(self, at: Path, response: Response) -> Array:
+    def _external_forces(self, point: PathPoint, response: Response) -> Array:
         """Loads and reactions (n, d), N/m."""
-        return np.where(self._held, -self._bonds.forces(response), self._follower.drive.at(at.factor))
+        return np.where(self._held, -self._bonds.forces(response), self._follower.drive.loads_at(point.factor))
 
-    def _book(self, state: State, step: int, response: Response) -> None:
+    def _store_bond_history(self, state: State, step: int, response: Response) -> None:
         """Store reactions and the history of bonds, and book the energy of those that are gone."""
         bonds, drive, factor = self._bonds, self._drive, self._last.factor
         put_loads(drive, factor)
@@ -294,21 +316,21 @@ class PathSteps(PathRecords):
         }
         self._operator.back(worst, broken)
 
-    def _tell(self, step: int) -> Callable[[int, float], None]:
+    def _make_progress_report(self, step: int) -> Callable[[int, float], None]:
         def tell(iterations: int, residual: float) -> None:
             if self.watch is not None:
-                self.watch(Going(step, iterations, residual, len(self._operator.broken().step)))
+                self.watch(LoadStepProgress(step, iterations, residual, len(self._operator.broken().step)))
 
         return tell
 
 
-def _controlled(model: Model, bonds: SofteningBonds) -> Control:
+def _choose_control(model: Model, bonds: SofteningBonds) -> PathControl:
     """The control that a model asks for."""
     for gap in model.settings.run.gaps:
         if gap.name == model.settings.run.static.control:
             first, second = tree_of(model.grid.position).query(np.array(gap.ends))[1].tolist()
-            return Opening(gap.name, model.grid.position, (first, second))
-    return Dissipation(bonds)
+            return OpeningControl(gap.name, model.grid.position, (first, second))
+    return DissipationControl(bonds)
 
 
 def _largest_step(model: Model) -> float:
@@ -322,12 +344,14 @@ def _largest_step(model: Model) -> float:
     return float(cost * extent ** (model.grid.dimension - 1) / steps)
 
 
-def along(places: tuple[Path, Path, Path], pushed: tuple[Array, Array, Array]) -> Array:
+def work_along_path(
+    points: tuple[PathPoint, PathPoint, PathPoint], external_forces: tuple[Array, Array, Array]
+) -> Array:
     """Work (n, d), J/m, of forces (n, d) from the second place to the third, all quadratic in the spent energy.
 
     By Simpson's rule, exact for these; by the trapezoidal rule next to a much longer or shorter step.
     """
-    (first, last, new), (f0, f1, f2) = places, pushed
+    (first, last, new), (f0, f1, f2) = points, external_forces
     back, ahead = last.spent - first.spent, new.spent - last.spent
     if not ALIKE * ahead > back > ahead / ALIKE:
         return np.asarray((f1 + f2) / 2 * (new.value - last.value))

@@ -17,7 +17,15 @@ from numpy.typing import NDArray
 from pdsolve.codegen.jit_cache import cached_njit
 from pdsolve.operators.protocol import Operator
 from pdsolve.state import State
-from pdsolve.steppers.equilibrium import Asked, Settled, Tell, UnsettledError, forces, left_over, round_off
+from pdsolve.steppers.equilibrium import (
+    Equilibrium,
+    EquilibriumConditions,
+    ProgressReport,
+    UnsettledError,
+    force_densities,
+    relative_residual,
+    round_off_stiffness,
+)
 
 MOST = 100_000  # iterations
 CAP = 1.9  # of the damping, as 2 would stop every motion
@@ -26,79 +34,86 @@ GROWN = 1e3  # times the residual there was: a motion that grows
 LOOK = 50  # iterations between two looks at the clock
 
 
-def by_eigenvalue(operator: Operator) -> NDArray[np.float64]:
+def smallest_stable_mass(operator: Operator) -> NDArray[np.float64]:
     """The smallest mass (n,), N/m^4 s^2, at which a step of 1 s is surely stable, from the operator's bound."""
     return operator.stiffness_bound() / 2
 
 
 class Relaxation:
-    """Dynamic relaxation with any operator; see `Method`."""
+    """Dynamic relaxation with any operator; see `EquilibriumMethod`."""
 
-    said = "adaptive dynamic relaxation"
-    smallest = 1.0  # smaller parts take as many iterations
+    description = "adaptive dynamic relaxation"
+    smallest_part = 1.0  # smaller parts take as many iterations
 
     def __init__(
         self,
         operator: Operator,
         tolerance: float,
-        most: int | None = None,
+        max_iterations: int | None = None,
         mass: NDArray[np.float64] | None = None,
     ) -> None:
         """`mass` (n, w) or (n, 1), N/m^4 s^2; None: from the operator's bound, plus a tenth, as bonds rotate."""
-        self._operator, self._tolerance, self._most = operator, tolerance, most or MOST
-        self._mass = 1.1 * by_eigenvalue(operator)[:, None] if mass is None else mass
-        self._least = round_off(2 * float(self._mass.max(initial=0.0)), tolerance)
+        self._operator, self._tolerance, self._most = operator, tolerance, max_iterations or MOST
+        self._mass = 1.1 * smallest_stable_mass(operator)[:, None] if mass is None else mass
+        self._least = round_off_stiffness(2 * float(self._mass.max(initial=0.0)), tolerance)
 
-    def forget(self) -> None:
+    def reset_history(self) -> None:
         """Does nothing: each solution depends on the state alone."""
 
-    def ways_down(self, state: State, constrained: NDArray[np.bool_]) -> int:
+    def count_unstable_modes(self, state: State, constrained: NDArray[np.bool_]) -> int:
         """0: relaxation leaves what is not stable by itself."""
         return 0
 
-    def hold_softly(self, nodes: NDArray[np.bool_]) -> None:
+    def restrain_softly(self, nodes: NDArray[np.bool_]) -> None:
         """Does nothing: relaxation has no equations to hold nodes in; see `pdsolve.steppers.static_loads`."""
 
-    def settle(self, state: State, conditions: Asked, tell: Tell) -> Settled:
+    def solve_equilibrium(
+        self, state: State, conditions: EquilibriumConditions, report_progress: ProgressReport
+    ) -> Equilibrium:
         """Move the values of the state to equilibrium by dynamic relaxation, in place. Raises UnsettledError."""
         start, mass = state.value.copy(), np.broadcast_to(self._mass, state.value.shape).copy()
         mass[mass == 0] = 1.0  # of a node without a bond
-        free, done = ~conditions.held, 0
+        free, done = ~conditions.constrained, 0
         while True:
-            state.value[:] = np.where(free, start, conditions.at)
-            equilibrium, last = self._relax(state, conditions, mass, done, tell)
+            state.value[:] = np.where(free, start, conditions.prescribed)
+            equilibrium, last = self._relax(state, conditions, mass, done, report_progress)
             if equilibrium is not None:
                 return equilibrium
             if last >= self._most or not mass.max() < 100 * self._mass.max():
                 raise UnsettledError(
-                    f"no equilibrium after {last} iterations of {self.said} (tolerance {self._tolerance:g} of the"
-                    " external forces); allow more iterations (run.static.iterations), or a larger tolerance"
+                    f"no equilibrium after {last} iterations of {self.description} (tolerance {self._tolerance:g} of"
+                    " the external forces); allow more iterations (run.static.iterations), or a larger tolerance"
                 )
             done, mass = last, mass * HEAVIER
 
     def _relax(
-        self, state: State, conditions: Asked, mass: NDArray[np.float64], done: int, tell: Tell
-    ) -> tuple[Settled | None, int]:
+        self,
+        state: State,
+        conditions: EquilibriumConditions,
+        mass: NDArray[np.float64],
+        iterations_before: int,
+        report_progress: ProgressReport,
+    ) -> tuple[Equilibrium | None, int]:
         """Relax from the current state; None if the motion grows or iterations run out; and the iterations so far."""
-        v, before, free = np.zeros(state.value.shape), np.zeros(state.value.shape), ~conditions.held
+        v, before, free = np.zeros(state.value.shape), np.zeros(state.value.shape), ~conditions.constrained
         start, least, first = state.value.copy(), np.inf, True
-        for iteration in range(done, self._most + 1):
-            out = forces(self._operator, state)
-            residual = left_over(state, conditions, out, self._least)
+        for iteration in range(iterations_before, self._most + 1):
+            out = force_densities(self._operator, state)
+            residual = relative_residual(state, conditions, out, self._least)
             if residual < self._tolerance:
-                return Settled(iteration, residual), iteration
+                return Equilibrium(iteration, residual), iteration
             if not residual < GROWN * max(least, self._tolerance):
                 return None, iteration
             least = min(least, residual)
             if iteration % LOOK == 0:
-                tell(iteration, residual)
-            _move(state.value, v, out, conditions.load, free, mass, before, start, first, CAP)
+                report_progress(iteration, residual)
+            _relaxation_step(state.value, v, out, conditions.load, free, mass, before, start, first, CAP)
             first = False
         return None, self._most
 
 
 @cached_njit(error_model="numpy")
-def _move(u, v, out, load, free, mass, before, start, first, cap):  # type: ignore[no-untyped-def]
+def _relaxation_step(u, v, out, load, free, mass, before, start, first, cap):  # type: ignore[no-untyped-def]
     """One relaxation step of 1 s; `before` (n, w), the last residuals over masses, is overwritten by the new ones."""
     above = below = 0.0
     for i in range(len(u)):

@@ -20,7 +20,7 @@ STEPS = 10  # load steps where something varies
 PATH_STEPS = 10  # times those of a crack through the smallest extent: the path is given up
 
 
-def in_load_steps(model: Model, precision: str) -> Model:
+def model_in_load_steps(model: Model, precision: str) -> Model:
     """The model in load steps: steps and frames are load steps from time 0 to the end of its profiles.
 
     Without a varying profile there is one load step, at 1 s. Raises ModelError for an unsupported model.
@@ -28,15 +28,15 @@ def in_load_steps(model: Model, precision: str) -> Model:
     run = model.settings.run
     if precision != "float64":
         raise ModelError(f"precision is {precision}; use float64, as the solver is static")
-    if follows_path(model) or follows_cracks(model) or follows_arc(model):
-        return _in_path_steps(model)
+    if follows_softening_path(model) or follows_crack_length(model) or follows_arc_length(model):
+        return _model_in_path_steps(model)
     if run.fatigue is not None:
         changed = msgspec.structs.replace(run, time_step=1.0, ledger=1)
         stepped_model = dataclasses.replace(model, settings=msgspec.structs.replace(model.settings, run=changed))
-        _refuse_loads(stepped_model, [1.0])
+        _refuse_contradictory_loads(stepped_model, [1.0])
         return stepped_model
-    end = max((time for c in _no_fail(model) for time, _ in c.profile), default=0.0)
-    varies = end > 0 and any(len(c.profile) > 1 for c in _no_fail(model))
+    end = max((time for c in _no_fail_conditions(model) for time, _ in c.profile), default=0.0)
+    varies = end > 0 and any(len(c.profile) > 1 for c in _no_fail_conditions(model))
     steps = run.static.load_steps or (STEPS if varies else 1)
     if not varies and steps > 1:
         raise ModelError(
@@ -46,30 +46,30 @@ def in_load_steps(model: Model, precision: str) -> Model:
     step = (end if varies else 1.0) / steps
     changed = msgspec.structs.replace(run, time_step=step, steps=steps, every=1, ledger=1)
     stepped_model = dataclasses.replace(model, settings=msgspec.structs.replace(model.settings, run=changed))
-    _refuse_loads(stepped_model, [number * step for number in range(1, steps + 1)])
+    _refuse_contradictory_loads(stepped_model, [number * step for number in range(1, steps + 1)])
     return stepped_model
 
 
-def follows_path(model: Model) -> bool:
+def follows_softening_path(model: Model) -> bool:
     """Whether bonds soften and break by themselves: then the equilibrium path is followed."""
     return model.settings.run.cracks == "bonds" and any(softens(material) for material in model.materials)
 
 
-def follows_cracks(model: Model) -> bool:
+def follows_crack_length(model: Model) -> bool:
     """Whether cracks of particles are followed, their length being the control."""
     return model.settings.run.cracks == "particles" and model.settings.run.static.control == CRACK
 
 
-def follows_arc(model: Model) -> bool:
+def follows_arc_length(model: Model) -> bool:
     """Whether an elastic body is followed by the arc length of its path."""
     return model.settings.run.cracks == "bonds" and model.settings.run.static.control == ARC
 
 
-def _in_path_steps(model: Model) -> Model:
+def _model_in_path_steps(model: Model) -> Model:
     """The model in steps of 1 s along its path; its profiles go from 0 to 1 s. Raises ModelError."""
     run = model.settings.run
-    varies = any(len(condition.profile) > 1 for condition in _no_fail(model))
-    end = max((time for condition in _no_fail(model) for time, _ in condition.profile), default=0.0)
+    varies = any(len(condition.profile) > 1 for condition in _no_fail_conditions(model))
+    end = max((time for condition in _no_fail_conditions(model) for time, _ in condition.profile), default=0.0)
     conditions = []
     for number, condition in enumerate(model.settings.conditions):
         if not isinstance(condition, Condition) or (varies and len(condition.profile) < 2):
@@ -82,7 +82,7 @@ def _in_path_steps(model: Model) -> Model:
                 " to the end, as loads follow from what bonds or cracks dissipate"
             )
         conditions.append(msgspec.structs.replace(condition, profile=((0.0, points[0][1]), (1.0, points[1][1]))))
-    if follows_cracks(model):
+    if follows_crack_length(model):
         # a crack of particles goes through the largest extent of the plate
         spacing, extent = run.particles.spacing * model.grid.delta.min(), np.ptp(model.grid.position, axis=0).max()
         steps = run.static.load_steps or int(np.ceil(extent / spacing))
@@ -91,11 +91,11 @@ def _in_path_steps(model: Model) -> Model:
     changed = msgspec.structs.replace(run, time_step=1.0, steps=steps, every=1, ledger=1)
     settings = msgspec.structs.replace(model.settings, run=changed, conditions=tuple(conditions))
     stepped_model = dataclasses.replace(model, settings=settings)
-    _refuse_loads(stepped_model, [1.0])
+    _refuse_contradictory_loads(stepped_model, [1.0])
     return stepped_model
 
 
-def in_steps_of_content(model: Model, precision: str) -> Model:
+def model_in_content_steps(model: Model, precision: str) -> Model:
     """The model at rest after each time step of a content that swells it. Raises ModelError for an unsupported one."""
     run = model.settings.run
     if precision != "float64":
@@ -107,16 +107,18 @@ def in_steps_of_content(model: Model, precision: str) -> Model:
     rests = msgspec.structs.replace(timed, run=every_step)
     stepped_model = dataclasses.replace(model, settings=rests)
     steps = stepped_model.settings.run.steps
-    _refuse_loads(stepped_model, [number * run.time_step for number in range(1, steps + 1)], needed=False)
+    _refuse_contradictory_loads(
+        stepped_model, [number * run.time_step for number in range(1, steps + 1)], load_is_needed=False
+    )
     return stepped_model
 
 
-def _no_fail(model: Model) -> list[Condition]:
+def _no_fail_conditions(model: Model) -> list[Condition]:
     return [condition for condition in model.settings.conditions if isinstance(condition, Condition)]
 
 
-def _refuse_loads(model: Model, times: list[float], needed: bool = True) -> None:
-    """Raise ModelError for contradictory holds at these times, s, and without an effect, if one is `needed`."""
+def _refuse_contradictory_loads(model: Model, times: list[float], load_is_needed: bool = True) -> None:
+    """Raise ModelError for contradictory holds at these times, s, and without an effect, if one is `load_is_needed`."""
     loads = False
     holds: dict[tuple[int, str], tuple[int, list[float]]] = {}
     for number, condition in enumerate(model.settings.conditions):
@@ -139,7 +141,7 @@ def _refuse_loads(model: Model, times: list[float], needed: bool = True) -> None
                         f"{model.name}: $.conditions[{number}].{axis}: node {model.grid.ids[row]} is held otherwise"
                         f" by $.conditions[{earlier_number}]; use one displacement of it, as the solver is static"
                     )
-    if needed and not loads:
+    if load_is_needed and not loads:
         raise ModelError(
             f"{model.name}: $.conditions: none loads the plate at any load step; add a load or a displacement that"
             " is not 0"

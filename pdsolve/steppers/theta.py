@@ -16,7 +16,7 @@ from pdsolve.conditions import Drive, held, hold_values, put_loads
 from pdsolve.errors import UnstableError
 from pdsolve.operators.protocol import FluxOperator
 from pdsolve.state import State
-from pdsolve.steppers.factors import factors
+from pdsolve.steppers.factors import factorize
 
 TOLERANCE = 1e-12  # of the right-hand side
 ITERATIONS, MOST = 60, 10_000  # of Newton's method, of conjugate gradients
@@ -24,22 +24,22 @@ ITERATIONS, MOST = 60, 10_000  # of Newton's method, of conjugate gradients
 Solve = Callable[[NDArray[np.float64]], NDArray[np.float64]]
 
 
-class Theta:
+class ThetaSteps:
     """Implicit steps with an operator whose rates are linear in a potential."""
 
-    def __init__(self, operator: FluxOperator, drive: Drive, dt: float, theta: float, factored: bool) -> None:
-        """Steps of `dt`, s, with weight `theta` on their ends and 1 - theta on their beginnings.
+    def __init__(self, operator: FluxOperator, drive: Drive, time_step: float, theta: float, factor_once: bool) -> None:
+        """Steps of `time_step`, s, with weight `theta` on their ends and 1 - theta on their beginnings.
 
-        `factored`: the equations are the same in all steps and few enough for an LU factorization; otherwise conjugate
-        gradients solve them.
+        `factor_once`: the equations are the same in all steps and few enough for an LU factorization; otherwise
+        conjugate gradients solve them.
         """
-        self._operator, self._drive, self._dt, self._theta = operator, drive, dt, theta
+        self._operator, self._drive, self._dt, self._theta = operator, drive, time_step, theta
         self.name = "backward Euler" if theta == 1 else f"implicit steps (theta {theta:g})"
-        self._free, self._factored = ~held(drive)[:, 0], factored
+        self._free, self._factored = ~held(drive)[:, 0], factor_once
         self._factors: Solve | None = None
         self._out = np.zeros(len(self._free))
 
-    def forget(self) -> None:
+    def refactor(self) -> None:
         """Factor the equations anew, as the operator has changed."""
         self._factors = None
 
@@ -50,40 +50,43 @@ class Theta:
         for step in range(first, last):
             before = content.copy()
             put_loads(drive, (step - 1) * dt)
-            rate = self._booked(state, before, 1 - theta, step)
+            rate = self._book_and_return_rates(state, before, 1 - theta, step)
             fixed = before + dt * (1 - theta) * (rate + source)
             put_loads(drive, step * dt)
             fixed += dt * theta * source
             hold_values(drive, content, step * dt)
-            end_content = self._newton(state, fixed, step)
-            rate = self._booked(state, end_content, theta, step)
+            end_content = self._solve_end_content(state, fixed, step)
+            rate = self._book_and_return_rates(state, end_content, theta, step)
             content[free] = (fixed + dt * theta * rate)[free]
             state.rate[:, 0] = (content - before) / dt
 
-    def _booked(self, state: State, content: NDArray[np.float64], share: float, step: int) -> NDArray[np.float64]:
+    def _book_and_return_rates(
+        self, state: State, content: NDArray[np.float64], step_share: float, step: int
+    ) -> NDArray[np.float64]:
         """Rates (n,) at these contents (n,), of which a share of the step is booked, and so are the sources."""
-        out, weight = np.zeros((len(content), 1)), share * self._dt
+        out, weight = np.zeros((len(content), 1)), step_share * self._dt
         self._operator.add(state._replace(value=content[:, None]), out, step, weight)
         state.dissipated[:] += np.where(self._free, 0.0, weight * out[:, 0])
         state.work[:] += weight * self._drive.force[:, 0]
         return out[:, 0]
 
-    def _rates(self, potential: NDArray[np.float64]) -> NDArray[np.float64]:
+    def _rates_of_potential(self, potential: NDArray[np.float64]) -> NDArray[np.float64]:
         """Rates (n,) at these potentials (n,), valid until the next call."""
         self._out[:] = 0
         self._operator.rates(potential, self._out)
         return self._out
 
-    def _newton(self, state: State, fixed: NDArray[np.float64], step: int) -> NDArray[np.float64]:
-        """Contents (n,) at the end of a step that solve H - theta dt rates(H) = `fixed`, from those of a state on."""
+    def _solve_end_content(self, state: State, right_side: NDArray[np.float64], step: int) -> NDArray[np.float64]:
+        """Contents (n,) at the end of a step that solve H - theta dt rates(H) = `right_side`, from those of a state
+        on."""
         operator, free, weight, content = self._operator, self._free, self._dt * self._theta, state.value[:, 0]
         for _ in range(ITERATIONS):
             follows = free & operator.follows(content)
-            residual = fixed - content + weight * self._rates(operator.potential(content))
+            residual = right_side - content + weight * self._rates_of_potential(operator.potential(content))
             residual[~free] = 0
-            change = np.where(follows, self._solve(state, follows, residual), residual)
+            change = np.where(follows, self._solve_linear(state, follows, residual), residual)
             if not np.array_equal(follows, free):
-                along = weight * self._rates(np.where(follows, change, 0.0))
+                along = weight * self._rates_of_potential(np.where(follows, change, 0.0))
                 change += np.where(free & ~follows, along, 0.0)
             content = np.asarray(content + change)
             if np.array_equal(follows, free & operator.follows(content)):
@@ -92,26 +95,30 @@ class Theta:
             f"step {step}: Newton's method did not end in {ITERATIONS} iterations; use a smaller time step"
         )
 
-    def _solve(self, state: State, follows: NDArray[np.bool_], right: NDArray[np.float64]) -> NDArray[np.float64]:
+    def _solve_linear(
+        self, state: State, potential_follows: NDArray[np.bool_], right: NDArray[np.float64]
+    ) -> NDArray[np.float64]:
         """Change (n,) of the nodes whose potential follows for the right-hand side `right` (n,), 0 elsewhere."""
         volume, weight = self._operator.volume, self._dt * self._theta
-        right = np.where(follows, volume * right, 0.0)
+        right = np.where(potential_follows, volume * right, 0.0)
         if self._factored:
             if self._factors is None:  # for the free nodes, reused for all steps
                 from scipy.sparse import diags_array
 
                 all_volumes, keep = diags_array(volume), diags_array(self._free.astype(float))
                 tangent = self._operator.tangent(state)
-                self._factors = factors(all_volumes + weight * (keep @ all_volumes @ tangent @ keep))
+                self._factors = factorize(all_volumes + weight * (keep @ all_volumes @ tangent @ keep))
             return self._factors(right)
 
         def product(change: NDArray[np.float64]) -> NDArray[np.float64]:
-            return np.where(follows, volume * (change - weight * self._rates(change)), 0.0)
+            return np.where(potential_follows, volume * (change - weight * self._rates_of_potential(change)), 0.0)
 
-        return gradients(product, right, volume * (1 + weight * self._operator.stiffness_bound() / 2))
+        return conjugate_gradients(product, right, volume * (1 + weight * self._operator.stiffness_bound() / 2))
 
 
-def gradients(product: Solve, right: NDArray[np.float64], diagonal: NDArray[np.float64]) -> NDArray[np.float64]:
+def conjugate_gradients(
+    product: Solve, right: NDArray[np.float64], diagonal: NDArray[np.float64]
+) -> NDArray[np.float64]:
     """Solution of `product` x = `right` (n,) by conjugate gradients, for a symmetric positive definite `product`.
 
     `diagonal` (n,) is its diagonal. Sums are numpy's, not those of a threaded library, so that results are reproducible

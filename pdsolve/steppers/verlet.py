@@ -15,7 +15,7 @@ from pdsolve.conditions import Drive, apply_loads, held
 from pdsolve.operators.protocol import Operator
 from pdsolve.state import State
 from pdsolve.steppers.ghosts import Ghosts
-from pdsolve.steppers.holds import damp_component, hold_component, release_component
+from pdsolve.steppers.holds import accelerate_held_component, damp_component, prescribe_component
 
 
 class Verlet:
@@ -45,7 +45,7 @@ class Verlet:
         # forces take the place of the accelerations that they become, where those are as precise
         out = state.second if state.second.dtype == np.float64 else np.zeros(state.value.shape)
         for step in range(first, last):
-            _begin(state, drive, dt, step * dt)
+            _kick_and_drift(state, drive, dt, step * dt)
             if self._ghosts is not None:
                 self._ghosts.fill(state.value.T)
                 self._ghosts.fill(state.rate.T)  # with which some operators know where nodes were a step ago
@@ -53,14 +53,14 @@ class Verlet:
             out[:] = 0
             self._operator.add(state, out, step, dt)
             if before is not None:
-                _end(state, drive, out, self._rho, dt, step * dt)
-                _damp(state, before, self._rho, self._held, self._damping, dt)
+                _accelerate_and_kick(state, drive, out, self._rho, dt, step * dt)
+                _damp_step(state, before, self._rho, self._held, self._damping, dt)
             else:
-                _end(state, drive, out, self._rho, dt, step * dt)
+                _accelerate_and_kick(state, drive, out, self._rho, dt, step * dt)
 
 
 @cached_njit(error_model="numpy")
-def _begin(state, drive, dt, time):  # type: ignore[no-untyped-def]
+def _kick_and_drift(state, drive, dt, time):  # type: ignore[no-untyped-def]
     """Half a kick and the drift to the displacements at `time`, s."""
     u, v, a = state.value, state.rate, state.second
     for i in range(len(u)):
@@ -68,13 +68,13 @@ def _begin(state, drive, dt, time):  # type: ignore[no-untyped-def]
             v[i, axis] += dt / 2 * a[i, axis]
             u[i, axis] += dt * v[i, axis]
     for e in range(len(drive.holds.node)):
-        hold_component(u, v, a, drive.holds, drive.profiles, drive.held_speed, e, dt, time)
+        prescribe_component(u, v, a, drive.holds, drive.profiles, drive.held_speed, e, dt, time)
     if drive.varies:
         apply_loads(drive, time)
 
 
 @cached_njit(error_model="numpy")
-def _end(state, drive, out, rho, dt, time):  # type: ignore[no-untyped-def]
+def _accelerate_and_kick(state, drive, out, rho, dt, time):  # type: ignore[no-untyped-def]
     """From force densities `out` (n, w), N/m^3, to accelerations, and the second half of the kick."""
     v, a, work, load, before = state.rate, state.second, state.work, drive.force, drive.before
     for i in range(len(a)):
@@ -84,14 +84,14 @@ def _end(state, drive, out, rho, dt, time):  # type: ignore[no-untyped-def]
             work[i] += (before[i, axis] + load[i, axis]) / 2 * (dt * v[i, axis])
     for e in range(len(drive.holds.node)):
         speed, force = drive.held_speed, drive.held_force
-        release_component(v, a, rho, work, drive.holds, drive.profiles, speed, force, e, dt, time)
+        accelerate_held_component(v, a, rho, work, drive.holds, drive.profiles, speed, force, e, dt, time)
     for i in range(len(a)):
         for axis in range(a.shape[1]):
             v[i, axis] += dt / 2 * a[i, axis]
 
 
 @cached_njit(error_model="numpy")
-def _damp(state, before, rho, constrained, c, dt):  # type: ignore[no-untyped-def]
+def _damp_step(state, before, rho, constrained, damping, dt):  # type: ignore[no-untyped-def]
     """Damp the end of a step with c (n,), 1/s, as its beginning, and book the energy taken.
 
     `before` (n, w) are the velocities one step ago.
@@ -100,4 +100,4 @@ def _damp(state, before, rho, constrained, c, dt):  # type: ignore[no-untyped-de
     for i in range(len(v)):
         for axis in range(v.shape[1]):
             if not constrained[i, axis]:
-                state.damped[i] += damp_component(v, a, before, rho, c[i], i, axis, dt)
+                state.damped[i] += damp_component(v, a, before, rho, damping[i], i, axis, dt)

@@ -26,10 +26,10 @@ from pdsolve.operators.simd_lattice.layout import aligned
 from pdsolve.operators.simd_lattice.operator import SimdLattice
 from pdsolve.state import State
 from pdsolve.steppers.ghosts import Ghosts
-from pdsolve.steppers.holds import hold_component, release_component
+from pdsolve.steppers.holds import accelerate_held_component, prescribe_component
 
 
-class Course(NamedTuple):
+class BlockMotion(NamedTuple):
     """Motion of the blocks' nodes besides their bonds; m nodes in whole blocks, the last may be idle."""
 
     force: NDArray[np.floating]  # (2, m) body force now, N/m^3
@@ -73,11 +73,11 @@ class VerletBlocks:
         self._operator, self._dt, self._threads, self._contact = operator, dt, threads, contact
         self._ghosts = ghosts
         self._rows = np.zeros(0, dtype=np.int64)  # on which contact acted
-        self._course = Course(
-            force=_spread(drive.force, count),
-            before=_spread(drive.before, count),
-            rho=_spread(rho, count, 1.0),
-            lightness=_spread(1 / rho, count, 1.0),
+        self._course = BlockMotion(
+            force=_pad_to_blocks(drive.force, count),
+            before=_pad_to_blocks(drive.before, count),
+            rho=_pad_to_blocks(rho, count, 1.0),
+            lightness=_pad_to_blocks(1 / rho, count, 1.0),
             loaded=loaded,
             plain=~loaded & (np.diff(held_start) == 0),
             held=hold_order,
@@ -98,63 +98,77 @@ class VerletBlocks:
             if self._contact is not None:
                 lasts = 1
                 if sweep > 0:
-                    lasts, pushes = self._touched(self._contact, state, first + sweep - 1, sweep)
+                    lasts, pushes = self._update_contact(self._contact, state, first + sweep - 1, sweep)
                 sweep_count = min(sweep_count, lasts)
-            sweep = self._sweep(first, last, sweep, sweep + sweep_count, pushes)
+            sweep = self._sweep_blocks(first, last, sweep, sweep + sweep_count, pushes)
             if self._ghosts is not None and sweep < ends:
                 self._ghosts.fill(self._operator.tracks.u[sweep % 3])
 
-    def _sweep(self, first: int, last: int, begin: int, end: int, pushes: Pushes | None) -> int:
+    def _sweep_blocks(self, first: int, last: int, begin: int, end: int, pushes: Pushes | None) -> int:
         """Sweep the blocks for `begin` to `end` - 1 of the steps `first` to `last` - 1, less if pairs are to be found;
         returns the sweep to go on with."""
-        operator, course, gate = self._operator, self._course, gate_of(self._threads)
-        course.stop[0] = end
-        arguments = operator.blocks, operator.tracks, course, self.drive, pushes, self._dt, first, last, begin, end
+        operator, block_motion, gate = self._operator, self._course, gate_of(self._threads)
+        block_motion.stop[0] = end
+        arguments = (
+            operator.blocks,
+            operator.tracks,
+            block_motion,
+            self.drive,
+            pushes,
+            self._dt,
+            first,
+            last,
+            begin,
+            end,
+        )
         side_by_side(lambda thread: advance_blocks(*arguments, thread, gate), self._threads)
-        return int(course.stop[0])
+        return int(block_motion.stop[0])
 
-    def _touched(self, contact: PenaltyContact, state: State, step: int, sweep: int) -> tuple[int, Pushes | None]:
+    def _update_contact(
+        self, contact: PenaltyContact, state: State, step: int, sweep: int
+    ) -> tuple[int, Pushes | None]:
         """Set the forces of contact in a step, with the displacements of the sweep `sweep`; returns for how many steps
         they hold, or those of the pairs: None where nothing touches."""
-        nodes, course = len(state.value), self._course
+        nodes, block_motion = len(state.value), self._course
         now = state._replace(value=self._operator.tracks.u[sweep % 3][:, :nodes].T)
         free = contact.free_steps(now, step, self._dt)
         rows = contact.rows if free == 0 else self._rows[:0]
-        _clear(course.push, course.pushed, self._rows, rows)
+        _clear_contact_forces(block_motion.push, block_motion.pushed, self._rows, rows)
         self._rows = rows
         if free > 0:
             return free, None
-        contact.push(now, course.push[:, :nodes].T, step, self._dt)
+        contact.push(now, block_motion.push[:, :nodes].T, step, self._dt)
         pushes, lasts = contact.pushes(step)
         return lasts, pushes if lasts > 1 else None
 
 
-def _spread(values: NDArray[Any], count: int, idle: float = 0.0) -> NDArray[Any]:
-    """Nodal values (n, ...) in `count` whole blocks (..., m)."""
-    wide = np.full((*values.shape[1:], LANES * count), idle, dtype=values.dtype)
+def _pad_to_blocks(values: NDArray[Any], block_count: int, padding: float = 0.0) -> NDArray[Any]:
+    """Nodal values (n, ...) in `block_count` whole blocks (..., m)."""
+    wide = np.full((*values.shape[1:], LANES * block_count), padding, dtype=values.dtype)
     wide[..., : len(values)] = values.T
     return aligned(wide)
 
 
 @cached_njit(nogil=True, error_model="numpy")
-def advance_blocks(blocks, tracks, course, drive, pushes, dt, first, last, begin, end, thread, gate):  # type: ignore[no-untyped-def]
+def advance_blocks(blocks, tracks, block_motion, drive, pushes, dt, first, last, begin, end, thread, gate):  # type: ignore[no-untyped-def]
     """Take the steps `first` to `last` - 1; `tracks.u[0]` are the displacements before and after.
 
-    A sequence of s steps has s + 1 sweeps, of which those from `begin` to `course.stop` - 1 are done. All threads call
-    this together, each with a share of the blocks, and `meet` once a step, twice with `pushes` (None: none change).
+    A sequence of s steps has s + 1 sweeps, of which those from `begin` to `block_motion.stop` - 1 are done. All threads
+    call this together, each with a share of the blocks, and `meet` once a step, twice with `pushes` (None: none
+    change).
     """
-    u, steps, count = tracks.u, last - first, len(course.turns)
-    first_turn, end_turn, s = (
+    u, steps, count = tracks.u, last - first, len(block_motion.turns)
+    first_turn, end_turn, scratch = (
         count * thread // gate.threads,
         count * (thread + 1) // gate.threads,
         blocks.scratch[thread],
     )
     for sweep in range(begin, end):
         if pushes is not None and sweep > begin:
-            if thread == 0 and not push_anew(pushes, u[sweep % 3].T, course.push.T):
-                course.stop[0] = sweep
+            if thread == 0 and not push_anew(pushes, u[sweep % 3].T, block_motion.push.T):
+                block_motion.stop[0] = sweep
             meet(gate)
-            if course.stop[0] == sweep:
+            if block_motion.stop[0] == sweep:
                 return
         if sweep > 0 and drive.varies:
             if thread == 0:
@@ -162,18 +176,20 @@ def advance_blocks(blocks, tracks, course, drive, pushes, dt, first, last, begin
             meet(gate)
         before, now, after = u[(sweep + 2) % 3], u[sweep % 3], u[(sweep + 1) % 3]
         for turn in range(first_turn, end_turn):
-            b, step, starts, ends = course.turns[turn], first + sweep - 1, sweep == 0, sweep == steps
-            if not starts and not ends and course.plain[b]:
-                _sweep_plain(blocks, tracks, course, now, before, after, dt, step, b, s)
+            block, step, starts, ends = block_motion.turns[turn], first + sweep - 1, sweep == 0, sweep == steps
+            if not starts and not ends and block_motion.plain[block]:
+                _sweep_plain(blocks, tracks, block_motion, now, before, after, dt, step, block, scratch)
             else:
-                _sweep_block(blocks, tracks, course, drive, now, before, after, dt, step, starts, ends, b, s)
+                _sweep_block(
+                    blocks, tracks, block_motion, drive, now, before, after, dt, step, starts, ends, block, scratch
+                )
         meet(gate)
     if thread == 0 and end == steps + 1 and steps % 3 != 0:
-        _copy(u, steps % 3)
+        _copy_displacements(u, steps % 3)
 
 
 @cached_njit(error_model="numpy")
-def _clear(push, pushed, before, rows):  # type: ignore[no-untyped-def]
+def _clear_contact_forces(push, pushed, before, rows):  # type: ignore[no-untyped-def]
     """Clear the forces of contact on the rows `before`, and set the mask of the blocks of `rows`."""
     pushed[:] = False
     for i in before:
@@ -183,117 +199,119 @@ def _clear(push, pushed, before, rows):  # type: ignore[no-untyped-def]
 
 
 @njit(forceinline=True, **INNER)
-def _sweep_plain(blocks, tracks, course, u, before, after, dt, step, b, s):  # type: ignore[no-untyped-def]
-    """End `step` for block b, on which only bonds and contact act, and go on to the next one."""
-    full_step, half, lightness = u.dtype.type(dt), u.dtype.type(dt / 2), course.lightness
-    for lane in range(0, LANES, across(s)):
-        sum_lanes(blocks, tracks, u, before, step, b, lane, s)
-        if course.pushed[b]:
-            for k in range(across(s)):
-                s[k] += course.push[0, b * LANES + lane + k]
-                s[ROW + k] += course.push[1, b * LANES + lane + k]
-        kick_and_drift(u, after, tracks.v, lightness, full_step, half, b * LANES + lane, s)
+def _sweep_plain(blocks, tracks, block_motion, u, before, after, dt, step, block, scratch):  # type: ignore[no-untyped-def]
+    """End `step` for `block`, on which only bonds and contact act, and go on to the next one."""
+    full_step, half, lightness = u.dtype.type(dt), u.dtype.type(dt / 2), block_motion.lightness
+    for lane in range(0, LANES, across(scratch)):
+        sum_lanes(blocks, tracks, u, before, step, block, lane, scratch)
+        if block_motion.pushed[block]:
+            for k in range(across(scratch)):
+                scratch[k] += block_motion.push[0, block * LANES + lane + k]
+                scratch[ROW + k] += block_motion.push[1, block * LANES + lane + k]
+        kick_and_drift(u, after, tracks.v, lightness, full_step, half, block * LANES + lane, scratch)
 
 
 @njit(forceinline=True, **INNER)
-def _sweep_block(blocks, tracks, course, drive, u, before, after, dt, step, starts, ends, b, s):  # type: ignore[no-untyped-def]
-    """End `step` for block b, unless a sequence starts, and go on to the next one, unless it ends."""
+def _sweep_block(blocks, tracks, block_motion, drive, u, before, after, dt, step, starts, ends, block, scratch):  # type: ignore[no-untyped-def]
+    """End `step` for `block`, unless a sequence starts, and go on to the next one, unless it ends."""
     if starts:
-        _take_acceleration(tracks.a, s, b)
+        _read_acceleration(tracks.a, scratch, block)
     else:
-        for lane in range(0, LANES, across(s)):
-            sum_lanes(blocks, tracks, u, before, step, b, lane, s)
-            for k in range(across(s)):
-                s[FX + lane + k], s[FY + lane + k] = s[k], s[ROW + k]
-        if course.pushed[b]:
-            _push_lanes(course.push, s, b)
-        if course.loaded[b]:
-            _load_lanes(course.force, course.before, tracks.v, tracks.work, s, dt, b)
-        _accelerate_lanes(course.lightness, s, b)
-        _keep_acceleration(tracks.a, s, b)
-        _release_block(tracks, course, drive, dt, step * dt, b)
-        _take_acceleration(tracks.a, s, b)
-        _kick_lanes(tracks.v, s, dt, b)
+        for lane in range(0, LANES, across(scratch)):
+            sum_lanes(blocks, tracks, u, before, step, block, lane, scratch)
+            for k in range(across(scratch)):
+                scratch[FX + lane + k], scratch[FY + lane + k] = scratch[k], scratch[ROW + k]
+        if block_motion.pushed[block]:
+            _add_contact_forces(block_motion.push, scratch, block)
+        if block_motion.loaded[block]:
+            _add_loads(block_motion.force, block_motion.before, tracks.v, tracks.work, scratch, dt, block)
+        _forces_to_accelerations(block_motion.lightness, scratch, block)
+        _store_acceleration(tracks.a, scratch, block)
+        _accelerate_held_components(tracks, block_motion, drive, dt, step * dt, block)
+        _read_acceleration(tracks.a, scratch, block)
+        _kick_lanes(tracks.v, scratch, dt, block)
     if not ends:
-        _kick_lanes(tracks.v, s, dt, b)
-        _drift_lanes(tracks.v, u, after, dt, b)
-        _hold_block(tracks, course, drive, after, dt, (step + 1) * dt, b)
+        _kick_lanes(tracks.v, scratch, dt, block)
+        _drift_lanes(tracks.v, u, after, dt, block)
+        _prescribe_held_components(tracks, block_motion, drive, after, dt, (step + 1) * dt, block)
 
 
 @njit(**INNER)
-def _copy(u, last):  # type: ignore[no-untyped-def]
+def _copy_displacements(u, last):  # type: ignore[no-untyped-def]
     for axis in range(2):
         for i in range(u.shape[2]):
             u[0, axis, i] = u[last, axis, i]
 
 
 @njit(**INNER)
-def _release_block(tracks, course, drive, dt, time, b):  # type: ignore[no-untyped-def]
+def _accelerate_held_components(tracks, block_motion, drive, dt, time, block):  # type: ignore[no-untyped-def]
     v, a, speed, force = tracks.v.T, tracks.a.T, drive.held_speed, drive.held_force
-    for k in range(course.held_start[b], course.held_start[b + 1]):
-        e = course.held[k]
-        release_component(v, a, course.rho, tracks.work, drive.holds, drive.profiles, speed, force, e, dt, time)
+    for k in range(block_motion.held_start[block], block_motion.held_start[block + 1]):
+        e = block_motion.held[k]
+        accelerate_held_component(
+            v, a, block_motion.rho, tracks.work, drive.holds, drive.profiles, speed, force, e, dt, time
+        )
 
 
 @njit(**INNER)
-def _hold_block(tracks, course, drive, u, dt, time, b):  # type: ignore[no-untyped-def]
+def _prescribe_held_components(tracks, block_motion, drive, u, dt, time, block):  # type: ignore[no-untyped-def]
     v, a = tracks.v.T, tracks.a.T
-    for k in range(course.held_start[b], course.held_start[b + 1]):
-        hold_component(u.T, v, a, drive.holds, drive.profiles, drive.held_speed, course.held[k], dt, time)
+    for k in range(block_motion.held_start[block], block_motion.held_start[block + 1]):
+        prescribe_component(u.T, v, a, drive.holds, drive.profiles, drive.held_speed, block_motion.held[k], dt, time)
 
 
 @njit(**INNER)
-def _load_lanes(force, before, v, work, s, dt, b):  # type: ignore[no-untyped-def]
-    """Add the loads to the forces of block b, and book their work."""
+def _add_loads(force, before, v, work, scratch, dt, block):  # type: ignore[no-untyped-def]
+    """Add the loads to the forces of `block`, and book their work."""
     for lane in range(LANES):
-        i = b * LANES + lane
-        s[FX + lane] += force[0, i]
-        s[FY + lane] += force[1, i]
+        i = block * LANES + lane
+        scratch[FX + lane] += force[0, i]
+        scratch[FY + lane] += force[1, i]
         work[i] += (before[0, i] + force[0, i]) / 2 * (dt * v[0, i])
         work[i] += (before[1, i] + force[1, i]) / 2 * (dt * v[1, i])
 
 
 @njit(**INNER)
-def _push_lanes(push, s, b):  # type: ignore[no-untyped-def]
-    """Add the forces of contact to those of block b."""
+def _add_contact_forces(push, scratch, block):  # type: ignore[no-untyped-def]
+    """Add the forces of contact to those of `block`."""
     for lane in range(LANES):
-        s[FX + lane] += push[0, b * LANES + lane]
-        s[FY + lane] += push[1, b * LANES + lane]
+        scratch[FX + lane] += push[0, block * LANES + lane]
+        scratch[FY + lane] += push[1, block * LANES + lane]
 
 
 @njit(**INNER)
-def _accelerate_lanes(lightness, s, b):  # type: ignore[no-untyped-def]
+def _forces_to_accelerations(lightness, scratch, block):  # type: ignore[no-untyped-def]
     """Turn force densities into accelerations, stored in FX and FY."""
     for lane in range(LANES):
-        s[FX + lane] *= lightness[b * LANES + lane]
-        s[FY + lane] *= lightness[b * LANES + lane]
+        scratch[FX + lane] *= lightness[block * LANES + lane]
+        scratch[FY + lane] *= lightness[block * LANES + lane]
 
 
 @njit(**INNER)
-def _keep_acceleration(a, s, b):  # type: ignore[no-untyped-def]
+def _store_acceleration(a, scratch, block):  # type: ignore[no-untyped-def]
     for lane in range(LANES):
-        a[0, b * LANES + lane] = s[FX + lane]
-        a[1, b * LANES + lane] = s[FY + lane]
+        a[0, block * LANES + lane] = scratch[FX + lane]
+        a[1, block * LANES + lane] = scratch[FY + lane]
 
 
 @njit(**INNER)
-def _take_acceleration(a, s, b):  # type: ignore[no-untyped-def]
+def _read_acceleration(a, scratch, block):  # type: ignore[no-untyped-def]
     for lane in range(LANES):
-        s[FX + lane] = a[0, b * LANES + lane]
-        s[FY + lane] = a[1, b * LANES + lane]
+        scratch[FX + lane] = a[0, block * LANES + lane]
+        scratch[FY + lane] = a[1, block * LANES + lane]
 
 
 @njit(**INNER)
-def _kick_lanes(v, s, dt, b):  # type: ignore[no-untyped-def]
-    half = s.dtype.type(dt / 2)
+def _kick_lanes(v, scratch, dt, block):  # type: ignore[no-untyped-def]
+    half = scratch.dtype.type(dt / 2)
     for lane in range(LANES):
-        v[0, b * LANES + lane] += half * s[FX + lane]
-        v[1, b * LANES + lane] += half * s[FY + lane]
+        v[0, block * LANES + lane] += half * scratch[FX + lane]
+        v[1, block * LANES + lane] += half * scratch[FY + lane]
 
 
 @njit(**INNER)
-def _drift_lanes(v, u, after, dt, b):  # type: ignore[no-untyped-def]
+def _drift_lanes(v, u, after, dt, block):  # type: ignore[no-untyped-def]
     full_step = v.dtype.type(dt)
     for lane in range(LANES):
-        after[0, b * LANES + lane] = u[0, b * LANES + lane] + full_step * v[0, b * LANES + lane]
-        after[1, b * LANES + lane] = u[1, b * LANES + lane] + full_step * v[1, b * LANES + lane]
+        after[0, block * LANES + lane] = u[0, block * LANES + lane] + full_step * v[0, block * LANES + lane]
+        after[1, block * LANES + lane] = u[1, block * LANES + lane] + full_step * v[1, block * LANES + lane]

@@ -23,7 +23,7 @@ OnDevice = PlaneOnDevice | SpaceOnDevice | FamiliesOnDevice
 STARTS, ENDS = 1, 2  # phases of the kernel
 
 
-class _Acting(NamedTuple):
+class _EntriesByNode(NamedTuple):
     """Entries of loads or holds, by the nodes on which anything acts."""
 
     order: NDArray[np.int64]  # (e,) of the entries
@@ -35,18 +35,18 @@ class VerletOnDevice:
 
     def __init__(
         self,
-        of: tuple[OnDevice, State, Drive],
+        bonds_state_drive: tuple[OnDevice, State, Drive],
         rho: NDArray[np.floating],
         dt: float,
         damping: NDArray[np.float64],
     ) -> None:
-        """`of` are bonds, the placed state, and conditions; `rho` (n,) is the density, kg/m^3, `dt` the step, s, and
-        `damping` (n,) that of free components, 1/s.
+        """`bonds_state_drive` are bonds, the placed state, and conditions; `rho` (n,) is the density, kg/m^3, `dt` the
+        step, s, and `damping` (n,) that of free components, 1/s.
 
         Raises ModelError for a device with too little memory, or whose compiler refuses the kernel.
         """
-        self._operator, self._state, self._drive = of
-        operator = of[0]
+        self._operator, self._state, self._drive = bonds_state_drive
+        operator = bonds_state_drive[0]
         self._dt = dt
         self.session, self._ahead, self._last = operator.session, False, 0
         count, kind = operator.dimension * operator.room, rho.dtype
@@ -80,9 +80,9 @@ class VerletOnDevice:
         acts[operator.rows(nodes)] = np.arange(len(nodes))
         self._nodes, self._acts = nodes, to_device(acts)
         self._now, self._ago = (to_device(drive.force[nodes]) for _ in range(2))
-        loads, self._holds = _sorted(drive.loads, nodes), _sorted(drive.holds, nodes)
-        self._load = [to_device(loads.first), *_columns(drive.loads, loads, to_device)]
-        self._hold = [to_device(self._holds.first), *_columns(drive.holds, self._holds, to_device)]
+        loads, self._holds = _group_by_node(drive.loads, nodes), _group_by_node(drive.holds, nodes)
+        self._load = [to_device(loads.first), *_entry_columns(drive.loads, loads, to_device)]
+        self._hold = [to_device(self._holds.first), *_entry_columns(drive.holds, self._holds, to_device)]
         self._hold.append(to_device(drive.holds.kind[self._holds.order].astype(np.int32)))
         self._speed, self._force = (
             to_device(column[self._holds.order]) for column in (drive.held_speed, drive.held_force)
@@ -97,7 +97,7 @@ class VerletOnDevice:
             operator, write, drive = self._operator, self.session.write, self._drive
             operator.hand_over()
             self.session.finish()
-            for buffer, values in self._mirrored():
+            for buffer, values in self._mirrored_arrays():
                 write(buffer, operator.spread(values))
             for buffer in (self._now, self._ago):
                 write(buffer, drive.force[self._nodes])
@@ -109,32 +109,32 @@ class VerletOnDevice:
                     self._operator.fetch()  # there is room for so many breaks
                 self._factors.write(first + sweep - 1, min(AT_ONCE, steps + 1 - sweep))
             phase = STARTS * (sweep == 0) + ENDS * (sweep == steps)
-            self._step(first + sweep - 1, phase, sweep % AT_ONCE)
+            self._launch_step(first + sweep - 1, phase, sweep % AT_ONCE)
         self._u = [self._u[2], *self._u[:2]]  # the last sweep wrote no displacements
         self.session.finish()
 
-    def _step(self, step: int, phase: int, at: int) -> None:
+    def _launch_step(self, step: int, phase: int, factor_row: int) -> None:
         operator, drive = self._operator, self._drive
         before, now, after = self._u
         if isinstance(operator, FamiliesOnDevice) and not phase & STARTS and operator.sum_families(now):
             for buffer, values in ((now, self._state.value), (self._v[0], self._state.rate)):
-                self._read(buffer, values)
+                self._read_buffer(buffer, values)
             operator.fail(now, self._state, step, self._dt)
         motion = before, now, after, *self._v, self._a, self._weight, self._damping, self._work, self._damped
         acting = self._acts, self._now, self._ago, *self._load, *self._hold, self._speed, self._force
         numbers = np.int32(self._factors.count), np.int32(drive.varies), np.float64(self._dt)
-        last = (np.int32(number) for number in (operator.room, step, phase, at))
+        last = (np.int32(number) for number in (operator.room, step, phase, factor_row))
         arguments = [*operator.arguments, *motion, *acting, self._factors.buffer, *numbers, *last]
         self.session.launch(self._kernel, (operator.room // operator.together, LANES // operator.together), arguments)
         self._u, self._v = [now, after, before], self._v[::-1]
 
-    def _read(self, buffer: Any, values: NDArray[Any]) -> None:
+    def _read_buffer(self, buffer: Any, values: NDArray[Any]) -> None:
         """Enter a buffer in an array of the state."""
         wide = np.empty((*values.shape[1:], self._operator.room), dtype=values.dtype)
         self.session.read(buffer, wide)
         self._operator.collected(wide, values)
 
-    def _mirrored(self) -> list[tuple[Any, NDArray[Any]]]:
+    def _mirrored_arrays(self) -> list[tuple[Any, NDArray[Any]]]:
         """Buffers, and the arrays of the state that they are."""
         state = self._state
         motion = (self._u[1], state.value), (self._v[0], state.rate), (self._a, state.second)
@@ -146,8 +146,8 @@ class VerletOnDevice:
         if not self._ahead:
             return
         operator, drive = self._operator, self._drive
-        for buffer, values in self._mirrored():
-            self._read(buffer, values)
+        for buffer, values in self._mirrored_arrays():
+            self._read_buffer(buffer, values)
         forces = np.empty(len(drive.held_force))
         self.session.read(self._force, forces)
         drive.held_force[self._holds.order] = forces
@@ -157,14 +157,14 @@ class VerletOnDevice:
         self._ahead = False
 
 
-def _sorted(entries: Entries, nodes: NDArray[np.int64]) -> _Acting:
+def _group_by_node(entries: Entries, nodes: NDArray[np.int64]) -> _EntriesByNode:
     """Entries by these nodes (k,), in ascending order; those of a node in their own order."""
     order = np.argsort(entries.node, kind="stable")
     first = np.searchsorted(entries.node[order], np.append(nodes, np.iinfo(np.int64).max))
-    return _Acting(order, first.astype(np.int32))
+    return _EntriesByNode(order, first.astype(np.int32))
 
 
-def _columns(entries: Entries, by_node: _Acting, to_device: Any) -> list[Any]:
+def _entry_columns(entries: Entries, by_node: _EntriesByNode, to_device: Any) -> list[Any]:
     """Axes, values and profiles of entries on the device."""
     axis, value, profile = (column[by_node.order] for column in (entries.axis, entries.value, entries.profile))
     return [to_device(axis.astype(np.int32)), to_device(value), to_device(profile.astype(np.int32))]

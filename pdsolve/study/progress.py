@@ -6,7 +6,7 @@ import time
 from typing import TYPE_CHECKING, Any
 
 from pdmesh.printing import remark
-from pdsolve.run.progress import LINE_EVERY, bar
+from pdsolve.run.progress import LINE_EVERY, progress_bar
 from pdsolve.study.one_run import PATIENCE
 
 if TYPE_CHECKING:
@@ -38,7 +38,7 @@ class StudyWatch:
         if self._quiet:
             return
         if self._bar is None:
-            self._bar = bar("solving", " runs", total=progress.runs, initial=done)
+            self._bar = progress_bar("solving", " runs", total=progress.runs, initial=done)
         if self._bar is not None:
             self._bar.set_postfix_str(text, refresh=False)
             self._bar.update(done - self._bar.n)

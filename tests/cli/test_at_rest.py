@@ -118,7 +118,7 @@ def test_what_is_said_of_load_steps_is_in_seconds(command: str, here: Path, caps
 def test_a_run_stopped_within_a_load_step_says_how_to_go_on(
     here: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    monkeypatch.setattr(Watch, "_show", lambda _, progress: progress.going is not None)
+    monkeypatch.setattr(Watch, "_show_progress", lambda _, progress: progress.going is not None)
     assert main(["held.json", "--static", "--threads", "1"]) == 130
     said, last = capsys.readouterr().err.splitlines()
     assert said.endswith("which is lost; to go on: pdsolve --resume held.sqlite")

@@ -15,7 +15,7 @@ from whole import contents, kill_when
 from pdmesh.drawing import parameters
 from pdmesh.model.crack_particles import until
 from pdpost.__main__ import main as pdpost
-from pdpost.measures.tip_surroundings import fronts
+from pdpost.measures.tip_surroundings import tip_histories
 from pdsolve.__main__ import main as pdsolve
 from pdsolve.results import Results
 from pdsolve.results.errors import DamagedError
@@ -59,13 +59,13 @@ def test_tips_are_those_of_the_particles(strip: Path, capsys: pytest.CaptureFixt
     """At every frame, each with the way of its last arm; nodes that are cracked are not asked."""
     assert pdsolve(["strip.json", *RULES, "--threads", "1", "-q"]) == 0
     with Results.open(Path("strip.sqlite")) as results:
-        particles, every, dt = results.particles(), fronts(results, 240), float(results.meta()["time_step"])
+        particles, every, dt = results.particles(), tip_histories(results, 240), float(results.meta()["time_step"])
         fork = int(np.argmax(np.bincount(particles.parent[1:])))
         for step in results.frames()[0].tolist():
             there = until(particles, step)
             ends = np.setdiff1d(np.arange(1, len(there.place)), there.parent)
             arms = there.place[ends] - there.place[there.parent[ends]]
-            tips = sorted(filter(None, (front.at(step * dt) for front in every)), key=lambda tip: tip.place[1])
+            tips = sorted(filter(None, (front.tip_at(step * dt) for front in every)), key=lambda tip: tip.place[1])
             assert np.array([tip.place for tip in tips]) == pytest.approx(there.place[ends])
             ways = arms / np.hypot(*arms.T)[:, None]
             assert np.array([tip.way for tip in tips]) == pytest.approx(ways)

@@ -167,8 +167,8 @@ def test_a_window_in_a_hole_shows_nothing(
     from pdpost.measures import plate_geometry
 
     ring = shapely.difference(shapely.box(0, -0.006, 0.02, 0.006), shapely.box(0.005, -0.003, 0.015, 0.003))
-    holed = plate_geometry.Plate((), np.zeros((0, 2, 2)), ring, False, False)
-    monkeypatch.setattr(plate_geometry, "plate", lambda results: holed)
+    holed = plate_geometry.PlateGeometry((), np.zeros((0, 2, 2)), ring, False, False)
+    monkeypatch.setattr(plate_geometry, "read_plate_geometry", lambda results: holed)
     assert main(["bonds", str(small_results), "--window", "6,-2,14,2mm"]) == 2
     assert mentions(capsys.readouterr().err, "--window", "0.006,-0.002,0.014,0.002", "plate")
 

@@ -19,7 +19,7 @@ from pdmesh.__main__ import main as pdmesh
 from pdpost.__main__ import main as pdpost
 from pdsolve.__main__ import main as pdsolve
 from pdsolve.model import Model, ModelError
-from pdsolve.run.assembly import step_of
+from pdsolve.run.assembly import choose_time_step
 
 NODE = {"id": 1, "border": "true", "position": [0, 0, 0], "hole_id": -1, "delta": [1, 1, 1]}
 GRID = {"notch": [], "nodes": [NODE], "material": {"E": 1.0, "rho": 1.0, "G0": 1.0}}
@@ -157,12 +157,12 @@ def test_damping_that_stops_all_motion_is_refused(small_plate: Model) -> None:
     for damping in (1e30, 2.1 / 50e-9):
         run = msgspec.structs.replace(small_plate.settings.run, damping=damping)
         with pytest.raises(ModelError, match=naming("$.run.damping", expected="4e+07")):
-            step_of(
+            choose_time_step(
                 dataclasses.replace(small_plate, settings=msgspec.structs.replace(small_plate.settings, run=run)), 1.0
             )
     run = msgspec.structs.replace(small_plate.settings.run, damping=1.9 / 50e-9)
     model = dataclasses.replace(small_plate, settings=msgspec.structs.replace(small_plate.settings, run=run))
-    assert step_of(model, 1.0) == 50e-9
+    assert choose_time_step(model, 1.0) == 50e-9
 
 
 @pytest.mark.slow

@@ -23,7 +23,7 @@ from pdmesh.model.document import Load, Run, write_file
 from pdmesh.model.node_grid import document_of
 from pdpost.__main__ import main as pdpost
 from pdpost.figures.study_figure import study
-from pdpost.measures.scatter import chosen
+from pdpost.measures.scatter import choose_measures_and_parameter
 from pdpost.reading.studies import Read
 from pdsolve.__main__ import main
 from pdsolve.model import ModelError
@@ -433,7 +433,7 @@ def test_the_axis_and_the_measures_suit_what_varies(
     columns = {name: Column("options", "", "") for name in varied} | {
         name: Column("measure", "", "") for name in measured
     }
-    names, axis = chosen(Read(Path("a"), rows, columns, list(varied), 0, 0), (), None)
+    names, axis = choose_measures_and_parameter(Read(Path("a"), rows, columns, list(varied), 0, 0), (), None)
     assert (axis, names[0]) == (over, first)
     assert "branching" not in names or names[-1] == "branching" or len(rows) < 3
 

@@ -17,12 +17,12 @@ from pdsolve.conditions import drive_of, entries
 from pdsolve.operators.protocol import Kept
 from pdsolve.operators.together import Together
 from pdsolve.options import Options
-from pdsolve.run.measures import books, damage, pieces
+from pdsolve.run.measures import compute_ledger_row, count_pieces, damage
 from pdsolve.run.prepare import prepare
 from pdsolve.run.system import Prepared
 from pdsolve.state import Broken, State, Unknown
 from pdsolve.steppers.euler import Euler
-from pdsolve.steppers.theta import Theta
+from pdsolve.steppers.theta import ThetaSteps
 from pdsolve.steppers.verlet import Verlet
 
 NOTHING = np.zeros(0, dtype=np.int64)
@@ -111,7 +111,7 @@ def test_what_leaks_from_nodes_dies_out_as_its_stepper_has_it(theta: float, fact
     drive = drive_of([(), ((0.0, 0.0), (DT * STEPS, 1.0))], [source], [held], (4, 1))
     operator = Leaking(PACE)
     euler = Euler(operator, drive, DT)
-    stepper = Theta(operator, drive, DT, theta, factored) if theta else euler
+    stepper = ThetaSteps(operator, drive, DT, theta, factored) if theta else euler
     state = State(np.ones((4, 1)), np.zeros((4, 1)), np.zeros((4, 0)), *np.zeros((3, 4)))
     state.value[0] = 0.0
     stepper.march(state, 1, STEPS + 1)
@@ -169,7 +169,7 @@ def test_a_plate_on_the_ground_swings_as_one(kernel: str) -> None:
     system, state = prepare(plate(square_grid(12, 9)), Options(kernel=kernel, threads=1))
     pull = 1e-3 * float(system.operator.stiffness_bound().max())
     both = Together(system.operator, Grounded(np.full(len(system.area), pull), 2))
-    dt = 0.5 * system.bound
+    dt = 0.5 * system.stable_time_step
     verlet = Verlet(both, system.drive, system.model.rho, dt)
     state.value[:] = 1e-6
     state.second[:] = -pull / GLASS.rho * state.value
@@ -182,14 +182,14 @@ def test_measures_take_two_operators_for_one(kernel: str) -> None:
     """Energy is kept by both together; tangent, bound and bonds are those of the sum."""
     prepared = on_the_ground(kernel, 0.3)
     system, state = prepared
-    start = books(system, state, 0)
+    start = compute_ledger_row(system, state, 0)
     prepared.march(1, 401)
-    end = books(system, state, 400)
+    end = compute_ledger_row(system, state, 400)
     assert end.kinetic < 0.9 * start.kinetic  # measured 0.67
     assert end.kinetic + end.strain + end.dissipated == pytest.approx(
         start.kinetic, rel=0.02
     )  # measured 1e-2, Verlet's own
-    assert (damage(system).max(), pieces(system)) == (0, 1)
+    assert (damage(system).max(), count_pieces(system)) == (0, 1)
     K = system.operator.tangent(state._replace(value=np.zeros_like(state.value))).toarray()
     largest = float(np.abs(np.linalg.eigvals(K)).max())
     assert 1 < largest / system.operator.stiffness_bound().max() <= 2  # measured 1.55

@@ -16,13 +16,13 @@ from numpy.typing import NDArray
 from splitting import Moving, marched, torn_plate
 from whole import contents, kill_when, newest
 
-from pdpost.measures.bond_pairs import pairs
+from pdpost.measures.bond_pairs import read_bond_pairs
 from pdpost.measures.cracked_nodes import separation_at
-from pdpost.measures.strain import intact
+from pdpost.measures.strain import remove_broken_bonds
 from pdsolve.model import Model
 from pdsolve.results import DamagedError, Results, ResultsError
 from pdsolve.run.measures import damage
-from pdsolve.run.node_changes import Change
+from pdsolve.run.node_changes import NodeChange
 from pdsolve.run.simulation import Options, Progress, resume, simulate
 from pdsolve.run.system import System
 from pdsolve.state import State
@@ -64,10 +64,10 @@ def test_each_frame_has_the_nodes_there_were(moving: Path, model: Model) -> None
             assert np.array_equal(nodes.area, system.area[order])
             for name, values in (("uy", state.value[:, 1]), ("vx", state.rate[:, 0]), ("damage", damage(system))):
                 assert np.array_equal(results.field(name, step), values[order].astype("<f4"))
-            start, neighbour = intact(results, results.families(step), step)
+            start, neighbour = remove_broken_bonds(results, results.families(step), step)
             found = named(nodes.ids, np.repeat(np.arange(len(nodes.ids)), np.diff(start)), neighbour)
             assert found == named(grid.ids, *system.operator.bonds())
-            drawn = pairs(results, step)
+            drawn = read_bond_pairs(results, step)
             assert 2 * (~drawn.broken).sum() == len(found)
             assert drawn.broken.sum() >= len(separation_at(results, step) > 0) * (step == 60)
         assert (frames, len(results.epochs())) == (7, 11)
@@ -216,9 +216,9 @@ def test_a_run_goes_on_only_as_it_began(model: Model, small_plate: Model, tmp_pa
 class Careless(Moving):
     """Forgets those whose bonds are others now."""
 
-    def epoch(self, system: System, state: State, step: int) -> Change | None:
-        """As in `Adapt`."""
-        found, known = super().epoch(system, state, step), system.model.grid.ids.tolist()
+    def change_nodes(self, system: System, state: State, step: int) -> NodeChange | None:
+        """As in `NodeAdaptation`."""
+        found, known = super().change_nodes(system, state, step), system.model.grid.ids.tolist()
         if found is None:
             return None
         ids = found.system.model.grid.ids.tolist()
@@ -237,9 +237,9 @@ def test_a_bond_to_nobody_is_told(model: Model, tmp_path: Path) -> None:
 class Hasty(Moving):
     """Takes another time step."""
 
-    def epoch(self, system: System, state: State, step: int) -> Change | None:
-        """As in `Adapt`."""
-        found = super().epoch(system, state, step)
+    def change_nodes(self, system: System, state: State, step: int) -> NodeChange | None:
+        """As in `NodeAdaptation`."""
+        found = super().change_nodes(system, state, step)
         return found and found._replace(system=dataclasses.replace(found.system, time_step=1e-9))
 
 

@@ -51,7 +51,11 @@ def test_bonds_and_steps_are_those_of_the_run(name: str) -> None:
     for mode in MODES if everywhere else MODES[1:]:
         found = planned(Model(grid, settings, name), Options(mode))
         system = prepare(Model(grid, settings, name), Options(mode)).system
-        assert (found.bonds, found.time_step, found.stable_time_step) == (system.bonds, system.time_step, system.bound)
+        assert (found.bonds, found.time_step, found.stable_time_step) == (
+            system.bonds,
+            system.time_step,
+            system.stable_time_step,
+        )
 
 
 @pytest.mark.slow

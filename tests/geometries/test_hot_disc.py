@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from plates import shipped
 
-from pdpost.measures.fields import components
+from pdpost.measures.fields import field_components
 from pdsolve.model import Model
 from pdsolve.run.simulation import Options, simulate
 
@@ -16,7 +16,11 @@ def test_the_rim_of_a_hot_disc_is_stretched() -> None:
     """E alpha (mean T - T at the rim) all around it, of the temperatures as solved; nothing breaks."""
     built = shipped("hot_disc.py")
     with simulate(Model(built.grid, built.settings), None, Options(threads=1)) as results:
-        nodes, T, stress = results.nodes(20), results.field("T", 20).astype(float), components(results, "stress", 20)
+        nodes, T, stress = (
+            results.nodes(20),
+            results.field("T", 20).astype(float),
+            field_components(results, "stress", 20),
+        )
         summary = results.summary()
     (x, y), r = nodes.position.T, np.hypot(*nodes.position.T)
     hoop = (stress["xx"] * y * y - 2 * stress["xy"] * x * y + stress["yy"] * x * x) / np.maximum(r * r, 1e-12)

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from plates import shipped
 
 from pdmesh.model.document import Fatigue, Material, ParticleRules
-from pdpost.measures.fatigue import cycles
+from pdpost.measures.fatigue import cycles_after_steps
 from pdsolve.model import Model
 from pdsolve.run.simulation import Options, simulate
 from pdsolve.steppers.paris_steps import ParisSteps
@@ -35,7 +35,7 @@ def grown(particle: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     )
     with simulate(Model(made.grid, settings), None, Options(threads=1)) as results:
         place = np.asarray(results.particles().place)
-        return cycles(results), np.sort(place[:, 0])[-1 - WAY // particle :]
+        return cycles_after_steps(results), np.sort(place[:, 0])[-1 - WAY // particle :]
 
 
 @pytest.fixture(scope="module")
@@ -56,7 +56,7 @@ def test_particles_that_are_long(
     """
     halved, end = grown(LONG)
     among = float(halved[-1] / np.interp(end[-1], lived[1], lived[0]))
-    monkeypatch.setattr(ParisSteps, "_steepest", lambda *_: (1.0, 1.0))
+    monkeypatch.setattr(ParisSteps, "_largest_rate_ratios", lambda *_: (1.0, 1.0))
     coarse, _ = grown(LONG)
     ratio = float((coarse[-1] - coarse[-2]) / (lived[0][-1] - lived[0][-1 - LONG // SHORT]))
     assert 1.1 < ratio < 1.6

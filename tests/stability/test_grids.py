@@ -127,7 +127,7 @@ def test_nodes_at_one_place(failure: Callable[..., None]) -> None:
         grid.position[5] = grid.position[6] - [apart, 0.0]
         try:
             model = plate(grid, run=Run(steps=1))
-            steps[apart] = prepare(model, ONE).system.bound
+            steps[apart] = prepare(model, ONE).system.stable_time_step
             said += warned(model)
         except ModelError as error:
             said.append(str(error))

@@ -52,7 +52,7 @@ def torn(mode: str, strain: float, coarse: int = 30) -> int:
     """Bonds that a pulse of this strain, 8 mm wide, breaks on its way from the fine nodes to the coarse ones and
     back."""
     problem = strip(mode, 4, 80, coarse)
-    problem = at_step(problem, 0.5 * problem.system.bound)
+    problem = at_step(problem, 0.5 * problem.system.stable_time_step)
     s = (problem.system.model.grid.position[:, 0] + 40e-3) / 8e-3
     begin(problem, strain * 8e-3 * np.sqrt(np.pi) / 2 * erf(s), -SPEED * strain * np.exp(-(s**2)))
     problem.march(1, int(60e-3 / SPEED / problem.system.time_step) + 1)
@@ -191,7 +191,7 @@ def layered(spacings: tuple[int, ...], lengths: tuple[int, ...], material: Mater
 def sent_back(spacings: tuple[int, ...], lengths: tuple[int, ...], width: float) -> float:
     """Velocity sent back into the first zone over velocity sent in; the displacement is exp(-(x / width)^2)."""
     problem = layered(spacings, lengths)
-    problem = at_step(problem, 0.5 * problem.system.bound)
+    problem = at_step(problem, 0.5 * problem.system.stable_time_step)
     x, first = problem.system.model.grid.position[:, 0], lengths[0] * 1e-3
     s = (x - first / 2) / width
     begin(problem, 1e-6 * np.exp(-(s**2)), 1e-6 * SPEED * 2 * s / width * np.exp(-(s**2)))

@@ -46,7 +46,7 @@ def torn(delta: float) -> tuple[NDArray[np.float64], Broken, float]:
     """Displacements over the spacing, bonds that broke, and the stable step over the spacing."""
     problem = prepare(cracked(delta), Options(threads=1))
     problem.march(1, 301)
-    return problem.state.value / delta, broken(problem), problem.system.bound / delta
+    return problem.state.value / delta, broken(problem), problem.system.stable_time_step / delta
 
 
 def counts(x: NDArray[np.float64], slack: float) -> list[int]:

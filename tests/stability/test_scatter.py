@@ -19,8 +19,8 @@ from plates import plate, struck_plate
 from pdmesh.model.document import Load, Material, Run
 from pdmesh.model.node_grid import Grid
 from pdpost.measures.cracked_nodes import cracked_since
-from pdpost.measures.directions import directions
-from pdpost.measures.tips import tips
+from pdpost.measures.directions import measure_directions
+from pdpost.measures.tips import crack_branches
 from pdsolve.model import Model
 from pdsolve.options import Options
 from pdsolve.results import Results
@@ -58,7 +58,7 @@ def lattice(turned: float, place: tuple[float, float]) -> NDArray[np.float64]:
 
 def solved(model: Model, duration: float, share: float) -> Results:
     """A model's results at this share of the surely stable step."""
-    step = share * prepare(model, ONE).system.bound
+    step = share * prepare(model, ONE).system.stable_time_step
     steps = round(duration / step)
     settings = msgspec.structs.replace(model.settings, run=Run(time_step=step, steps=steps, every=steps))
     return run(*prepare(dataclasses.replace(model, settings=settings), ONE))
@@ -207,7 +207,7 @@ def struck(ratio: float, kr: float) -> Struck:
     for share in (1.0, 0.95, 0.9, 0.8, 0.7, 0.6):
         with solved(struck_plate(ratio, 16.5, clamped=False, material=steel), 70e-6, share) as results:
             books, first = results.history(), results.breaks().step.min() * float(results.meta()["time_step"])
-            ways = directions(results, tips(results))
+            ways = measure_directions(results, crack_branches(results))
             found.append((np.mean([abs(way.whole) for way in ways]), 1e6 * first, books["dissipated"][-1]))
     return Struck(*np.array(found).T)
 

@@ -65,7 +65,7 @@ def test_2_per_cent_above_the_limit(failure: Callable[..., None]) -> None:
         below = excess(knocked(UNBREAKABLE, 0.98))
     assert len(warned_below) == 1  # still above the bound
     assert below < 0.2  # measured 0.09: the error of a step so near the limit, but no growth
-    bound = prepare(plate(square_grid(25, 25), 3, material=UNBREAKABLE), ONE).system.bound
+    bound = prepare(plate(square_grid(25, 25), 3, material=UNBREAKABLE), ONE).system.stable_time_step
     ratio = true_limit(prepare(plate(square_grid(25, 25), 3, material=UNBREAKABLE), ONE)) / bound
     with saying() as silent:
         usual = excess(knocked(UNBREAKABLE, (1 - 1e-9) / ratio))

@@ -50,7 +50,7 @@ def straight_back(kind: str, deep: float) -> float:
     conditions = (layer(edge),) if deep else ()
     problem = prepare(plate(grid, RATIO, conditions=conditions), Options(threads=1))
     problem = joined(problem, (-np.inf, 3.75 * DELTA, np.inf, 11.75 * DELTA))
-    problem = at_step(problem, 0.5 * problem.system.bound)
+    problem = at_step(problem, 0.5 * problem.system.stable_time_step)
     send(problem, kind, np.array([1.0, 0.0]), np.array([edge / 2, 0.0]), np.inf)
     sent = energy(problem, edge)
     problem.march(1, round((edge + 2 * deep) / SPEED[kind] / problem.system.time_step) + 1)
@@ -77,7 +77,7 @@ def slantwise(kind: str, deep: float) -> float:
     edge, height = 1.9 * reach, 5 * reach
     grid = square_grid(round((edge + deep) / DELTA), round(height / DELTA), DELTA)
     problem = prepare(plate(grid, RATIO, conditions=(layer(edge),)), Options())
-    problem = at_step(problem, 0.6 * problem.system.bound)
+    problem = at_step(problem, 0.6 * problem.system.stable_time_step)
     send(problem, kind, np.sqrt([0.5, 0.5]), np.array([edge - 0.9 * reach, 1.05 * reach]), across)
     sent = energy(problem, edge)
     problem.march(1, round(3.2 * 0.9 * reach * np.sqrt(2) / SPEED[kind] / problem.system.time_step) + 1)

@@ -17,7 +17,7 @@ from pdsolve.adaptivity.hybrid.springs import fine_springs
 from pdsolve.codegen.vector_code import ROW
 from pdsolve.errors import UnstableError
 from pdsolve.options import Options
-from pdsolve.run.measures import books
+from pdsolve.run.measures import compute_ledger_row
 from pdsolve.run.prepare import prepare
 
 RUN = Run(adapt="collocation", collocation=Collocation(damped=True), steps=10)
@@ -30,7 +30,7 @@ def test_where_all_is_fine_it_is_the_uniform_run(profile: str) -> None:
     """Edges, faces of a pre-crack, holds and breaking bonds included; measured 4e-19 m of 3e-4."""
     uniform = prepare(with_material(torn("none"), micromodulus=profile), Options(threads=1))
     problem, engine = prepared(with_material(torn("collocation"), micromodulus=profile))
-    assert problem.system.bound == pytest.approx(uniform.system.bound, rel=1e-12)
+    assert problem.system.stable_time_step == pytest.approx(uniform.system.stable_time_step, rel=1e-12)
     activate(engine, np.zeros(engine.ground.at.places, dtype=bool))
     uniform.march(1, 121)
     problem.march(1, 121)
@@ -39,7 +39,7 @@ def test_where_all_is_fine_it_is_the_uniform_run(profile: str) -> None:
     broken = uniform.system.operator.broken()
     assert len(broken.step) > 500
     assert len(broken.step) == 2 * len(engine.broken().step)
-    ledger, shown = books(uniform.system, uniform.state, 120), type(problem.system.hybrid)(engine)
+    ledger, shown = compute_ledger_row(uniform.system, uniform.state, 120), type(problem.system.hybrid)(engine)
     shown.energies(shown.state())
     found = shown.books()
     for name in ("kinetic", "strain", "dissipated", "work"):
@@ -101,7 +101,7 @@ def vibrating(ratio: float, side: int, units: float, damping: float | None) -> l
     """Energy over that at the start, at eight times, of a plate that nothing breaks and that noise sets in motion."""
     model = with_material(cracked(side + 1, side + 1, ratio, side / 3 + 0.25, run=RUN), G0=1e30)
     model = with_run(model, collocation=Collocation(damped=True, damping=damping))
-    bound = prepared(model)[0].system.bound
+    bound = prepared(model)[0].system.stable_time_step
     problem, engine = prepared(with_run(model, time_step=0.8 * bound))
     own = engine.active()
     engine.zone.v[:, own] = 1e-3 * np.random.default_rng(3).normal(size=(2, len(own)))

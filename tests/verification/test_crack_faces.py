@@ -13,12 +13,12 @@ from plates import GEOMETRIES, GLASS, plate, square_grid
 from systems import bonds_of, equilibrium, sources
 
 from pdmesh.model.node_grid import Grid
-from pdsolve.bonds.assembly import Filling, Part
+from pdsolve.bonds.assembly import BondSource, Part
 from pdsolve.model import Model
 from pdsolve.options import Options
-from pdsolve.run.assembly import system_of
+from pdsolve.run.assembly import assemble_motion
 from pdsolve.run.prepare import prepare
-from pdsolve.run.recorder import breaks
+from pdsolve.run.recorder import breaks_since
 from pdsolve.run.system import Prepared
 from pdsolve.schemes import SCHEMES, average_horizon
 
@@ -29,7 +29,7 @@ HALF = 3.0  # m, half of a side of the square around a tip
 Faces = Literal["corrected", "bare", "far from the tip"]
 
 
-def filled(model: Model, faces: Faces, tip: tuple[float, float] = (0.0, 0.0)) -> Filling:
+def filled(model: Model, faces: Faces, tip: tuple[float, float] = (0.0, 0.0)) -> BondSource:
     """Bonds with the faces of pre-cracks corrected, left bare, or corrected only beyond a horizon from the tip."""
     corrected = average_horizon.fill(model)
     if faces == "corrected":
@@ -51,7 +51,7 @@ def filled(model: Model, faces: Faces, tip: tuple[float, float] = (0.0, 0.0)) ->
 
 def with_faces(model: Model, faces: Faces) -> Prepared:
     """The model with such bonds."""
-    return system_of(model, ONE, SCHEMES["conservative"]._replace(fill=lambda model: filled(model, faces)))
+    return assemble_motion(model, ONE, SCHEMES["conservative"]._replace(fill=lambda model: filled(model, faces)))
 
 
 def energies(problem: Prepared, u: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -214,7 +214,7 @@ def test_the_notches_of_kalthoff_and_winkler_hold(faces: Faces, first: float) ->
     grid, settings, _ = build_grid(read_geo(GEOMETRIES / "kalthoff_winkler.geo"))
     problem = with_faces(Model(grid, settings), faces)
     problem.march(1, round(22e-6 / problem.system.time_step))
-    broke = breaks(problem.system, 0)
+    broke = breaks_since(problem.system, 0)
     x, y = (1e3 * grid.position[np.searchsorted(grid.ids, broke.node)]).T
     time = broke.step * problem.system.time_step
     near = np.minimum(np.abs(y - 75.5), np.abs(y - 124.5)) < 3

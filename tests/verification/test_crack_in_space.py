@@ -21,7 +21,7 @@ from PIL import Image
 
 from pdmesh.__main__ import main as pdmesh
 from pdpost.__main__ import main as pdpost
-from pdpost.measures.fragments_in_space import masses
+from pdpost.measures.fragments_in_space import node_masses
 from pdsolve.__main__ import main as pdsolve
 from pdsolve.results import Results
 
@@ -75,7 +75,7 @@ def test_area_speed_and_fragments(block: Path, capsys: pytest.CaptureFixture[str
     lower, upper = sorted(pieces, key=lambda piece: piece["centre"][2])
     assert lower["velocity"][2] < 0 < upper["velocity"][2]
     with Results.open(block) as results:
-        whole = masses(results, found["step"]).sum()
+        whole = node_masses(results, found["step"]).sum()
     crumbs = found["fragments"]["crumbs_mass"]
     assert sum(piece["mass"] for piece in pieces) + crumbs == pytest.approx(whole, rel=1e-12)
     assert whole == pytest.approx(2 * HALF, rel=1e-12)

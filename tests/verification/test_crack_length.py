@@ -15,14 +15,14 @@ from whole import contents
 
 from pdmesh import Material, Run, Scene, Static, box, build, ramp
 from pdmesh.model.document import ParticleRules
-from pdpost.measures.forces import chosen, reactions
-from pdpost.measures.gaps import against, named_gap
+from pdpost.measures.forces import reactions, select_reactions
+from pdpost.measures.gaps import force_against_gap, named_gap
 from pdsolve.model import Model, ModelWarning
 from pdsolve.results import Results
 from pdsolve.run.simulation import Options, UnsettledError, resume, simulate
 from pdsolve.state import State
 from pdsolve.steppers.crack_length_steps import CrackLengthSteps
-from pdsolve.steppers.equilibrium import Settled
+from pdsolve.steppers.equilibrium import Equilibrium
 from pdsolve.steppers.load_steps import LoadSteps
 
 GLASS = Material(E=72e9, rho=2500, G0=8.0)
@@ -87,7 +87,7 @@ def test_cantilevers_part_by_a_falling_load() -> None:
     """By the K of beams on an elastic foundation; the crack takes G0 a length."""
     arm = 12e-3
     with simulate(cantilevers(20), None, ONE) as results:
-        curve = against(named_gap(results, "loads"), chosen(reactions(results), ["upper"])[0], 1)
+        curve = force_against_gap(named_gap(results, "loads"), select_reactions(reactions(results), ["upper"])[0], 1)
         a, (spent, missing), summary = lengths(results), books(results), results.summary()
     load = np.abs(curve.force[1:])
     assert a[-1] - a[0] == pytest.approx(19e-3, rel=1e-3)
@@ -177,14 +177,14 @@ def test_both_tips_of_a_crack_grow_until_they_have_no_room() -> None:
 @pytest.mark.filterwarnings("ignore::pdsolve.model.ModelWarning")
 def test_what_does_not_come_to_rest_is_an_error(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """And what was solved before is kept."""
-    rest_at = LoadSteps.rest_at
+    rest_at = LoadSteps.settle_without_booking
 
-    def fails(motion: LoadSteps, state: State, step: int, time: float) -> Settled:
+    def fails(motion: LoadSteps, state: State, step: int, time: float) -> Equilibrium:
         if step == 3:
             raise UnsettledError("no rest")
         return rest_at(motion, state, step, time)
 
-    monkeypatch.setattr(LoadSteps, "rest_at", fails)
+    monkeypatch.setattr(LoadSteps, "settle_without_booking", fails)
     with pytest.raises(UnsettledError, match="path step 3: no rest"):
         simulate(edge_crack(6), tmp_path / "a.sqlite", ONE)
     with Results.open(tmp_path / "a.sqlite") as results:

@@ -13,9 +13,9 @@ from plates import GLASS, plate, square_grid
 from pdmesh.model.document import Load, Run
 from pdsolve.model import Model
 from pdsolve.options import Options
-from pdsolve.run.measures import books
-from pdsolve.run.motion_accounts import unstable_words
-from pdsolve.run.operator_factory import bonded, intact_stable_step
+from pdsolve.run.measures import compute_ledger_row
+from pdsolve.run.mechanics_records import instability_message
+from pdsolve.run.operator_factory import intact_stable_time_step, unwrap_bond_operator
 from pdsolve.run.prepare import prepare
 from pdsolve.run.simulation import simulate
 
@@ -39,7 +39,9 @@ def test_the_stable_step_is_stable_while_bonds_break(failure: str, control: str,
     """The step is that of the intact body. Measured: 6e-4, 2e-4 and 2e-4 of the work."""
     model = torn(failure=failure, control=control, pull=pull)
     system, _ = prepare(model, Options(threads=1))
-    assert system.bound == pytest.approx(intact_stable_step(model, bonded(system.operator)), rel=1e-9)
+    assert system.stable_time_step == pytest.approx(
+        intact_stable_time_step(model, unwrap_bond_operator(system.operator)), rel=1e-9
+    )
     with simulate(model, None, Options(threads=1)) as results:
         found = results.summary()
     assert found["broken_bonds"] > 200
@@ -50,7 +52,7 @@ def test_the_stable_step_is_stable_while_bonds_break(failure: str, control: str,
 def test_torn_families_are_no_stiffer_than_straight_faces() -> None:
     """Two bonds nearly in a line have hardly any stress, half a family has all of its own."""
     system, _ = prepare(torn(), Options(threads=1))
-    operator, node = bonded(system.operator), 200
+    operator, node = unwrap_bond_operator(system.operator), 200
     law, bonds = operator.columns, operator._bonds
     first, xi = bonds.start[node], bonds.xi[bonds.start[node] : bonds.start[node + 1]]
     in_line = (xi[:, 0] > 1.5e-3) & (xi[:, 1] > -1e-4) & (xi[:, 1] < 1.5e-3)
@@ -68,7 +70,7 @@ def test_torn_families_are_no_stiffer_than_straight_faces() -> None:
 def test_torn_families_with_a_history_have_all_of_their_stress_or_none(settings: dict[str, str], share: float) -> None:
     """Most of a quarter of a family, whose stress without a history is cut to a part."""
     system, _ = prepare(torn(**settings), Options(threads=1))
-    operator, node = bonded(system.operator), 200
+    operator, node = unwrap_bond_operator(system.operator), 200
     law, bonds = operator.columns, operator._bonds
     first, xi = bonds.start[node], bonds.xi[bonds.start[node] : bonds.start[node + 1]]
     left = (xi[:, 0] > -1e-4) & (xi[:, 1] > -1e-4) & (xi[:, 1] < 2.5e-3)
@@ -82,7 +84,7 @@ def test_torn_families_with_a_history_have_all_of_their_stress_or_none(settings:
 def test_rubble_is_as_stiff_as_the_body_was(control: str) -> None:
     """Half of all bonds are gone at random. Without a limit, 2.4 to 20 times the stiffness; measured 1.0 at most."""
     system, _ = prepare(torn(control=control), Options(threads=1))
-    operator = bonded(system.operator)
+    operator = unwrap_bond_operator(system.operator)
     source, target = operator.bonds()
     chance = np.random.default_rng(0).random((len(system.area),) * 2)
     gone = np.minimum(chance, chance.T)[source, target] < 0.3
@@ -96,17 +98,18 @@ def test_the_stable_step_without_control_is_that_of_torn_families() -> None:
     """Without a control, torn families side by side are stiffer than the intact body."""
     model = torn(control="none")
     system, _ = prepare(model, Options(threads=1))
-    assert intact_stable_step(model, bonded(system.operator)) / system.bound == pytest.approx(1.109, abs=0.005)
+    intact = intact_stable_time_step(model, unwrap_bond_operator(system.operator))
+    assert intact / system.stable_time_step == pytest.approx(1.109, abs=0.005)
 
 
 @pytest.mark.slow
 def test_a_step_that_became_too_long_is_said_to_be_the_cause() -> None:
     """With whole families the step is not; with stiffer ones it is."""
     system, state = prepare(torn(), Options(threads=1, kernel="listed"))
-    operator, node = bonded(system.operator), 200
-    entry = books(system, state, 0)
-    assert "not the cause" in unstable_words(system, entry, 1.0, node)
+    operator, node = unwrap_bond_operator(system.operator), 200
+    entry = compute_ledger_row(system, state, 0)
+    assert "not the cause" in instability_message(system, entry, 1.0, node)
     operator.columns.inverse[:] *= 3  # as of families that have lost bonds
-    said = unstable_words(system, entry, 1.0, node)
+    said = instability_message(system, entry, 1.0, node)
     assert "not the cause" not in said
-    assert mentions(said, f"{intact_stable_step(system.model, operator):.4g} s", "run.time_step")
+    assert mentions(said, f"{intact_stable_time_step(system.model, operator):.4g} s", "run.time_step")

@@ -14,7 +14,7 @@ import sneddon
 from stored import results_of
 
 from pdmesh import Body, Box, Material, Run, build
-from pdpost.measures.intensities_in_space import AlongFront, along_fronts
+from pdpost.measures.intensities_in_space import FrontIntensities, front_intensities
 from pdsolve.model import Model
 from pdsolve.results import Families, Nodes
 from pdsolve.run.simulation import Options, simulate
@@ -22,7 +22,7 @@ from pdsolve.run.simulation import Options, simulate
 SMALL = 1e-6  # stress: strains are linear
 
 
-def front_of(penny: pennies.Penny) -> AlongFront:
+def front_of(penny: pennies.Penny) -> FrontIntensities:
     """What is found along the front, for the stress `SMALL`."""
     count, h, bonds = len(penny.position), 1 / penny.nodes_of_radius, penny.whole.bonds
     cut = penny.whole.family - np.diff(bonds.start)
@@ -33,8 +33,8 @@ def front_of(penny: pennies.Penny) -> AlongFront:
     model |= {"horizon": {"ratio": 3.0}}
     families = Families(bonds.start.astype(np.int64), bonds.neighbour.astype(np.int64))
     results = results_of(nodes, families, SMALL * penny.u, [], model, pennies.disc(256))
-    (front,) = along_fronts(results, 10)
-    assert len(front.known) == len(front.along)
+    (front,) = front_intensities(results, 10)
+    assert len(front.points_with_values) == len(front.along)
     return front
 
 
@@ -75,6 +75,6 @@ def test_a_suddenly_loaded_penny_settles_to_what_it_feels_at_rest() -> None:
     found, exact = build(body), 2 * SMALL * np.sqrt(radius / np.pi)
     with simulate(Model(found.grid, found.settings), None, Options(threads=1)) as results:
         last = int(results.frames()[0][-1])
-        first, rest = (along_fronts(results, step)[0].value["K1"] / exact for step in (40, last))
+        first, rest = (front_intensities(results, step)[0].value["K1"] / exact for step in (40, last))
     assert first.mean() == pytest.approx(1.203, abs=0.02)  # beyond it at first
     assert rest == pytest.approx(1.0, abs=0.05)  # measured 1.029 +- 0.003 in this block

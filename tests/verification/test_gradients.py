@@ -15,7 +15,7 @@ from pdsolve.laws.higher_order_correspondence import fit
 from pdsolve.model import Model
 from pdsolve.options import Options
 from pdsolve.run.prepare import prepare
-from pdsolve.steppers.equilibrium import Asked
+from pdsolve.steppers.equilibrium import EquilibriumConditions
 from pdsolve.steppers.load_steps import LoadSteps
 from pdsolve.steppers.relaxation import Relaxation
 
@@ -117,10 +117,14 @@ def test_relaxation_of_a_rubber_block(columns: int, known: tuple[int, ...]) -> N
     assert isinstance(stepper, LoadSteps)
     x = system.model.grid.position[:, 0]
     at = np.column_stack([np.where(x > 1 - 0.1 / columns, 0.5, 0.0), 0 * x])
-    asked, found = Asked(np.zeros_like(at), stepper.held, at), []
+    asked, found = EquilibriumConditions(np.zeros_like(at), stepper.held, at), []
     for tolerance in (1e-2, 1e-4, 1e-6, 1e-8):
         state.value[:] = np.column_stack([x / 2, 0 * x])
-        found.append(Relaxation(system.operator, tolerance, mass=mass).settle(state, asked, lambda *_: None).iterations)
+        found.append(
+            Relaxation(system.operator, tolerance, mass=mass)
+            .solve_equilibrium(state, asked, lambda *_: None)
+            .iterations
+        )
     assert (np.array(found) <= 1.25 * np.array(known)).all()  # measured 26, 50, 73, 95
     assert found[0] == pytest.approx(known[0], rel=0.25)
     relaxed = state.value.copy()

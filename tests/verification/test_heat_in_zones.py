@@ -17,11 +17,11 @@ from pdsolve.model import Model, ModelWarning
 from pdsolve.options import Options
 from pdsolve.results import Results
 from pdsolve.run.estimate import estimate_run
-from pdsolve.run.measures import books, fields
-from pdsolve.run.node_changes import zone_moved
+from pdsolve.run.measures import compute_ledger_row, fields
+from pdsolve.run.node_changes import find_zone_change
 from pdsolve.run.prepare import prepare
 from pdsolve.run.simulation import resume, simulate
-from pdsolve.run.swelling_with_fine_zone import PlateBonds, SwellingZone
+from pdsolve.run.swelling_with_fine_zone import PlateBrokenBonds, SwellingZone
 from pdsolve.run.system import Prepared
 
 pytestmark = pytest.mark.slow  # kernels of plates that swell take long to compile
@@ -49,7 +49,7 @@ def pulled(plate: Prepared, T: NDArray[np.float64] | float, u: NDArray[np.float6
     """Force densities (n, 2), N/m^3, at temperatures of all nodes of the grid above T0 and displacements (n, 2)."""
     stepper, found = plate.system.stepper, np.zeros_like(u)
     assert isinstance(stepper, SwellingZone)
-    plate.system.beside[0].state.value[:, 0] = T0 + T
+    plate.system.coupled[0].state.value[:, 0] = T0 + T
     stepper.swell()
     plate.state.value[:] = u
     plate.system.operator.add(plate.state, found, 1, 0.0)
@@ -111,7 +111,7 @@ def test_a_cell_that_becomes_fine_has_its_temperature_at_once() -> None:
     new = np.flatnonzero((zone.cells == COARSE) & (cell % at.cell_stride > at.cell_stride // 2))
     zone.new[: len(new)], zone.counts.new_cells, zone.cells[new] = new, len(new), FINE
     operator.hybrid.renew()
-    change = zone_moved(plate.system)
+    change = find_zone_change(plate.system)
     assert change is not None
     assert len(change.state.value) > len(free) + 500
     force = change.system.hybrid.accelerations() * change.system.model.rho[:, None]  # type: ignore[union-attr]
@@ -178,25 +178,25 @@ def test_threads_do_not_show_and_broken_bonds_are_known(small: Model) -> None:
     for threads in (1, 2):
         problem = prepare(small, Options(threads=threads))
         problem.march(1, 281)
-        change = zone_moved(problem.system)
+        change = find_zone_change(problem.system)
         assert change is not None
         found.append(change)
     one, two = found
     for value, other in zip(one.state, two.state, strict=True):
         assert np.array_equal(value, other)
-    assert np.array_equal(one.system.beside[0].state.value, two.system.beside[0].state.value)
+    assert np.array_equal(one.system.coupled[0].state.value, two.system.coupled[0].state.value)
     operator = one.system.hybrid
     assert operator is not None
     own, ids = operator.broken(), one.system.model.grid.ids
-    every, grid = PlateBonds(operator.hybrid).broken(), small.grid  # type: ignore[arg-type]
+    every, grid = PlateBrokenBonds(operator.hybrid).broken(), small.grid  # type: ignore[arg-type]
     assert len(own.step) > 100
     for side in ("source", "target"):
         assert np.array_equal(ids[getattr(own, side)], grid.ids[getattr(every, side)])
     assert fields(one.system, one.state, ("c",))["c"].tolist() == pytest.approx(
-        one.system.beside[0].state.value[operator.rows, 0].tolist()  # type: ignore[union-attr]
+        one.system.coupled[0].state.value[operator.rows, 0].tolist()  # type: ignore[union-attr]
     )
-    ledger = books(one.system, one.state, 280)
-    assert abs(ledger.balance(one.system.initial_energy)) < 0.05
+    ledger = compute_ledger_row(one.system, one.state, 280)
+    assert abs(ledger.balance_error(one.system.initial_energy)) < 0.05
 
 
 @pytest.mark.filterwarnings("ignore:.*energy balance error")  # of a run that has just begun

@@ -18,8 +18,8 @@ from pdsolve.conditions import initial_velocity
 from pdsolve.model import Model
 from pdsolve.numerics.thread_team import cores
 from pdsolve.options import Options
-from pdsolve.run.measures import Ledger, books
-from pdsolve.run.node_changes import zone_moved
+from pdsolve.run.measures import LedgerRow, compute_ledger_row
+from pdsolve.run.node_changes import find_zone_change
 from pdsolve.run.prepare import prepare
 from pdsolve.run.system import Prepared
 
@@ -42,11 +42,11 @@ def hybrid(problem: Prepared) -> Hybrid:
     return found.hybrid
 
 
-def ledger(problem: Prepared, step: int) -> Ledger:
+def ledger(problem: Prepared, step: int) -> LedgerRow:
     """The books of the nodes there are now."""
-    change = zone_moved(problem.system) if problem.system.hybrid is not None else None
+    change = find_zone_change(problem.system) if problem.system.hybrid is not None else None
     system, state = problem if change is None else (change.system, change.state)
-    return books(system, state, step)
+    return compute_ledger_row(system, state, step)
 
 
 @pytest.mark.slow
@@ -78,7 +78,7 @@ def test_the_books_balance() -> None:
     one, other = found["hybrid"], found["none"]
     assert one.damped > 0.2 * one.work
     assert one.damped / one.work == pytest.approx(other.damped / other.work, rel=0.02)  # 0.2456, 0.2429
-    assert abs(one.balance(0.0)) < 3e-3  # 1.6e-3
+    assert abs(one.balance_error(0.0)) < 3e-3  # 1.6e-3
 
 
 def returned(*conditions: Any) -> float:

@@ -34,7 +34,7 @@ def strip(mode: str, length: float) -> Prepared:
 def reflected(mode: str, width: float) -> float:
     """Velocity sent back over velocity sent in, of a P pulse whose displacement is exp(-(x / width)^2)."""
     problem = strip(mode, max(12 * width, 0.06))
-    problem = at_step(problem, 0.5 * problem.system.bound)
+    problem = at_step(problem, 0.5 * problem.system.stable_time_step)
     state, start = problem.state, -max(5 * width, 5 * REACH)
     x = problem.system.model.grid.position[:, 0]
     s = (x - start) / width

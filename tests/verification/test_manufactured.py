@@ -18,11 +18,11 @@ from scipy.spatial.transform import Rotation
 from pdmesh.model.document import Displacement, Run
 from pdmesh.model.material_constants import lame
 from pdsolve.options import Options
-from pdsolve.run.at_rest import at_rest
-from pdsolve.run.prepare import scheme_of
-from pdsolve.steppers.equilibrium import Asked
+from pdsolve.run.at_rest import prepare_load_steps
+from pdsolve.run.prepare import select_scheme
+from pdsolve.steppers.equilibrium import EquilibriumConditions
 from pdsolve.steppers.newton import Newton
-from pdsolve.steppers.static_loads import in_load_steps
+from pdsolve.steppers.static_loads import model_in_load_steps
 
 ONE = Options(threads=1)
 SOLID = {"model": "correspondence", "solid": "neo hooke", "failure": "none", "nu": 0.3, "plane": "strain"}
@@ -37,16 +37,18 @@ def error(side: int, order: int, ratio: float, degrees: float = 0.0) -> float:
     X, Y = grid.position.T
     outer: NDArray[np.bool_] = np.min([X, 1 - X, Y, 1 - Y], axis=0) < 2 * ratio * delta
     held = Displacement(nodes=tuple((np.flatnonzero(outer) + 1).tolist()), x=1.0, y=1.0)
-    model = in_load_steps(plate(grid, ratio, material=rubber, conditions=(held,), run=Run(solver="static")), "float64")
-    system, state = at_rest(model, ONE, scheme_of(model, ONE))
+    model = model_in_load_steps(
+        plate(grid, ratio, material=rubber, conditions=(held,), run=Run(solver="static")), "float64"
+    )
+    system, state = prepare_load_steps(model, ONE, select_scheme(model, ONE))
     r, along = 0.5 + Y, np.column_stack([np.sin(X), np.cos(X)]) @ turn.T
     first, shear = lame(1.0, 0.3)
     load = (shear * (r - 1 / r) + first * np.log(r) / r - first / r)[:, None] * along
     exact = r[:, None] * along - 0.5 * turn[:, 1] - grid.position
     components = np.column_stack([outer, outer])
     state.value[:] = exact
-    newton = Newton(system.operator, system.area, 1e-10, free=int((~components).sum()))
-    newton.settle(state, Asked(load, components, exact), lambda *_: None)
+    newton = Newton(system.operator, system.area, 1e-10, free_count=int((~components).sum()))
+    newton.solve_equilibrium(state, EquilibriumConditions(load, components, exact), lambda *_: None)
     return float(np.sqrt(((state.value - exact)[~outer] ** 2).sum(axis=1).mean()))
 
 

@@ -18,10 +18,10 @@ from pdsolve.options import Options
 from pdsolve.run.prepare import prepare
 from pdsolve.run.simulation import simulate
 from pdsolve.run.system import Prepared
-from pdsolve.steppers.equilibrium import Asked
+from pdsolve.steppers.equilibrium import EquilibriumConditions
 from pdsolve.steppers.load_steps import LoadSteps
 from pdsolve.steppers.newton import Newton
-from pdsolve.steppers.static_loads import in_load_steps
+from pdsolve.steppers.static_loads import model_in_load_steps
 
 ROUND_OFF = 1e-11  # of the loads: residuals below are not compared
 SOFT = msgspec.structs.replace(GLASS, E=1.0, rho=1.0, G0=1.0, plane="strain", nu=0.3)
@@ -39,7 +39,7 @@ LAWS = {
 }
 
 
-def pulled(law: dict[str, Any]) -> tuple[Prepared, Asked]:
+def pulled(law: dict[str, Any]) -> tuple[Prepared, EquilibriumConditions]:
     """A block of 12 x 9 nodes, held on the left, pulled and sheared on the right; and its conditions."""
     material = msgspec.structs.replace(SOFT, **law)
     pull = 5e-3 if material.solid == "j2" else 0.1
@@ -49,11 +49,13 @@ def pulled(law: dict[str, Any]) -> tuple[Prepared, Asked]:
     )
     grid = square_grid(12, 9, 1.0)
     model = plate(grid, 3, material=material, conditions=conditions, run=Run(solver="static"))
-    problem = prepare(in_load_steps(model, "float64"), Options(threads=1))
+    problem = prepare(model_in_load_steps(model, "float64"), Options(threads=1))
     put_loads(problem.system.drive, 0.0)
     stepper = problem.system.stepper
     assert isinstance(stepper, LoadSteps)
-    return problem, Asked(problem.system.drive.force.astype(float), stepper.held, np.zeros((len(grid), 2)))
+    return problem, EquilibriumConditions(
+        problem.system.drive.force.astype(float), stepper.held, np.zeros((len(grid), 2))
+    )
 
 
 @pytest.mark.quick_cases(1)
@@ -62,8 +64,8 @@ def test_convergence_is_quadratic(law: str) -> None:
     """Each residual is at most a multiple of the square of the one before, as soon as they are small."""
     problem, asked = pulled(LAWS[law])
     residuals: list[float] = []
-    newton = Newton(problem.system.operator, problem.system.area, 1e-13, free=1)
-    newton.settle(problem.state, asked, lambda _, residual: residuals.append(residual))
+    newton = Newton(problem.system.operator, problem.system.area, 1e-13, free_count=1)
+    newton.solve_equilibrium(problem.state, asked, lambda _, residual: residuals.append(residual))
     near = [r for r in residuals if r < 0.1]
     assert len(near) >= 2
     for before, after in pairwise(near):
@@ -74,8 +76,8 @@ def test_convergence_is_quadratic(law: str) -> None:
 @pytest.mark.parametrize("law", LAWS)
 def test_tangents_of_deformed_bodies_are_symmetric(law: str) -> None:
     problem, asked = pulled(LAWS[law])
-    newton = Newton(problem.system.operator, problem.system.area, 1e-8, free=1)
-    newton.settle(problem.state, asked, lambda *_: None)
+    newton = Newton(problem.system.operator, problem.system.area, 1e-8, free_count=1)
+    newton.solve_equilibrium(problem.state, asked, lambda *_: None)
     K = diags_array(np.repeat(problem.system.area, 2)) @ problem.system.operator.tangent(problem.state)
     assert problem.system.operator.symmetric
     assert abs(K - K.T).max() < 1e-12 * abs(K).max()  # measured: 2e-16 to 6e-16

@@ -16,15 +16,15 @@ from whole import contents
 
 from pdmesh.model.document import Displacement, Gap, LoadCell, Material, Run, Static, write_file
 from pdmesh.model.node_grid import document_of
-from pdpost.measures.forces import chosen, reactions
-from pdpost.measures.gaps import Pulled, against, named_gap
+from pdpost.measures.forces import reactions, select_reactions
+from pdpost.measures.gaps import ForceOpeningCurve, force_against_gap, named_gap
 from pdsolve.__main__ import main as pdsolve
 from pdsolve.model import Model, ModelWarning
 from pdsolve.results import Results
 from pdsolve.run.estimate import estimate_run
 from pdsolve.run.simulation import Options, resume, simulate
 from pdsolve.steppers.equilibrium import UnsettledError
-from pdsolve.steppers.path_control import Opening
+from pdsolve.steppers.path_control import OpeningControl
 
 RAMP = ((0.0, 0.0), (1.0, 1.0))
 ONE = Options(threads=1)
@@ -46,8 +46,8 @@ def beam(static: Static) -> Model:
     return plate(grid, 3, material=CONCRETE, conditions=conditions, run=run)
 
 
-def curve(results: Results, name: str) -> Pulled:
-    return against(named_gap(results, "mouth"), chosen(reactions(results), [name])[0], 1)
+def curve(results: Results, name: str) -> ForceOpeningCurve:
+    return force_against_gap(named_gap(results, "mouth"), select_reactions(reactions(results), [name])[0], 1)
 
 
 @pytest.mark.slow
@@ -66,8 +66,8 @@ def test_the_path_is_that_by_dissipation() -> None:
     assert np.abs(there - opened.force).max() < 0.03 * np.abs(energy.force).max()
     steps = np.diff(opened.opening)
     assert steps.min() > 0
-    work = cell.area
-    assert work == pytest.approx(-opened.area, rel=1e-4)
+    work = cell.work
+    assert work == pytest.approx(-opened.work, rel=1e-4)
 
 
 @pytest.mark.slow
@@ -137,7 +137,7 @@ def test_the_gradient_of_an_opening_is_that_of_its_measure() -> None:
     """By central differences, in a state of large displacements and with an unknown rotation beside them."""
     random = np.random.default_rng(2)
     position, value, way = random.standard_normal((5, 2)), *random.standard_normal((2, 5, 3))
-    gap = Opening("a", position, (1, 3))
+    gap = OpeningControl("a", position, (1, 3))
     low, high = (gap.measure(value + side * 1e-6 * way, 0.0) for side in (-1, 1))
     rate = float((gap.gradient(value, None) * way).sum())  # type: ignore[arg-type]
     assert rate == pytest.approx((high - low) / 2e-6, rel=1e-6)

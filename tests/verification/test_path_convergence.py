@@ -20,7 +20,7 @@ from pdsolve.options import Options
 from pdsolve.run.prepare import prepare
 from pdsolve.run.simulation import resume, simulate
 from pdsolve.steppers.path_following import FEW
-from pdsolve.steppers.path_steps import PathSteps
+from pdsolve.steppers.path_steps import SofteningPathSteps
 
 ONE = Options(threads=1)
 ROUND_OFF = 1e-11  # of the loads: residuals below are not compared
@@ -41,10 +41,10 @@ def notched(by: str = "displacement", **law: Any) -> Model:
 def test_convergence_is_quadratic(law: dict[str, Any], monkeypatch: pytest.MonkeyPatch) -> None:
     """Each residual is at most a multiple of the square of the one before, once it is decided which bonds load."""
     monkeypatch.setattr("pdsolve.steppers.path_steps.COARSEST", 1e-11)
-    monkeypatch.setattr("pdsolve.steppers.old_factors.LEFT", 1e-11)
+    monkeypatch.setattr("pdsolve.steppers.reused_factors.LEFT", 1e-11)
     prepared, found = prepare(notched(**law), ONE), dict[int, list[float]]()
     stepper = prepared.system.stepper
-    assert isinstance(stepper, PathSteps)
+    assert isinstance(stepper, SofteningPathSteps)
     stepper.watch = lambda going: found.setdefault(going.step, []).append(going.residual)
     prepared.march(1, 12)
     decided = [residuals for step, residuals in found.items() if step > 1 and len(residuals) <= FEW]

@@ -22,12 +22,12 @@ from pdsolve.laws import law_of
 from pdsolve.model import Model, ModelWarning
 from pdsolve.operators.softening_bonds import SofteningBonds
 from pdsolve.results import Results, ResultsError
-from pdsolve.run.after_path import name_of
+from pdsolve.run.after_path import motion_file
 from pdsolve.run.estimate import estimate_run
 from pdsolve.run.prepare import prepare
 from pdsolve.run.simulation import Options, resume, simulate
 from pdsolve.schemes import SCHEMES
-from pdsolve.steppers.path_steps import PathSteps
+from pdsolve.steppers.path_steps import SofteningPathSteps
 
 ONE = Options(threads=1)
 RAMP = ((0.0, 0.0), (1.0, 1.0))
@@ -142,8 +142,8 @@ def test_a_body_moves_once_it_does_not_bear_its_dead_loads(tmp_path: Path) -> No
     with pytest.warns(ModelWarning, match="motion begins"):
         ran = simulate(model, path, ONE)
     with ran as results:
-        found, taken, whole = results.history(), results.breaks(), contents(name_of(path))
-        assert results.name == str(name_of(path))
+        found, taken, whole = results.history(), results.breaks(), contents(motion_file(path))
+        assert results.name == str(motion_file(path))
         assert abs(summary(results)["balance"]) < 1e-4  # measured: 1.2e-5
     with Results.open(path) as results:
         last, most = results.history()[-1], summary(results)["lost"]
@@ -153,18 +153,18 @@ def test_a_body_moves_once_it_does_not_bear_its_dead_loads(tmp_path: Path) -> No
     assert (found["step"][0], found["kinetic"][0]) == (last["step"], 0)
     assert found["kinetic"][-1] > found["strain"][-1]
     assert taken.step.min() > last["step"]
-    name_of(path).unlink()
-    name_of(path).symlink_to(tmp_path / "nothing")
+    motion_file(path).unlink()
+    motion_file(path).symlink_to(tmp_path / "nothing")
     with pytest.raises(ResultsError, match=naming("beam_motion.sqlite", found="a link")):
         resume(path, 1)
-    name_of(path).unlink()
-    name_of(path).write_bytes(b"")  # as of a motion that was killed before its first frame
+    motion_file(path).unlink()
+    motion_file(path).write_bytes(b"")  # as of a motion that was killed before its first frame
     stops = iter([False] * 3 + [True])
     resume(path, 1, lambda now: next(stops, True)).close()  # the motion begins, and is stopped
-    with Results.open(name_of(path)) as results:
+    with Results.open(motion_file(path)) as results:
         assert results.meta()["status"] == "interrupted"
     resume(path, 1).close()
-    assert contents(name_of(path)) == whole
+    assert contents(motion_file(path)) == whole
 
 
 @pytest.mark.slow
@@ -206,12 +206,12 @@ def test_a_beam_on_an_elastic_bed_sinks_by_its_force_over_it(law: dict[str, Any]
 def test_progress_says_how_long_a_path_still_takes(monkeypatch: pytest.MonkeyPatch) -> None:
     """By the share of its crack, or of its loads."""
     seconds = iter(range(0, 1000, 10))
-    monkeypatch.setattr("pdsolve.steppers.path_records.clock.monotonic", lambda: next(seconds))
+    monkeypatch.setattr("pdsolve.steppers.path_stepper.clock.monotonic", lambda: next(seconds))
     prepared = prepare(beam(0.02, load_steps=20), ONE)
     stepper = prepared.system.stepper
-    assert isinstance(stepper, PathSteps)
-    assert stepper.words() == "elastic"
+    assert isinstance(stepper, SofteningPathSteps)
+    assert stepper.progress_text() == "elastic"
     prepared.march(1, 5)
-    done = max(stepper.rested[-1].spent / (CONCRETE.G0 * 0.2), stepper.factor)
+    done = max(stepper.step_results[-1].spent / (CONCRETE.G0 * 0.2), stepper.factor)
     assert 0.01 < done < 0.3
-    assert f"about {10 * (1 - done) / done:.0f} s left" in stepper.words()
+    assert f"about {10 * (1 - done) / done:.0f} s left" in stepper.progress_text()

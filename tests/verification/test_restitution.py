@@ -18,7 +18,7 @@ from pdmesh import Run, Scene, box, build
 from pdmesh.model.document import InitialVelocity, RigidBody
 from pdsolve.model import Model, ModelNote
 from pdsolve.options import Options
-from pdsolve.run.doubtful_conditions import advise_conditions
+from pdsolve.run.doubtful_conditions import warn_of_doubtful_conditions
 from pdsolve.run.prepare import prepare
 from pdsolve.run.simulation import simulate
 
@@ -71,4 +71,4 @@ def test_bodies_that_are_all_rigid_show_their_restitution() -> None:
     disc = msgspec.structs.replace(wall, nodes=tuple(grid.ids[grid.bodies.number == 0].tolist()), name="disc")
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        advise_conditions(Model(grid, msgspec.structs.replace(settings, conditions=(wall, disc))), 1.0)
+        warn_of_doubtful_conditions(Model(grid, msgspec.structs.replace(settings, conditions=(wall, disc))), 1.0)

@@ -21,11 +21,11 @@ from pdsolve.laws.pair_laws.brittle import LAW
 from pdsolve.model import Model
 from pdsolve.numerics.thread_team import cores
 from pdsolve.results import Results
-from pdsolve.run.body_zones import zone_of
+from pdsolve.run.body_zones import zone_operator
 from pdsolve.run.prepare import prepare
 from pdsolve.run.simulation import Options, resume, simulate
 from pdsolve.state import zero_state
-from pdsolve.steppers.equilibrium import forces
+from pdsolve.steppers.equilibrium import force_densities
 
 
 @pytest.mark.slow
@@ -107,7 +107,7 @@ def solved(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def test_cells_around_a_stretched_spring_become_fine(axis: int) -> None:
     """A coarse node moves by 0.9 of the critical stretch of the spring behind it: this one alone is beyond kappa."""
     problem = prepare(block("hybrid"), Options(threads=1))
-    operator, state = zone_of(problem.system), problem.state
+    operator, state = zone_operator(problem.system), problem.state
     spacings, limit = place(operator), operator.whole.fine.tiles.peak.min()
     node = np.array([40, 8, 20])
     state.value[(spacings == node).all(axis=1), axis] = 0.9 * 2 * H * limit
@@ -192,7 +192,7 @@ def test_surfaces_that_cut_cells_have_fine_rings(shape: str) -> None:
 def test_refining_looks_at_all_that_changes() -> None:
     """Forces, energies and numbers of bonds after some cells became fine, beside those of the whole body."""
     problem = prepare(block("hybrid"), Options(threads=1))
-    before, state = zone_of(problem.system), problem.state
+    before, state = zone_operator(problem.system), problem.state
     state.value[:] = 1e-4 * H * np.random.default_rng(5).standard_normal(state.value.shape)
     cells = before.cells.reshape(before.whole.fine.box.padded)
     z, y, x = np.nonzero((cells[..., 1:] == COARSE) & (cells[..., :-1] == FINE))  # beside the zone
@@ -203,7 +203,7 @@ def test_refining_looks_at_all_that_changes() -> None:
     found = zero_state(len(after.sites), 3)._replace(value=before.moved(after.rows, state.value))
     pull, which = after.forces_around(found, new)
     assert 0.005 < which.mean() < 0.2
-    assert np.array_equal(pull[which], forces(after, found)[which])
+    assert np.array_equal(pull[which], force_densities(after, found)[which])
     made = [float((each.energies(of)[0] * each.volume).sum()) for each, of in ((before, state), (after, found))]
     near = [float((each.held_around(of, new) * each.volume).sum()) for each, of in ((before, state), (after, found))]
     assert near[1] - near[0] == pytest.approx(made[1] - made[0], abs=1e-12 * made[0])
@@ -212,4 +212,4 @@ def test_refining_looks_at_all_that_changes() -> None:
     assert np.array_equal(again.sites, after.sites)
     for one, other in zip(again.counted, after.counted, strict=True):
         assert np.array_equal(one, other)
-    assert np.array_equal(forces(again, found), forces(after, found))
+    assert np.array_equal(force_densities(again, found), force_densities(after, found))

@@ -17,7 +17,7 @@ from pdsolve.model import Model
 from pdsolve.options import Options
 from pdsolve.run.measures import damage
 from pdsolve.run.prepare import prepare
-from pdsolve.run.recorder import breaks
+from pdsolve.run.recorder import breaks_since
 from pdsolve.run.system import Prepared
 
 MODES = ("thesis", "conservative")
@@ -87,7 +87,7 @@ def test_a_run_turns_with_its_plate(mode: str, law: str, turn: str, scales: int)
     other = run(cracked(TURNS[turn], None, LAWS[law], grid_of(scales)), mode)
     expected = turned(plain.state.value, TURNS[turn])
     assert np.abs(other.state.value - expected).max() <= 1e-12 * np.abs(expected).max()  # measured 2e-14
-    assert all(map(np.array_equal, breaks(other.system, 0), breaks(plain.system, 0)))
+    assert all(map(np.array_equal, breaks_since(other.system, 0), breaks_since(plain.system, 0)))
 
 
 @pytest.mark.quick_cases(4)
@@ -141,4 +141,4 @@ def test_a_run_has_no_length_of_its_own(mode: str, law: str) -> None:
     large = plate(large_grid, 3, material=material, conditions=loads, run=Run(time_step=4e-8 * scale))
     a, b = run(small, mode), run(large, mode)
     assert np.abs(b.state.value / scale - a.state.value).max() <= 1e-12 * np.abs(a.state.value).max()  # measured 0
-    assert all(map(np.array_equal, breaks(a.system, 0), breaks(b.system, 0)))
+    assert all(map(np.array_equal, breaks_since(a.system, 0), breaks_since(b.system, 0)))

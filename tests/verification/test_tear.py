@@ -15,7 +15,7 @@ import pytest
 import pdmesh
 from benchmarks.tear import GLASS, TIME, cut, plate, torn
 from pdmesh.model.document import InitialDisplacement, InitialVelocity, Material, Run
-from pdpost.measures.tips import forks, tips
+from pdpost.measures.tips import crack_branches, find_forks
 from pdsolve.model import Model, read_model
 from pdsolve.options import Options
 from pdsolve.run.prepare import prepare
@@ -138,8 +138,8 @@ def test_where_a_crack_branches_hardly_depends_on_the_time_step(duran_json: Path
         steps = round(30e-6 / (share * 1e-7))
         run = [("run.time_step", str(share * 1e-7)), ("run.steps", str(steps)), ("run.every", "5")]
         with simulate(read_model(duran_json, assignments=run), options=Options(threads=1)) as results:
-            branches = tips(results)
-        first = forks(branches)[0]
+            branches = crack_branches(results)
+        first = find_forks(branches)[0]
         trunk = min(branches, key=lambda branch: float(branch.along[0]))
         assert trunk.mean_speed is not None
         times[number], places[number], speeds[number] = first.time * 1e6, first.place[0] * 1e3, trunk.mean_speed

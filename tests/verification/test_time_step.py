@@ -50,7 +50,7 @@ def test_the_bound_is_safe_and_not_far_off(scales: int, m: int, profile: str) ->
     2 more of it within a lattice, and less at corrected edges."""
     problem = problem_of(scales, m, profile)
     limit = true_limit(problem)
-    assert 1.1 <= limit / problem.system.bound <= 1.3  # measured 1.15 to 1.27
+    assert 1.1 <= limit / problem.system.stable_time_step <= 1.3  # measured 1.15 to 1.27
     assert growth(problem, 0.98 * limit, 400) < 50  # measured 0.54 to 0.82
     assert growth(problem, 1.02 * limit, 100) > 1e10  # measured 8e15 and more
 
@@ -59,14 +59,14 @@ def test_the_bound_is_safe_and_not_far_off(scales: int, m: int, profile: str) ->
 def test_the_bound_is_safe_whatever_pre_cracks_cut() -> None:
     """Plates that random cracks go through, some nodes with a bond or two left: stiffer, and known to be."""
     random = np.random.default_rng(0)
-    whole = prepare(plate(square_grid(12, 12), 3, material=UNBREAKABLE), ONE).system.bound
+    whole = prepare(plate(square_grid(12, 12), 3, material=UNBREAKABLE), ONE).system.stable_time_step
     found = []
     for _ in range(60):
         start = random.uniform(0, 11e-3, (random.integers(1, 7), 2))
         cracks = np.column_stack([start, start + random.uniform(-6e-3, 6e-3, start.shape)])
         grid = dataclasses.replace(square_grid(12, 12), cracks=cracks)
         problem = prepare(plate(grid, 3, material=UNBREAKABLE), ONE)
-        found.append((true_limit(problem) / problem.system.bound, problem.system.bound / whole))
+        found.append((true_limit(problem) / problem.system.stable_time_step, problem.system.stable_time_step / whole))
     limits, bounds = np.array(found).T
     assert limits.min() >= 1 - 1e-9  # measured 1.000, where two nodes have only each other
     assert limits.max() <= 1.3  # measured 1.212
@@ -80,10 +80,10 @@ def test_the_step_that_pdmesh_plans_with_is_the_shorter_one(m: int, profile: str
     material = msgspec.structs.replace(UNBREAKABLE, micromodulus=profile)
     planned = stable_step(material, m, 1e-3)
     for scales in (1, 2):
-        assert 0.94 <= planned / problem_of(scales, m, profile).system.bound <= 1  # measured 0.949 to 0.960
+        assert 0.94 <= planned / problem_of(scales, m, profile).system.stable_time_step <= 1  # measured 0.949 to 0.960
     whole = prepare(plate(square_grid(36, 36), m, material=material), Options(threads=1))
     endless = joined(whole, (12e-3, 12e-3, 24e-3, 24e-3))
-    assert planned / SURFACES == pytest.approx(endless.system.bound, rel=1e-12)  # measured 1e-15
+    assert planned / SURFACES == pytest.approx(endless.system.stable_time_step, rel=1e-12)  # measured 1e-15
 
 
 @pytest.mark.parametrize("scales", [1, 2])
@@ -92,7 +92,7 @@ def test_the_bound_of_one_sided_bonds(scales: int) -> None:
     problem = problem_of(scales, 4, "conical", "thesis")
     largest = np.abs(eigs(matrix(problem) / GLASS.rho, k=1, which="LM", return_eigenvectors=False))
     limit = float(2 / np.sqrt(largest[0]))
-    assert 1.5 <= limit / problem.system.bound <= 1.8  # measured 1.66
+    assert 1.5 <= limit / problem.system.stable_time_step <= 1.8  # measured 1.66
 
 
 def test_the_periodic_lattice() -> None:

@@ -57,7 +57,7 @@ def ring(m: int, profile: str, nodes: int) -> Prepared:
 def frequency(problem: Prepared, waves: int, axis: int, periods: float, share: float) -> tuple[float, float]:
     """Angular frequency of a standing wave of `waves` in the ring, marched at `share` of the bound, and the step."""
     nodes = len(problem.system.model.grid)
-    problem = at_step(problem, share * problem.system.bound)
+    problem = at_step(problem, share * problem.system.stable_time_step)
     x, state = np.arange(nodes), problem.state
     shape = np.cos(2 * np.pi * waves * x / nodes)
     state.value[:, axis] = 1e-12 * shape  # small: a wave of finite size changes its own frequency

@@ -24,10 +24,10 @@ from pdsolve.results.checksums import crc_joined
 from pdsolve.results.removal import INDEX_OF
 from pdsolve.results.schema import Births, Column
 from pdsolve.run.measures import fields
-from pdsolve.run.on_ranks.accounts import asked
+from pdsolve.run.on_ranks.mechanics_records import rank_bond_state
 from pdsolve.run.on_ranks.rank_file import RankFile
-from pdsolve.run.on_ranks.start import Here
-from pdsolve.run.recorder import nodes as nodes_of
+from pdsolve.run.on_ranks.start import RankSystem
+from pdsolve.run.recorder import result_nodes as nodes_of
 
 FRAME = 8  # tag of messages
 PIECE = 1 << 20  # bytes of a message
@@ -35,7 +35,7 @@ HELD = "held_force"
 Columns = list[NDArray[Any]]  # those of one name; several, each of some rows, where rows go by condition
 
 
-class Rows(NamedTuple):
+class FrameDescription(NamedTuple):
     """What a rank says of the frame that it sends: names of columns, and type, length and CRC of each piece of one."""
 
     fields: dict[str, list[tuple[str, int, int]]]
@@ -43,100 +43,106 @@ class Rows(NamedTuple):
     breaks: NDArray[np.int64]  # (5, k) step, rows of both nodes in the whole grid, and their ids
 
 
-class Sending(NamedTuple):
+class SentMessages(NamedTuple):
     """Messages on their way, and what they hold."""
 
     requests: list[Any]
-    held: list[NDArray[Any]]
+    buffers: list[NDArray[Any]]
 
 
-def frame(team: Team, step: int, after: int, names: Sequence[str] | None, keeps: bool) -> Rows:
-    """Send the fields of these `names` after a step, and a checkpoint if it `keeps` one; breaks are those `after` a
-    step. Where this rank has a file of its own, that is where both go, but for what is of held components."""
+def send_frame(
+    team: Team, step: int, previous_step: int, field_names: Sequence[str] | None, with_checkpoint: bool
+) -> FrameDescription:
+    """Send the fields of these `field_names` after a step, `with_checkpoint` or not, and the breaks since
+    `previous_step`. Where this rank has a file of its own, that is where both go, but for what is of held
+    components."""
     part: Part = team.part
-    subdomain: Here = part.now
+    subdomain: RankSystem = part.now
     local_fields: dict[str, NDArray[Any]] = {}
-    if names is not None:
+    if field_names is not None:
         subdomain_fields = fields(
-            subdomain.system, subdomain.state, names, asked(team, step) if subdomain.step == step else None
+            subdomain.system,
+            subdomain.state,
+            field_names,
+            rank_bond_state(team, step) if subdomain.bond_state_step == step else None,
         )
         local_fields = {name: values[part.own].astype("<f4") for name, values in subdomain_fields.items()}
-    sent = {name: [values] for name, values in local_fields.items()}, _checkpoint(part) if keeps else {}
+    sent = {name: [values] for name, values in local_fields.items()}, _rank_checkpoint(part) if with_checkpoint else {}
     if subdomain.file is not None:
         checkpoint = {name: pieces[0] for name, pieces in sent[1].items() if name != HELD}
-        subdomain.file.put(
-            step, step * subdomain.system.time_step, local_fields if names is not None else None, checkpoint
+        subdomain.file.write_frame(
+            step, step * subdomain.system.time_step, local_fields if field_names is not None else None, checkpoint
         )
-        sent = {name: [] for name in local_fields}, {HELD: sent[1][HELD]} if keeps else {}
-    _send(team, [piece for columns in sent for pieces in columns.values() for piece in pieces])
-    new, ids, begin = broken(part, after), part.model.grid.ids, part.slab.begin
+        sent = {name: [] for name in local_fields}, {HELD: sent[1][HELD]} if with_checkpoint else {}
+    _send_columns(team, [piece for columns in sent for pieces in columns.values() for piece in pieces])
+    new, ids, begin = broken(part, previous_step), part.model.grid.ids, part.slab.begin
     breaks = np.array([new.step, new.source + begin, new.target + begin, ids[new.source], ids[new.target]])
     field_descriptions, checkpoint_descriptions = (
-        {name: [_said(array) for array in pieces] for name, pieces in columns.items()} for columns in sent
+        {name: [_describe_array(array) for array in pieces] for name, pieces in columns.items()} for columns in sent
     )
-    return Rows(field_descriptions, checkpoint_descriptions, breaks)
+    return FrameDescription(field_descriptions, checkpoint_descriptions, breaks)
 
 
-def _checkpoint(part: Part) -> dict[str, Columns]:
+def _rank_checkpoint(part: Part) -> dict[str, Columns]:
     """A copy of what a resumed run needs of own nodes; of held components by condition and axis."""
-    subdomain: Here = part.now
+    subdomain: RankSystem = part.now
     operator_arrays = dict(parts.keep(part))  # before the state, which it may bring up to date
     local_arrays = {name: [values[part.own].copy()] for name, values in subdomain.state._asdict().items()}
-    local_arrays[HELD] = [subdomain.system.drive.held_force[rows] for rows in held_runs(subdomain)]
+    local_arrays[HELD] = [subdomain.system.drive.held_force[rows] for rows in held_component_rows(subdomain)]
     return local_arrays | {name: [np.array(values)] for name, values in operator_arrays.items()}
 
 
-def held_runs(subdomain: Here) -> list[NDArray[np.int64]]:
+def held_component_rows(subdomain: RankSystem) -> list[NDArray[np.int64]]:
     """The held components of each condition and axis, which are in the order of their rows."""
     holds, d = subdomain.system.drive.holds, subdomain.system.model.grid.dimension
     of = holds.profile * d + holds.axis
-    return [np.flatnonzero(of == number) for number in range(len(subdomain.grips) * d)]
+    return [np.flatnonzero(of == number) for number in range(len(subdomain.acting_conditions) * d)]
 
 
-def _said(values: NDArray[Any]) -> tuple[str, int, int]:
-    return values.dtype.str, values.size, zlib.crc32(_flat(values).data)
+def _describe_array(values: NDArray[Any]) -> tuple[str, int, int]:
+    return values.dtype.str, values.size, zlib.crc32(_as_bytes(values).data)
 
 
-def _flat(values: NDArray[Any]) -> NDArray[np.uint8]:
+def _as_bytes(values: NDArray[Any]) -> NDArray[np.uint8]:
     return np.ascontiguousarray(values).reshape(-1).view(np.uint8)
 
 
-def _send(team: Team, columns: Columns) -> None:
+def _send_columns(team: Team, columns: Columns) -> None:
     """Send columns to rank 0, when those before have arrived; rank 0 keeps its own."""
     part: Part = team.part
     if team.rank == 0:
-        part.sending = Sending([], columns)
+        part.sending = SentMessages([], columns)
         return
     from mpi4py import MPI
 
     if part.sending is not None:
         MPI.Request.Waitall(part.sending.requests)
-    flat = [_flat(values) for values in columns]
+    flat = [_as_bytes(values) for values in columns]
     requests = [
         team.comm.Isend(array[at : at + PIECE], 0, FRAME) for array in flat for at in range(0, len(array), PIECE)
     ]
-    part.sending = Sending(requests, flat)
+    part.sending = SentMessages(requests, flat)
 
 
-def received(
-    team: Team, local_arrays: Iterator[NDArray[Any]], said: Sequence[Mapping[str, list[tuple[str, int, int]]]]
+def receive_columns(
+    team: Team, local_arrays: Iterator[NDArray[Any]], descriptions: Sequence[Mapping[str, list[tuple[str, int, int]]]]
 ) -> dict[str, Column]:
     """The columns that all ranks send, of which each says this; `local_arrays` are those of this rank."""
     columns = {}
-    for name in said[0]:
-        runs = range(len(said[0][name]))
-        order = [(rank, *description[name][run]) for run in runs for rank, description in enumerate(said)]
+    for name in descriptions[0]:
+        runs = range(len(descriptions[0][name]))
+        order = [(rank, *description[name][run]) for run in runs for rank, description in enumerate(descriptions)]
         kind = np.dtype(order[0][1] if order else "<f4")
         crc = 0
         for _, _, length, after in order:
             crc = crc_joined(crc, after, length * kind.itemsize)
         columns[name] = Column(
-            kind, sum(length for *_, length, _ in order), crc, _pieces(team, local_arrays, order, kind)
+            kind, sum(length for *_, length, _ in order), crc, _receive_pieces(team, local_arrays, order, kind)
         )
     return columns
 
 
-def _pieces(
+def _receive_pieces(
     team: Team, local_arrays: Iterator[NDArray[Any]], order: list[tuple[int, str, int, int]], kind: np.dtype[Any]
 ) -> Iterator[NDArray[Any]]:
     """The values of a column as they arrive."""
@@ -154,7 +160,7 @@ def _pieces(
             yield into.view(kind)
 
 
-def nodes(team: Team, first: int, last: int) -> tuple[NDArray[Any], ...]:
+def own_nodes(team: Team, first: int, last: int) -> tuple[NDArray[Any], ...]:
     """Own nodes among the rows `first` to `last` - 1, in the format of results, and the targets of their bonds."""
     part: Part = team.part
     slab = part.slab
@@ -162,21 +168,21 @@ def nodes(team: Team, first: int, last: int) -> tuple[NDArray[Any], ...]:
     return *(column[rows] for column in nodes_of(part.now.system)), parts.bonds(team, first, last)
 
 
-def births(team: Team, first: int, last: int) -> tuple[Nodes, Families]:
+def gather_nodes(team: Team, first: int, last: int) -> tuple[Nodes, Families]:
     """The nodes of these rows and their families, from all ranks."""
-    *columns, target = (np.concatenate(column) for column in zip(*team.everywhere(nodes, first, last), strict=True))
+    *columns, target = (np.concatenate(column) for column in zip(*team.everywhere(own_nodes, first, last), strict=True))
     new_nodes = Nodes(*columns)
     return new_nodes, Families(np.concatenate([[0], np.cumsum(new_nodes.family - new_nodes.cut)]), target)
 
 
-def begin_file(team: Team, path: str) -> None:
+def open_rank_file(team: Team, path: str) -> None:
     """Give this rank a file of its own, for what is written from now on."""
     part: Part = team.part
-    subdomain: Here = part.now
+    subdomain: RankSystem = part.now
     slab, grid = part.slab, part.model.grid
 
     def own(first: int, last: int) -> Nodes:
-        *columns, _ = nodes(team, slab.first + first, slab.first + last)
+        *columns, _ = own_nodes(team, slab.first + first, slab.first + last)
         return Nodes(*columns)
 
     def families(first: int, last: int) -> Families:
@@ -191,8 +197,8 @@ def begin_file(team: Team, path: str) -> None:
     subdomain.file = RankFile(team, lambda: Writer.begin(Path(path), births, grid.cracks, meta), slab.first)
 
 
-def end_file(team: Team) -> None:
+def close_rank_file(team: Team) -> None:
     """Close the file of this rank. Raises WriteError."""
-    subdomain: Here = team.part.now
+    subdomain: RankSystem = team.part.now
     if subdomain.file is not None:
         subdomain.file.close()

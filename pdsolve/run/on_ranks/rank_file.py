@@ -23,14 +23,14 @@ class RankFile:
     A checkpoint stays until the one after the next is there, as the index may still have to learn of that.
     """
 
-    def __init__(self, team: Team, make: Callable[[], Writer], first: int) -> None:
-        """`make` begins the database, on a thread of its own; `first` is the first own row."""
-        self._team, self._make, self._first = team, make, first
+    def __init__(self, team: Team, make_writer: Callable[[], Writer], first_row: int) -> None:
+        """`make_writer` begins the database, on a thread of its own; `first_row` is the first own row."""
+        self._team, self._make, self._first = team, make_writer, first_row
         self._thread = BackgroundThread("results")
         self._writer: Writer | None = None
         self._kept = 0  # step of the last checkpoint
 
-    def put(
+    def write_frame(
         self,
         step: int,
         time: float,
@@ -42,7 +42,7 @@ class RankFile:
         step_arrays = {f"{name}@{step}": values for name, values in checkpoint.items()} or None
         frame = Frame(step, time, fields, NOTHING, (), (), step_arrays, first=self._first, keeps=self._kept)
         self._kept = step if step_arrays else self._kept
-        self._thread.begin(partial(self._write, frame))
+        self._thread.begin(partial(self._write_and_report, frame))
 
     def close(self) -> None:
         """Close the database after everything is written. Raises WriteError."""
@@ -51,7 +51,7 @@ class RankFile:
         if self._writer is not None:
             self._writer.close("finished")
 
-    def _write(self, frame: Frame) -> None:
+    def _write_and_report(self, frame: Frame) -> None:
         error: ResultsError | None = None
         try:
             if self._writer is None:
@@ -64,7 +64,7 @@ class RankFile:
             self._team.comm.send(error, 0, WRITTEN)
 
 
-def expect_written(team: Team) -> None:
+def wait_for_rank_files(team: Team) -> None:
     """Wait until all ranks have written a frame. Raises WriteError if one could not."""
     errors = [team.received(rank, WRITTEN) for rank in range(team.size)]
     for error in errors:

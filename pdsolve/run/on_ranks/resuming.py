@@ -24,35 +24,35 @@ from pdsolve.options import Options
 from pdsolve.ranks import part as parts
 from pdsolve.ranks.part import Part
 from pdsolve.results import Breaks, Results, ResultsError, ResultsWarning, gone_back
-from pdsolve.run.on_ranks.frames import HELD, held_runs
+from pdsolve.run.on_ranks.frames import HELD, held_component_rows
 from pdsolve.run.on_ranks.recorder import BATCH, RecorderOnRanks
-from pdsolve.run.on_ranks.start import Here, OnRanks, prepare
-from pdsolve.run.recorder import Past
+from pdsolve.run.on_ranks.start import RankSystem, SystemOnRanks, prepare_ranks
+from pdsolve.run.recorder import RunHistory
 from pdsolve.run.system import System
 from pdsolve.state import Broken, State
 
 
-def gone_on(results: Results, model: Model, options: Options, meta: Mapping[str, Any]) -> RecorderOnRanks:
+def make_resumed_recorder(results: Results, model: Model, options: Options, meta: Mapping[str, Any]) -> RecorderOnRanks:
     """The records of a run that goes on on many ranks."""
     options = options._replace(one_file=0 if results.pieces else len(model.grid))
     assert options.team is not None
-    system, state = prepare(model, options, options.team)
+    system, state = prepare_ranks(model, options, options.team)
     step, output = results.checkpoint_step(), Path(results.name)
-    assert isinstance(system, OnRanks)
-    if float(meta["time_step"]) != system.time_step or not is_same(system, results):
-        raise of_other_bonds(output, meta, system)
+    assert isinstance(system, SystemOnRanks)
+    if float(meta["time_step"]) != system.time_step or not has_same_families(system, results):
+        raise other_bonds_error(output, meta, system)
     before = results.breaks().step
     latest = int(before[before <= step].max(initial=0))
     wall, nodes = float(meta.get("wall_time", 0.0)), len(system.model.grid)
-    past = Past(step, wall, results.bond_updates(step), latest, None, nodes, results)
+    past = RunHistory(step, wall, results.bond_updates(step), latest, None, nodes, results)
     with gone_back(output):
-        expect_within(step, system.model)
-        restore(system, state, step, results)
+        expect_step_within_run(step, system.model)
+        restore_ranks(system, state, step, results)
         system = dataclasses.replace(system, initial_energy=float(meta.get("initial_energy", 0.0)))
         return RecorderOnRanks(system, state, past)
 
 
-def warn_of_processor(output: Path, meta: Mapping[str, Any]) -> None:
+def warn_of_other_processor(output: Path, meta: Mapping[str, Any]) -> None:
     """Warn if a run goes on on another kind of processor, where sums round otherwise."""
     before, processor = meta.get("processor"), processor_kind()
     if before is not None and before != processor:
@@ -63,7 +63,7 @@ def warn_of_processor(output: Path, meta: Mapping[str, Any]) -> None:
         warnings.warn(words, ResultsWarning, stacklevel=2)
 
 
-def of_other_bonds(output: Path, meta: Mapping[str, Any], system: System) -> ResultsError:
+def other_bonds_error(output: Path, meta: Mapping[str, Any], system: System) -> ResultsError:
     """The error of a run whose bonds or step are not those of this version."""
     return ResultsError(
         f"{output} is of a run by {meta['program']} with a step of {meta['time_step']:.6g} s, and this version has"
@@ -71,13 +71,13 @@ def of_other_bonds(output: Path, meta: Mapping[str, Any], system: System) -> Res
     )
 
 
-def expect_within(step: int, model: Model) -> None:
+def expect_step_within_run(step: int, model: Model) -> None:
     """Raise CheckpointError for a step after the last one."""
     if step > model.settings.run.steps:
         raise CheckpointError(f"step is {step}; the run has {model.settings.run.steps}")
 
 
-def is_same(system: OnRanks, results: Results) -> bool:
+def has_same_families(system: SystemOnRanks, results: Results) -> bool:
     """Whether the nodes of a database have the families of this system."""
     assert system.team is not None
     nodes = len(system.model.grid)
@@ -85,12 +85,14 @@ def is_same(system: OnRanks, results: Results) -> bool:
         return False
     for first in range(0, nodes, BATCH):
         last = min(first + BATCH, nodes)
-        if not all(system.team.everywhere(_is_same, first, last, *results.bonded(first, last))):
+        if not all(system.team.everywhere(_rank_has_same_families, first, last, *results.bonded(first, last))):
             return False
     return True
 
 
-def _is_same(team: Team, first: int, last: int, family: NDArray[np.int64], cut: NDArray[np.int64]) -> bool:
+def _rank_has_same_families(
+    team: Team, first: int, last: int, family: NDArray[np.int64], cut: NDArray[np.int64]
+) -> bool:
     """Whether own nodes among these rows have these families."""
     part: Part = team.part
     begin, end = max(first, part.slab.first), min(last, part.slab.last)
@@ -101,52 +103,56 @@ def _is_same(team: Team, first: int, last: int, family: NDArray[np.int64], cut: 
     return bool((part.counted.family[rows] == family[entries]).all() and (count == cut[entries]).all())
 
 
-def restore(system: OnRanks, state: State, step: int, results: Results) -> None:
+def restore_ranks(system: SystemOnRanks, state: State, step: int, results: Results) -> None:
     """Restore the state of all ranks after `step`. Raises CheckpointError."""
     team, nodes = system.team, len(system.model.grid)
     assert team is not None
     for name, values in state._asdict().items():
-        _scatter(system, name, results.entries(name), values[:1])
-    counts = np.array(team.everywhere(_held)).T  # of each condition and axis, by rank
-    held_force = entry(_whole(results, [HELD]), HELD, (int(counts.sum()),), np.float64)
+        _scatter_to_ranks(system, name, results.entries(name), values[:1])
+    counts = np.array(team.everywhere(_count_held_components)).T  # of each condition and axis, by rank
+    held_force = entry(_read_checkpoint_arrays(results, [HELD]), HELD, (int(counts.sum()),), np.float64)
     ends = np.concatenate([[0], np.cumsum(counts.ravel())])
     runs = [held_force[first:last] for first, last in pairwise(ends)]
-    team.everywhere(_hold, items=[runs[rank :: team.size] for rank in range(team.size)])
-    broken = _broken(system.model.grid, results.breaks(), step)
-    of_bonds, of_nodes = (set().union(*names) for names in zip(*team.everywhere(_names), strict=True))
-    node_arrays = _whole(results, of_nodes)
+    team.everywhere(_set_held_forces, items=[runs[rank :: team.size] for rank in range(team.size)])
+    broken = _broken_by_rows(system.model.grid, results.breaks(), step)
+    of_bonds, of_nodes = (set().union(*names) for names in zip(*team.everywhere(_checkpoint_names), strict=True))
+    node_arrays = _read_checkpoint_arrays(results, of_nodes)
     shared = [
         {name: values.reshape(nodes, -1)[slab.begin : slab.end] for name, values in node_arrays.items()}
         for slab in system.slabs
     ]
-    team.everywhere(_back, _whole(results, of_bonds), broken, step, items=shared)
+    team.everywhere(_restore_rank, _read_checkpoint_arrays(results, of_bonds), broken, step, items=shared)
 
 
-def _whole(results: Results, names: Iterable[str]) -> Kept:
+def _read_checkpoint_arrays(results: Results, names: Iterable[str]) -> Kept:
     """Arrays of the last checkpoint, as far as they are there."""
     pieces_by_name = {name: list(results.entries(name)) for name in sorted(names)}
     return {name: np.concatenate(parts) for name, parts in pieces_by_name.items() if parts}
 
 
-def _scatter(system: OnRanks, name: str, parts: Iterator[NDArray[Any]], row: NDArray[Any]) -> None:
-    """Give all ranks their rows of an array of the state, whose `row` (1, ...) is as long as one. Raises
+def _scatter_to_ranks(
+    system: SystemOnRanks, name: str, parts: Iterator[NDArray[Any]], sample_row: NDArray[Any]
+) -> None:
+    """Give all ranks their rows of an array of the state, whose `sample_row` (1, ...) is as long as one. Raises
     CheckpointError."""
     first, nodes, team = 0, len(system.model.grid), system.team
     assert team is not None
     for values in parts:
-        piece = entry({name: values}, name, (None, *row.shape[1:]) if row.ndim > 1 else (None, 1), row.dtype)
+        piece = entry(
+            {name: values}, name, (None, *sample_row.shape[1:]) if sample_row.ndim > 1 else (None, 1), sample_row.dtype
+        )
         last = first + len(piece)
         shares = [
             (max(slab.begin, first), piece[max(slab.begin - first, 0) : max(slab.end - first, 0)])
             for slab in system.slabs
         ]
-        team.everywhere(_put, name, items=shares)
+        team.everywhere(_set_rows_of_rank, name, items=shares)
         first = last
     if first != nodes:
         raise CheckpointError(f"'{name}' has {first} nodes; it must have {nodes}")
 
 
-def _broken(grid: Grid, breaks: Breaks, step: int) -> Broken:
+def _broken_by_rows(grid: Grid, breaks: Breaks, step: int) -> Broken:
     """The bonds broken until a step, by rows. Raises CheckpointError."""
     before = breaks.step <= step
     ends = [column[before] for column in breaks[1:]]
@@ -163,7 +169,7 @@ def _broken(grid: Grid, breaks: Breaks, step: int) -> Broken:
     return broken
 
 
-def _put(team: Team, name: str, share: tuple[int, NDArray[Any]]) -> None:
+def _set_rows_of_rank(team: Team, name: str, share: tuple[int, NDArray[Any]]) -> None:
     """Take over some rows, from the first on, of an array of the state of a window."""
     part: Part = team.part
     first, values = share
@@ -173,29 +179,29 @@ def _put(team: Team, name: str, share: tuple[int, NDArray[Any]]) -> None:
         array[at : at + len(values)] = values.reshape(-1, *array.shape[1:])
 
 
-def _held(team: Team) -> list[int]:
+def _count_held_components(team: Team) -> list[int]:
     """How many held components own nodes have, of each condition and axis."""
-    return [len(rows) for rows in held_runs(team.part.now)]
+    return [len(rows) for rows in held_component_rows(team.part.now)]
 
 
-def _hold(team: Team, runs: list[NDArray[np.float64]]) -> None:
+def _set_held_forces(team: Team, forces_by_condition: list[NDArray[np.float64]]) -> None:
     """Take over the forces that hold own nodes, of each condition and axis."""
-    subdomain: Here = team.part.now
-    for rows, values in zip(held_runs(subdomain), runs, strict=True):
+    subdomain: RankSystem = team.part.now
+    for rows, values in zip(held_component_rows(subdomain), forces_by_condition, strict=True):
         subdomain.system.drive.held_force[rows] = values
 
 
-def _names(team: Team) -> tuple[list[str], list[str]]:
+def _checkpoint_names(team: Team) -> tuple[list[str], list[str]]:
     """The names of what this rank's operator keeps of bonds, and of nodes."""
     operator_arrays = parts.keep(team.part)
     of_bonds = [name for name in operator_arrays if parts.is_of_bonds(operator_arrays, name)]
     return of_bonds, [name for name in operator_arrays if name not in of_bonds]
 
 
-def _back(team: Team, of_bonds: Kept, broken: Broken, step: int, of_nodes: Kept) -> None:
+def _restore_rank(team: Team, bond_arrays: Kept, broken: Broken, step: int, node_arrays: Kept) -> None:
     """Take over the history of bonds, and broken ones; then all is as after the step."""
     part: Part = team.part
-    subdomain: Here = part.now
-    parts.back(part, {**of_bonds, **of_nodes}, broken)
-    put_loads(subdomain.system.drive, subdomain.system.load_time(step))
-    subdomain.step = -1  # nothing has been asked of this state
+    subdomain: RankSystem = part.now
+    parts.back(part, {**bond_arrays, **node_arrays}, broken)
+    put_loads(subdomain.system.drive, subdomain.system.profile_time(step))
+    subdomain.bond_state_step = -1  # nothing has been asked of this state

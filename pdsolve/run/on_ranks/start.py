@@ -19,40 +19,40 @@ from pdsolve.options import Options
 from pdsolve.ranks.building import built
 from pdsolve.ranks.part import Part, added_up
 from pdsolve.ranks.slabs import Slab
-from pdsolve.run.assembly import Beside, assembled, step_of
+from pdsolve.run.assembly import RankCoupling, assemble_system, choose_time_step
 from pdsolve.run.inversion_checks import MotionChecks
-from pdsolve.run.measures import Asked, ask
+from pdsolve.run.measures import BondState, evaluate_bonds
 from pdsolve.run.on_ranks.rank_file import RankFile
-from pdsolve.run.operator_factory import operator_of, stable
-from pdsolve.run.prepare import scheme_of
-from pdsolve.run.reactions import Grip
+from pdsolve.run.operator_factory import largest_stable_step, make_operator
+from pdsolve.run.prepare import select_scheme
+from pdsolve.run.reactions import ActingCondition
 from pdsolve.run.system import Prepared, System
 from pdsolve.schemes import SCHEMES
 from pdsolve.state import State
 
 
 @dataclass(frozen=True)
-class OnRanks(System):
+class SystemOnRanks(System):
     """The system of rank 0's window, with the model of all nodes and a stepper of all ranks."""
 
     team: Team | None = None
     slabs: tuple[Slab, ...] = ()
-    total: int = 0  # directed bonds of all ranks at the start
-    lonely: NDArray[np.int64] | None = None  # (k,) rows of nodes of all ranks without bonds
+    bond_count: int = 0  # directed bonds of all ranks at the start
+    unbonded_rows: NDArray[np.int64] | None = None  # (k,) rows of nodes of all ranks without bonds
 
     @property
     def unbonded(self) -> NDArray[np.int64]:
         """Rows (k,) of the nodes of all ranks without a bond at the start."""
-        assert self.lonely is not None
-        return self.lonely
+        assert self.unbonded_rows is not None
+        return self.unbonded_rows
 
     @property
     def bonds(self) -> int:
         """Number of directed bonds of all ranks at the start."""
-        return self.total
+        return self.bond_count
 
 
-class Marching:
+class StepperOnRanks:
     """The stepper of all ranks together."""
 
     def __init__(self, team: Team) -> None:
@@ -60,85 +60,95 @@ class Marching:
 
     def march(self, state: State, first: int, last: int) -> None:
         """Take the steps `first` to `last` - 1 on all ranks; `state` is that of this rank."""
-        self._team.everywhere(march, first, last)
+        self._team.everywhere(march_rank, first, last)
 
 
-class Here:
+class RankSystem:
     """What a rank marches: the system and the state of its window, and what has been asked of them."""
 
     def __init__(self, part: Part, prepared: Prepared) -> None:
         self.system, self.state = prepared
-        self.grips = tuple(
-            Grip(number, str(condition.__struct_config__.tag), _own(self.system.model.selected(condition), part.own))
+        self.acting_conditions = tuple(
+            ActingCondition(
+                number, str(condition.__struct_config__.tag), _own_rows(self.system.model.selected(condition), part.own)
+            )
             for number, condition in enumerate(self.system.model.settings.conditions)
             if isinstance(condition, Driving)
         )
-        self.watch = MotionChecks(self.system.model, partial(self.system.operator.bonds, start=True))
-        self.asked: Asked = ask(self.system, self.state)
-        self.step = 0  # that this is of
+        self.motion_checks = MotionChecks(self.system.model, partial(self.system.operator.bonds, start=True))
+        self.bond_state: BondState = evaluate_bonds(self.system, self.state)
+        self.bond_state_step = 0  # that this is of
         self.file: RankFile | None = None  # of this rank alone
         self.pieces = np.zeros(0, dtype=np.int64)  # (k,) of each own node, where it is asked for
 
 
-class Begun(NamedTuple):
+class RankStart(NamedTuple):
     """What a rank says of its start."""
 
     kinetic: Branches  # energy, J/m
-    resting: bool  # whether no own node moves
+    is_at_rest: bool  # whether no own node moves
 
 
-def prepare(model: Model, options: Options, team: Team) -> Prepared:
+def prepare_ranks(model: Model, options: Options, team: Team) -> Prepared:
     """A motion on all ranks of a team, and the state of rank 0's window. Raises ModelError."""
     refuse_on_ranks(model)
-    scheme_of(model, options)
-    slabs, parts = built(model, options, team, operator_of)
+    select_scheme(model, options)
+    slabs, parts = built(model, options, team, make_operator)
     largest = np.array([max(report.resistance for report in parts)])
-    bound = stable(largest, np.ones(1))
-    step = step_of(model, bound)
+    bound = largest_stable_step(largest, np.ones(1))
+    step = choose_time_step(model, bound)
     layers = any(isinstance(condition, Absorb) for condition in model.settings.conditions)
     listed = layers and model.grid.lattice is None
     damped = [damping(model, slab.begin, slab.end) if listed else None for slab in slabs]
     plain, full_model = options._replace(team=None), None if model.grid.lattice is None else model
-    begun = team.everywhere(start, plain, step, bound, full_model, items=damped)
-    rests = all(report.resting for report in begun)
+    begun = team.everywhere(start_rank, plain, step, bound, full_model, items=damped)
+    rests = all(report.is_at_rest for report in begun)
     energy = 0.0 if rests else total([report.kinetic for report in begun], len(model.grid))
-    subdomain: Here = team.part.now
+    subdomain: RankSystem = team.part.now
     same = {field.name: getattr(subdomain.system, field.name) for field in fields(System)}
-    same |= {"model": counted(model, step), "options": options, "stepper": Marching(team), "initial_energy": energy}
+    same |= {
+        "model": counted(model, step),
+        "options": options,
+        "stepper": StepperOnRanks(team),
+        "initial_energy": energy,
+    }
     lonely, bonds = np.concatenate([report.lonely for report in parts]), sum(report.bonds for report in parts)
-    return Prepared(OnRanks(**same, team=team, slabs=tuple(slabs), total=bonds, lonely=lonely), subdomain.state)
+    return Prepared(
+        SystemOnRanks(**same, team=team, slabs=tuple(slabs), bond_count=bonds, unbonded_rows=lonely), subdomain.state
+    )
 
 
-def start(
+def start_rank(
     team: Team,
     options: Options,
     step: float,
     bound: float,
     full_model: Model | None,
-    damped: NDArray[np.float64] | None,
-) -> Begun:
-    """Make the system of this rank's window; `damped` (m,), 1/s, is known of listed nodes with layers that absorb."""
+    layer_damping: NDArray[np.float64] | None,
+) -> RankStart:
+    """Make the system of this rank's window; `layer_damping` (m,), 1/s, is known of listed nodes with layers that
+    absorb."""
     part: Part = team.part
-    model, slab, counted_bonds = part.model, part.slab, part.counted
+    model, slab, counted = part.model, part.slab, part.counted
     scheme, kind = SCHEMES[options.mode], np.dtype(options.precision).type
-    driven = drive(model, counted_bonds.area, scheme.exact_load, kind, part.own, partial(added_up, team))
-    if damped is None:
-        damped = damping(model) if full_model is None else damping(full_model, slab.begin, slab.end)
-    rank_coupling = Beside(part.ghosts, damped, any(team.comm.allgather(bool(damped.any()))))
-    prepared = assembled(
-        model, options, scheme, part.operator, counted_bonds, step, bound, driven=driven, rank_coupling=rank_coupling
+    driven = drive(model, counted.area, scheme.exact_load, kind, part.own, partial(added_up, team))
+    if layer_damping is None:
+        layer_damping = damping(model) if full_model is None else damping(full_model, slab.begin, slab.end)
+    rank_coupling = RankCoupling(part.ghosts, layer_damping, any(team.comm.allgather(bool(layer_damping.any()))))
+    prepared = assemble_system(
+        model, options, scheme, part.operator, counted, step, bound, conditions=driven, rank_coupling=rank_coupling
     )
-    part.now = Here(part, prepared)
+    part.now = RankSystem(part, prepared)
     velocity = initial_velocity(model, prepared.state.value.shape[1])
-    kinetic = (model.rho / 2 * counted_bonds.area * (velocity**2).sum(axis=1))[part.own]
-    return Begun(branches(kinetic, slab.first, slab.nodes), not velocity[part.own].any())
+    kinetic = (model.rho / 2 * counted.area * (velocity**2).sum(axis=1))[part.own]
+    return RankStart(branches(kinetic, slab.first, slab.nodes), not velocity[part.own].any())
 
 
-def march(team: Team, first: int, last: int) -> None:
+def march_rank(team: Team, first: int, last: int) -> None:
     """Take the steps `first` to `last` - 1."""
-    subdomain: Here = team.part.now
+    subdomain: RankSystem = team.part.now
     subdomain.system.stepper.march(subdomain.state, first, last)
 
 
-def _own(rows: NDArray[np.int64], local_rows: slice) -> NDArray[np.int64]:
+def _own_rows(rows: NDArray[np.int64], local_rows: slice) -> NDArray[np.int64]:
     return np.asarray(rows[(rows >= local_rows.start) & (rows < local_rows.stop)])

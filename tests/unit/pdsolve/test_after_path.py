@@ -14,7 +14,7 @@ from plates import plate, square_grid
 from pdmesh.model.document import Displacement, Load, Run
 from pdsolve.model import Model
 from pdsolve.run import after_path
-from pdsolve.run.after_path import _let_go, _moving, motion_after
+from pdsolve.run.after_path import _model_in_motion, _set_first_accelerations, prepare_motion_after
 from pdsolve.run.system import Prepared
 
 GROWS = ((0.0, 0.0), (2.0, 8.0))
@@ -29,18 +29,18 @@ def path_model() -> Model:
 
 
 def test_loads_stay_at_what_they_are_at_a_factor(path_model: Model) -> None:
-    model = _moving(path_model, 0.25)
+    model = _model_in_motion(path_model, 0.25)
     assert [one.profile for one in model.settings.conditions] == [((0.0, 1.0),), ((0.0, 0.25),)]
     run = model.settings.run
     assert (run.solver, run.after, run.time_step) == ("explicit", "path", None)
 
 
 def test_a_body_begins_to_move_where_nothing_holds_it(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(after_path, "forces", lambda operator, state: np.array([[1.0, 2.0], [3.0, 4.0]]))
+    monkeypatch.setattr(after_path, "force_densities", lambda operator, state: np.array([[1.0, 2.0], [3.0, 4.0]]))
     drive = Part(force=np.array([[10.0, 20.0], [30.0, 40.0]]), holds=Part(node=np.array([1]), axis=np.array([0])))
     system: Any = Part(operator=None, drive=drive, model=Part(rho=np.array([1.0, 2.0])))
     state: Any = Part(second=np.full((2, 2), np.nan))
-    _let_go(system, state)
+    _set_first_accelerations(system, state)
     assert state.second.tolist() == [[11.0, 22.0], [0.0, 22.0]]
 
 
@@ -66,11 +66,11 @@ def test_it_goes_on_from_the_path(
 
     monkeypatch.setattr(after_path, "prepare", prepare)
     monkeypatch.setattr(after_path, "model_of", lambda text, name: path_model)
-    monkeypatch.setattr(after_path, "restore", lambda *words: done.append(("restore", *words[1:])))
-    monkeypatch.setattr(after_path, "_let_go", lambda system, state: done.append(("let go", state)))
+    monkeypatch.setattr(after_path, "restore_state", lambda *words: done.append(("restore", *words[1:])))
+    monkeypatch.setattr(after_path, "_set_first_accelerations", lambda system, state: done.append(("let go", state)))
     path: Any = Part(name="path.sqlite", model=lambda: "text", breaks=lambda: "breaks")
     path.checkpoint, path.meta, path.summary = lambda: (7, "kept"), lambda: {"mode": "thesis"}, lambda: {"lost": 0.5}
-    (system, state), step = motion_after(path, 3)
+    (system, state), step = prepare_motion_after(path, 3)
     assert (state, step) == ("state", 7)
     assert done == [
         ("prepare", ((0.0, 0.5),), "thesis", "float64", 3, "listed"),

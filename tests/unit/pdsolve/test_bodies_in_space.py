@@ -18,9 +18,9 @@ from pdmesh.model.node_grid import grid_of
 from pdsolve.model import Model
 from pdsolve.operators.contact.operator import pair_stiffness
 from pdsolve.options import Options
-from pdsolve.run.measures import books, damage
+from pdsolve.run.measures import compute_ledger_row, damage
 from pdsolve.run.prepare import prepare
-from pdsolve.run.reactions import grips, reactions
+from pdsolve.run.reactions import acting_conditions, compute_reactions
 from pdsolve.run.system import Prepared
 
 UNIT = Material(E=1.0, rho=1.0, G0=1e9, plane="space")
@@ -161,15 +161,15 @@ def test_a_rigid_ball_bounces_from_a_plate() -> None:
     (system, state), steps, pushed = prepared(ball), 120, 0.0
     for step in range(1, steps + 1):
         Prepared(system, state).march(step, step + 1)
-        (found,) = reactions(grips(system), system, state, step, step * system.time_step)
+        (found,) = compute_reactions(acting_conditions(system), system, state, step, step * system.time_step)
         pushed -= found.force_z * system.time_step
     rows = system.model.grid.rigid
     momentum = ((system.area * system.model.rho)[rows] * state.rate[rows, 2]).sum()
     assert pushed == pytest.approx(momentum + 0.05 * 1e-3, rel=1e-6)  # 2.4e-7
     assert state.rate[rows, 2].mean() > 0
-    entry = books(system, state, steps)
+    entry = compute_ledger_row(system, state, steps)
     assert entry.momentum_z == pytest.approx(-0.05 * 1e-3, rel=1e-12)
-    assert abs(entry.balance(system.initial_energy)) < 5e-3
+    assert abs(entry.balance_error(system.initial_energy)) < 5e-3
     x = system.model.grid.position[rows]
     assert np.abs(pdist(x + state.value[rows]) - pdist(x)).max() < 1e-14
 
@@ -188,7 +188,7 @@ def test_a_box_that_tumbles_keeps_its_angular_momentum_and_its_energy() -> None:
     before = angular()
     Prepared(system, state).march(1, steps + 1)
     assert angular() == pytest.approx(before, rel=2e-3)  # of steps that turn it by .05
-    assert abs(books(system, state, steps).balance(system.initial_energy)) < 2e-3
+    assert abs(compute_ledger_row(system, state, steps).balance_error(system.initial_energy)) < 2e-3
     turned = state.value[rows] - state.value[rows].mean(axis=0)
     assert np.abs(turned).max() > 0.3
 

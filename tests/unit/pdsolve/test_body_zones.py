@@ -10,7 +10,7 @@ import pytest
 
 from pdsolve.errors import CheckpointError
 from pdsolve.run import body_zones
-from pdsolve.run.body_zones import Refining, _hold, _moved, _origin
+from pdsolve.run.body_zones import BodyRefinement, _interpolate_state, _previous_rows_with_same_bonds, _set_held_forces
 from pdsolve.run.system import Prepared
 from pdsolve.state import State
 
@@ -23,7 +23,7 @@ def test_what_was_booked_stays_where_it_was() -> None:
     after = Part(volume=np.array([2.0, 8.0, 1.0, 3.0]), rows=ROWS)
     motion = [np.full((4, 3), value) for value in (1.0, 2.0, 3.0)]
     booked = [factor * np.array([1.0, 10.0, 100.0]) for factor in (1.0, 2.0, 3.0)]
-    found = _moved(before, after, State(*motion, *booked), ROWS)  # type: ignore[arg-type]
+    found = _interpolate_state(before, after, State(*motion, *booked), ROWS)  # type: ignore[arg-type]
     assert [float(values[0, 0]) for values in found[:3]] == [10.0, 20.0, 30.0]
     for factor, values in zip((1.0, 2.0, 3.0), found[3:], strict=True):
         assert np.array_equal(values, factor * np.array([2.0, 100.0, 0.0, 20.0]))
@@ -37,7 +37,7 @@ def test_forces_on_held_components() -> None:
     force = np.arange(12.0).reshape(4, 3)
     after = Part(force=force, holds=Part(node=np.array([0, 3, 2]), axis=np.array([1, 2, 0])), held_force=np.zeros(3))
     pull, which = 100.0 * np.ones((4, 3)), np.array([False, False, True, False])
-    _hold(Part(drive=before), Part(drive=after), ROWS, pull, which)  # type: ignore[arg-type]
+    _set_held_forces(Part(drive=before), Part(drive=after), ROWS, pull, which)  # type: ignore[arg-type]
     assert after.held_force.tolist() == [5.0, 7.0, 100.0 + 6.0]
 
 
@@ -67,8 +67,8 @@ def systems(**changed: list[float]) -> tuple[Any, Any]:
 def test_nodes_that_keep_their_cell_and_bonds(
     changed: dict[str, list[float]], expected: list[int], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(body_zones, "zone_of", lambda system: system.operator)
-    assert _origin(*systems(**changed), ROWS).tolist() == expected
+    monkeypatch.setattr(body_zones, "zone_operator", lambda system: system.operator)
+    assert _previous_rows_with_same_bonds(*systems(**changed), ROWS).tolist() == expected
 
 
 class Zone:
@@ -108,39 +108,40 @@ class Made:
 def test_the_energy_made_by_a_refinement_is_added_up(monkeypatch: pytest.MonkeyPatch) -> None:
     """11 J after less 4 J before and 0.5 J of forces; 100 J of earlier ones."""
     held: list[tuple[object, ...]] = []
-    monkeypatch.setattr(body_zones, "zone_of", lambda system: system.operator)
-    monkeypatch.setattr(body_zones, "energy", lambda system, state, around: 4.0 if state == "state" else 11.0)
-    monkeypatch.setattr(body_zones, "pushed", lambda *_: 0.5)
-    monkeypatch.setattr(body_zones, "_on", lambda system, after, step: Part(operator=after))
-    monkeypatch.setattr(body_zones, "_moved", lambda *_: "moved")
-    monkeypatch.setattr(body_zones, "_origin", lambda *_: "origin")
-    monkeypatch.setattr(body_zones, "_hold", lambda *words: held.append(words[2:]))
+    monkeypatch.setattr(body_zones, "zone_operator", lambda system: system.operator)
+    monkeypatch.setattr(body_zones, "conserved_energy", lambda system, state, around: 4.0 if state == "state" else 11.0)
+    monkeypatch.setattr(body_zones, "kick_work", lambda *_: 0.5)
+    monkeypatch.setattr(body_zones, "_system_of_operator", lambda system, after, step: Part(operator=after))
+    monkeypatch.setattr(body_zones, "_interpolate_state", lambda *_: "moved")
+    monkeypatch.setattr(body_zones, "_previous_rows_with_same_bonds", lambda *_: "origin")
+    monkeypatch.setattr(body_zones, "_set_held_forces", lambda *words: held.append(words[2:]))
     zone = Zone([3], 100.0)
-    change: Any = Refining().epoch(Part(operator=zone), "state", 256)  # type: ignore[arg-type]
+    change: Any = BodyRefinement().change_nodes(Part(operator=zone), "state", 256)  # type: ignore[arg-type]
     assert change[0].operator.history.made == 107.5
     assert change[1:] == ("moved", "origin")
-    assert zone.asked == [256 - Refining.every]  # what broke since the last look
+    assert zone.asked == [256 - BodyRefinement.every]  # what broke since the last look
     assert [words[1:] for words in held] == [("pull", "which")]
-    assert Refining().epoch(Part(operator=Zone([], 0.0)), "state", 256) is None  # type: ignore[arg-type]
+    assert BodyRefinement().change_nodes(Part(operator=Zone([], 0.0)), "state", 256) is None  # type: ignore[arg-type]
 
 
 def test_a_checkpoint_of_other_cells_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
     after = Part(model=Part(grid=Part(ids=np.array([1, 2]))), volume=np.ones(2), unknowns=[Part(width=3)])
-    monkeypatch.setattr(body_zones, "zone_of", lambda system: Part(restored=lambda kept: after))
+    monkeypatch.setattr(body_zones, "zone_operator", lambda system: Part(restored=lambda kept: after))
     steps: list[int] = []
-    monkeypatch.setattr(body_zones, "_on", lambda system, operator, step: steps.append(step))
-    assert Refining().back(Part(), {"ids": np.array([1, 2])}).state.value.shape == (2, 3)  # type: ignore[arg-type]
+    monkeypatch.setattr(body_zones, "_system_of_operator", lambda system, operator, step: steps.append(step))
+    assert BodyRefinement().restore_system(Part(), {"ids": np.array([1, 2])}).state.value.shape == (2, 3)  # type: ignore[arg-type]
     assert steps == [0]
     with pytest.raises(CheckpointError, match="ids of nodes"):
-        Refining().back(Part(), {"ids": np.array([1, 3])})  # type: ignore[arg-type]
+        BodyRefinement().restore_system(Part(), {"ids": np.array([1, 3])})  # type: ignore[arg-type]
 
 
 def test_loads_of_new_nodes_are_those_of_the_time_of_the_step(monkeypatch: pytest.MonkeyPatch) -> None:
     times: list[float] = []
     monkeypatch.setattr(body_zones, "drive_of_nodes", lambda after, time: times.append(time))
-    monkeypatch.setattr(body_zones, "assembled", lambda *words, driven: Part(system=Prepared(words[5:7], None)))  # type: ignore[arg-type]
-    monkeypatch.setattr(body_zones.dataclasses, "replace", lambda system, whole: (system, whole))
-    system: Any = Part(time_step=0.5, bound=0.7, options=None, scheme=None, whole="whole")
-    found: Any = body_zones._on(system, Part(model=None, counted=None), 8)  # type: ignore[arg-type]
+    assemble: Any = lambda *words, conditions: Part(system=Prepared(words[5:7], None))  # noqa: E731
+    monkeypatch.setattr(body_zones, "assemble_system", assemble)
+    monkeypatch.setattr(body_zones.dataclasses, "replace", lambda system, full_model: (system, full_model))
+    system: Any = Part(time_step=0.5, stable_time_step=0.7, options=None, scheme=None, full_model="whole")
+    found: Any = body_zones._system_of_operator(system, Part(model=None, counted=None), 8)  # type: ignore[arg-type]
     assert times == [4.0]
     assert (found[0][0], found[1]) == ((0.5, 0.7), "whole")

@@ -20,7 +20,7 @@ from pdsolve.checks import advise, advise_spent, closing, nearest, refuse
 from pdsolve.model import Model, ModelError
 from pdsolve.options import Options
 from pdsolve.run.inversion_checks import MotionChecks
-from pdsolve.run.motion_accounts import MotionAccounts
+from pdsolve.run.mechanics_records import MechanicsRecords
 from pdsolve.run.plastic_checks import warn_of_plastic_strain
 from pdsolve.run.prepare import prepare
 from pdsolve.run.simulation import simulate
@@ -108,7 +108,7 @@ def seen(problem: Prepared, looks: int = 2) -> list[str]:
     watch = MotionChecks(problem.system.model, partial(operator.bonds, start=True))
     with saying() as lines:
         for step in range(looks):
-            watch.look(problem.state.value, operator.broken(), step)
+            watch.check_motion(problem.state.value, operator.broken(), step)
     return lines
 
 
@@ -167,13 +167,13 @@ def test_bonds_are_not_blamed_for_energy_that_contact_or_a_zone_may_have_made() 
 @pytest.mark.parametrize(("changed", "symmetric", "told"), [(False, True, 1), (True, True, 0), (False, False, 0)])
 def test_a_run_says_that_its_bonds_took_too_little(changed: bool, symmetric: bool, told: int) -> None:
     """Where the balance is that of the bonds alone: of 1 J/m that is booked, motion has lost 0.7."""
-    accounts, scheme = object.__new__(MotionAccounts), SimpleNamespace(symmetric=symmetric, name="conservative")
+    accounts, scheme = object.__new__(MechanicsRecords), SimpleNamespace(symmetric=symmetric, name="conservative")
     system = SimpleNamespace(model=plate(square_grid(9, 8)), scheme=scheme, initial_energy=0.0)
     nothing = dict.fromkeys(("damped", "friction", "refinement"), 0.0)
-    last = SimpleNamespace(dissipated=1.0, balance=lambda *_: 0.3, put_in=lambda *_: 1.0, **nothing)
-    accounts.__dict__.update(_system=system, last=last, _most=0.0, _clamped=0.0, _nodes_changed=changed)
+    last = SimpleNamespace(dissipated=1.0, balance_error=lambda *_: 0.3, energy_scale=lambda *_: 1.0, **nothing)
+    accounts.__dict__.update(_system=system, last=last, _largest_work=0.0, _heat_energy=0.0, _nodes_changed=changed)
     with saying() as lines:
-        accounts.close()
+        accounts.warn_at_end()
     assert len([line for line in lines if "took 0.70 of their energy" in line]) == told
 
 
@@ -211,5 +211,5 @@ def test_a_node_that_passes_another_is_seen_on_lattices_with_and_without_gaps() 
             u[(place[order] == (x, y)).all(axis=1), 0] = -2.5e-3
             watch = MotionChecks(model, partial(lambda ends, first, last: ends, (source, target)))
             with saying() as lines:
-                watch.look(u, Broken(*np.zeros((3, 0), dtype=np.int64)), 1)
+                watch.check_motion(u, Broken(*np.zeros((3, 0), dtype=np.int64)), 1)
             assert len(lines) == 1, (x, y)

@@ -25,8 +25,8 @@ from pdmesh.model.values_of_place import Table
 from pdmesh.scene.shapes import SceneError
 from pdsolve.conditions import initial_velocity
 from pdsolve.model import Model, ModelError, read_model
-from pdsolve.run.doubtful_conditions import advise_conditions
-from pdsolve.run.initial_displacements import displaced
+from pdsolve.run.doubtful_conditions import warn_of_doubtful_conditions
+from pdsolve.run.initial_displacements import apply_initial_displacements
 from pdsolve.run.prepare import prepare
 from pdsolve.run.simulation import Options
 
@@ -66,7 +66,7 @@ def test_components_of_a_scene_that_are_none_are_free() -> None:
 def test_a_zero_that_leaves_an_earlier_component_is_named() -> None:
     first, second = InitialVelocity(box=ALL, x=0.0, y=1.0), InitialVelocity(box=ALL, x=2.0, y=0.0)
     with pytest.warns(UserWarning, match=naming("$.conditions[1].y", "$.conditions[0]", found="0")):
-        advise_conditions(plate(square_grid(3, 3), conditions=(first, second)), 1e-7)
+        warn_of_doubtful_conditions(plate(square_grid(3, 3), conditions=(first, second)), 1e-7)
 
 
 @pytest.mark.parametrize("other", [Velocity(box=ALL, x=1.0), Velocity(box=ALL, x="y")], ids=["number", "expression"])
@@ -159,7 +159,7 @@ def test_a_displaced_run_begins_with_its_forces_and_with_what_is_prescribed() ->
     """Forces are the slope of the strain energy, by differences; held nodes are where they are held, and at rest."""
     pulled, held = InitialDisplacement(box=ALL, x="1e-5 * x"), Displacement(nodes=(1, 10), x=2e-8)
     model = plate(square_grid(9, 9), conditions=(pulled, held))
-    system, state = displaced(prepare(model, Options(threads=1)))
+    system, state = apply_initial_displacements(prepare(model, Options(threads=1)))
     expected = 1e-5 * model.grid.position[:, 0]
     expected[[0, 9]] = 2e-8
     assert state.value[:, 0] == pytest.approx(expected, rel=1e-12)
@@ -185,7 +185,7 @@ def test_initial_displacements_are_refused_where_runs_begin_otherwise(run: dict[
 def test_a_load_of_which_little_acts_is_named() -> None:
     model = model_of(strip(steps=100).load("top", traction=(0, 1e6), profile=ramp(1.0), name="pull"))
     with pytest.warns(UserWarning, match=naming("$.conditions[0].profile", "load 'pull'", found="4e-05")):
-        advise_conditions(model, 4e-7)
+        warn_of_doubtful_conditions(model, 4e-7)
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        advise_conditions(model, 2e-3)  # a fifth acts
+        warn_of_doubtful_conditions(model, 2e-3)  # a fifth acts

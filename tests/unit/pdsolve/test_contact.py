@@ -21,9 +21,9 @@ from pdsolve.model import Model, ModelError, read_model
 from pdsolve.operators.contact.kernel import ease
 from pdsolve.operators.contact.operator import pair_stiffness, touch_bound
 from pdsolve.options import Options
-from pdsolve.run.measures import books, damage
+from pdsolve.run.measures import compute_ledger_row, damage
 from pdsolve.run.prepare import prepare
-from pdsolve.run.reactions import grips, reactions
+from pdsolve.run.reactions import acting_conditions, compute_reactions
 from pdsolve.run.simulation import resume
 from pdsolve.run.system import Prepared
 from pdsolve.state import State
@@ -122,7 +122,7 @@ def closed(crack: bool, contact: bool, side: int = 40) -> tuple[float, Prepared]
     prepared = prepare(Model(built.grid, built.settings), Options(threads=1))
     steps = int(12 / prepared.system.time_step)
     prepared.march(1, steps + 1)
-    return reactions(grips(prepared.system), *prepared, steps, 12.0)[1].force_y, prepared
+    return compute_reactions(acting_conditions(prepared.system), *prepared, steps, 12.0)[1].force_y, prepared
 
 
 @pytest.mark.slow
@@ -135,8 +135,8 @@ def test_a_crack_closes_under_compression() -> None:
     assert system.contact is not None
     pairs = system.contact._pressed(state.value)[2]
     assert 0 < pairs[:, 1].max() < 0.05 / 40  # .002 of a spacing
-    last = books(system, state, 1)
-    assert abs(last.balance(0.0)) < 1e-5  # 3e-8
+    last = compute_ledger_row(system, state, 1)
+    assert abs(last.balance_error(0.0)) < 1e-5  # 3e-8
 
 
 def two(run: Run, **more: Any) -> Model:

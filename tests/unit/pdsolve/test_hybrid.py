@@ -44,8 +44,8 @@ from pdsolve.adaptivity.hybrid.springs import coarse_springs, fine_springs, stre
 from pdsolve.checks import advise_made
 from pdsolve.model import Model, ModelError, ModelWarning
 from pdsolve.options import Options
-from pdsolve.run.measures import books
-from pdsolve.run.prepare import prepare, scheme_of
+from pdsolve.run.measures import compute_ledger_row
+from pdsolve.run.prepare import prepare, select_scheme
 from pdsolve.run.simulation import simulate
 
 GEOMETRIES = Path(__file__).parents[3] / "geometries"
@@ -94,7 +94,7 @@ def test_what_cannot_be_solved_so_is_refused(model: Model, words: str) -> None:
     run = msgspec.structs.replace(model.settings.run, adapt="hybrid")
     model = dataclasses.replace(model, settings=msgspec.structs.replace(model.settings, run=run))
     with pytest.raises(ModelError, match=words) as error:
-        _ = scheme_of(model, Options()), plate_of(model, "conservative")
+        _ = select_scheme(model, Options()), plate_of(model, "conservative")
     assert str(error.value).endswith("as run.adapt is hybrid")
 
 
@@ -262,7 +262,7 @@ def test_motion_may_be_prescribed_anywhere(condition: Velocity | InitialVelocity
         system, state = prepare(model, Options())
         momentum.append(float((state.rate[:, 1] * system.model.rho * system.area).sum()))
         system.stepper.march(state, 1, 41)
-        work.append(books(system, state, 40).work)
+        work.append(compute_ledger_row(system, state, 40).work)
     np.testing.assert_allclose(*momentum, rtol=1e-12)
     np.testing.assert_allclose(*work, rtol=0.02)  # 0.009 at most
 

@@ -111,4 +111,8 @@ def test_the_bound_of_a_full_lattice() -> None:
     symmetric, any_bonds = (stiffness_bound(bonds, bonds.stiffness, kind).max() for kind in (True, False))
     assert symmetric == pytest.approx(largest, rel=1e-14)
     assert any_bonds == pytest.approx(sum_of_all, rel=1e-14)
-    assert problem.system.time_step == problem.system.bound == pytest.approx((2 * 2235.0 / largest) ** 0.5, rel=1e-14)
+    assert (
+        problem.system.time_step
+        == problem.system.stable_time_step
+        == pytest.approx((2 * 2235.0 / largest) ** 0.5, rel=1e-14)
+    )

@@ -21,7 +21,7 @@ from pdsolve.laws.bond_limits import Limits, Sizes
 from pdsolve.laws.law import Pair, Softening
 from pdsolve.laws.material_checks import negative_secant, remarks
 from pdsolve.model import ModelError
-from pdsolve.run.motion_accounts import unstable_words
+from pdsolve.run.mechanics_records import instability_message
 
 
 def test_E_in_GPa_is_noticed() -> None:
@@ -82,13 +82,13 @@ def test_an_unstable_run_names_the_law_whose_secant_turns_negative(monkeypatch: 
     model = plate(square_grid(5, 5), material=GLASS)
     scheme = SimpleNamespace(symmetric=True, name="conservative")
     bonds = SimpleNamespace()  # of no list
-    system: Any = SimpleNamespace(model=model, time_step=1.0, bound=2.0, scheme=scheme, operator=bonds)
+    system: Any = SimpleNamespace(model=model, time_step=1.0, stable_time_step=2.0, scheme=scheme, operator=bonds)
     system.initial_energy = 0.0
     books: Any = SimpleNamespace(step=3, time=3.0, work=1.0, kinetic=5.0, strain=0.0)
-    assert "check loads" in unstable_words(system, books, 1.0, 7)
+    assert "check loads" in instability_message(system, books, 1.0, 7)
     wrong = Pair(limits=limits, secant=lambda law, stretch, worst, peak, limit: 1 - 2 * stretch / limit)
     monkeypatch.setitem(LAWS, "brittle", replace(LAWS["brittle"], pair=wrong))
-    said = unstable_words(system, books, 1.0, 7)
+    said = instability_message(system, books, 1.0, 7)
     assert mentions(said, "unstable at step 3", "the law 'brittle'")
     assert "check loads" not in said
 

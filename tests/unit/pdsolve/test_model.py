@@ -88,7 +88,7 @@ def test_a_duration_is_counted_in_the_sure_step_and_the_end_said_last_counts(bar
         ([("run.duration", "1"), ("run.steps", "7")], 7),
         ([("run.steps", "7"), ("run.duration", f"{9.5 * step}")], 10),
     ):
-        run = prepare(read_model(bare, assignments=[material, *more]), Options()).system.asked.settings.run
+        run = prepare(read_model(bare, assignments=[material, *more]), Options()).system.requested_model.settings.run
         assert (run.steps, run.duration) == (steps, None)
     with pytest.raises(ModelError, match=naming("$.run.duration", found="1e+30 s", expected="2.14748e+09")):
         prepare(read_model(bare, assignments=[material, ("run.duration", "1e30")]), Options())

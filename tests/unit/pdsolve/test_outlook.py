@@ -88,7 +88,7 @@ def test_what_a_moving_zone_refuses_is_fine_everywhere(changes: dict[str, object
     with pytest.warns(ModelWarning, match=naming("$.run.adapt", *words)):
         found = prepare(model, Options()).system
     assert found.hybrid is None
-    assert found.asked.settings.run.adapt == "none"
+    assert found.requested_model.settings.run.adapt == "none"
 
 
 def test_nodes_on_no_lattice_are_solved_as_they_are() -> None:
@@ -167,7 +167,7 @@ def test_a_run_that_has_no_frame_yet_begins_anew_with_cells_that_come_earlier(tm
 def test_no_wider_zone_cures_steps_that_are_too_long(tmp_path: Path) -> None:
     """Twice the surely stable step stretches what lies at the border; the run ends, and does not begin anew."""
     model = stretched(3.0)
-    sure = prepare(model, Options(threads=1)).system.bound
+    sure = prepare(model, Options(threads=1)).system.stable_time_step
     run = msgspec.structs.replace(model.settings.run, time_step=2 * sure)
     model = Model(model.grid, msgspec.structs.replace(model.settings, run=run))
     with (

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from pdsolve.steppers.rigid_body_modes import loose
+from pdsolve.steppers.rigid_body_modes import find_loose_bodies
 
 
 def slab(*counts: int, spacing: float = 1e-3) -> np.ndarray:
@@ -30,9 +30,9 @@ def test_a_strip_of_any_length_is_held_by_its_end(length: int, components: list[
     position, bonds = rows(length, 3)
     held = np.zeros(position.shape, dtype=bool)
     held[:3, components] = True
-    found = loose(position, np.arange(len(position)), (bonds[0], bonds[1]), held)
-    assert found.nodes.all() if free else not found.nodes.any()
-    assert f"can {free}" in found.said if free else found.said == ""
+    found = find_loose_bodies(position, np.arange(len(position)), (bonds[0], bonds[1]), held)
+    assert found.is_loose.all() if free else not found.is_loose.any()
+    assert f"can {free}" in found.description if free else found.description == ""
 
 
 @pytest.mark.parametrize("scale", [1e-9, 1.0, 1e6])
@@ -40,9 +40,9 @@ def test_one_node_that_is_held_leaves_a_body_of_any_size_free_to_turn(scale: flo
     position, bonds = rows(3000, 3)
     held = np.zeros(position.shape, dtype=bool)
     held[0] = True
-    found = loose(scale * position, np.arange(len(position)), (bonds[0], bonds[1]), held)
-    assert found.nodes.all()
-    assert "can turn" in found.said
+    found = find_loose_bodies(scale * position, np.arange(len(position)), (bonds[0], bonds[1]), held)
+    assert found.is_loose.all()
+    assert "can turn" in found.description
 
 
 def test_a_strip_turns_about_a_row_held_along_it_alone() -> None:
@@ -51,7 +51,7 @@ def test_a_strip_turns_about_a_row_held_along_it_alone() -> None:
     held = np.zeros(position.shape, dtype=bool)
     held[position[:, 1] < 1e-9, 0] = True
     held[0, 1] = True
-    assert "can turn" in loose(position + 0.1, np.arange(900), (bonds[0], bonds[1]), held).said
+    assert "can turn" in find_loose_bodies(position + 0.1, np.arange(900), (bonds[0], bonds[1]), held).description
 
 
 @pytest.mark.parametrize("turned", [0.0, 0.7])
@@ -65,8 +65,8 @@ def test_a_body_turns_about_a_row_and_not_about_a_thin_strip(turned: float, widt
     held[(position[:, 1] < (width - 0.5) * 1e-3) & (position[:, 2] < 1e-9)] = True
     number = np.arange(len(position))
     i, j = np.nonzero(np.abs(position[:, None] - position).max(axis=2) < 1.5e-3)
-    found = loose(position @ rotation.T, number, (i[i != j], j[i != j]), held)
-    assert found.nodes.any() == free
+    found = find_loose_bodies(position @ rotation.T, number, (i[i != j], j[i != j]), held)
+    assert found.is_loose.any() == free
 
 
 @pytest.mark.parametrize("turned", [0.0, 0.7])
@@ -78,4 +78,4 @@ def test_a_row_of_nodes_in_space_needs_no_turn_about_itself_held(turned: float) 
     held[[0, 3]] = True
     held[[1, 2], 2] = True  # bonds in one line leave these to the supports
     held[[1, 2], 1 if turned == 0 else 0] = True
-    assert loose(position, np.arange(4), (bonds[0], bonds[1]), held).said == ""
+    assert find_loose_bodies(position, np.arange(4), (bonds[0], bonds[1]), held).description == ""

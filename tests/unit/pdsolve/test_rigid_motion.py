@@ -18,9 +18,9 @@ from pdmesh.model.document import Displacement, Load, RigidBody, Run, Velocity
 from pdsolve import Results, simulate
 from pdsolve.model import Model, ModelError
 from pdsolve.options import Options
-from pdsolve.run.measures import books
+from pdsolve.run.measures import compute_ledger_row
 from pdsolve.run.prepare import prepare
-from pdsolve.run.reactions import grips, reactions
+from pdsolve.run.reactions import acting_conditions, compute_reactions
 from pdsolve.run.simulation import resume
 from pdsolve.run.system import Prepared
 
@@ -57,7 +57,7 @@ def test_a_rigid_block_that_turns_and_hits_a_beam_conserves_momentum_and_energy(
     assert state.rate[rows, 1].mean() > 0
     assert np.abs(momentum(prepared) - before)[:2].max() < 1e-13 * MASS * V
     assert abs(momentum(prepared) - before)[2] < 2e-3 * MASS * V  # .0012: friction acts across the gap
-    assert abs(books(system, state, 500).balance(system.initial_energy)) < 5e-3  # .002
+    assert abs(compute_ledger_row(system, state, 500).balance_error(system.initial_energy)) < 5e-3  # .002
     x = system.model.grid.position[rows]
     assert np.abs(pdist(x + state.value[rows]) - pdist(x)).max() < 1e-15
 
@@ -74,7 +74,9 @@ def test_a_rigid_body_alone_flies_on_and_turns_about_its_centre() -> None:
     turn = np.array([[np.cos(w * t), -np.sin(w * t)], [np.sin(w * t), np.cos(w * t)]])
     assert state.value[rows] == pytest.approx(np.array(v) * t + arm @ turn.T - arm, abs=1e-14)
     assert state.rate[rows] == pytest.approx(np.array(v) + w * (arm @ turn.T)[:, ::-1] * [-1, 1], abs=1e-6)
-    assert books(system, state, steps).balance(system.initial_energy) == pytest.approx(0, abs=2e-5)  # (w dt)^2 / 4
+    assert compute_ledger_row(system, state, steps).balance_error(system.initial_energy) == pytest.approx(
+        0, abs=2e-5
+    )  # (w dt)^2 / 4
 
 
 @pytest.mark.slow
@@ -94,7 +96,7 @@ def test_a_rigid_body_falls_and_turns_under_loads() -> None:
     spin = np.linalg.lstsq(np.concatenate([-arm[:, 1], arm[:, 0]])[:, None], (speed - speed.mean(axis=0)).T.ravel())[0]
     inertia = MASS * (2 * 0.1**2 / 12) * (1 - 1 / 10**2)  # of its 10 by 10 nodes
     assert spin[0] == pytest.approx(-MASS * g / 2 * 0.025 * t / inertia, rel=0.01)  # while it has turned by .1
-    found = books(system, state, 200)
+    found = compute_ledger_row(system, state, 200)
     assert found.kinetic == pytest.approx(found.work, rel=1e-5)
 
 
@@ -108,20 +110,20 @@ def test_a_held_body_keeps_its_velocity_and_its_work_is_booked() -> None:
     rows = system.model.grid.bodies.number == 1  # type: ignore[union-attr]
     assert state.value[rows, 1] == pytest.approx(-3 * V, rel=1e-3)
     assert state.value[rows, 0] == pytest.approx(0, abs=1e-15)
-    entry = books(system, state, last - 1)
+    entry = compute_ledger_row(system, state, last - 1)
     assert entry.work > 1e-7
-    assert abs(entry.balance(system.initial_energy)) < 5e-3
+    assert abs(entry.balance_error(system.initial_energy)) < 5e-3
 
 
 @pytest.mark.slow
 def test_the_reaction_of_a_rigid_body_is_its_force_on_what_it_touches() -> None:
     prepared = prepare(falling(), Options(threads=1))
-    (system, state), given = prepared, grips(prepared.system)
+    (system, state), given = prepared, acting_conditions(prepared.system)
     assert [grip.kind for grip in given] == ["rigid"]
     rows, pushed, before = system.model.grid.bodies.number == 1, 0.0, -V  # type: ignore[union-attr]
     for step in range(1, 301):
         prepared.march(step, step + 1)
-        (found,) = reactions(given, system, state, step, step * system.time_step)
+        (found,) = compute_reactions(given, system, state, step, step * system.time_step)
         pushed -= found.force_y * system.time_step
     # the last velocity holds half of the last force
     assert pushed == pytest.approx(MASS * (state.rate[rows, 1].mean() - before), rel=1e-12)

@@ -17,7 +17,7 @@ from pdmesh.model.document import Run
 from pdsolve import Results, simulate
 from pdsolve.model import Model, ModelError
 from pdsolve.options import Options
-from pdsolve.run.measures import Ledger, books
+from pdsolve.run.measures import LedgerRow, compute_ledger_row
 from pdsolve.run.prepare import prepare
 from pdsolve.run.simulation import resume
 
@@ -34,7 +34,7 @@ def struck(radius: float | None = R, run: Run | None = None, x: float = 0.3, sin
     return Model(built.grid, built.settings)
 
 
-def bounced(model: Model, steps: int) -> tuple[np.ndarray, float, Ledger, float]:
+def bounced(model: Model, steps: int) -> tuple[np.ndarray, float, LedgerRow, float]:
     """Velocity of the last body, m/s, its spin, rad/s, the ledger, and the energy at the start; of a plate."""
     system, state = prepared = prepare(model, Options(threads=1))
     prepared.march(1, steps + 1)
@@ -43,7 +43,7 @@ def bounced(model: Model, steps: int) -> tuple[np.ndarray, float, Ledger, float]
     arm, way = (model.grid.position + state.value)[own], state.rate[own]
     speed, arm = way.mean(axis=0), arm - arm.mean(axis=0)
     spin = float((arm[:, 0] @ way[:, 1] - arm[:, 1] @ way[:, 0]) / (arm**2).sum())
-    return speed, spin, books(system, state, steps), system.initial_energy
+    return speed, spin, compute_ledger_row(system, state, steps), system.initial_energy
 
 
 @pytest.mark.slow
@@ -52,7 +52,7 @@ def test_a_disc_keeps_its_spin_and_leaves_a_wall_by_the_angle_at_which_it_came(x
     speed, spin, last, begun = bounced(struck(x=x), 300)
     assert spin == pytest.approx(SPIN, rel=1e-6)  # 4e-8: the mean of velocities over a step in which it turns
     assert speed == pytest.approx([V, V], rel=0.012)  # .0096, .0005, .009: the wall's nodes are a spacing apart
-    assert abs(last.balance(begun)) < 1e-3  # 1e-4
+    assert abs(last.balance_error(begun)) < 1e-3  # 1e-4
 
 
 @pytest.mark.slow
@@ -66,7 +66,7 @@ def test_friction_turns_a_disc_by_as_much_as_it_slows_it() -> None:
     assert speed[0] == pytest.approx(V - 2 * mu * V, rel=0.04)  # .033 of what it keeps
     assert (spin - SPIN) * inertia == pytest.approx(MASS * R * (speed[0] - V), rel=0.03)  # .019: what the angle is off
     assert last.friction > 0.4 * begun
-    assert abs(last.balance(begun)) < 1e-3
+    assert abs(last.balance_error(begun)) < 1e-3
 
 
 @pytest.mark.slow
@@ -84,7 +84,7 @@ def test_bodies_rebound_with_their_restitution(radius: float | None, e: float) -
     speed, _, last, begun = bounced(model, 800)
     assert speed[1] == pytest.approx(e * V, rel=0.02)
     assert last.dissipated == pytest.approx((1 - e**2) * MASS * V**2 / 2, rel=0.02)
-    assert abs(last.balance(begun)) < 2e-3  # .0011
+    assert abs(last.balance_error(begun)) < 2e-3  # .0011
 
 
 @pytest.mark.slow
@@ -102,7 +102,7 @@ def test_a_ball_keeps_its_spin_on_a_block_in_space() -> None:
     assert rigid.motion.momentum[0] == pytest.approx(rigid.bodies[0].inertia @ np.array(spin), rel=1e-12)
     own = system.model.grid.rigid
     assert state.rate[own].mean(axis=0)[2] > 2e-3
-    assert abs(books(system, state, steps).balance(system.initial_energy)) < 5e-3
+    assert abs(compute_ledger_row(system, state, steps).balance_error(system.initial_energy)) < 5e-3
 
 
 @pytest.mark.slow

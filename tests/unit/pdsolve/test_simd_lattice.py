@@ -21,9 +21,9 @@ from pdsolve.operators.simd_lattice.kernel import Blocks
 from pdsolve.operators.simd_lattice.layout import Distinct
 from pdsolve.operators.simd_lattice.operator import SimdLattice
 from pdsolve.options import Options
-from pdsolve.run.measures import books
+from pdsolve.run.measures import compute_ledger_row
 from pdsolve.run.prepare import prepare
-from pdsolve.run.recorder import breaks, restore
+from pdsolve.run.recorder import breaks_since, restore_state
 from pdsolve.run.simulation import simulate
 from pdsolve.run.system import Prepared
 
@@ -70,7 +70,9 @@ def test_a_whole_run(name: str, mode: str, law: str) -> None:
     assert all(map(np.array_equal, broken(fast), broken(listed)))
     for field in ("value", "rate", "work"):
         assert nearly(getattr(fast.state, field), getattr(listed.state, field), 1e-10), field
-    assert books(*fast, 120)[2:] == pytest.approx(books(*listed, 120)[2:], rel=1e-10, abs=1e-9)
+    assert compute_ledger_row(*fast, 120)[2:] == pytest.approx(
+        compute_ledger_row(*listed, 120)[2:], rel=1e-10, abs=1e-9
+    )
 
 
 def blocks_of(problem: Prepared) -> Blocks:
@@ -106,13 +108,13 @@ def test_bonds_that_have_softened_stay_so_when_they_are_let_go(mode: str) -> Non
     assert not nearly(fast.state.second, new.state.second, 0.05)  # measured 0.095 and 0.12
     assert nearly(fast.system.operator.energies(fast.state)[1], listed.system.operator.energies(listed.state)[1], 1e-12)
     assert fast.system.operator.energies(fast.state)[1].max() > 0
-    restore(*again, 2, kept(fast), breaks(fast.system, 0))
+    restore_state(*again, 2, kept(fast), breaks_since(fast.system, 0))
     assert flags.any()
     assert np.array_equal(of_again, flags)
     for problem in (fast, again):
         problem.march(3, 6)
     assert fast.state.second.tobytes() == again.state.second.tobytes()
-    restore(*fast, 0, at_rest, breaks(fast.system, 0))
+    restore_state(*fast, 0, at_rest, breaks_since(fast.system, 0))
     assert not flags.any()
     assert not of_new.any()
 

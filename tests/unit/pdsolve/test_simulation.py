@@ -21,8 +21,8 @@ from pdmesh.model.document import Run
 from pdsolve.model import Model, ModelError, ModelWarning
 from pdsolve.results import Breaks, Results, ResultsError
 from pdsolve.run.estimate import estimate_run
-from pdsolve.run.measures import CRACKED, damage, pieces
-from pdsolve.run.recorder import breaks, restore
+from pdsolve.run.measures import CRACKED, count_pieces, damage
+from pdsolve.run.recorder import breaks_since, restore_state
 from pdsolve.run.simulation import Options, Progress, UnstableError, prepare, resume, simulate
 
 
@@ -92,7 +92,7 @@ def test_a_watcher_sees_progress(small_plate: Model) -> None:
 
 
 def test_too_large_a_step_is_stopped_and_told(small_plate: Model, tmp_path: Path) -> None:
-    bound = prepare(small_plate, Options()).system.bound
+    bound = prepare(small_plate, Options()).system.stable_time_step
     model = with_run(small_plate, time_step=3 * bound, steps=400, every=20)
     path = tmp_path / "unstable.sqlite"
     own = [f"{step:.4g} s" for step in (3 * bound, bound)]
@@ -108,7 +108,7 @@ def test_too_large_a_step_is_stopped_and_told(small_plate: Model, tmp_path: Path
 @pytest.mark.parametrize("mode", ["thesis", "conservative"])
 def test_no_time_step_takes_the_bound(small_plate: Model, mode: str) -> None:
     problem = prepare(with_run(small_plate, time_step=None), Options(mode))
-    assert problem.system.time_step == problem.system.bound
+    assert problem.system.time_step == problem.system.stable_time_step
 
 
 @pytest.mark.parametrize(
@@ -151,22 +151,22 @@ def test_a_torn_problem_goes_back(small_plate: Model, kernel: str) -> None:
     """Bonds that broke later are whole again, and the way from there is the same to the last bit."""
     problem = prepare(bilinear(small_plate), Options(kernel=kernel))
     problem.march(1, 41)
-    before, broke = kept(problem), breaks(problem.system, 0)
+    before, broke = kept(problem), breaks_since(problem.system, 0)
     problem.march(41, 61)
-    after = problem.state.value.copy(), breaks(problem.system, 0)
+    after = problem.state.value.copy(), breaks_since(problem.system, 0)
     assert 0 < len(broke.step) < len(after[1].step)
-    restore(*problem, 40, before, broke)
-    assert breaks(problem.system, 0).step.tolist() == broke.step.tolist()
+    restore_state(*problem, 40, before, broke)
+    assert breaks_since(problem.system, 0).step.tolist() == broke.step.tolist()
     problem.march(41, 61)
     assert np.array_equal(problem.state.value, after[0])
-    assert all(np.array_equal(*columns) for columns in zip(breaks(problem.system, 0), after[1], strict=True))
+    assert all(np.array_equal(*columns) for columns in zip(breaks_since(problem.system, 0), after[1], strict=True))
 
 
 def test_a_checkpoint_of_another_version_is_refused(small_plate: Model, tmp_path: Path) -> None:
     """One that has other names for what it holds, as before there were states."""
     path = tmp_path / "old.sqlite"
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("pdsolve.run.recorder.checkpoint", lambda system, state: {"u": state.value, "v": state.rate})
+        patch.setattr("pdsolve.run.recorder.make_checkpoint", lambda system, state: {"u": state.value, "v": state.rate})
         simulate(small_plate, path, watch=lambda progress: progress.step >= 20).close()
     before = path.read_bytes()
     with pytest.raises(ResultsError, match=naming("old.sqlite", found=("checkpoint", "pdsolve"), expected="anew")):
@@ -222,15 +222,15 @@ def test_pieces_are_not_joined_by_cracked_nodes(kernel: str) -> None:
     source, target = np.repeat(np.arange(len(column)), np.diff(bonds.start)), bonds.neighbour
     between = np.abs(column - 10) <= 1
     inside = between[source] & between[target]
-    assert pieces(problem.system) == 1
+    assert count_pieces(problem.system) == 1
     ids = problem.system.model.grid.ids
     broke = Breaks(np.ones(inside.sum(), dtype=np.int64), ids[source[inside]], ids[target[inside]])
-    restore(*problem, 1, kept(problem), broke)
+    restore_state(*problem, 1, kept(problem), broke)
     assert damage(problem.system)[between].min() > CRACKED
     assert damage(problem.system)[~between].max() == 0
     for side in (column < 9, column > 11):
         assert (between[source] & side[target]).sum() > 100
-    assert pieces(problem.system) == 2
+    assert count_pieces(problem.system) == 2
 
 
 def test_a_run_stops_when_nothing_breaks_any_more(small_plate: Model) -> None:

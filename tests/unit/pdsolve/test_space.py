@@ -113,7 +113,11 @@ def test_what_is_said_of_a_run_is_what_it_does(model: str) -> None:
     material = msgspec.structs.replace(RUBBER, model=model, nu=0.25, failure="stretch" if model == "bond" else "none")
     found = Model(found.grid, msgspec.structs.replace(found.settings, material=material))
     said, system = estimate_run(found, ONE), prepare(found, ONE).system
-    assert (said.bonds, said.time_step, said.stable_time_step) == (system.bonds, system.time_step, system.bound)
+    assert (said.bonds, said.time_step, said.stable_time_step) == (
+        system.bonds,
+        system.time_step,
+        system.stable_time_step,
+    )
     assert said.in_blocks == (model == "bond") == (system.operator.name == "blocks")
 
 

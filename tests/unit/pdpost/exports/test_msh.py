@@ -50,6 +50,6 @@ def test_gmsh_reads_what_was_stored(hybrid_results: Path, tmp_path: Path, gmsh: 
                 assert np.allclose(found, nodes.position, atol=1e-12)
                 values = np.array(data).reshape(-1, parts)[::corners]
                 if name == "damage":
-                    assert np.allclose(values[:, 0], fields.values(results, "damage", step), atol=1e-7)
+                    assert np.allclose(values[:, 0], fields.field_values(results, "damage", step), atol=1e-7)
                 else:
                     assert np.array_equal(values[:, 0], results.field("ux", step).astype(float))

@@ -32,12 +32,12 @@ from pdpost.figures import (
 from pdpost.figures.labels import prefixed
 from pdpost.figures.style import FigureError
 from pdpost.measures import crack_summary, plate_geometry
-from pdpost.measures.bond_pairs import pairs
+from pdpost.measures.bond_pairs import read_bond_pairs
 from pdpost.measures.cracked_nodes import damage_at
 from pdpost.measures.fields import FIELDS, FieldError
-from pdpost.measures.tips import tips
+from pdpost.measures.tips import crack_branches
 from pdsolve.results import Breaks, Families, Frame, Results, ResultsError, Writer
-from pdsolve.run.measures import Ledger
+from pdsolve.run.measures import LedgerRow
 
 DRAW: dict[str, Callable[[Results], Figure]] = {
     "damage": lambda results: field_figure.field(results, "damage", 60),
@@ -194,7 +194,7 @@ def torn_plate() -> tuple[Results, NDArray[np.float64]]:
     u = 1e-4 * nodes.position[:, 0]
     u[np.array(torn) - 1] += [-1e-4, 1e-4]
     fields = {"ux": u, "uy": 0 * u}
-    ledger = [Ledger(1, 1e-6, *[0.0] * 6, len(breaks))]
+    ledger = [LedgerRow(1, 1e-6, *[0.0] * 6, len(breaks))]
     writer.write(Frame(1, 1e-6, fields, Breaks(*np.array(breaks).T), ledger, [], {}))
     return Results(writer.connection, "memory"), np.array(torn)
 
@@ -319,8 +319,8 @@ def test_bonds_are_blue_and_red(small_results: Path) -> None:
     """A line for each pair of nodes, between them; as many red ones as there are breaks."""
     with Results.open(small_results) as results:
         figure = bond_figure.bonds(results, 60)
-        found = pairs(results, 60)
-        early = pairs(results, 0)
+        found = read_bond_pairs(results, 60)
+        early = read_bond_pairs(results, 0)
         nodes, breaks, families = results.nodes(), results.breaks(), results.families()
     gone = {frozenset(pair) for pair in zip(breaks.node.tolist(), breaks.neighbour.tolist(), strict=True)}
     assert len(found.broken) == len(families.neighbour) / 2
@@ -372,7 +372,7 @@ def test_many_bonds_are_counted(small_results: Path, monkeypatch: pytest.MonkeyP
     monkeypatch.setattr(bond_figure, "LINES", 10)
     with Results.open(small_results) as results:
         figure = bond_figure.bonds(results, 60)
-        share = pairs(results, 60).broken.mean()
+        share = read_bond_pairs(results, 60).broken.mean()
     assert len(figure.axes[0].images) == 1
     pixels = np.asarray(figure.axes[0].images[0].get_array())
     blue = np.array([*(255 * np.array(to_rgb("#56b4e9"))).round(), 255])
@@ -396,7 +396,7 @@ def test_the_legend_of_a_crack_covers_no_branch(small_results: Path) -> None:
     """It stands below the plate, on which branches may run anywhere."""
     from drawn import lattice, run
 
-    branches = tips(run(lattice(), [(x, x, y) for x in range(5, 16) for y in (-1, 0, 1)]))
+    branches = crack_branches(run(lattice(), [(x, x, y) for x in range(5, 16) for y in (-1, 0, 1)]))
     wide = [replace(one, line=np.zeros_like(one.line)) for one in branches]
     with Results.open(small_results) as results:
         figure = crack_figure.crack(results, replace(crack_summary.crack(results), branches=wide))

@@ -20,7 +20,7 @@ from pdmesh.model.node_grid import document_of
 from pdpost.figures import bond_figure, crack_figure, field_figure, level_figure, sheets
 from pdpost.figures.scene_figure import scene
 from pdpost.measures import plate_geometry
-from pdpost.measures.plate_geometry import cells, check_alike, plate
+from pdpost.measures.plate_geometry import expect_same_plate, read_plate_geometry, voronoi_cells
 from pdsolve.model import read_model
 from pdsolve.results import Results, ResultsError
 from pdsolve.run.simulation import simulate
@@ -84,7 +84,7 @@ def test_fields_fill_the_plate_and_nothing_else(
         monkeypatch.setattr(plate_geometry, "MANY", 10)
     with Results.open(bored) as results:
         figure = PICTURES[what](results)
-        on = plate(results)
+        on = read_plate_geometry(results)
         levels_of = np.unique(results.nodes().delta)
     assert levels_of.tolist() == [1e-3, 2e-3]
     if what == "scene":  # white lines between its nodes belong to it
@@ -114,7 +114,7 @@ def test_edges_and_pre_cracks_are_drawn(bored: Path, what: str) -> None:
     }
     with Results.open(bored) as results:
         figure = (PICTURES | more)[what](results)
-        on = plate(results)
+        on = read_plate_geometry(results)
     drawn = [lines for lines in figure.axes[0].collections if isinstance(lines, LineCollection)]
     rings = [line for lines in drawn for line in lines.get_segments() if len(line) > 5]
     assert sorted(len(ring) - 1 for ring in rings) == sorted(len(ring) for ring in on.edges)
@@ -128,8 +128,8 @@ def test_edges_and_pre_cracks_are_drawn(bored: Path, what: str) -> None:
 def test_cells_share_the_plate_out(bored: Path) -> None:
     """They cover the plate, none twice, and each has its node in it or on its edge; areas are those of the nodes."""
     with Results.open(bored) as results:
-        nodes, on = results.nodes(), plate(results)
-        own = cells(nodes, on.shape)
+        nodes, on = results.nodes(), read_plate_geometry(results)
+        own = voronoi_cells(nodes, on.shape)
     shapes = []
     for row in range(len(nodes.ids)):
         corners = own.corners[own.owner == row]
@@ -151,7 +151,7 @@ def test_a_bore_smaller_than_a_cell_is_a_hole_in_it() -> None:
         np.arange(count), np.column_stack([x.ravel(), y.ravel()]), np.full(count, 1e-3), *[np.ones(count)] * 3
     )  # type: ignore[arg-type]
     shape = shapely.box(0, 0, 2e-3, 2e-3).difference(shapely.Point(1.2e-3, 1.2e-3).buffer(0.1e-3))
-    own = cells(nodes, shape)
+    own = voronoi_cells(nodes, shape)
     assert own.closes[own.owner == 4].sum() == 2  # two rings
     middle = own.corners[own.owner == 4]
     assert len(middle) > 20
@@ -172,7 +172,7 @@ def test_a_deformed_plate_keeps_its_cells(bored: Path) -> None:
 
 def test_a_plate_without_an_outline_is_where_its_nodes_are(small_results: Path) -> None:
     with Results.open(small_results) as results:
-        on, nodes = plate(results), results.nodes()
+        on, nodes = read_plate_geometry(results), results.nodes()
     assert on.edges == ()
     assert on.shape.area == pytest.approx(nodes.area.sum(), rel=1e-9)
 
@@ -181,6 +181,6 @@ def test_other_plates_are_not_alike(bored: Path, tmp_path: Path) -> None:
     """The same box without the bore, and with a smaller one, is another plate; a finer grid of it is the same."""
     without = solved(tmp_path / "whole.sqlite", plan())
     with Results.open(bored) as one, Results.open(without) as other:
-        check_alike(one, one)
+        expect_same_plate(one, one)
         with pytest.raises(ResultsError, match=naming("whole.sqlite", found=re.compile(r"\(0\.0\d+,\ 0\.0\d+\)\ m"))):
-            check_alike(other, one)
+            expect_same_plate(other, one)

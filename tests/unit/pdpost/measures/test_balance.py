@@ -12,7 +12,7 @@ from plates import plate, square_grid
 from pdmesh.model.document import InitialVelocity, Load, Run, Velocity
 from pdpost.figures import charts
 from pdpost.measures.balance import balance
-from pdpost.measures.forces import chosen, reactions
+from pdpost.measures.forces import reactions, select_reactions
 from pdsolve.results import Results, ResultsError
 from pdsolve.run.simulation import simulate
 
@@ -56,10 +56,10 @@ def test_reactions_have_the_names_of_their_conditions() -> None:
         (2, "condition 2", "velocity", 0),
     ]
     assert found[0].force[-1] == pytest.approx([1e9 * 5e-6, 5e9 * 5e-6])
-    assert [one.number for one in chosen(found, ["2", "pull"])] == [2, 1]
-    assert chosen(found, []) == found
+    assert [one.number for one in select_reactions(found, ["2", "pull"])] == [2, 1]
+    assert select_reactions(found, []) == found
     with pytest.raises(ResultsError, match=naming(found="condition 'push'", expected=("1 (pull)", "2 (condition 2)"))):
-        chosen(found, ["push"])
+        select_reactions(found, ["push"])
     figure = charts.reactions(found)
     over_time, over_way = figure.axes
     assert over_time.get_ylabel() == "force on the plate, kN/m"

@@ -14,7 +14,7 @@ from plates import square_grid
 from pdpost.measures import histories, strain, tradeoff
 from pdpost.measures.cracked_nodes import cracked_since, damage_at, separation_at
 from pdsolve.results import Breaks, Epoch, Frame, Nodes, Results, Writer
-from pdsolve.run.measures import Ledger
+from pdsolve.run.measures import LedgerRow
 
 NO_BREAKS = Breaks(*np.zeros((3, 0), dtype=np.int64))
 
@@ -78,8 +78,8 @@ def test_who_is_born_is_of_the_material_of_the_nearest_at_the_start() -> None:
         Frame(5, 5e-6, None, NO_BREAKS, [], [], {}, epochs=[epoch(3, 2, parts, [1], 3)], rows=np.array([0, 2, 3]))
     )
     results = Results(writer.connection, "memory")
-    assert strain.stiffness(results, 0)[0].tolist() == [1.0, 2.0]
-    assert strain.stiffness(results, 5)[0].tolist() == [1.0, 2.0, 2.0]
+    assert strain.elastic_constants(results, 0)[0].tolist() == [1.0, 2.0]
+    assert strain.elastic_constants(results, 5)[0].tolist() == [1.0, 2.0, 2.0]
 
 
 def split(path: Path, at: int, side: int = 8) -> Results:
@@ -102,7 +102,7 @@ def split(path: Path, at: int, side: int = 8) -> Results:
         new = step - 10 <= at < step
         changes = [epoch(at + 1, count, later, list(range(count)), 4 * count)] if new else []
         rows = None if whole else count + np.arange(4 * count)
-        books = [Ledger(step, 1e-7 * step, *[0.0] * 6, 0)]
+        books = [LedgerRow(step, 1e-7 * step, *[0.0] * 6, 0)]
         writer.write(Frame(step, 1e-7 * step, fields, NO_BREAKS, books, [], {}, epochs=changes, rows=rows))
     writer.tell({"summary": json.dumps({"wall_time": 1.0, "steps": 40})})
     writer.close("finished")
@@ -112,14 +112,14 @@ def split(path: Path, at: int, side: int = 8) -> Results:
 def test_histories_are_of_those_there_are(tmp_path: Path) -> None:
     """A node that dies, one that is born, a place, a box."""
     with split(tmp_path / "a.sqlite", 15) as results:
-        dies, born = histories.of_node(results, 1), histories.of_node(results, 65)
+        dies, born = histories.node_history(results, 1), histories.node_history(results, 65)
         assert np.isfinite(dies.value).tolist() == [True, True, False, False, False]
         assert np.isfinite(born.value).tolist() == [False, False, True, True, True]
-        here = histories.at_place(results, (0.3e-3, 0.3e-3), component="x")
+        here = histories.place_history(results, (0.3e-3, 0.3e-3), component="x")
         x = np.array([0.5e-3, 0.5e-3, 0.25e-3, 0.25e-3, 0.25e-3])
         assert here.value == pytest.approx(-1e-3 * x * 10 * np.arange(5), rel=1e-6)
         assert (here.nodes, here.label) == ((1, 65), "nearest of 2 nodes")
-        mean = histories.in_box(results, (0, 0, 1e-3, 1e-3), component="y")
+        mean = histories.box_history(results, (0, 0, 1e-3, 1e-3), component="y")
         assert mean.value == pytest.approx(0.5e-6 * 10 * np.arange(5), rel=1e-6)
         assert len(mean.nodes) == 5
 
@@ -130,10 +130,10 @@ def test_displacements_are_compared_where_nodes_change_in_between(tmp_path: Path
     """What is linear in space and time is the same on all clouds, but at the edges of the coarser one."""
     with split(tmp_path / "a.sqlite", at) as one, split(tmp_path / "b.sqlite", 99) as other:
         for results, reference in ((one, other), (other, one)):
-            error = tradeoff.displacement(results, reference)
+            error = tradeoff.displacement_error(results, reference)
             assert error is not None
             assert error < 1e-6  # measured 4e-8: single precision
-        moved = tradeoff._at(one, 3.5e-6)
+        moved = tradeoff._displacement_at(one, 3.5e-6)
         nodes = one.nodes(40)
         inside = np.isfinite(moved).all(axis=1)
         x, y = nodes.position[inside].T

@@ -11,13 +11,13 @@ import pytest
 from drawn import alone, at, lattice, run
 
 from pdpost.exports import csv_columns
-from pdpost.measures.bond_pairs import pairs
+from pdpost.measures.bond_pairs import read_bond_pairs
 from pdpost.measures.crack_summary import Summary, crack, numbers, sentences
 from pdpost.measures.cracked_nodes import cracked_since, damage_at, separation_at
-from pdpost.measures.cracks import Growth, clusters, growth, is_split
-from pdpost.measures.fields import values
+from pdpost.measures.cracks import CrackEvents, cluster_nodes, crack_events, is_split
+from pdpost.measures.fields import field_values
 from pdpost.measures.fragments import Fragment, Fragments
-from pdpost.measures.release import Release
+from pdpost.measures.release import EnergyRelease
 from pdpost.reading.tables import queries
 from pdsolve.results import Breaks, Frame, Results, Writer
 from pdsolve.study.run_measures import _cracked
@@ -26,7 +26,7 @@ PLATE = json.dumps({"material": {"E": 65e9, "rho": 2235.0, "G0": 204.0}})
 
 
 def test_a_crack_starts_when_its_tip_is_one_and_a_half_spacings_on() -> None:
-    found = growth(run(lattice(), [(3, 5, 0), (7, 6, 0), (9, 7, 0)]))
+    found = crack_events(run(lattice(), [(3, 5, 0), (7, 6, 0), (9, 7, 0)]))
     assert found.initial_tip == pytest.approx(4e-3)
     assert found.start is not None
     assert (found.start.step, found.start.time, found.start.along) == pytest.approx((7, 7e-6, 6e-3))
@@ -38,7 +38,7 @@ def test_a_crack_that_starts_elsewhere_has_started() -> None:
     """Below and behind the tip of the pre-crack, whichever direction is looked along."""
     steps = [(3, 2, -4), (5, 3, -4), (50, 5, 0), (60, 6, 0)]
     for direction in ((1.0, 0.0), (0.0, 1.0)):
-        found = growth(run(lattice(), steps), direction)
+        found = crack_events(run(lattice(), steps), direction)
         assert found.start is not None
         assert found.start.step == 3
 
@@ -46,7 +46,7 @@ def test_a_crack_that_starts_elsewhere_has_started() -> None:
 def test_flanks_of_a_pre_crack_are_no_branch() -> None:
     """Nodes beside the pre-crack crack on both of its sides, linked around its tip."""
     flanks = [(10 + x, x, y) for x in range(6) for y in (-2, 2)] + [(9, 6, y) for y in (-1, 0, 1)]
-    assert growth(run(lattice(), flanks)).branching is None
+    assert crack_events(run(lattice(), flanks)).branching is None
 
 
 TRUNK = [(x, x, 0) for x in range(5, 16)]
@@ -89,13 +89,13 @@ def test_everything_is_of_the_step_that_is_asked_for() -> None:
 
 def test_cracks_side_by_side_are_no_branch() -> None:
     """The same arms without the trunk that links them, and a branch behind the first tip."""
-    assert growth(run(lattice(40, 41), [(5, 6, 3), *ARMS[4:]])).branching is None
+    assert crack_events(run(lattice(40, 41), [(5, 6, 3), *ARMS[4:]])).branching is None
     behind = [(5, 6, 0)] + [(10, x, y) for x in (1, 2, 3) for y in (1, 2, 3)]
-    assert growth(run(lattice(), behind)).branching is None
+    assert crack_events(run(lattice(), behind)).branching is None
 
 
 def test_a_plate_that_does_not_break() -> None:
-    found = growth(run(lattice(), []))
+    found = crack_events(run(lattice(), []))
     assert (found.first_break, found.start, found.branching, found.split) == (None, None, None, None)
     assert (found.initial_tip, found.final_tip) == pytest.approx((4e-3, 4e-3))
 
@@ -104,7 +104,7 @@ def test_the_first_break_needs_no_cracked_node() -> None:
     nodes = lattice()
     writer = Writer.create(None, nodes, alone, np.empty((0, 4)), {"time_step": 1e-6})
     writer.write(Frame(9, 9e-6, None, Breaks(*np.array([[4], [50], [51]])), [], [], {}))
-    found = growth(Results(writer.connection, "memory"))
+    found = crack_events(Results(writer.connection, "memory"))
     assert found.first_break is not None
     assert (found.first_break.step, found.start) == (4, None)
 
@@ -112,7 +112,7 @@ def test_the_first_break_needs_no_cracked_node() -> None:
 def test_a_crack_may_run_down() -> None:
     """Along -y, a plate without a crack at first: the first cracked node is the start."""
     nodes = lattice()._replace(cut=np.zeros(180, dtype=np.int64))
-    found = growth(run(nodes, [(2, 9, 4), (3, 9, 3), (6, 9, 2)]), (0.0, -1.0))
+    found = crack_events(run(nodes, [(2, 9, 4), (3, 9, 3), (6, 9, 2)]), (0.0, -1.0))
     assert found.initial_tip is None
     assert found.start is not None
     assert (found.start.step, found.start.along) == (2, pytest.approx(-4e-3))
@@ -121,19 +121,19 @@ def test_a_crack_may_run_down() -> None:
 
 def test_a_chain_from_side_to_side_splits_the_plate_when_its_last_link_cracks() -> None:
     rest = [(3 + x, x, (x % 2)) for x in range(5, 19)]
-    assert growth(run(lattice(), rest)).split is None
-    found = growth(run(lattice(), [*rest, (30, 19, 0)])).split
+    assert crack_events(run(lattice(), rest)).split is None
+    found = crack_events(run(lattice(), [*rest, (30, 19, 0)])).split
     assert found is not None
     assert found.step == 30
     gap = [row for row in rest if row[1] != 12]
-    assert growth(run(lattice(), [*gap, (30, 19, 0)])).split is None
+    assert crack_events(run(lattice(), [*gap, (30, 19, 0)])).split is None
 
 
 def test_clusters_and_splits_of_nodes() -> None:
     nodes = lattice()
     marked = [at(nodes, x, 0) - 1 for x in (0, 1, 2, 5, 6)]
     cracked = np.isin(np.arange(180), marked)
-    assert len(set(clusters(nodes.position[cracked], nodes.delta[cracked]).tolist())) == 2
+    assert len(set(cluster_nodes(nodes.position[cracked], nodes.delta[cracked]).tolist())) == 2
     assert not is_split(nodes, cracked)
     assert is_split(nodes, nodes.position[:, 0] == nodes.position[3, 0])  # a column, top to bottom
     assert not is_split(nodes, np.zeros(180, dtype=bool))
@@ -153,8 +153,8 @@ def test_a_pre_crack_is_not_damage(small_results: Path) -> None:
         assert separation_at(results, 0).max() == pytest.approx((nodes.cut / nodes.family).max())
         assert damage_at(results, 0).max() == 0
         assert damage_at(results, 60) == pytest.approx(broken / (nodes.family - nodes.cut))
-        assert values(results, "damage", 0).max() == 0
-        assert values(results, "separation", 0) == pytest.approx(results.field("damage", 0), abs=1e-7)
+        assert field_values(results, "damage", 0).max() == 0
+        assert field_values(results, "separation", 0) == pytest.approx(results.field("damage", 0), abs=1e-7)
         assert csv_columns.of_frame(results, 0)["damage"].max() == 0
         (sql,) = (query.sql for query in queries(results) if "damaged" in query.asks)
         rows = {row[0]: row[3] for row in results.connection.execute(sql)}
@@ -167,7 +167,7 @@ def test_bonds_are_counted_in_pairs(small_results: Path) -> None:
         count = results.summary()["broken_bonds"]
         (sql,) = (query.sql for query in queries(results) if "broken" in query.asks)
         assert count > 0
-        assert pairs(results, 60).broken.sum() == count
+        assert read_bond_pairs(results, 60).broken.sum() == count
         assert sum(bonds for _, bonds in results.connection.execute(sql)) == count
         assert len(results.breaks().step) == results.history()["broken"][-1] == 2 * count  # as the page on files says
 
@@ -187,8 +187,8 @@ def test_pieces_beside_crumbs_are_said_to_be_few() -> None:
     """A plate of 100 mm^2: two pieces of 2 mm^2, and the rest in crumbs and cracked nodes."""
     piece = Fragment(2, 2e-6, (0.0, 0.0))
     crumbs = Fragments((piece, piece), 40, 60e-6, 36e-6)
-    nothing, none = Growth(None, None, None, None, None, None), np.zeros(0)
-    summary = Summary(0, 1e-8, "right", nothing, [], [], [], crumbs, 2000.0, Release(none, none, none, 100.0))
+    nothing, none = CrackEvents(None, None, None, None, None, None), np.zeros(0)
+    summary = Summary(0, 1e-8, "right", nothing, [], [], [], crumbs, 2000.0, EnergyRelease(none, none, none, 100.0))
     pieces, said = sentences(summary)
     assert pieces.startswith("2 pieces of 2, 2 mm^2")
     assert said.startswith("96% of the plate is in no piece")

@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 from drawn import lattice, run
 
-from pdpost.measures.directions import Direction, directions
-from pdpost.measures.tips import tips
+from pdpost.measures.directions import CrackDirection, measure_directions
+from pdpost.measures.tips import crack_branches
 from pdsolve.results import Nodes, Results
 
 
-def left(results: Results, step: int = 1000) -> list[Direction]:
-    return directions(results, tips(results, step))
+def left(results: Results, step: int = 1000) -> list[CrackDirection]:
+    return measure_directions(results, crack_branches(results, step))
 
 
 @pytest.mark.parametrize(("up", "angle"), [(1, 45.0), (1, -45.0), (2, 63.434948822922)])

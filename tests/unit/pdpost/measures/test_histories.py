@@ -11,7 +11,7 @@ from messages import naming
 from plates import plate, square_grid
 
 from pdmesh.model.document import Run, Velocity
-from pdpost.measures.histories import at_place, in_box, of_node
+from pdpost.measures.histories import box_history, node_history, place_history
 from pdsolve.model import Model
 from pdsolve.results import Results, ResultsError
 from pdsolve.run.simulation import simulate
@@ -22,8 +22,8 @@ def test_a_probe_is_finer_than_frames(small_plate: Model) -> None:
     run = msgspec.structs.replace(small_plate.settings.run, probes=((7e-3, 0.5e-3),), ledger=5)
     settings = msgspec.structs.replace(small_plate.settings, run=run)
     with simulate(Model(small_plate.grid, settings)) as results:
-        here, there = at_place(results, (7.1e-3, 0.5e-3)), at_place(results, (8.1e-3, 0.5e-3))
-        faster = of_node(results, here.nodes[0], "acceleration", "x")
+        here, there = place_history(results, (7.1e-3, 0.5e-3)), place_history(results, (8.1e-3, 0.5e-3))
+        faster = node_history(results, here.nodes[0], "acceleration", "x")
         u = results.field("ux", 60)[here.nodes[0] - 1], results.field("uy", 60)[here.nodes[0] - 1]
     assert (here.source, there.source) == ("probe", "frames")
     assert here.time == pytest.approx(np.arange(0, 61, 5) * 50e-9)
@@ -40,15 +40,15 @@ def test_components(component: str, value: float) -> None:
     everything = Velocity(box=(0.0, 0.0, 1.0, 1.0), x=3.0, y=-4.0)
     model = plate(square_grid(8, 8), conditions=(everything,), run=Run(time_step=1e-8, steps=4, every=2))
     with simulate(model) as results:
-        curve = of_node(results, 7, "velocity", component)
-        moved = of_node(results, 7, "displacement", component)
+        curve = node_history(results, 7, "velocity", component)
+        moved = node_history(results, 7, "displacement", component)
     assert curve.value == pytest.approx([value] * 3)
     assert moved.value == pytest.approx([0, 2e-8 * value, 4e-8 * value])
 
 
 def test_the_mean_of_a_box_and_its_range(small_results: Path) -> None:
     with Results.open(small_results) as results:
-        curve = in_box(results, (5e-3, 2e-3, 0.0, 0.0), "displacement", "y")  # corners in any order
+        curve = box_history(results, (5e-3, 2e-3, 0.0, 0.0), "displacement", "y")  # corners in any order
         nodes = results.nodes()
         inside = (nodes.position[:, 0] < 5.1e-3) & (nodes.position[:, 1] > 0) & (nodes.position[:, 1] < 2e-3)
         uy = results.field("uy", 60)[inside].astype(float)
@@ -59,6 +59,6 @@ def test_the_mean_of_a_box_and_its_range(small_results: Path) -> None:
 
 def test_a_place_a_spacing_and_a_half_off_is_outside(small_results: Path) -> None:
     with Results.open(small_results) as results:
-        assert at_place(results, (21.4e-3, 0.5e-3)).off == pytest.approx(1.4e-3)
+        assert place_history(results, (21.4e-3, 0.5e-3)).off == pytest.approx(1.4e-3)
         with pytest.raises(ResultsError, match=naming(found=("0.0216,0.0005", "0.0016 m"))):
-            at_place(results, (21.6e-3, 0.5e-3))
+            place_history(results, (21.6e-3, 0.5e-3))

@@ -14,20 +14,20 @@ from pdmesh.model.document import Horizon, Run, Settings, Source
 from pdmesh.model.medium import Medium
 from pdpost.__main__ import main as pdpost
 from pdpost.figures import charts, page
-from pdpost.measures.diffused_amounts import Masses, amounts, masses
+from pdpost.measures.diffused_amounts import MassBalance, balance_with_unit, mass_balance
 from pdpost.reading.tables import tables
 from pdsolve.model import Model
 from pdsolve.results import Results
 from pdsolve.run.simulation import Options, simulate
 
-COLUMNS = [name for name in Masses._fields if name not in ("left", "error")]
+COLUMNS = [name for name in MassBalance._fields if name not in ("left", "error")]
 
 
 def test_the_balance_counts_what_came_in_and_what_went_out() -> None:
     """Of 4 mol, 3 go and 1 is supplied: 2 mol are left where all is well, and 1 of 4 is missing where there is 1."""
     table = np.zeros(3, dtype=[(name, np.float64) for name in COLUMNS])
     table["inside"], table["through"], table["supplied"] = (4, 2, 1), (0, 3, 3), (0, 1, 1)
-    found = masses(SimpleNamespace(name="some.sqlite", masses=lambda: table))  # type: ignore[arg-type]
+    found = mass_balance(SimpleNamespace(name="some.sqlite", masses=lambda: table))  # type: ignore[arg-type]
     assert found.error == pytest.approx([0, 0, -0.25])
 
 
@@ -38,7 +38,7 @@ def test_charts_and_pages_have_a_word_for_the_sign() -> None:
     results: Any = SimpleNamespace(
         name="some.sqlite", masses=lambda: table, model=lambda: '{"medium": {"D": 1.0}}', decoded={}, dimension=2
     )
-    axes = charts.masses(masses(results)).axes[0]
+    axes = charts.masses(mass_balance(results)).axes[0]
     drawn = {line.get_label(): line.get_ydata()[-1] for line in axes.get_lines()}
     assert drawn == {"inside": 6, "come in": 3, "withdrawn": 1}
     rows, _ = page._masses(results)
@@ -67,8 +67,8 @@ def test_amounts_are_in_what_the_medium_carries(
     )  # fmt: skip
     simulate(Model(grid(row(8, 1.0), 1.0), settings), path, Options(threads=1)).close()
     with Results.open(path) as results:
-        books, found = amounts(results)
-        raw = masses(results)
+        books, found = balance_with_unit(results)
+        raw = mass_balance(results)
         assert results.summary()["amounts"]["unit"] == unit
         assert results.summary()["amounts"]["supplied"] == pytest.approx(48.0 * factor)
         named = {name: unit for table in tables(results) if table.name == "mass" for name, unit in table.columns}

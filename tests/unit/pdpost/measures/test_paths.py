@@ -7,11 +7,11 @@ import pytest
 from drawn import lattice, run
 from messages import naming
 
-from pdpost.measures.paths import PathError, distance, heading, path
+from pdpost.measures.paths import PathError, crack_paths, main_direction, path_distances
 
 
 def test_a_path_is_where_the_tips_were() -> None:
-    (line,) = path(run(lattice(), [(x, x, 0) for x in range(5, 18)]), 100)
+    (line,) = crack_paths(run(lattice(), [(x, x, 0) for x in range(5, 18)]), 100)
     assert line[[0, -1]] == pytest.approx(np.array([[4.5e-3, 0.0], [17e-3, 0.0]]), abs=1e-15)
 
 
@@ -26,7 +26,7 @@ def test_a_path_is_where_the_tips_were() -> None:
     ],
 )
 def test_where_a_crack_runs(lines: list, way: str) -> None:
-    assert heading([np.array(line, dtype=float) for line in lines]) == way
+    assert main_direction([np.array(line, dtype=float) for line in lines]) == way
 
 
 LINE = np.array([[0.0, 0.0], [10.0, 0.0]])
@@ -49,10 +49,10 @@ LINE = np.array([[0.0, 0.0], [10.0, 0.0]])
     ],
 )
 def test_distances_of_lines(other: list[np.ndarray], mean: float, hausdorff: float) -> None:
-    assert distance([LINE], other) == pytest.approx((mean, hausdorff), rel=1e-6, abs=1e-12)
-    assert distance(other, [LINE]) == pytest.approx((mean, hausdorff), rel=1e-6, abs=1e-12)
+    assert path_distances([LINE], other) == pytest.approx((mean, hausdorff), rel=1e-6, abs=1e-12)
+    assert path_distances(other, [LINE]) == pytest.approx((mean, hausdorff), rel=1e-6, abs=1e-12)
 
 
 def test_no_line_has_no_distance() -> None:
     with pytest.raises(PathError, match=naming(found="path")):
-        distance([], [LINE])
+        path_distances([], [LINE])

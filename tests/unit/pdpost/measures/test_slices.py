@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from pdpost.measures.slices import cut, middle
+from pdpost.measures.slices import cut_by_plane, grid_centre
 
 
 def of(x: list[float]) -> Any:
@@ -28,6 +28,6 @@ def of(x: list[float]) -> Any:
     ],
 )
 def test_the_middle_has_nodes(x: list[float], at: float, rows: list[int]) -> None:
-    found = middle(of(x))
+    found = grid_centre(of(x))
     assert found == pytest.approx([at, 0.05, 0.05])
-    assert cut(of(x), np.arange(len(x)), 0, "x", float(found[0])).rows.tolist() == rows
+    assert cut_by_plane(of(x), np.arange(len(x)), 0, "x", float(found[0])).rows.tolist() == rows

@@ -9,8 +9,8 @@ import pytest
 from drawn import lattice, run
 
 from pdmesh.model.material_constants import rayleigh_ratio, rayleigh_speed
-from pdpost.measures.speed import Speeds, speeds, window
-from pdpost.measures.waves import rayleigh_of
+from pdpost.measures.speed import TipSpeeds, averaging_window, tip_speeds
+from pdpost.measures.waves import plate_rayleigh_speed
 
 
 @pytest.mark.parametrize(("nu", "ratio"), [(0.0, 0.8740), (0.25, 0.9194), (1 / 3, 0.9325), (0.5, 0.9553)])
@@ -25,12 +25,12 @@ def test_plane_stress_and_strain_have_the_same_ratio_and_other_shear_waves() -> 
     assert rayleigh_speed(65e9, 2235.0, "stress") == pytest.approx(0.9194 * np.sqrt(3 / 8 * 65e9 / 2235), rel=1e-4)
     assert rayleigh_speed(65e9, 2235.0, "strain") == pytest.approx(0.9194 * np.sqrt(2 / 5 * 65e9 / 2235), rel=1e-4)
     model = json.dumps({"material": {"E": 65e9, "rho": 2235.0, "G0": 204.0}})
-    assert rayleigh_of(run(lattice(), [], model=model)) == pytest.approx(3036, abs=1)
+    assert plate_rayleigh_speed(run(lattice(), [], model=model)) == pytest.approx(3036, abs=1)
 
 
-def told(along: np.ndarray, time: np.ndarray, line: np.ndarray | None = None, step: float = 0.0) -> Speeds:
+def told(along: np.ndarray, time: np.ndarray, line: np.ndarray | None = None, step: float = 0.0) -> TipSpeeds:
     """Speeds of a path on nodes 1 mm apart."""
-    return speeds(
+    return tip_speeds(
         along, time, np.full(len(along), 1e-3), np.ones(len(along), dtype=bool) if line is None else line, step
     )
 
@@ -94,10 +94,10 @@ def test_nothing_is_told_over_what_is_no_line() -> None:
 def test_a_window_has_its_length_wherever_it_is(at: int) -> None:
     """At least as long as asked for, not much longer, the point within, at the ends of the path too."""
     along = np.array([0.0, 0.3, 2.0, 4.1, 6.0, 7.7, 10.2, 12.0, 14.1, 16.0, 17.9, 19.0])
-    found = window(along, at, 10.0)
+    found = averaging_window(along, at, 10.0)
     assert found is not None
     inside = along[found]
     assert inside[0] <= along[at] <= inside[-1]
     assert 10.0 <= inside[-1] - inside[0] < 10 + 2 * 2.5
-    assert window(along, at, 19.0) == slice(0, 12)
-    assert window(along, at, 19.1) is None
+    assert averaging_window(along, at, 19.0) == slice(0, 12)
+    assert averaging_window(along, at, 19.1) is None

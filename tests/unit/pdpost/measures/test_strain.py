@@ -21,7 +21,7 @@ H = np.array([[3e-3, -1e-3], [4e-3, 2e-3]])
 def test_the_gradient_of_an_affine_field_is_exact_at_edges_too(jitter: float) -> None:
     nodes, families = plate(jitter=jitter)
     results = results_of(nodes, families, np.zeros((169, 2)), [])
-    found = strain.fitted(results.nodes(), nodes.position @ H.T + 1.0, families)
+    found = strain.fit_gradients(results.nodes(), nodes.position @ H.T + 1.0, families)
     assert np.abs(found - H).max() < 1e-12
 
 
@@ -34,7 +34,7 @@ def test_a_quadratic_field_is_exact_inside_and_of_first_order_at_edges() -> None
         nodes = nodes._replace(area=np.full(len(nodes.ids), spacing**2))
         results = results_of(nodes, families, np.zeros((side**2, 2)), [])
         x, y = nodes.position.T
-        found = strain.fitted(results.nodes(), np.column_stack([x * x + x * y, y * y]), families)
+        found = strain.fit_gradients(results.nodes(), np.column_stack([x * x + x * y, y * y]), families)
         exact = np.stack([np.column_stack([2 * x + y, x]), np.column_stack([0 * x, 2 * y])], axis=1)
         error = np.abs(found - exact).max(axis=(1, 2)).reshape(side, side)
         inner.append(error[4:-4, 4:-4].max())
@@ -51,7 +51,7 @@ def test_a_cubic_field_is_of_second_order_inside() -> None:
         nodes = nodes._replace(area=np.full(len(nodes.ids), spacing**2))
         results = results_of(nodes, families, np.zeros((side**2, 2)), [])
         x, y = nodes.position.T
-        found = strain.fitted(results.nodes(), np.column_stack([x**3, x * y * y]), families)
+        found = strain.fit_gradients(results.nodes(), np.column_stack([x**3, x * y * y]), families)
         error = np.abs(found[:, 0, 0] - 3 * x * x).reshape(side, side)
         errors.append(error[4:-4, 4:-4].max())
     assert np.log2(np.array(errors[:-1]) / errors[1:]) == pytest.approx(2.0, abs=0.01)
@@ -68,9 +68,9 @@ def test_broken_bonds_do_not_count() -> None:
         (5, int(nodes.ids[i]), int(nodes.ids[j]))
         for i, j in zip(own[between], families.neighbour[between], strict=True)
     ]
-    whole = fields.values(results_of(nodes, families, u, []), "strain", 10)
-    torn = fields.values(results_of(nodes, families, u, pairs), "strain", 10)
-    late = fields.values(results_of(nodes, families, u, [(11, *pair[1:]) for pair in pairs]), "strain", 10)
+    whole = fields.field_values(results_of(nodes, families, u, []), "strain", 10)
+    torn = fields.field_values(results_of(nodes, families, u, pairs), "strain", 10)
+    late = fields.field_values(results_of(nodes, families, u, [(11, *pair[1:]) for pair in pairs]), "strain", 10)
     assert np.abs(whole).max() > 1e-2
     assert np.abs(torn).max() < 1e-9
     assert np.array_equal(late, whole)
@@ -85,7 +85,7 @@ def test_a_node_whose_bonds_are_gone_or_on_a_line_has_no_strain() -> None:
         for i, j in zip(own, families.neighbour, strict=True)
         if i == second or (i == first and j not in (1, 2))
     ]
-    found = fields.values(results_of(nodes, families, nodes.position @ H.T, gone), "strain", 10)
+    found = fields.field_values(results_of(nodes, families, nodes.position @ H.T, gone), "strain", 10)
     assert np.flatnonzero(np.isnan(found)).tolist() == [first, second]
 
 
@@ -95,7 +95,7 @@ def test_turning_a_plate_does_not_strain_it() -> None:
     turn = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
     gradient = np.tile(turn - np.eye(2), (169, 1, 1))
     assert np.abs(gradients.green(gradient)).max() < 1e-15
-    found = fields.values(results_of(nodes, families, nodes.position @ (turn - np.eye(2)).T, []), "strain", 10)
+    found = fields.field_values(results_of(nodes, families, nodes.position @ (turn - np.eye(2)).T, []), "strain", 10)
     assert np.abs(found).max() < 1e-6  # displacements are stored in single precision
 
 
@@ -122,7 +122,7 @@ def test_principal_and_equivalent_stress() -> None:
     nodes, families = plate()
     g = 1e-6
     u = nodes.position @ np.array([[0.0, g], [g, 0.0]])
-    found = fields.components(results_of(nodes, families, u, []), "stress", 10)
+    found = fields.field_components(results_of(nodes, families, u, []), "stress", 10)
     t = 70e9 / (1 + 1 / 3) * g
     assert found["xy"] == pytest.approx(t, rel=1e-4)
     assert found["largest"] == pytest.approx(t, rel=1e-4)
@@ -138,7 +138,7 @@ def test_regions_have_their_own_stiffness() -> None:
         "material": {**MODEL["material"], "plane": "strain"},  # type: ignore[dict-item]
         "regions": [{"material": other, "nodes": [3, 6]}, {"material": {**other, "E": 2.0}, "box": [0, 0, 0, 2e-3]}],
     }
-    modulus, nu, plane = strain.stiffness(results_of(nodes, families, np.zeros((9, 2)), [], model), 0)
+    modulus, nu, plane = strain.elastic_constants(results_of(nodes, families, np.zeros((9, 2)), [], model), 0)
     assert plane == "strain"
     assert set(nu.tolist()) == {0.25}
     assert modulus.tolist() == [2.0, 1.0, 70e9, 2.0, 70e9, 70e9, 2.0, 70e9, 70e9]
@@ -147,7 +147,7 @@ def test_regions_have_their_own_stiffness() -> None:
 def test_a_model_without_material_is_said() -> None:
     nodes, families = plate(3)
     with pytest.raises(ResultsError, match=naming("memory", found=("model", "missing"))):
-        strain.stiffness(results_of(nodes, families, np.zeros((9, 2)), [], {"nodes": []}), 0)
+        strain.elastic_constants(results_of(nodes, families, np.zeros((9, 2)), [], {"nodes": []}), 0)
 
 
 @pytest.mark.parametrize(("columns", "stress"), [(4, (7.0, 0.0, 0.0, 0.0)), (6, (1.0, 1.0, 1.0, 0.0, 0.0, 2.0))])
@@ -158,7 +158,7 @@ def test_the_work_of_the_stress_is_elastic_and_plastic(
     steel = Material(
         E=10.0, rho=1.0, G0=1.0, nu=0.25, model="correspondence", solid="j2", yield_stress=5.0, hardening=2.0
     )
-    monkeypatch.setattr(strain, "_materials", lambda results, step: (np.zeros(2, dtype=int), (steel,)))
+    monkeypatch.setattr(strain, "_materials_of_nodes", lambda results, step: (np.zeros(2, dtype=int), (steel,)))
     stored = dict(zip(("sxx", "syy", "szz", "sxy", "sxz", "syz"), np.outer(stress, np.ones(2)), strict=False))
     flowed = np.array([0.0, 1.0])
     monkeypatch.setattr(strain, "scalar", lambda results, name, step: flowed)

@@ -7,8 +7,8 @@ import pytest
 from stored import MODEL, plate, results_of
 
 from pdpost.measures.cracked_nodes import damage_at
-from pdpost.measures.stress_intensities import State, _rings
-from pdpost.measures.tip_surroundings import Room, Tip
+from pdpost.measures.stress_intensities import FrameFields, _choose_rings
+from pdpost.measures.tip_surroundings import Tip, UndisturbedRoom
 
 REST = {**MODEL, "run": {"solver": "static", "time_step": 1.0}, "horizon": {"ratio": 3.0}}
 
@@ -25,7 +25,7 @@ def test_nodes_that_have_lost_more_than_six_tenths_of_their_bonds_do_not_count()
     results = results_of(nodes, families, 1e-6 * nodes.position, broken, REST)
     damage = damage_at(results, 10)
     assert damage[inner] == pytest.approx([0.0, 16 / 28, 17 / 28])
-    there = np.isfinite(State(results)._sample(10).gradient).all(axis=(1, 2))
+    there = np.isfinite(FrameFields(results)._sample_fields(10).gradient).all(axis=(1, 2))
     assert there[inner].tolist() == [True, True, False]
 
 
@@ -34,7 +34,7 @@ def test_rings_begin_two_horizons_out_or_a_fifth_of_the_room(room: float, least:
     """A horizon is 3 mm; the middle one of three begins a quarter of the way on and ends at 0.8 of the room."""
     results = results_of(*plate(), np.zeros((169, 2)), [], REST)
     tip = Tip(np.array([6e-3, 6e-3]), np.array([1.0, 0.0]))
-    inner, middle, outer = _rings(results, 10, tip, Room(room, "another tip"), None)
+    inner, middle, outer = _choose_rings(results, 10, tip, UndisturbedRoom(room, "another tip"), None)
     span = 0.8 * room - least
     assert inner == pytest.approx((least, 0.8 * room))
     assert middle == pytest.approx((least + span / 4, 0.8 * room))

@@ -9,7 +9,7 @@ import pytest
 from drawn import at_steps, lattice, run
 from mirrors import mirrored
 
-from pdpost.measures.tips import Branch, forks, tips
+from pdpost.measures.tips import Branch, crack_branches, find_forks
 from pdsolve.results import Nodes
 
 
@@ -34,7 +34,7 @@ def strip(slope: float, first: int, last: int, rows: int = 2) -> list[tuple[int,
 
 def test_a_straight_crack_from_its_notch() -> None:
     """From the tip of the pre-crack to the last cracked node, along y = 0; each place with its time and direction."""
-    (branch,) = tips(run(lattice(), [(x, x, y) for x in range(5, 16) for y in (-1, 0, 1)]))
+    (branch,) = crack_branches(run(lattice(), [(x, x, y) for x in range(5, 16) for y in (-1, 0, 1)]))
     assert branch.place[0].tolist() == [4.5e-3, 0.0]
     assert branch.place[-1] == pytest.approx([15e-3, 0.0], abs=1e-15)
     assert np.abs(branch.place[:, 1]).max() < 1e-15
@@ -47,15 +47,15 @@ def test_a_straight_crack_from_its_notch() -> None:
 
 def test_a_step_ends_a_path() -> None:
     results = run(lattice(), [(x, x, 0) for x in range(5, 18)])
-    assert tips(results, 12)[0].place[-1] == pytest.approx([12e-3, 0.0], abs=1e-15)
-    assert tips(results, 8) == []  # four nodes are too few for a path
-    assert tips(results, 0) == []
+    assert crack_branches(results, 12)[0].place[-1] == pytest.approx([12e-3, 0.0], abs=1e-15)
+    assert crack_branches(results, 8) == []  # four nodes are too few for a path
+    assert crack_branches(results, 0) == []
 
 
 @pytest.mark.parametrize("slope", [0.25, 0.5, 1.0, 1.7])
 def test_an_oblique_crack_is_known_to_half_a_spacing(slope: float) -> None:
     nodes = lattice(40, 70, below=3)
-    (branch,) = tips(run(nodes, strip(slope, 5, 35)))
+    (branch,) = crack_branches(run(nodes, strip(slope, 5, 35)))
     ends = (4.5e-3, 0.0), (34.5e-3, slope * 30e-3)
     assert near(branch.place, ends) < 0.5e-3  # measured 0.36, 0.22, 0.12, 0.43 mm
     assert np.hypot(*(branch.place[-1] - ends[1])) < 1.5e-3
@@ -67,7 +67,7 @@ def test_a_crack_round_a_corner() -> None:
     """Along x to 20 mm, then up: as long as both legs, through the corner, and its direction with it."""
     nodes = lattice(40, 40, below=3)
     legs = [(x, x, 0) for x in range(5, 21)] + [(20 + y, 20, y) for y in range(1, 31)]
-    (branch,) = tips(run(nodes, legs))
+    (branch,) = crack_branches(run(nodes, legs))
     assert branch.length == pytest.approx(15.5e-3 + 30e-3, abs=1.5e-3)
     corner = np.array([20e-3, 0.0])
     assert np.hypot(*(branch.place - corner).T).min() < 1e-3
@@ -82,9 +82,9 @@ def fork() -> list[tuple[int, int, int]]:
 
 
 def test_a_fork_has_a_trunk_two_arms_and_an_angle() -> None:
-    found = tips(run(lattice(40, 60), fork()))
+    found = crack_branches(run(lattice(40, 60), fork()))
     assert len(found) == 3
-    (place,) = forks(found)
+    (place,) = find_forks(found)
     assert place.place == pytest.approx((15e-3, 0.0), abs=1e-3)  # measured 15.7 mm
     assert place.angle == pytest.approx(90.0, abs=0.1)
     assert place.arms == pytest.approx((-45.0, 45.0), abs=0.1)
@@ -106,7 +106,7 @@ def test_arms_to_the_left_are_positive(came: tuple[int, int], left: tuple[int, i
     arms = [(12 + k, *((11 + k) * way + turn * k * side)) for k in range(1, 14) for turn in (0, 1)]
     nodes = bare(61, 61)._replace()
     nodes = nodes._replace(position=nodes.position - [30e-3, 0.0])
-    (found,) = forks(tips(run(nodes, trunk + arms, notch=np.empty((0, 4)))))
+    (found,) = find_forks(crack_branches(run(nodes, trunk + arms, notch=np.empty((0, 4)))))
     assert found.arms == pytest.approx((0.0, 45.0), abs=4)  # measured -2.2 to 2.2 and 45.0
 
 
@@ -114,7 +114,7 @@ def test_rough_edges_are_no_branches() -> None:
     """Spurs of three nodes on both sides, and crumbs away from the crack."""
     spurs = [(30, x, side * k) for x in (9, 14) for side in (-1, 1) for k in (1, 2, 3)]
     crumbs = [(31, 30, 6), (31, 31, 6), (32, 31, 5)]
-    (branch,) = tips(run(lattice(40, 21), [(x, x, 0) for x in range(5, 25)] + spurs + crumbs))
+    (branch,) = crack_branches(run(lattice(40, 21), [(x, x, 0) for x in range(5, 25)] + spurs + crumbs))
     assert np.abs(branch.place[:, 1]).max() < 1e-15
 
 
@@ -123,7 +123,7 @@ def test_a_ring_is_followed_both_ways() -> None:
     nodes = lattice(40, 40)
     around = [(15 + k, 15 + k, side * min(k, 12 - k)) for k in range(1, 12) for side in (-1, 1)]
     after = [(x, x, 0) for x in range(27, 38)]
-    found = tips(run(nodes, [(x, x, 0) for x in range(5, 16)] + around + after))
+    found = crack_branches(run(nodes, [(x, x, 0) for x in range(5, 16)] + around + after))
     assert len(found) == 4
     assert sum(branch.length for branch in found) == pytest.approx((10.5 + 4 * 6 * 2**0.5 + 10) * 1e-3, rel=0.05)
     assert len({branch.begin for branch in found}) == len({branch.end for branch in found}) == 3
@@ -132,15 +132,15 @@ def test_a_ring_is_followed_both_ways() -> None:
 def test_a_small_hole_in_a_crack_is_no_fork() -> None:
     nodes = lattice(40, 21)
     hole = [(x, x, y) for x in range(5, 30) for y in (-1, 0, 1) if not (x in (14, 15) and y == 0)]
-    (branch,) = tips(run(nodes, hole))
+    (branch,) = crack_branches(run(nodes, hole))
     assert np.abs(branch.place[:, 1]).max() < 1e-15
 
 
 def test_a_crack_without_a_pre_crack_runs_both_ways_from_where_it_began() -> None:
-    found = tips(run(bare(20, 9), [(abs(x - 10) + 1, x, 0) for x in range(2, 19)], notch=np.empty((0, 4))))
+    found = crack_branches(run(bare(20, 9), [(abs(x - 10) + 1, x, 0) for x in range(2, 19)], notch=np.empty((0, 4))))
     assert len(found) == 2
     assert {branch.begin for branch in found} == {found[0].begin}
-    assert forks(found) == []
+    assert find_forks(found) == []
     assert sorted(branch.place[-1][0] for branch in found) == pytest.approx([2e-3, 18e-3])
     assert sorted(branch.direction[-1][0] for branch in found) == pytest.approx([-1, 1])
 
@@ -153,7 +153,7 @@ def test_coarse_nodes_are_followed_too() -> None:
     delta = np.repeat([1e-3, 2e-3], [441, 121])
     nodes = Nodes(np.arange(1, count + 1), position, delta, delta**2, np.full(count, 10), np.zeros(count, dtype=int))
     line = [(1 + y, 10, y) for y in range(21)] + [(22 + y, 10, 22 + 2 * y) for y in range(11)]
-    (found,) = tips(run(nodes, line, notch=np.empty((0, 4))))
+    (found,) = crack_branches(run(nodes, line, notch=np.empty((0, 4))))
     assert found.place[:, 0] == pytest.approx(10e-3)
     assert found.place[[0, -1], 1] == pytest.approx([0, 42e-3], abs=1e-12)
     assert found.spacing[[0, -1]] == pytest.approx([1e-3, 2e-3])
@@ -165,7 +165,7 @@ def test_two_cracks_that_meet_stay_two(late: int) -> None:
     left, right = [(1 + x, x, 0) for x in range(40)], [(1 + late + (79 - x), x, 0) for x in range(40, 80)]
     when = {x: step for step, x, _ in left + right}
     when |= {x: min(1 + x, 1 + late + 79 - x) for x in range(80)}
-    found = tips(run(bare(80, 5), [(step, x, 0) for x, step in when.items()], notch=np.empty((0, 4))))
+    found = crack_branches(run(bare(80, 5), [(step, x, 0) for x, step in when.items()], notch=np.empty((0, 4))))
     assert len(found) == 2
     meet = (79 + late) / 2
     for branch in found:
@@ -183,7 +183,7 @@ def test_two_cracks_become_one(between: bool) -> None:
     ends = (-1, 0) if between else (0, 0)
     stems = [(1 + k, k, side) for k in range(13) for side in (ends[0] - 12 + k, ends[1] + 12 - k)]
     trunk = [(2 + x, x, y) for x in range(13, 50) for y in set(ends)]
-    found = tips(run(nodes, stems + trunk, notch=np.empty((0, 4))))
+    found = crack_branches(run(nodes, stems + trunk, notch=np.empty((0, 4))))
     assert len(found) == 3
     mirrored(found, found, np.array([1.0, -1.0]), (0.0, sum(ends) * 1e-3))
     joint = found[0].begin
@@ -194,7 +194,7 @@ def test_two_cracks_become_one(between: bool) -> None:
 def test_nodes_that_crack_ahead_wait_for_the_crack() -> None:
     """A patch of three nodes 6 mm ahead cracks long before: the crack reaches it in its own time."""
     steps = [(100 + 2 * x, x, 0) for x in range(5, 38) if x not in (20, 21, 22)] + [(3, x, 0) for x in (20, 21, 22)]
-    (branch,) = tips(run(lattice(40, 9), steps))
+    (branch,) = crack_branches(run(lattice(40, 9), steps))
     assert branch.place[0] == pytest.approx([4.5e-3, 0])
     assert (np.diff(branch.time) >= 0).all()
     assert np.nanmax(np.abs(branch.speed.value / 500 - 1)) < 0.3  # measured 0.22, where it was helped
@@ -202,11 +202,11 @@ def test_nodes_that_crack_ahead_wait_for_the_crack() -> None:
 
 def test_a_stretch_that_breaks_at_once_has_a_path_and_no_speed() -> None:
     """33 mm in one step: both halves from its ends; after a first stretch of 6 mm it begins at its far end."""
-    found = tips(run(bare(40, 9), [(7, x, y) for x in range(5, 38) for y in (0, 1)], notch=np.empty((0, 4))))
+    found = crack_branches(run(bare(40, 9), [(7, x, y) for x in range(5, 38) for y in (0, 1)], notch=np.empty((0, 4))))
     assert sum(branch.length for branch in found) == pytest.approx(32e-3, abs=0.1e-3)
     assert all(np.isnan(branch.speed.value).all() and branch.mean_speed is None for branch in found)
     steps = [(7 if x < 11 else x, x, y) for x in range(5, 38) for y in (0, 1)]
-    (branch,) = tips(run(bare(40, 9), steps, notch=np.empty((0, 4))))
+    (branch,) = crack_branches(run(bare(40, 9), steps, notch=np.empty((0, 4))))
     assert branch.place[[0, -1], 0] == pytest.approx([5e-3, 37e-3])
 
 
@@ -215,7 +215,7 @@ def test_what_is_crushed_is_no_line_and_has_no_speed() -> None:
     """A crack into a block of rubble 16 spacings high, which cracks as a whole."""
     nodes = bare(60, 41)
     rubble = [(30 + x // 8, x, y) for x in range(30, 60) for y in range(-8, 8)]
-    found = tips(run(nodes, [(1 + x, x, 0) for x in range(30)] + rubble, notch=np.empty((0, 4))))
+    found = crack_branches(run(nodes, [(1 + x, x, 0) for x in range(30)] + rubble, notch=np.empty((0, 4))))
     main = max(found, key=lambda branch: branch.line.sum())
     inside = main.place[:, 0] > 33e-3
     assert inside.any()
@@ -233,7 +233,7 @@ def drawn(angle: float, jitter: float, seed: int = 0) -> Branch:
     along, across = (nodes.position - start) @ way, (nodes.position - start) @ [-way[1], way[0]]
     cracked = (np.abs(across) <= 1e-3) & (along >= 0) & (along < 60e-3)
     steps = np.maximum(np.round(along / 1e-4 + 10 * jitter * rng.uniform(-1, 1, len(along))), 1)
-    return tips(at_steps(nodes, np.where(cracked, steps, -1), time_step=1e-7))[0]
+    return crack_branches(at_steps(nodes, np.where(cracked, steps, -1), time_step=1e-7))[0]
 
 
 @pytest.mark.quick_cases(2)
@@ -256,11 +256,11 @@ def test_a_mean_speed_ends_where_the_crack_reaches_the_edge() -> None:
     right = along.max()
     late = np.where(along > right - 1.5e-3, steps + 300, steps)
     line = np.abs(across - np.median(across)) < 1e-3
-    through = tips(at_steps(nodes, np.where(line, late, -1), time_step=1e-7))[0]
+    through = crack_branches(at_steps(nodes, np.where(line, late, -1), time_step=1e-7))[0]
     assert through.mean_speed == pytest.approx(1000.0, rel=0.02)  # measured 1001.8
     whole = replace(through, inside=None).mean_speed
     assert whole == pytest.approx(660, abs=20)  # measured 663.7
-    short = tips(at_steps(nodes, np.where(line & (along < right - 10e-3), steps, -1), time_step=1e-7))[0]
+    short = crack_branches(at_steps(nodes, np.where(line & (along < right - 10e-3), steps, -1), time_step=1e-7))[0]
     assert short.inside is None
 
 
@@ -308,12 +308,12 @@ def test_mirrored_cracks_have_mirrored_branches(seed: int, mirror: tuple[int, in
     """Many cracks, forks, specks and rubble, and the same seen in a mirror: the order of the nodes does not matter."""
     nodes, steps = rubble(seed)
     turned = nodes._replace(position=nodes.position * mirror)
-    one, other = tips(at_steps(nodes, steps)), tips(at_steps(turned, steps))
+    one, other = crack_branches(at_steps(nodes, steps)), crack_branches(at_steps(turned, steps))
     shuffled = np.random.default_rng(9).permutation(len(steps))
     again = Nodes(*(column[shuffled] for column in turned))._replace(ids=nodes.ids)
     assert len(one) > 10
     mirrored(one, other, np.array(mirror))
-    mirrored(one, tips(at_steps(again, steps[shuffled])), np.array(mirror))
+    mirrored(one, crack_branches(at_steps(again, steps[shuffled])), np.array(mirror))
 
 
 @pytest.mark.quick_cases(2)
@@ -321,7 +321,7 @@ def test_mirrored_cracks_have_mirrored_branches(seed: int, mirror: tuple[int, in
 def test_what_is_symmetric_has_symmetric_branches(seed: int) -> None:
     """Cracks and their mirror images at once, which meet on the axis in one and the same step."""
     nodes, steps = rubble(seed, half=True)
-    found = tips(at_steps(nodes, steps))
+    found = crack_branches(at_steps(nodes, steps))
     assert len(found) > 10
     mirrored(found, found, np.array([1.0, -1.0]))
 
@@ -330,7 +330,7 @@ def test_what_is_symmetric_has_symmetric_branches(seed: int) -> None:
 @pytest.mark.parametrize("seed", range(6))
 def test_time_never_falls_along_a_branch(seed: int) -> None:
     """Nor from a branch to those it forks into."""
-    found = tips(at_steps(*rubble(seed)))
+    found = crack_branches(at_steps(*rubble(seed)))
     for branch in found:
         assert (np.diff(branch.time) >= 0).all()
         assert (np.diff(branch.along) >= 0).all()

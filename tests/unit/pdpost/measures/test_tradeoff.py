@@ -12,10 +12,10 @@ from plates import plate, square_grid
 
 from pdmesh.model.document import Load, Run
 from pdpost.__main__ import main
-from pdpost.measures.tradeoff import cheapest, cost, errors, front
+from pdpost.measures.tradeoff import cheapest_point, pareto_front, run_cost, run_errors
 from pdsolve.model import ModelWarning
 from pdsolve.results import Breaks, Families, Frame, Nodes, Results, ResultsError, Writer
-from pdsolve.run.measures import Ledger
+from pdsolve.run.measures import LedgerRow
 from pdsolve.run.simulation import simulate
 
 
@@ -63,7 +63,7 @@ def run(
         u = at / 100 * stretch * x
         breaks = Breaks(*np.array(sorted(rows), dtype=np.int64).reshape(-1, 3).T)
         fields = {"ux": u, "uy": 0 * u}
-        books = [Ledger(at, at * time_step, energy * at / steps, *[0.0] * 5, 0)]
+        books = [LedgerRow(at, at * time_step, energy * at / steps, *[0.0] * 5, 0)]
         writer.write(Frame(at, at * time_step, fields, breaks, books, [], {}))
     writer.tell({"summary": json.dumps({"wall_time": 2.0, "bonds": 10 * count, "steps": steps})})
     writer.close("finished")
@@ -78,8 +78,8 @@ def _reach(cracked: dict[int, float] | None, step: int) -> float:
 def test_displacements_are_compared_where_nodes_are_not_the_same(tmp_path: Path) -> None:
     """2 % more stretched; between nodes a linear field is exact. Frames at other times are interpolated."""
     with run(tmp_path / "a", 10, 1.02e-3) as coarse, run(tmp_path / "b", 40, 1e-3, end=2e-5) as fine:
-        found = errors(coarse, fine)
-        back = errors(fine, coarse)
+        found = run_errors(coarse, fine)
+        back = run_errors(fine, coarse)
     assert found.displacement == pytest.approx(0.02, rel=1e-5)  # float32
     assert back.displacement == pytest.approx(0.02 / 1.02, rel=1e-5)
     assert (found.path, found.start, found.branching) == (None, None, None)
@@ -96,16 +96,18 @@ def test_large_cells_weigh_more(tmp_path: Path) -> None:
         writer = Writer.create(tmp_path / name, nodes, alone, np.empty((0, 4)), meta)
         u = np.where(left, 1 + off, 1.0) * 1e-6
         no_breaks = Breaks(*np.zeros((3, 0), dtype=np.int64))
-        writer.write(Frame(1, 1e-7, {"ux": u, "uy": 0 * u}, no_breaks, [Ledger(1, 1e-7, *[0.0] * 6, 0)], [], {}))
+        writer.write(Frame(1, 1e-7, {"ux": u, "uy": 0 * u}, no_breaks, [LedgerRow(1, 1e-7, *[0.0] * 6, 0)], [], {}))
         writer.close("finished")
     with Results.open(tmp_path / "a") as one, Results.open(tmp_path / "b") as other:
-        assert errors(one, other).displacement == pytest.approx(0.02 * np.sqrt(3 / 4), rel=1e-3)  # unweighted: 0.0141
+        assert run_errors(one, other).displacement == pytest.approx(
+            0.02 * np.sqrt(3 / 4), rel=1e-3
+        )  # unweighted: 0.0141
 
 
 def test_energies_are_compared_at_the_common_time(tmp_path: Path) -> None:
     with run(tmp_path / "a", 10, 1e-3, energy=3.3) as one, run(tmp_path / "b", 10, 1e-3, end=2e-5, energy=6.0) as other:
-        assert errors(one, other).energy == pytest.approx(0.1)
-        assert errors(one, other).displacement == pytest.approx(0, abs=1e-6)
+        assert run_errors(one, other).energy == pytest.approx(0.1)
+        assert run_errors(one, other).displacement == pytest.approx(0, abs=1e-6)
 
 
 @pytest.mark.slow
@@ -117,7 +119,7 @@ def test_cracks_are_compared(tmp_path: Path) -> None:
         run(tmp_path / "a", 40, 1e-3, cracked=later, shift=4e-3) as one,
         run(tmp_path / "b", 40, 1e-3, cracked=straight) as other,
     ):
-        found = errors(one, other)
+        found = run_errors(one, other)
     assert found.start == pytest.approx(0.2)
     assert found.path == pytest.approx(4 / 28, rel=0.06)  # measured 0.1429: the path has points 1 mm inside the ends
     assert found.branching is None
@@ -127,13 +129,13 @@ def test_cracks_are_compared(tmp_path: Path) -> None:
 @pytest.mark.slow
 def test_what_did_not_happen_is_an_infinite_error(tmp_path: Path) -> None:
     with run(tmp_path / "a", 40, 1e-3) as one, run(tmp_path / "b", 40, 1e-3, cracked={50: 0.03}) as other:
-        found = errors(one, other)
+        found = run_errors(one, other)
     assert (found.path, found.start) == (np.inf, np.inf)
 
 
 def test_cost(tmp_path: Path) -> None:
     with run(tmp_path / "a", 10, 1e-3) as results:
-        found = cost(results, tmp_path / "a")
+        found = run_cost(results, tmp_path / "a")
     assert found == (2.0, 10 * 100 * 100, (tmp_path / "a").stat().st_size)
 
 
@@ -147,14 +149,14 @@ def test_other_plates_are_refused(tmp_path: Path) -> None:
         Results.open(tmp_path / "b") as other,
         pytest.raises(ResultsError, match=naming("a", found="(0, 0)", expected=("b", "differ"))),
     ):
-        errors(one, other)
+        run_errors(one, other)
 
 
 def test_the_front_and_the_cheapest() -> None:
     cost, error = np.array([4.0, 1.0, 2.0, 3.0, 2.0, 5.0]), np.array([0.01, 0.2, 0.1, 0.1, 0.3, np.nan])
-    assert front(cost, error) == [1, 2, 0]
-    assert cheapest(cost, error, 0.15) == 2
-    assert cheapest(cost, error, 0.001) is None
+    assert pareto_front(cost, error) == [1, 2, 0]
+    assert cheapest_point(cost, error, 0.15) == 2
+    assert cheapest_point(cost, error, 0.001) is None
 
 
 @pytest.mark.slow
@@ -193,7 +195,7 @@ def test_plates_too_small_to_compare(
     pull = Load(nodes=(1,), body_force=(1e9, 0.0))
     line = plate(square_grid(10, 1), conditions=(pull,), run=Run(time_step=1e-8, steps=2, every=1))
     with pytest.warns(ModelWarning), simulate(line, Path("row.sqlite")) as row:
-        assert errors(row, row).displacement is None
+        assert run_errors(row, row).displacement is None
     run(tmp_path / "a.sqlite", 10, 1e-3).close()
     assert main(["tradeoff", "a.sqlite", "--reference", "a.sqlite", "--by", "path"]) == 2
     assert mentions(
@@ -202,8 +204,8 @@ def test_plates_too_small_to_compare(
 
 
 def test_nodes_without_bonds_have_no_strain(tmp_path: Path) -> None:
-    from pdpost.measures.strain import fitted
+    from pdpost.measures.strain import fit_gradients
 
     with run(tmp_path / "a.sqlite", 10, 1e-3) as results:
         moved = np.column_stack([results.field("ux", 100), results.field("uy", 100)])
-        assert np.isnan(fitted(results.nodes(), moved.astype(float), results.families())).all()
+        assert np.isnan(fit_gradients(results.nodes(), moved.astype(float), results.families())).all()

@@ -51,7 +51,7 @@ def strip(share: float, dimension: int, ratio: float, corrected: bool = True, **
 
 def along(found: Prepared) -> NDArray[np.float64]:
     """The mean temperatures (CELLS,) across a strip."""
-    return np.asarray(found.system.beside[0].state.value[:, 0].reshape(-1, CELLS).mean(axis=0))
+    return np.asarray(found.system.coupled[0].state.value[:, 0].reshape(-1, CELLS).mean(axis=0))
 
 
 @pytest.mark.parametrize("dimension", [2, 3])
@@ -86,7 +86,7 @@ def test_a_crack_that_conducts_nothing_keeps_one_half_cold(dimension: int, solve
 @pytest.mark.filterwarnings("ignore:.*energy balance error")
 def test_a_stopped_run_that_breaks_goes_on_to_the_same_bits(tmp_path: Path) -> None:
     """The bonds that broke before the stop conduct less after it."""
-    found = strip(1.0, 2, 3.0, solver="static", time_step=1e-6, steps=9).system.asked
+    found = strip(1.0, 2, 3.0, solver="static", time_step=1e-6, steps=9).system.requested_model
     x = found.grid.position[:, 0]
     held = tuple(Displacement(nodes=ids(at), x=0.0, y=0.0) for at in (x < 2 * H, x > (CELLS - 2) * H))
     settings = msgspec.structs.replace(
@@ -113,7 +113,7 @@ def test_a_share_beyond_its_bounds_is_refused() -> None:
 
 
 def test_diffusion_alone_has_no_bonds_that_break() -> None:
-    model = strip(1.0, 2, 3.0).system.asked
+    model = strip(1.0, 2, 3.0).system.requested_model
     settings = msgspec.structs.replace(
         model.settings, physics="diffusion", material=None, conditions=model.settings.conditions[:3],
         medium=Medium(D=2.0, broken=0.5),

@@ -9,9 +9,9 @@ from scipy.sparse import csr_array
 
 from pdsolve.operators.tangent import of_springs
 from pdsolve.state import Broken
-from pdsolve.steppers.factors import factors
-from pdsolve.steppers.lost_bonds import AT_ONCE, LostBonds
-from pdsolve.steppers.rigid_body_modes import Braced, loose
+from pdsolve.steppers.downdated_tangent import AT_ONCE, DowndatedTangent
+from pdsolve.steppers.factors import factorize
+from pdsolve.steppers.rigid_body_modes import SupportedBonds, find_loose_bodies
 
 COLUMNS, ROWS = 9, 7
 PLACE = square_grid(COLUMNS, ROWS, 1.0).position
@@ -48,12 +48,12 @@ def test_a_solution_without_bonds_is_that_of_new_factors() -> None:
     free[-1, 0] = False
     inner, rest = free.ravel(), np.zeros((NODES, 2))
     matrix = stiffness(source, target, rest)
-    lost = LostBonds(matrix, free, factors(matrix[inner][:, inner]), broken(np.zeros((0, 2), dtype=np.int64)))
+    lost = DowndatedTangent(matrix, free, factorize(matrix[inner][:, inner]), broken(np.zeros((0, 2), dtype=np.int64)))
     gone = np.array([[12, 21], [13, 22], [30, 40], [3, 12], [NODES - 1, NODES - 2]])
     for first in range(0, len(gone), 2):
-        assert lost.lose(broken(gone[: first + 2]))
+        assert lost.remove_bonds(broken(gone[: first + 2]))
         left = without(source, target, gone[: first + 2])
-        exact = factors(stiffness(source[left], target[left], rest)[inner][:, inner])
+        exact = factorize(stiffness(source[left], target[left], rest)[inner][:, inner])
         pull = np.zeros((NODES, 2))
         for i, j in gone[first : first + 2]:
             way = (PLACE[j] - PLACE[i]) / np.hypot(*(PLACE[j] - PLACE[i]))
@@ -66,15 +66,15 @@ def test_right_sides_of_broken_bonds_take_no_solution() -> None:
     source, target = joined()
     free = np.repeat(PLACE[:, 1:] > 0, 2, axis=1)
     matrix, solved = stiffness(source, target, np.zeros((NODES, 2))), 0
-    inverse = factors(matrix[free.ravel()][:, free.ravel()])
+    inverse = factorize(matrix[free.ravel()][:, free.ravel()])
 
     def counted(right: np.ndarray) -> np.ndarray:
         nonlocal solved
         solved += 1
         return inverse(right)
 
-    lost = LostBonds(matrix, free, counted, broken(np.zeros((0, 2), dtype=np.int64)))
-    lost.lose(broken(np.array([[30, 31]])))
+    lost = DowndatedTangent(matrix, free, counted, broken(np.zeros((0, 2), dtype=np.int64)))
+    lost.remove_bonds(broken(np.array([[30, 31]])))
     pull = np.zeros((NODES, 2))
     pull[30, 0], pull[31, 0] = 1.0, -1.0
     lost.solve(pull[free])
@@ -86,9 +86,9 @@ def test_right_sides_of_broken_bonds_take_no_solution() -> None:
 def test_many_bonds_at_once_are_left_to_new_factors() -> None:
     source, target = joined()
     matrix, free = stiffness(source, target, np.zeros((NODES, 2))), np.repeat(PLACE[:, 1:] > 0, 2, axis=1)
-    lost = LostBonds(matrix, free, lambda right: right, broken(np.zeros((0, 2), dtype=np.int64)))
+    lost = DowndatedTangent(matrix, free, lambda right: right, broken(np.zeros((0, 2), dtype=np.int64)))
     pairs = np.column_stack([source, target])[source < target]
-    assert not lost.lose(broken(pairs[: AT_ONCE + 1]))
+    assert not lost.remove_bonds(broken(pairs[: AT_ONCE + 1]))
 
 
 @pytest.mark.slow
@@ -104,18 +104,18 @@ def test_bodies_that_stay_supported_are(cut: bool) -> None:
         intact, pairs = np.ones(len(source), dtype=bool), np.column_stack([source, target])[source < target]
         if cut:
             pairs = pairs[(PLACE[pairs, 1] < ROWS // 2).sum(axis=1) == 1]
-        braced = Braced(PLACE, (source, target), held, intact)
+        braced = SupportedBonds(PLACE, (source, target), held, intact)
         for pair in rng.permutation(pairs):
             intact = intact & without(source, target, pair[None])
             looks += 1
-            said = loose(PLACE, ids, _left(source, target, intact), held).said
-            if braced.stays(intact):
+            said = find_loose_bodies(PLACE, ids, _left(source, target, intact), held).description
+            if braced.remain_supported(intact):
                 stays += 1
                 assert not said
                 continue
             if said:
                 break
-            braced = Braced(PLACE, (source, target), held, intact)
+            braced = SupportedBonds(PLACE, (source, target), held, intact)
     assert stays > looks / 2  # of which the quick look decides most
     assert looks > stays
 

@@ -19,7 +19,7 @@ from pdsolve.conditions import Drive, put_loads
 from pdsolve.errors import CheckpointError
 from pdsolve.model import Model, ModelWarning
 from pdsolve.state import State
-from pdsolve.steppers.load_steps import Going, held_at
+from pdsolve.steppers.load_steps import LoadStepProgress, prescribed_positions
 
 Array = NDArray[np.float64]
 
@@ -28,7 +28,7 @@ END = 0.01  # of the largest load: as good as gone
 REACHED = "the loads are reached"
 
 
-class Stepped(NamedTuple):
+class PathStepResult(NamedTuple):
     """One step along the path."""
 
     step: int
@@ -39,90 +39,94 @@ class Stepped(NamedTuple):
     spent: float  # J/m, by bonds or cracks
 
 
-class PathRecords:
+class PathStepper:
     """Takes the steps of a path, in a way that others say, and keeps their records."""
 
-    said = ""  # how, for the record
+    description = ""  # how, for the record
     end = END  # of the largest load: the path ends there
 
     def __init__(self, model: Model, drive: Drive, area: Array) -> None:
         self._model, self._drive, self._area = model, drive, area
         self._held: NDArray[np.bool_] = np.zeros(drive.force.shape, dtype=bool)
         self._held[drive.holds.node, drive.holds.axis] = True
-        self._start, end = self._outside_at(0.0), self._outside_at(1.0)
+        self._start, end = self._loads_and_positions(0.0), self._loads_and_positions(1.0)
         self._growth = end - self._start  # of loads (n, w), N/m, and places, m, from a factor of 0 to 1
         self._driven = self._held if self._growth[self._held].any() else ~self._held
         self._began: tuple[float, float] | None = None  # s, and the share of the path that was done then
-        self.rested: list[Stepped] = []
-        self.watch: Callable[[Going], None] | None = None
-        self.ended, self.why = False, ""
+        self.step_results: list[PathStepResult] = []
+        self.watch: Callable[[LoadStepProgress], None] | None = None
+        self.ended, self.end_reason = False, ""
         self.lost: float | None = None  # the largest factor of dead loads, past which no equilibrium bears as much
         drive.force[:] = 0
 
     @property
     def factor(self) -> float:
         """The factor of loads and prescribed displacements now: the time of their profiles, s."""
-        return self.rested[-1].factor if self.rested else 0.0
+        return self.step_results[-1].factor if self.step_results else 0.0
 
     def march(self, state: State, first: int, last: int) -> None:
         """Take the steps `first` to `last` - 1, in place, unless the path has ended. Raises UnsettledError."""
-        self._began = self._began or (clock.monotonic(), self._share())
+        self._began = self._began or (clock.monotonic(), self._finished_share())
         for step in range(first, last):
             if not self.ended:
-                self._take(state, step)
+                self._take_step(state, step)
 
-    def keep(self) -> dict[str, Array]:
+    def checkpoint_arrays(self) -> dict[str, Array]:
         """The steps so far, for a checkpoint."""
-        return {"stepped": np.array(self.rested, dtype=float).reshape(-1, len(Stepped._fields))}
+        return {"stepped": np.array(self.step_results, dtype=float).reshape(-1, len(PathStepResult._fields))}
 
-    def back(self, checkpoint: Mapping[str, NDArray[Any]], step: int) -> None:
+    def restore(self, checkpoint: Mapping[str, NDArray[Any]], step: int) -> None:
         """Restore a checkpoint after `step`. Raises CheckpointError."""
-        rows = entry(checkpoint, "stepped", (step, len(Stepped._fields)), float)
+        rows = entry(checkpoint, "stepped", (step, len(PathStepResult._fields)), float)
         if not np.array_equal(rows[:, 0], np.arange(1, step + 1)):
             raise CheckpointError(f"path steps are not 1 to {step}, those until the checkpoint")
-        self.rested = [Stepped(int(row[0]), int(row[1]), *row[2:]) for row in rows.tolist()]
+        self.step_results = [PathStepResult(int(row[0]), int(row[1]), *row[2:]) for row in rows.tolist()]
 
-    def words(self) -> str:
+    def progress_text(self) -> str:
         """The load, the spent energy and the time that is left, for a progress display."""
-        if not self.rested:
+        if not self.step_results:
             return "elastic"
-        most = max(abs(path_step.pull) for path_step in self.rested) or 1.0
+        most = max(abs(path_step.pull) for path_step in self.step_results) or 1.0
         unit = "J/m" if self._model.grid.dimension == 2 else "J"
-        said = f"load {self.rested[-1].pull / most:.0%} of its peak, spent {self.rested[-1].spent:.3g} {unit}"
+        said = (
+            f"load {self.step_results[-1].pull / most:.0%} of its peak, spent {self.step_results[-1].spent:.3g} {unit}"
+        )
         began, before = self._began or (0.0, 1.0)
-        share = self._share()
+        share = self._finished_share()
         if share <= before:
             return said
         seconds_left = (clock.monotonic() - began) * (1 - share) / (share - before)
         return f"{said}, about {seconds_left:.0f} s left"
 
-    def _share(self) -> float:
+    def _finished_share(self) -> float:
         """How much of the path is done."""
         raise NotImplementedError
 
-    def _take(self, state: State, step: int) -> None:
+    def _take_step(self, state: State, step: int) -> None:
         """Take a step, in place. Raises UnsettledError."""
         raise NotImplementedError
 
-    def _note(self, step: int, iterations: int, residual: float, factor: float, after: Array, spent: float) -> None:
-        """Record a step that ended under loads and reactions `after` (n, w), N/m."""
-        pull = float((after * self._growth)[self._driven].sum())
-        self.rested.append(Stepped(step, iterations, residual, factor, pull, spent))
-        self._look(step)
+    def _record_step(
+        self, step: int, iterations: int, residual: float, factor: float, external_forces: Array, dissipated: float
+    ) -> None:
+        """Record a step that ended under loads and reactions `external_forces` (n, w), N/m."""
+        pull = float((external_forces * self._growth)[self._driven].sum())
+        self.step_results.append(PathStepResult(step, iterations, residual, factor, pull, dissipated))
+        self._check_peak_load(step)
 
-    def _look(self, step: int) -> None:
+    def _check_peak_load(self, step: int) -> None:
         """Report, once, loads past their largest; end the path where they are as good as gone."""
-        pulls = [abs(path_step.pull) for path_step in self.rested]
+        pulls = [abs(path_step.pull) for path_step in self.step_results]
         most, now = max(pulls), pulls[-1]
         if now < self.end * most:
-            self.ended, self.why = True, f"the load has fallen to {self.end:.0%} of its largest"
+            self.ended, self.end_reason = True, f"the load has fallen to {self.end:.0%} of its largest"
         elif step == self._model.settings.run.steps and not self.ended:
-            self.why = "the steps are over"
+            self.end_reason = "the steps are over"
         if self._driven[self._held].any() or now >= PASSED * most:
             return
-        self.lost, after = max(path_step.factor for path_step in self.rested), self._model.settings.run.after
+        self.lost, after = max(path_step.factor for path_step in self.step_results), self._model.settings.run.after
         if after != "path":
-            self.ended, self.why = True, "the loads are past their largest"
+            self.ended, self.end_reason = True, "the loads are past their largest"
         if min(pulls[pulls.index(most) : -1]) < PASSED * most:
             return
         follows = {"path": "goes on at smaller loads", "stop": "ends here", "motion": "ends here, and a motion begins"}
@@ -133,7 +137,7 @@ class PathRecords:
             stacklevel=2,
         )
 
-    def _outside_at(self, factor: float) -> Array:
+    def _loads_and_positions(self, factor: float) -> Array:
         """Loads (n, w), N/m, and places of what is held, m."""
         put_loads(self._drive, factor)
-        return np.where(self._held, held_at(self._drive, factor), self._area[:, None] * self._drive.force)
+        return np.where(self._held, prescribed_positions(self._drive, factor), self._area[:, None] * self._drive.force)

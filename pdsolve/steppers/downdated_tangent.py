@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pdsolve.state import Broken
-from pdsolve.steppers.old_factors import columns_of
+from pdsolve.steppers.reused_factors import solve_columns
 
 if TYPE_CHECKING:
     from scipy.sparse import csr_array
@@ -31,7 +31,7 @@ MOST, AT_ONCE = 150, 40  # bonds in all, and in one call: beyond, new factors ta
 LEFT = 0.05  # of a right side that is not of the bonds that broke last: then it is solved for
 
 
-class LostBonds:
+class DowndatedTangent:
     """The tangent of a plate with factors, less the bonds that have broken since."""
 
     def __init__(self, matrix: csr_array, free: NDArray[np.bool_], inverse: Solve, broken: Broken) -> None:
@@ -39,14 +39,14 @@ class LostBonds:
         self._matrix, self._solve, self._width = matrix, inverse, free.shape[1]
         self._row = np.where(free.ravel(), np.cumsum(free.ravel()) - 1, -1).reshape(free.shape)
         size = int(free.sum())
-        self._nodes, self._known = len(free), np.unique(_numbers(broken, len(free)))
+        self._nodes, self._known = len(free), np.unique(_pair_numbers(broken, len(free)))
         self._ways, self._columns = np.zeros((0, size)), np.zeros((0, size))  # (p, k): b, and X
         self._whole = np.zeros((0, 0))  # (p, p): 1 / k - B^T X
         self._last = 0  # of them from the last call
 
-    def lose(self, broken: Broken) -> bool:
+    def remove_bonds(self, broken: Broken) -> bool:
         """Take all these for broken; False if they are too many."""
-        new = np.setdiff1d(_numbers(broken, self._nodes), self._known)
+        new = np.setdiff1d(_pair_numbers(broken, self._nodes), self._known)
         self._last = 0
         if not len(new):
             return True
@@ -67,7 +67,7 @@ class LostBonds:
                 ways[free_bonds, row[free_bonds]] = sign * vectors[free_bonds, axis, -1]
         pulls = values[:, -1] > 0
         ways, stiffness = ways[pulls], values[pulls, -1]
-        columns = columns_of(self._solve, ways.T).T
+        columns = solve_columns(self._solve, ways.T).T
         old, diagonal_block = -self._ways @ columns.T, np.diag(1 / stiffness) - ways @ columns.T
         self._whole = np.block([[self._whole, old], [old.T, diagonal_block]])
         self._ways, self._columns = np.vstack([self._ways, ways]), np.vstack([self._columns, columns])
@@ -76,7 +76,7 @@ class LostBonds:
 
     def solve(self, right: Array) -> Array:
         """The solution for a right side (k,)."""
-        solution = self._by_columns(right)
+        solution = self._solve_by_columns(right)
         if not len(self._ways):
             return solution
         try:
@@ -85,7 +85,7 @@ class LostBonds:
             return solution
         return np.asarray(solution + share @ self._columns)
 
-    def _by_columns(self, right: Array) -> Array:
+    def _solve_by_columns(self, right: Array) -> Array:
         """The solution with all bonds, by the columns of those that broke last where the right side is of them."""
         if self._last:
             ways, columns = self._ways[-self._last :], self._columns[-self._last :]
@@ -96,6 +96,6 @@ class LostBonds:
         return self._solve(right)
 
 
-def _numbers(broken: Broken, nodes: int) -> NDArray[np.int64]:
+def _pair_numbers(broken: Broken, node_count: int) -> NDArray[np.int64]:
     """A number for each pair of nodes, whichever of them comes first."""
-    return np.minimum(broken.source, broken.target) * nodes + np.maximum(broken.source, broken.target)
+    return np.minimum(broken.source, broken.target) * node_count + np.maximum(broken.source, broken.target)

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pdsolve.steppers.equilibrium import UnsettledError
-from pdsolve.steppers.factors import factors
+from pdsolve.steppers.factors import factorize
 
 if TYPE_CHECKING:
     from scipy.sparse import csr_array
@@ -31,7 +31,7 @@ BLOCK = 4  # right sides at once: for more BLAS takes threads, which cost more t
 LEFT = 1e-2  # of the right side, which a solution may leave
 
 
-class Solver:
+class ReusedFactorSolver:
     """Solves with matrices that may be indefinite; they are `symmetric`, or not."""
 
     def __init__(self, symmetric: bool = True) -> None:
@@ -41,20 +41,20 @@ class Solver:
         self._changed = np.zeros(0, dtype=np.int64)  # (p,) components
         self._columns = np.zeros((0, 0))  # (k, p) of the old matrix's inverse
 
-    def solve(self, matrix: csr_array, right: Array, anew: bool) -> Array:
-        """The solutions for right sides (k,) or (k, r); `anew` does not use old factors. Raises UnsettledError."""
+    def solve(self, matrix: csr_array, right: Array, refactor: bool) -> Array:
+        """The solutions for right sides (k,) or (k, r); `refactor` does not use old factors. Raises UnsettledError."""
         rights = right.reshape(len(right), -1)
-        solution = None if anew or self._old is None else self._by_old_factors(matrix, rights)
+        solution = None if refactor or self._old is None else self._solve_by_old_factors(matrix, rights)
         if solution is None:
-            self._old, self._inverse = matrix, _factors(matrix, self._symmetric)
+            self._old, self._inverse = matrix, _factor_without_warnings(matrix, self._symmetric)
             self._changed, self._columns = np.zeros(0, dtype=np.int64), np.zeros((len(right), 0))
             solution = self._inverse(rights)
         return solution.reshape(right.shape)
 
-    def _by_old_factors(self, matrix: csr_array, right: Array) -> Array | None:
+    def _solve_by_old_factors(self, matrix: csr_array, right: Array) -> Array | None:
         """The solutions; None if they take long."""
         difference = matrix - self._old
-        if not self._learn(difference):
+        if not self._add_changed_columns(difference):
             return None
         changed_rows, inverse = self._changed, self._inverse
         assert inverse is not None
@@ -81,7 +81,7 @@ class Solver:
                 return None
         return None
 
-    def _learn(self, difference: csr_array) -> bool:
+    def _add_changed_columns(self, difference: csr_array) -> bool:
         """Add the columns of components that have changed; returns whether these are few."""
         assert self._old is not None
         assert self._inverse is not None
@@ -94,21 +94,21 @@ class Solver:
             unit_columns = np.zeros((len(self._columns), len(new)), order="F")
             unit_columns[new, np.arange(len(new))] = 1.0
             self._changed = np.concatenate([self._changed, new])
-            self._columns = np.hstack([self._columns, columns_of(self._inverse, unit_columns)])
+            self._columns = np.hstack([self._columns, solve_columns(self._inverse, unit_columns)])
         return True
 
 
-def columns_of(inverse: Callable[[Array], Array], right: Array) -> Array:
+def solve_columns(inverse: Callable[[Array], Array], right: Array) -> Array:
     """The solutions for right sides (k, p), some at once."""
     blocks = range(0, right.shape[1], BLOCK)
     return np.hstack([right[:, :0], *(inverse(np.asfortranarray(right[:, k : k + BLOCK])) for k in blocks)])
 
 
-def _factors(matrix: csr_array, symmetric: bool) -> Callable[[Array], Array]:
+def _factor_without_warnings(matrix: csr_array, symmetric: bool) -> Callable[[Array], Array]:
     """The function that solves with a matrix; SuperLU's warnings are left out. Raises UnsettledError."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         try:
-            return factors(matrix, symmetric)
+            return factorize(matrix, symmetric)
         except RuntimeError:
             raise UnsettledError("the tangent is singular") from None

@@ -10,11 +10,19 @@ from numpy.typing import NDArray
 from pdsolve.operators.contact.at_rest import RestingContact
 from pdsolve.operators.protocol import Operator
 from pdsolve.state import State
-from pdsolve.steppers.equilibrium import Asked, Method, Settled, Tell, UnsettledError, forces, left_over
-from pdsolve.steppers.path_following import Path
+from pdsolve.steppers.equilibrium import (
+    Equilibrium,
+    EquilibriumConditions,
+    EquilibriumMethod,
+    ProgressReport,
+    UnsettledError,
+    force_densities,
+    relative_residual,
+)
+from pdsolve.steppers.path_following import PathPoint
 from pdsolve.steppers.rigid_body_modes import Pairs
 
-Solved = tuple[Path, int, float]  # a place on a path, iterations and residual
+PathSolution = tuple[PathPoint, int, float]  # a place on a path, iterations and residual
 
 LOOKS = 10  # at one equilibrium
 STAYS = 1e-3  # residual of an equilibrium for normals and weights of that place: these are good then
@@ -22,56 +30,58 @@ SMALLEST = 1 / 64  # of a load step
 FAR = 0.5  # spacings: a node that moves farther in one equilibrium may miss what it meets
 
 
-class Touching:
-    """A method for an operator with a part that is contact; see `Method`."""
+class ContactMethod:
+    """A method for an operator with a part that is contact; see `EquilibriumMethod`."""
 
-    def __init__(self, method: Method, operator: Operator, contact: RestingContact) -> None:
+    def __init__(self, method: EquilibriumMethod, operator: Operator, contact: RestingContact) -> None:
         self._method, self._operator, self.contact = method, operator, contact
-        self.said, self.smallest = method.said, min(method.smallest, SMALLEST)
+        self.description, self.smallest_part = method.description, min(method.smallest_part, SMALLEST)
 
-    def settle(self, state: State, conditions: Asked, tell: Tell) -> Settled:
+    def solve_equilibrium(
+        self, state: State, conditions: EquilibriumConditions, report_progress: ProgressReport
+    ) -> Equilibrium:
         """Move the values of the state to equilibrium, in place. Raises UnsettledError."""
         start, contact, done = state.value.copy(), self.contact, 0
         contact.begin(state)
         for _ in range(LOOKS):
-            equilibrium = self._method.settle(state, conditions, tell)
+            equilibrium = self._method.solve_equilibrium(state, conditions, report_progress)
             done += equilibrium.iterations
             if contact.moved(state.value) > FAR:
                 state.value[:] = start
                 raise UnsettledError(f"bodies in contact move by more than {FAR:g} spacings")
             before = contact.seen
             contact.see(state.value.copy())
-            if left_over(state, conditions, forces(self._operator, state), 0.0) < STAYS:
+            if relative_residual(state, conditions, force_densities(self._operator, state), 0.0) < STAYS:
                 contact.see(before)
-                return Settled(done, equilibrium.residual)
+                return Equilibrium(done, equilibrium.residual)
         state.value[:] = start
         raise UnsettledError(
             f"no place in which bodies stay that touch, after {LOOKS} looks at their faces; add supports or"
             " friction for what can slide"
         )
 
-    def forget(self) -> None:
+    def reset_history(self) -> None:
         """Discard history, so that what follows depends on the state alone."""
-        self._method.forget()
+        self._method.reset_history()
 
-    def ways_down(self, state: State, constrained: NDArray[np.bool_]) -> int:
-        """Independent displacements along which energy falls; see `Method`."""
-        return self._method.ways_down(state, constrained)
+    def count_unstable_modes(self, state: State, constrained: NDArray[np.bool_]) -> int:
+        """Independent displacements along which energy falls; see `EquilibriumMethod`."""
+        return self._method.count_unstable_modes(state, constrained)
 
-    def hold_softly(self, nodes: NDArray[np.bool_]) -> None:
-        """Restrain these nodes (n,) by weak springs during the solution; see `Method`."""
-        self._method.hold_softly(nodes)
+    def restrain_softly(self, nodes: NDArray[np.bool_]) -> None:
+        """Restrain these nodes (n,) by weak springs during the solution; see `EquilibriumMethod`."""
+        self._method.restrain_softly(nodes)
 
 
-def and_touching(bonds: Pairs, contact: RestingContact) -> Pairs:
+def with_contact_pairs(bonds: Pairs, contact: RestingContact) -> Pairs:
     """Bonds, and pairs of nodes that touch."""
     (source, target), (i, j) = bonds, contact.holding()
     return np.concatenate([source, i, j]), np.concatenate([target, j, i])
 
 
-def resting(
-    contact: RestingContact | None, solve: Callable[[], Solved], measure_residual: Callable[[Path], float]
-) -> Solved:
+def solve_with_contact(
+    contact: RestingContact | None, solve: Callable[[], PathSolution], measure_residual: Callable[[PathPoint], float]
+) -> PathSolution:
     """The place on a path that `solve` finds, its iterations and residual, with normals and weights that stay there.
 
     `measure_residual` is the residual of a place. Raises UnsettledError.

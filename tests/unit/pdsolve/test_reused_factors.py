@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from scipy.sparse import csr_array, diags_array
 
-from pdsolve.steppers import old_factors
-from pdsolve.steppers.old_factors import LEFT, Solver
+from pdsolve.steppers import reused_factors
+from pdsolve.steppers.reused_factors import LEFT, ReusedFactorSolver
 
 
 def chain(softening: float, springs: int, all_by: float = 0.0) -> csr_array:
@@ -23,14 +23,14 @@ def chain(softening: float, springs: int, all_by: float = 0.0) -> csr_array:
     ("softening", "springs", "all_by", "made"),
     [(0.9, 20, 0.0, 1), (3.0, 20, 0.0, 1), (0.9, 20, 1e-4, 1), (0.3, 401, 0.0, 2), (1.2, 401, 0.0, 2)],
 )
-def test_old_factors_leave_little_or_are_made_anew(
+def test_reused_factors_leave_little_or_are_made_anew(
     softening: float, springs: int, all_by: float, made: int, symmetric: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """The true residuals of two right sides count, of softer chains and of indefinite ones."""
-    count, makes = [], old_factors.factors
-    monkeypatch.setattr(old_factors, "factors", lambda *given: count.append(1) or makes(*given))
+    count, makes = [], reused_factors.factorize
+    monkeypatch.setattr(reused_factors, "factorize", lambda *given: count.append(1) or makes(*given))
     right = np.column_stack([np.sin(np.arange(400.0)), np.ones(400)])
-    solver = Solver(symmetric)
+    solver = ReusedFactorSolver(symmetric)
     solver.solve(chain(0.0, 0), right[:, 0], True)
     softer = chain(softening, springs, all_by)
     solver.solve(chain(softening / 2, min(springs, 20) // 2), right, False)

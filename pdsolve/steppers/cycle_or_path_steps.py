@@ -10,26 +10,27 @@ from pdsolve.model import Model
 from pdsolve.operators.protocol import Operator
 from pdsolve.steppers.arc_length_steps import ArcLengthSteps
 from pdsolve.steppers.crack_length_steps import CrackLengthSteps
-from pdsolve.steppers.fatigue_steps import FatigueSteps, tiring
-from pdsolve.steppers.growing_cracks import Growing
+from pdsolve.steppers.fatigue_steps import FatigueSteps, make_fatigue_steps
+from pdsolve.steppers.growing_cracks import CrackGrowth
 from pdsolve.steppers.load_steps import LoadSteps
 from pdsolve.steppers.paris_steps import ParisSteps
-from pdsolve.steppers.path_steps import PathSteps
+from pdsolve.steppers.path_steps import SofteningPathSteps
 
-SteppedRest = ArcLengthSteps | CrackLengthSteps | FatigueSteps | ParisSteps | PathSteps
+CycleOrPathSteps = ArcLengthSteps | CrackLengthSteps | FatigueSteps | ParisSteps | SofteningPathSteps
 
 
-def repeating(
+def make_cycle_steps(
     model: Model,
     operator: Operator,
-    motion: LoadSteps,
+    load_steps: LoadSteps,
     breakable: Breakable | None,
     family: NDArray[np.int64],
-    count: NDArray[np.int64],
-    growth: Growing | None,
+    uncut_count: NDArray[np.int64],
+    growth: CrackGrowth | None,
 ) -> FatigueSteps | ParisSteps:
-    """Steps of a model with fatigue: of cracks that `growth` grows, or of bonds; see `tiring`. Raises ModelError."""
+    """Steps of a model with fatigue: of cracks that `growth` grows, or of bonds; see `make_fatigue_steps`. Raises
+    ModelError."""
     law = model.settings.run.fatigue
     if growth is not None and law is not None:
-        return ParisSteps(law, operator, motion, growth)
-    return tiring(model, operator, motion, breakable, family, count)
+        return ParisSteps(law, operator, load_steps, growth)
+    return make_fatigue_steps(model, operator, load_steps, breakable, family, uncut_count)

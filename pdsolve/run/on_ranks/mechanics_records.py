@@ -1,0 +1,224 @@
+"""Entries in the ledger, probes and reactions of all ranks, to the bits of one process."""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pdsolve.conditions import factor_now
+from pdsolve.errors import UnstableError
+from pdsolve.numerics.ordered_sums import Branches, branches, total
+from pdsolve.numerics.team import PASSED, Team
+from pdsolve.ranks.part import Part, broken
+from pdsolve.results import Results
+from pdsolve.run.inversion_checks import DisplacementRange, MotionChecks, displacement_range
+from pdsolve.run.measures import BondState, LedgerRow, evaluate_bonds, ledger_terms
+from pdsolve.run.mechanics_records import MechanicsRecords, instability_message, motion_values
+from pdsolve.run.on_ranks.start import RankSystem, SystemOnRanks
+from pdsolve.run.reactions import Reaction
+from pdsolve.state import Broken, State
+
+Array = NDArray[np.float64]
+
+
+class RankReport(NamedTuple):
+    """What a rank says of a step."""
+
+    sums: dict[str, Branches]  # of the ledger
+    broken: int  # directed bonds so far
+    last_break_step: int  # step of the last one
+    values_are_finite: bool  # whether all displacements of own nodes are finite
+    extent: DisplacementRange
+
+
+class GatheredReports(NamedTuple):
+    """What all ranks say of a step."""
+
+    ledger_row: LedgerRow
+    last_break_step: int  # step of the last broken bond, 0 without any
+    values_are_finite: bool
+    extent: DisplacementRange
+
+
+class MechanicsRecordsOnRanks(MechanicsRecords):
+    """The records of a motion on all ranks; see `pdsolve.run.physics_records.PhysicsRecords`."""
+
+    def __init__(self, system: SystemOnRanks, resumed_step: int, past_results: Results | None) -> None:
+        """`past_results` are those of a resumed run after `resumed_step`, else None."""
+        assert system.team is not None
+        self._team, self._whole = system.team, system
+        self._initialize_records(system, resumed_step, past_results)
+        grid, run = system.model.grid, system.model.settings.run
+        places = [*run.probes, *(end for gap in run.gaps for end in gap.ends)]
+        rows = dict.fromkeys(grid.nearest(places)[1].tolist() if places else [])
+        self._owned = [[row for row in rows if slab.first <= row < slab.last] for slab in system.slabs]
+        self._order = {row: number for number, row in enumerate(rows)}
+        subdomain: RankSystem = self._team.part.now
+        self._kinds, self._checks = subdomain.acting_conditions, subdomain.motion_checks
+        lengths_of_all = self._team.everywhere(spacing_and_breaking_length)
+        self._team.everywhere(use_lengths_of_ranks, lengths_of_all)
+        self.known = self._gather_reports(resumed_step)
+        self.last, self._heat_energy = self.known.ledger_row, 0.0
+
+    def update_last_row(self, state: State, step: int, bond_state: BondState | None) -> None:
+        """Make this step the last entry."""
+        if self.last.step != step:
+            self.known = self._gather_reports(step)
+            self.last = self.known.ledger_row
+
+    def record_step(self, state: State, step: int, bond_state: BondState | None) -> None:
+        """Record the ledger, the probes and the reactions of this step. Raises UnstableError."""
+        self.update_last_row(state, step, bond_state)
+        if self._is_unstable(self.last, self.known.values_are_finite):  # the error is that of one process
+            worst = self._team.everywhere(fastest_or_non_finite_node, self.known.values_are_finite)
+            most = max(speed for speed, _ in worst)
+            node = next(node for speed, node in worst if speed == most)
+            raise UnstableError(
+                instability_message(self._whole, self.last, max(self._largest_work, self._heat_energy), node)
+            )
+        self._largest_work = max(self._largest_work, abs(self.last.work))
+        extent = self.known.extent
+        if self._checks.may_be_inverted(extent):
+            words = next(
+                (words for words in self._team.everywhere(describe_inverted_triangle) if words is not None), None
+            )
+            if words is not None:
+                self._checks.warn_of_inversion(words, step)
+        self._checks.warn_of_imprecision(extent, step)
+        self._ledgers.append(self.last)
+        time = self.last.time
+        if self._order:
+            probe_values = [
+                probe
+                for rank_probes in self._team.everywhere(probe_own_nodes, items=self._owned)
+                for probe in rank_probes
+            ]
+            probe_values.sort(key=lambda probe: self._order[probe[0]])
+            self._probes += [(step, time, *values) for _, *values in probe_values]
+        if self._kinds:
+            self._reactions += self._team.everywhere(sum_reactions_over_ranks, step, time)[-1]
+
+    def _gather_reports(self, step: int) -> GatheredReports:
+        """The ledger entry after a step, from all ranks."""
+        said: list[RankReport] = self._team.everywhere(report_step, step)
+        count = len(self._whole.model.grid)
+        sums = {name: total([report.sums[name] for report in said], count) for name in said[0].sums}
+        ledger = LedgerRow(step, step * self._whole.time_step, broken=sum(report.broken for report in said), **sums)
+        least, most = (
+            tuple(pick(values) for values in zip(*(getattr(report.extent, end) for report in said), strict=True))
+            for end, pick in (("least", min), ("most", max))
+        )
+        extent = DisplacementRange(least, most, said[0].extent.kind)
+        return GatheredReports(
+            ledger,
+            max(report.last_break_step for report in said),
+            all(report.values_are_finite for report in said),
+            extent,
+        )
+
+
+def rank_bond_state(team: Team, step: int) -> BondState:
+    """What the operator says of the window's state after a step, asked once."""
+    subdomain: RankSystem = team.part.now
+    if subdomain.bond_state_step != step:
+        subdomain.bond_state, subdomain.bond_state_step = evaluate_bonds(subdomain.system, subdomain.state), step
+    return subdomain.bond_state
+
+
+def report_step(team: Team, step: int) -> RankReport:
+    """What this rank says of the state after a step."""
+    part: Part = team.part
+    subdomain: RankSystem = part.now
+    bond_state, slab = rank_bond_state(team, step), part.slab
+    with np.errstate(over="ignore", invalid="ignore"):  # of a run that becomes unstable
+        values = ledger_terms(subdomain.system, subdomain.state, bond_state.strain_energy, bond_state.softening_energy)
+        sums = {name: branches(of()[part.own], slab.first, slab.nodes) for name, of in values.items()}
+    mine, u = broken(part), subdomain.state.value[part.own]
+    d = subdomain.system.model.grid.dimension
+    finite = bool(np.isfinite(u).all())
+    return RankReport(sums, len(mine.step), int(mine.step.max(initial=0)), finite, displacement_range(u[:, :d]))
+
+
+def spacing_and_breaking_length(team: Team) -> tuple[float, float]:
+    """The lengths by which this rank's window looks at the motion."""
+    return _motion_checks(team).spacing_and_breaking_length
+
+
+def use_lengths_of_ranks(team: Team, lengths_of_ranks: list[tuple[float, float]]) -> None:
+    """Look at the motion of own nodes by the lengths of all ranks."""
+    _motion_checks(team).use_lengths_of_ranks(lengths_of_ranks, team.part.own)
+
+
+def describe_inverted_triangle(team: Team) -> str | None:
+    """An inverted triangle of own nodes, in words."""
+    subdomain: RankSystem = team.part.now
+    return subdomain.motion_checks.describe_inverted_triangle(subdomain.state.value[:, :2], Broken(*broken(team.part)))
+
+
+def fastest_or_non_finite_node(team: Team, values_are_finite: bool) -> tuple[float, int]:
+    """The speed of the fastest own node along all axes, m/s, and its id; or 1 and the first that is not finite, or
+    0."""
+    part: Part = team.part
+    state, ids = part.now.state, part.model.grid.ids[part.own]
+    if values_are_finite:
+        speed = np.abs(state.rate[part.own]).sum(axis=1)
+        return float(speed.max()), int(ids[speed.argmax()])
+    wrong = ~np.isfinite(state.value[part.own]).all(axis=1)
+    return float(wrong.any()), int(ids[wrong.argmax()])
+
+
+def probe_own_nodes(team: Team, grid_rows: list[int]) -> list[tuple[Any, ...]]:
+    """The motion of own nodes at rows of the whole grid: row, id, and what is recorded of it."""
+    part: Part = team.part
+    subdomain: RankSystem = part.now
+    d = part.model.grid.dimension
+    at, ids = [row - part.slab.begin for row in grid_rows], part.model.grid.ids
+    return [
+        (row, int(ids[local_row]), *motion_values(subdomain.state, local_row, d))
+        for row, local_row in zip(grid_rows, at, strict=True)
+    ]
+
+
+def sum_reactions_over_ranks(team: Team, step: int, time: float) -> list[Reaction]:
+    """The reactions of all ranks, on the last one: each adds to the sums of those before it, node by node."""
+    part: Part = team.part
+    subdomain: RankSystem = part.now
+    system, state, d = subdomain.system, subdomain.state, subdomain.system.model.grid.dimension
+    drive, area, rho = system.drive, system.area, system.model.rho
+    holds, loads, count = drive.holds, drive.loads, len(subdomain.acting_conditions)
+    pulls, pushes = np.zeros((2, count * d))
+    sums = _ReactionSums(pulls, pushes, np.zeros((count, d)), np.zeros(count, dtype=np.int64))
+    if team.rank > 0:
+        sums = team.received(team.rank - 1, PASSED)
+    pull = area[holds.node] * (rho[holds.node] * state.second[holds.node, holds.axis].astype(float) - drive.held_force)
+    np.add.at(sums.pull, d * holds.profile + holds.axis, pull)
+    np.add.at(sums.push, d * loads.profile + loads.axis, area[loads.node] * loads.value)
+    for number, grip in enumerate(subdomain.acting_conditions):
+        displacement = state.value[grip.rows, :d].astype(float)
+        sums.moved[number] = np.add.reduce(np.concatenate([sums.moved[number : number + 1], displacement]), axis=0)
+        sums.nodes[number] += len(grip.rows)
+    if team.rank < team.size - 1:
+        team.comm.send(sums, team.rank + 1, PASSED)
+        return []
+    at, all_reactions = system.profile_time(step), list[Reaction]()
+    for number, grip in enumerate(subdomain.acting_conditions):
+        components = slice(d * number, d * number + d)
+        factor = float(factor_now(drive.profiles, number, at))
+        force = (sums.pull[components] + factor * sums.push[components]).tolist()
+        mean = (sums.moved[number] / sums.nodes[number]).tolist()
+        all_reactions.append(Reaction(step, time, grip.number, grip.kind, *force[:2], *mean[:2], *force[2:], *mean[2:]))
+    return all_reactions
+
+
+class _ReactionSums(NamedTuple):
+    pull: Array  # (grips d,) of holding forces
+    push: Array  # (grips d,) of loads at factor 1
+    moved: Array  # (grips, d) of displacements
+    nodes: NDArray[np.int64]  # (grips,)
+
+
+def _motion_checks(team: Team) -> MotionChecks:
+    subdomain: RankSystem = team.part.now
+    return subdomain.motion_checks

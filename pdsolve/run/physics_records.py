@@ -1,0 +1,108 @@
+"""The interface of a run to its physics: records of conserved quantities, and closing remarks."""
+
+from __future__ import annotations
+
+from typing import Any, Protocol
+
+from pdsolve.results import Frame
+from pdsolve.run.measures import BondState
+from pdsolve.run.system import Prepared, System
+from pdsolve.state import State
+
+
+class PhysicsRecords(Protocol):
+    """Records of what a run conserves: energy and momentum, or amounts of a substance."""
+
+    @property
+    def broken_bond_count(self) -> int:
+        """Directed bonds broken, as of the last entry."""
+
+    @property
+    def balance_error(self) -> float:
+        """Relative error of the balance at the last entry: amount created over amount supplied."""
+
+    def progress_text(self, broken_bond_count: int) -> str:
+        """State of the balance in words, with so many broken bonds, for a progress display."""
+
+    def switch_system(self, system: System) -> None:
+        """Continue with changed nodes."""
+
+    def update_last_row(self, state: State, step: int, bond_state: BondState) -> None:
+        """Make this step the last entry, without recording it."""
+
+    def record_step(self, state: State, step: int, bond_state: BondState) -> None:
+        """Record this step. Raises UnstableError."""
+
+    def move_records_into(self, frame: Frame) -> Frame:
+        """The frame with the records since the last one."""
+
+    def metadata(self) -> dict[str, Any]:
+        """Metadata of the results about the physics, known from the start."""
+
+    def summary(self) -> dict[str, Any]:
+        """Results of the run for its summary."""
+
+    def warn_at_end(self) -> None:
+        """Issue warnings that follow from the last records."""
+
+
+class CoupledRecords:
+    """The records of a motion and of what diffuses on the same nodes; see `PhysicsRecords`."""
+
+    def __init__(self, motion: PhysicsRecords, others: tuple[tuple[PhysicsRecords, Prepared], ...]) -> None:
+        self._motion, self._others = motion, others
+
+    @property
+    def broken_bond_count(self) -> int:
+        """Directed bonds broken, as of the last entry."""
+        return self._motion.broken_bond_count
+
+    @property
+    def balance_error(self) -> float:
+        """The worst of all, by size."""
+        return max([self._motion.balance_error, *(records.balance_error for records, _ in self._others)], key=abs)
+
+    def progress_text(self, broken_bond_count: int) -> str:
+        """State of all balances in words, with so many broken bonds, for a progress display."""
+        return "; ".join(
+            [
+                self._motion.progress_text(broken_bond_count),
+                *(records.progress_text(broken_bond_count) for records, _ in self._others),
+            ]
+        )
+
+    def switch_system(self, system: System) -> None:
+        """Go on with other nodes."""
+        self._motion.switch_system(system)
+
+    def update_last_row(self, state: State, step: int, bond_state: BondState) -> None:
+        """Make the last entries those of this step, without noting them."""
+        self._motion.update_last_row(state, step, bond_state)
+        for records, prepared in self._others:
+            records.update_last_row(prepared.state, step, bond_state)
+
+    def record_step(self, state: State, step: int, bond_state: BondState) -> None:
+        """Note this step. Raises UnstableError."""
+        self._motion.record_step(state, step, bond_state)
+        for records, prepared in self._others:
+            records.record_step(prepared.state, step, bond_state)
+
+    def move_records_into(self, frame: Frame) -> Frame:
+        """The frame with what was noted since the last one."""
+        frame = self._motion.move_records_into(frame)
+        for records, _ in self._others:
+            frame = records.move_records_into(frame)
+        return frame
+
+    def metadata(self) -> dict[str, Any]:
+        """What results say of the physics from the start on."""
+        return {**self._motion.metadata(), "physics": "thermoelastic"}
+
+    def summary(self) -> dict[str, Any]:
+        """What the run came to: that of the motion, and of each other under the name of its physics."""
+        others = [records.summary() for records, _ in self._others]
+        return {**self._motion.summary(), **{str(summary["physics"]): summary for summary in others}}
+
+    def warn_at_end(self) -> None:
+        """Issue warnings that follow from the last records of the motion."""
+        self._motion.warn_at_end()
