@@ -159,8 +159,9 @@ def matching_pull(law: Any, stretch: Any, before: Any, worst: Any, peak: Any, li
     dW is the area below the law's curve, over stiffness, from the stretch `before` one step ago to the stretch of now
     or the limit, ds the growth of the stretch, and f_n and f_(n+1) the forces at both. Verlet takes f_n ds / 2 and
     f_(n+1) ds / 2 from the motion, and of a force that acts in this step alone f ds, half of it in the next step:
-    together dW, however long the step is. `worst` is the largest stretch above the peak before this step. The force is
-    0 for a bond that was over its limit one step ago already, or has not grown.
+    together dW, however long the step is. `worst` is the largest stretch above the peak before this step; it or the
+    peak stands for a larger `before`. The force is 0 for a bond that was over its limit one step ago already, or has
+    not grown.
     """
     return _bound[type(law)]["matching_pull"](law, stretch, before, worst, peak, limit)
 
@@ -171,8 +172,8 @@ def added_pull(law, stretch, before, worst, peak, limit):  # type: ignore[no-unt
 
     It is 0 for laws whose work is not matched.
     """
-    if law.matches_work:
-        return matching_pull(law, stretch, before, worst, peak, limit)
+    if law.matches_work:  # in double precision, as small differences of energies are divided by small growths
+        return matching_pull(law, 1.0 * stretch, 1.0 * before, 1.0 * worst, 1.0 * peak, 1.0 * limit)
     return 0.0
 
 
@@ -363,7 +364,14 @@ def _tension_of_curve(law, stretch, worst, peak, limit):  # type: ignore[no-unty
 
 
 def _match_work(law, stretch, before, worst, peak, limit):  # type: ignore[no-untyped-def]
-    if before >= limit or stretch - before <= GROWTH:
+    if before >= limit:
+        return 0.0
+    softened = peak
+    if worst > peak:
+        softened = worst
+    if before > softened:  # motion brought the bond no further: more is round-off or was given
+        before = softened
+    if stretch - before <= GROWTH:
         return 0.0
     work = total(law, 0.5, peak, limit)
     force = tension(law, before, worst, peak, limit)
