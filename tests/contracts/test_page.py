@@ -108,4 +108,4 @@ def test_both_kernels_are_measured(copy: Path) -> None:
 def test_a_crack_costs_G0(copy: Path) -> None:
     """In the plane and in space, in both precisions."""
     words = "-m", "pytest", "-q", "-p", "no:cacheprovider", "-m", "slow or not slow", "tests/contracts/test_spent.py"
-    assert "12 passed" in python(copy, *words, "-k", "saturating")
+    assert "14 passed" in python(copy, *words, "-k", "saturating")

@@ -8,7 +8,7 @@ from typing import Any, cast
 import pytest
 from messages import naming
 
-from pdpost.reading.embedded_model import _check, _Model
+from pdpost.reading.embedded_model import _check, _Model, whole
 from pdsolve.results import Results, ResultsError
 
 
@@ -23,3 +23,10 @@ def test_rings_in_two_dimensions_at_once_are_refused(keys: dict[str, Any], said:
     model = _Model(**keys)
     with pytest.raises(ResultsError, match=said):
         _check(cast(Results, SimpleNamespace(name="r.sqlite", dimension=2)), model)
+
+
+def test_a_model_of_no_material_is_refused() -> None:
+    text = '{"physics": "diffusion", "medium": null, "material": null, "nodes": []}'
+    results = SimpleNamespace(name="r.sqlite", dimension=2, decoded={}, model=lambda: text)
+    with pytest.raises(ResultsError, match=naming("material", "medium")):
+        whole(cast(Results, results))
