@@ -101,15 +101,6 @@ class Code:
             vectors.append(value)
         return vectors
 
-    def bits(self, data: Any, at: Any, lane: Any) -> list[Any]:
-        """Bits of the lanes from `lane` on, in an element of an array of uint16."""
-        word, masks = self.builder.load(self.builder.gep(data, [at])), []
-        for first in range(0, self.count, self.width):
-            away = self.builder.trunc(self.builder.add(lane, INT(first)), word.type)
-            lane_bits = self.builder.trunc(self.builder.lshr(word, away), ir.IntType(self.width))
-            masks.append(self.builder.bitcast(lane_bits, ir.VectorType(ir.IntType(1), self.width)))
-        return masks
-
     def integer(self, data: Any, at: Any) -> Any:
         """An element of an array of int32."""
         return self.builder.sext(self.builder.load(self.builder.gep(data, [at])), INT)
@@ -154,20 +145,12 @@ class Code:
         """The smaller of a and b."""
         return self._call("minnum", a, b)
 
-    def most(self, a: list[Any], b: list[Any]) -> list[Any]:
-        """The larger of a and b."""
-        return self._call("maxnum", a, b)
-
     def _call(self, name: str, *values: list[Any]) -> list[Any]:
         return self.each(lambda *vectors: call(self.builder, name, *vectors), *values)
 
     def above(self, a: list[Any], b: list[Any]) -> list[Any]:
         """Whether a > b, or either is NaN."""
         return self.each(lambda one, other: self.builder.fcmp_unordered(">", one, other), a, b)
-
-    def either(self, first: list[Any], second: list[Any]) -> list[Any]:
-        """Where one or the other is true."""
-        return self.each(self.builder.or_, first, second)
 
     def choose(self, which: list[Any], a: list[Any], b: list[Any]) -> list[Any]:
         """a where `which` is true, else b."""

@@ -92,6 +92,20 @@ def pulled(typingctx, f, pull, eta, row):  # type: ignore[no-untyped-def]
 
 
 @intrinsic
+def relieved(typingctx, eta, relief, row):  # type: ignore[no-untyped-def]
+    """eta + `relief` xi."""
+
+    def generate(context, builder, signature, values):  # type: ignore[no-untyped-def]
+        vector = context.get_value_type(eta.dtype)
+        reference = _entries(context, builder, row, values[2], vector, 0, len(eta))
+        axes = zip(cgutils.unpack_tuple(builder, values[0]), reference, strict=True)
+        after = [call(builder, "fmuladd", values[1], x, along) for along, x in axes]
+        return context.make_tuple(builder, signature.return_type, after)
+
+    return eta(eta, relief, row), generate
+
+
+@intrinsic
 def corrected_weight(typingctx, row, c, c_own):  # type: ignore[no-untyped-def]
     """The stiffness over length of a bond whose ends have the corrections c and `c_own` along each axis."""
     lanes = c.dtype
@@ -174,7 +188,7 @@ def _polynomial_up_to(number: int) -> Any:
     return polynomial
 
 
-factor_near, _factor_wide = _polynomial_up_to(0), _polynomial_up_to(1)
+factor_near, factor_wide = _polynomial_up_to(0), _polynomial_up_to(1)
 
 
 @njit(**IN_PLACE)
@@ -183,7 +197,7 @@ def factor(u, e, size, near, nearest):  # type: ignore[no-untyped-def]
 
     Lane by lane, so that a sum does not depend on the lanes beside it.
     """
-    g, wide = where_above(size, near, _factor_wide(e), nearest), same(u, WIDE)
+    g, wide = where_above(size, near, factor_wide(e), nearest), same(u, WIDE)
     if any_beyond(size, wide):
         q2 = 1.0 + e
         return where_above(size, wide, 1.0 / (q2 + np.sqrt(q2)), g)

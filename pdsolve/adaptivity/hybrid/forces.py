@@ -9,6 +9,8 @@ are kept alternately.
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from numba import njit
 
@@ -17,23 +19,12 @@ from pdsolve.adaptivity.hybrid.damping import slow, tally
 from pdsolve.adaptivity.hybrid.energy import place_of, strain_e
 from pdsolve.codegen.atomics import counted, take
 from pdsolve.codegen.lanes import across
-from pdsolve.codegen.lattice_rows import (
-    sum_edges,
-    sum_edges_wide,
-    sum_green,
-    sum_green_own,
-    sum_masked,
-    sum_masked_wide,
-    sum_own,
-    sum_own_wide,
-    sum_whole,
-    sum_whole_wide,
-)
 from pdsolve.codegen.plane_slots import kick_and_drift
 from pdsolve.codegen.vector_code import ROW
 from pdsolve.conditions import factor_at
+from pdsolve.lattice.rows import sum_green, sum_narrow, sum_wide
 from pdsolve.numerics.thread_team import meet, wait
-from pdsolve.operators.simd_lattice.kernel import INNER, displaced
+from pdsolve.operators.simd_lattice.kernel import INNER, PLANE, displaced
 
 # Places in `PlateZone.turns`, in memory of its own each: how many parts of a job have been handed out to threads.
 SUM = 0  # forces on fine rows
@@ -94,32 +85,24 @@ def _sum_far(ground, fine, u, p0, count, s):  # type: ignore[no-untyped-def]
         s[p - p0], s[ROW + p - p0] = fx, fy
 
 
-@njit(forceinline=True, **INNER)
-def sum_narrow(ground, fine, u, entry, lane, p, least, s):  # type: ignore[no-untyped-def]
-    """Forces on some nodes of a row for |e| up to NARROW; 2 where an e is above `least`, see `sum_whole`."""
-    table, ways, slots = ground.table, ground.ways, len(ground.ways)
-    at = entry * slots * ROW + lane
-    if entry < 0:
-        return sum_whole(u, table, ways, fine.own, fine.shrink, slots, at, p, least, s)
-    if ground.varied:
-        return sum_edges(u, table, ways, fine.own, fine.edge, fine.shrink, slots, at, p, 0.0, s)
-    if fine.masked[entry]:
-        return sum_masked(u, table, ways, fine.masks, fine.shrink, slots, 2 * entry * slots, p, least, s)
-    return sum_own(u, table, ways, fine.own, fine.shrink, slots, at, p, least, s)
+def _of_entry(sum_row: Any) -> Any:
+    """The sum on some lanes of a fine row, whatever its entry has; `sum_row` is one of `pdsolve.lattice.rows`."""
+
+    @njit(forceinline=True, **INNER)
+    def add(ground, fine, u, entry, lane, p, s):  # type: ignore[no-untyped-def]
+        table, ways, shrink, limit = ground.table, ground.ways, fine.shrink, ground.least[0]
+        if entry < 0:
+            return sum_row(u, PLANE, table, ways, None, None, shrink, entry, lane, p, limit, s)
+        if ground.varied:
+            return sum_row(u, PLANE, table, ways, fine.own, fine.edge, shrink, entry, lane, p, 0.0, s)
+        if fine.masked[entry]:
+            return sum_row(u, PLANE, table, ways, fine.masks, None, shrink, entry, lane, p, limit, s)
+        return sum_row(u, PLANE, table, ways, fine.own, None, shrink, entry, lane, p, limit, s)
+
+    return add
 
 
-@njit(forceinline=True, **INNER)
-def _sum_wide(ground, fine, u, entry, lane, p, s):  # type: ignore[no-untyped-def]
-    """Forces on some nodes of a row for |e| up to WIDE."""
-    table, ways, slots, least = ground.table, ground.ways, len(ground.ways), ground.least[0]
-    at = entry * slots * ROW + lane
-    if entry < 0:
-        return sum_whole_wide(u, table, ways, fine.own, fine.shrink, slots, at, p, least, s)
-    if ground.varied:
-        return sum_edges_wide(u, table, ways, fine.own, fine.edge, fine.shrink, slots, at, p, 0.0, s)
-    if fine.masked[entry]:
-        return sum_masked_wide(u, table, ways, fine.masks, fine.shrink, slots, 2 * entry * slots, p, least, s)
-    return sum_own_wide(u, table, ways, fine.own, fine.shrink, slots, at, p, least, s)
+sum_fine_narrow, sum_fine_wide = _of_entry(sum_narrow), _of_entry(sum_wide)
 
 
 @njit(**INNER)
@@ -142,10 +125,10 @@ def _sum_fine(ground, zone, now, step, thread, job):  # type: ignore[no-untyped-
             if breaks:
                 break_bonds(ground, zone, u, p, wide, step)
             elif fine.wide[row] == 0:
-                flags = sum_narrow(ground, fine, u, fine.entry[row], p % ROW, p, ground.least[0], s)
+                flags = sum_fine_narrow(ground, fine, u, fine.entry[row], p % ROW, p, s)
             if flags & 1:
                 fine.wide[row] = fine.wide[row] or not breaks
-                flags = _sum_wide(ground, fine, u, fine.entry[row], p % ROW, p, s)
+                flags = sum_fine_wide(ground, fine, u, fine.entry[row], p % ROW, p, s)
             if flags & 2 and not breaks and step > 0:
                 aside[zone.asides[8 * thread]] = p
                 zone.asides[8 * thread] += 1
@@ -252,11 +235,9 @@ def _sweep(ground, zone, nodes, count, table, ways, now, lag, ends, thread, stag
             for lane in range(0, ROW, wide):
                 q = row * ROW + lane
                 if entry >= 0:
-                    hot |= sum_green_own(
-                        u, table, ways, row_stiffness, nodes.shrink, 8, entry * 8 * ROW + lane, q, limit, s
-                    )
+                    hot |= sum_green(u, PLANE, table, ways, row_stiffness, None, nodes.shrink, entry, lane, q, limit, s)
                 else:
-                    hot |= sum_green(u, table, ways, row_stiffness, nodes.shrink, 8, 0, q, limit, s)
+                    hot |= sum_green(u, PLANE, table, ways, None, None, nodes.shrink, entry, lane, q, limit, s)
                 if touched:
                     add_forces(nodes.f, q, wide, s)
                 slow(nodes, q, wide, lag, s)

@@ -1,0 +1,138 @@
+"""Forces on some lanes of a row of 16 consecutive nodes, whose neighbours lie alike: the rows of a moving zone.
+
+u        (d, m) displacements of all places, m
+table    (k, .) rows of springs, see `bond`
+ways     (k,) places from a node to its neighbours
+weights  stiffnesses of the lanes' own: None, those of the table; (., 2, k) uint16, a bit for each lane with a bond and
+         for each with half a bond; or (., k, 16), 0 without a bond; those of `entry`
+edges    (., k, 16) e up to which nothing happens to a bond, or None: 0
+shrink   (m,) minus half the strain of a free node: a bond is relieved of that of both ends; or None
+lane, p  the first lane, and its place
+s        scratch for the forces: x in the first 16, then y
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numba import njit, types
+from numba.extending import overload
+
+from pdsolve.codegen.lanes import beside, keep, larger, same, unless_none
+from pdsolve.codegen.pull import NARROW, WIDE
+from pdsolve.codegen.tile_lanes import bonded, magnitude
+from pdsolve.codegen.vector_code import ROW
+from pdsolve.lattice.bond import (
+    IN_PLACE,
+    any_beyond,
+    difference,
+    elongation,
+    factor_near,
+    factor_wide,
+    pulled,
+    relieved,
+    where_weight,
+    zeros,
+)
+
+ONE = (0,)  # of as many rows
+
+
+def own_weight(weights: Any, w: Any, e: Any, entry: Any, slot: Any, lane: Any) -> Any:
+    """The stiffness of lanes whose table says w, and e, 0 in lanes without a bond."""
+    raise NotImplementedError("compiled for each kind of weights")
+
+
+@overload(own_weight, jit_options=IN_PLACE)
+def _own_weight(weights, w, e, entry, slot, lane):  # type: ignore[no-untyped-def]
+    if isinstance(weights, types.NoneType):
+        return lambda weights, w, e, entry, slot, lane: (w, e)
+    return _masked_weight if isinstance(weights.dtype, types.Integer) else _listed_weight
+
+
+def _masked_weight(weights, w, e, entry, slot, lane):  # type: ignore[no-untyped-def]
+    masks = weights[np.uint64(entry)]
+    (half,) = bonded((w * 0.5,), masks, 1, slot, lane)
+    return bonded((w - half, e), masks, 0, slot, lane)
+
+
+def _listed_weight(weights, w, e, entry, slot, lane):  # type: ignore[no-untyped-def]
+    (own,) = beside(weights[np.uint64(entry)], ONE, slot * ROW + lane)
+    return own, unless_none(own, e, own)
+
+
+def beyond_edge(edges: Any, e: Any, entry: Any, slot: Any, lane: Any) -> Any:
+    """How far e is beyond its edge, or e without any."""
+    raise NotImplementedError("compiled with and without edges")
+
+
+@overload(beyond_edge, jit_options=IN_PLACE)
+def _beyond_edge(edges, e, entry, slot, lane):  # type: ignore[no-untyped-def]
+    if isinstance(edges, types.NoneType):
+        return lambda edges, e, entry, slot, lane: e
+    return _above_edge
+
+
+def _above_edge(edges, e, entry, slot, lane):  # type: ignore[no-untyped-def]
+    return e - beside(edges[np.uint64(entry)], ONE, slot * ROW + lane)[0]
+
+
+def shrinkage(shrink: Any, at: Any) -> Any:
+    """Minus half the strain of free lanes from `at` on; None of None."""
+    raise NotImplementedError("compiled with and without strain")
+
+
+@overload(shrinkage, jit_options=IN_PLACE)
+def _shrinkage(shrink, at):  # type: ignore[no-untyped-def]
+    if isinstance(shrink, types.NoneType):
+        return lambda shrink, at: None
+    return lambda shrink, at: beside(shrink, ONE, at)[0]
+
+
+def relieve(eta: Any, near: Any, far: Any, row: Any) -> Any:
+    """The eta of bonds of this row whose ends shrink by `near` and `far`."""
+    raise NotImplementedError("compiled with and without strain")
+
+
+@overload(relieve, jit_options=IN_PLACE)
+def _relieve(eta, near, far, row):  # type: ignore[no-untyped-def]
+    if isinstance(near, types.NoneType):
+        return lambda eta, near, far, row: eta
+    return lambda eta, near, far, row: relieved(eta, far + near, row)
+
+
+def _sum_of(factor: Any, reach: float) -> Any:
+    """The sum with the pull w e g(e), g a function valid up to |e| = `reach`.
+
+    It returns 1 where an |e| is beyond, so that the sums are wrong, plus 2 where an e is above `limit`, or above its
+    edge by more.
+    """
+
+    @njit(**IN_PLACE)
+    def add(u, axes, table, ways, weights, edges, shrink, entry, lane, p, limit, s):  # type: ignore[no-untyped-def]
+        here, near, f = beside(u, axes, p), shrinkage(shrink, p), zeros(u, axes)
+        top, size = same(u, -1.0), same(u, 0.0)  # an e is above -1
+        for number in range(len(ways)):
+            slot = np.uint64(number)  # saves a look whether it counts from the end
+            row, at = table[slot], p + ways[slot]
+            eta = relieve(difference(beside(u, axes, at), here), near, shrinkage(shrink, at), row)
+            w, e = same(u, row[where_weight(len(axes))]), elongation(eta, row)
+            w, e = own_weight(weights, w, e, entry, number, lane)
+            top, size = larger(beyond_edge(edges, e, entry, number, lane), top), larger(magnitude(e), size)
+            f = pulled(f, w * e * factor(e), eta, row)
+        for axis in range(len(f)):
+            keep((f[axis],), s, axis * ROW)
+        far = any_beyond(size, same(u, reach)) if reach < np.inf else False
+        return 2 * any_beyond(top, same(u, limit)) + far
+
+    return add
+
+
+@njit(**IN_PLACE)
+def _half(e):  # type: ignore[no-untyped-def]
+    return 0.5
+
+
+sum_narrow, sum_wide = _sum_of(factor_near, NARROW), _sum_of(factor_wide, WIDE)
+sum_green = _sum_of(_half, np.inf)  # by Green's strain, force w e / 2 (xi + eta)
