@@ -23,8 +23,8 @@ from pdsolve.adaptivity.collocation.engine import CollocationEngine
 from pdsolve.adaptivity.collocation.operator import CollocationOperator
 from pdsolve.adaptivity.collocation.zone import COARSE as ACTIVE
 from pdsolve.adaptivity.collocation.zone import FINE as BONDED
-from pdsolve.adaptivity.collocation.zone import areas_of, renumbered
-from pdsolve.adaptivity.hybrid.engine import Hybrid
+from pdsolve.adaptivity.collocation.zone import active_areas, renumber_zone
+from pdsolve.adaptivity.hybrid.engine import HybridEngine
 from pdsolve.adaptivity.hybrid.lattice import AROUND, COARSE, FINE, FREE, VOID
 from pdsolve.adaptivity.hybrid.operator import HybridOperator
 from pdsolve.adaptivity.quadtree.leaf_mapping import transfer_of
@@ -131,8 +131,8 @@ def _collocation(engine: CollocationEngine, seam: float) -> Marching:
     """Coarse nodes are active right of the seam alone."""
     ground, plate, zone = engine.ground, engine.plate, engine.zone
     x = ground.h * (np.arange(ground.at.places) % ground.at.stride - ground.at.left)
-    engine.zone = renumbered(ground, plate, zone, (zone.node == ACTIVE) & (x > seam), engine.manner.band)
-    engine.area = areas_of(ground, plate, engine.zone.node)
+    engine.zone = renumber_zone(ground, plate, zone, (zone.node == ACTIVE) & (x > seam), engine.manner.band)
+    engine.area = active_areas(ground, plate, engine.zone.node)
     place = plate.model.grid.position
 
     def put(shape: Field, _: Field, rate: Field) -> None:
@@ -145,7 +145,7 @@ def _collocation(engine: CollocationEngine, seam: float) -> Marching:
     return Marching(put, engine.march, seen)
 
 
-def _hybrid(hybrid: Hybrid, model: Model, seam: float) -> Marching:
+def _hybrid(hybrid: HybridEngine, model: Model, seam: float) -> Marching:
     """Cells are fine left of the seam alone."""
     zone, wide = hybrid.zone, hybrid.plate.at.cell_stride
     cell = np.arange(hybrid.plate.at.cells)

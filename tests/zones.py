@@ -15,9 +15,9 @@ from plates import plate, square_grid
 from pdmesh.model.document import Material, Region, Run, Velocity
 from pdmesh.model.node_grid import Grid
 from pdsolve.adaptivity.hybrid.arrays import LatticeConstants, PlateZone
-from pdsolve.adaptivity.hybrid.engine import Hybrid
+from pdsolve.adaptivity.hybrid.engine import HybridEngine
 from pdsolve.adaptivity.hybrid.lattice import COARSE, FAR, FINE, FREE, VOID, coarse_place, far_place, fine_place
-from pdsolve.adaptivity.hybrid.prepare import hybrid_of
+from pdsolve.adaptivity.hybrid.prepare import create_hybrid_operator
 from pdsolve.model import Model, ModelWarning
 from pdsolve.options import Options
 from pdsolve.run.assembly import choose_time_step
@@ -36,7 +36,7 @@ Where = Callable[[NDArray[np.float64], NDArray[np.float64]], NDArray[Any]]
 class Zoned(NamedTuple):
     """A plate, and where its nodes that move are."""
 
-    hybrid: Hybrid
+    hybrid: HybridEngine
 
     @property
     def ground(self) -> LatticeConstants:
@@ -140,7 +140,7 @@ def zoned(
     grid = rectangle(columns, rows, H, list(cracks))
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", ModelWarning)
-        shown, _ = hybrid_of(
+        shown, _ = create_hybrid_operator(
             plate(grid, ratio, material=material, run=run, regions=regions), "conservative", "float64", choose_time_step
         )
     hybrid = shown.hybrid
@@ -156,7 +156,7 @@ def zoned(
     return again(hybrid)
 
 
-def again(hybrid: Hybrid) -> Zoned:
+def again(hybrid: HybridEngine) -> Zoned:
     """The same plate numbered anew, once its cells were changed by hand; at rest."""
     hybrid.number()
     hybrid.renew()

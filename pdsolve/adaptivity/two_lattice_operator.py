@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from scipy.sparse import csr_array
 
 
-class Sums(NamedTuple):
+class LedgerTotals(NamedTuple):
     """Totals over all nodes."""
 
     kinetic: float  # J/m

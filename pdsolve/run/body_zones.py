@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pdsolve.adaptivity.hybrid.arrays import EVERY
-from pdsolve.adaptivity.hybrid.space.operator import SpaceHybrid
-from pdsolve.adaptivity.hybrid.space.prepare import drive_of_nodes
+from pdsolve.adaptivity.hybrid.space.operator import HybridBodyOperator
+from pdsolve.adaptivity.hybrid.space.prepare import create_current_drive
 from pdsolve.errors import CheckpointError
 from pdsolve.operators.protocol import Kept
 from pdsolve.run.assembly import assemble_system
@@ -54,15 +54,15 @@ class BodyRefinement:
         return Prepared(fresh, zero_state(len(after.volume), after.unknowns[0].width))
 
 
-def zone_operator(system: System) -> SpaceHybrid:
+def zone_operator(system: System) -> HybridBodyOperator:
     """The operator of such a run."""
-    assert isinstance(system.operator, SpaceHybrid)
+    assert isinstance(system.operator, HybridBodyOperator)
     return system.operator
 
 
-def _system_of_operator(system: System, operator: SpaceHybrid, step: int) -> System:
+def _system_of_operator(system: System, operator: HybridBodyOperator, step: int) -> System:
     """The system of other nodes."""
-    steps, driven = (system.time_step, system.stable_time_step), drive_of_nodes(operator, step * system.time_step)
+    steps, driven = (system.time_step, system.stable_time_step), create_current_drive(operator, step * system.time_step)
     prepared = assemble_system(
         operator.model, system.options, system.scheme, operator, operator.counted, *steps, conditions=driven
     )
@@ -70,7 +70,7 @@ def _system_of_operator(system: System, operator: SpaceHybrid, step: int) -> Sys
 
 
 def _interpolate_state(
-    before: SpaceHybrid, after: SpaceHybrid, state: State, previous_rows: NDArray[np.int64]
+    before: HybridBodyOperator, after: HybridBodyOperator, state: State, previous_rows: NDArray[np.int64]
 ) -> State:
     """The state on the nodes `after` a refinement: interpolated, with what was booked where it was; `previous_rows`
     (n,) are those before, -1 for new nodes."""

@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 
 from pdsolve.adaptivity.hybrid.arrays import EVERY
 from pdsolve.adaptivity.hybrid.operator import HybridOperator
-from pdsolve.adaptivity.hybrid.outlook import kappa_of, widened, with_kappa
+from pdsolve.adaptivity.hybrid.outlook import kappa_of, widen_zone, with_kappa
 from pdsolve.errors import LateZoneError
 from pdsolve.model import Model, ModelWarning
 from pdsolve.results import Results, ResultsError
@@ -40,7 +40,7 @@ def plan_earlier_refinement(
     """
     run = model.settings.run
     now = with_kappa(model, earlier_refinements[-1].kappa) if earlier_refinements else model
-    wider = widened(now)
+    wider = widen_zone(now)
     step = max(late.step - EVERY - 1, 0) // run.every * run.every
     if wider.settings.run.adapt == "none":
         return (now if earlier_refinements else wider), ()

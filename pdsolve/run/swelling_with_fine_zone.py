@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from pdsolve.adaptivity.hybrid.engine import Hybrid
+from pdsolve.adaptivity.hybrid.engine import HybridEngine
 from pdsolve.adaptivity.hybrid.operator import HybridOperator
 from pdsolve.adaptivity.two_lattice_operator import FusedMarch
 from pdsolve.diffusion.broken_bonds import BrokenBonds
@@ -22,7 +22,7 @@ from pdsolve.steppers.protocol import Stepper
 class PlateBrokenBonds:
     """The broken bonds of a plate with a fine zone, by the rows of all nodes of its grid."""
 
-    def __init__(self, hybrid: Hybrid) -> None:
+    def __init__(self, hybrid: HybridEngine) -> None:
         self._hybrid = hybrid
 
     def broken(self, after: int = 0) -> Broken:

@@ -11,7 +11,7 @@ from messages import naming
 
 from pdmesh.model.document import Collocation, Run
 from pdsolve.adaptivity.collocation.engine import CollocationEngine
-from pdsolve.adaptivity.collocation.layout import EDGE, KNOWN, WHOLE, dilated
+from pdsolve.adaptivity.collocation.layout import EDGE, KNOWN, WHOLE, dilate_mask
 from pdsolve.adaptivity.collocation.zone import BETWEEN, COARSE, FINE
 from pdsolve.adaptivity.hybrid.springs import fine_springs
 from pdsolve.codegen.vector_code import ROW
@@ -61,7 +61,7 @@ def sound(engine: CollocationEngine) -> np.ndarray:
     """Active places without an edge in their families' families."""
     ground, node = engine.ground, engine.zone.node
     odd = (ground.there[0] != 1) | (ground.lack != 1).any(axis=0)
-    return ((node == FINE) | (node == COARSE)) & ~dilated(odd, ground.at, ground.at.below)
+    return ((node == FINE) | (node == COARSE)) & ~dilate_mask(odd, ground.at, ground.at.below)
 
 
 @pytest.mark.slow
@@ -188,8 +188,8 @@ def test_rows_along_edges_that_are_alike_share_their_stiffnesses() -> None:
     assert np.array_equal(accelerations(engine), found)
     idle = np.ones(ground.at.places, dtype=bool)
     for nodes in (zone.node == FINE, zone.node == COARSE):
-        idle &= ~dilated(nodes, ground.at, ground.at.below)
-    idle |= (zone.node == BETWEEN) & ~dilated(zone.node == FINE, ground.at, ground.at.below)
+        idle &= ~dilate_mask(nodes, ground.at, ground.at.below)
+    idle |= (zone.node == BETWEEN) & ~dilate_mask(zone.node == FINE, ground.at, ground.at.below)
     own = np.flatnonzero(zone.node != BETWEEN)
     zone.u[:, idle] = 1.0
     assert idle.reshape(-1, ROW)[zone.rows].any()

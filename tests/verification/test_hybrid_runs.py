@@ -9,7 +9,7 @@ from plates import GLASS, plate
 from zones import STEEL, again, rectangle, struck
 
 from pdmesh.model.document import Displacement, InitialVelocity, Load, Run
-from pdsolve.adaptivity.hybrid.engine import Hybrid
+from pdsolve.adaptivity.hybrid.engine import HybridEngine
 from pdsolve.adaptivity.hybrid.lattice import COARSE, FINE
 from pdsolve.conditions import initial_velocity
 from pdsolve.model import Model
@@ -32,7 +32,7 @@ def pulled(adapt: str) -> Model:
     return plate(grid, 4, conditions=(*loads, held), run=Run(steps=260, every=65, adapt=adapt))
 
 
-def hybrid(problem: Prepared) -> Hybrid:
+def hybrid(problem: Prepared) -> HybridEngine:
     """The operator of a hybrid run."""
     found = problem.system.hybrid
     assert found is not None

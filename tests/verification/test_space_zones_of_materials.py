@@ -10,9 +10,9 @@ from blocks import GLASS, SMALL, H, at_random, block, place
 
 import pdmesh
 from pdmesh import Body, Box, Material, Run
-from pdsolve.adaptivity.hybrid.space.coarse_springs import elastic_of
-from pdsolve.adaptivity.hybrid.space.operator import SpaceHybrid
-from pdsolve.adaptivity.hybrid.space.prepare import tau_of
+from pdsolve.adaptivity.hybrid.space.coarse_springs import cubic_stiffness
+from pdsolve.adaptivity.hybrid.space.operator import HybridBodyOperator
+from pdsolve.adaptivity.hybrid.space.prepare import vertex_force
 from pdsolve.laws.pair_laws.brittle import LAW
 from pdsolve.model import Model
 from pdsolve.run.body_zones import zone_operator
@@ -23,7 +23,7 @@ TOUGH = Material(E=65e9, rho=7800, G0=2e4, micromodulus="constant")
 HARD = Material(E=210e9, rho=7800, G0=2e4, micromodulus="constant")
 
 
-def halves(other: Material) -> SpaceHybrid:
+def halves(other: Material) -> HybridBodyOperator:
     """A block of glass whose right half is of another material, without corrections at its surfaces."""
     x, y = 26 * H, 10 * H
     body = Body(Box((-x, -y, -y), (x, y, y)), H, GLASS, run=Run(steps=1, time_step=1e-8)).adapt("hybrid")
@@ -33,7 +33,7 @@ def halves(other: Material) -> SpaceHybrid:
         built = pdmesh.build(body)
     whole = zone_operator(prepare(Model(built.grid, built.settings), Options(threads=1)).system).whole
     whole.fine.tiles.c[:, whole.sites.site] = 1
-    return at_random(whole, 2, tau_of(LAW, whole.fine.tiles.table, H))
+    return at_random(whole, 2, vertex_force(LAW, whole.fine.tiles.table, H))
 
 
 @pytest.mark.slow
@@ -43,7 +43,7 @@ def test_any_linear_field_is_in_equilibrium_in_each_material(other: Material) ->
     operator, gradient = halves(other), np.random.default_rng(2).standard_normal((3, 3))
     x = place(operator)
     u = SMALL * H * x @ gradient.T
-    c11 = elastic_of(operator.whole.fine.tiles.table).c11
+    c11 = cubic_stiffness(operator.whole.fine.tiles.table).c11
     force = (operator.forces(u) - operator.forces(-u)) / 2 / SMALL / H**2 / c11
     inner = ((x > 7) & (x < [45, 13, 13])).all(axis=1)
     if other is HARD:

@@ -16,10 +16,10 @@ from pdsolve.adaptivity.collocation.zone import (
     CollocationZone,
     Counts,
     Totals,
-    areas_of,
-    renumbered,
-    spread,
-    widened,
+    active_areas,
+    deactivate_near,
+    interpolate_motion,
+    renumber_zone,
 )
 from pdsolve.adaptivity.hybrid.engine import ZoneSummary
 from pdsolve.checkpoint_validation import entry, like
@@ -30,7 +30,7 @@ from pdsolve.numerics.thread_team import gate_of, side_by_side
 from pdsolve.operators.protocol import Kept
 
 
-class Manner(NamedTuple):
+class CollocationSettings(NamedTuple):
     """Settings of the collocation method: where it refines, how it damps, and its number of threads."""
 
     kappa: float  # share of what breaks a bond at which a coarse pair becomes fine
@@ -43,13 +43,18 @@ class CollocationEngine:
     """A plate in motion; nodes are numbered as on their lattice."""
 
     def __init__(
-        self, plate: CollocationPlate, ground: LatticeConstants, zone: CollocationZone, drive: Drive, manner: Manner
+        self,
+        plate: CollocationPlate,
+        ground: LatticeConstants,
+        zone: CollocationZone,
+        drive: Drive,
+        manner: CollocationSettings,
     ) -> None:
         """`zone` is the initial zone; entries of `drive` refer to places."""
         self.plate, self.ground, self.zone, self.drive, self.manner = plate, ground, zone, drive, manner
         self.work = np.zeros(ground.at.places)  # J/m^3
         self._rho = np.full(ground.at.places, ground.rho)
-        self.area = areas_of(ground, plate, zone.node)
+        self.area = active_areas(ground, plate, zone.node)
         self._march(1, 1)  # compiles before the clock runs
 
     def start(self, velocity: NDArray[np.float64]) -> None:
@@ -125,12 +130,12 @@ class CollocationEngine:
         zone.totals.damped += self._damped()
         zone.damped[:] = 0.0
         before, coarse = self._coarse_energy(), zone.node == COARSE
-        active = widened(ground, plate, coarse, zone.hot)
-        new = renumbered(ground, plate, zone, active, self.manner.band)
+        active = deactivate_near(ground, plate, coarse, zone.hot)
+        new = renumber_zone(ground, plate, zone, active, self.manner.band)
         born = np.flatnonzero((new.node == FINE) & (zone.node != FINE))
-        spread(zone, ground.at, born[zone.node[born] != COARSE])
+        interpolate_motion(zone, ground.at, born[zone.node[born] != COARSE])
         zone.hot[:] = False
-        self.zone, self.area = new, areas_of(ground, plate, new.node)
+        self.zone, self.area = new, active_areas(ground, plate, new.node)
         after = self._coarse_energy() + self._energy(born, self._held(np.unique(born // ROW)))
         self.zone.totals.switched += after - before
         self.zone.counts.switches += 1
@@ -213,8 +218,8 @@ class CollocationEngine:
             np.bitwise_or.at(self.zone.cut, (ends // ROW, k), (1 << (ends % ROW)).astype(np.uint16))
             kinds = self.zone.kinds
             kinds[ends // ROW] = np.maximum(kinds[ends // ROW], 1)
-        self.zone = renumbered(ground, self.plate, self.zone, active, self.manner.band)
-        self.area, places = areas_of(ground, self.plate, self.zone.node), self.active()
+        self.zone = renumber_zone(ground, self.plate, self.zone, active, self.manner.band)
+        self.area, places = active_areas(ground, self.plate, self.zone.node), self.active()
         if not np.array_equal(entry(checkpoint, "places", places.shape, np.int64), places):
             raise CheckpointError("places are not those of active nodes")
         while len(self.zone.breaks.step) < len(node):

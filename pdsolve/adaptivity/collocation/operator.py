@@ -17,8 +17,8 @@ from pdsolve.adaptivity.collocation.engine import CollocationEngine
 from pdsolve.adaptivity.collocation.layout import is_cut
 from pdsolve.adaptivity.collocation.zone import COARSE, FINE, BreakEvents
 from pdsolve.adaptivity.hybrid.engine import ZoneSummary
-from pdsolve.adaptivity.hybrid.irregular_bonds import part_of
-from pdsolve.adaptivity.two_lattice_operator import Sums, TwoLatticeOperator
+from pdsolve.adaptivity.hybrid.irregular_bonds import part_of_model
+from pdsolve.adaptivity.two_lattice_operator import LedgerTotals, TwoLatticeOperator
 from pdsolve.codegen.jit_cache import cached_njit
 from pdsolve.model import Model
 from pdsolve.state import Broken, State
@@ -47,7 +47,7 @@ class CollocationOperator(TwoLatticeOperator[CollocationEngine]):
     @cached_property
     def model(self) -> Model:
         """The model of the n current nodes, without conditions."""
-        active_model = part_of(self.hybrid.plate.model, self.hybrid.plate.row[self.places].astype(np.int64))
+        active_model = part_of_model(self.hybrid.plate.model, self.hybrid.plate.row[self.places].astype(np.int64))
         delta = np.where(self._kind[self.places] == COARSE, 2.0, 1.0) * active_model.grid.delta
         return dataclasses.replace(
             active_model, grid=dataclasses.replace(active_model.grid, delta=delta, areas=self.area)
@@ -60,7 +60,7 @@ class CollocationOperator(TwoLatticeOperator[CollocationEngine]):
         fine_places, count = self.places[fine], np.full(len(self.places), len(ground.stencil_ways) - 1)
         _, node, spring = self._before
         lost = np.bincount(np.concatenate([node, node + ground.ways[spring]]), minlength=ground.at.places)
-        count[fine] = _intact(ground, self._cut, self._kind, fine_places) + lost[fine_places]
+        count[fine] = _count_intact_bonds(ground, self._cut, self._kind, fine_places) + lost[fine_places]
         family = count.copy()
         family[fine] += plate.parted[fine_places]
         return count, family
@@ -117,10 +117,10 @@ class CollocationOperator(TwoLatticeOperator[CollocationEngine]):
         self._strain = float((densities * self.area).sum())
         return densities, np.zeros_like(densities)
 
-    def books(self) -> Sums:
+    def books(self) -> LedgerTotals:
         """Energies, work and momentum at the state of the last call of `energies`."""
         kinetic, x, y = self.hybrid.motion()
-        return Sums(kinetic, self._strain, *self.hybrid.spent, x, y, len(self.broken().step))
+        return LedgerTotals(kinetic, self._strain, *self.hybrid.spent, x, y, len(self.broken().step))
 
     def zone_summary(self) -> ZoneSummary:
         """Summary of the fine zone; its stretch is that of coarse pairs."""
@@ -147,7 +147,7 @@ class CollocationOperator(TwoLatticeOperator[CollocationEngine]):
         ground, places = self.hybrid.ground, self.places[first:last]
         sources, targets = [], []
         places_of_kind = places[self._kind[places] == FINE]
-        node, k = _listed(ground, self._cut if start else self.hybrid.zone.cut, self._kind, places_of_kind)
+        node, k = _list_intact_bonds(ground, self._cut if start else self.hybrid.zone.cut, self._kind, places_of_kind)
         sources.append(places_of_kind[node])
         targets.append(places_of_kind[node] + ground.ways[k])
         if start:
@@ -176,7 +176,7 @@ class CollocationOperator(TwoLatticeOperator[CollocationEngine]):
 
 
 @cached_njit(error_model="numpy")
-def _intact(ground, cut, kind, places):  # type: ignore[no-untyped-def]
+def _count_intact_bonds(ground, cut, kind, places):  # type: ignore[no-untyped-def]
     """Number of bonds of each place to active nodes that are neither cut nor broken."""
     counts = np.zeros(len(places), dtype=np.int64)
     for n in range(len(places)):
@@ -188,9 +188,9 @@ def _intact(ground, cut, kind, places):  # type: ignore[no-untyped-def]
 
 
 @cached_njit(error_model="numpy")
-def _listed(ground, cut, kind, places):  # type: ignore[no-untyped-def]
+def _list_intact_bonds(ground, cut, kind, places):  # type: ignore[no-untyped-def]
     """Intact bonds of some places to active nodes: the place of each bond and its index in the family."""
-    count = _intact(ground, cut, kind, places).sum()
+    count = _count_intact_bonds(ground, cut, kind, places).sum()
     node, spring, at = np.zeros(count, dtype=np.int64), np.zeros(count, dtype=np.int64), 0
     for n in range(len(places)):
         for k in range(len(ground.ways)):

@@ -12,13 +12,13 @@ from numpy.typing import NDArray
 from pdsolve.adaptivity.hybrid import arrays
 from pdsolve.adaptivity.hybrid.arrays import HOLD_COLUMNS, STORED, LatticeConstants, LatticeNodes, PlateZone
 from pdsolve.adaptivity.hybrid.clipped_bonds import stretch_of
-from pdsolve.adaptivity.hybrid.coarse_cells import HybridPlate, squares_in_cells
-from pdsolve.adaptivity.hybrid.energy import held
+from pdsolve.adaptivity.hybrid.coarse_cells import HybridPlate, count_squares_in_cells
+from pdsolve.adaptivity.hybrid.energy import fill_strain_energies
 from pdsolve.adaptivity.hybrid.lattice import BELOW, BELOW_COARSE, COARSE, FAR, FINE, FREE, IDLE, LEFT
 from pdsolve.adaptivity.hybrid.march import CLIP, DONE, march
-from pdsolve.adaptivity.hybrid.node_rows import are_intact
-from pdsolve.adaptivity.hybrid.springs import e_of
-from pdsolve.adaptivity.hybrid.swelling import relieve_all, restrict, stored
+from pdsolve.adaptivity.hybrid.node_rows import are_bonds_intact
+from pdsolve.adaptivity.hybrid.springs import e_of_stretch
+from pdsolve.adaptivity.hybrid.swelling import average_to_coarse, set_all_reliefs, total_strain_energy
 from pdsolve.checkpoint_validation import entry, like
 from pdsolve.codegen.vector_code import ROW
 from pdsolve.conditions import Drive
@@ -38,20 +38,20 @@ class ZoneSummary(NamedTuple):
     clipped_stretch: float  # the largest of clipped bonds so far, over that which softens or breaks one
 
 
-class Strains(NamedTuple):
+class FreeStrains(NamedTuple):
     """Minus half the strains of free nodes, as `LatticeNodes.shrink` has them."""
 
     fine: NDArray[np.float64]
     coarse: NDArray[np.float64]
 
 
-class Hybrid:
+class HybridEngine:
     """A plate in motion; nodes are numbered as on their lattices."""
 
     def __init__(self, plate: HybridPlate, ground: LatticeConstants, zone: PlateZone, drive: Drive) -> None:
         """Cells of `zone` are those of the start."""
         self.plate, self.ground, self.zone, self.drive, self.now = plate, ground, zone, drive, 0
-        self._squares = squares_in_cells(plate)
+        self._squares = count_squares_in_cells(plate)
         self._whole, self._fine = int(self._squares.sum()), (-1, 0)  # squares in all cells; in fine ones, since when
 
     def start(self, velocity: NDArray[np.float64] | None) -> None:
@@ -85,7 +85,7 @@ class Hybrid:
         zone.new[: len(cells)] = cells
         zone.counts.new_cells = len(cells)
         self.renew()
-        around = arrays.reserved(len(zone.around), of=np.int64)  # all coarse nodes were
+        around = arrays.lazy_zeros(len(zone.around), dtype=np.int64)  # all coarse nodes were
         self.zone = self.zone._replace(totals=arrays.Totals.of(), around=around)
 
     def beneath(self, coarse: NDArray[np.int64]) -> NDArray[np.int64]:
@@ -139,7 +139,7 @@ class Hybrid:
                     f" {self.zone_summary().clipped_stretch:.2f} of critical)",
                     step,
                 )
-            self.zone = arrays.grown(self.zone)
+            self.zone = arrays.enlarge_zone(self.zone)
             if first < last:
                 first, drifted = step, True
 
@@ -158,7 +158,7 @@ class Hybrid:
     def widen(self, kappa: float) -> None:
         """Make cells fine from now on around coarse bonds at `kappa` of the stretch that breaks or softens bonds."""
         bounds = self.ground.bounds.copy()
-        bounds[:, 2] = [e_of(kappa * _stretch(e)) for e in bounds[:, 0].tolist()]
+        bounds[:, 2] = [e_of_stretch(kappa * _stretch(e)) for e in bounds[:, 0].tolist()]
         self.ground = self.ground._replace(bounds=bounds, least=bounds.min(axis=0))
 
     def swell(self, strain: NDArray[np.float64]) -> None:
@@ -167,29 +167,29 @@ class Hybrid:
         assert fine is not None
         assert coarse is not None
         fine[self._places] = strain / -2
-        restrict(self.ground, fine, coarse)
-        relieve_all(self.ground, self.zone, self.now)
+        average_to_coarse(self.ground, fine, coarse)
+        set_all_reliefs(self.ground, self.zone, self.now)
 
     def stored(self) -> float:
         """Strain energy of all springs, J/m."""
-        return float(stored(self.ground, self.zone, self.now))
+        return float(total_strain_energy(self.ground, self.zone, self.now))
 
-    def strains(self) -> Strains:
+    def strains(self) -> FreeStrains:
         """A copy of the strains that springs have."""
         fine, coarse = self.zone.fine.shrink, self.zone.coarse.shrink
         assert fine is not None
         assert coarse is not None
-        return Strains(fine.copy(), coarse.copy())
+        return FreeStrains(fine.copy(), coarse.copy())
 
-    def stored_at(self, strains: Strains) -> float:
+    def stored_at(self, strains: FreeStrains) -> float:
         """Strain energy, J/m, that all springs would have at these strains."""
         now = self.zone
         fine, coarse = now.fine._replace(shrink=strains.fine), now.coarse._replace(shrink=strains.coarse)
         self.zone = now._replace(fine=fine, coarse=coarse)
-        relieve_all(self.ground, self.zone, self.now)
+        set_all_reliefs(self.ground, self.zone, self.now)
         energy = self.stored()
         self.zone = now
-        relieve_all(self.ground, self.zone, self.now)
+        set_all_reliefs(self.ground, self.zone, self.now)
         return energy
 
     def book(self, work: float) -> None:
@@ -235,7 +235,7 @@ class Hybrid:
         """Strain energy of fine, of coarse and of far nodes, by their places, J/m."""
         at = self.plate.at
         fine, coarse, far = (np.zeros(places) for places in (at.places, at.coarse_places, at.far_places))
-        held(self.ground, self.zone, self.now, fine, coarse, far)
+        fill_strain_energies(self.ground, self.zone, self.now, fine, coarse, far)
         return fine, coarse, far
 
     def motion(self) -> NDArray[np.float64]:
@@ -301,7 +301,7 @@ class Hybrid:
                 array.reshape(-1, array.shape[-1] // ROW, ROW)[:, rows] = 0
         zone.cells[:], self.now = cells, 0
         while len(self.zone.breaks.step) < len(node):
-            self.zone = arrays.grown(self.zone)
+            self.zone = arrays.enlarge_zone(self.zone)
         self.number()
         zone = self.zone
         for name, column in zone.breaks._asdict().items():
@@ -322,8 +322,8 @@ class Hybrid:
             for field, values in (("u", nodes.u[0]), ("v", nodes.v), ("f", nodes.f)):
                 values[:, places] = entry(checkpoint, f"{name}_{field}", (2, len(places)), values.dtype)
             nodes.wide[rows] = entry(checkpoint, f"{name}_wide", rows.shape, np.uint8)
-        _put_holds(checkpoint, zone)
-        _put_damped(checkpoint, zone)
+        _restore_holds(checkpoint, zone)
+        _restore_damped(checkpoint, zone)
         self.zone = zone._replace(totals=arrays.Totals.of(like(checkpoint, "total", zone.totals.values())))
 
     def _check_cells(self, cells: NDArray[np.uint8]) -> None:
@@ -344,7 +344,7 @@ class Hybrid:
         inside = (target >= 0) & (target < plate.at.places)
         inside &= plate.has(node) & plate.has(target.clip(0, plate.at.places - 1))
         owner = np.where(spring < half, node, target.clip(0, plate.at.places - 1))
-        intact = are_intact(ground.nodes, self.zone.lost, owner, spring % half)
+        intact = are_bonds_intact(ground.nodes, self.zone.lost, owner, spring % half)
         if not (inside & intact).all() or len(np.unique(node * 2 * half + spring)) < len(node):
             raise CheckpointError("a broken bond is none of the plate, or there twice")
         return arrays.BreakEvents(step, node, spring)
@@ -383,13 +383,13 @@ def _hold_columns(zone: PlateZone) -> NDArray[np.float64]:
     return np.column_stack([zone.holds.of[name] for name in HOLD_COLUMNS])
 
 
-def _put_holds(checkpoint: Kept, zone: PlateZone) -> None:
+def _restore_holds(checkpoint: Kept, zone: PlateZone) -> None:
     """Restore values, velocities and forces of all held components."""
     for name, column in zip(HOLD_COLUMNS, like(checkpoint, "holds", _hold_columns(zone)).T, strict=True):
         zone.holds.of[name] = column
 
 
-def _put_damped(checkpoint: Kept, zone: PlateZone) -> None:
+def _restore_damped(checkpoint: Kept, zone: PlateZone) -> None:
     """Restore the energies that damping has taken from nodes."""
     for name, damped in (("fine", zone.fine.damped), ("coarse", zone.coarse.damped)):
         if damped is not None:

@@ -24,28 +24,28 @@ class NodeLists(NamedTuple):
 
 
 @njit(forceinline=True, **INNER)
-def _beneath(at, q):  # type: ignore[no-untyped-def]
+def _fine_place_of_coarse(at, q):  # type: ignore[no-untyped-def]
     """The fine place that a coarse node lies on."""
     y, x = q // at.coarse_stride, q % at.coarse_stride
     return (2 * (y - BELOW_COARSE) + BELOW) * at.stride + LEFT + 2 * (x - LEFT)
 
 
 @cached_njit(nogil=True, error_model="numpy")
-def merged(at, fine, coarse, at_fine, at_coarse):  # type: ignore[no-untyped-def]
+def number_nodes(at, fine, coarse, fine_rows, coarse_rows):  # type: ignore[no-untyped-def]
     """Set the rows of both kinds of nodes; returns the fine places (n,) of all nodes."""
     places = np.empty(0, np.int64)
     for fills in (False, True):
         i, j, n = 0, 0, 0
         while i < len(fine) or j < len(coarse):
-            on = _beneath(at, np.int64(coarse[j])) if j < len(coarse) else np.int64(2**62)
+            beneath = _fine_place_of_coarse(at, np.int64(coarse[j])) if j < len(coarse) else np.int64(2**62)
             p = fine[i] if i < len(fine) else np.int64(2**62)
             if fills:
-                places[n] = min(p, on)
-            if p <= on:
-                at_fine[i] = n
+                places[n] = min(p, beneath)
+            if p <= beneath:
+                fine_rows[i] = n
                 i += 1
-            if on <= p:
-                at_coarse[j] = n
+            if beneath <= p:
+                coarse_rows[j] = n
                 j += 1
             n += 1
         if not fills:
@@ -54,7 +54,7 @@ def merged(at, fine, coarse, at_fine, at_coarse):  # type: ignore[no-untyped-def
 
 
 @cached_njit(nogil=True, error_model="numpy")
-def list_bonds(kind, entry, own, coarse_entry, coarse_own, lost, ways, same, lists, bonds, springs):  # type: ignore[no-untyped-def]
+def list_bonds_and_springs(kind, entry, own, coarse_entry, coarse_own, lost, ways, same, lists, bonds, springs):  # type: ignore[no-untyped-def]
     """Set the mask (k, family) of past and present bonds of fine nodes to nodes that exist, and the bits (q, 1) of the
     springs of coarse nodes, without those that are fine bonds too: `same` (8,) says which, -1: none.
 
@@ -84,7 +84,7 @@ def list_bonds(kind, entry, own, coarse_entry, coarse_own, lost, ways, same, lis
 
 
 @cached_njit(nogil=True, error_model="numpy")
-def gather(values, coarse_values, light, coarse_light, border, lists, out):  # type: ignore[no-untyped-def]
+def gather_values(values, coarse_values, light, coarse_light, border, lists, out):  # type: ignore[no-untyped-def]
     """Gather values (2, .) of both lattices in out (n, 2), times `light` (.,), where that is not of length 0; those of
     border nodes are means of the coarse nodes they lie between."""
     fine, coarse, at_fine, at_coarse = lists
@@ -109,7 +109,7 @@ def gather(values, coarse_values, light, coarse_light, border, lists, out):  # t
 
 
 @cached_njit(nogil=True, error_model="numpy")
-def put(value, rate, u, v, kind, coarse_u, coarse_v, coarse_kind, border, lists):  # type: ignore[no-untyped-def]
+def scatter_values(value, rate, u, v, kind, coarse_u, coarse_v, coarse_kind, border, lists):  # type: ignore[no-untyped-def]
     """Set displacements and velocities (2, .) of both lattices to values and rates (n, 2); border nodes follow."""
     fine, coarse, at_fine, at_coarse = lists
     node, end, w, off = border
@@ -130,8 +130,8 @@ def put(value, rate, u, v, kind, coarse_u, coarse_v, coarse_kind, border, lists)
 
 
 @cached_njit(nogil=True, error_model="numpy")
-def gather_far(values, light, tied, far, at_far, out):  # type: ignore[no-untyped-def]
-    """Gather values (2, .) of far nodes, and of coarse ones tied to them, in out (n, 2); `light` as in `gather`.
+def gather_far_values(values, light, tied, far, at_far, out):  # type: ignore[no-untyped-def]
+    """Gather values (2, .) of far nodes, and of coarse ones tied to them, in out (n, 2); `light` as in `gather_values`.
 
     Nodes of `tied` and `at_far` are rows of out.
     """
@@ -149,7 +149,7 @@ def gather_far(values, light, tied, far, at_far, out):  # type: ignore[no-untype
 
 
 @cached_njit(nogil=True, error_model="numpy")
-def put_far(value, rate, u, v, coarse_u, tied, far, at_far):  # type: ignore[no-untyped-def]
+def scatter_far_values(value, rate, u, v, coarse_u, tied, far, at_far):  # type: ignore[no-untyped-def]
     """Set displacements and velocities (2, .) of far nodes to values and rates (n, 2); tied coarse nodes follow."""
     node, end, w, _ = tied
     for axis in range(2):
@@ -160,7 +160,7 @@ def put_far(value, rate, u, v, coarse_u, tied, far, at_far):  # type: ignore[no-
 
 
 @cached_njit(nogil=True, error_model="numpy")
-def bits_of_springs(entry, row_stiffness, places):  # type: ignore[no-untyped-def]
+def pack_spring_bits(entry, row_stiffness, places):  # type: ignore[no-untyped-def]
     """The bits (f, 1) of the springs of nodes of a compact lattice at these places (f,)."""
     spring_bits = np.zeros((len(places), 1), np.uint8)
     for j in range(len(places)):

@@ -15,21 +15,21 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pdsolve.adaptivity.hybrid.arrays import LatticeNodes
-from pdsolve.adaptivity.hybrid.engine import Hybrid, ZoneSummary
-from pdsolve.adaptivity.hybrid.irregular_bonds import part_of
+from pdsolve.adaptivity.hybrid.engine import HybridEngine, ZoneSummary
+from pdsolve.adaptivity.hybrid.irregular_bonds import part_of_model
 from pdsolve.adaptivity.hybrid.lattice import AROUND, BELOW, BELOW_COARSE, COARSE, FAR, IDLE, LEFT
 from pdsolve.adaptivity.hybrid.node_lists import (
     NodeLists,
-    bits_of_springs,
-    gather,
-    gather_far,
-    list_bonds,
-    merged,
-    put,
-    put_far,
+    gather_far_values,
+    gather_values,
+    list_bonds_and_springs,
+    number_nodes,
+    pack_spring_bits,
+    scatter_far_values,
+    scatter_values,
 )
-from pdsolve.adaptivity.hybrid.node_rows import are_intact, of_nodes
-from pdsolve.adaptivity.two_lattice_operator import Sums, TwoLatticeOperator
+from pdsolve.adaptivity.hybrid.node_rows import are_bonds_intact, values_at_nodes
+from pdsolve.adaptivity.two_lattice_operator import LedgerTotals, TwoLatticeOperator
 from pdsolve.codegen.vector_code import ROW
 from pdsolve.model import Model
 from pdsolve.operators.protocol import Kept
@@ -45,23 +45,26 @@ BITS = np.array([bits.bit_count() for bits in range(256)], dtype=np.int16)  # se
 NOTHING = Broken(*np.zeros((3, 0), dtype=np.int64))
 
 
-class HybridOperator(TwoLatticeOperator[Hybrid]):
+class HybridOperator(TwoLatticeOperator[HybridEngine]):
     """The operator of the n current nodes, in the order of their places."""
 
     name = "hybrid"
     symmetric = True
 
-    def __init__(self, hybrid: Hybrid, cut: NDArray[np.int64]) -> None:
+    def __init__(self, hybrid: HybridEngine, cut: NDArray[np.int64]) -> None:
         """`cut` is the number of bonds that pre-cracks cut, of irregular nodes and, last, of others."""
         self.hybrid, self._cut, self._strain = hybrid, cut, 0.0
         self._broken, self._looked = NOTHING, 0  # bonds whose rows are known, and how many have been looked for
         zone = hybrid.zone
-        fine = _present(zone.fine, zone.counts.fine_rows)
-        coarse, far = _present(zone.coarse, zone.counts.coarse_rows), _present(zone.far, zone.counts.far_rows)
+        fine = _active_places(zone.fine, zone.counts.fine_rows)
+        coarse, far = (
+            _active_places(zone.coarse, zone.counts.coarse_rows),
+            _active_places(zone.far, zone.counts.far_rows),
+        )
         self._fine, self._coarse, self._far = fine, coarse.astype(np.int32), far.astype(np.int32)
         del coarse, far
         self._at_fine, self._at_coarse = np.zeros(len(fine), np.int64), np.zeros(len(self._coarse), np.int32)
-        self.places = merged(hybrid.plate.at, fine, self._coarse, self._at_fine, self._at_coarse)
+        self.places = number_nodes(hybrid.plate.at, fine, self._coarse, self._at_fine, self._at_coarse)
         self._at_far = self._merge_far()
         self._lists = NodeLists(fine, self._coarse, self._at_fine, self._at_coarse)
         self._bonds = np.zeros((len(fine), len(hybrid.ground.ways)), dtype=np.bool_)  # past and present ones
@@ -72,8 +75,8 @@ class HybridOperator(TwoLatticeOperator[Hybrid]):
         # which bond of the fine family each spring (8,) of the coarse lattice is too; -1: none
         same = np.array([number.get((2 * dx, 2 * dy), -1) for dx, dy in ways])
         columns = zone.fine.kind, zone.fine.entry, zone.fine.own, zone.coarse.entry, zone.coarse.own
-        list_bonds(*columns, zone.lost, ground.ways, same, self._lists, self._bonds, self._springs)
-        self._far_springs = bits_of_springs(zone.far.entry, zone.far.own, self._far)  # likewise
+        list_bonds_and_springs(*columns, zone.lost, ground.ways, same, self._lists, self._bonds, self._springs)
+        self._far_springs = pack_spring_bits(zone.far.entry, zone.far.own, self._far)  # likewise
         self._changes = self._counts()
 
     @property
@@ -118,7 +121,7 @@ class HybridOperator(TwoLatticeOperator[Hybrid]):
     @cached_property
     def model(self) -> Model:
         """The model of the n current nodes, without conditions."""
-        active_model = part_of(self.hybrid.plate.model, self.rows)
+        active_model = part_of_model(self.hybrid.plate.model, self.rows)
         delta = active_model.grid.delta.copy()
         delta[self._at_coarse] *= 2
         delta[self._at_far] = 4 * self.hybrid.plate.h
@@ -131,7 +134,7 @@ class HybridOperator(TwoLatticeOperator[Hybrid]):
         """Areas (n,), m^2: for a fine node its share of fine cells, for others likewise."""
         plate, zone = self.hybrid.plate, self.hybrid.zone
         nodes = self.hybrid.ground.nodes
-        part = zone.fine.mass[self._fine] / of_nodes(nodes, nodes.mass, self._fine)
+        part = zone.fine.mass[self._fine] / values_at_nodes(nodes, nodes.mass, self._fine)
         cell_areas = plate.areas_of(plate.rows_at(self._fine)) * plate.h**2
         areas = np.zeros(len(self.places))
         areas[self._at_fine] = part * cell_areas
@@ -158,7 +161,7 @@ class HybridOperator(TwoLatticeOperator[Hybrid]):
         count[self._at_coarse] += BITS[self._springs[:, 0]]
         count[self._at_far] += BITS[self._far_springs[:, 0]]
         family = count.copy()
-        family[self._at_fine] += self._cut[of_nodes(nodes, nodes.own, self._fine)].astype(np.int16)
+        family[self._at_fine] += self._cut[values_at_nodes(nodes, nodes.own, self._fine)].astype(np.int16)
         for rows, _ in self._parts():
             alone = rows[~fine[rows]]
             family[alone] = np.maximum(family[alone], self._whole(alone))
@@ -209,10 +212,10 @@ class HybridOperator(TwoLatticeOperator[Hybrid]):
         """Gather values (2, .) of all lattices in out (n, 2), over the masses of nodes if `light`."""
         zone = self.hybrid.zone
         over = [nodes.light if light else nodes.light[:0] for nodes in (zone.fine, zone.coarse)]
-        gather(fine, coarse, *over, zone.border.first(zone.counts.border_nodes), self._lists, out)
+        gather_values(fine, coarse, *over, zone.border.first(zone.counts.border_nodes), self._lists, out)
         tied = zone.tied.first(zone.counts.tied_nodes)
         tied = tied._replace(node=self._at_coarse[np.searchsorted(self._coarse, tied.node)].astype(np.int64))
-        gather_far(far, zone.far.light if light else zone.far.light[:0], tied, self._far, self._at_far, out)
+        gather_far_values(far, zone.far.light if light else zone.far.light[:0], tied, self._far, self._at_far, out)
 
     def _put(self, state: State) -> None:
         """Set all lattices to the values and rates of a state; border nodes are interpolated."""
@@ -220,8 +223,10 @@ class HybridOperator(TwoLatticeOperator[Hybrid]):
         fine = zone.fine.u[now], zone.fine.v, zone.fine.kind
         coarse = zone.coarse.u[now], zone.coarse.v, zone.coarse.kind
         border, tied = zone.border.first(zone.counts.border_nodes), zone.tied.first(zone.counts.tied_nodes)
-        put(state.value, state.rate, *fine, *coarse, border, self._lists)
-        put_far(state.value, state.rate, zone.far.u[now], zone.far.v, zone.coarse.u[now], tied, self._far, self._at_far)
+        scatter_values(state.value, state.rate, *fine, *coarse, border, self._lists)
+        scatter_far_values(
+            state.value, state.rate, zone.far.u[now], zone.far.v, zone.coarse.u[now], tied, self._far, self._at_far
+        )
 
     def swell(self, strain: NDArray[np.float64]) -> None:
         """Let springs stretch from their lengths at these strains (n,) of all nodes of the grid, were they free."""
@@ -261,7 +266,7 @@ class HybridOperator(TwoLatticeOperator[Hybrid]):
 
     def tangent(self, state: State) -> csr_array:
         """Minus the derivative (2 n, 2 n), N/m^4, of the force densities by the values; see `Operator`."""
-        from pdsolve.adaptivity.hybrid.tangent import points_of, tangent_of  # few runs need it
+        from pdsolve.adaptivity.hybrid.tangent import create_point_weights, tangent_of  # few runs need it
 
         zone, light = self.hybrid.zone, np.zeros(len(self.places))
         light[self._at_fine] = zone.fine.light[self._fine]  # 0 of those on the border
@@ -270,7 +275,7 @@ class HybridOperator(TwoLatticeOperator[Hybrid]):
         coarse, far = self._coarse.astype(np.int64), self._far.astype(np.int64)
         row_of = np.full(self.hybrid.plate.at.places, -1, dtype=np.int32)
         row_of[self.places] = np.arange(len(self.places))
-        points = points_of(self.hybrid, row_of, self._fine, coarse, far)
+        points = create_point_weights(self.hybrid, row_of, self._fine, coarse, far)
         del row_of  # of all fine places, beside the tangent
         return tangent_of(self.hybrid, points, state.value, self.model.rho, light)
 
@@ -287,11 +292,13 @@ class HybridOperator(TwoLatticeOperator[Hybrid]):
         energy /= self.area
         return energy, np.zeros_like(energy)
 
-    def books(self) -> Sums:
+    def books(self) -> LedgerTotals:
         """Energies, work and momentum at the state of the last call of `energies`."""
         kinetic, x, y = self.hybrid.motion().tolist()
         dissipated, work, _ = self.hybrid.spent
-        return Sums(kinetic, self._strain, dissipated, self.hybrid.damped, work, x, y, len(self.hybrid.broken().step))
+        return LedgerTotals(
+            kinetic, self._strain, dissipated, self.hybrid.damped, work, x, y, len(self.hybrid.broken().step)
+        )
 
     def zone_summary(self) -> ZoneSummary:
         """Summary of the fine zone."""
@@ -346,7 +353,7 @@ class HybridOperator(TwoLatticeOperator[Hybrid]):
         target = fine + ground.ways[k]
         if not start:
             owner = np.where(k < half, fine, target)
-            intact = are_intact(ground.nodes, zone.lost, owner, k % half)
+            intact = are_bonds_intact(ground.nodes, zone.lost, owner, k % half)
             fine, target = fine[intact], target[intact]
         node, k = np.nonzero(np.unpackbits(self._springs[coarse_numbers], axis=1))
         coarse = self._coarse[coarse_numbers][node].astype(np.int64)
@@ -376,7 +383,7 @@ class HybridOperator(TwoLatticeOperator[Hybrid]):
         return Broken(*(column[new] for column in broken))
 
 
-def _present(nodes: LatticeNodes, rows: int) -> NDArray[np.int64]:
+def _active_places(nodes: LatticeNodes, rows: int) -> NDArray[np.int64]:
     """Places of the nodes that are not idle, from the first `rows` rows."""
     places = (nodes.rows[:rows, None] * ROW + np.arange(ROW)).ravel()
     return np.asarray(places[nodes.kind[places] != IDLE])

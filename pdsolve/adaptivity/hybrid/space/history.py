@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 
-class History(NamedTuple):
+class ZoneHistory(NamedTuple):
     """Broken bonds and books."""
 
     step: NDArray[np.int64]  # (b,) when directed bonds broke
@@ -19,4 +19,4 @@ class History(NamedTuple):
 
 
 NEVER = np.zeros(0, dtype=np.int64)
-NOTHING = History(NEVER, NEVER, NEVER, 0.0, 0.0)
+NOTHING = ZoneHistory(NEVER, NEVER, NEVER, 0.0, 0.0)

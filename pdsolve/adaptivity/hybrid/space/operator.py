@@ -17,14 +17,22 @@ from numpy.typing import NDArray
 
 from pdsolve.adaptivity.hybrid.arrays import AHEAD
 from pdsolve.adaptivity.hybrid.engine import ZoneSummary
-from pdsolve.adaptivity.hybrid.irregular_bonds import part_of
+from pdsolve.adaptivity.hybrid.irregular_bonds import part_of_model
 from pdsolve.adaptivity.hybrid.space import arrangement, coarse_springs, pieces
 from pdsolve.adaptivity.hybrid.space.box import BORDER, COARSE, FINE, FREE
-from pdsolve.adaptivity.hybrid.space.history import History
-from pdsolve.adaptivity.hybrid.space.layout import BodyZone, Linked, Whole, arranged, listed, near, places
-from pdsolve.adaptivity.hybrid.space.materials import MeanDensities, masses
-from pdsolve.adaptivity.hybrid.space.zone import mark_balls
-from pdsolve.adaptivity.hybrid.springs import e_of
+from pdsolve.adaptivity.hybrid.space.history import ZoneHistory
+from pdsolve.adaptivity.hybrid.space.layout import (
+    BodyZone,
+    FullBody,
+    SpringNetwork,
+    coordinates_of_sites,
+    list_bond_rows,
+    mask_near_cells,
+    rearrange_zone,
+)
+from pdsolve.adaptivity.hybrid.space.materials import MeanDensities, node_masses
+from pdsolve.adaptivity.hybrid.space.zone import mark_cells_in_balls
+from pdsolve.adaptivity.hybrid.springs import e_of_stretch
 from pdsolve.bonds.assembly import Counted
 from pdsolve.checkpoint_validation import entry, like
 from pdsolve.codegen.vector_code import ROW
@@ -42,14 +50,14 @@ if TYPE_CHECKING:
     from scipy.sparse import csr_array
 
 
-class SpaceHybrid:
+class HybridBodyOperator:
     """The operator of the n current nodes, in the order of their fine sites."""
 
     name = "hybrid"
     symmetric = True
     unknowns: tuple[Unknown, ...] = (Unknown("u", 3, 2),)
 
-    def __init__(self, full_model: Whole, zone: BodyZone, history: History, threads: int) -> None:
+    def __init__(self, full_model: FullBody, zone: BodyZone, history: ZoneHistory, threads: int) -> None:
         """`zone` is that of its cells."""
         self.whole, self._zone, self.history, self._threads = full_model, zone, history, threads
         fine, count = full_model.fine, len(full_model.sites.node)
@@ -62,8 +70,8 @@ class SpaceHybrid:
         self._border = np.flatnonzero(zone.kind == BORDER)
         nodes, border, margin = len(self.sites), len(self._border), full_model.sites.margin
         on, self._w = np.zeros((border, arrangement.ENDS), np.int64), np.zeros((border, arrangement.ENDS))
-        arrangement.carriers(fine.box, self._border, on, self._w)
-        self._on, self._pieces = self._row[on], pieces.linked(fine, zone.kind, self._row, zone.pieces)
+        arrangement.fill_border_carriers(fine.box, self._border, on, self._w)
+        self._on, self._pieces = self._row[on], pieces.link_pieces(fine, zone.kind, self._row, zone.pieces)
         volume = fine.cube * fine.tiles.cells[VOLUME, margin : margin + count]
         self.volume = self._gathered(volume)
         self._border_volume = volume[self._border]
@@ -81,7 +89,7 @@ class SpaceHybrid:
     def _gathered(self, fine_values: NDArray[np.floating]) -> NDArray[np.float64]:
         """What nodes (n,) have of what is the fine nodes' `fine_values` (sites,)."""
         node_values, coarse = fine_values[self.sites].astype(np.float64), np.zeros(len(self._coarse))
-        arrangement.gather(self.whole.fine, self._zone.kind, self.sites[self._coarse], fine_values, coarse)
+        arrangement.gather_to_coarse(self.whole.fine, self._zone.kind, self.sites[self._coarse], fine_values, coarse)
         node_values[self._coarse] = coarse
         return node_values
 
@@ -107,7 +115,7 @@ class SpaceHybrid:
     def model(self) -> Model:
         """The model of the n current nodes, without conditions."""
         assert self.whole.model is not None
-        active_model = part_of(self.whole.model, self.rows)
+        active_model = part_of_model(self.whole.model, self.rows)
         delta = active_model.grid.delta.copy()
         delta[self._coarse] *= 2
         active_model = dataclasses.replace(
@@ -115,7 +123,7 @@ class SpaceHybrid:
         )
         if not active_model.settings.regions:
             return active_model
-        mass = self._gathered(masses(self.whole.model, self.whole.sites, self.whole.fine))
+        mass = self._gathered(node_masses(self.whole.model, self.whole.sites, self.whole.fine))
         return MeanDensities(active_model.grid, active_model.settings, active_model.name, mass / self.volume)
 
     def place(self, state: State) -> State:
@@ -124,9 +132,9 @@ class SpaceHybrid:
 
     def _place(self, value: NDArray[np.float64]) -> None:
         zone, margin = self._zone, self.whole.sites.margin
-        pieces.place(self._free, margin + self.sites[self._free], value, zone.u)
-        pieces.place(self._coarse, self._coarse_sites, value, zone.u_coarse)
-        pieces.follow(margin + self._border, self._on, self._w, value, zone.u)
+        pieces.place_displacements(self._free, margin + self.sites[self._free], value, zone.u)
+        pieces.place_displacements(self._coarse, self._coarse_sites, value, zone.u_coarse)
+        pieces.interpolate_border(margin + self._border, self._on, self._w, value, zone.u)
 
     def add(self, state: State, out: NDArray[Any], step: int, dt: float) -> None:
         """Add the force densities (n, 3), N/m^3, to `out`; bonds over their limit break in this `step`, `dt` s long.
@@ -157,7 +165,7 @@ class SpaceHybrid:
 
     @property
     def _peak(self) -> float:
-        return float(e_of(self.whole.fine.tiles.peak.min()))
+        return float(e_of_stretch(self.whole.fine.tiles.peak.min()))
 
     def _sum_and_break(self, state: State, step: int, dt: float) -> None:
         zone, density = self._zone, self._density
@@ -194,12 +202,14 @@ class SpaceHybrid:
         """Force densities (n, 3), N/m^3, on nodes whose bonds may be others since the cells `new` (k, 3) became fine,
         and which (n,) these are; nothing breaks."""
         box, reach = self.whole.fine.box, self.whole.fine.reach
-        which = near(box, new, reach + 1)[self.sites]  # the ends of pieces move with nodes up to 2 h from them
+        which = mask_near_cells(box, new, reach + 1)[
+            self.sites
+        ]  # the ends of pieces move with nodes up to 2 h from them
         self._place(state.value)
         zone, density, force = self._zone, self._density, self._force
         force[:], density[:] = 0, 0
         for tiles, u, out, site_mask in (
-            (zone.tiles, zone.u, density, near(box, new, reach + 2)),
+            (zone.tiles, zone.u, density, mask_near_cells(box, new, reach + 2)),
             (zone.springs, zone.u_coarse, force, np.ones(len(zone.springs.node), dtype=np.bool_)),
         ):
             sum_some(tiles, u, state.rate, out, state.dissipated, site_mask)
@@ -208,8 +218,8 @@ class SpaceHybrid:
 
     def _add_pieces(self, value: NDArray[np.float64], force: NDArray[np.float64]) -> float:
         """Add to `force` (n, 3), N, that of pieces and what is on the border; the largest e of pieces."""
-        largest = pieces.sum_pieces(value, self._pieces, force)
-        pieces.pass_on(self._density[len(self.sites) :], self._on, self._w, self._border_volume, force)
+        largest = pieces.add_piece_forces(value, self._pieces, force)
+        pieces.pass_border_values(self._density[len(self.sites) :], self._on, self._w, self._border_volume, force)
         return float(largest)
 
     def forces(self, value: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -230,7 +240,10 @@ class SpaceHybrid:
         """Strain energy densities (n,), J/m^3, without bonds that are as they were before the cells `new` (k, 3) became
         fine."""
         box = self.whole.fine.box
-        site_mask, above = near(box, new, self.whole.fine.reach - 1), np.zeros(len(self._zone.springs.node), np.bool_)
+        site_mask, above = (
+            mask_near_cells(box, new, self.whole.fine.reach - 1),
+            np.zeros(len(self._zone.springs.node), np.bool_),
+        )
         for corner in np.ndindex(2, 2, 2):
             x, y, z = (new + np.array(corner)).T
             above[(z * (box.cy + 1) + y) * (box.cx + 1) + x] = True
@@ -243,11 +256,13 @@ class SpaceHybrid:
         zone, nodes, node_energy = self._zone, len(self.sites), np.zeros(len(self.sites))
         bond_density, nothing = np.zeros((2, len(self._density)))
         hold_some(zone.tiles, zone.u, bond_density, nothing, site_mask)
-        coarse_springs.hold_springs(
+        coarse_springs.add_spring_energies(
             zone.springs, zone.u_coarse, node_energy, np.flatnonzero(above.reshape(-1, ROW).any(axis=1))
         )
-        pieces.hold_pieces(state.value, self._pieces, site_mask, node_energy)
-        pieces.pass_on(bond_density[nodes:, None], self._on, self._w, self._border_volume, node_energy[:, None])
+        pieces.add_piece_energies(state.value, self._pieces, site_mask, node_energy)
+        pieces.pass_border_values(
+            bond_density[nodes:, None], self._on, self._w, self._border_volume, node_energy[:, None]
+        )
         return node_energy / self.volume + bond_density[:nodes]
 
     def fields(self, state: State) -> dict[str, NDArray[np.float64]]:
@@ -270,9 +285,9 @@ class SpaceHybrid:
         above = at._replace(site=np.full(nodes, at.margin, dtype=np.int32), node=zone.springs.node)
         above.site[self._coarse] = self._coarse_sites
         piece_springs = self._pieces
-        of_pieces = pieces.listed(piece_springs)
+        of_pieces = pieces.list_stiff_springs(piece_springs)
         free = np.append(self._free, nodes + np.arange(border))
-        linked = Linked(
+        linked = SpringNetwork(
             self.volume,
             (self._on, self._w),
             (piece_springs.rows, piece_springs.w),
@@ -294,9 +309,9 @@ class SpaceHybrid:
         low, high = np.searchsorted(self._coarse, [first, last])
         rows, above = self._coarse[low:high], self._coarse_sites[low:high] - self.whole.springs_at.margin
         with self._breaking:
-            bond_lists = [listed(sites, np.arange(first, last), self._row, zone.tiles)]
+            bond_lists = [list_bond_rows(sites, np.arange(first, last), self._row, zone.tiles)]
             _, broken_source, broken_target = self.broken()
-        bond_lists.append(listed(above, rows, zone.springs.node, zone.springs))
+        bond_lists.append(list_bond_rows(above, rows, zone.springs.node, zone.springs))
         if start:
             in_range = (broken_source >= first) & (broken_source < last)
             bond_lists.append((broken_source[in_range], broken_target[in_range]))
@@ -359,22 +374,24 @@ class SpaceHybrid:
         sites = np.unique(self.sites[self.broken(since).source])
         hot_sites = np.zeros(26 * max(len(self._coarse), 1), dtype=np.int64)
         unbreakable = fine.tiles.held[self.rows]
-        count = coarse_springs.hot_nodes(box, zone.springs, unbreakable, zone.u_coarse, self.whole.hot, hot_sites)
+        count = coarse_springs.list_stretched_nodes(
+            box, zone.springs, unbreakable, zone.u_coarse, self.whole.hot, hot_sites
+        )
         sites = np.unique(np.concatenate([sites, hot_sites[:count]]))
         new = np.zeros((np.count_nonzero(zone.cells == COARSE), 3), dtype=np.int64)
-        count = mark_balls(box, zone.cells, places(box, sites), AHEAD, new)
+        count = mark_cells_in_balls(box, zone.cells, coordinates_of_sites(box, sites), AHEAD, new)
         return new[:count]
 
-    def refined(self, new: NDArray[np.int64]) -> SpaceHybrid:
+    def refined(self, new: NDArray[np.int64]) -> HybridBodyOperator:
         """The operator after the cells `new` (k, 3) have become fine."""
         self.broken()
-        after = SpaceHybrid(self.whole, arranged(self.whole, self._zone, new), self.history, self._threads)
+        after = HybridBodyOperator(self.whole, rearrange_zone(self.whole, self._zone, new), self.history, self._threads)
         row = self._row[after.sites]
-        changed = (row < 0) | near(self.whole.fine.box, new, self.whole.fine.reach + 1)[after.sites]
+        changed = (row < 0) | mask_near_cells(self.whole.fine.box, new, self.whole.fine.reach + 1)[after.sites]
         after.counted = after._counted(changed, np.where(changed, 0, self.counted.bonds[row]))
         return after
 
-    def restored(self, checkpoint: Kept) -> SpaceHybrid:
+    def restored(self, checkpoint: Kept) -> HybridBodyOperator:
         """The operator of a checkpoint's cells, some of which have become fine. Raises CheckpointError."""
         cells = like(checkpoint, "cells", self._zone.cells)
         new = (self._zone.cells == COARSE) & (cells == FINE)
@@ -389,7 +406,7 @@ class SpaceHybrid:
         """Values (k, 3) of rows of the grid `which` (k,), interpolated from those of the nodes here (n, 3)."""
         grid_values, scratch = np.zeros((len(which), 3)), (np.zeros(8, np.int64), np.zeros(8))
         sites = self.whole.sites.site[which].astype(np.int64) - self.whole.sites.margin
-        arrangement.interpolate(self.whole.fine.box, *scratch, self._row, values, sites, grid_values)
+        arrangement.interpolate_fine(self.whole.fine.box, *scratch, self._row, values, sites, grid_values)
         return grid_values
 
     def row_of_grid(self, which: NDArray[np.int64]) -> NDArray[np.int64]:
@@ -400,7 +417,7 @@ class SpaceHybrid:
         """Rows (k, 8) of the nodes that move rows of the grid `which` (k,), and their shares."""
         margin = self.whole.sites.margin
         sites, box = self.whole.sites.site[which] - margin, self.whole.fine.box
-        node_rows, at = self._row[sites], places(box, sites)
+        node_rows, at = self._row[sites], coordinates_of_sites(box, sites)
         rows, w = np.zeros((len(which), 8), np.int64), np.zeros((len(which), 8))
         for number, corner in enumerate(np.ndindex(2, 2, 2)):
             step = np.array(corner)
@@ -431,7 +448,7 @@ class SpaceHybrid:
         layout.cleared(self._lattice, broken.source, broken.target, self._zone.tiles.bits)
         self._clear(broken.source, broken.target)
         source, target = (self.sites[rows] for rows in (broken.source, broken.target))
-        self.history = History(broken.step.astype(np.int64), source, target, energy_created, largest)
+        self.history = ZoneHistory(broken.step.astype(np.int64), source, target, energy_created, largest)
 
     def bytes(self) -> int:
         """The memory of all arrays, bytes."""
