@@ -38,7 +38,7 @@ def at_random(whole: FullBody, margin: int, tau: float) -> HybridBodyOperator:
 
 def place(operator: HybridBodyOperator) -> NDArray[np.float64]:
     """Where nodes (n, 3) are, in spacings."""
-    box = operator.whole.fine.box
+    box = operator.full_body.fine.box
     sites = operator.sites
     return np.column_stack([sites % box.sx, sites // box.sx % box.sy, sites // (box.sx * box.sy)]).astype(float)
 

@@ -46,12 +46,12 @@ def prepared(model: Model) -> tuple[Prepared, CollocationEngine]:
     """A model ready to march, and what marches."""
     problem = prepare(model, Options(threads=1))
     assert isinstance(problem.system.hybrid, CollocationOperator)
-    return problem, problem.system.hybrid.hybrid
+    return problem, problem.system.hybrid.engine
 
 
 def activate(engine: CollocationEngine, coarse: NDArray[np.bool_]) -> None:
     """Let these coarse places, of those that may be, be the active ones."""
-    engine.zone = renumber_zone(engine.ground, engine.plate, engine.zone, coarse, engine.manner.band)
+    engine.zone = renumber_zone(engine.ground, engine.plate, engine.zone, coarse, engine.settings.band)
     engine.area = active_areas(engine.ground, engine.plate, engine.zone.node)
 
 

@@ -98,9 +98,9 @@ def _plate(model: Model, seam: float) -> Marching:
     """A plate of this model, fine left of the seam."""
     problem = prepare(model, Options(threads=1))
     if isinstance(problem.system.operator, HybridOperator):
-        return _hybrid(problem.system.operator.hybrid, model, seam)
+        return _hybrid(problem.system.operator.engine, model, seam)
     if isinstance(problem.system.operator, CollocationOperator):
-        return _collocation(problem.system.operator.hybrid, seam)
+        return _collocation(problem.system.operator.engine, seam)
     if model.settings.run.adapt == "split":
         problem = split_where(problem, lambda place: place[:, 0] < seam)
     return _bonds(problem)
@@ -131,16 +131,16 @@ def _collocation(engine: CollocationEngine, seam: float) -> Marching:
     """Coarse nodes are active right of the seam alone."""
     ground, plate, zone = engine.ground, engine.plate, engine.zone
     x = ground.h * (np.arange(ground.at.places) % ground.at.stride - ground.at.left)
-    engine.zone = renumber_zone(ground, plate, zone, (zone.node == ACTIVE) & (x > seam), engine.manner.band)
+    engine.zone = renumber_zone(ground, plate, zone, (zone.node == ACTIVE) & (x > seam), engine.settings.band)
     engine.area = active_areas(ground, plate, engine.zone.node)
     place = plate.model.grid.position
 
     def put(shape: Field, _: Field, rate: Field) -> None:
-        zone.u[0, plate.place], zone.v[0, plate.place] = shape(place[:, 0]), rate(place[:, 0])
+        zone.u[0, plate.fine_places], zone.v[0, plate.fine_places] = shape(place[:, 0]), rate(place[:, 0])
 
     def seen() -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        own = engine.zone.node[plate.place] == BONDED
-        return place[own], engine.zone.v[:, plate.place[own]].T
+        own = engine.zone.node[plate.fine_places] == BONDED
+        return place[own], engine.zone.v[:, plate.fine_places[own]].T
 
     return Marching(put, engine.march, seen)
 
@@ -152,10 +152,13 @@ def _hybrid(hybrid: HybridEngine, model: Model, seam: float) -> Marching:
     left = (2 * hybrid.plate.h * (cell % wide - AROUND) < seam) & (cell // wide >= AROUND) & (zone.cells != VOID)
     zone.cells[zone.cells == FINE] = COARSE
     zone.cells[left] = FINE
-    hybrid.number()
-    hybrid.renew()
+    hybrid.number_nodes()
+    hybrid.recompute_forces()
     place, coarse = model.grid.position, np.flatnonzero(zone.coarse.kind == FREE)
-    lattices = (hybrid.plate.place, place), (coarse, place[hybrid.plate.rows_at(hybrid.beneath(coarse))])
+    lattices = (
+        (hybrid.plate.fine_places, place),
+        (coarse, place[hybrid.plate.rows_at(hybrid.fine_places_of_coarse(coarse))]),
+    )
 
     def free() -> list[tuple[object, NDArray[np.int64], NDArray[np.float64]]]:
         found = []
@@ -167,7 +170,7 @@ def _hybrid(hybrid: HybridEngine, model: Model, seam: float) -> Marching:
     def put(shape: Field, rate: Field, _: Field) -> None:
         for nodes, own, place in free():
             nodes.u[0][0, own], nodes.v[0, own] = shape(place[:, 0]), rate(place[:, 0])  # type: ignore[attr-defined]
-        hybrid.renew()
+        hybrid.recompute_forces()
 
     def seen() -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         nodes, own, place = free()[0]

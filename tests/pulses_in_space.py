@@ -45,7 +45,7 @@ def sent_back(ratio: float, width: int, shear: bool, backwards: bool = False, se
     """
     bonds, cells = bonds_of(ratio), (3 * AWAY + 4 * width) // 2
     operator = _column(bonds, cells, (AWAY + 4 * width) // 2, backwards, seam)
-    x, y, z = coordinates_of_sites(operator.whole.fine.box, operator.sites).T
+    x, y, z = coordinates_of_sites(operator.full_body.fine.box, operator.sites).T
     alike = _alike(operator, x, y, z)
     c11, c12 = cubic_stiffness(bonds)
     speed, axis, dt = float(np.sqrt(c12 if shear else c11)), 2 if shear else 0, STEP / float(np.sqrt(c11))
@@ -80,5 +80,5 @@ def _alike(
     operator: HybridBodyOperator, x: NDArray[np.int64], y: NDArray[np.int64], z: NDArray[np.int64]
 ) -> NDArray[np.int64]:
     """Rows (n,) of the nodes in the middle that move as all nodes do."""
-    box = operator.whole.fine.box
+    box = operator.full_body.fine.box
     return np.searchsorted(operator.sites, ((ACROSS + z % 2) * box.sy + ACROSS + y % 2) * box.sx + x)

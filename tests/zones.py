@@ -78,7 +78,7 @@ class Zoned(NamedTuple):
     def march(self, first: int, last: int) -> None:
         """Take steps; none with last = first, which computes the forces."""
         if first == last:
-            self.hybrid.renew()
+            self.hybrid.recompute_forces()
         self.hybrid.march(first, last)
         if self.hybrid.now == 1:
             self.hybrid.now = 0
@@ -92,14 +92,14 @@ class Zoned(NamedTuple):
 
     def energy(self) -> float:
         """Kinetic and strain energy, J/m."""
-        return float(self.hybrid.motion()[0] + sum(part.sum() for part in self.hybrid.held()))
+        return float(self.hybrid.kinetic_and_momentum()[0] + sum(part.sum() for part in self.hybrid.strain_energies()))
 
     def conserved(self) -> float:
         """The energy that leapfrog conserves where forces are linear, J/m: that of the velocities half a step before
         and half a step after, v^2 - (a dt / 2)^2."""
         found = self.energy()
         for nodes, places, _ in self.lattices():
-            found -= float((nodes.light[places] * (nodes.f[:, places] * self.ground.dt / 2) ** 2).sum() / 2)
+            found -= float((nodes.inverse_mass[places] * (nodes.f[:, places] * self.ground.dt / 2) ** 2).sum() / 2)
         return found
 
     @property
@@ -143,7 +143,7 @@ def zoned(
         shown, _ = create_hybrid_operator(
             plate(grid, ratio, material=material, run=run, regions=regions), "conservative", "float64", choose_time_step
         )
-    hybrid = shown.hybrid
+    hybrid = shown.engine
     at = hybrid.plate.at
     cell = np.arange(at.cells)
     wanted = fine(cell % at.cell_stride - 6, cell // at.cell_stride - 6) & (hybrid.zone.cells != VOID)
@@ -158,8 +158,8 @@ def zoned(
 
 def again(hybrid: HybridEngine) -> Zoned:
     """The same plate numbered anew, once its cells were changed by hand; at rest."""
-    hybrid.number()
-    hybrid.renew()
+    hybrid.number_nodes()
+    hybrid.recompute_forces()
     return Zoned(hybrid)
 
 

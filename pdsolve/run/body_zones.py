@@ -27,27 +27,27 @@ class BodyRefinement:
     def change_nodes(self, system: System, state: State, step: int) -> NodeChange | None:
         """Refine after `step`; None if no cell becomes fine."""
         before = zone_operator(system)
-        new = before.wanted(state, step - self.every)
+        new = before.mark_cells_to_refine(state, step - self.every)
         if not len(new):
             return None
-        energy_before = conserved_energy(system, state, before.held_around(state, new))
-        after = before.refined(new)
+        energy_before = conserved_energy(system, state, before.energies_around(state, new))
+        after = before.refine(new)
         fresh = _system_of_operator(system, after, step)
-        rows = before.row_of_grid(after.rows)
+        rows = before.current_rows(after.rows)
         new_state = _interpolate_state(before, after, state, rows)
         pull, which = after.forces_around(new_state, new)
         _set_held_forces(system, fresh, rows, pull, which)
         energy_created = (
-            conserved_energy(fresh, new_state, after.held_around(new_state, new))
+            conserved_energy(fresh, new_state, after.energies_around(new_state, new))
             - energy_before
             + kick_work(fresh, new_state, pull, which)
         )
-        after.history = after.history._replace(made=after.history.made + energy_created)
+        after.history = after.history._replace(refinement_energy=after.history.refinement_energy + energy_created)
         return NodeChange(fresh, new_state, _previous_rows_with_same_bonds(system, fresh, rows))
 
     def restore_system(self, system: System, checkpoint: Kept) -> Prepared:
         """The system of a checkpoint's cells. Raises CheckpointError for cells that no run from here can have."""
-        after = zone_operator(system).restored(checkpoint)
+        after = zone_operator(system).restore_cells(checkpoint)
         if not np.array_equal(after.model.grid.ids, checkpoint["ids"]):
             raise CheckpointError("ids of nodes are not those of its cells")
         fresh = _system_of_operator(system, after, 0)
@@ -78,7 +78,7 @@ def _interpolate_state(
     booked = np.zeros((3, nodes))
     for density_after, density_before in zip(booked, state[3:], strict=True):
         density_after[old] = density_before[previous_rows[old]] * before.volume[previous_rows[old]] / after.volume[old]
-    return State(*(before.moved(after.rows, values) for values in state[:3]), *booked)
+    return State(*(before.interpolate_at_rows(after.rows, values) for values in state[:3]), *booked)
 
 
 def _set_held_forces(

@@ -83,7 +83,7 @@ def refine_earlier(system: System, earlier_refinements: tuple[EarlierRefinement,
     """Make cells fine as soon as they are to be after a step; returns the next step from which that changes."""
     begun = [refinement for refinement in earlier_refinements if refinement.step <= step]
     if begun and isinstance(system.operator, HybridOperator):
-        system.operator.hybrid.widen(begun[-1].kappa)
+        system.operator.engine.set_kappa(begun[-1].kappa)
     return next((refinement.step for refinement in earlier_refinements if refinement.step > step), last)
 
 

@@ -169,9 +169,9 @@ def _prepare_swelling_zone(model: Model, options: Options, scheme: Scheme) -> Pr
     assert transport is not None
     cycle = cycle_of(model.settings.run, system.time_step, transport.bound)
     marches = Euler(transport.operator, transport.drive, cycle * system.time_step)
-    broken = None if medium.broken == 1 else BrokenBonds(transport, PlateBrokenBonds(operator.hybrid), medium.broken)
+    broken = None if medium.broken == 1 else BrokenBonds(transport, PlateBrokenBonds(operator.engine), medium.broken)
     stepper = SwellingZone(marches, content.state, operator, model, cycle, broken)
-    energy = system.initial_energy + operator.hybrid.stored()
+    energy = system.initial_energy + operator.engine.strain_energy()
     return Prepared(replace(system, stepper=stepper, coupled=(content,), initial_energy=energy), operator.state())
 
 
@@ -186,13 +186,13 @@ def _prepare_plate_zone(model: Model, options: Options, scheme: Scheme) -> Prepa
         scheme=scheme,
         operator=shown,
         stepper=FusedMarch(shown),
-        drive=shown.hybrid.drive,
+        drive=shown.engine.drive,
         area=shown.area,
         family=shown.counts[1],
         count=shown.counts[0],
-        time_step=float(shown.hybrid.ground.dt),
+        time_step=float(shown.engine.ground.dt),
         stable_time_step=bound,
-        initial_energy=shown.books().kinetic,
+        initial_energy=shown.ledger_totals().kinetic,
         full_model=model,
     )
     return Prepared(system, state)

@@ -39,7 +39,7 @@ def hybrid(problem: Prepared) -> HybridEngine:
     """The operator of a hybrid run."""
     found = problem.system.hybrid
     assert found is not None
-    return found.hybrid
+    return found.engine
 
 
 def ledger(problem: Prepared, step: int) -> LedgerRow:
@@ -58,7 +58,7 @@ def test_fine_everywhere_it_is_the_uniform_plate() -> None:
     run.start(initial_velocity(damped("hybrid")))
     for problem in (one, other):
         problem.march(1, 31)
-    place = run.plate.place
+    place = run.plate.fine_places
     scale = np.abs(other.state.rate).max()
     assert np.abs(run.zone.fine.v[:, place].T - other.state.rate).max() < 1e-12 * scale  # 1.6e-14
     fine, uniform = ledger(one, 30), ledger(other, 30)

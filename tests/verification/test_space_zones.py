@@ -108,10 +108,10 @@ def test_cells_around_a_stretched_spring_become_fine(axis: int) -> None:
     """A coarse node moves by 0.9 of the critical stretch of the spring behind it: this one alone is beyond kappa."""
     problem = prepare(block("hybrid"), Options(threads=1))
     operator, state = zone_operator(problem.system), problem.state
-    spacings, limit = place(operator), operator.whole.fine.tiles.peak.min()
+    spacings, limit = place(operator), operator.full_body.fine.tiles.peak.min()
     node = np.array([40, 8, 20])
     state.value[(spacings == node).all(axis=1), axis] = 0.9 * 2 * H * limit
-    found = operator.wanted(state, 0)
+    found = operator.mark_cells_to_refine(state, 0)
     behind = node - 2 * np.eye(3, dtype=int)[axis]
     cells = np.argwhere(np.ones((24, 8, 20)))
     away = [np.linalg.norm(np.maximum(np.abs(one - (2 * cells + 1)) - 1, 0), axis=1) for one in (node, behind)]
@@ -194,22 +194,24 @@ def test_refining_looks_at_all_that_changes() -> None:
     problem = prepare(block("hybrid"), Options(threads=1))
     before, state = zone_operator(problem.system), problem.state
     state.value[:] = 1e-4 * H * np.random.default_rng(5).standard_normal(state.value.shape)
-    cells = before.cells.reshape(before.whole.fine.box.padded)
+    cells = before.cells.reshape(before.full_body.fine.box.padded_shape)
     z, y, x = np.nonzero((cells[..., 1:] == COARSE) & (cells[..., :-1] == FINE))  # beside the zone
     some = np.flatnonzero(y == int(np.median(y)))[::3]
     cells[z[some], y[some], x[some] + 1] = FINE
-    new = np.column_stack([x[some] + 1, y[some], z[some]]) - before.whole.fine.box.pad
-    after = before.refined(new)
-    found = zero_state(len(after.sites), 3)._replace(value=before.moved(after.rows, state.value))
+    new = np.column_stack([x[some] + 1, y[some], z[some]]) - before.full_body.fine.box.pad
+    after = before.refine(new)
+    found = zero_state(len(after.sites), 3)._replace(value=before.interpolate_at_rows(after.rows, state.value))
     pull, which = after.forces_around(found, new)
     assert 0.005 < which.mean() < 0.2
     assert np.array_equal(pull[which], force_densities(after, found)[which])
     made = [float((each.energies(of)[0] * each.volume).sum()) for each, of in ((before, state), (after, found))]
-    near = [float((each.held_around(of, new) * each.volume).sum()) for each, of in ((before, state), (after, found))]
+    near = [
+        float((each.energies_around(of, new) * each.volume).sum()) for each, of in ((before, state), (after, found))
+    ]
     assert near[1] - near[0] == pytest.approx(made[1] - made[0], abs=1e-12 * made[0])
     assert abs(made[1] - made[0]) > 1e-6 * made[0]
     again = create_operator_of_cells(
-        LAW, before.whole, before.cells.copy(), vertex_force(LAW, before.whole.fine.tiles.table, H)
+        LAW, before.full_body, before.cells.copy(), vertex_force(LAW, before.full_body.fine.tiles.table, H)
     )
     assert np.array_equal(again.sites, after.sites)
     for one, other in zip(again.counted, after.counted, strict=True):

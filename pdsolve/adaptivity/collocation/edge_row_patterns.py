@@ -32,7 +32,7 @@ def add_row_patterns(ground: LatticeConstants) -> LatticeConstants:
     pattern[rows] = rank[number]
     stiffness = np.zeros((1, len(often) * len(ground.ways) * ROW))
     _store_stiffness(ground, rows[first[often]], stiffness)
-    return ground._replace(pattern=pattern, known=stiffness.reshape(-1, 1, ROW))
+    return ground._replace(pattern=pattern, edge_row_stiffness=stiffness.reshape(-1, 1, ROW))
 
 
 def _surroundings_of_rows(ground: LatticeConstants, rows: NDArray[np.int64]) -> NDArray[np.int64]:

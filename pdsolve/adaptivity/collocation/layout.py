@@ -65,7 +65,7 @@ class LatticeConstants(NamedTuple):
     there: NDArray[np.float64]  # (1, places) area of a node's cell over h^2, 0 without one
     lack: NDArray[np.float64]  # (2, places) of energy in uniform stretch along x and y, as in the scheme
     pattern: NDArray[np.int64]  # (places / 16,) of rows at edges whose stiffnesses are kept: which; -1 of others
-    known: NDArray[np.float64]  # (patterns * k, 1, 16) these, N/m
+    edge_row_stiffness: NDArray[np.float64]  # (patterns * k, 1, 16) these, N/m
     no_fail: NDArray[np.bool_]  # (places,) nodes whose bonds do not break
     limit: float  # e above which a bond breaks
     stencil_ways: NDArray[np.int64]  # (s,) places from a coarse node to those of its stencil
@@ -81,9 +81,9 @@ class CollocationPlate(NamedTuple):
     row: NDArray[np.int32]  # (places,) of the grid, -1 without a node
     area: NDArray[np.float64]  # (n,) of nodes, m^2
     cut: NDArray[np.uint16]  # (places / 16, k) a bit for each bond that is cut or broken
-    parted: NDArray[np.int64]  # (places,) bonds that pre-cracks cut
-    whole: NDArray[np.bool_]  # (places,) nodes whose family is whole and uncut
-    acted: NDArray[np.bool_]  # (places,) nodes that are loaded, held or do not break
+    precrack_cuts: NDArray[np.int64]  # (places,) bonds that pre-cracks cut
+    has_full_family: NDArray[np.bool_]  # (places,) nodes whose family is whole and uncut
+    has_condition: NDArray[np.bool_]  # (places,) nodes that are loaded, held or do not break
 
 
 def number_plate(model: Model, reach: int, advice: str) -> tuple[Numbering, NDArray[np.int64]]:
@@ -131,7 +131,7 @@ def create_constants_and_plate(
         there=area_share,
         lack=np.ones((2, at.places)),
         pattern=np.full(at.places // ROW, -1),
-        known=np.zeros((0, 1, ROW)),
+        edge_row_stiffness=np.zeros((0, 1, ROW)),
         no_fail=no_fail,
         limit=limit,
         stencil_ways=2 * (stencil.xi[:, 1] * at.stride + stencil.xi[:, 0]),

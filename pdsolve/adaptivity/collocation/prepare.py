@@ -52,8 +52,8 @@ def create_collocation_operator(
     ground, plate = create_constants_and_plate(model, springs, at, place, stencil)
     ground = add_row_patterns(ground)
     # of fine nodes: those at edges, and one full family for all others
-    odd = np.flatnonzero((plate.row >= 0) & ~plate.whole)
-    stiffness = stiffness_bound(ground, plate.cut, np.concatenate([odd, np.flatnonzero(plate.whole)[:1]]))
+    odd = np.flatnonzero((plate.row >= 0) & ~plate.has_full_family)
+    stiffness = stiffness_bound(ground, plate.cut, np.concatenate([odd, np.flatnonzero(plate.has_full_family)[:1]]))
     bound = min(float(np.sqrt(2 * ground.rho / stiffness)), longest(stencil, 2 * h, material.rho))
     ground = ground._replace(dt=choose_step(model, bound))
     how = model.settings.run.collocation

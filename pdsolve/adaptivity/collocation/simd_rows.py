@@ -24,7 +24,7 @@ G0, G1, G2, G3, G4, G5, G6, G7, G8, G9, G10 = coefficients("float64")[1]
 def _lane_stiffness(ground, cut, u, kind, p, row, k, lane, lack):  # type: ignore[no-untyped-def]
     """Stiffness of bond k in the lanes from place p on, 0 without one; `lack` is the correction of these nodes."""
     if kind == KNOWN:
-        w = stacked(ground.known, ONE, ground.pattern[row] * len(ground.ways) + k, lane)[0]
+        w = stacked(ground.edge_row_stiffness, ONE, ground.pattern[row] * len(ground.ways) + k, lane)[0]
     elif kind == EDGE:
         w = corrected_stiffness(ground, p, k, lack)
     else:

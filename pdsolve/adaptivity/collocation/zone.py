@@ -102,10 +102,10 @@ def mask_eligible_coarse(ground: LatticeConstants, plate: CollocationPlate, marg
     a surface layer at edges, one horizon deep; a stencil that reaches into it removes energy from the motion all along
     the edge.
     """
-    odd = (plate.row >= 0) & ~plate.whole
-    odd = (dilate_mask(odd, ground.at, margin) if margin else odd) | plate.acted
+    odd = (plate.row >= 0) & ~plate.has_full_family
+    odd = (dilate_mask(odd, ground.at, margin) if margin else odd) | plate.has_condition
     fine = np.flatnonzero((plate.row >= 0) & odd)
-    may_be_active = mask_coarse_places(ground.at) & plate.whole & ~odd
+    may_be_active = mask_coarse_places(ground.at) & plate.has_full_family & ~odd
     may_be_active[parent_places(ground.at, fine).ravel()] = False
     return may_be_active
 
@@ -174,7 +174,7 @@ def renumber_zone(
     if band > 0:
         coarse = node == COARSE
         damping[(fine & dilate_mask(coarse, at, at.below)) | (coarse & dilate_mask(fine, at, at.below))] = band
-        damping[plate.acted] = 0.0
+        damping[plate.has_condition] = 0.0
     return zone._replace(
         node=node,
         rows=rows,

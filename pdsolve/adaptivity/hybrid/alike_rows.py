@@ -84,7 +84,7 @@ def _fields_by_strip(
             bits=np.where(has_node, full[material], np.uint64(0)),
             damping=np.zeros(len(rows)) if slowed is None else np.where(has_node, slowed[rows], 0.0),
         )
-        irregular_rows = irregular_bonds.which[in_strip]
+        irregular_rows = irregular_bonds.bond_row[in_strip]
         fields.own[place[in_strip] - first], fields.bits[place[in_strip] - first] = irregular_rows, bits[irregular_rows]
         yield fields
 

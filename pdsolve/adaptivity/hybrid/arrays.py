@@ -38,7 +38,7 @@ class LatticeConstants(NamedTuple):
     coarse_ways: NDArray[np.int64]  # (8,)
     far_table: NDArray[np.float64]  # (8, 8), likewise of cells of 4 h, which are of one material
     far_ways: NDArray[np.int64]  # (8,)
-    cut: BondParts
+    bond_parts: BondParts
     reach: int  # h, of the family along an axis
     varied: bool  # whether bonds soften, or differ in what breaks them: then `fine.edge` says when to look at them
     dt: float  # s
@@ -65,7 +65,7 @@ class LatticeNodes(NamedTuple):
     v: NDArray[np.float64]  # (2, n) velocity, m/s
     f: NDArray[np.float64]  # (2, n) forces besides the springs', of a touched row in the end all, N/m
     mass: NDArray[np.float64]  # (n,) kg/m
-    light: NDArray[np.float64]  # (n,) 1 / mass; 0 where nothing is to move
+    inverse_mass: NDArray[np.float64]  # (n,) 1 / mass; 0 where nothing is to move
     kind: NDArray[np.uint8]  # (n,)
     rows: NDArray[np.int64]  # those with a node that is not idle, in order
     entry: NDArray[
@@ -99,7 +99,7 @@ class BorderNodes(NamedTuple):
     w: NDArray[np.float64]
     off: NDArray[np.float64]  # (., 2) how far they are off the line between those, where nodes swell, m
 
-    def first(self, count: int) -> BorderNodes:
+    def first_nodes(self, count: int) -> BorderNodes:
         """The first `count` of these nodes."""
         return BorderNodes(self.node[:count], self.end[:count], self.w[:count], self.off[:count])
 
@@ -123,9 +123,9 @@ HOLD_COLUMNS = ("value", "mean_speed", "last_speed", "force")  # of the holds of
 class ZoneEntries(NamedTuple):
     """Loads, or held components: entries of all fine nodes, and of the nodes that move."""
 
-    of: NDArray[Entry]  # (e,)
-    on: NDArray[np.int64]  # (., 2) fine place, or -1 - coarse place; and entry
-    part: NDArray[np.float64]  # (.,) of the entry's value that this node has
+    entries: NDArray[Entry]  # (e,)
+    node_and_entry: NDArray[np.int64]  # (., 2) fine place, or -1 - coarse place; and entry
+    share: NDArray[np.float64]  # (.,) of the entry's value that this node has
 
 
 class BreakEvents(NamedTuple):
@@ -144,19 +144,19 @@ class Counts(Record):
     pieces: int  # of clipped bonds
     border_nodes: int  # fine nodes on the border of coarse cells
     broken_bonds: int  # directed ones, in `breaks`
-    loads: int  # shares of nodes that move, in `loads.on`
-    holds: int  # held components of nodes that move, in `holds.on`
+    loads: int  # shares of nodes that move, in `loads.node_and_entry`
+    holds: int  # held components of nodes that move, in `holds.node_and_entry`
     stirred_nodes: int  # in `stirs`
     regrids: int  # how often cells have become others since all nodes were numbered
     refined_nodes: int  # how many of the stirred nodes have fine cells around them
     stiffness_rows: int  # rows of `fine.own` that are taken
-    new_cells: int  # in `new`
-    dirty: int  # fine nodes, in `dirty`
-    around: int  # coarse nodes, in `around`
+    new_cells: int  # in `new_cells` of the zone
+    dirty: int  # fine nodes, in `affected_nodes`
+    around: int  # coarse nodes, in `affected_coarse`
     lacks_room: int  # 1 where the arrays are too short for what comes next, or 0
     far_rows: int  # of 16 places, in `far.rows`
     tied_nodes: int  # coarse nodes on the border of far cells
-    far_around: int  # far nodes, in `far_around`
+    far_around: int  # far nodes, in `affected_far`
 
 
 STORED = 10
@@ -191,16 +191,16 @@ class PlateZone(NamedTuple):
     loads: ZoneEntries
     holds: ZoneEntries
     mark: NDArray[np.bool_]  # (n,) scratch, False
-    new: NDArray[np.int64]  # scratch: cells that are to be fine
-    dirty: NDArray[np.int64]  # scratch: fine nodes that concerns
-    around: NDArray[np.int64]  # scratch: coarse nodes that it concerns
-    far_around: NDArray[np.int64]  # scratch: far nodes that it concerns
+    new_cells: NDArray[np.int64]  # scratch: cells that are to be fine
+    affected_nodes: NDArray[np.int64]  # scratch: fine nodes that concerns
+    affected_coarse: NDArray[np.int64]  # scratch: coarse nodes that it concerns
+    affected_far: NDArray[np.int64]  # scratch: far nodes that it concerns
     counts: Counts
     totals: Totals
     s: NDArray[np.float64]  # (threads, .) scratch of the vector code
     turns: NDArray[np.int64]  # (64,) what has been handed out to threads, as `forces` has it
-    aside: NDArray[np.int64]  # (threads, .) where bonds are to break
-    asides: NDArray[np.int64]  # (8 threads,) how many, of each thread at a multiple of 8
+    rows_aside: NDArray[np.int64]  # (threads, .) where bonds are to break
+    aside_counts: NDArray[np.int64]  # (8 threads,) how many, of each thread at a multiple of 8
 
 
 def idle_nodes(
@@ -221,7 +221,7 @@ def idle_nodes(
         v=zeros(2, place_count),
         f=zeros(2, place_count),
         mass=zeros(place_count),
-        light=zeros(place_count),
+        inverse_mass=zeros(place_count),
         kind=lazy_zeros(place_count, dtype=np.uint8),
         rows=lazy_zeros(rows, dtype=np.int64),
         entry=np.full(rows, -1, dtype=np.int32),
@@ -296,16 +296,16 @@ def create_plate_zone(
         loads=nothing,
         holds=nothing,
         mark=lazy_zeros(at.places, dtype=np.bool_),
-        new=lazy_zeros(at.cells, dtype=np.int64),
-        dirty=lazy_zeros(at.places, dtype=np.int64),
-        around=lazy_zeros(at.coarse_places, dtype=np.int64),
-        far_around=lazy_zeros(at.far_places, dtype=np.int64),
+        new_cells=lazy_zeros(at.cells, dtype=np.int64),
+        affected_nodes=lazy_zeros(at.places, dtype=np.int64),
+        affected_coarse=lazy_zeros(at.coarse_places, dtype=np.int64),
+        affected_far=lazy_zeros(at.far_places, dtype=np.int64),
         counts=Counts.of(),
         totals=Totals.of(),
         s=lazy_zeros(threads, 3 * ROW, dtype=dtype),
         turns=np.zeros(64, dtype=np.int64),
-        aside=lazy_zeros(threads, 2 * at.places // ROW, dtype=np.int64),
-        asides=np.zeros(8 * threads, dtype=np.int64),
+        rows_aside=lazy_zeros(threads, 2 * at.places // ROW, dtype=np.int64),
+        aside_counts=np.zeros(8 * threads, dtype=np.int64),
     )
 
 

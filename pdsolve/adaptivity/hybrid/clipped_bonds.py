@@ -50,7 +50,7 @@ def _count_sides(ground, place, k, passed, in_plate):  # type: ignore[no-untyped
     a part in other cells than coarse ones."""
     sides = whole_sides = fine_sides = 0
     for side in range(2):
-        bits = ground.cut.sides[place, k, side]
+        bits = ground.bond_parts.sides[place, k, side]
         if in_plate & bits != 0:
             sides += 1
             whole_sides += passed & bits == bits
@@ -166,7 +166,7 @@ def own_entry(entries, counts, row):  # type: ignore[no-untyped-def]
 @njit(**INNER)
 def append_pieces(ground, cells, lost, kind, p, pieces, count):  # type: ignore[no-untyped-def]
     """Append the pieces of the bonds that a fine node owns; returns the new number of pieces."""
-    at, cut, half = ground.at, ground.cut, len(ground.dx) // 2
+    at, cut, half = ground.at, ground.bond_parts, len(ground.dx) // 2
     ix, iy = fine_column(at, p), fine_row(at, p)
     x, y, place = ix >> 1, iy >> 1, ix % 2 + 2 * (iy % 2)
     passed, in_plate = _cell_bits_around(ground, cells, ix, iy)
@@ -202,7 +202,7 @@ def _set_piece(ground, kind, p, k, first, last, pieces, count):  # type: ignore[
     pieces.owner[count] = p
     _set_piece_end(ground, kind, p, k, first, 0, pieces, count)
     _set_piece_end(ground, kind, p, k, last, 1, pieces, count)
-    value, length = pieces.value[count], ground.cut.t[last, 1] - ground.cut.t[first, 0]
+    value, length = pieces.value[count], ground.bond_parts.t[last, 1] - ground.bond_parts.t[first, 0]
     value[2], value[3] = length * ground.table[k, 0], length * ground.table[k, 1]
     value[4] = ground.table[k, 4] / length**2
     value[5] = bond_stiffness(ground, p, k) / length
@@ -212,7 +212,7 @@ def _set_piece(ground, kind, p, k, first, last, pieces, count):  # type: ignore[
 @njit(**INNER)
 def _set_piece_end(ground, kind, p, k, part, side, pieces, count):  # type: ignore[no-untyped-def]
     """Set one end of a piece: a fine node, or a place between two coarse nodes."""
-    at, cut = ground.at, ground.cut
+    at, cut = ground.at, ground.bond_parts
     ix, iy, direction = fine_column(at, p), fine_row(at, p), cut.ends[part, side, 2]
     end = pieces.end[count]
     if direction < 0:

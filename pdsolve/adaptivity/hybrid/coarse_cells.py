@@ -47,12 +47,12 @@ class HybridPlate(NamedTuple):
     listed: ListedNodes | None  # None: nodes are all of a rectangle, row by row, with parts of cells at its edges
 
     @property
-    def place(self) -> NDArray[np.int64]:
+    def fine_places(self) -> NDArray[np.int64]:
         """Fine place (n,) of each row of the grid."""
         return self.places_of(np.arange(len(self.model.grid)))
 
     @property
-    def size(self) -> float:
+    def area_in_cells(self) -> float:
         """Area of the plate over h^2."""
         if self.listed is not None:
             return float(self.listed.area.sum())
@@ -86,7 +86,7 @@ class HybridPlate(NamedTuple):
             return self.listed.area
         return np.multiply.outer(_shares_of_whole_cells(self.counts[1]), _shares_of_whole_cells(self.counts[0])).ravel()
 
-    def has(self, places: NDArray[np.int64]) -> NDArray[np.bool_]:
+    def has_node(self, places: NDArray[np.int64]) -> NDArray[np.bool_]:
         """Mask (k,) of the fine places with a node."""
         if self.listed is not None:
             return np.asarray(self.listed.row[places] >= 0)
@@ -97,9 +97,9 @@ class HybridPlate(NamedTuple):
     def rows_in(self, low: int, high: int) -> NDArray[np.int64]:
         """Rows (high - low, stride) of the grid at the fine places of rows `low` to `high` - 1, -1 without a node."""
         places = np.arange(low * self.at.stride, high * self.at.stride)
-        return np.where(self.has(places), self.rows_at(places), -1).reshape(-1, self.at.stride)
+        return np.where(self.has_node(places), self.rows_at(places), -1).reshape(-1, self.at.stride)
 
-    def there_in(self, low: int, high: int) -> NDArray[np.bool_]:
+    def has_node_in(self, low: int, high: int) -> NDArray[np.bool_]:
         """Whether there are nodes at these places, as in `rows_in`."""
         if self.listed is not None:
             return self.listed.row.reshape(-1, self.at.stride)[low:high] >= 0
@@ -280,7 +280,7 @@ def _classify_cells(plate: HybridPlate) -> tuple[NDArray[np.bool_], NDArray[np.b
     for low, high in strips(len(in_plate), at.stride):  # of cells
         first = BELOW + 2 * low - 1
         last = first + 2 * (high - low) + 3
-        has_node, areas = plate.there_in(first, last), plate.areas_in(first, last)
+        has_node, areas = plate.has_node_in(first, last), plate.areas_in(first, last)
         around, full_squares = count_full_squares(has_node), find_full_squares(has_node)
         odd = (np.abs(areas - around / np.float32(4)) > SAME) | has_node & (around == 3)  # where an edge turns inwards
         for y in range(3):
@@ -299,7 +299,7 @@ def count_squares_in_cells(plate: HybridPlate) -> NDArray[np.uint8]:
     at = plate.at
     counts = np.zeros((at.ny // 2, at.nx // 2), dtype=np.uint8)
     for low, high in strips(len(counts), at.stride):
-        full_squares = find_full_squares(plate.there_in(BELOW + 2 * low, BELOW + 2 * high + 1))[
+        full_squares = find_full_squares(plate.has_node_in(BELOW + 2 * low, BELOW + 2 * high + 1))[
             :-1, LEFT : LEFT + at.nx
         ]
         counts[low:high] = full_squares.reshape(high - low, 2, at.nx // 2, 2).sum(axis=(1, 3))

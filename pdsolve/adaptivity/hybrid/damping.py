@@ -57,7 +57,7 @@ def _book_damping(nodes, p, count, dt, s, before, after):  # type: ignore[no-unt
         for at in range(p, p + count):
             first, last, half = 0.0, 0.0, dt / 2 * nodes.mass[at]
             for axis in range(2):
-                kick = dt / 2 * (s[axis * ROW + at - p] * nodes.light[at])
+                kick = dt / 2 * (s[axis * ROW + at - p] * nodes.inverse_mass[at])
                 speed = nodes.v[axis, at]
                 middle = speed + kick if before else speed
                 pull = nodes.damping[axis, at] * middle

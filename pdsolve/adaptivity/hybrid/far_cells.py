@@ -101,26 +101,26 @@ def _list_stretched_far_cells(ground, zone, now, count):  # type: ignore[no-unty
                 eta_x, eta_y = displaced(far.u[now], far.shrink, table[k, 0], table[k, 1], q, q + ground.far_ways[k])
                 if strain_e(table, k, eta_x, eta_y) > ground.least[2]:
                     x, y = 2 * far_column(at, q), 2 * far_row(at, q)
-                    count = _list_far_cells_near(at, zone.cells, x, y, zone.dirty, count)
+                    count = _list_far_cells_near(at, zone.cells, x, y, zone.affected_nodes, count)
                     break
     return count
 
 
 @njit(**INNER)
 def divide_far_cells(ground, zone, now):  # type: ignore[no-untyped-def]
-    """Make far cells coarse near those in `zone.new` and near stretched far springs; returns whether there were any.
+    """Make far cells coarse near `zone.new_cells` and near stretched far springs; returns whether there were any.
 
     Nodes that come take the motion between far ones; the change of energy is booked. Nodes are to be listed then.
     """
-    at, new, count = ground.at, zone.new[: zone.counts.new_cells], 0
+    at, new, count = ground.at, zone.new_cells[: zone.counts.new_cells], 0
     for c in new:
-        count = _list_far_cells_near(at, zone.cells, cell_column(at, c), cell_row(at, c), zone.dirty, count)
+        count = _list_far_cells_near(at, zone.cells, cell_column(at, c), cell_row(at, c), zone.affected_nodes, count)
     count = _list_stretched_far_cells(ground, zone, now, count)
     if count == 0:
         return False
     for c in new:
         zone.cells[c] = COARSE
-    _list_nodes_of_far_cells(at, zone, zone.dirty[:count])
+    _list_nodes_of_far_cells(at, zone, zone.affected_nodes[:count])
     before = _energy_of_listed(ground, zone, now)
     _interpolate_new_coarse(ground, zone, now)
     set_listed_nodes(ground, zone)
@@ -138,13 +138,13 @@ def _list_nodes_of_far_cells(at, zone, blocks):  # type: ignore[no-untyped-def]
             p = fine_place(at, 2 * (x + n % 3), 2 * (y + n // 3))
             if not zone.mark[p]:
                 zone.mark[p] = True
-                zone.around[around] = coarse_place(at, x + n % 3, y + n // 3)
+                zone.affected_coarse[around] = coarse_place(at, x + n % 3, y + n // 3)
                 around += 1
                 if n % 3 != 1 and n // 3 != 1:
-                    zone.far_around[far] = far_place(at, (x + n % 3) // 2, (y + n // 3) // 2)
+                    zone.affected_far[far] = far_place(at, (x + n % 3) // 2, (y + n // 3) // 2)
                     far += 1
     zone.counts.around, zone.counts.far_around = around, far
-    for q in zone.around[:around]:
+    for q in zone.affected_coarse[:around]:
         zone.mark[fine_place(at, 2 * coarse_column(at, q), 2 * coarse_row(at, q))] = False
 
 
@@ -152,12 +152,12 @@ def _list_nodes_of_far_cells(at, zone, blocks):  # type: ignore[no-untyped-def]
 def _energy_of_listed(ground, zone, now):  # type: ignore[no-untyped-def]
     """Energy, J/m, of the listed nodes."""
     coarse, far, energy = zone.coarse, zone.far, 0.0
-    for q in zone.around[: zone.counts.around]:
+    for q in zone.affected_coarse[: zone.counts.around]:
         if coarse.kind[q] != IDLE:
             energy += compact_spring_energy(coarse, ground.coarse_table, ground.coarse_ways, coarse.u[now], q)
         if coarse.kind[q] == FREE:
             energy += kinetic_energy(coarse, q)
-    for q in zone.far_around[: zone.counts.far_around]:
+    for q in zone.affected_far[: zone.counts.far_around]:
         if far.kind[q] == FREE:
             energy += compact_spring_energy(far, ground.far_table, ground.far_ways, far.u[now], q) + kinetic_energy(
                 far, q
@@ -169,7 +169,7 @@ def _energy_of_listed(ground, zone, now):  # type: ignore[no-untyped-def]
 def _interpolate_new_coarse(ground, zone, now):  # type: ignore[no-untyped-def]
     """Give the listed coarse nodes that are not free the motion of far ones."""
     at, coarse, far, two = ground.at, zone.coarse, zone.far, zone.s[0, :2]
-    for q in zone.around[: zone.counts.around]:
+    for q in zone.affected_coarse[: zone.counts.around]:
         if coarse.kind[q] == FREE:
             continue
         x, y = coarse_column(at, q), coarse_row(at, q)
@@ -181,11 +181,11 @@ def _interpolate_new_coarse(ground, zone, now):  # type: ignore[no-untyped-def]
 @njit(**INNER)
 def set_listed_nodes(ground, zone):  # type: ignore[no-untyped-def]
     """Set kinds, masses and springs of the listed nodes; tied ones have no motion of their own."""
-    for q in zone.around[: zone.counts.around]:
+    for q in zone.affected_coarse[: zone.counts.around]:
         set_coarse_node(ground, zone.cells, zone.fine, zone.coarse, q)
         if zone.coarse.kind[q] == BORDER:
             zone.coarse.v[0, q] = zone.coarse.v[1, q] = 0.0
-    for q in zone.far_around[: zone.counts.far_around]:
+    for q in zone.affected_far[: zone.counts.far_around]:
         set_far_node(ground, zone, q)
         if zone.far.kind[q] == IDLE:
             zone.far.v[0, q] = zone.far.v[1, q] = 0.0

@@ -78,7 +78,7 @@ def set_far_node(ground, zone, q):  # type: ignore[no-untyped-def]
     if mass > 0:
         mass += _mass_from_coarse(at, zone.coarse, q)
     far.mass[q] = mass
-    far.light[q] = 1 / mass if mass > 0 else 0.0
+    far.inverse_mass[q] = 1 / mass if mass > 0 else 0.0
 
 
 @njit(**INNER)

@@ -137,9 +137,9 @@ def _sum_fine_rows(ground, zone, now, step, thread, job):  # type: ignore[no-unt
     Rows with a bond about to break are set aside for the job `BROKEN` of the first thread.
     """
     fine, s = zone.fine, zone.s[thread]
-    wide, u, breaks, aside = across(s), fine.u[now], job == BROKEN, zone.aside[thread]
+    wide, u, breaks, aside = across(s), fine.u[now], job == BROKEN, zone.rows_aside[thread]
     parts_per_row = ROW // wide
-    count = zone.asides[0] if breaks else zone.counts.fine_rows * parts_per_row
+    count = zone.aside_counts[0] if breaks else zone.counts.fine_rows * parts_per_row
     while True:
         first = take(zone.turns, job) * PART
         if first >= count:
@@ -155,8 +155,8 @@ def _sum_fine_rows(ground, zone, now, step, thread, job):  # type: ignore[no-unt
                 fine.wide[row] = fine.wide[row] or not breaks
                 flags = _sum_wide(ground, fine, u, fine.entry[row], p % ROW, p, s)
             if flags & 2 and not breaks and step > 0:
-                aside[zone.asides[8 * thread]] = p
-                zone.asides[8 * thread] += 1
+                aside[zone.aside_counts[8 * thread]] = p
+                zone.aside_counts[8 * thread] += 1
                 continue
             if flags & 1:
                 _sum_any_stretch(ground, fine, u, p, wide, s)
@@ -183,16 +183,16 @@ def store_forces(f, p, count, s):  # type: ignore[no-untyped-def]
 @njit(**INNER)
 def _merge_rows_set_aside(zone):  # type: ignore[no-untyped-def]
     """List the rows that all threads have set aside, in order."""
-    aside, count = zone.aside[0], zone.asides[0]
+    aside, count = zone.rows_aside[0], zone.aside_counts[0]
     for thread in range(1, len(zone.s)):
-        for n in range(zone.asides[8 * thread]):
-            p, m = zone.aside[thread, n], count
+        for n in range(zone.aside_counts[8 * thread]):
+            p, m = zone.rows_aside[thread, n], count
             while m > 0 and aside[m - 1] > p:
                 aside[m] = aside[m - 1]
                 m -= 1
             aside[m] = p
             count += 1
-    zone.asides[0] = count
+    zone.aside_counts[0] = count
 
 
 @njit(**INNER)
@@ -213,7 +213,7 @@ def _move_fine_rows(zone, now, dt, lag, ends, thread):  # type: ignore[no-untype
                     store_forces(fine.f, p, wide, s)
                 else:
                     book_damping(fine, p, wide, dt, s, True, True)
-                    kick_and_drift(u, after, fine.v, fine.light, dt, dt / 2, p, s)
+                    kick_and_drift(u, after, fine.v, fine.inverse_mass, dt, dt / 2, p, s)
 
 
 @njit(**INNER)
@@ -272,7 +272,7 @@ def _sweep(ground, zone, nodes, count, table, ways, now, lag, ends, thread, stag
                     store_forces(nodes.f, q, wide, s)
                 if not ends:
                     book_damping(nodes, q, wide, dt, s, True, True)
-                    kick_and_drift(u, after, nodes.v, nodes.light, dt, dt / 2, q, s)
+                    kick_and_drift(u, after, nodes.v, nodes.inverse_mass, dt, dt / 2, q, s)
             nodes.wide[row] = hot > 0
 
 
@@ -310,8 +310,8 @@ def _add_loads(count, loads, fine, coarse, totals, profiles, time, dt):  # type:
     """Add the loads at `time`, and their work since the last step by the trapezoidal rule."""
     last, now, then = -1, 0.0, 0.0
     for n in range(count):
-        on, entry = loads.on[n, 0], loads.of[loads.on[n, 1]]
-        axis, profile, value = entry.axis, entry.profile, loads.part[n] * entry.value
+        on, entry = loads.node_and_entry[n, 0], loads.entries[loads.node_and_entry[n, 1]]
+        axis, profile, value = entry.axis, entry.profile, loads.share[n] * entry.value
         if profile != last:
             last = profile
             now, then = factor_at(profiles, profile, time), factor_at(profiles, profile, time - dt)
@@ -372,4 +372,4 @@ def sum_and_move(ground, zone, profiles, now, step, lag, ends, thread, gate):  #
 def reset_turns(zone):  # type: ignore[no-untyped-def]
     """Reset the counters from which threads take rows."""
     zone.turns[:] = 0
-    zone.asides[:] = 0
+    zone.aside_counts[:] = 0

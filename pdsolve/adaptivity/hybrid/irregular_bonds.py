@@ -33,7 +33,7 @@ class IrregularBonds(NamedTuple):
     """k bonds of s nodes, in the order of a full family; those of r of them, whose bonds are all that differ."""
 
     node: NDArray[np.int64]  # (s,) rows of the grid
-    which: NDArray[np.int64]  # (s,) of the r
+    bond_row: NDArray[np.int64]  # (s,) of the r
     springs: NDArray[np.float64]  # (r, k) stiffness, N/m^2; 0 without a bond
     kind: NDArray[np.int32]  # (r,) which of the limits a node's bonds have
     peak: NDArray[np.float64]  # (j, k) e, of j different nodes
@@ -71,7 +71,7 @@ def _places_near_irregular(plate: HybridPlate, reach: int) -> tuple[NDArray[np.i
             _mask_irregular(plate, reach, first, min(high + 3 * reach, rows)),
             np.s_[low - first : high - first],
         )
-        near = np.flatnonzero(plate.there_in(low, high) & in_square(odd, 3 * reach)[strip])
+        near = np.flatnonzero(plate.has_node_in(low, high) & in_square(odd, 3 * reach)[strip])
         places.append(near + low * stride)
         is_close.append(in_square(odd, 2 * reach)[strip].ravel()[near])
     return np.concatenate(places), np.concatenate(is_close)

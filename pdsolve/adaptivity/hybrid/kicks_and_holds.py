@@ -21,7 +21,7 @@ def _kick_and_drift_rows(nodes, count, now, dt, drifts):  # type: ignore[no-unty
         row = nodes.rows[n]
         for axis in range(2):
             for p in range(row * ROW, row * ROW + ROW):
-                kick = dt / 2 * (f[axis, p] * nodes.light[p])
+                kick = dt / 2 * (f[axis, p] * nodes.inverse_mass[p])
                 v[axis, p] += kick
                 if drifts:
                     after[axis, p] = u[axis, p] + dt * v[axis, p]
@@ -51,7 +51,7 @@ def kick_and_drift_all(ground, zone, now, drifts):  # type: ignore[no-untyped-de
 def store_holding_forces(fine, coarse, holds, count):  # type: ignore[no-untyped-def]
     """Store forces and velocities of held components."""
     for n in range(count):
-        on, entry = holds.on[n, 0], holds.of[holds.on[n, 1]]
+        on, entry = holds.node_and_entry[n, 0], holds.entries[holds.node_and_entry[n, 1]]
         axis = entry.axis
         if on >= 0:
             entry.force, entry.last_speed = fine.f[axis, on], fine.v[axis, on]
@@ -63,7 +63,7 @@ def store_holding_forces(fine, coarse, holds, count):  # type: ignore[no-untyped
 def restore_held_velocities(fine, coarse, holds, count):  # type: ignore[no-untyped-def]
     """Give held components their prescribed velocities."""
     for n in range(count):
-        on, entry = holds.on[n, 0], holds.of[holds.on[n, 1]]
+        on, entry = holds.node_and_entry[n, 0], holds.entries[holds.node_and_entry[n, 1]]
         if on >= 0:
             fine.v[entry.axis, on] = entry.last_speed
         else:
@@ -74,7 +74,7 @@ def restore_held_velocities(fine, coarse, holds, count):  # type: ignore[no-unty
 def hold_components(fine, coarse, holds, count, totals, dt, profiles, now, step, ends, starts):  # type: ignore[no-untyped-def]
     """Book the holding forces until `step` unless a sequence `starts`, and hold on from there unless it `ends`."""
     for n in range(count):
-        on, entry = holds.on[n, 0], holds.of[holds.on[n, 1]]
+        on, entry = holds.node_and_entry[n, 0], holds.entries[holds.node_and_entry[n, 1]]
         if on >= 0:
             _hold_component(fine, on, entry, totals, dt, profiles, now, step, ends, starts)
         else:

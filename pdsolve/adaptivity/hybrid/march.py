@@ -44,7 +44,7 @@ def _list_cells_near_broken(ground, zone):  # type: ignore[no-untyped-def]
     at, count = ground.at, 0
     for n in range(zone.counts.refined_nodes, zone.counts.stirred_nodes):
         p = zone.stirs[n]
-        count = mark_cells_in_disc(at, zone.cells, zone.new, count, fine_column(at, p), fine_row(at, p), AHEAD)
+        count = mark_cells_in_disc(at, zone.cells, zone.new_cells, count, fine_column(at, p), fine_row(at, p), AHEAD)
     return count
 
 
@@ -68,7 +68,7 @@ def _list_cells_near_stretched(ground, zone, now, count):  # type: ignore[no-unt
                 eta_x, eta_y = displaced(u, coarse.shrink, table[k, 0], table[k, 1], q, j)
                 if strain_e(table, k, eta_x, eta_y) > _refinement_e(ground, q):
                     x, y = 2 * coarse_column(at, q), 2 * coarse_row(at, q)
-                    count = mark_cells_in_disc(at, zone.cells, zone.new, count, x, y, AHEAD)
+                    count = mark_cells_in_disc(at, zone.cells, zone.new_cells, count, x, y, AHEAD)
                     break
     return count
 
@@ -96,12 +96,12 @@ def _has_room(zone, rows):  # type: ignore[no-untyped-def]
 
 @njit(**INNER)
 def _divide_far_cells(ground, zone, now):  # type: ignore[no-untyped-def]
-    """Make far cells coarse where it is due, before the cells in `zone.new` become fine."""
+    """Make far cells coarse where it is due, before the cells in `zone.new_cells` become fine."""
     count = zone.counts.new_cells
     if zone.counts.far_rows > 0 and divide_far_cells(ground, zone, now):
         rebuild_lists(ground, zone)
         zone.counts.new_cells = count
-        for c in zone.new[:count]:
+        for c in zone.new_cells[:count]:
             zone.cells[c] = FINE
 
 

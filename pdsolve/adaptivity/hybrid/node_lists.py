@@ -19,8 +19,8 @@ class NodeLists(NamedTuple):
 
     fine: NDArray[np.int64]  # (k,) places on their lattice, in order
     coarse: NDArray[np.int32]  # (q,)
-    at_fine: NDArray[np.int64]  # (k,) rows among all n nodes
-    at_coarse: NDArray[np.int32]  # (q,)
+    fine_rows: NDArray[np.int64]  # (k,) rows among all n nodes
+    coarse_rows: NDArray[np.int32]  # (q,)
 
 
 @njit(forceinline=True, **INNER)

@@ -52,7 +52,7 @@ def set_fine_node(at, mass, cells, fine, p):  # type: ignore[no-untyped-def]
         count_quarters_in(at, cells, ix, iy, COARSE),
     )
     fine.mass[p] = mass * fine_quarters / (fine_quarters + coarse_quarters) if fine_quarters > 0 else 0.0
-    fine.light[p] = 1 / fine.mass[p] if fine.kind[p] == FREE else 0.0
+    fine.inverse_mass[p] = 1 / fine.mass[p] if fine.kind[p] == FREE else 0.0
 
 
 @njit(**INNER)
@@ -124,7 +124,7 @@ def set_coarse_node(ground, cells, fine, coarse, q):  # type: ignore[no-untyped-
                 ix, iy = 2 * x + dx, 2 * y + dy
                 mass += _mass_from_fine(ground, coarse.kind, fine, fine_place(at, ix, iy), q)
     coarse.mass[q] = mass
-    coarse.light[q] = 1 / mass if mass > 0 and not tied else 0.0
+    coarse.inverse_mass[q] = 1 / mass if mass > 0 and not tied else 0.0
 
 
 @njit(**INNER)

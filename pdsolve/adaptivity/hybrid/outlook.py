@@ -120,7 +120,7 @@ def predict_zone(model: Model, options: Options) -> ZonePrediction:
     q = _largest_strain(model) / (
         model.settings.run.hybrid.kappa * min(material_springs.peak for material_springs in springs)
     )
-    run, side = model.settings.run, float(np.sqrt(plate.size) * plate.h)
+    run, side = model.settings.run, float(np.sqrt(plate.area_in_cells) * plate.h)
     material = model.materials[0]
     lasts = run.duration if run.duration is not None else run.steps * (run.time_step or 0.0)
     way = SPEED * rayleigh_speed(material.E, material.rho, material.plane) * lasts
@@ -128,7 +128,7 @@ def predict_zone(model: Model, options: Options) -> ZonePrediction:
         len(precrack_tips(plate)), int(begins > 0)
     )  # of pre-cracks, else one where an outline makes cells fine
     length = cracks * min(way or side, side)
-    grows = STRIP * plate.h * length / (plate.size * plate.h**2)
+    grows = STRIP * plate.h * length / (plate.area_in_cells * plate.h**2)
     ends = 1.0 if q >= 1 else min(begins + grows, 1.0)
     mean = begins + GROWN * (ends - begins)
     return ZonePrediction(begins, ends, q, EVEN + FIXED / len(model.grid) + FINE_NODES * mean)

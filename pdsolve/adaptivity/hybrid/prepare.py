@@ -55,10 +55,10 @@ def create_hybrid_operator(
     rows = ROOM + 6 * int(np.count_nonzero(cells == FINE))
     damps = ground.nodes.damping is not None
     loads, holds = _create_entries(plate, driven.loads, 4), _create_entries(plate, driven.holds, 1)
-    loads.of["value"] *= area[driven.loads.node]
-    loads = loads._replace(of=loads.of[loads.of["value"] != 0])
+    loads.entries["value"] *= area[driven.loads.node]
+    loads = loads._replace(entries=loads.entries[loads.entries["value"] != 0])
     if not swells and kind is np.float64:
-        cells = add_far_cells(plate, ground, cells, np.concatenate([loads.of["place"], holds.of["place"]]))
+        cells = add_far_cells(plate, ground, cells, np.concatenate([loads.entries["place"], holds.entries["place"]]))
     zone = create_plate_zone(
         plate.at, cells, len(ground.ways), rows, ground.varied, threads, swells, damps, dtype=kind
     )._replace(loads=loads, holds=holds)
@@ -118,7 +118,7 @@ def create_constants(
         coarse_ways=coarse.dy * at.coarse_stride + coarse.dx,
         far_table=aligned(coarse_springs(first, 2 * h).table.astype(kind)),
         far_ways=coarse.dy * at.far_stride + coarse.dx,
-        cut=divide_bonds(first),
+        bond_parts=divide_bonds(first),
         reach=int(np.abs(first.dx).max()),
         varied=len(springs) > 1 or first.peak < first.limit,
         dt=dt,
@@ -185,7 +185,9 @@ def _stiffness_over_density(
             )
             a, b, c = ((k * inverse * term).sum() for term in (x * x, y * y, x * y))
             inside.append(((a + b) / 2 + np.hypot((a - b) / 2, c)) / rho[number])
-    return np.concatenate([inside, irregular_bonds.stiffness_bound[irregular_bonds.which] / rho[irregular_materials]])
+    return np.concatenate(
+        [inside, irregular_bonds.stiffness_bound[irregular_bonds.bond_row] / rho[irregular_materials]]
+    )
 
 
 def _create_entries(plate: HybridPlate, driven: conditions.Entries, nodes_per_entry: int) -> ZoneEntries:

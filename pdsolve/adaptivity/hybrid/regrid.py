@@ -65,7 +65,7 @@ def _mark_reach_of_new_cells(ground, zone):  # type: ignore[no-untyped-def]
     """Mark all places within the family's reach of the new cells; returns their range of columns and rows."""
     at, reach = ground.at, ground.reach + 2
     x0, y0, x1, y1 = at.nx, at.ny, 0, 0
-    for c in zone.new[: zone.counts.new_cells]:
+    for c in zone.new_cells[: zone.counts.new_cells]:
         x, y = 2 * cell_column(at, c), 2 * cell_row(at, c)
         left_side, right = max(x - reach, 0), min(x + reach + 3, at.nx + 1)
         low, high = max(y - reach, 0), min(y + reach + 3, at.ny + 1)
@@ -89,7 +89,7 @@ def list_affected_nodes(ground, zone):  # type: ignore[no-untyped-def]
             if zone.mark[p]:
                 zone.mark[p] = False
                 if value_at_node(ground.nodes, ground.nodes.mass, p) > 0:
-                    zone.dirty[dirty] = p
+                    zone.affected_nodes[dirty] = p
                     rows += p // ROW != last
                     dirty, last = dirty + 1, p // ROW
     zone.counts.dirty = dirty
@@ -107,7 +107,7 @@ def _list_corner_nodes(at, zone, x0, y0, x1, y1):  # type: ignore[no-untyped-def
     begins, around = zone.counts.regrids == 0, 0
     if begins:
         x0, y0, x1, y1 = 0, 0, at.nx + 1, at.ny + 1
-    for c in zone.new[: zone.counts.new_cells]:
+    for c in zone.new_cells[: zone.counts.new_cells]:
         p = fine_place(at, 2 * cell_column(at, c), 2 * cell_row(at, c))
         for corner in (p, p + 2, p + 2 * at.stride, p + 2 * at.stride + 2):
             zone.mark[corner] = True
@@ -116,18 +116,22 @@ def _list_corner_nodes(at, zone, x0, y0, x1, y1):  # type: ignore[no-untyped-def
             p = fine_place(at, ix, iy)
             if zone.mark[p] or (begins and count_far_cells_around(at, zone.cells, ix // 2, iy // 2) < 4):
                 zone.mark[p] = False
-                zone.around[around] = coarse_place(at, ix // 2, iy // 2)
+                zone.affected_coarse[around] = coarse_place(at, ix // 2, iy // 2)
                 around += 1
     zone.counts.around = around
 
 
 @njit(**INNER)
 def refine_cells(ground, zone, now):  # type: ignore[no-untyped-def]
-    """Make the marked cells in `zone.new` fine at displacements `now`.
+    """Make the marked cells in `zone.new_cells` fine at displacements `now`.
 
     New nodes take the coarse displacements and velocities; the change of energy is booked.
     """
-    new, dirty, dirty_coarse = zone.new[: zone.counts.new_cells], zone.dirty[: zone.counts.dirty], zone.around
+    new, dirty, dirty_coarse = (
+        zone.new_cells[: zone.counts.new_cells],
+        zone.affected_nodes[: zone.counts.dirty],
+        zone.affected_coarse,
+    )
     dirty_coarse = dirty_coarse[: zone.counts.around]
     interpolate_border_nodes(zone.fine.u[now], zone.coarse.u[now], zone.border, zone.counts.border_nodes)
     for p in dirty:
@@ -244,10 +248,10 @@ def rebuild_lists(ground, zone):  # type: ignore[no-untyped-def]
 def _distribute_loads(at, cells, fine, coarse, loads):  # type: ignore[no-untyped-def]
     """Distribute loads to moving nodes: those of idle and border nodes go to the coarse nodes around them."""
     count = 0
-    for n in range(len(loads.of)):
-        p = loads.of[n].place
+    for n in range(len(loads.entries)):
+        p = loads.entries[n].place
         if fine.kind[p] == FREE:
-            loads.on[count, 0], loads.on[count, 1], loads.part[count] = p, n, 1.0
+            loads.node_and_entry[count, 0], loads.node_and_entry[count, 1], loads.share[count] = p, n, 1.0
             fine.touched[p // ROW] = True
             count += 1
             continue
@@ -259,7 +263,7 @@ def _distribute_loads(at, cells, fine, coarse, loads):  # type: ignore[no-untype
                 w = (wx if dx else 1 - wx) * (wy if dy else 1 - wy)
                 if w > 0:
                     q = coarse_place(at, x + dx, y + dy)
-                    loads.on[count, 0], loads.on[count, 1], loads.part[count] = -1 - q, n, w
+                    loads.node_and_entry[count, 0], loads.node_and_entry[count, 1], loads.share[count] = -1 - q, n, w
                     coarse.touched[q // ROW] = True
                     count += 1
     return count
@@ -269,18 +273,18 @@ def _distribute_loads(at, cells, fine, coarse, loads):  # type: ignore[no-untype
 def _list_held_nodes(at, fine, coarse, holds):  # type: ignore[no-untyped-def]
     """List the moving nodes that are held."""
     count = 0
-    for n in range(len(holds.of)):
-        p = holds.of[n].place
+    for n in range(len(holds.entries)):
+        p = holds.entries[n].place
         ix, iy = fine_column(at, p), fine_row(at, p)
         if fine.kind[p] == FREE:
-            holds.on[count, 0], holds.on[count, 1] = p, n
+            holds.node_and_entry[count, 0], holds.node_and_entry[count, 1] = p, n
             fine.touched[p // ROW] = True
-            remove_damping(fine, p, holds.of[n].axis)
+            remove_damping(fine, p, holds.entries[n].axis)
             count += 1
         elif ix % 2 == 0 and iy % 2 == 0 and coarse.kind[coarse_place(at, ix // 2, iy // 2)] == FREE:
             q = coarse_place(at, ix // 2, iy // 2)
-            holds.on[count, 0], holds.on[count, 1] = -1 - q, n
+            holds.node_and_entry[count, 0], holds.node_and_entry[count, 1] = -1 - q, n
             coarse.touched[q // ROW] = True
-            remove_damping(coarse, q, holds.of[n].axis)
+            remove_damping(coarse, q, holds.entries[n].axis)
             count += 1
     return count

@@ -45,7 +45,7 @@ def create_point_weights(
     """
     zone, nodes, at = hybrid.zone, int(row_of.max()) + 1, hybrid.plate.at
     row_of_coarse, row_of_far = (np.full(places, -1, dtype=np.int64) for places in (at.coarse_places, at.far_places))
-    on, far_on = hybrid.beneath(coarse), hybrid.beneath_far(far)
+    on, far_on = hybrid.fine_places_of_coarse(coarse), hybrid.fine_places_of_far(far)
     row_of_coarse[coarse], row_of_far[far] = row_of[on], row_of[far_on]
     independent, of_node = np.ones(nodes), csr_array((nodes, nodes))
     for border, entry_count, rows, ends in (

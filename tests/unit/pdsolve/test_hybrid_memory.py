@@ -70,8 +70,8 @@ def test_rows_that_are_alike_have_the_constants_of_each_node() -> None:
     found = []
     for grid in (whole_lattice(lattice, cracks=crack, outline=(ring,)), rectangle(200, 100, 1e-3, crack / 1e-3)):
         model = plate(grid, 3.0, run=Run(adapt="hybrid", steps=1), conditions=(absorb,))
-        hybrid = prepare(model, Options(threads=1)).system.operator.hybrid  # type: ignore[attr-defined]
-        rows, place = hybrid.ground.nodes, hybrid.plate.place
+        hybrid = prepare(model, Options(threads=1)).system.operator.engine  # type: ignore[attr-defined]
+        rows, place = hybrid.ground.nodes, hybrid.plate.fine_places
         own = values_at_nodes(rows, rows.own, place)
         springs = np.where(own[:, None] >= 0, hybrid.ground.own_springs[own], 0.0) / hybrid.ground.table[0, 5]
         found.append(
@@ -93,8 +93,8 @@ def test_nodes_that_lie_in_the_same_way_to_edges_and_cracks_share_their_bonds(mo
     board = create_plate(model, "conservative")
     springs = (fine_springs(model.materials[0], 3.0, board.h),)
     found = find_irregular_bonds(board, springs)
-    monkeypatch.setattr(irregular_bonds, "first_alike", lambda plate, rows, reach: np.arange(len(rows)))
-    alone, which = find_irregular_bonds(board, springs), found.which
+    monkeypatch.setattr(irregular_bonds, "first_equivalent_rows", lambda plate, rows, reach: np.arange(len(rows)))
+    alone, which = find_irregular_bonds(board, springs), found.bond_row
     assert len(found.springs) < 0.5 * len(alone.springs)  # measured: 0.42
     np.testing.assert_allclose(found.springs[which], alone.springs, rtol=1e-12, atol=0.0)  # measured: 1e-13
     np.testing.assert_allclose(found.stiffness_bound[which], alone.stiffness_bound, rtol=1e-12)

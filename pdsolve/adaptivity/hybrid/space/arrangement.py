@@ -45,7 +45,7 @@ class FineLattice(NamedTuple):
     tiles: Tiles  # with all bonds that are intact, those in coarse cells too
     divisions: BondDivisions  # of the upper half of the offsets
     reach: int  # spacings, along an axis
-    cube: float  # h^3, m^3
+    node_volume: float  # h^3, m^3
     weakness: NDArray[np.float64]  # (p,) of pairs of materials: least e at which bonds break over theirs
     direction: NDArray[np.int32]  # (q,) row of `xi` of a kind of pieces
     xi: NDArray[np.float64]  # (g, 4) xi, m, from the near end to the far one, and 1 / |xi|^2
@@ -226,7 +226,7 @@ def _bond_stiffness(fine, site, slot):  # type: ignore[no-untyped-def]
     tiles = fine.tiles
     at = tiles.margin + site
     w = stiffness(tiles, tiles.table[slot], site // ROW, at, tiles.offsets[slot])
-    return tiles.cells[VOLUME, at] * fine.cube * w
+    return tiles.cells[VOLUME, at] * fine.node_volume * w
 
 
 @njit(**INNER)

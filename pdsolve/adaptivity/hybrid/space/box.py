@@ -30,7 +30,7 @@ class CellBox(NamedTuple):
     pad: int
 
     @property
-    def padded(self) -> tuple[int, int, int]:
+    def padded_shape(self) -> tuple[int, int, int]:
         """The shape of an array of all cells, void ones included."""
         return self.cz + 2 * self.pad, self.cy + 2 * self.pad, self.cx + 2 * self.pad
 

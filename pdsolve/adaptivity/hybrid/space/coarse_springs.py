@@ -168,8 +168,8 @@ def _spring_e(tiles, u, site, slot):  # type: ignore[no-untyped-def]
 
 @cached_njit(error_model="numpy")
 def list_stretched_nodes(box, tiles, unbreakable, u, stretch_limit, stretched_sites):  # type: ignore[no-untyped-def]
-    """List the fine sites of coarse nodes with a spring stretched beyond `stretch_limit` (sites,) at one of its ends; returns
-    how many there are.
+    """List the fine sites of coarse nodes with a spring stretched beyond `stretch_limit` (sites,) at one of its ends;
+    returns how many there are.
 
     `unbreakable` (n,) are the nodes whose bonds do not break.
     """

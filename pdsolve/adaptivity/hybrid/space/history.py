@@ -14,7 +14,7 @@ class ZoneHistory(NamedTuple):
     step: NDArray[np.int64]  # (b,) when directed bonds broke
     source: NDArray[np.int64]  # (b,) fine sites, or rows of the grid
     target: NDArray[np.int64]
-    made: float  # J, in the plane per unit thickness: energy that refining has made
+    refinement_energy: float  # J, in the plane per unit thickness: energy that refining has made
     largest: float  # of bonds that do not break: e, or stretch over their limit
 
 

@@ -27,10 +27,10 @@ class FullBody(NamedTuple):
     model: Model | None  # None of a block alone
     fine: FineLattice
     sites: Sites
-    springs_at: Sites  # of coarse nodes
+    coarse_sites: Sites  # of coarse nodes
     cut: NDArray[np.int64]  # (n,) bonds of each fine node that pre-cracks cut
     modulus: NDArray[np.float64]  # (c,) stiffness of coarse cells over that of the first material
-    hot: NDArray[np.float64]  # (sites,) stretch of a coarse node's springs beyond which cells around it become fine
+    stretch_limit: NDArray[np.float64]  # (sites,) of springs of a coarse node; beyond it cells around become fine
     resistance: float = 0.0  # 1/s^2, of all nodes of any zone: `Operator.stiffness_bound` over density
     solid: int = 1  # cells that are not void
     driven: Drive | None = None  # conditions on all fine nodes
@@ -41,7 +41,7 @@ class BodyZone(NamedTuple):
 
     cells: NDArray[np.uint8]  # (c,)
     kind: NDArray[np.uint8]  # (sites,) of fine nodes
-    above: NDArray[np.bool_]  # (sites,) whether a coarse node is there
+    has_coarse_node: NDArray[np.bool_]  # (sites,) whether a coarse node is there
     tiles: Tiles  # of bonds whole in fine cells
     springs: Tiles  # of coarse cells
     pieces: ClippedPieces
@@ -113,7 +113,7 @@ def rearrange_zone(full_model: FullBody, zone: BodyZone, new_cells: NDArray[np.i
     dirty = np.flatnonzero(
         mask_near_cells(box, new_cells, fine.reach - 1, 0)
     )  # lower ends of bonds that pass these cells
-    arrangement.classify_nodes(box, fine.tiles.node, zone.cells, dirty, zone.kind, zone.above)
+    arrangement.classify_nodes(box, fine.tiles.node, zone.cells, dirty, zone.kind, zone.has_coarse_node)
     zone = zone._replace(tiles=_copy_tiles(zone.tiles), springs=_copy_tiles(zone.springs))
     new_pieces = arrangement.empty_pieces(2 * len(zone.pieces.owner) + ROOM * len(dirty))
     count = arrangement.arrange_bonds(fine, zone.cells, zone.tiles.bits, dirty, new_pieces)
@@ -126,7 +126,7 @@ def rearrange_zone(full_model: FullBody, zone: BodyZone, new_cells: NDArray[np.i
     ordered = arrangement.empty_pieces(len(old.owner) - np.count_nonzero(stale[old.owner]) + count)
     arrangement.merge_pieces(old, stale, new_pieces, np.argsort(new_pieces.near, kind="stable"), ordered)
     corners = np.unique((new_cells[:, None] + np.array(list(np.ndindex(2, 2, 2)))).reshape(-1, 3), axis=0)
-    coarse_springs.set_springs(box, zone.cells, full_model.modulus, full_model.springs_at.ways, corners, zone.springs)
+    coarse_springs.set_springs(box, zone.cells, full_model.modulus, full_model.coarse_sites.ways, corners, zone.springs)
     return zone._replace(pieces=ordered)
 
 
@@ -136,19 +136,19 @@ def create_body_zone(full_model: FullBody, cells: NDArray[np.uint8], springs: Ti
     zone = BodyZone(
         cells=cells,
         kind=np.zeros(count, dtype=np.uint8),
-        above=np.zeros(count, dtype=np.bool_),
+        has_coarse_node=np.zeros(count, dtype=np.bool_),
         tiles=fine.tiles._replace(
             bits=np.zeros_like(fine.tiles.bits), node=fine.tiles.node.copy(), kind=fine.tiles.kind.copy()
         ),
         springs=springs,
         pieces=arrangement.empty_pieces(0),
         u=aligned(np.zeros((3, full_model.sites.size))),
-        u_coarse=aligned(np.zeros((3, full_model.springs_at.size))),
+        u_coarse=aligned(np.zeros((3, full_model.coarse_sites.size))),
     )
-    arrangement.classify_nodes(box, fine.tiles.node, cells, np.arange(count), zone.kind, zone.above)
-    inner = cells.reshape(box.padded)[(slice(box.pad, -box.pad),) * 3]
+    arrangement.classify_nodes(box, fine.tiles.node, cells, np.arange(count), zone.kind, zone.has_coarse_node)
+    inner = cells.reshape(box.padded_shape)[(slice(box.pad, -box.pad),) * 3]
     every = np.argwhere(inner == FINE)[:, ::-1]
     corners = np.column_stack([axis_corners.ravel() for axis_corners in np.meshgrid(
         *(np.arange(side + 1) for side in (box.cx, box.cy, box.cz)), indexing="ij")])  # fmt: skip
-    coarse_springs.set_springs(box, cells, full_model.modulus, full_model.springs_at.ways, corners, springs)
+    coarse_springs.set_springs(box, cells, full_model.modulus, full_model.coarse_sites.ways, corners, springs)
     return rearrange_zone(full_model, zone, np.ascontiguousarray(every)) if len(every) else zone

@@ -35,7 +35,7 @@ class MeanDensities(Model):
 def node_masses(model: Model, sites: Sites, fine: FineLattice) -> NDArray[np.float64]:
     """The mass (sites,), kg, of fine nodes."""
     mass = np.zeros(len(sites.node))
-    mass[sites.site - sites.margin] = fine.cube * fine.tiles.cells[VOLUME, sites.site] * model.rho
+    mass[sites.site - sites.margin] = fine.node_volume * fine.tiles.cells[VOLUME, sites.site] * model.rho
     return mass
 
 

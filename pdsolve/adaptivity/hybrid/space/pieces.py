@@ -66,7 +66,7 @@ class PlaceTable(NamedTuple):
 
     key: NDArray[np.int64]  # (size,) place, -1 without one
     value: NDArray[np.int32]  # (size,)
-    place_displacements: NDArray[np.int64]  # (size / 2,) by number
+    place: NDArray[np.int64]  # (size / 2,) by number
     run: NDArray[np.int32]  # (size / 2,) scratch: the last of the near ends from which a piece has led there
     at: NDArray[np.int64]  # (size / 2,) scratch: that piece
 

@@ -78,7 +78,7 @@ def create_operator_of_cells(
     bind(law)
     elastic = coarse_springs.cubic_stiffness(full_model.fine.tiles.table)
     strength = coarse_springs.spring_stiffnesses(elastic, tau, full_model.sites.spacing)
-    springs = coarse_springs.create_spring_tiles(law, full_model.springs_at, strength)
+    springs = coarse_springs.create_spring_tiles(law, full_model.coarse_sites, strength)
     return HybridBodyOperator(full_model, create_body_zone(full_model, cells, springs), NOTHING, threads)
 
 
@@ -126,17 +126,17 @@ def vertex_force(law: Law, table: NDArray[np.floating], h: float) -> float:
 
 def create_current_drive(operator: HybridBodyOperator, time: float) -> Drive:
     """Conditions of the whole body on the current nodes, with the body forces of `time`, s."""
-    every, model = operator.whole.driven, operator.whole.model
+    every, model = operator.full_body.driven, operator.full_body.model
     assert every is not None
     assert model is not None
     holds, loads, cells = every.holds, every.loads, model.grid.cells
-    row = operator.row_of_grid(holds.node)
+    row = operator.current_rows(holds.node)
     is_node = row >= 0
     node_holds = Entries(
         row[is_node], holds.axis[is_node], holds.value[is_node], holds.profile[is_node], holds.kind[is_node]
     )
     acting = loads.value != 0
-    rows, w = operator.spread(loads.node[acting])
+    rows, w = operator.carrier_rows(loads.node[acting])
     force = (w * (loads.value * cells[loads.node])[acting, None]).ravel()
     columns = [np.repeat(column[acting], rows.shape[1]) for column in (loads.profile, loads.axis)]
     key = np.column_stack([*columns, rows.ravel()])
