@@ -27,7 +27,7 @@ from pdsolve.adaptivity.collocation.zone import active_areas, renumber_zone
 from pdsolve.adaptivity.hybrid.engine import HybridEngine
 from pdsolve.adaptivity.hybrid.lattice import AROUND, COARSE, FINE, FREE, VOID
 from pdsolve.adaptivity.hybrid.operator import HybridOperator
-from pdsolve.adaptivity.quadtree.leaf_mapping import transfer_of
+from pdsolve.adaptivity.quadtree.leaf_mapping import map_leaves
 from pdsolve.model import Model
 from pdsolve.options import Options
 from pdsolve.run.cell_splitting import CellSplitting
@@ -122,7 +122,7 @@ def split_where(problem: Prepared, where: Callable[[NDArray[np.float64]], NDArra
     tree = splitting.tree
     cells = tree.roots()
     splits = tree.splits(cells) & where(tree.place(cells))
-    new, _ = transfer_of(tree, cells, splits, cells.taken(np.zeros(0, dtype=np.int64)))
+    new, _ = map_leaves(tree, cells, splits, cells.taken(np.zeros(0, dtype=np.int64)))
     kept = {"ids": tree.ids(new), "calm": np.zeros(len(new.root), dtype=np.int64), "made": np.zeros(1)}
     return splitting.restore_system(problem.system, kept)
 

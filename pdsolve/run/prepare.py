@@ -11,8 +11,8 @@ from pdsolve.adaptivity.factory import create_zone_operator
 from pdsolve.adaptivity.hybrid.operator import HybridOperator
 from pdsolve.adaptivity.hybrid.outlook import choose_adaptivity
 from pdsolve.adaptivity.hybrid.space.prepare import create_body_operator, create_current_drive
-from pdsolve.adaptivity.quadtree.incremental_bonds import filled
-from pdsolve.adaptivity.quadtree.operator import SURE, Leaves, tree_over
+from pdsolve.adaptivity.quadtree.incremental_bonds import create_leaf_bonds
+from pdsolve.adaptivity.quadtree.operator import SURE, LeafOperator, create_tree
 from pdsolve.adaptivity.two_lattice_operator import FusedMarch
 from pdsolve.checks import refuse, refuse_on_ranks
 from pdsolve.conditions import (
@@ -200,11 +200,11 @@ def _prepare_plate_zone(model: Model, options: Options, scheme: Scheme) -> Prepa
 
 def _prepare_cell_splitting(model: Model, options: Options, scheme: Scheme) -> Prepared:
     """A prepared model whose cells can split; none has yet. Raises ModelError for an unsupported one."""
-    tree = tree_over(model, scheme.name, options.precision, options.kernel)
+    tree = create_tree(model, scheme.name, options.precision, options.kernel)
     cells = tree.roots()
     now = tree.model_of(cells)
-    bonds, threads = filled(scheme.by_pairs(now)), threads_of(options, len(model.grid), False)
-    operator = Leaves(tree, cells, now, bonds, scheme, threads)
+    bonds, threads = create_leaf_bonds(scheme.by_pairs(now)), threads_of(options, len(model.grid), False)
+    operator = LeafOperator(tree, cells, now, bonds, scheme, threads)
     bound = SURE[scheme.name] * largest_stable_step(operator.stiffness_bound(), now.rho) / 2**tree.levels
     step = choose_time_step(model, bound)
     rest = assemble_system(now, options, scheme, operator, bonds.assembly.counted, step, bound)

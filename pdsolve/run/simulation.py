@@ -18,7 +18,7 @@ from pdsolve.adaptivity.hybrid.arrays import EVERY
 from pdsolve.adaptivity.hybrid.engine import ZoneSummary
 from pdsolve.adaptivity.hybrid.outlook import choose_adaptivity, explain_long_steps
 from pdsolve.adaptivity.hybrid.space.operator import HybridBodyOperator
-from pdsolve.adaptivity.quadtree.operator import Leaves
+from pdsolve.adaptivity.quadtree.operator import LeafOperator
 from pdsolve.checks import advise, advise_unused
 from pdsolve.codegen.compile_time import compile_seconds, running_time
 from pdsolve.codegen.processor import processor_kind
@@ -227,7 +227,7 @@ def required_adaptation(system: System) -> NodeAdaptation | None:
     """What changes the nodes of a run as its model requires; None if nothing does, or the operator itself does."""
     if isinstance(system.operator, HybridBodyOperator):
         return BodyRefinement()
-    return CellSplitting(system) if isinstance(system.operator, Leaves) else None
+    return CellSplitting(system) if isinstance(system.operator, LeafOperator) else None
 
 
 def _nodes_may_change(system: System, adaptation: NodeAdaptation | None) -> bool:

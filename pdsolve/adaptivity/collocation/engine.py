@@ -48,10 +48,10 @@ class CollocationEngine:
         ground: LatticeConstants,
         zone: CollocationZone,
         drive: Drive,
-        manner: CollocationSettings,
+        settings: CollocationSettings,
     ) -> None:
         """`zone` is the initial zone; entries of `drive` refer to places."""
-        self.plate, self.ground, self.zone, self.drive, self.settings = plate, ground, zone, drive, manner
+        self.plate, self.ground, self.zone, self.drive, self.settings = plate, ground, zone, drive, settings
         self.work = np.zeros(ground.at.places)  # J/m^3
         self._rho = np.full(ground.at.places, ground.rho)
         self.area = active_areas(ground, plate, zone.node)

@@ -126,15 +126,15 @@ class CollocationOperator(TwoLatticeOperator[CollocationEngine]):
         """Summary of the fine zone; its stretch is that of coarse pairs."""
         return self.engine.zone_summary()
 
-    def load_forces(self, profiles: int) -> NDArray[np.float64]:
+    def load_forces(self, profile_count: int) -> NDArray[np.float64]:
         """Forces (profiles, 2), N/m, of the loads at factor 1."""
-        loads, forces = self.engine.drive.loads, np.zeros((profiles, 2))
+        loads, forces = self.engine.drive.loads, np.zeros((profile_count, 2))
         np.add.at(forces, (loads.profile, loads.axis), loads.value * self.engine.area[loads.node])
         return forces
 
-    def holding_forces(self, profiles: int) -> NDArray[np.float64]:
+    def holding_forces(self, profile_count: int) -> NDArray[np.float64]:
         """Forces (profiles, 2), N/m, that hold the nodes with prescribed motion."""
-        drive, forces = self.engine.drive, np.zeros((profiles, 2))
+        drive, forces = self.engine.drive, np.zeros((profile_count, 2))
         holds = drive.holds
         np.add.at(forces, (holds.profile, holds.axis), -drive.held_force * self.engine.area[holds.node])
         return forces

@@ -56,18 +56,27 @@ def create_collocation_operator(
     stiffness = stiffness_bound(ground, plate.cut, np.concatenate([odd, np.flatnonzero(plate.has_full_family)[:1]]))
     bound = min(float(np.sqrt(2 * ground.rho / stiffness)), longest(stencil, 2 * h, material.rho))
     ground = ground._replace(dt=choose_step(model, bound))
-    how = model.settings.run.collocation
+    run_settings = model.settings.run.collocation
     every = int(ratio * h / (2 * pressure_speed(material) * ground.dt))
-    manner = CollocationSettings(how.kappa, seam_damping(how, model), max(1, min(OFTEN, every)), threads)
-    zone = create_zone(
-        ground, plate, mask_eligible_coarse(ground, plate, round(min(how.margin * ratio, at.nx + at.ny))), manner.band
+    settings = CollocationSettings(
+        run_settings.kappa, seam_damping(run_settings, model), max(1, min(OFTEN, every)), threads
     )
-    driven = drive(model, plate.area, True, np.float64)
+    zone = create_zone(
+        ground,
+        plate,
+        mask_eligible_coarse(ground, plate, round(min(run_settings.margin * ratio, at.nx + at.ny))),
+        settings.band,
+    )
+    drive_of_places = drive(model, plate.area, True, np.float64)
     force, before = np.zeros((2, at.places, 2))
-    force[place], before[place] = driven.force, driven.before
-    loads, holds = (entries._replace(node=place[entries.node]) for entries in (driven.loads, driven.holds))
-    driven = driven._replace(force=force, before=before, loads=loads, holds=holds)  # by places in place of rows
-    engine = CollocationEngine(plate, ground, zone, driven, manner)
+    force[place], before[place] = drive_of_places.force, drive_of_places.before
+    loads, holds = (
+        entries._replace(node=place[entries.node]) for entries in (drive_of_places.loads, drive_of_places.holds)
+    )
+    drive_of_places = drive_of_places._replace(
+        force=force, before=before, loads=loads, holds=holds
+    )  # by places in place of rows
+    engine = CollocationEngine(plate, ground, zone, drive_of_places, settings)
     engine.start(initial_velocity(model))
     return CollocationOperator(engine), bound
 

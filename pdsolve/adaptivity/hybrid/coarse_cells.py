@@ -164,13 +164,13 @@ def create_plate(model: Model, mode: str) -> HybridPlate:
     return _create_listed_plate(model, h, grid.position.min(axis=0))
 
 
-def check_supported(model: Model, mode: str, largest: float) -> None:
-    """Raise ModelError for a model that a moving fine zone does not support; horizons are up to `largest` spacings."""
+def check_supported(model: Model, mode: str, largest_ratio: float) -> None:
+    """Raise ModelError for a model that a moving fine zone does not support; horizons are at most `largest_ratio`."""
     grid, settings = model.grid, model.settings
     if mode != "conservative":
         raise unsupported_error(model, "mode", mode, "conservative")
-    if settings.horizon.ratio > largest:
-        raise unsupported_error(model, "$.horizon.ratio", f"{settings.horizon.ratio:g}", f"at most {largest:g}")
+    if settings.horizon.ratio > largest_ratio:
+        raise unsupported_error(model, "$.horizon.ratio", f"{settings.horizon.ratio:g}", f"at most {largest_ratio:g}")
     if (grid.delta != grid.delta[0]).any():
         raise unsupported_error(
             model,
@@ -336,7 +336,7 @@ def adaptivity_name(model: Model) -> str:
     return how if how != "none" else "hybrid"
 
 
-def unsupported_error(model: Model, place: str, actual: str, expected: str) -> ModelError:
+def unsupported_error(model: Model, setting: str, actual: str, expected: str) -> ModelError:
     """A ModelError that names the adaptivity and what it does not support."""
-    name = place if place in ("mode", "precision") else f"{model.name}: {place}"
+    name = setting if setting in ("mode", "precision") else f"{model.name}: {setting}"
     return ModelError(unfit(name, actual, f"{expected}, as run.adapt is {adaptivity_name(model)}"))

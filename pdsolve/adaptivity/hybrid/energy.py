@@ -98,12 +98,12 @@ def row_spring_energies(nodes, table, ways, green, row, u, s):  # type: ignore[n
 
 
 @njit(forceinline=True, **INNER)
-def piece_end_displacement(fine, coarse, pieces, n, which, axis):  # type: ignore[no-untyped-def]
+def piece_end_displacement(fine, coarse, pieces, n, side, axis):  # type: ignore[no-untyped-def]
     """Displacement of an end of a piece."""
-    a, b = pieces.end[n, 2 * which], pieces.end[n, 2 * which + 1]
+    a, b = pieces.end[n, 2 * side], pieces.end[n, 2 * side + 1]
     if b < 0:
         return fine[axis, a]
-    w = pieces.value[n, which]
+    w = pieces.value[n, side]
     return (1 - w) * coarse[axis, a] + w * coarse[axis, b]
 
 

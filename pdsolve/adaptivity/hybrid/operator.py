@@ -207,16 +207,16 @@ class HybridOperator(TwoLatticeOperator[HybridEngine]):
         coarse: NDArray[np.float64],
         far: NDArray[np.float64],
         out: NDArray[np.float64],
-        light: bool = False,
+        over_mass: bool = False,
     ) -> None:
-        """Gather values (2, .) of all lattices in out (n, 2), over the masses of nodes if `light`."""
+        """Gather values (2, .) of all lattices in out (n, 2), over the masses of nodes if `over_mass`."""
         zone = self.engine.zone
-        over = [nodes.inverse_mass if light else nodes.inverse_mass[:0] for nodes in (zone.fine, zone.coarse)]
+        over = [nodes.inverse_mass if over_mass else nodes.inverse_mass[:0] for nodes in (zone.fine, zone.coarse)]
         gather_values(fine, coarse, *over, zone.border.first_nodes(zone.counts.border_nodes), self._lists, out)
         tied = zone.tied.first_nodes(zone.counts.tied_nodes)
         tied = tied._replace(node=self._coarse_rows[np.searchsorted(self._coarse, tied.node)].astype(np.int64))
         gather_far_values(
-            far, zone.far.inverse_mass if light else zone.far.inverse_mass[:0], tied, self._far, self._far_rows, out
+            far, zone.far.inverse_mass if over_mass else zone.far.inverse_mass[:0], tied, self._far, self._far_rows, out
         )
 
     def _set_node_motion(self, state: State) -> None:
@@ -260,7 +260,7 @@ class HybridOperator(TwoLatticeOperator[HybridEngine]):
     def _gather_accelerations(self, out: NDArray[np.float64]) -> None:
         """Gather accelerations, m/s^2, from the most recent sum of forces in out (n, 2)."""
         zone = self.engine.zone
-        self._gather_values(zone.fine.f, zone.coarse.f, zone.far.f, out, light=True)
+        self._gather_values(zone.fine.f, zone.coarse.f, zone.far.f, out, over_mass=True)
 
     def spent(self) -> NDArray[np.float64]:
         """Energy density (n,), J/m^3, dissipated so far by the nodes' broken and softened bonds."""
@@ -306,15 +306,15 @@ class HybridOperator(TwoLatticeOperator[HybridEngine]):
         """Summary of the fine zone."""
         return self.engine.zone_summary()
 
-    def load_forces(self, profiles: int) -> NDArray[np.float64]:
+    def load_forces(self, profile_count: int) -> NDArray[np.float64]:
         """Forces (profiles, 2), N/m, of the loads at factor 1."""
-        loads, forces = self.engine.zone.loads.entries, np.zeros((profiles, 2))
+        loads, forces = self.engine.zone.loads.entries, np.zeros((profile_count, 2))
         np.add.at(forces, (loads["profile"], loads["axis"]), loads["value"])
         return forces
 
-    def holding_forces(self, profiles: int) -> NDArray[np.float64]:
+    def holding_forces(self, profile_count: int) -> NDArray[np.float64]:
         """Forces (profiles, 2), N/m, that hold the nodes with prescribed motion."""
-        zone, forces = self.engine.zone, np.zeros((profiles, 2))
+        zone, forces = self.engine.zone, np.zeros((profile_count, 2))
         holds = zone.holds.entries[zone.holds.node_and_entry[: zone.counts.holds, 1]]
         np.add.at(forces, (holds["profile"], holds["axis"]), -holds["force"])
         return forces

@@ -161,11 +161,12 @@ def _largest_components(model: Model, condition: Selection, vector: Sequence[Val
     return np.array([largest(value, position) for value in vector])
 
 
-def explain_long_steps(error: BaseException, step: float, bound: float) -> BaseException:
-    """The error; UnstableError for a zone that was late in steps, s, longer than the `bound` of surely stable ones, as
-    no wider zone cures that."""
-    if not isinstance(error, LateZoneError) or step <= UNSURE * bound:
+def explain_long_steps(error: BaseException, time_step: float, stable_time_step: float) -> BaseException:
+    """The error; UnstableError for a zone that was late in time steps, s, longer than the stable one, as no wider zone
+    cures that."""
+    if not isinstance(error, LateZoneError) or time_step <= UNSURE * stable_time_step:
         return error
     return UnstableError(
-        f"{error}; the time step {step:.3g} s exceeds the stable time step {bound:.3g} s; reduce run.time_step"
+        f"{error}; the time step {time_step:.3g} s exceeds the stable time step {stable_time_step:.3g} s;"
+        " reduce run.time_step"
     )

@@ -51,18 +51,18 @@ def create_hybrid_operator(
     cut = np.append(irregular_bonds.family - np.count_nonzero(irregular_bonds.springs, axis=1), 0)
     cells = initial_cells(plate, ground.reach, steep_rows=steep)
     area = CellAreas(plate)
-    driven = drive(model, area, True, np.float64)
+    plate_drive = drive(model, area, True, np.float64)
     rows = ROOM + 6 * int(np.count_nonzero(cells == FINE))
     damps = ground.nodes.damping is not None
-    loads, holds = _create_entries(plate, driven.loads, 4), _create_entries(plate, driven.holds, 1)
-    loads.entries["value"] *= area[driven.loads.node]
+    loads, holds = _create_entries(plate, plate_drive.loads, 4), _create_entries(plate, plate_drive.holds, 1)
+    loads.entries["value"] *= area[plate_drive.loads.node]
     loads = loads._replace(entries=loads.entries[loads.entries["value"] != 0])
     if not swells and kind is np.float64:
         cells = add_far_cells(plate, ground, cells, np.concatenate([loads.entries["place"], holds.entries["place"]]))
     zone = create_plate_zone(
         plate.at, cells, len(ground.ways), rows, ground.varied, threads, swells, damps, dtype=kind
     )._replace(loads=loads, holds=holds)
-    hybrid = HybridEngine(plate, ground, zone, driven)
+    hybrid = HybridEngine(plate, ground, zone, plate_drive)
     starts = any(isinstance(condition, InitialVelocity | Velocity) for condition in model.settings.conditions)
     hybrid.start(initial_velocity(model) if starts else None)
     return HybridOperator(hybrid, cut), bound
@@ -190,9 +190,13 @@ def _stiffness_over_density(
     )
 
 
-def _create_entries(plate: HybridPlate, driven: conditions.Entries, nodes_per_entry: int) -> ZoneEntries:
+def _create_entries(plate: HybridPlate, condition_entries: conditions.Entries, nodes_per_entry: int) -> ZoneEntries:
     """Entries with room for at most `nodes_per_entry` nodes each."""
-    entries, room = np.zeros(len(driven.node), Entry.fields()), nodes_per_entry * len(driven.node)
-    entries["place"], entries["axis"] = plate.places_of(driven.node), driven.axis
-    entries["profile"], entries["kind"], entries["value"] = driven.profile, driven.kind, driven.value
+    entries, room = np.zeros(len(condition_entries.node), Entry.fields()), nodes_per_entry * len(condition_entries.node)
+    entries["place"], entries["axis"] = plate.places_of(condition_entries.node), condition_entries.axis
+    entries["profile"], entries["kind"], entries["value"] = (
+        condition_entries.profile,
+        condition_entries.kind,
+        condition_entries.value,
+    )
     return ZoneEntries(entries, np.zeros((room, 2), dtype=np.int64), np.zeros(room))

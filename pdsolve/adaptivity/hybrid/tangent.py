@@ -33,23 +33,23 @@ class PointWeights(NamedTuple):
 
 def create_point_weights(
     hybrid: HybridEngine,
-    row_of: NDArray[np.int32],
+    row_at_place: NDArray[np.int32],
     fine: NDArray[np.int64],
     coarse: NDArray[np.int64],
     far: NDArray[np.int64],
 ) -> PointWeights:
     """The points of the current nodes.
 
-    `row_of` (places,) is the row of each fine place; `fine`, `coarse` and `far` are the places of nodes on the
+    `row_at_place` (places,) is the row of each fine place; `fine`, `coarse` and `far` are the places of nodes on the
     lattices.
     """
-    zone, nodes, at = hybrid.zone, int(row_of.max()) + 1, hybrid.plate.at
+    zone, nodes, at = hybrid.zone, int(row_at_place.max()) + 1, hybrid.plate.at
     row_of_coarse, row_of_far = (np.full(places, -1, dtype=np.int64) for places in (at.coarse_places, at.far_places))
     on, far_on = hybrid.fine_places_of_coarse(coarse), hybrid.fine_places_of_far(far)
-    row_of_coarse[coarse], row_of_far[far] = row_of[on], row_of[far_on]
+    row_of_coarse[coarse], row_of_far[far] = row_at_place[on], row_at_place[far_on]
     independent, of_node = np.ones(nodes), csr_array((nodes, nodes))
     for border, entry_count, rows, ends in (
-        (zone.border, zone.counts.border_nodes, row_of, row_of_coarse),
+        (zone.border, zone.counts.border_nodes, row_at_place, row_of_coarse),
         (zone.tied, zone.counts.tied_nodes, row_of_coarse, row_of_far),
     ):
         tied = rows[border.node[:entry_count]].astype(np.int64)
@@ -62,7 +62,7 @@ def create_point_weights(
     of_fine[fine], of_coarse[coarse] = np.arange(len(fine)), len(fine) + np.arange(len(coarse))
     of_far = np.full(at.far_places, -1)
     of_far[far] = len(fine) + len(coarse) + np.arange(len(far))
-    node_rows = np.concatenate([row_of[fine], row_of[on], row_of[far_on]]).astype(np.int64)
+    node_rows = np.concatenate([row_at_place[fine], row_at_place[on], row_at_place[far_on]]).astype(np.int64)
     node_points = csr_array((np.ones(len(node_rows)), (np.arange(len(node_rows)), node_rows)), (len(node_rows), nodes))
     point_blocks = [node_points]
     for side in range(2):
@@ -70,7 +70,7 @@ def create_point_weights(
         on_fine = b < 0
         ends = np.column_stack([np.where(on_fine, 0, a), np.maximum(b, 0)])
         rows = row_of_coarse[ends]
-        rows[on_fine] = row_of[a[on_fine], None]
+        rows[on_fine] = row_at_place[a[on_fine], None]
         w = np.where(on_fine, 0.0, pieces.value[:entry_count, side])
         point_blocks.append(_interpolation_weights(np.arange(entry_count), rows, w, nodes, entry_count))
     of_end = len(node_rows) + np.arange(2 * entry_count).reshape(2, entry_count)
@@ -91,15 +91,15 @@ def tangent_of(
     points: PointWeights,
     value: NDArray[np.float64],
     rho: NDArray[np.float64],
-    light: NDArray[np.float64],
+    inverse_mass: NDArray[np.float64],
 ) -> csr_array:
     """Minus the derivative (2 n, 2 n), N/m^4, of the force densities (n, 2) at `value`.
 
-    Nodes have densities `rho` (n,) and 1 / mass `light` (n,), m/kg, which is 0 for tied nodes. Softened bonds enter
-    with their secant stiffness.
+    Nodes have densities `rho` (n,) and 1 / mass `inverse_mass` (n,), m/kg, which is 0 for tied nodes. Softened bonds
+    enter with their secant stiffness.
     """
     tied = kron(points.of_node, eye_array(2)).tocsr()
-    density, lightness = (diags_array(np.repeat(field, 2)) for field in (rho, light))
+    density, lightness = (diags_array(np.repeat(field, 2)) for field in (rho, inverse_mass))
     return (density @ tied @ lightness @ _force_tangent(hybrid, points, value)).tocsr()
 
 

@@ -274,17 +274,17 @@ def merge_pieces(old, stale, new, order, merged):  # type: ignore[no-untyped-def
 
 
 @njit(**INNER)
-def _copy_piece(source, n, target, at, wanted):  # type: ignore[no-untyped-def]
+def _copy_piece(source, n, target, position, is_wanted):  # type: ignore[no-untyped-def]
     """Copy a piece if it is wanted; how many there are then."""
-    if not wanted:
+    if not is_wanted:
         return 0
-    target.owner[at], target.kind[at], target.k[at], target.breaks[at] = (
+    target.owner[position], target.kind[position], target.k[position], target.breaks[position] = (
         source.owner[n],
         source.kind[n],
         source.k[n],
         source.breaks[n],
     )
-    target.near[at], target.far[at] = source.near[n], source.far[n]
+    target.near[position], target.far[position] = source.near[n], source.far[n]
     return 1
 
 

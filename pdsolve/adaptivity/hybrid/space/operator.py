@@ -202,18 +202,20 @@ class HybridBodyOperator:
             site=(self.full_body.sites.margin + self.sites).astype(np.int32), node=self._row
         )
 
-    def forces_around(self, state: State, new: NDArray[np.int64]) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
-        """Force densities (n, 3), N/m^3, on nodes whose bonds may be others since the cells `new` (k, 3) became fine,
-        and which (n,) these are; nothing breaks."""
+    def forces_around(
+        self, state: State, new_cells: NDArray[np.int64]
+    ) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
+        """Force densities (n, 3), N/m^3, on nodes whose bonds may be others since `new_cells` (k, 3) became fine, and
+        which (n,) these are; nothing breaks."""
         box, reach = self.full_body.fine.box, self.full_body.fine.reach
-        which = mask_near_cells(box, new, reach + 1)[
+        which = mask_near_cells(box, new_cells, reach + 1)[
             self.sites
         ]  # the ends of pieces move with nodes up to 2 h from them
         self._set_displacements(state.value)
         zone, density, force = self._zone, self._density, self._force
         force[:], density[:] = 0, 0
         for tiles, u, out, site_mask in (
-            (zone.tiles, zone.u, density, mask_near_cells(box, new, reach + 2)),
+            (zone.tiles, zone.u, density, mask_near_cells(box, new_cells, reach + 2)),
             (zone.springs, zone.u_coarse, force, np.ones(len(zone.springs.node), dtype=np.bool_)),
         ):
             sum_some(tiles, u, state.rate, out, state.dissipated, site_mask)
@@ -240,16 +242,15 @@ class HybridBodyOperator:
         )
         return self._energy_densities(state, every, above), np.zeros(len(self.sites))
 
-    def energies_around(self, state: State, new: NDArray[np.int64]) -> NDArray[np.float64]:
-        """Strain energy densities (n,), J/m^3, without bonds that are as they were before the cells `new` (k, 3) became
-        fine."""
+    def energies_around(self, state: State, new_cells: NDArray[np.int64]) -> NDArray[np.float64]:
+        """Strain energy densities (n,), J/m^3, without bonds that are as before `new_cells` (k, 3) became fine."""
         box = self.full_body.fine.box
         site_mask, above = (
-            mask_near_cells(box, new, self.full_body.fine.reach - 1),
+            mask_near_cells(box, new_cells, self.full_body.fine.reach - 1),
             np.zeros(len(self._zone.springs.node), np.bool_),
         )
         for corner in np.ndindex(2, 2, 2):
-            x, y, z = (new + np.array(corner)).T
+            x, y, z = (new_cells + np.array(corner)).T
             above[(z * (box.cy + 1) + y) * (box.cx + 1) + x] = True
         return self._energy_densities(state, site_mask, above)
 
@@ -370,14 +371,14 @@ class HybridBodyOperator:
         stretch = self.history.largest / (1 + np.sqrt(1 + self.history.largest))
         return ZoneSummary(self.history.refinement_energy, float(share), float(stretch / (np.sqrt(1 + peak) - 1)))
 
-    def mark_cells_to_refine(self, state: State, since: int) -> NDArray[np.int64]:
+    def mark_cells_to_refine(self, state: State, after_step: int) -> NDArray[np.int64]:
         """Cells (k, 3) that become fine: around bonds broken after a step, and around stretched springs.
 
         They are marked as fine at once; `refine` makes the operator for them.
         """
         self._set_displacements(state.value)
         zone, box, fine = self._zone, self.full_body.fine.box, self.full_body.fine
-        sites = np.unique(self.sites[self.broken(since).source])
+        sites = np.unique(self.sites[self.broken(after_step).source])
         hot_sites = np.zeros(26 * max(len(self._coarse), 1), dtype=np.int64)
         unbreakable = fine.tiles.held[self.rows]
         count = coarse_springs.list_stretched_nodes(
@@ -388,14 +389,16 @@ class HybridBodyOperator:
         count = mark_cells_in_balls(box, zone.cells, coordinates_of_sites(box, sites), AHEAD, new)
         return new[:count]
 
-    def refine(self, new: NDArray[np.int64]) -> HybridBodyOperator:
-        """The operator after the cells `new` (k, 3) have become fine."""
+    def refine(self, new_cells: NDArray[np.int64]) -> HybridBodyOperator:
+        """The operator after the cells `new_cells` (k, 3) have become fine."""
         self.broken()
         after = HybridBodyOperator(
-            self.full_body, rearrange_zone(self.full_body, self._zone, new), self.history, self._threads
+            self.full_body, rearrange_zone(self.full_body, self._zone, new_cells), self.history, self._threads
         )
         row = self._row[after.sites]
-        changed = (row < 0) | mask_near_cells(self.full_body.fine.box, new, self.full_body.fine.reach + 1)[after.sites]
+        changed = (row < 0) | mask_near_cells(self.full_body.fine.box, new_cells, self.full_body.fine.reach + 1)[
+            after.sites
+        ]
         after.counted = after._count_bonds(changed, np.where(changed, 0, self.counted.bonds[row]))
         return after
 
@@ -410,23 +413,23 @@ class HybridBodyOperator:
         where = np.argwhere(new.reshape(box.padded_shape))[:, ::-1] - box.pad
         return self.refine(np.ascontiguousarray(where))
 
-    def interpolate_at_rows(self, which: NDArray[np.int64], values: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Values (k, 3) of rows of the grid `which` (k,), interpolated from those of the nodes here (n, 3)."""
-        grid_values, scratch = np.zeros((len(which), 3)), (np.zeros(8, np.int64), np.zeros(8))
-        sites = self.full_body.sites.site[which].astype(np.int64) - self.full_body.sites.margin
+    def interpolate_at_rows(self, grid_rows: NDArray[np.int64], values: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Values (k, 3) of rows of the grid `grid_rows` (k,), interpolated from those of the nodes here (n, 3)."""
+        grid_values, scratch = np.zeros((len(grid_rows), 3)), (np.zeros(8, np.int64), np.zeros(8))
+        sites = self.full_body.sites.site[grid_rows].astype(np.int64) - self.full_body.sites.margin
         arrangement.interpolate_fine(self.full_body.fine.box, *scratch, self._row, values, sites, grid_values)
         return grid_values
 
-    def current_rows(self, which: NDArray[np.int64]) -> NDArray[np.int64]:
-        """Rows (k,) of the rows of the grid `which`, -1 for nodes that are none now."""
-        return self._row[self.full_body.sites.site[which] - self.full_body.sites.margin].astype(np.int64)
+    def current_rows(self, grid_rows: NDArray[np.int64]) -> NDArray[np.int64]:
+        """Rows (k,) of the rows of the grid `grid_rows`, -1 for nodes that are none now."""
+        return self._row[self.full_body.sites.site[grid_rows] - self.full_body.sites.margin].astype(np.int64)
 
-    def carrier_rows(self, which: NDArray[np.int64]) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
-        """Rows (k, 8) of the nodes that move rows of the grid `which` (k,), and their shares."""
+    def carrier_rows(self, grid_rows: NDArray[np.int64]) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+        """Rows (k, 8) of the nodes that move rows of the grid `grid_rows` (k,), and their shares."""
         margin = self.full_body.sites.margin
-        sites, box = self.full_body.sites.site[which] - margin, self.full_body.fine.box
+        sites, box = self.full_body.sites.site[grid_rows] - margin, self.full_body.fine.box
         node_rows, at = self._row[sites], coordinates_of_sites(box, sites)
-        rows, w = np.zeros((len(which), 8), np.int64), np.zeros((len(which), 8))
+        rows, w = np.zeros((len(grid_rows), 8), np.int64), np.zeros((len(grid_rows), 8))
         for number, corner in enumerate(np.ndindex(2, 2, 2)):
             step = np.array(corner)
             part = np.where(at % 2 == 1, 0.5, 1.0 - step).prod(axis=1)
