@@ -136,11 +136,11 @@ def _collocation(engine: CollocationEngine, seam: float) -> Marching:
     place = plate.model.grid.position
 
     def put(shape: Field, _: Field, rate: Field) -> None:
-        zone.u[0, plate.fine_places], zone.v[0, plate.fine_places] = shape(place[:, 0]), rate(place[:, 0])
+        zone.u[0, plate.place], zone.v[0, plate.place] = shape(place[:, 0]), rate(place[:, 0])
 
     def seen() -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        own = engine.zone.node[plate.fine_places] == BONDED
-        return place[own], engine.zone.v[:, plate.fine_places[own]].T
+        own = engine.zone.node[plate.place] == BONDED
+        return place[own], engine.zone.v[:, plate.place[own]].T
 
     return Marching(put, engine.march, seen)
 

@@ -109,7 +109,7 @@ def test_a_cell_that_becomes_fine_has_its_temperature_at_once() -> None:
     before = float(zone.totals.refinement)
     cell = np.arange(at.cells)
     new = np.flatnonzero((zone.cells == COARSE) & (cell % at.cell_stride > at.cell_stride // 2))
-    zone.new[: len(new)], zone.counts.new_cells, zone.cells[new] = new, len(new), FINE
+    zone.new_cells[: len(new)], zone.counts.new_cells, zone.cells[new] = new, len(new), FINE
     operator.engine.recompute_forces()
     change = find_zone_change(plate.system)
     assert change is not None
