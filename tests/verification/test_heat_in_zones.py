@@ -116,7 +116,7 @@ def test_a_cell_that_becomes_fine_has_its_temperature_at_once() -> None:
     assert len(change.state.value) > len(free) + 500
     force = change.system.hybrid.accelerations() * change.system.model.rho[:, None]  # type: ignore[union-attr]
     assert np.abs(force).max() < 1e-4 * E * ALPHA * np.hypot(*slope)
-    held = float((change.system.area * change.system.stepper.clamped(change.state)).sum())  # type: ignore[attr-defined]
+    held = float((change.system.area * change.system.stepper.clamped_energy(change.state)).sum())  # type: ignore[attr-defined]
     assert abs(zone.totals.refinement - before) < 1e-9 * held
 
 
