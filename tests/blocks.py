@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 import pdmesh
 from pdmesh import Body, Box, Material, Run, ramp
 from pdsolve.adaptivity.hybrid.space.box import COARSE, FINE, VOID
-from pdsolve.adaptivity.hybrid.space.layout import Whole
-from pdsolve.adaptivity.hybrid.space.operator import SpaceHybrid
-from pdsolve.adaptivity.hybrid.space.prepare import full_block, operator_on
+from pdsolve.adaptivity.hybrid.space.layout import FullBody
+from pdsolve.adaptivity.hybrid.space.operator import HybridBodyOperator
+from pdsolve.adaptivity.hybrid.space.prepare import create_operator_of_cells, full_block
 from pdsolve.laws.pair_laws.brittle import LAW
 from pdsolve.model import Model
 
@@ -22,23 +22,23 @@ GLASS = Material(E=65e9, rho=2235, G0=204, micromodulus="constant")
 LENGTH, WIDTH, HEIGHT, H = 0.024, 0.008, 0.02, 5e-4  # m
 
 
-def blob(bonds: NDArray[np.float64], side: int, margin: int, tau: float) -> SpaceHybrid:
+def blob(bonds: NDArray[np.float64], side: int, margin: int, tau: float) -> HybridBodyOperator:
     """A block of `side` cells along each edge; half of those `margin` off its faces are fine, at random."""
     return at_random(full_block(LAW, bonds, 1.0, (side, side, side)), margin, tau)
 
 
-def at_random(whole: Whole, margin: int, tau: float) -> SpaceHybrid:
+def at_random(whole: FullBody, margin: int, tau: float) -> HybridBodyOperator:
     """A body; half of its cells `margin` off the faces of its box are fine, at random."""
     box, some = whole.fine.box, np.random.default_rng(1)
     cells = np.full((box.cz, box.cy, box.cx), COARSE, dtype=np.uint8)
     inner = cells[(slice(margin, -margin),) * 3]
     inner[:] = np.where(some.random(inner.shape) < 0.5, FINE, COARSE)
-    return operator_on(LAW, whole, np.pad(cells, box.pad, constant_values=VOID).ravel(), tau)
+    return create_operator_of_cells(LAW, whole, np.pad(cells, box.pad, constant_values=VOID).ravel(), tau)
 
 
-def place(operator: SpaceHybrid) -> NDArray[np.float64]:
+def place(operator: HybridBodyOperator) -> NDArray[np.float64]:
     """Where nodes (n, 3) are, in spacings."""
-    box = operator.whole.fine.box
+    box = operator.full_body.fine.box
     sites = operator.sites
     return np.column_stack([sites % box.sx, sites // box.sx % box.sy, sites // (box.sx * box.sy)]).astype(float)
 

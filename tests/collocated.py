@@ -15,7 +15,7 @@ from pdmesh.model.document import Collocation, Material, Run, Settings, Velocity
 from pdsolve.adaptivity.collocation import march as steps
 from pdsolve.adaptivity.collocation.engine import CollocationEngine
 from pdsolve.adaptivity.collocation.operator import CollocationOperator
-from pdsolve.adaptivity.collocation.zone import areas_of, renumbered
+from pdsolve.adaptivity.collocation.zone import active_areas, renumber_zone
 from pdsolve.model import Model
 from pdsolve.options import Options
 from pdsolve.run.prepare import prepare
@@ -46,13 +46,13 @@ def prepared(model: Model) -> tuple[Prepared, CollocationEngine]:
     """A model ready to march, and what marches."""
     problem = prepare(model, Options(threads=1))
     assert isinstance(problem.system.hybrid, CollocationOperator)
-    return problem, problem.system.hybrid.hybrid
+    return problem, problem.system.hybrid.engine
 
 
 def activate(engine: CollocationEngine, coarse: NDArray[np.bool_]) -> None:
     """Let these coarse places, of those that may be, be the active ones."""
-    engine.zone = renumbered(engine.ground, engine.plate, engine.zone, coarse, engine.manner.band)
-    engine.area = areas_of(engine.ground, engine.plate, engine.zone.node)
+    engine.zone = renumber_zone(engine.ground, engine.plate, engine.zone, coarse, engine.settings.band)
+    engine.area = active_areas(engine.ground, engine.plate, engine.zone.node)
 
 
 def places(engine: CollocationEngine) -> NDArray[np.float64]:

@@ -23,11 +23,11 @@ from pdsolve.adaptivity.collocation.engine import CollocationEngine
 from pdsolve.adaptivity.collocation.operator import CollocationOperator
 from pdsolve.adaptivity.collocation.zone import COARSE as ACTIVE
 from pdsolve.adaptivity.collocation.zone import FINE as BONDED
-from pdsolve.adaptivity.collocation.zone import areas_of, renumbered
-from pdsolve.adaptivity.hybrid.engine import Hybrid
+from pdsolve.adaptivity.collocation.zone import active_areas, renumber_zone
+from pdsolve.adaptivity.hybrid.engine import HybridEngine
 from pdsolve.adaptivity.hybrid.lattice import AROUND, COARSE, FINE, FREE, VOID
 from pdsolve.adaptivity.hybrid.operator import HybridOperator
-from pdsolve.adaptivity.quadtree.leaf_mapping import transfer_of
+from pdsolve.adaptivity.quadtree.leaf_mapping import map_leaves
 from pdsolve.model import Model
 from pdsolve.options import Options
 from pdsolve.run.cell_splitting import CellSplitting
@@ -98,9 +98,9 @@ def _plate(model: Model, seam: float) -> Marching:
     """A plate of this model, fine left of the seam."""
     problem = prepare(model, Options(threads=1))
     if isinstance(problem.system.operator, HybridOperator):
-        return _hybrid(problem.system.operator.hybrid, model, seam)
+        return _hybrid(problem.system.operator.engine, model, seam)
     if isinstance(problem.system.operator, CollocationOperator):
-        return _collocation(problem.system.operator.hybrid, seam)
+        return _collocation(problem.system.operator.engine, seam)
     if model.settings.run.adapt == "split":
         problem = split_where(problem, lambda place: place[:, 0] < seam)
     return _bonds(problem)
@@ -122,7 +122,7 @@ def split_where(problem: Prepared, where: Callable[[NDArray[np.float64]], NDArra
     tree = splitting.tree
     cells = tree.roots()
     splits = tree.splits(cells) & where(tree.place(cells))
-    new, _ = transfer_of(tree, cells, splits, cells.taken(np.zeros(0, dtype=np.int64)))
+    new, _ = map_leaves(tree, cells, splits, cells.taken(np.zeros(0, dtype=np.int64)))
     kept = {"ids": tree.ids(new), "calm": np.zeros(len(new.root), dtype=np.int64), "made": np.zeros(1)}
     return splitting.restore_system(problem.system, kept)
 
@@ -131,8 +131,8 @@ def _collocation(engine: CollocationEngine, seam: float) -> Marching:
     """Coarse nodes are active right of the seam alone."""
     ground, plate, zone = engine.ground, engine.plate, engine.zone
     x = ground.h * (np.arange(ground.at.places) % ground.at.stride - ground.at.left)
-    engine.zone = renumbered(ground, plate, zone, (zone.node == ACTIVE) & (x > seam), engine.manner.band)
-    engine.area = areas_of(ground, plate, engine.zone.node)
+    engine.zone = renumber_zone(ground, plate, zone, (zone.node == ACTIVE) & (x > seam), engine.settings.band)
+    engine.area = active_areas(ground, plate, engine.zone.node)
     place = plate.model.grid.position
 
     def put(shape: Field, _: Field, rate: Field) -> None:
@@ -145,17 +145,20 @@ def _collocation(engine: CollocationEngine, seam: float) -> Marching:
     return Marching(put, engine.march, seen)
 
 
-def _hybrid(hybrid: Hybrid, model: Model, seam: float) -> Marching:
+def _hybrid(hybrid: HybridEngine, model: Model, seam: float) -> Marching:
     """Cells are fine left of the seam alone."""
     zone, wide = hybrid.zone, hybrid.plate.at.cell_stride
     cell = np.arange(hybrid.plate.at.cells)
     left = (2 * hybrid.plate.h * (cell % wide - AROUND) < seam) & (cell // wide >= AROUND) & (zone.cells != VOID)
     zone.cells[zone.cells == FINE] = COARSE
     zone.cells[left] = FINE
-    hybrid.number()
-    hybrid.renew()
+    hybrid.number_nodes()
+    hybrid.recompute_forces()
     place, coarse = model.grid.position, np.flatnonzero(zone.coarse.kind == FREE)
-    lattices = (hybrid.plate.place, place), (coarse, place[hybrid.plate.rows_at(hybrid.beneath(coarse))])
+    lattices = (
+        (hybrid.plate.fine_places, place),
+        (coarse, place[hybrid.plate.rows_at(hybrid.fine_places_of_coarse(coarse))]),
+    )
 
     def free() -> list[tuple[object, NDArray[np.int64], NDArray[np.float64]]]:
         found = []
@@ -167,7 +170,7 @@ def _hybrid(hybrid: Hybrid, model: Model, seam: float) -> Marching:
     def put(shape: Field, rate: Field, _: Field) -> None:
         for nodes, own, place in free():
             nodes.u[0][0, own], nodes.v[0, own] = shape(place[:, 0]), rate(place[:, 0])  # type: ignore[attr-defined]
-        hybrid.renew()
+        hybrid.recompute_forces()
 
     def seen() -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         nodes, own, place = free()[0]

@@ -16,10 +16,10 @@ from pdmesh.model.lattice_calibration import offsets
 from pdmesh.model.material_constants import micromodulus
 from pdmesh.model.neighbours import lengths
 from pdsolve.adaptivity.hybrid.space.box import COARSE, FINE, VOID
-from pdsolve.adaptivity.hybrid.space.coarse_springs import elastic_of
-from pdsolve.adaptivity.hybrid.space.layout import places
-from pdsolve.adaptivity.hybrid.space.operator import SpaceHybrid
-from pdsolve.adaptivity.hybrid.space.prepare import full_block, operator_on, tau_of
+from pdsolve.adaptivity.hybrid.space.coarse_springs import cubic_stiffness
+from pdsolve.adaptivity.hybrid.space.layout import coordinates_of_sites
+from pdsolve.adaptivity.hybrid.space.operator import HybridBodyOperator
+from pdsolve.adaptivity.hybrid.space.prepare import create_operator_of_cells, full_block, vertex_force
 from pdsolve.laws.pair_laws.brittle import LAW
 from pdsolve.operators.space_lattice.layout import table_of
 
@@ -45,9 +45,9 @@ def sent_back(ratio: float, width: int, shear: bool, backwards: bool = False, se
     """
     bonds, cells = bonds_of(ratio), (3 * AWAY + 4 * width) // 2
     operator = _column(bonds, cells, (AWAY + 4 * width) // 2, backwards, seam)
-    x, y, z = places(operator.whole.fine.box, operator.sites).T
+    x, y, z = coordinates_of_sites(operator.full_body.fine.box, operator.sites).T
     alike = _alike(operator, x, y, z)
-    c11, c12 = elastic_of(bonds)
+    c11, c12 = cubic_stiffness(bonds)
     speed, axis, dt = float(np.sqrt(c12 if shear else c11)), 2 if shear else 0, STEP / float(np.sqrt(c11))
     u, v, middle = np.zeros((len(x), 3)), np.zeros((len(x), 3)), 2 * cells - AWAY
 
@@ -64,21 +64,21 @@ def sent_back(ratio: float, width: int, shear: bool, backwards: bool = False, se
     return float(np.abs(v[before]).max()) / sent
 
 
-def _column(bonds: NDArray[np.float64], cells: int, more: int, backwards: bool, seam: bool) -> SpaceHybrid:
+def _column(bonds: NDArray[np.float64], cells: int, more: int, backwards: bool, seam: bool) -> HybridBodyOperator:
     """A column along x, `cells` before its seam and some more behind it."""
     whole = full_block(LAW, bonds, 1.0, (cells + more, ACROSS, ACROSS))
     first, last = (COARSE, FINE) if backwards else (FINE, COARSE)
     kinds = np.full((ACROSS, ACROSS, cells + more), first, dtype=np.uint8)
     if seam:
         kinds[:, :, cells:] = last
-    return operator_on(
-        LAW, whole, np.pad(kinds, whole.fine.box.pad, constant_values=VOID).ravel(), tau_of(LAW, bonds, 1.0)
+    return create_operator_of_cells(
+        LAW, whole, np.pad(kinds, whole.fine.box.pad, constant_values=VOID).ravel(), vertex_force(LAW, bonds, 1.0)
     )
 
 
 def _alike(
-    operator: SpaceHybrid, x: NDArray[np.int64], y: NDArray[np.int64], z: NDArray[np.int64]
+    operator: HybridBodyOperator, x: NDArray[np.int64], y: NDArray[np.int64], z: NDArray[np.int64]
 ) -> NDArray[np.int64]:
     """Rows (n,) of the nodes in the middle that move as all nodes do."""
-    box = operator.whole.fine.box
+    box = operator.full_body.fine.box
     return np.searchsorted(operator.sites, ((ACROSS + z % 2) * box.sy + ACROSS + y % 2) * box.sx + x)

@@ -15,9 +15,9 @@ from plates import plate, square_grid
 from pdmesh.model.document import Material, Region, Run, Velocity
 from pdmesh.model.node_grid import Grid
 from pdsolve.adaptivity.hybrid.arrays import LatticeConstants, PlateZone
-from pdsolve.adaptivity.hybrid.engine import Hybrid
+from pdsolve.adaptivity.hybrid.engine import HybridEngine
 from pdsolve.adaptivity.hybrid.lattice import COARSE, FAR, FINE, FREE, VOID, coarse_place, far_place, fine_place
-from pdsolve.adaptivity.hybrid.prepare import hybrid_of
+from pdsolve.adaptivity.hybrid.prepare import create_hybrid_operator
 from pdsolve.model import Model, ModelWarning
 from pdsolve.options import Options
 from pdsolve.run.assembly import choose_time_step
@@ -36,7 +36,7 @@ Where = Callable[[NDArray[np.float64], NDArray[np.float64]], NDArray[Any]]
 class Zoned(NamedTuple):
     """A plate, and where its nodes that move are."""
 
-    hybrid: Hybrid
+    hybrid: HybridEngine
 
     @property
     def ground(self) -> LatticeConstants:
@@ -78,7 +78,7 @@ class Zoned(NamedTuple):
     def march(self, first: int, last: int) -> None:
         """Take steps; none with last = first, which computes the forces."""
         if first == last:
-            self.hybrid.renew()
+            self.hybrid.recompute_forces()
         self.hybrid.march(first, last)
         if self.hybrid.now == 1:
             self.hybrid.now = 0
@@ -92,14 +92,14 @@ class Zoned(NamedTuple):
 
     def energy(self) -> float:
         """Kinetic and strain energy, J/m."""
-        return float(self.hybrid.motion()[0] + sum(part.sum() for part in self.hybrid.held()))
+        return float(self.hybrid.kinetic_and_momentum()[0] + sum(part.sum() for part in self.hybrid.strain_energies()))
 
     def conserved(self) -> float:
         """The energy that leapfrog conserves where forces are linear, J/m: that of the velocities half a step before
         and half a step after, v^2 - (a dt / 2)^2."""
         found = self.energy()
         for nodes, places, _ in self.lattices():
-            found -= float((nodes.light[places] * (nodes.f[:, places] * self.ground.dt / 2) ** 2).sum() / 2)
+            found -= float((nodes.inverse_mass[places] * (nodes.f[:, places] * self.ground.dt / 2) ** 2).sum() / 2)
         return found
 
     @property
@@ -140,10 +140,10 @@ def zoned(
     grid = rectangle(columns, rows, H, list(cracks))
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", ModelWarning)
-        shown, _ = hybrid_of(
+        shown, _ = create_hybrid_operator(
             plate(grid, ratio, material=material, run=run, regions=regions), "conservative", "float64", choose_time_step
         )
-    hybrid = shown.hybrid
+    hybrid = shown.engine
     at = hybrid.plate.at
     cell = np.arange(at.cells)
     wanted = fine(cell % at.cell_stride - 6, cell // at.cell_stride - 6) & (hybrid.zone.cells != VOID)
@@ -156,10 +156,10 @@ def zoned(
     return again(hybrid)
 
 
-def again(hybrid: Hybrid) -> Zoned:
+def again(hybrid: HybridEngine) -> Zoned:
     """The same plate numbered anew, once its cells were changed by hand; at rest."""
-    hybrid.number()
-    hybrid.renew()
+    hybrid.number_nodes()
+    hybrid.recompute_forces()
     return Zoned(hybrid)
 
 

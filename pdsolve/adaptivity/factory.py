@@ -6,7 +6,7 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 from pdsolve.adaptivity.hybrid.operator import HybridOperator
-from pdsolve.adaptivity.hybrid.prepare import hybrid_of
+from pdsolve.adaptivity.hybrid.prepare import create_hybrid_operator
 from pdsolve.model import Model
 
 if TYPE_CHECKING:
@@ -15,15 +15,15 @@ if TYPE_CHECKING:
     Moving = HybridOperator | CollocationOperator
 
 
-def moving_of(
-    model: Model, mode: str, precision: str, step_of: Callable[[Model, float], float], threads: int
+def create_zone_operator(
+    model: Model, mode: str, precision: str, choose_step: Callable[[Model, float], float], threads: int
 ) -> tuple[Moving, float]:
-    """The operator at the start that `run.adapt` selects, and the surely stable step, s; `step_of` chooses the step.
+    """The operator at the start that `run.adapt` selects, and the surely stable step, s; `choose_step` takes it.
 
     Raises ModelError for a model that the method does not support.
     """
     if model.settings.run.adapt == "collocation":
-        from pdsolve.adaptivity.collocation.prepare import collocation_of  # few runs need it
+        from pdsolve.adaptivity.collocation.prepare import create_collocation_operator  # few runs need it
 
-        return collocation_of(model, mode, precision, step_of, threads)
-    return hybrid_of(model, mode, precision, step_of, threads)
+        return create_collocation_operator(model, mode, precision, choose_step, threads)
+    return create_hybrid_operator(model, mode, precision, choose_step, threads)

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from scipy.sparse import csr_array
 
 
-class Sums(NamedTuple):
+class LedgerTotals(NamedTuple):
     """Totals over all nodes."""
 
     kinetic: float  # J/m
@@ -52,7 +52,7 @@ N = TypeVar("N", bound=TwoLatticeEngine)
 
 
 class TwoLatticeOperator(ABC, Generic[N]):
-    """An operator on the n current nodes of `hybrid`, in the order of their places; its arrays are those of `hybrid`.
+    """An operator on the n current nodes of `engine`, in the order of their places; its arrays are those of `engine`.
 
     A tied node has no motion of its own: its force density is the one with which it follows the nodes it is tied to.
     """
@@ -60,7 +60,7 @@ class TwoLatticeOperator(ABC, Generic[N]):
     name: str
     unknowns: tuple[Unknown, ...] = (Unknown("u", 2, 2),)
     symmetric: bool
-    hybrid: N
+    engine: N
     places: NDArray[np.int64]  # (n,)
 
     @property
@@ -75,29 +75,29 @@ class TwoLatticeOperator(ABC, Generic[N]):
 
     @property
     @abstractmethod
-    def current(self) -> bool:
-        """Whether the nodes of `hybrid` are unchanged."""
+    def is_current(self) -> bool:
+        """Whether the nodes of `engine` are unchanged."""
 
     @abstractmethod
-    def changed(self) -> Self | None:
+    def operator_if_changed(self) -> Self | None:
         """The operator on the current nodes if they have changed, else None."""
 
     @abstractmethod
-    def _put(self, state: State) -> None:
-        """Set the nodes of `hybrid` to the values and rates of a state."""
+    def _set_node_motion(self, state: State) -> None:
+        """Set the nodes of `engine` to the values and rates of a state."""
 
-    def take(self, state: State) -> None:
-        """Set the nodes of `hybrid` to the values and rates of a state.
+    def set_nodes(self, state: State) -> None:
+        """Set the nodes of `engine` to the values and rates of a state.
 
         Raises RuntimeError if the nodes have changed.
         """
-        if not self.current:
+        if not self.is_current:
             raise RuntimeError(f"{self.name}: nodes have become others; ask for the present ones")
-        self._put(state)
+        self._set_node_motion(state)
 
     @abstractmethod
-    def sync(self, state: State) -> None:
-        """Update a state from the nodes of `hybrid`."""
+    def copy_to(self, state: State) -> None:
+        """Update a state from the nodes of `engine`."""
 
     @abstractmethod
     def accelerations(self) -> NDArray[np.float64]:
@@ -114,7 +114,7 @@ class TwoLatticeOperator(ABC, Generic[N]):
     def state(self) -> State:
         """The state of the current nodes."""
         state = zero_state(len(self.places), 2, self.kind)
-        self.sync(state)
+        self.copy_to(state)
         return state
 
     def place(self, state: State) -> State:
@@ -124,8 +124,8 @@ class TwoLatticeOperator(ABC, Generic[N]):
     def add(self, state: State, out: NDArray[Any], step: int, dt: float) -> None:
         """Add force densities (n, 2), N/m^3, to `out`; bonds over their limit break; see `Operator`."""
         before = self.spent()
-        self.take(state)
-        self.hybrid.sum_forces(step, dt)
+        self.set_nodes(state)
+        self.engine.sum_forces(step, dt)
         out += self.model.rho[:, None] * self.accelerations()
         state.dissipated[:] += self.spent() - before
 
@@ -137,11 +137,11 @@ class TwoLatticeOperator(ABC, Generic[N]):
 
     def keep(self) -> Kept:
         """Arrays of the two lattices for a checkpoint."""
-        return self.hybrid.keep()
+        return self.engine.keep()
 
     def back(self, checkpoint: Kept, broken: Broken) -> None:
-        """Restore a checkpoint, which contains the broken bonds; the nodes may have changed then (`changed`)."""
-        self.hybrid.back(checkpoint)
+        """Restore a checkpoint, which contains the broken bonds; see `operator_if_changed` for other nodes."""
+        self.engine.back(checkpoint)
 
     def fields(self, state: State) -> dict[str, NDArray[np.float64]]:
         """Empty: the two lattices store no fields besides their displacements."""
@@ -149,7 +149,7 @@ class TwoLatticeOperator(ABC, Generic[N]):
 
     def bytes(self) -> int:
         """The memory of all arrays, bytes."""
-        return self.hybrid.bytes()
+        return self.engine.bytes()
 
 
 class FusedMarch:
@@ -163,10 +163,10 @@ class FusedMarch:
 
         Raises UnstableError.
         """
-        self.go_on(first, last)
-        if self._operator.current:
-            self._operator.sync(state)
+        self.march_engine(first, last)
+        if self._operator.is_current:
+            self._operator.copy_to(state)
 
-    def go_on(self, first: int, last: int) -> None:
+    def march_engine(self, first: int, last: int) -> None:
         """Take the steps `first` to `last` - 1, after which the operator has the state. Raises UnstableError."""
-        self._operator.hybrid.march(first, last)
+        self._operator.engine.march(first, last)

@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pdsolve.adaptivity.hybrid.arrays import EVERY
-from pdsolve.adaptivity.hybrid.space.operator import SpaceHybrid
-from pdsolve.adaptivity.hybrid.space.prepare import drive_of_nodes
+from pdsolve.adaptivity.hybrid.space.operator import HybridBodyOperator
+from pdsolve.adaptivity.hybrid.space.prepare import create_current_drive
 from pdsolve.errors import CheckpointError
 from pdsolve.operators.protocol import Kept
 from pdsolve.run.assembly import assemble_system
@@ -27,42 +27,42 @@ class BodyRefinement:
     def change_nodes(self, system: System, state: State, step: int) -> NodeChange | None:
         """Refine after `step`; None if no cell becomes fine."""
         before = zone_operator(system)
-        new = before.wanted(state, step - self.every)
+        new = before.mark_cells_to_refine(state, step - self.every)
         if not len(new):
             return None
-        energy_before = conserved_energy(system, state, before.held_around(state, new))
-        after = before.refined(new)
+        energy_before = conserved_energy(system, state, before.energies_around(state, new))
+        after = before.refine(new)
         fresh = _system_of_operator(system, after, step)
-        rows = before.row_of_grid(after.rows)
+        rows = before.current_rows(after.rows)
         new_state = _interpolate_state(before, after, state, rows)
         pull, which = after.forces_around(new_state, new)
         _set_held_forces(system, fresh, rows, pull, which)
         energy_created = (
-            conserved_energy(fresh, new_state, after.held_around(new_state, new))
+            conserved_energy(fresh, new_state, after.energies_around(new_state, new))
             - energy_before
             + kick_work(fresh, new_state, pull, which)
         )
-        after.history = after.history._replace(made=after.history.made + energy_created)
+        after.history = after.history._replace(refinement_energy=after.history.refinement_energy + energy_created)
         return NodeChange(fresh, new_state, _previous_rows_with_same_bonds(system, fresh, rows))
 
     def restore_system(self, system: System, checkpoint: Kept) -> Prepared:
         """The system of a checkpoint's cells. Raises CheckpointError for cells that no run from here can have."""
-        after = zone_operator(system).restored(checkpoint)
+        after = zone_operator(system).restore_cells(checkpoint)
         if not np.array_equal(after.model.grid.ids, checkpoint["ids"]):
             raise CheckpointError("ids of nodes are not those of its cells")
         fresh = _system_of_operator(system, after, 0)
         return Prepared(fresh, zero_state(len(after.volume), after.unknowns[0].width))
 
 
-def zone_operator(system: System) -> SpaceHybrid:
+def zone_operator(system: System) -> HybridBodyOperator:
     """The operator of such a run."""
-    assert isinstance(system.operator, SpaceHybrid)
+    assert isinstance(system.operator, HybridBodyOperator)
     return system.operator
 
 
-def _system_of_operator(system: System, operator: SpaceHybrid, step: int) -> System:
+def _system_of_operator(system: System, operator: HybridBodyOperator, step: int) -> System:
     """The system of other nodes."""
-    steps, driven = (system.time_step, system.stable_time_step), drive_of_nodes(operator, step * system.time_step)
+    steps, driven = (system.time_step, system.stable_time_step), create_current_drive(operator, step * system.time_step)
     prepared = assemble_system(
         operator.model, system.options, system.scheme, operator, operator.counted, *steps, conditions=driven
     )
@@ -70,7 +70,7 @@ def _system_of_operator(system: System, operator: SpaceHybrid, step: int) -> Sys
 
 
 def _interpolate_state(
-    before: SpaceHybrid, after: SpaceHybrid, state: State, previous_rows: NDArray[np.int64]
+    before: HybridBodyOperator, after: HybridBodyOperator, state: State, previous_rows: NDArray[np.int64]
 ) -> State:
     """The state on the nodes `after` a refinement: interpolated, with what was booked where it was; `previous_rows`
     (n,) are those before, -1 for new nodes."""
@@ -78,7 +78,7 @@ def _interpolate_state(
     booked = np.zeros((3, nodes))
     for density_after, density_before in zip(booked, state[3:], strict=True):
         density_after[old] = density_before[previous_rows[old]] * before.volume[previous_rows[old]] / after.volume[old]
-    return State(*(before.moved(after.rows, values) for values in state[:3]), *booked)
+    return State(*(before.interpolate_at_rows(after.rows, values) for values in state[:3]), *booked)
 
 
 def _set_held_forces(

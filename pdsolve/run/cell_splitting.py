@@ -8,11 +8,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pdsolve.adaptivity.quadtree import criteria
-from pdsolve.adaptivity.quadtree.incremental_bonds import filled, refilled
-from pdsolve.adaptivity.quadtree.inherited_cracks import Before, healed, inherited, sources
-from pdsolve.adaptivity.quadtree.interpolation import moved
-from pdsolve.adaptivity.quadtree.leaf_mapping import Transfer, transfer_of
-from pdsolve.adaptivity.quadtree.operator import Leaves, Memory, remembered
+from pdsolve.adaptivity.quadtree.incremental_bonds import create_leaf_bonds, update_leaf_bonds
+from pdsolve.adaptivity.quadtree.inherited_cracks import PastBonds, bond_sources, count_healed_bonds, inherit_breaks
+from pdsolve.adaptivity.quadtree.interpolation import interpolate_state
+from pdsolve.adaptivity.quadtree.leaf_mapping import LeafOrigins, map_leaves
+from pdsolve.adaptivity.quadtree.operator import LeafHistory, LeafOperator, read_history
 from pdsolve.adaptivity.quadtree.tree import Cells
 from pdsolve.checkpoint_validation import entry
 from pdsolve.conditions import put_loads
@@ -36,26 +36,28 @@ class CellSplitting:
         self.tree = leaf_operator(system).tree
         self.settings = self.tree.model.settings.run.split
         self.every = self.settings.every
-        self._critical = criteria.criticals(self.tree)
+        self._critical = criteria.critical_energy_densities(self.tree)
 
     def change_nodes(self, system: System, state: State, step: int) -> NodeChange | None:
         """Split and merge cells after `step`; None if all stay."""
         operator, wanted = leaf_operator(system), self.settings
-        energy, before = operator.energies(state)[0], Before(operator.list, operator.steps())
+        energy, before = operator.energies(state)[0], PastBonds(operator.list, operator.steps())
         if wanted.by == "energy":
-            height = criteria.heights(self.tree, operator.cells, energy, self._critical)
+            height = criteria.energy_shares(self.tree, operator.cells, energy, self._critical)
         else:
-            height = criteria.stretches(self.tree, operator.cells, operator.list, before.broken, state.value)
+            height = criteria.relative_stretches(self.tree, operator.cells, operator.list, before.broken, state.value)
         model = system.model
-        look = criteria.Look(operator.cells, model.grid.position, model.horizons, height, before.hurt)
+        look = criteria.LeafStates(operator.cells, model.grid.position, model.horizons, height, before.hurt)
         operator.memory = operator.memory._replace(
             calm=np.where(look.height < wanted.merge, operator.memory.calm + 1, 0)
         )
-        splits = criteria.split(self.tree, look, wanted.threshold)
-        merged = criteria.merge(self.tree, look, operator.memory.calm >= wanted.hold, splits, wanted.threshold)
+        splits = criteria.mask_leaves_to_split(self.tree, look, wanted.threshold)
+        merged = criteria.list_cells_to_merge(
+            self.tree, look, operator.memory.calm >= wanted.hold, splits, wanted.threshold
+        )
         if not splits.any() and not len(merged.root):
             return None
-        cells, transfer = transfer_of(self.tree, operator.cells, splits, merged)
+        cells, transfer = map_leaves(self.tree, operator.cells, splits, merged)
         return self._make_change(system, state, step, cells, transfer, before, energy)
 
     def _make_change(
@@ -64,19 +66,19 @@ class CellSplitting:
         state: State,
         step: int,
         cells: Cells,
-        transfer: Transfer,
-        before: Before,
+        transfer: LeafOrigins,
+        before: PastBonds,
         energies_before: NDArray[np.float64],
     ) -> NodeChange:
         """The leaves `cells` after this step, made from the bonds before and their energies (n,), J/m^3."""
         old_operator = leaf_operator(system)
         new, begun = self._prepare_cells(system, cells, transfer)
         operator = leaf_operator(new)
-        broken = inherited(before, operator.list, transfer)
-        assert not healed(before, operator.list, transfer, broken), f"step {step}: a bond has healed"
+        broken = inherit_breaks(before, operator.list, transfer)
+        assert not count_healed_bonds(before, operator.list, transfer, broken), f"step {step}: a bond has healed"
         operator.put(broken)
         for values, moved_values in zip(
-            begun, moved(state, transfer, old_operator.list, before.broken == 0), strict=True
+            begun, interpolate_state(state, transfer, old_operator.list, before.broken == 0), strict=True
         ):
             values[:] = moved_values
         new.drive.held_force[:] = system.drive.held_force
@@ -86,10 +88,10 @@ class CellSplitting:
             new, begun, force_densities(operator, begun._replace(dissipated=np.zeros_like(begun.dissipated)))
         )
         calm = np.where(transfer.stays, old_operator.memory.calm[transfer.before[:, 0]], 0)
-        operator.memory = Memory(calm, old_operator.memory.created + created)
+        operator.memory = LeafHistory(calm, old_operator.memory.created + created)
         return NodeChange(new, begun, self._previous_rows_with_same_bonds(system, new, transfer))
 
-    def _prepare_cells(self, system: System, cells: Cells, transfer: Transfer | None = None) -> Prepared:
+    def _prepare_cells(self, system: System, cells: Cells, transfer: LeafOrigins | None = None) -> Prepared:
         """The system of these leaves at rest; `transfer` is their origin, if any.
 
         Raises UnstableError if the run's step is too long for it.
@@ -97,8 +99,12 @@ class CellSplitting:
         tree, threads = self.tree, system.threads
         model = tree.model_of(cells)
         rule = system.scheme.by_pairs(model)
-        bonds = filled(rule) if transfer is None else refilled(rule, model, leaf_operator(system).filled, transfer)
-        operator = Leaves(tree, cells, model, bonds, system.scheme, threads)
+        bonds = (
+            create_leaf_bonds(rule)
+            if transfer is None
+            else update_leaf_bonds(rule, model, leaf_operator(system).filled, transfer)
+        )
+        operator = LeafOperator(tree, cells, model, bonds, system.scheme, threads)
         steps = system.time_step, system.stable_time_step
         rest = assemble_system(model, system.options, system.scheme, operator, bonds.assembly.counted, *steps)
         sure = largest_stable_step(operator.stiffness_bound(), model.rho)
@@ -110,7 +116,7 @@ class CellSplitting:
         return Prepared(dataclasses.replace(rest.system, full_model=tree.model), rest.state)
 
     def _previous_rows_with_same_bonds(
-        self, old_system: System, new_system: System, transfer: Transfer
+        self, old_system: System, new_system: System, transfer: LeafOrigins
     ) -> NDArray[np.int64]:
         """Former rows (m,) of nodes that keep their bonds; -1 for others."""
         before, now = leaf_operator(old_system).list, leaf_operator(new_system).list
@@ -118,16 +124,16 @@ class CellSplitting:
         removed = np.ones(len(before.start) - 1, dtype=bool)
         removed[origin[transfer.stays]] = False
         changed = np.zeros(len(origin), dtype=bool)
-        changed[sources(now)[~transfer.stays[now.neighbour]]] = True
+        changed[bond_sources(now)[~transfer.stays[now.neighbour]]] = True
         lost = np.zeros(len(removed), dtype=bool)
-        lost[sources(before)[removed[before.neighbour]]] = True
+        lost[bond_sources(before)[removed[before.neighbour]]] = True
         same = transfer.stays & ~changed & ~lost[origin] & (old_system.family[origin] == new_system.family)
         return np.where(same, origin, -1)
 
     def restore_system(self, system: System, checkpoint: Kept) -> Prepared:
         """The system of a checkpoint's cells. Raises CheckpointError for ids that are no set of leaves."""
         ids = entry(checkpoint, "ids", (None,), np.int64)
-        memory, cells = remembered(checkpoint, len(ids)), self.tree.leaves(ids)
+        memory, cells = read_history(checkpoint, len(ids)), self.tree.leaves(ids)
         if cells is None:
             raise CheckpointError("ids of cells are no whole plate; they must be those of its leaves in order")
         prepared = self._prepare_cells(system, cells)
@@ -135,7 +141,7 @@ class CellSplitting:
         return prepared
 
 
-def leaf_operator(system: System) -> Leaves:
+def leaf_operator(system: System) -> LeafOperator:
     """The operator of such a run."""
-    assert isinstance(system.operator, Leaves)
+    assert isinstance(system.operator, LeafOperator)
     return system.operator

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from pdsolve.adaptivity.quadtree.interpolation import kinetic
+from pdsolve.adaptivity.quadtree.interpolation import kinetic_energy
 from pdsolve.run.system import System
 from pdsolve.state import State
 
@@ -16,8 +16,8 @@ def conserved_energy(system: System, state: State, strain_energy: NDArray[np.flo
     It is m (dt a)^2 / 8 below that of whole steps, which the ledger uses.
     """
     mass = system.model.rho * system.area
-    swing = (system.time_step / 2) ** 2 * kinetic(mass, state.second)
-    return kinetic(mass, state.rate) - swing + float(np.sum(system.area * strain_energy))
+    swing = (system.time_step / 2) ** 2 * kinetic_energy(mass, state.second)
+    return kinetic_energy(mass, state.rate) - swing + float(np.sum(system.area * strain_energy))
 
 
 def kick_work(

@@ -16,7 +16,7 @@ import numpy as np
 
 from pdmesh.model.document import ON_ONE_LATTICE, Absorb, Load, Run, Settings
 from pdmesh.model.monitors import ARC
-from pdsolve.adaptivity.hybrid.outlook import decided
+from pdsolve.adaptivity.hybrid.outlook import choose_adaptivity
 from pdsolve.checks import advise
 from pdsolve.diffusion.swelling import Swelling
 from pdsolve.laws import law_of
@@ -102,7 +102,7 @@ def estimate_run(model: Model, options: Options = DEFAULT) -> Plan:
     """Cost of solving the model; with a moving fine zone, that of its initial state. Raises ModelError."""
     if model.diffuses:
         return _estimate_diffusion(model, options)
-    model = decided(model, options) if model.settings.run.adapt == "auto" else model
+    model = choose_adaptivity(model, options) if model.settings.run.adapt == "auto" else model
     scheme, settings = select_scheme(model, options), model.settings
     paired, splits = law_of(model).pair is not None, settings.run.adapt == "split"
     moves = settings.run.adapt in ON_ONE_LATTICE

@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 
 from pdsolve.adaptivity.hybrid.arrays import EVERY
 from pdsolve.adaptivity.hybrid.operator import HybridOperator
-from pdsolve.adaptivity.hybrid.outlook import kappa_of, widened, with_kappa
+from pdsolve.adaptivity.hybrid.outlook import kappa_of, widen_zone, with_kappa
 from pdsolve.errors import LateZoneError
 from pdsolve.model import Model, ModelWarning
 from pdsolve.results import Results, ResultsError
@@ -40,7 +40,7 @@ def plan_earlier_refinement(
     """
     run = model.settings.run
     now = with_kappa(model, earlier_refinements[-1].kappa) if earlier_refinements else model
-    wider = widened(now)
+    wider = widen_zone(now)
     step = max(late.step - EVERY - 1, 0) // run.every * run.every
     if wider.settings.run.adapt == "none":
         return (now if earlier_refinements else wider), ()
@@ -83,7 +83,7 @@ def refine_earlier(system: System, earlier_refinements: tuple[EarlierRefinement,
     """Make cells fine as soon as they are to be after a step; returns the next step from which that changes."""
     begun = [refinement for refinement in earlier_refinements if refinement.step <= step]
     if begun and isinstance(system.operator, HybridOperator):
-        system.operator.hybrid.widen(begun[-1].kappa)
+        system.operator.engine.set_kappa(begun[-1].kappa)
     return next((refinement.step for refinement in earlier_refinements if refinement.step > step), last)
 
 

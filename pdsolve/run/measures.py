@@ -70,7 +70,7 @@ def compute_ledger_row(system: System, state: State, step: int, bond_state: Bond
     known."""
     strain, softened, broken = bond_state or evaluate_bonds(system, state)
     if system.hybrid is not None:
-        sums, zone = system.hybrid.books()._asdict(), system.hybrid.zone_summary()._asdict()
+        sums, zone = system.hybrid.ledger_totals()._asdict(), system.hybrid.zone_summary()._asdict()
         return LedgerRow(step, step * system.time_step, **sums, **zone)
     with np.errstate(over="ignore", invalid="ignore"):  # of a run that becomes unstable
         return LedgerRow(

@@ -45,7 +45,7 @@ def find_zone_change(system: System, with_state: bool = True) -> NodeChange | No
     Without `with_state`, that of the change is of no nodes.
     """
     assert system.hybrid is not None
-    before, shown = system.hybrid, system.hybrid.changed()
+    before, shown = system.hybrid, system.hybrid.operator_if_changed()
     if shown is None:
         return None
     row = np.minimum(np.searchsorted(before.places, shown.places), len(before.places) - 1)

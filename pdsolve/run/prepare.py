@@ -7,12 +7,12 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from pdsolve.adaptivity.factory import moving_of
+from pdsolve.adaptivity.factory import create_zone_operator
 from pdsolve.adaptivity.hybrid.operator import HybridOperator
-from pdsolve.adaptivity.hybrid.outlook import decided
-from pdsolve.adaptivity.hybrid.space.prepare import body_of, drive_of_nodes
-from pdsolve.adaptivity.quadtree.incremental_bonds import filled
-from pdsolve.adaptivity.quadtree.operator import SURE, Leaves, tree_over
+from pdsolve.adaptivity.hybrid.outlook import choose_adaptivity
+from pdsolve.adaptivity.hybrid.space.prepare import create_body_operator, create_current_drive
+from pdsolve.adaptivity.quadtree.incremental_bonds import create_leaf_bonds
+from pdsolve.adaptivity.quadtree.operator import SURE, LeafOperator, create_tree
 from pdsolve.adaptivity.two_lattice_operator import FusedMarch
 from pdsolve.checks import refuse, refuse_on_ranks
 from pdsolve.conditions import (
@@ -51,7 +51,9 @@ WORTH_HYBRID = 25_000  # nodes of a plate with a fine zone that moves, were they
 
 def prepare(model: Model, options: Options) -> Prepared:
     """A model's bonds and conditions, and its state at time 0. Raises ModelError for an unsupported model."""
-    prepared = _prepare_by_kind(decided(model, options) if model.settings.run.adapt == "auto" else model, options)
+    prepared = _prepare_by_kind(
+        choose_adaptivity(model, options) if model.settings.run.adapt == "auto" else model, options
+    )
     system = prepared.system
     full_model = None if system.full_model is None else counted(system.full_model, system.time_step)
     return prepared._replace(
@@ -167,16 +169,16 @@ def _prepare_swelling_zone(model: Model, options: Options, scheme: Scheme) -> Pr
     assert transport is not None
     cycle = cycle_of(model.settings.run, system.time_step, transport.bound)
     marches = Euler(transport.operator, transport.drive, cycle * system.time_step)
-    broken = None if medium.broken == 1 else BrokenBonds(transport, PlateBrokenBonds(operator.hybrid), medium.broken)
+    broken = None if medium.broken == 1 else BrokenBonds(transport, PlateBrokenBonds(operator.engine), medium.broken)
     stepper = SwellingZone(marches, content.state, operator, model, cycle, broken)
-    energy = system.initial_energy + operator.hybrid.stored()
+    energy = system.initial_energy + operator.engine.strain_energy()
     return Prepared(replace(system, stepper=stepper, coupled=(content,), initial_energy=energy), operator.state())
 
 
 def _prepare_plate_zone(model: Model, options: Options, scheme: Scheme) -> Prepared:
     """A prepared model with a moving fine zone. Raises ModelError for an unsupported one."""
     threads = options.threads or crew(len(model.grid), WORTH_HYBRID)
-    shown, bound = moving_of(model, options.mode, options.precision, choose_time_step, threads)
+    shown, bound = create_zone_operator(model, options.mode, options.precision, choose_time_step, threads)
     state = shown.state()
     system = System(
         model=shown.model,
@@ -184,13 +186,13 @@ def _prepare_plate_zone(model: Model, options: Options, scheme: Scheme) -> Prepa
         scheme=scheme,
         operator=shown,
         stepper=FusedMarch(shown),
-        drive=shown.hybrid.drive,
+        drive=shown.engine.drive,
         area=shown.area,
         family=shown.counts[1],
         count=shown.counts[0],
-        time_step=float(shown.hybrid.ground.dt),
+        time_step=float(shown.engine.ground.dt),
         stable_time_step=bound,
-        initial_energy=shown.books().kinetic,
+        initial_energy=shown.ledger_totals().kinetic,
         full_model=model,
     )
     return Prepared(system, state)
@@ -198,11 +200,11 @@ def _prepare_plate_zone(model: Model, options: Options, scheme: Scheme) -> Prepa
 
 def _prepare_cell_splitting(model: Model, options: Options, scheme: Scheme) -> Prepared:
     """A prepared model whose cells can split; none has yet. Raises ModelError for an unsupported one."""
-    tree = tree_over(model, scheme.name, options.precision, options.kernel)
+    tree = create_tree(model, scheme.name, options.precision, options.kernel)
     cells = tree.roots()
     now = tree.model_of(cells)
-    bonds, threads = filled(scheme.by_pairs(now)), threads_of(options, len(model.grid), False)
-    operator = Leaves(tree, cells, now, bonds, scheme, threads)
+    bonds, threads = create_leaf_bonds(scheme.by_pairs(now)), threads_of(options, len(model.grid), False)
+    operator = LeafOperator(tree, cells, now, bonds, scheme, threads)
     bound = SURE[scheme.name] * largest_stable_step(operator.stiffness_bound(), now.rho) / 2**tree.levels
     step = choose_time_step(model, bound)
     rest = assemble_system(now, options, scheme, operator, bonds.assembly.counted, step, bound)
@@ -212,10 +214,10 @@ def _prepare_cell_splitting(model: Model, options: Options, scheme: Scheme) -> P
 def _prepare_body_zone(model: Model, options: Options, scheme: Scheme) -> Prepared:
     """A prepared body with a moving fine zone. Raises ModelError for an unsupported one."""
     threads = threads_of(options, len(model.grid), True)
-    operator = body_of(model, options, threads)
+    operator = create_body_operator(model, options, threads)
     options = options._replace(threads=threads)
     bound = largest_stable_step(operator.stiffness_bound(), operator.model.rho)
-    steps, driven = (choose_time_step(model, bound), bound), drive_of_nodes(operator, 0.0)
+    steps, driven = (choose_time_step(model, bound), bound), create_current_drive(operator, 0.0)
     rest = assemble_system(operator.model, options, scheme, operator, operator.counted, *steps, conditions=driven)
     return _set_initial_velocity(rest, model, initial_velocity(model)[operator.rows])
 

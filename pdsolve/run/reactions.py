@@ -90,7 +90,7 @@ def _condition_forces(
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Holding forces (profiles, d), and load forces at factor 1, N/m (in a body N)."""
     if system.hybrid is not None:
-        return system.hybrid.pulls(condition_count), system.hybrid.pushes(condition_count)
+        return system.hybrid.holding_forces(condition_count), system.hybrid.load_forces(condition_count)
     drive, area, rho = system.drive, system.area, system.model.rho
     holds, loads = drive.holds, drive.loads
     pull = area[holds.node] * (rho[holds.node] * state.second[holds.node, holds.axis].astype(float) - drive.held_force)

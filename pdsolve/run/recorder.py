@@ -174,7 +174,7 @@ def _swell_restored_bonds(system: System, stepper: Swelling, state: State) -> No
     """Swell the bonds of a restored system; nodes at the border of a fine zone move with that."""
     stepper.swell()
     if system.hybrid is not None:
-        system.hybrid.sync(state)
+        system.hybrid.copy_to(state)
 
 
 class RunHistory(NamedTuple):
@@ -269,7 +269,7 @@ class Recorder:
         stepper = self.system.stepper
         if isinstance(stepper, FusedMarch):
             self.drop_state()
-            stepper.go_on(first, last)
+            stepper.march_engine(first, last)
         else:
             stepper.march(self.state, first, last)
         return stepper.step_results[-1].step if isinstance(stepper, PathStepper) else last - 1

@@ -16,9 +16,9 @@ from pdmesh import stopping
 from pdmesh.files import FilePath
 from pdsolve.adaptivity.hybrid.arrays import EVERY
 from pdsolve.adaptivity.hybrid.engine import ZoneSummary
-from pdsolve.adaptivity.hybrid.outlook import decided, of_long_steps
-from pdsolve.adaptivity.hybrid.space.operator import SpaceHybrid
-from pdsolve.adaptivity.quadtree.operator import Leaves
+from pdsolve.adaptivity.hybrid.outlook import choose_adaptivity, explain_long_steps
+from pdsolve.adaptivity.hybrid.space.operator import HybridBodyOperator
+from pdsolve.adaptivity.quadtree.operator import LeafOperator
 from pdsolve.checks import advise, advise_unused
 from pdsolve.codegen.compile_time import compile_seconds, running_time
 from pdsolve.codegen.processor import processor_kind
@@ -115,7 +115,7 @@ def _lock_output(output: Path | None) -> AbstractContextManager[None]:
 
 def _solve_with_restarts(model: Model, options: Options, request: RunRequest) -> Results:
     if model.settings.run.adapt == "auto":
-        model = decided(model, options)
+        model = choose_adaptivity(model, options)
     try:
         return _solve_from_start(model, options, request)
     except LateZoneError as late:
@@ -225,9 +225,9 @@ def _solve_motion_after(
 
 def required_adaptation(system: System) -> NodeAdaptation | None:
     """What changes the nodes of a run as its model requires; None if nothing does, or the operator itself does."""
-    if isinstance(system.operator, SpaceHybrid):
+    if isinstance(system.operator, HybridBodyOperator):
         return BodyRefinement()
-    return CellSplitting(system) if isinstance(system.operator, Leaves) else None
+    return CellSplitting(system) if isinstance(system.operator, LeafOperator) else None
 
 
 def _nodes_may_change(system: System, adaptation: NodeAdaptation | None) -> bool:
@@ -373,7 +373,7 @@ def _march_and_close(recorder: Recorder, make_writer: Callable[[], Writer], requ
                 writer.write(partial(recorder.make_frame, recorder.step, with_fields=True, with_checkpoint=True))
             status = _march_to_end(recorder, writer, request)
         except BaseException as reason:
-            error = of_long_steps(reason, recorder.system.time_step, recorder.system.stable_time_step)
+            error = explain_long_steps(reason, recorder.system.time_step, recorder.system.stable_time_step)
             ends = {UnstableError: "unstable", UnsettledError: "unsettled", KeyboardInterrupt: "interrupted"}
             writer.abandon(ends.get(type(error), "failed"))
             raise error from error.__cause__

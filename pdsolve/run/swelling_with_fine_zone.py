@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from pdsolve.adaptivity.hybrid.engine import Hybrid
+from pdsolve.adaptivity.hybrid.engine import HybridEngine
 from pdsolve.adaptivity.hybrid.operator import HybridOperator
 from pdsolve.adaptivity.two_lattice_operator import FusedMarch
 from pdsolve.diffusion.broken_bonds import BrokenBonds
@@ -22,7 +22,7 @@ from pdsolve.steppers.protocol import Stepper
 class PlateBrokenBonds:
     """The broken bonds of a plate with a fine zone, by the rows of all nodes of its grid."""
 
-    def __init__(self, hybrid: Hybrid) -> None:
+    def __init__(self, hybrid: HybridEngine) -> None:
         self._hybrid = hybrid
 
     def broken(self, after: int = 0) -> Broken:
@@ -48,7 +48,7 @@ class SwellingZone(Swelling):
         """See `Swelling`; `model` is that of all nodes."""
         self._operator = operator
         super().__init__(content, content_state, FusedMarch(operator), operator, model, cycle, broken)
-        operator.hybrid.renew()
+        operator.engine.recompute_forces()
 
     @property
     def rows(self) -> NDArray[np.int64]:
@@ -62,7 +62,7 @@ class SwellingZone(Swelling):
 
     def clamped_energy(self, state: State) -> NDArray[np.float64]:
         """The energy densities (n,) of the current nodes at no displacement, J/m^3, inside of one material."""
-        hybrid, rows = self._operator.hybrid, self._operator.rows
+        hybrid, rows = self._operator.engine, self._operator.rows
         ground, plate = hybrid.ground, hybrid.plate
         density = (ground.springs / ground.table[:, 4]).sum(axis=1) / 4 / ground.h**2  # by material, at a stretch of 1
         return np.asarray(density[plate.model.material_of[rows]] * self._strain()[rows] ** 2)
@@ -72,24 +72,24 @@ class SwellingZone(Swelling):
 
         Raises UnstableError.
         """
-        hybrid, step = self._operator.hybrid, first
+        hybrid, step = self._operator.engine, first
         while step < last:
             until = min(last, step + (self.cycle // 2 + 1 - step) % self.cycle)
             hybrid.march(step, until)
             if until < last:
                 self._take_coupled_step(until)
             step = until + 1
-        if self._operator.current:
-            self._operator.sync(state)
+        if self._operator.is_current:
+            self._operator.copy_to(state)
 
     def _take_coupled_step(self, step: int) -> None:
         """Take a step of the content and the one of the motion after it."""
-        hybrid = self._operator.hybrid
+        hybrid = self._operator.engine
         if self._broken is not None:
             self._broken.update(self._content)
-        before, energy_before = hybrid.strains(), hybrid.stored()
+        before, energy_before = hybrid.copy_strains(), hybrid.strain_energy()
         self._content.march(self._h, (step - 1) // self.cycle + 1, (step - 1) // self.cycle + 2)
         hybrid.swell(self._strain())
-        hybrid.book((hybrid.stored() - energy_before) / 2)
+        hybrid.book_work((hybrid.strain_energy() - energy_before) / 2)
         hybrid.march(step, step + 1)
-        hybrid.book((hybrid.stored() - hybrid.stored_at(before)) / 2)
+        hybrid.book_work((hybrid.strain_energy() - hybrid.strain_energy_at(before)) / 2)

@@ -182,7 +182,7 @@ def alone(system: Any) -> NDArray[np.bool_]:
     """Nodes (n,) that are far from those that are tied to others."""
     found = np.ones(len(system.area), dtype=np.bool_)
     if isinstance(system.operator, HybridOperator):
-        zone, x = system.operator.hybrid.zone, system.model.grid.position
+        zone, x = system.operator.engine.zone, system.model.grid.position
         border = zone.border.node[: zone.counts.border_nodes]
         tied = x[np.isin(system.operator.places, border)]
         found = np.linalg.norm(x[:, None] - tied, axis=2).min(axis=1) > 3 * H
@@ -193,7 +193,7 @@ def marched(system: Any, state: State, steps: int) -> State:
     """The state after so many steps of Verlet, by what the operator adds alone."""
     operator, (nodes, width) = system.operator, state.value.shape
     damping = (
-        operator.hybrid.zone.damping[operator.places] if isinstance(operator, CollocationOperator) else np.zeros(nodes)
+        operator.engine.zone.damping[operator.places] if isinstance(operator, CollocationOperator) else np.zeros(nodes)
     )
     kind = state.value.dtype.type
     drive = idle(nodes, width)

@@ -11,7 +11,7 @@ from messages import naming
 
 from pdmesh.model.document import Collocation, Run
 from pdsolve.adaptivity.collocation.engine import CollocationEngine
-from pdsolve.adaptivity.collocation.layout import EDGE, KNOWN, WHOLE, dilated
+from pdsolve.adaptivity.collocation.layout import EDGE, KNOWN, WHOLE, dilate_mask
 from pdsolve.adaptivity.collocation.zone import BETWEEN, COARSE, FINE
 from pdsolve.adaptivity.hybrid.springs import fine_springs
 from pdsolve.codegen.vector_code import ROW
@@ -41,7 +41,7 @@ def test_where_all_is_fine_it_is_the_uniform_run(profile: str) -> None:
     assert len(broken.step) == 2 * len(engine.broken().step)
     ledger, shown = compute_ledger_row(uniform.system, uniform.state, 120), type(problem.system.hybrid)(engine)
     shown.energies(shown.state())
-    found = shown.books()
+    found = shown.ledger_totals()
     for name in ("kinetic", "strain", "dissipated", "work"):
         assert getattr(found, name) == pytest.approx(getattr(ledger, name), rel=1e-11)
     assert found.damped == 0
@@ -61,7 +61,7 @@ def sound(engine: CollocationEngine) -> np.ndarray:
     """Active places without an edge in their families' families."""
     ground, node = engine.ground, engine.zone.node
     odd = (ground.there[0] != 1) | (ground.lack != 1).any(axis=0)
-    return ((node == FINE) | (node == COARSE)) & ~dilated(odd, ground.at, ground.at.below)
+    return ((node == FINE) | (node == COARSE)) & ~dilate_mask(odd, ground.at, ground.at.below)
 
 
 @pytest.mark.slow
@@ -81,14 +81,16 @@ def test_a_linear_field_is_at_rest_and_a_quadratic_one_nearly(ratio: int, error:
     springs = fine_springs(STEEL, ratio, H)
     c11, c66 = springs.c11, springs.c66
     ground, zone, position = engine.ground, engine.zone, H * places(engine)
-    clean, active = sound(engine), engine.active()
+    clean, active = sound(engine), engine.active_places()
     assert min(np.count_nonzero(clean & (zone.node == kind)) for kind in (FINE, COARSE)) > 50
     assert engine.area.sum() == pytest.approx(engine.plate.area.sum(), rel=1e-12)
     zone.u[:, active] = (np.array([[1.0, 0.3], [-0.2, 0.7]]) * 1e-9 @ position)[:, active]
     assert np.abs(accelerations(engine)[:, clean]).max() < 1e-13 * c11 * 1e-9 / (ground.rho * ground.h)
     energy = 1e-18 * (c11 * (1 + 0.7**2) / 2 + c66 * (0.7 + 0.1**2 / 2))
-    assert engine.held()[clean & (zone.node == COARSE)] == pytest.approx(energy, rel=1e-11)
-    assert engine.held()[clean & (zone.node == FINE)] == pytest.approx(energy, rel=1e-6)  # of finite strains
+    assert engine.energy_densities()[clean & (zone.node == COARSE)] == pytest.approx(energy, rel=1e-11)
+    assert engine.energy_densities()[clean & (zone.node == FINE)] == pytest.approx(
+        energy, rel=1e-6
+    )  # of finite strains
     zone.u[:], size = 0, 1e-6
     zone.u[0, active] = size * position[0, active] ** 2
     found, expected = accelerations(engine)[0], 2 * c11 * size / ground.rho
@@ -103,14 +105,14 @@ def vibrating(ratio: float, side: int, units: float, damping: float | None) -> l
     model = with_run(model, collocation=Collocation(damped=True, damping=damping))
     bound = prepared(model)[0].system.stable_time_step
     problem, engine = prepared(with_run(model, time_step=0.8 * bound))
-    own = engine.active()
+    own = engine.active_places()
     engine.zone.v[:, own] = 1e-3 * np.random.default_rng(3).normal(size=(2, len(own)))
     unit = H * np.sqrt(engine.ground.rho / 191e9)
     steps, found, begins = int(units * unit / engine.ground.dt), [], 0.0
     for part in range(9):
         if part:
             problem.march((part - 1) * steps // 8 + 1, part * steps // 8 + 1)
-        own, held = engine.active(), engine.held()
+        own, held = engine.active_places(), engine.energy_densities()
         energy = engine.ground.rho / 2 * (engine.zone.v[:, own] ** 2).sum(axis=0) + held[own]
         found.append(float((energy * engine.area[own]).sum()))
         begins = found[0]
@@ -159,7 +161,7 @@ def test_a_crack_takes_fine_nodes_with_it() -> None:
     assert len(engine.broken().step) > 1000
     shown = type(problem.system.hybrid)(engine)
     shown.energies(shown.state())
-    found = shown.books()
+    found = shown.ledger_totals()
     missing = found.kinetic + found.strain + found.dissipated - found.work - told.refinement
     assert abs(missing) < 0.02 * found.work  # measured 0.004
     assert found.damped == 0
@@ -169,7 +171,7 @@ def test_a_crack_takes_fine_nodes_with_it() -> None:
 def test_fine_nodes_that_come_too_late_are_an_error() -> None:
     """A plate that is stretched beyond its limit between two looks."""
     problem, engine = prepared(cracked(61, 60, 4.0, 0.0, run=RUN))
-    active, limit = engine.active(), np.sqrt(1 + engine.ground.limit) - 1
+    active, limit = engine.active_places(), np.sqrt(1 + engine.ground.limit) - 1
     engine.zone.u[0, active] = 1.2 * limit * H * places(engine)[0, active]
     with pytest.raises(UnstableError, match=naming(found=("coarse", re.compile(r"1\.2\d*")))):
         problem.march(1, 10)
@@ -182,14 +184,14 @@ def test_rows_along_edges_that_are_alike_share_their_stiffnesses() -> None:
     ground, zone = engine.ground, engine.zone
     zone.u[:] = 1e-7 * H * np.random.default_rng(1).standard_normal(zone.u.shape)
     assert set(zone.kinds[zone.rows]) == {WHOLE, EDGE, KNOWN}
-    assert np.count_nonzero(zone.kinds[zone.rows] == KNOWN) > 3 * len(ground.known) // len(ground.ways)
+    assert np.count_nonzero(zone.kinds[zone.rows] == KNOWN) > 3 * len(ground.edge_row_stiffness) // len(ground.ways)
     found = accelerations(engine)
     zone.kinds[zone.kinds == KNOWN] = EDGE
     assert np.array_equal(accelerations(engine), found)
     idle = np.ones(ground.at.places, dtype=bool)
     for nodes in (zone.node == FINE, zone.node == COARSE):
-        idle &= ~dilated(nodes, ground.at, ground.at.below)
-    idle |= (zone.node == BETWEEN) & ~dilated(zone.node == FINE, ground.at, ground.at.below)
+        idle &= ~dilate_mask(nodes, ground.at, ground.at.below)
+    idle |= (zone.node == BETWEEN) & ~dilate_mask(zone.node == FINE, ground.at, ground.at.below)
     own = np.flatnonzero(zone.node != BETWEEN)
     zone.u[:, idle] = 1.0
     assert idle.reshape(-1, ROW)[zone.rows].any()

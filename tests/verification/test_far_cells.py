@@ -97,12 +97,16 @@ def test_far_cells_that_are_stretched_become_coarse() -> None:
 
     rough = noise(1e-3)
     field.put(bump, lambda x, y: np.array([[0.3], [0.1]]) + rough(x, y))
-    momentum, energy, far = field.hybrid.motion()[1:], field.conserved(), np.count_nonzero(field.zone.cells == FAR)
+    momentum, energy, far = (
+        field.hybrid.kinetic_and_momentum()[1:],
+        field.conserved(),
+        np.count_nonzero(field.zone.cells == FAR),
+    )
     for first in range(1, 42, 8):
         field.march(first, first + 8)
         left = np.count_nonzero(field.zone.cells == FAR)
         assert left < far
-        assert field.hybrid.motion()[1:] == pytest.approx(momentum, rel=1e-14)  # measured 3e-16
+        assert field.hybrid.kinetic_and_momentum()[1:] == pytest.approx(momentum, rel=1e-14)  # measured 3e-16
         made = field.zone.totals.refinement
         assert field.conserved() - made == pytest.approx(energy, rel=2e-4)  # 6e-5; 0.02 is booked
     assert np.count_nonzero(field.zone.cells == FINE) > 80
@@ -180,8 +184,8 @@ def test_the_tangent_is_that_of_the_forces() -> None:
     operator, state = problem.system.operator, problem.state
     random = np.random.default_rng(3)
     state.value[:], away, found = 1e-9 * random.standard_normal(state.value.shape), np.zeros_like(state.value), []
-    operator.take(state)
-    operator.sync(state)  # tied nodes follow
+    operator.set_nodes(state)
+    operator.copy_to(state)  # tied nodes follow
     at = state.value.copy()
     away[:] = 1e-9 * random.standard_normal(away.shape)
     for sign in (1.0, -1.0):
@@ -206,7 +210,7 @@ def test_threads_do_not_show() -> None:
         problem.march(101, 221)
         operator = problem.system.hybrid
         assert operator is not None
-        found.append(operator.hybrid.keep())
+        found.append(operator.engine.keep())
     assert len(found[0]["break_step"]) > 100
     assert found[0].keys() == found[1].keys()
     for name, values in found[0].items():

@@ -12,7 +12,7 @@ from plates import GLASS, plate
 from zones import again, rectangle, struck
 
 from pdmesh.model.document import Absorb, Displacement, Run
-from pdsolve.adaptivity.hybrid.engine import Hybrid
+from pdsolve.adaptivity.hybrid.engine import HybridEngine
 from pdsolve.adaptivity.hybrid.lattice import COARSE, FINE
 from pdsolve.conditions import initial_velocity
 from pdsolve.model import Model
@@ -35,11 +35,11 @@ def damped(adapt: str, damping: float = 3e3) -> Model:
     return dataclasses.replace(model, settings=msgspec.structs.replace(model.settings, run=run, conditions=conditions))
 
 
-def hybrid(problem: Prepared) -> Hybrid:
+def hybrid(problem: Prepared) -> HybridEngine:
     """The operator of a hybrid run."""
     found = problem.system.hybrid
     assert found is not None
-    return found.hybrid
+    return found.engine
 
 
 def ledger(problem: Prepared, step: int) -> LedgerRow:
@@ -58,7 +58,7 @@ def test_fine_everywhere_it_is_the_uniform_plate() -> None:
     run.start(initial_velocity(damped("hybrid")))
     for problem in (one, other):
         problem.march(1, 31)
-    place = run.plate.place
+    place = run.plate.fine_places
     scale = np.abs(other.state.rate).max()
     assert np.abs(run.zone.fine.v[:, place].T - other.state.rate).max() < 1e-12 * scale  # 1.6e-14
     fine, uniform = ledger(one, 30), ledger(other, 30)
@@ -136,7 +136,7 @@ def test_threads_do_not_show() -> None:
     same(*runs)
 
 
-def same(one: Hybrid, other: Hybrid) -> None:
+def same(one: HybridEngine, other: HybridEngine) -> None:
     """Assert that all that a checkpoint has is the same, to the bit."""
     found, kept = one.keep(), other.keep()
     assert len(found["fine_damped"]) > 0

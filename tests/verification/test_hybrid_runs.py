@@ -9,7 +9,7 @@ from plates import GLASS, plate
 from zones import STEEL, again, rectangle, struck
 
 from pdmesh.model.document import Displacement, InitialVelocity, Load, Run
-from pdsolve.adaptivity.hybrid.engine import Hybrid
+from pdsolve.adaptivity.hybrid.engine import HybridEngine
 from pdsolve.adaptivity.hybrid.lattice import COARSE, FINE
 from pdsolve.conditions import initial_velocity
 from pdsolve.model import Model
@@ -32,11 +32,11 @@ def pulled(adapt: str) -> Model:
     return plate(grid, 4, conditions=(*loads, held), run=Run(steps=260, every=65, adapt=adapt))
 
 
-def hybrid(problem: Prepared) -> Hybrid:
+def hybrid(problem: Prepared) -> HybridEngine:
     """The operator of a hybrid run."""
     found = problem.system.hybrid
     assert found is not None
-    return found.hybrid
+    return found.engine
 
 
 def followed(problem: Prepared) -> Prepared:
@@ -62,13 +62,13 @@ def test_fine_everywhere_it_is_the_uniform_plate() -> None:
     system, nodes = change.system, change.system.hybrid
     assert nodes is not None
     rough = 1e-6 * np.random.default_rng(3).standard_normal((len(other.state.value), 2))
-    run.zone.fine.u[0][:, run.plate.place] = rough.T
-    run.renew()
+    run.zone.fine.u[0][:, run.plate.fine_places] = rough.T
+    run.recompute_forces()
     other.state.value[:] = rough
     out = np.zeros_like(rough)
     other.system.operator.add(other.state, out, 1, 0.0)
     state = change.state
-    nodes.sync(state)
+    nodes.copy_to(state)
     held, _ = nodes.energies(state)
     back = np.argsort(nodes.rows)
     assert system.model.grid.ids[back].tolist() == other.system.model.grid.ids.tolist()
@@ -102,7 +102,9 @@ def test_fine_everywhere_a_cut_costs_what_it_does_in_the_uniform_plate(law: str)
     fine, uniform = ledger(one, 300), ledger(other, 300)
     assert uniform.broken > 100
     rate = other.state.rate
-    assert np.abs(run.zone.fine.v[:, run.plate.place].T - rate).max() < 1e-11 * np.abs(rate).max()  # measured 7e-14
+    assert (
+        np.abs(run.zone.fine.v[:, run.plate.fine_places].T - rate).max() < 1e-11 * np.abs(rate).max()
+    )  # measured 7e-14
     assert fine.dissipated == pytest.approx(uniform.dissipated, rel=1e-9)
 
 

@@ -10,9 +10,9 @@ from blocks import GLASS, SMALL, H, at_random, block, place
 
 import pdmesh
 from pdmesh import Body, Box, Material, Run
-from pdsolve.adaptivity.hybrid.space.coarse_springs import elastic_of
-from pdsolve.adaptivity.hybrid.space.operator import SpaceHybrid
-from pdsolve.adaptivity.hybrid.space.prepare import tau_of
+from pdsolve.adaptivity.hybrid.space.coarse_springs import cubic_stiffness
+from pdsolve.adaptivity.hybrid.space.operator import HybridBodyOperator
+from pdsolve.adaptivity.hybrid.space.prepare import vertex_force
 from pdsolve.laws.pair_laws.brittle import LAW
 from pdsolve.model import Model
 from pdsolve.run.body_zones import zone_operator
@@ -23,7 +23,7 @@ TOUGH = Material(E=65e9, rho=7800, G0=2e4, micromodulus="constant")
 HARD = Material(E=210e9, rho=7800, G0=2e4, micromodulus="constant")
 
 
-def halves(other: Material) -> SpaceHybrid:
+def halves(other: Material) -> HybridBodyOperator:
     """A block of glass whose right half is of another material, without corrections at its surfaces."""
     x, y = 26 * H, 10 * H
     body = Body(Box((-x, -y, -y), (x, y, y)), H, GLASS, run=Run(steps=1, time_step=1e-8)).adapt("hybrid")
@@ -31,9 +31,9 @@ def halves(other: Material) -> SpaceHybrid:
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         built = pdmesh.build(body)
-    whole = zone_operator(prepare(Model(built.grid, built.settings), Options(threads=1)).system).whole
+    whole = zone_operator(prepare(Model(built.grid, built.settings), Options(threads=1)).system).full_body
     whole.fine.tiles.c[:, whole.sites.site] = 1
-    return at_random(whole, 2, tau_of(LAW, whole.fine.tiles.table, H))
+    return at_random(whole, 2, vertex_force(LAW, whole.fine.tiles.table, H))
 
 
 @pytest.mark.slow
@@ -43,7 +43,7 @@ def test_any_linear_field_is_in_equilibrium_in_each_material(other: Material) ->
     operator, gradient = halves(other), np.random.default_rng(2).standard_normal((3, 3))
     x = place(operator)
     u = SMALL * H * x @ gradient.T
-    c11 = elastic_of(operator.whole.fine.tiles.table).c11
+    c11 = cubic_stiffness(operator.full_body.fine.tiles.table).c11
     force = (operator.forces(u) - operator.forces(-u)) / 2 / SMALL / H**2 / c11
     inner = ((x > 7) & (x < [45, 13, 13])).all(axis=1)
     if other is HARD:
@@ -52,7 +52,7 @@ def test_any_linear_field_is_in_equilibrium_in_each_material(other: Material) ->
     assert np.count_nonzero(inner) > 100
     assert np.abs(force[inner]).max() < 1e-12  # measured 1e-13, 4e-13
     assert np.abs(force.sum(axis=0)).max() < 1e-9
-    model = operator.whole.model
+    model = operator.full_body.model
     assert model is not None
     assert operator.model.rho @ operator.volume == pytest.approx(model.rho @ model.grid.cells, rel=1e-12)
     assert operator.model.rho.min() == pytest.approx(GLASS.rho)
@@ -63,7 +63,7 @@ def test_any_linear_field_is_in_equilibrium_in_each_material(other: Material) ->
 def test_the_sure_step_is_stable_in_two_materials() -> None:
     """2 / omega_max of a random zone, by power iteration, beside the step that its bound of stiffness gives."""
     operator, found = halves(HARD), 0.0
-    bound, mass = operator.whole.resistance, (operator.model.rho * operator.volume)[:, None]
+    bound, mass = operator.full_body.resistance, (operator.model.rho * operator.volume)[:, None]
     v = np.random.default_rng(0).standard_normal((len(operator.sites), 3))
     for _ in range(80):
         w = -operator.forces(SMALL * H * v) / SMALL / H / mass
@@ -78,11 +78,11 @@ def test_a_spring_makes_cells_fine_by_the_material_around_it(right: bool) -> Non
     """Stretched by half of what breaks bonds of the strong material, many times what breaks those of the other."""
     problem = prepare(block("hybrid", other=TOUGH), Options(threads=1))
     operator, state = zone_operator(problem.system), problem.state
-    peak = operator.whole.fine.tiles.peak
+    peak = operator.full_body.fine.tiles.peak
     assert peak.min() < 0.2 * peak.max()
     moved = (place(operator) == [34, 8, 20] if right else place(operator) == [8, 8, 34]).all(axis=1)
     state.value[moved, 2] = 0.5 * 2 * H * peak.max()
-    assert bool(len(operator.wanted(state, 0))) != right
+    assert bool(len(operator.mark_cells_to_refine(state, 0))) != right
 
 
 @pytest.mark.slow

@@ -9,8 +9,8 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from pdsolve.adaptivity.collocation.layout import LatticeConstants, edges
-from pdsolve.adaptivity.collocation.simd_rows import PLANE, corrected
+from pdsolve.adaptivity.collocation.layout import LatticeConstants, find_edge_rows
+from pdsolve.adaptivity.collocation.simd_rows import PLANE, corrected_stiffness
 from pdsolve.codegen.jit_cache import cached_njit
 from pdsolve.codegen.lanes import across, beside, keep
 from pdsolve.codegen.vector_code import ROW
@@ -20,10 +20,10 @@ ROOM = 2**26  # bytes of stiffnesses that are kept, at most
 ALIKE = 4  # rows, at least, for which it is worth it
 
 
-def with_patterns(ground: LatticeConstants) -> LatticeConstants:
+def add_row_patterns(ground: LatticeConstants) -> LatticeConstants:
     """The constant arrays with the stiffnesses of edge rows, stored once for equal rows."""
-    rows = np.flatnonzero(edges(ground) & (ground.there[0] > 0).reshape(-1, ROW).any(axis=1))
-    first, number, count = _distinct(_around(ground, rows))
+    rows = np.flatnonzero(find_edge_rows(ground) & (ground.there[0] > 0).reshape(-1, ROW).any(axis=1))
+    first, number, count = _distinct_rows(_surroundings_of_rows(ground, rows))
     often = np.argsort(-count, kind="stable")[: ROOM // (8 * ROW * len(ground.ways))]
     often = often[count[often] >= ALIKE]
     rank = np.full(len(count), -1)
@@ -31,36 +31,36 @@ def with_patterns(ground: LatticeConstants) -> LatticeConstants:
     pattern = ground.pattern.copy()
     pattern[rows] = rank[number]
     stiffness = np.zeros((1, len(often) * len(ground.ways) * ROW))
-    _keep(ground, rows[first[often]], stiffness)
-    return ground._replace(pattern=pattern, known=stiffness.reshape(-1, 1, ROW))
+    _store_stiffness(ground, rows[first[often]], stiffness)
+    return ground._replace(pattern=pattern, edge_row_stiffness=stiffness.reshape(-1, 1, ROW))
 
 
-def _around(ground: LatticeConstants, rows: NDArray[np.int64]) -> NDArray[np.int64]:
+def _surroundings_of_rows(ground: LatticeConstants, rows: NDArray[np.int64]) -> NDArray[np.int64]:
     """Surroundings of each of these rows (r, ...) within reach of its bonds; rows with equal surroundings are equal."""
     at, wide = ground.at, -(-ground.at.below // ROW)
     what = np.concatenate([ground.there, ground.lack]).reshape(3, -1, ROW).transpose(1, 0, 2).reshape(-1, 3 * ROW)
-    kind = np.pad(_distinct(what)[1], wide)
-    surroundings = _distinct(np.lib.stride_tricks.sliding_window_view(kind, 2 * wide + 1))[1]
+    kind = np.pad(_distinct_rows(what)[1], wide)
+    surroundings = _distinct_rows(np.lib.stride_tricks.sliding_window_view(kind, 2 * wide + 1))[1]
     return np.asarray(surroundings[rows[:, None] + np.arange(-at.below, at.below + 1) * (at.stride // ROW)])
 
 
-def _distinct(values: NDArray[np.generic]) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.int64]]:
+def _distinct_rows(values: NDArray[np.generic]) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.int64]]:
     """Distinct rows of values (n, w): index of each one's first occurrence, class number (n,), count of each class."""
     _, first, number, count = np.unique(values, axis=0, return_index=True, return_inverse=True, return_counts=True)
     return first, number.ravel(), count
 
 
 @cached_njit(error_model="numpy")
-def _keep(ground, rows, stiffness):  # type: ignore[no-untyped-def]
+def _store_stiffness(ground, rows, stiffness):  # type: ignore[no-untyped-def]
     """Store the stiffnesses of all bonds of these rows in `stiffness` (1, ...)."""
     for n in range(len(rows)):
-        _keep_row(ground, rows[n], n * len(ground.ways) * ROW, stiffness)
+        _store_row_stiffness(ground, rows[n], n * len(ground.ways) * ROW, stiffness)
 
 
 @njit(**INNER)
-def _keep_row(ground, row, begin, stiffness):  # type: ignore[no-untyped-def]
+def _store_row_stiffness(ground, row, begin, stiffness):  # type: ignore[no-untyped-def]
     for lane in range(0, ROW, across(stiffness)):
         p = row * ROW + lane
         lack = beside(ground.lack, PLANE, p)
         for k in range(len(ground.ways)):
-            keep((corrected(ground, p, k, lack),), stiffness, begin + k * ROW + lane)
+            keep((corrected_stiffness(ground, p, k, lack),), stiffness, begin + k * ROW + lane)

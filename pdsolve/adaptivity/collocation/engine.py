@@ -16,10 +16,10 @@ from pdsolve.adaptivity.collocation.zone import (
     CollocationZone,
     Counts,
     Totals,
-    areas_of,
-    renumbered,
-    spread,
-    widened,
+    active_areas,
+    deactivate_near,
+    interpolate_motion,
+    renumber_zone,
 )
 from pdsolve.adaptivity.hybrid.engine import ZoneSummary
 from pdsolve.checkpoint_validation import entry, like
@@ -30,7 +30,7 @@ from pdsolve.numerics.thread_team import gate_of, side_by_side
 from pdsolve.operators.protocol import Kept
 
 
-class Manner(NamedTuple):
+class CollocationSettings(NamedTuple):
     """Settings of the collocation method: where it refines, how it damps, and its number of threads."""
 
     kappa: float  # share of what breaks a bond at which a coarse pair becomes fine
@@ -43,13 +43,18 @@ class CollocationEngine:
     """A plate in motion; nodes are numbered as on their lattice."""
 
     def __init__(
-        self, plate: CollocationPlate, ground: LatticeConstants, zone: CollocationZone, drive: Drive, manner: Manner
+        self,
+        plate: CollocationPlate,
+        ground: LatticeConstants,
+        zone: CollocationZone,
+        drive: Drive,
+        settings: CollocationSettings,
     ) -> None:
         """`zone` is the initial zone; entries of `drive` refer to places."""
-        self.plate, self.ground, self.zone, self.drive, self.manner = plate, ground, zone, drive, manner
+        self.plate, self.ground, self.zone, self.drive, self.settings = plate, ground, zone, drive, settings
         self.work = np.zeros(ground.at.places)  # J/m^3
         self._rho = np.full(ground.at.places, ground.rho)
-        self.area = areas_of(ground, plate, zone.node)
+        self.area = active_areas(ground, plate, zone.node)
         self._march(1, 1)  # compiles before the clock runs
 
     def start(self, velocity: NDArray[np.float64]) -> None:
@@ -68,29 +73,29 @@ class CollocationEngine:
     def sum_forces(self, step: int, dt: float) -> None:
         """Sum the forces at the current displacements, without loads; bonds over their limit break in this step.
 
-        `dt` is the time since the last step, s, 0 at rest. Nodes to refine are only noted; `switch_wanted` refines
+        `dt` is the time since the last step, s, 0 at rest. Nodes to refine are only noted; `refine_if_marked` refines
         them.
         """
         ground, self.ground = self.ground, self.ground._replace(dt=dt)
         try:
-            while self._on_threads(step, step + 1, SUM)[0] != DONE:
-                self._grow()
+            while self._march_on_threads(step, step + 1, SUM)[0] != DONE:
+                self._enlarge_breaks()
         finally:
             self.ground = ground
 
-    def switch_wanted(self) -> None:
+    def refine_if_marked(self) -> None:
         """Refine the nodes noted as wanted."""
         if self.zone.hot.any():
-            self._switch()
+            self._refine_marked()
 
     def _march(self, first: int, last: int) -> None:
         where = BEGIN
         while True:
-            how, step = self._on_threads(first, last, where)
+            how, step = self._march_on_threads(first, last, where)
             if how == DONE:
                 return
             if how == ROOM:
-                self._grow()
+                self._enlarge_breaks()
             else:
                 largest = self.zone_summary().clipped_stretch
                 if largest > 1:
@@ -98,62 +103,62 @@ class CollocationEngine:
                         f"step {step}: the fine zone was refined too late (stretch of coarse pairs: {largest:.2f} of"
                         " critical); use a smaller run.collocation.kappa or time step"
                     )
-                self._switch()
+                self._refine_marked()
             first, where = step, FORCES
 
-    def _on_threads(self, first: int, last: int, where: int) -> tuple[int, int]:
+    def _march_on_threads(self, first: int, last: int, where: int) -> tuple[int, int]:
         """Run the compiled march on all threads until it ends; returns its end code and step."""
-        end, gate = (DONE, 0), gate_of(self.manner.threads)
-        how = self.drive, self.work, self._rho, self.manner.kappa, self.manner.every, first, last, where
+        end, gate = (DONE, 0), gate_of(self.settings.threads)
+        how = self.drive, self.work, self._rho, self.settings.kappa, self.settings.every, first, last, where
 
         def work(thread: int) -> None:
             nonlocal end
             end = march(self.ground, self.zone, *how, thread, gate)
 
-        side_by_side(work, self.manner.threads)
+        side_by_side(work, self.settings.threads)
         return end
 
-    def _grow(self) -> None:
+    def _enlarge_breaks(self) -> None:
         """Enlarge the arrays of broken bonds."""
         more = max(len(self.zone.breaks.step), int(np.count_nonzero(self.zone.flags)) * ROW * len(self.ground.ways))
         longer = (np.concatenate([column, np.zeros(more, dtype=np.int32)]) for column in self.zone.breaks)
         self.zone = self.zone._replace(breaks=BreakEvents(*longer))
 
-    def _switch(self) -> None:
+    def _refine_marked(self) -> None:
         """Refine where wanted: switch coarse nodes to fine ones."""
         zone, ground, plate = self.zone, self.ground, self.plate
-        zone.totals.damped += self._damped()
+        zone.totals.damped += self._damped_energy()
         zone.damped[:] = 0.0
         before, coarse = self._coarse_energy(), zone.node == COARSE
-        active = widened(ground, plate, coarse, zone.hot)
-        new = renumbered(ground, plate, zone, active, self.manner.band)
+        active = deactivate_near(ground, plate, coarse, zone.hot)
+        new = renumber_zone(ground, plate, zone, active, self.settings.band)
         born = np.flatnonzero((new.node == FINE) & (zone.node != FINE))
-        spread(zone, ground.at, born[zone.node[born] != COARSE])
+        interpolate_motion(zone, ground.at, born[zone.node[born] != COARSE])
         zone.hot[:] = False
-        self.zone, self.area = new, areas_of(ground, plate, new.node)
-        after = self._coarse_energy() + self._energy(born, self._held(np.unique(born // ROW)))
+        self.zone, self.area = new, active_areas(ground, plate, new.node)
+        after = self._coarse_energy() + self._energy_of_places(born, self._energies_of_rows(np.unique(born // ROW)))
         self.zone.totals.switched += after - before
         self.zone.counts.switches += 1
 
-    def _held(self, rows: NDArray[np.int64]) -> NDArray[np.float64]:
+    def _energies_of_rows(self, rows: NDArray[np.int64]) -> NDArray[np.float64]:
         """Energy densities (places,), J/m^3, of the fine nodes in these rows and of active coarse nodes."""
         densities = np.zeros((1, self.ground.at.places))
         held(self.ground, self.zone, rows, densities)
         return np.asarray(densities[0])
 
-    def held(self) -> NDArray[np.float64]:
+    def energy_densities(self) -> NDArray[np.float64]:
         """The energy densities (places,), J/m^3, of all active nodes."""
-        return self._held(self.zone.rows)
+        return self._energies_of_rows(self.zone.rows)
 
-    def _energy(self, places: NDArray[np.int64], densities: NDArray[np.float64]) -> float:
+    def _energy_of_places(self, places: NDArray[np.int64], densities: NDArray[np.float64]) -> float:
         """Kinetic plus strain energy of nodes, J/m."""
         moving = self.ground.rho / 2 * (self.zone.v[:, places] ** 2).sum(axis=0)
         return float(((moving + densities[places]) * self.area[places]).sum())
 
     def _coarse_energy(self) -> float:
-        return self._energy(self.zone.coarse, self._held(self.zone.rows[:0]))
+        return self._energy_of_places(self.zone.coarse, self._energies_of_rows(self.zone.rows[:0]))
 
-    def active(self) -> NDArray[np.int64]:
+    def active_places(self) -> NDArray[np.int64]:
         """Places of active nodes."""
         return np.flatnonzero((self.zone.node == FINE) | (self.zone.node == COARSE))
 
@@ -169,26 +174,26 @@ class CollocationEngine:
         largest, limit = (np.sqrt(1 + e) - 1 for e in (self.zone.totals.largest_e, self.ground.limit))
         return ZoneSummary(float(self.zone.totals.switched), float(fine), float(largest / limit))
 
-    def motion(self) -> tuple[float, float, float]:
+    def kinetic_and_momentum(self) -> tuple[float, float, float]:
         """Kinetic energy, J/m, and momentum, N s/m."""
-        places = self.active()
+        places = self.active_places()
         mass, v = self.ground.rho * self.area[places], self.zone.v[:, places]
         return (float((mass / 2 * (v**2).sum(axis=0)).sum()), *(mass * v).sum(axis=1).tolist())
 
     @property
-    def spent(self) -> tuple[float, float, float]:
+    def energy_totals(self) -> tuple[float, float, float]:
         """Energy dissipated by bonds and taken by damping, and work done, J/m."""
         totals = self.zone.totals
-        damped = float(totals.damped) + self._damped()
+        damped = float(totals.damped) + self._damped_energy()
         return float(totals.dissipated), damped, float((self.work * self.area).sum())
 
-    def _damped(self) -> float:
+    def _damped_energy(self) -> float:
         """Energy taken by damping since the last switch of nodes, J/m."""
         return float((self.zone.damped * self.area).sum())
 
     def keep(self) -> Kept:
         """Arrays for a checkpoint, from which a run continues bit by bit."""
-        zone, places = self.zone, self.active()
+        zone, places = self.zone, self.active_places()
         checkpoint = {f"break_{name}": column.copy() for name, column in self.broken()._asdict().items()}
         checkpoint |= {
             name: field[:, places].copy()
@@ -206,19 +211,19 @@ class CollocationEngine:
         if not np.isin(coarse, self.zone.coarse).all():
             raise CheckpointError("coarse nodes are none at the start; they must be some of those")
         active[coarse] = True
-        breaks = self._kept_breaks(checkpoint)
+        breaks = self._checkpoint_breaks(checkpoint)
         node, spring = breaks.node.astype(np.int64), breaks.spring.astype(np.int64)
         half = len(ground.ways) // 2
         for ends, k in ((node, spring), (node + ground.ways[spring], spring + half)):
             np.bitwise_or.at(self.zone.cut, (ends // ROW, k), (1 << (ends % ROW)).astype(np.uint16))
             kinds = self.zone.kinds
             kinds[ends // ROW] = np.maximum(kinds[ends // ROW], 1)
-        self.zone = renumbered(ground, self.plate, self.zone, active, self.manner.band)
-        self.area, places = areas_of(ground, self.plate, self.zone.node), self.active()
+        self.zone = renumber_zone(ground, self.plate, self.zone, active, self.settings.band)
+        self.area, places = active_areas(ground, self.plate, self.zone.node), self.active_places()
         if not np.array_equal(entry(checkpoint, "places", places.shape, np.int64), places):
             raise CheckpointError("places are not those of active nodes")
         while len(self.zone.breaks.step) < len(node):
-            self._grow()
+            self._enlarge_breaks()
         for column, values in zip(self.zone.breaks, breaks, strict=True):
             column[: len(node)] = values
         for name, field in (("fine_u", self.zone.u), ("fine_v", self.zone.v), ("fine_a", self.zone.a)):
@@ -234,7 +239,7 @@ class CollocationEngine:
         for name, field in (("own_work", self.work), ("damped", self.zone.damped), ("spent", self.zone.spent)):
             field[places] = entry(checkpoint, name, places.shape, float)
 
-    def _kept_breaks(self, checkpoint: Kept) -> BreakEvents:
+    def _checkpoint_breaks(self, checkpoint: Kept) -> BreakEvents:
         """Broken bonds of a checkpoint, checked to exist at the start and to have broken once.
 
         Raises CheckpointError.

@@ -21,9 +21,9 @@ from numpy.typing import NDArray
 from pdmesh.model.document import InitialVelocity
 from pdmesh.model.neighbours import Pairs
 from pdmesh.model.visibility import Sight
-from pdsolve.adaptivity.hybrid.coarse_cells import clear, quarters
-from pdsolve.adaptivity.hybrid.precracks import lengthened, seen
-from pdsolve.adaptivity.hybrid.springs import Springs, e_of
+from pdsolve.adaptivity.hybrid.coarse_cells import check_precracks_between_nodes, count_full_squares
+from pdsolve.adaptivity.hybrid.precracks import is_visible, lengthen_cracks
+from pdsolve.adaptivity.hybrid.springs import Springs, e_of_stretch
 from pdsolve.codegen.jit_cache import cached_njit
 from pdsolve.codegen.vector_code import ROW
 from pdsolve.conditions import unbreakable
@@ -40,7 +40,7 @@ SAME = 1e-12  # relative: areas this near to a whole cell are one
 OFF = 1e-6  # spacings: nodes this far from the lattice are not on it
 
 
-class Layout(NamedTuple):
+class Numbering(NamedTuple):
     """Numbering of places."""
 
     nx: int  # columns
@@ -55,7 +55,7 @@ class LatticeConstants(NamedTuple):
     """Constant arrays for compiled code; k bonds in a full family."""
 
     law: Any  # columns of no bonds, by whose type the law's functions are compiled
-    at: Layout
+    at: Numbering
     h: float  # m
     rho: float  # kg/m^3
     dt: float  # s
@@ -65,7 +65,7 @@ class LatticeConstants(NamedTuple):
     there: NDArray[np.float64]  # (1, places) area of a node's cell over h^2, 0 without one
     lack: NDArray[np.float64]  # (2, places) of energy in uniform stretch along x and y, as in the scheme
     pattern: NDArray[np.int64]  # (places / 16,) of rows at edges whose stiffnesses are kept: which; -1 of others
-    known: NDArray[np.float64]  # (patterns * k, 1, 16) these, N/m
+    edge_row_stiffness: NDArray[np.float64]  # (patterns * k, 1, 16) these, N/m
     no_fail: NDArray[np.bool_]  # (places,) nodes whose bonds do not break
     limit: float  # e above which a bond breaks
     stencil_ways: NDArray[np.int64]  # (s,) places from a coarse node to those of its stencil
@@ -81,36 +81,36 @@ class CollocationPlate(NamedTuple):
     row: NDArray[np.int32]  # (places,) of the grid, -1 without a node
     area: NDArray[np.float64]  # (n,) of nodes, m^2
     cut: NDArray[np.uint16]  # (places / 16, k) a bit for each bond that is cut or broken
-    parted: NDArray[np.int64]  # (places,) bonds that pre-cracks cut
-    whole: NDArray[np.bool_]  # (places,) nodes whose family is whole and uncut
-    acted: NDArray[np.bool_]  # (places,) nodes that are loaded, held or do not break
+    precrack_cuts: NDArray[np.int64]  # (places,) bonds that pre-cracks cut
+    has_full_family: NDArray[np.bool_]  # (places,) nodes whose family is whole and uncut
+    has_condition: NDArray[np.bool_]  # (places,) nodes that are loaded, held or do not break
 
 
-def placed(model: Model, reach: int, refused: str) -> tuple[Layout, NDArray[np.int64]]:
+def number_plate(model: Model, reach: int, advice: str) -> tuple[Numbering, NDArray[np.int64]]:
     """Places (n,) of a model's nodes, with margins for families `reach` spacings wide. Raises ModelError."""
     grid = model.grid
     if (grid.delta != grid.delta[0]).any():
-        raise ModelError(f"{model.name}: $.nodes has several spacings; use one, {refused}")
+        raise ModelError(f"{model.name}: $.nodes has several spacings; use one, {advice}")
     steps = (grid.position - grid.position.min(axis=0)) / float(grid.delta[0])
     column, row = np.round(steps).astype(np.int64).T
     if np.abs(steps - np.column_stack([column, row])).max() > OFF:
-        raise ModelError(f"{model.name}: $.nodes has nodes on no lattice; put them on one, {refused}")
+        raise ModelError(f"{model.name}: $.nodes has nodes on no lattice; put them on one, {advice}")
     nx, ny, left_margin = int(column.max()) + 1, int(row.max()) + 1, ROW * -(-reach // ROW)
     stride = ROW * -(-(left_margin + nx + reach) // ROW)
-    at = Layout(nx, ny, left_margin, reach, stride, (ny + 2 * reach) * stride + 2 * ROW)
+    at = Numbering(nx, ny, left_margin, reach, stride, (ny + 2 * reach) * stride + 2 * ROW)
     return at, (row + reach) * stride + left_margin + column
 
 
-def ground_of(
-    model: Model, springs: Springs, at: Layout, place: NDArray[np.int64], stencil: Stencil
+def create_constants_and_plate(
+    model: Model, springs: Springs, at: Numbering, place: NDArray[np.int64], stencil: Stencil
 ) -> tuple[LatticeConstants, CollocationPlate]:
     """Constant arrays of a plate, before its time step is chosen. Raises GridError, ModelError."""
     h, material = float(model.grid.delta[0]), model.materials[0]
     n = springs.table[:, :2] * np.sqrt(springs.table[:, 4:5])
-    ways, limit = springs.dy * at.stride + springs.dx, float(e_of(springs.limit))
+    ways, limit = springs.dy * at.stride + springs.dx, float(e_of_stretch(springs.limit))
     row = np.full(at.places, -1, dtype=np.int32)
     row[place] = np.arange(len(place))
-    area = _areas(model, at, place, row)
+    area = _node_areas(model, at, place, row)
     area_share, no_fail = np.zeros((1, at.places)), np.zeros(at.places, dtype=np.bool_)
     share = area / h**2
     area_share[0, place] = np.where(np.abs(share - 1) < SAME, 1.0, share)
@@ -131,7 +131,7 @@ def ground_of(
         there=area_share,
         lack=np.ones((2, at.places)),
         pattern=np.full(at.places // ROW, -1),
-        known=np.zeros((0, 1, ROW)),
+        edge_row_stiffness=np.zeros((0, 1, ROW)),
         no_fail=no_fail,
         limit=limit,
         stencil_ways=2 * (stencil.xi[:, 1] * at.stride + stencil.xi[:, 0]),
@@ -139,31 +139,31 @@ def ground_of(
         pairs=np.column_stack([2 * xi / square[:, None], 1 / square]),
     )
     cut = np.zeros((at.places // ROW, len(ways)), dtype=np.uint16)
-    hidden = _hide(model, ground, springs, row, cut)
+    hidden = _cut_hidden_bonds(model, ground, springs, row, cut)
     cracks = (model.grid.cracks - np.tile(model.grid.position.min(axis=0), 2)) / h
-    clear(model, cracks, at.nx - 1, at.ny - 1)
-    cracks = lengthened(cracks)
-    near = _near(area_share[0], at, cracks) & (row >= 0)
+    check_precracks_between_nodes(model, cracks, at.nx - 1, at.ny - 1)
+    cracks = lengthen_cracks(cracks)
+    near = _mask_near_edges_and_cracks(area_share[0], at, cracks) & (row >= 0)
     near |= hidden
     full_family = (row >= 0) & ~near
     near_places, parted, acted = np.flatnonzero(near), np.zeros(at.places, dtype=np.int64), no_fail.copy()
-    _cross(ground, cut, near_places, cracks, parted)
-    _lacks(ground, cut, near_places, full_family)
+    _cut_crossing_bonds(ground, cut, near_places, cracks, parted)
+    _store_lacking_energy(ground, cut, near_places, full_family)
     for condition in model.settings.conditions:
         if not isinstance(condition, InitialVelocity):
             acted[place[model.selected(condition)]] = True
     return ground, CollocationPlate(model, place, row, area, cut, parted, full_family, acted)
 
 
-def _areas(model: Model, at: Layout, place: NDArray[np.int64], row: NDArray[np.int32]) -> NDArray[np.float64]:
+def _node_areas(model: Model, at: Numbering, place: NDArray[np.int64], row: NDArray[np.int32]) -> NDArray[np.float64]:
     """Areas (n,) of nodes, m^2: those of the grid, or else a quarter of each adjacent square between nodes."""
     if model.grid.areas is not None:
         return model.grid.areas
-    around = quarters((row[: at.places - 2 * ROW] >= 0).reshape(-1, at.stride)).ravel()[place]
+    around = count_full_squares((row[: at.places - 2 * ROW] >= 0).reshape(-1, at.stride)).ravel()[place]
     return np.asarray(float(model.grid.delta[0]) ** 2 / 4 * around)
 
 
-def dilated(marked: NDArray[np.bool_], at: Layout, reach: int) -> NDArray[np.bool_]:
+def dilate_mask(marked: NDArray[np.bool_], at: Numbering, reach: int) -> NDArray[np.bool_]:
     """Mask (places,) of places at most `reach` columns and rows from a marked one."""
     field = marked[: at.places - 2 * ROW].reshape(-1, at.stride)
     near = np.zeros(at.places, dtype=np.bool_)
@@ -171,21 +171,23 @@ def dilated(marked: NDArray[np.bool_], at: Layout, reach: int) -> NDArray[np.boo
     return near
 
 
-def kinds_of(ground: LatticeConstants, cut: NDArray[np.uint16]) -> NDArray[np.uint8]:
+def row_kinds(ground: LatticeConstants, cut: NDArray[np.uint16]) -> NDArray[np.uint8]:
     """Kind of each row of 16 places."""
     at_edge = np.where(ground.pattern >= 0, KNOWN, EDGE)
-    return np.where(edges(ground), at_edge, np.where(cut.any(axis=1), CUT, WHOLE)).astype(np.uint8)
+    return np.where(find_edge_rows(ground), at_edge, np.where(cut.any(axis=1), CUT, WHOLE)).astype(np.uint8)
 
 
-def edges(ground: LatticeConstants) -> NDArray[np.bool_]:
+def find_edge_rows(ground: LatticeConstants) -> NDArray[np.bool_]:
     """Mask (places / 16,) of rows with bonds that are not those of a full family."""
     odd = (ground.there[0] != 1) | (ground.lack != 1).any(axis=0)
-    edge_rows = np.asarray(dilated(odd, ground.at, ground.at.below).reshape(-1, ROW).any(axis=1))
+    edge_rows = np.asarray(dilate_mask(odd, ground.at, ground.at.below).reshape(-1, ROW).any(axis=1))
     edge_rows[-2:] = True
     return edge_rows
 
 
-def _near(area_share: NDArray[np.float64], at: Layout, cracks: NDArray[np.float64]) -> NDArray[np.bool_]:
+def _mask_near_edges_and_cracks(
+    area_share: NDArray[np.float64], at: Numbering, cracks: NDArray[np.float64]
+) -> NDArray[np.bool_]:
     """Mask of places within a family's reach of a missing or partial cell, or of a pre-crack."""
     odd = area_share != 1
     for x0, y0, x1, y1 in cracks:
@@ -193,10 +195,10 @@ def _near(area_share: NDArray[np.float64], at: Layout, cracks: NDArray[np.float6
         x, y = np.round(x0 + share * (x1 - x0)).astype(int), np.round(y0 + share * (y1 - y0)).astype(int)
         inside = (x >= 0) & (x < at.nx) & (y >= 0) & (y < at.ny)
         odd[(y[inside] + at.below) * at.stride + at.left + x[inside]] = True
-    return dilated(odd, at, at.below + 1)
+    return dilate_mask(odd, at, at.below + 1)
 
 
-def _hide(
+def _cut_hidden_bonds(
     model: Model, ground: LatticeConstants, springs: Springs, row: NDArray[np.int32], cut: NDArray[np.uint16]
 ) -> NDArray[np.bool_]:
     """Remove the bonds that a hole or the outline separates; returns a mask (places,) of their nodes."""
@@ -207,7 +209,7 @@ def _hide(
     missing = inner & (row < 0)
     if not missing.any():
         return hidden  # a rectangle, which no bond leaves
-    around = np.flatnonzero(dilated(missing, at, at.below) & (row >= 0))
+    around = np.flatnonzero(dilate_mask(missing, at, at.below) & (row >= 0))
     around = around[np.argsort(row[around])]
     sight = Sight(model.grid, model.name)
     for k in range(len(ground.ways) // 2):
@@ -223,7 +225,7 @@ def _hide(
 
 
 @cached_njit(error_model="numpy")
-def _cross(ground, cut, places, cracks, parted):  # type: ignore[no-untyped-def]
+def _cut_crossing_bonds(ground, cut, places, cracks, parted):  # type: ignore[no-untyped-def]
     """Cut and count the bonds of these nodes that cross a pre-crack."""
     at = ground.at
     for p in places:
@@ -232,13 +234,13 @@ def _cross(ground, cut, places, cracks, parted):  # type: ignore[no-untyped-def]
             if ground.there[0, p + ground.ways[k]] == 0 or is_cut(cut, p, k):
                 continue
             x, y = ix + np.round(ground.table[k, 0] / ground.h), iy + np.round(ground.table[k, 1] / ground.h)
-            if not seen(cracks, ix, iy, x, y):
-                do_cut(cut, p, k)
+            if not is_visible(cracks, ix, iy, x, y):
+                mark_cut(cut, p, k)
                 parted[p] += 1
 
 
 @cached_njit(error_model="numpy")
-def _lacks(ground, cut, places, full_family):  # type: ignore[no-untyped-def]
+def _store_lacking_energy(ground, cut, places, full_family):  # type: ignore[no-untyped-def]
     """Store the energy of a full family over that of these nodes, and mark the nodes with a whole family."""
     full_x, full_y = 0.0, 0.0
     for k in range(len(ground.ways)):
@@ -269,6 +271,6 @@ def is_cut(cut, p, k):  # type: ignore[no-untyped-def]
 
 
 @cached_njit(error_model="numpy")
-def do_cut(cut, p, k):  # type: ignore[no-untyped-def]
+def mark_cut(cut, p, k):  # type: ignore[no-untyped-def]
     """Mark bond k of node p as cut."""
     cut[p // 16, k] = np.uint16(np.int64(cut[p // 16, k]) | (1 << (p % 16)))

@@ -16,9 +16,9 @@ from pdsolve.adaptivity.collocation.simd_rows import (
     break_bond,
     e_before,
     e_of_bond,
-    hold_row,
     is_over,
     stiffness,
+    store_row_energies,
 )
 from pdsolve.adaptivity.collocation.zone import COARSE, FINE
 from pdsolve.codegen.jit_cache import cached_njit
@@ -289,7 +289,7 @@ def held(ground, zone, rows, densities):  # type: ignore[no-untyped-def]
     """
     follow(zone, zone.u)
     for row in rows:
-        hold_row(ground, zone.cut, zone.kinds[row], zone.u, densities, row)
+        store_row_energies(ground, zone.cut, zone.kinds[row], zone.u, densities, row)
     u = zone.u
     for q in zone.coarse:
         energy = 0.0

@@ -17,8 +17,8 @@ from pdsolve.adaptivity.collocation.engine import CollocationEngine
 from pdsolve.adaptivity.collocation.layout import is_cut
 from pdsolve.adaptivity.collocation.zone import COARSE, FINE, BreakEvents
 from pdsolve.adaptivity.hybrid.engine import ZoneSummary
-from pdsolve.adaptivity.hybrid.irregular_bonds import part_of
-from pdsolve.adaptivity.two_lattice_operator import Sums, TwoLatticeOperator
+from pdsolve.adaptivity.hybrid.irregular_bonds import part_of_model
+from pdsolve.adaptivity.two_lattice_operator import LedgerTotals, TwoLatticeOperator
 from pdsolve.codegen.jit_cache import cached_njit
 from pdsolve.model import Model
 from pdsolve.state import Broken, State
@@ -35,8 +35,8 @@ class CollocationOperator(TwoLatticeOperator[CollocationEngine]):
 
     def __init__(self, engine: CollocationEngine) -> None:
         """An operator on the currently active nodes."""
-        self.hybrid, self._strain = engine, 0.0
-        self.places, self._kind = engine.active(), engine.zone.node.copy()
+        self.engine, self._strain = engine, 0.0
+        self.places, self._kind = engine.active_places(), engine.zone.node.copy()
         self._row_of = np.full(engine.ground.at.places, -1, dtype=np.int64)
         self._row_of[self.places] = np.arange(len(self.places))
         self.area = engine.area[self.places]
@@ -47,7 +47,7 @@ class CollocationOperator(TwoLatticeOperator[CollocationEngine]):
     @cached_property
     def model(self) -> Model:
         """The model of the n current nodes, without conditions."""
-        active_model = part_of(self.hybrid.plate.model, self.hybrid.plate.row[self.places].astype(np.int64))
+        active_model = part_of_model(self.engine.plate.model, self.engine.plate.row[self.places].astype(np.int64))
         delta = np.where(self._kind[self.places] == COARSE, 2.0, 1.0) * active_model.grid.delta
         return dataclasses.replace(
             active_model, grid=dataclasses.replace(active_model.grid, delta=delta, areas=self.area)
@@ -56,39 +56,39 @@ class CollocationOperator(TwoLatticeOperator[CollocationEngine]):
     @cached_property
     def counts(self) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
         """Bonds (n,) of each node at the start, and their number including those cut by pre-cracks."""
-        ground, plate, fine = self.hybrid.ground, self.hybrid.plate, self._kind[self.places] == FINE
+        ground, plate, fine = self.engine.ground, self.engine.plate, self._kind[self.places] == FINE
         fine_places, count = self.places[fine], np.full(len(self.places), len(ground.stencil_ways) - 1)
         _, node, spring = self._before
         lost = np.bincount(np.concatenate([node, node + ground.ways[spring]]), minlength=ground.at.places)
-        count[fine] = _intact(ground, self._cut, self._kind, fine_places) + lost[fine_places]
+        count[fine] = _count_intact_bonds(ground, self._cut, self._kind, fine_places) + lost[fine_places]
         family = count.copy()
-        family[fine] += plate.parted[fine_places]
+        family[fine] += plate.precrack_cuts[fine_places]
         return count, family
 
     @property
     def signature(self) -> NDArray[np.int64]:
         """Signature (n,) that changes if a node or its bonds change."""
-        share = np.round(self.area / self.hybrid.ground.h**2 * 64).astype(np.int64)  # of a coarse node beside the seam
+        share = np.round(self.area / self.engine.ground.h**2 * 64).astype(np.int64)  # of a coarse node beside the seam
         return np.where(self._kind[self.places] == FINE, 1 + self.counts[0], -share)
 
     @property
-    def current(self) -> bool:
+    def is_current(self) -> bool:
         """Whether no nodes have been switched since this operator was made."""
-        return bool(self.hybrid.zone.counts.switches == self._switches)
+        return bool(self.engine.zone.counts.switches == self._switches)
 
-    def changed(self) -> CollocationOperator | None:
+    def operator_if_changed(self) -> CollocationOperator | None:
         """The operator on the current nodes if they have changed, else None."""
-        self.hybrid.switch_wanted()
-        return None if self.current else CollocationOperator(self.hybrid)
+        self.engine.refine_if_marked()
+        return None if self.is_current else CollocationOperator(self.engine)
 
-    def _put(self, state: State) -> None:
+    def _set_node_motion(self, state: State) -> None:
         """Set the active nodes to the values and rates of a state; fictitious nodes are interpolated."""
-        zone = self.hybrid.zone
+        zone = self.engine.zone
         zone.u[:, self.places], zone.v[:, self.places] = state.value.T, state.rate.T
 
-    def sync(self, state: State) -> None:
+    def copy_to(self, state: State) -> None:
         """Update a state from the active nodes."""
-        engine, places = self.hybrid, self.places
+        engine, places = self.engine, self.places
         zone = engine.zone
         for field, out in ((zone.u, state.value), (zone.v, state.rate), (zone.a, state.second)):
             out[:] = field[:, places].T
@@ -96,47 +96,47 @@ class CollocationOperator(TwoLatticeOperator[CollocationEngine]):
 
     def accelerations(self) -> NDArray[np.float64]:
         """Accelerations (n, 2), m/s^2, from the most recent sum of forces."""
-        acceleration, ground = self.hybrid.zone.f[:, self.places].T.copy(), self.hybrid.ground
+        acceleration, ground = self.engine.zone.f[:, self.places].T.copy(), self.engine.ground
         acceleration[self._kind[self.places] == FINE] /= ground.rho * ground.h**2  # coarse ones have accelerations
         return acceleration
 
     def spent(self) -> NDArray[np.float64]:
         """Energy density (n,), J/m^3, dissipated so far by the nodes' broken bonds."""
-        return np.asarray(self.hybrid.zone.spent[self.places] / self.area)
+        return np.asarray(self.engine.zone.spent[self.places] / self.area)
 
     def tangent(self, state: State) -> csr_array:
         """Minus the derivative (2 n, 2 n), N/m^4, of the force densities by the values; see `Operator`."""
         from pdsolve.adaptivity.collocation.tangent import tangent_of  # few runs need it
 
-        return tangent_of(self.hybrid, self._kind, self._row_of, state.value)
+        return tangent_of(self.engine, self._kind, self._row_of, state.value)
 
     def energies(self, state: State) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Strain energy densities (n,), J/m^3, and zeros for softening, which collocation does not have."""
-        self.take(state)
-        densities = self.hybrid.held()[self.places]
+        self.set_nodes(state)
+        densities = self.engine.energy_densities()[self.places]
         self._strain = float((densities * self.area).sum())
         return densities, np.zeros_like(densities)
 
-    def books(self) -> Sums:
+    def ledger_totals(self) -> LedgerTotals:
         """Energies, work and momentum at the state of the last call of `energies`."""
-        kinetic, x, y = self.hybrid.motion()
-        return Sums(kinetic, self._strain, *self.hybrid.spent, x, y, len(self.broken().step))
+        kinetic, x, y = self.engine.kinetic_and_momentum()
+        return LedgerTotals(kinetic, self._strain, *self.engine.energy_totals, x, y, len(self.broken().step))
 
     def zone_summary(self) -> ZoneSummary:
         """Summary of the fine zone; its stretch is that of coarse pairs."""
-        return self.hybrid.zone_summary()
+        return self.engine.zone_summary()
 
-    def pushes(self, profiles: int) -> NDArray[np.float64]:
+    def load_forces(self, profile_count: int) -> NDArray[np.float64]:
         """Forces (profiles, 2), N/m, of the loads at factor 1."""
-        loads, forces = self.hybrid.drive.loads, np.zeros((profiles, 2))
-        np.add.at(forces, (loads.profile, loads.axis), loads.value * self.hybrid.area[loads.node])
+        loads, forces = self.engine.drive.loads, np.zeros((profile_count, 2))
+        np.add.at(forces, (loads.profile, loads.axis), loads.value * self.engine.area[loads.node])
         return forces
 
-    def pulls(self, profiles: int) -> NDArray[np.float64]:
+    def holding_forces(self, profile_count: int) -> NDArray[np.float64]:
         """Forces (profiles, 2), N/m, that hold the nodes with prescribed motion."""
-        drive, forces = self.hybrid.drive, np.zeros((profiles, 2))
+        drive, forces = self.engine.drive, np.zeros((profile_count, 2))
         holds = drive.holds
-        np.add.at(forces, (holds.profile, holds.axis), -drive.held_force * self.hybrid.area[holds.node])
+        np.add.at(forces, (holds.profile, holds.axis), -drive.held_force * self.engine.area[holds.node])
         return forces
 
     def bonds(
@@ -144,10 +144,10 @@ class CollocationOperator(TwoLatticeOperator[CollocationEngine]):
     ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
         """Source and target rows (k,) of the intact bonds of nodes `first` to `last` - 1, or of those at the
         `start`."""
-        ground, places = self.hybrid.ground, self.places[first:last]
+        ground, places = self.engine.ground, self.places[first:last]
         sources, targets = [], []
         places_of_kind = places[self._kind[places] == FINE]
-        node, k = _listed(ground, self._cut if start else self.hybrid.zone.cut, self._kind, places_of_kind)
+        node, k = _list_intact_bonds(ground, self._cut if start else self.engine.zone.cut, self._kind, places_of_kind)
         sources.append(places_of_kind[node])
         targets.append(places_of_kind[node] + ground.ways[k])
         if start:
@@ -167,16 +167,16 @@ class CollocationOperator(TwoLatticeOperator[CollocationEngine]):
 
     def broken(self, after: int = 0) -> Broken:
         """Bonds broken after a step: step, source row and target row of each."""
-        step, node, spring = self.hybrid.broken()
+        step, node, spring = self.engine.broken()
         new = np.flatnonzero(step > after)
-        ends = (self._row_of[source] for source in (node[new], node[new] + self.hybrid.ground.ways[spring[new]]))
+        ends = (self._row_of[source] for source in (node[new], node[new] + self.engine.ground.ways[spring[new]]))
         source, target = ends
         steps = np.tile(step[new].astype(np.int64), 2)
         return Broken(steps, np.concatenate([source, target]), np.concatenate([target, source]))
 
 
 @cached_njit(error_model="numpy")
-def _intact(ground, cut, kind, places):  # type: ignore[no-untyped-def]
+def _count_intact_bonds(ground, cut, kind, places):  # type: ignore[no-untyped-def]
     """Number of bonds of each place to active nodes that are neither cut nor broken."""
     counts = np.zeros(len(places), dtype=np.int64)
     for n in range(len(places)):
@@ -188,9 +188,9 @@ def _intact(ground, cut, kind, places):  # type: ignore[no-untyped-def]
 
 
 @cached_njit(error_model="numpy")
-def _listed(ground, cut, kind, places):  # type: ignore[no-untyped-def]
+def _list_intact_bonds(ground, cut, kind, places):  # type: ignore[no-untyped-def]
     """Intact bonds of some places to active nodes: the place of each bond and its index in the family."""
-    count = _intact(ground, cut, kind, places).sum()
+    count = _count_intact_bonds(ground, cut, kind, places).sum()
     node, spring, at = np.zeros(count, dtype=np.int64), np.zeros(count, dtype=np.int64), 0
     for n in range(len(places)):
         for k in range(len(ground.ways)):

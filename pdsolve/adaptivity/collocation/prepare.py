@@ -8,13 +8,13 @@ import numpy as np
 
 from pdmesh.model.document import Collocation
 from pdmesh.model.material_constants import pressure_speed
-from pdsolve.adaptivity.collocation.edge_row_patterns import with_patterns
-from pdsolve.adaptivity.collocation.engine import CollocationEngine, Manner
-from pdsolve.adaptivity.collocation.layout import ground_of, placed
+from pdsolve.adaptivity.collocation.edge_row_patterns import add_row_patterns
+from pdsolve.adaptivity.collocation.engine import CollocationEngine, CollocationSettings
+from pdsolve.adaptivity.collocation.layout import create_constants_and_plate, number_plate
 from pdsolve.adaptivity.collocation.operator import CollocationOperator
 from pdsolve.adaptivity.collocation.simd_rows import stiffness_bound
-from pdsolve.adaptivity.collocation.zone import begun, eligible
-from pdsolve.adaptivity.hybrid.coarse_cells import refuse, refused
+from pdsolve.adaptivity.collocation.zone import create_zone, mask_eligible_coarse
+from pdsolve.adaptivity.hybrid.coarse_cells import check_supported, unsupported_error
 from pdsolve.adaptivity.hybrid.springs import fine_springs
 from pdsolve.conditions import drive, initial_velocity
 from pdsolve.model import Model
@@ -27,51 +27,64 @@ OFTEN = 8  # steps between two looks, at most
 DAMPED = ((6.0, 0.05), (16.0, 0.02))
 
 
-def collocation_of(
-    model: Model, mode: str, precision: str, step_of: Callable[[Model, float], float], threads: int = 1
+def create_collocation_operator(
+    model: Model, mode: str, precision: str, choose_step: Callable[[Model, float], float], threads: int = 1
 ) -> tuple[CollocationOperator, float]:
-    """The operator at the start, and the surely stable step, s; `step_of` chooses the step.
+    """The operator at the start, and the surely stable step, s; `choose_step` chooses the step.
 
     Raises ModelError for a model that this method does not support.
     """
-    refuse(model, mode, MOST)
+    check_supported(model, mode, MOST)
     if precision != "float64":
-        raise refused(model, "precision", precision, "float64")
+        raise unsupported_error(model, "precision", precision, "float64")
     ratio, material = model.settings.horizon.ratio, model.materials[0]
     if ratio < LEAST:
-        raise refused(model, "$.horizon.ratio", f"{ratio:g}", f"at least {LEAST:g}")
+        raise unsupported_error(model, "$.horizon.ratio", f"{ratio:g}", f"at least {LEAST:g}")
     h = float(model.grid.delta[0])
     springs = fine_springs(material, ratio, h)
     try:
         stencil = stencil_of(ratio / 2, elastic(springs.c11, springs.c66, 2), 2)
     except StencilError as error:
-        raise refused(model, "$.horizon.ratio", f"{ratio:g} ({error})", "one whose stencil is stable") from None
-    at, place = placed(model, int(np.abs(springs.dx).max()), f"as run.adapt is {model.settings.run.adapt}")
-    ground, plate = ground_of(model, springs, at, place, stencil)
-    ground = with_patterns(ground)
+        raise unsupported_error(
+            model, "$.horizon.ratio", f"{ratio:g} ({error})", "one whose stencil is stable"
+        ) from None
+    at, place = number_plate(model, int(np.abs(springs.dx).max()), f"as run.adapt is {model.settings.run.adapt}")
+    ground, plate = create_constants_and_plate(model, springs, at, place, stencil)
+    ground = add_row_patterns(ground)
     # of fine nodes: those at edges, and one full family for all others
-    odd = np.flatnonzero((plate.row >= 0) & ~plate.whole)
-    stiffness = stiffness_bound(ground, plate.cut, np.concatenate([odd, np.flatnonzero(plate.whole)[:1]]))
+    odd = np.flatnonzero((plate.row >= 0) & ~plate.has_full_family)
+    stiffness = stiffness_bound(ground, plate.cut, np.concatenate([odd, np.flatnonzero(plate.has_full_family)[:1]]))
     bound = min(float(np.sqrt(2 * ground.rho / stiffness)), longest(stencil, 2 * h, material.rho))
-    ground = ground._replace(dt=step_of(model, bound))
-    how = model.settings.run.collocation
+    ground = ground._replace(dt=choose_step(model, bound))
+    run_settings = model.settings.run.collocation
     every = int(ratio * h / (2 * pressure_speed(material) * ground.dt))
-    manner = Manner(how.kappa, band(how, model), max(1, min(OFTEN, every)), threads)
-    zone = begun(ground, plate, eligible(ground, plate, round(min(how.margin * ratio, at.nx + at.ny))), manner.band)
-    driven = drive(model, plate.area, True, np.float64)
+    settings = CollocationSettings(
+        run_settings.kappa, seam_damping(run_settings, model), max(1, min(OFTEN, every)), threads
+    )
+    zone = create_zone(
+        ground,
+        plate,
+        mask_eligible_coarse(ground, plate, round(min(run_settings.margin * ratio, at.nx + at.ny))),
+        settings.band,
+    )
+    drive_of_places = drive(model, plate.area, True, np.float64)
     force, before = np.zeros((2, at.places, 2))
-    force[place], before[place] = driven.force, driven.before
-    loads, holds = (entries._replace(node=place[entries.node]) for entries in (driven.loads, driven.holds))
-    driven = driven._replace(force=force, before=before, loads=loads, holds=holds)  # by places in place of rows
-    engine = CollocationEngine(plate, ground, zone, driven, manner)
+    force[place], before[place] = drive_of_places.force, drive_of_places.before
+    loads, holds = (
+        entries._replace(node=place[entries.node]) for entries in (drive_of_places.loads, drive_of_places.holds)
+    )
+    drive_of_places = drive_of_places._replace(
+        force=force, before=before, loads=loads, holds=holds
+    )  # by places in place of rows
+    engine = CollocationEngine(plate, ground, zone, drive_of_places, settings)
     engine.start(initial_velocity(model))
     return CollocationOperator(engine), bound
 
 
-def band(how: Collocation, model: Model) -> float:
+def seam_damping(settings: Collocation, model: Model) -> float:
     """Damping of nodes within a horizon of the seam between fine and coarse nodes, 1/s."""
     material, ratio = model.materials[0], model.settings.horizon.ratio
-    share = how.damping
+    share = settings.damping
     if share is None:
         share = next((damped for below, damped in DAMPED if ratio < below), 0.0)
     return float(share * np.sqrt(material.E / material.rho) / model.grid.delta[0])

@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from pdsolve.adaptivity.collocation.layout import CUT, EDGE, KNOWN, WHOLE, do_cut, is_cut
+from pdsolve.adaptivity.collocation.layout import CUT, EDGE, KNOWN, WHOLE, is_cut, mark_cut
 from pdsolve.codegen.jit_cache import cached_njit
 from pdsolve.codegen.lanes import across, beside, intact, keep, larger, same, stacked, unless_none, which_above
 from pdsolve.codegen.pull import coefficients
@@ -21,12 +21,12 @@ G0, G1, G2, G3, G4, G5, G6, G7, G8, G9, G10 = coefficients("float64")[1]
 
 
 @njit(forceinline=True, **INNER)
-def _weight(ground, cut, u, kind, p, row, k, lane, lack):  # type: ignore[no-untyped-def]
+def _lane_stiffness(ground, cut, u, kind, p, row, k, lane, lack):  # type: ignore[no-untyped-def]
     """Stiffness of bond k in the lanes from place p on, 0 without one; `lack` is the correction of these nodes."""
     if kind == KNOWN:
-        w = stacked(ground.known, ONE, ground.pattern[row] * len(ground.ways) + k, lane)[0]
+        w = stacked(ground.edge_row_stiffness, ONE, ground.pattern[row] * len(ground.ways) + k, lane)[0]
     elif kind == EDGE:
-        w = corrected(ground, p, k, lack)
+        w = corrected_stiffness(ground, p, k, lack)
     else:
         w = same(u, ground.table[k, 5])
     if kind != WHOLE:
@@ -35,7 +35,7 @@ def _weight(ground, cut, u, kind, p, row, k, lane, lack):  # type: ignore[no-unt
 
 
 @njit(forceinline=True, **INNER)
-def corrected(ground, p, k, lack):  # type: ignore[no-untyped-def]
+def corrected_stiffness(ground, p, k, lack):  # type: ignore[no-untyped-def]
     """Stiffness of bond k in the lanes from place p on, if it were intact."""
     neighbour = p + ground.ways[k]
     neighbour_lack = beside(ground.lack, PLANE, neighbour)
@@ -55,7 +55,7 @@ def _g(e):  # type: ignore[no-untyped-def]
 
 
 @njit(forceinline=True, **INNER)
-def _stretched(ground, u, displacement, p, k):  # type: ignore[no-untyped-def]
+def _relative_displacement_and_e(ground, u, displacement, p, k):  # type: ignore[no-untyped-def]
     """eta and e of bond k in the lanes from place p on; `displacement` are the displacements there."""
     neighbour_displacement = beside(u, PLANE, p + ground.ways[k])
     x, y = neighbour_displacement[0] - displacement[0], neighbour_displacement[1] - displacement[1]
@@ -75,8 +75,8 @@ def add_row(ground, cut, kind, bounds, u, f, row):  # type: ignore[no-untyped-de
         displacement, lack, fx, fy = beside(u, PLANE, p), beside(ground.lack, PLANE, p), none, none
         most, widest = none, none
         for k in range(len(ground.ways)):
-            x, y, e = _stretched(ground, u, displacement, p, k)
-            w = _weight(ground, cut, u, kind, p, row, k, lane, lack)
+            x, y, e = _relative_displacement_and_e(ground, u, displacement, p, k)
+            w = _lane_stiffness(ground, cut, u, kind, p, row, k, lane, lack)
             if kind != WHOLE:
                 e = unless_none(w, e, none)
             most, widest = larger(e, most), larger(e * e, widest)
@@ -97,8 +97,8 @@ def add_row_exactly(ground, cut, kind, u, f, row):  # type: ignore[no-untyped-de
         p = row * ROW + lane
         displacement, lack, fx, fy = beside(u, PLANE, p), beside(ground.lack, PLANE, p), none, none
         for k in range(len(ground.ways)):
-            x, y, e = _stretched(ground, u, displacement, p, k)
-            w = _weight(ground, cut, u, kind, p, row, k, lane, lack)
+            x, y, e = _relative_displacement_and_e(ground, u, displacement, p, k)
+            w = _lane_stiffness(ground, cut, u, kind, p, row, k, lane, lack)
             e = unless_none(w, e, none)
             q2 = e + 1.0
             pull = w * (e / (q2 + np.sqrt(q2)))
@@ -107,15 +107,15 @@ def add_row_exactly(ground, cut, kind, u, f, row):  # type: ignore[no-untyped-de
 
 
 @njit(**INNER)
-def hold_row(ground, cut, kind, u, densities, row):  # type: ignore[no-untyped-def]
+def store_row_energies(ground, cut, kind, u, densities, row):  # type: ignore[no-untyped-def]
     """Energy densities (1, places), J/m^3, of the nodes of a row: half of each bond's."""
     none, part = same(u, 0.0), 0.25 / ground.h**2
     for lane in range(0, ROW, across(u)):
         p = row * ROW + lane
         displacement, lack, energy = beside(u, PLANE, p), beside(ground.lack, PLANE, p), none
         for k in range(len(ground.ways)):
-            _, _, e = _stretched(ground, u, displacement, p, k)
-            w = _weight(ground, cut, u, kind, p, row, k, lane, lack)
+            _, _, e = _relative_displacement_and_e(ground, u, displacement, p, k)
+            w = _lane_stiffness(ground, cut, u, kind, p, row, k, lane, lack)
             e = unless_none(w, e, none)
             stretch = e / (np.sqrt(e + 1.0) + 1.0)
             energy = energy + w * (stretch * stretch) * (part / ground.table[k, 4])
@@ -153,9 +153,9 @@ def e_before(ground, u, v, p, k):  # type: ignore[no-untyped-def]
 def break_bond(ground, zone, p, k):  # type: ignore[no-untyped-def]
     """Break bond k of node p at both of its ends."""
     half = len(ground.ways) // 2
-    do_cut(zone.cut, p, k)
+    mark_cut(zone.cut, p, k)
     j = p + ground.ways[k]
-    do_cut(zone.cut, j, k + half if k < half else k - half)
+    mark_cut(zone.cut, j, k + half if k < half else k - half)
     for row in (p // ROW, j // ROW):
         if zone.kinds[row] == WHOLE:
             zone.kinds[row] = CUT

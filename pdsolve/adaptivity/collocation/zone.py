@@ -15,7 +15,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from pdsolve.adaptivity.collocation.layout import CollocationPlate, LatticeConstants, Layout, dilated, kinds_of
+from pdsolve.adaptivity.collocation.layout import CollocationPlate, LatticeConstants, Numbering, dilate_mask, row_kinds
 from pdsolve.codegen.jit_cache import cached_njit
 from pdsolve.codegen.pull import WIDE
 from pdsolve.codegen.record import Record
@@ -77,7 +77,7 @@ class CollocationZone(NamedTuple):
     breaks: BreakEvents
 
 
-def even(at: Layout) -> NDArray[np.bool_]:
+def mask_coarse_places(at: Numbering) -> NDArray[np.bool_]:
     """Mask (places,) of the places that are coarse nodes too."""
     is_even = np.zeros(at.places, dtype=np.bool_)
     field = is_even[: at.places - 2 * ROW].reshape(-1, at.stride)
@@ -85,7 +85,7 @@ def even(at: Layout) -> NDArray[np.bool_]:
     return is_even
 
 
-def parents(at: Layout, places: NDArray[np.int64]) -> NDArray[np.int64]:
+def parent_places(at: Numbering, places: NDArray[np.int64]) -> NDArray[np.int64]:
     """Coarse places (n, 4) that these lie on or between, each repeated according to its weight."""
     row, column = np.divmod(places, at.stride)
     right, up = (column - at.left) % 2, (row - at.below) % 2
@@ -95,40 +95,42 @@ def parents(at: Layout, places: NDArray[np.int64]) -> NDArray[np.int64]:
     )
 
 
-def eligible(ground: LatticeConstants, plate: CollocationPlate, margin: int) -> NDArray[np.bool_]:
+def mask_eligible_coarse(ground: LatticeConstants, plate: CollocationPlate, margin: int) -> NDArray[np.bool_]:
     """Mask (places,) of coarse places that may be active.
 
     They are not beside a node with a condition, nor within `margin` spacings of one without a whole family. Bonds have
     a surface layer at edges, one horizon deep; a stencil that reaches into it removes energy from the motion all along
     the edge.
     """
-    odd = (plate.row >= 0) & ~plate.whole
-    odd = (dilated(odd, ground.at, margin) if margin else odd) | plate.acted
+    odd = (plate.row >= 0) & ~plate.has_full_family
+    odd = (dilate_mask(odd, ground.at, margin) if margin else odd) | plate.has_condition
     fine = np.flatnonzero((plate.row >= 0) & odd)
-    may_be_active = even(ground.at) & plate.whole & ~odd
-    may_be_active[parents(ground.at, fine).ravel()] = False
+    may_be_active = mask_coarse_places(ground.at) & plate.has_full_family & ~odd
+    may_be_active[parent_places(ground.at, fine).ravel()] = False
     return may_be_active
 
 
-def nodes_of(ground: LatticeConstants, plate: CollocationPlate, active: NDArray[np.bool_]) -> NDArray[np.uint8]:
+def node_kinds(ground: LatticeConstants, plate: CollocationPlate, active: NDArray[np.bool_]) -> NDArray[np.uint8]:
     """Kind of each place if these coarse nodes are active."""
     kinds = np.zeros(ground.at.places, dtype=np.uint8)
-    around = active[parents(ground.at, plate.place)].all(axis=1)
+    around = active[parent_places(ground.at, plate.place)].all(axis=1)
     kinds[plate.place] = np.where(around, np.where(active[plate.place], COARSE, BETWEEN), FINE)
     return kinds
 
 
-def areas_of(ground: LatticeConstants, plate: CollocationPlate, node: NDArray[np.uint8]) -> NDArray[np.float64]:
+def active_areas(ground: LatticeConstants, plate: CollocationPlate, node: NDArray[np.uint8]) -> NDArray[np.float64]:
     """Areas (places,) of active nodes, m^2: their own plus those of fictitious nodes by their weights."""
     areas = np.zeros(ground.at.places)
     kind = node[plate.place]
     fine = kind == FINE
     areas[plate.place[fine]] = plate.area[fine]
-    np.add.at(areas, parents(ground.at, plate.place[~fine]), plate.area[~fine, None] / 4)
+    np.add.at(areas, parent_places(ground.at, plate.place[~fine]), plate.area[~fine, None] / 4)
     return areas
 
 
-def begun(ground: LatticeConstants, plate: CollocationPlate, active: NDArray[np.bool_], band: float) -> CollocationZone:
+def create_zone(
+    ground: LatticeConstants, plate: CollocationPlate, active: NDArray[np.bool_], band: float
+) -> CollocationZone:
     """The initial zone at rest; nodes within a horizon of the seam are damped by `band`, 1/s."""
     places = ground.at.places
     nothing = np.zeros(0, dtype=np.int64)
@@ -140,7 +142,7 @@ def begun(ground: LatticeConstants, plate: CollocationPlate, active: NDArray[np.
         a=a,
         f=f,
         cut=plate.cut,
-        kinds=kinds_of(ground, plate.cut),
+        kinds=row_kinds(ground, plate.cut),
         node=np.zeros(places, dtype=np.uint8),
         rows=nothing,
         coarse=nothing,
@@ -156,23 +158,23 @@ def begun(ground: LatticeConstants, plate: CollocationPlate, active: NDArray[np.
         counts=Counts.of(),
         breaks=BreakEvents(*np.zeros((3, EVENTS), dtype=np.int32)),
     )
-    return renumbered(ground, plate, zone, active, band)
+    return renumber_zone(ground, plate, zone, active, band)
 
 
-def renumbered(
+def renumber_zone(
     ground: LatticeConstants, plate: CollocationPlate, zone: CollocationZone, active: NDArray[np.bool_], band: float
 ) -> CollocationZone:
     """The zone with these coarse nodes active; nodes within a horizon of the seam are damped by `band`, 1/s."""
-    at, node = ground.at, nodes_of(ground, plate, active)
+    at, node = ground.at, node_kinds(ground, plate, active)
     fine = node == FINE
     rows = np.flatnonzero(fine.reshape(-1, ROW).any(axis=1))
-    reached = np.flatnonzero((node == BETWEEN) & dilated(fine, at, at.below))
-    between = np.column_stack([reached, parents(at, reached)])
+    reached = np.flatnonzero((node == BETWEEN) & dilate_mask(fine, at, at.below))
+    between = np.column_stack([reached, parent_places(at, reached)])
     damping = np.zeros(at.places)
     if band > 0:
         coarse = node == COARSE
-        damping[(fine & dilated(coarse, at, at.below)) | (coarse & dilated(fine, at, at.below))] = band
-        damping[plate.acted] = 0.0
+        damping[(fine & dilate_mask(coarse, at, at.below)) | (coarse & dilate_mask(fine, at, at.below))] = band
+        damping[plate.has_condition] = 0.0
     return zone._replace(
         node=node,
         rows=rows,
@@ -184,25 +186,25 @@ def renumbered(
     )
 
 
-def spread(zone: CollocationZone, at: Layout, places: NDArray[np.int64]) -> None:
+def interpolate_motion(zone: CollocationZone, at: Numbering, places: NDArray[np.int64]) -> None:
     """Interpolate the motion of nodes between coarse ones."""
-    four = parents(at, places)
+    four = parent_places(at, places)
     for field in (zone.u, zone.v, zone.a):
         field[:, places] = field[:, four].mean(axis=2)
 
 
-def widened(
-    ground: LatticeConstants, plate: CollocationPlate, active: NDArray[np.bool_], hot: NDArray[np.bool_]
+def deactivate_near(
+    ground: LatticeConstants, plate: CollocationPlate, coarse_active: NDArray[np.bool_], stretched: NDArray[np.bool_]
 ) -> NDArray[np.bool_]:
-    """The coarse nodes that stay active when the neighbourhoods of the `hot` ones are refined."""
-    at, stays_active = ground.at, active.copy()
+    """The coarse nodes that stay active when the neighbourhoods of the `stretched` ones are refined."""
+    at, stays_active = ground.at, coarse_active.copy()
     reach = ball(at.below // 2, 2)
-    _clear(np.flatnonzero(hot), 2 * (reach[:, 1] * at.stride + reach[:, 0]), stays_active)
+    _deactivate(np.flatnonzero(stretched), 2 * (reach[:, 1] * at.stride + reach[:, 0]), stays_active)
     return stays_active
 
 
 @cached_njit(error_model="numpy")
-def _clear(hot, ways, active):  # type: ignore[no-untyped-def]
+def _deactivate(hot, ways, active):  # type: ignore[no-untyped-def]
     for q in hot:
         for way in ways:
             if 0 <= q + way < len(active):

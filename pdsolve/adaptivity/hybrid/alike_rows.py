@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from pdmesh.model.document import Absorb
 from pdsolve.adaptivity.hybrid.coarse_cells import HybridPlate, strips
-from pdsolve.adaptivity.hybrid.irregular_bonds import Irregular
+from pdsolve.adaptivity.hybrid.irregular_bonds import IrregularBonds
 from pdsolve.adaptivity.hybrid.node_rows import NodeRows
 from pdsolve.adaptivity.hybrid.springs import STIFFNESS, Springs
 from pdsolve.codegen.vector_code import ROW
@@ -31,9 +31,9 @@ class _Fields(NamedTuple):
     damping: NDArray[np.float64]
 
 
-def node_rows(plate: HybridPlate, irregular_bonds: Irregular, springs: tuple[Springs, ...]) -> NodeRows:
+def create_node_rows(plate: HybridPlate, irregular_bonds: IrregularBonds, springs: tuple[Springs, ...]) -> NodeRows:
     """The rows of a plate with these irregular nodes; `springs` are those of each material in a full lattice."""
-    full = _bits_of(np.array([one.table[:, STIFFNESS] for one in springs]))
+    full = _bond_bits(np.array([one.table[:, STIFFNESS] for one in springs]))
     model, run = plate.model, plate.model.settings.run
     usual_values = model.materials[0].rho * plate.h**2, 0, -1, False, full[0], run.damping
     kinds = np.float64, np.uint8, np.int32, np.bool_, np.uint64, np.float64
@@ -47,7 +47,7 @@ def node_rows(plate: HybridPlate, irregular_bonds: Irregular, springs: tuple[Spr
     for column, nothing in zip(columns, (0, 0, -1, False, 0, 0), strict=True):
         column[0][EMPTY] = nothing
     entries, count = [], 2
-    for fields in _strips(plate, irregular_bonds, full, slowed):
+    for fields in _fields_by_strip(plate, irregular_bonds, full, slowed):
         same = np.logical_and.reduce([values == one for values, one in zip(fields, usual, strict=True)])
         entry = np.where(same.reshape(-1, ROW).all(axis=1), USUAL, -1).astype(np.int32)
         entry[(fields.mass == 0).reshape(-1, ROW).all(axis=1)] = EMPTY
@@ -60,8 +60,8 @@ def node_rows(plate: HybridPlate, irregular_bonds: Irregular, springs: tuple[Spr
     return NodeRows(np.concatenate(entries), *row_fields[:5], None if slowed is None else row_fields.damping)
 
 
-def _strips(
-    plate: HybridPlate, irregular_bonds: Irregular, full: NDArray[np.uint64], slowed: NDArray[np.float64] | None
+def _fields_by_strip(
+    plate: HybridPlate, irregular_bonds: IrregularBonds, full: NDArray[np.uint64], slowed: NDArray[np.float64] | None
 ) -> Iterator[_Fields]:
     """The constants of all places, strip by strip; `full` are the bonds of each material in a full lattice.
 
@@ -69,7 +69,7 @@ def _strips(
     """
     rho = np.array([constants.rho for constants in plate.model.materials])
     lasts = unbreakable(plate.model)
-    place, bits = plate.places_of(irregular_bonds.node), _bits_of(irregular_bonds.springs)
+    place, bits = plate.places_of(irregular_bonds.node), _bond_bits(irregular_bonds.springs)
     order = np.argsort(place)
     for low, high in strips(plate.at.places // plate.at.stride, plate.at.stride):
         rows, material = plate.rows_in(low, high).ravel(), plate.materials_in(low, high).ravel()
@@ -84,12 +84,12 @@ def _strips(
             bits=np.where(has_node, full[material], np.uint64(0)),
             damping=np.zeros(len(rows)) if slowed is None else np.where(has_node, slowed[rows], 0.0),
         )
-        irregular_rows = irregular_bonds.which[in_strip]
+        irregular_rows = irregular_bonds.bond_row[in_strip]
         fields.own[place[in_strip] - first], fields.bits[place[in_strip] - first] = irregular_rows, bits[irregular_rows]
         yield fields
 
 
-def _bits_of(springs: NDArray[np.float64]) -> NDArray[np.uint64]:
+def _bond_bits(springs: NDArray[np.float64]) -> NDArray[np.uint64]:
     """Bonds (r,) that there are, of springs (r, k): a bit for each in the first half of a family."""
     bits = np.zeros(len(springs), dtype=np.uint64)
     for k in range(springs.shape[1] // 2):

@@ -10,9 +10,9 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from pdsolve.adaptivity.hybrid.lattice import Lattice
+from pdsolve.adaptivity.hybrid.lattice import Numbering
 from pdsolve.adaptivity.hybrid.node_rows import NodeRows
-from pdsolve.adaptivity.hybrid.springs import Stretches
+from pdsolve.adaptivity.hybrid.springs import BondParts
 from pdsolve.codegen.record import Record
 from pdsolve.codegen.vector_code import ROW
 
@@ -26,7 +26,7 @@ class LatticeConstants(NamedTuple):
     """The constant arrays of a hybrid plate: lattice, springs, masses and limits of bonds."""
 
     law: Any  # columns of no bonds, by whose type the law's functions are compiled
-    at: Lattice
+    at: Numbering
     h: float  # m
     dx: NDArray[np.int64]  # (k,) fine family
     dy: NDArray[np.int64]
@@ -38,7 +38,7 @@ class LatticeConstants(NamedTuple):
     coarse_ways: NDArray[np.int64]  # (8,)
     far_table: NDArray[np.float64]  # (8, 8), likewise of cells of 4 h, which are of one material
     far_ways: NDArray[np.int64]  # (8,)
-    cut: Stretches
+    bond_parts: BondParts
     reach: int  # h, of the family along an axis
     varied: bool  # whether bonds soften, or differ in what breaks them: then `fine.edge` says when to look at them
     dt: float  # s
@@ -65,7 +65,7 @@ class LatticeNodes(NamedTuple):
     v: NDArray[np.float64]  # (2, n) velocity, m/s
     f: NDArray[np.float64]  # (2, n) forces besides the springs', of a touched row in the end all, N/m
     mass: NDArray[np.float64]  # (n,) kg/m
-    light: NDArray[np.float64]  # (n,) 1 / mass; 0 where nothing is to move
+    inverse_mass: NDArray[np.float64]  # (n,) 1 / mass; 0 where nothing is to move
     kind: NDArray[np.uint8]  # (n,)
     rows: NDArray[np.int64]  # those with a node that is not idle, in order
     entry: NDArray[
@@ -91,7 +91,7 @@ class ClippedPieces(NamedTuple):
     relief: NDArray[np.float64]  # (p, 2) added to the displacements between its ends, where nodes swell, m
 
 
-class Border(NamedTuple):
+class BorderNodes(NamedTuple):
     """Nodes on the border, which move with coarser ones: fine ones with coarse ones, or coarse ones with far ones."""
 
     node: NDArray[np.int64]
@@ -99,9 +99,9 @@ class Border(NamedTuple):
     w: NDArray[np.float64]
     off: NDArray[np.float64]  # (., 2) how far they are off the line between those, where nodes swell, m
 
-    def first(self, count: int) -> Border:
+    def first_nodes(self, count: int) -> BorderNodes:
         """The first `count` of these nodes."""
-        return Border(self.node[:count], self.end[:count], self.w[:count], self.off[:count])
+        return BorderNodes(self.node[:count], self.end[:count], self.w[:count], self.off[:count])
 
 
 class Entry(Record):
@@ -120,12 +120,12 @@ class Entry(Record):
 HOLD_COLUMNS = ("value", "mean_speed", "last_speed", "force")  # of the holds of a checkpoint
 
 
-class Entries(NamedTuple):
+class ZoneEntries(NamedTuple):
     """Loads, or held components: entries of all fine nodes, and of the nodes that move."""
 
-    of: NDArray[Entry]  # (e,)
-    on: NDArray[np.int64]  # (., 2) fine place, or -1 - coarse place; and entry
-    part: NDArray[np.float64]  # (.,) of the entry's value that this node has
+    entries: NDArray[Entry]  # (e,)
+    node_and_entry: NDArray[np.int64]  # (., 2) fine place, or -1 - coarse place; and entry
+    share: NDArray[np.float64]  # (.,) of the entry's value that this node has
 
 
 class BreakEvents(NamedTuple):
@@ -144,19 +144,19 @@ class Counts(Record):
     pieces: int  # of clipped bonds
     border_nodes: int  # fine nodes on the border of coarse cells
     broken_bonds: int  # directed ones, in `breaks`
-    loads: int  # shares of nodes that move, in `loads.on`
-    holds: int  # held components of nodes that move, in `holds.on`
+    loads: int  # shares of nodes that move, in `loads.node_and_entry`
+    holds: int  # held components of nodes that move, in `holds.node_and_entry`
     stirred_nodes: int  # in `stirs`
     regrids: int  # how often cells have become others since all nodes were numbered
     refined_nodes: int  # how many of the stirred nodes have fine cells around them
     stiffness_rows: int  # rows of `fine.own` that are taken
-    new_cells: int  # in `new`
-    dirty: int  # fine nodes, in `dirty`
-    around: int  # coarse nodes, in `around`
+    new_cells: int  # in `new_cells` of the zone
+    dirty: int  # fine nodes, in `affected_nodes`
+    around: int  # coarse nodes, in `affected_coarse`
     lacks_room: int  # 1 where the arrays are too short for what comes next, or 0
     far_rows: int  # of 16 places, in `far.rows`
     tied_nodes: int  # coarse nodes on the border of far cells
-    far_around: int  # far nodes, in `far_around`
+    far_around: int  # far nodes, in `affected_far`
 
 
 STORED = 10
@@ -180,149 +180,154 @@ class PlateZone(NamedTuple):
     fine: LatticeNodes
     coarse: LatticeNodes
     far: LatticeNodes  # 4 h apart
-    tied: Border  # coarse nodes on the border of cells of 4 h, which move with far ones
+    tied: BorderNodes  # coarse nodes on the border of cells of 4 h, which move with far ones
     pieces: ClippedPieces
     spare: ClippedPieces
-    border: Border
+    border: BorderNodes
     breaks: BreakEvents
     spent: NDArray[np.float64]  # (n,) J/m, by the bonds of a fine node so far
     stirred: NDArray[np.bool_]  # (n,) fine nodes one of whose bonds has softened or broken
     stirs: NDArray[np.int64]  # (n,) those, in order
-    loads: Entries
-    holds: Entries
+    loads: ZoneEntries
+    holds: ZoneEntries
     mark: NDArray[np.bool_]  # (n,) scratch, False
-    new: NDArray[np.int64]  # scratch: cells that are to be fine
-    dirty: NDArray[np.int64]  # scratch: fine nodes that concerns
-    around: NDArray[np.int64]  # scratch: coarse nodes that it concerns
-    far_around: NDArray[np.int64]  # scratch: far nodes that it concerns
+    new_cells: NDArray[np.int64]  # scratch: cells that are to be fine
+    affected_nodes: NDArray[np.int64]  # scratch: fine nodes that concerns
+    affected_coarse: NDArray[np.int64]  # scratch: coarse nodes that it concerns
+    affected_far: NDArray[np.int64]  # scratch: far nodes that it concerns
     counts: Counts
     totals: Totals
     s: NDArray[np.float64]  # (threads, .) scratch of the vector code
     turns: NDArray[np.int64]  # (64,) what has been handed out to threads, as `forces` has it
-    aside: NDArray[np.int64]  # (threads, .) where bonds are to break
-    asides: NDArray[np.int64]  # (8 threads,) how many, of each thread at a multiple of 8
+    rows_aside: NDArray[np.int64]  # (threads, .) where bonds are to break
+    aside_counts: NDArray[np.int64]  # (8 threads,) how many, of each thread at a multiple of 8
 
 
-def nodes_of(
-    places: int,
-    springs: int,
-    entries: int,
-    kind: Any,
+def idle_nodes(
+    place_count: int,
+    spring_count: int,
+    stiffness_rows: int,
+    dtype: Any,
     varied: bool = False,
     swells: bool = False,
     damps: bool = False,
 ) -> LatticeNodes:
-    """Idle nodes of precision `kind`, with room for `entries` rows of stiffnesses, in memory that is taken as it is
-    written."""
-    rows = places // ROW
-    zeros = partial(reserved, of=kind)
+    """Idle nodes of precision `dtype`, with room for `stiffness_rows` rows of stiffnesses, in memory that is taken
+    as it is written."""
+    rows = place_count // ROW
+    zeros = partial(lazy_zeros, dtype=dtype)
     return LatticeNodes(
-        u=zeros(2, 2, places),
-        v=zeros(2, places),
-        f=zeros(2, places),
-        mass=zeros(places),
-        light=zeros(places),
-        kind=reserved(places, of=np.uint8),
-        rows=reserved(rows, of=np.int64),
+        u=zeros(2, 2, place_count),
+        v=zeros(2, place_count),
+        f=zeros(2, place_count),
+        mass=zeros(place_count),
+        inverse_mass=zeros(place_count),
+        kind=lazy_zeros(place_count, dtype=np.uint8),
+        rows=lazy_zeros(rows, dtype=np.int64),
         entry=np.full(rows, -1, dtype=np.int32),
-        own=zeros(entries, springs, ROW),
-        masks=reserved(entries, 2, springs, of=np.uint16),
-        masked=reserved(entries, of=np.bool_),
-        edge=zeros(entries if varied else 0, springs, ROW),
-        touched=reserved(rows, of=np.bool_),
-        wide=reserved(rows, of=np.uint8),
-        shrink=zeros(places) if swells else None,
-        damping=zeros(2, places) if damps else None,
-        damped=reserved(places) if damps else None,
+        own=zeros(stiffness_rows, spring_count, ROW),
+        masks=lazy_zeros(stiffness_rows, 2, spring_count, dtype=np.uint16),
+        masked=lazy_zeros(stiffness_rows, dtype=np.bool_),
+        edge=zeros(stiffness_rows if varied else 0, spring_count, ROW),
+        touched=lazy_zeros(rows, dtype=np.bool_),
+        wide=lazy_zeros(rows, dtype=np.uint8),
+        shrink=zeros(place_count) if swells else None,
+        damping=zeros(2, place_count) if damps else None,
+        damped=lazy_zeros(place_count) if damps else None,
     )
 
 
-def border_of(nodes: int) -> Border:
+def empty_border(node_count: int) -> BorderNodes:
     """Room for so many nodes on the border."""
-    return Border(reserved(nodes, of=np.int64), reserved(nodes, 2, of=np.int64), reserved(nodes), reserved(nodes, 2))
+    return BorderNodes(
+        lazy_zeros(node_count, dtype=np.int64),
+        lazy_zeros(node_count, 2, dtype=np.int64),
+        lazy_zeros(node_count),
+        lazy_zeros(node_count, 2),
+    )
 
 
-def reserved(*shape: int, of: Any = np.float64) -> NDArray[Any]:
+def lazy_zeros(*shape: int, dtype: Any = np.float64) -> NDArray[Any]:
     """Zeros aligned to 64 bytes in small pages, which are taken as they are written.
 
     NumPy asks for large pages, all of which the edges of a plate touch.
     """
-    count, size = int(np.prod(shape)), np.dtype(of).itemsize
+    count, size = int(np.prod(shape)), np.dtype(dtype).itemsize
     private = {} if sys.platform == "win32" else {"flags": mmap.MAP_PRIVATE | mmap.MAP_ANONYMOUS}
     pages = mmap.mmap(-1, max(count * size, 1), **private)
-    return np.frombuffer(pages, of, count).reshape(shape)
+    return np.frombuffer(pages, dtype, count).reshape(shape)
 
 
-def zone_of(
-    at: Lattice,
+def create_plate_zone(
+    at: Numbering,
     cells: NDArray[np.uint8],
-    springs: int,
-    rows: int,
+    spring_count: int,
+    row_count: int,
     varied: bool = False,
     threads: int = 1,
     swells: bool = False,
     damps: bool = False,
     *,
-    kind: Any = np.float64,
+    dtype: Any = np.float64,
 ) -> PlateZone:
-    """A plate with these cells (c,) and idle nodes of precision `kind`, with room for `rows` rows of fine nodes."""
-    piece = ROW * rows * springs // 4
-    nothing = Entries(np.zeros(0, Entry.fields()), np.zeros((0, 2), np.int64), np.zeros(0))
+    """A plate with these cells (c,) and idle nodes of precision `dtype`; it has room for `row_count` fine rows."""
+    piece = ROW * row_count * spring_count // 4
+    nothing = ZoneEntries(np.zeros(0, Entry.fields()), np.zeros((0, 2), np.int64), np.zeros(0))
 
     def pieces() -> ClippedPieces:
         ends = np.zeros((piece, 4), np.int64)
         return ClippedPieces(np.zeros(piece, np.int64), ends, np.zeros((piece, 8)), np.zeros((piece, 2)))
 
-    events, nodes = ROW * rows * springs, ROW * rows
+    events, nodes = ROW * row_count * spring_count, ROW * row_count
     return PlateZone(
         cells=cells,
-        lost=reserved(at.places, of=np.uint64),
-        fine=nodes_of(at.places, springs, rows, kind, varied, swells, damps),
-        coarse=nodes_of(at.coarse_places, 8, at.coarse_places // ROW, kind, swells=swells, damps=damps),
-        far=nodes_of(at.far_places, 8, at.far_places // ROW, kind, swells=swells, damps=damps),
-        tied=border_of(at.coarse_places),
+        lost=lazy_zeros(at.places, dtype=np.uint64),
+        fine=idle_nodes(at.places, spring_count, row_count, dtype, varied, swells, damps),
+        coarse=idle_nodes(at.coarse_places, 8, at.coarse_places // ROW, dtype, swells=swells, damps=damps),
+        far=idle_nodes(at.far_places, 8, at.far_places // ROW, dtype, swells=swells, damps=damps),
+        tied=empty_border(at.coarse_places),
         pieces=pieces(),
         spare=pieces(),
-        border=border_of(nodes),
+        border=empty_border(nodes),
         breaks=BreakEvents(np.zeros(events, np.int32), np.zeros(events, np.int64), np.zeros(events, np.int32)),
-        spent=reserved(at.places),
-        stirred=reserved(at.places, of=np.bool_),
-        stirs=reserved(at.places, of=np.int64),
+        spent=lazy_zeros(at.places),
+        stirred=lazy_zeros(at.places, dtype=np.bool_),
+        stirs=lazy_zeros(at.places, dtype=np.int64),
         loads=nothing,
         holds=nothing,
-        mark=reserved(at.places, of=np.bool_),
-        new=reserved(at.cells, of=np.int64),
-        dirty=reserved(at.places, of=np.int64),
-        around=reserved(at.coarse_places, of=np.int64),
-        far_around=reserved(at.far_places, of=np.int64),
+        mark=lazy_zeros(at.places, dtype=np.bool_),
+        new_cells=lazy_zeros(at.cells, dtype=np.int64),
+        affected_nodes=lazy_zeros(at.places, dtype=np.int64),
+        affected_coarse=lazy_zeros(at.coarse_places, dtype=np.int64),
+        affected_far=lazy_zeros(at.far_places, dtype=np.int64),
         counts=Counts.of(),
         totals=Totals.of(),
-        s=reserved(threads, 3 * ROW, of=kind),
+        s=lazy_zeros(threads, 3 * ROW, dtype=dtype),
         turns=np.zeros(64, dtype=np.int64),
-        aside=reserved(threads, 2 * at.places // ROW, of=np.int64),
-        asides=np.zeros(8 * threads, dtype=np.int64),
+        rows_aside=lazy_zeros(threads, 2 * at.places // ROW, dtype=np.int64),
+        aside_counts=np.zeros(8 * threads, dtype=np.int64),
     )
 
 
-def grown(zone: PlateZone) -> PlateZone:
+def enlarge_zone(zone: PlateZone) -> PlateZone:
     """The zone in arrays with room for twice as many entries."""
     fine, counts = zone.fine, zone.counts
 
-    def twice(array: Any, used: int) -> NDArray[Any]:
-        more = reserved(2 * len(array), *array.shape[1:], of=array.dtype)
+    def double_length(array: Any, used: int) -> NDArray[Any]:
+        more = lazy_zeros(2 * len(array), *array.shape[1:], dtype=array.dtype)
         more[:used] = array[:used]
         return more
 
     rows = counts.stiffness_rows + 1  # the next one may have been begun
     return zone._replace(
         fine=fine._replace(
-            own=twice(fine.own, rows),
-            edge=twice(fine.edge, rows),
-            masks=twice(fine.masks, rows),
-            masked=twice(fine.masked, rows),
+            own=double_length(fine.own, rows),
+            edge=double_length(fine.edge, rows),
+            masks=double_length(fine.masks, rows),
+            masked=double_length(fine.masked, rows),
         ),
-        pieces=ClippedPieces(*(twice(array, counts.pieces) for array in zone.pieces)),
-        spare=ClippedPieces(*(twice(array, 0) for array in zone.spare)),
-        border=Border(*(twice(array, counts.border_nodes) for array in zone.border)),
-        breaks=BreakEvents(*(twice(array, counts.broken_bonds) for array in zone.breaks)),
+        pieces=ClippedPieces(*(double_length(array, counts.pieces) for array in zone.pieces)),
+        spare=ClippedPieces(*(double_length(array, 0) for array in zone.spare)),
+        border=BorderNodes(*(double_length(array, counts.border_nodes) for array in zone.border)),
+        breaks=BreakEvents(*(double_length(array, counts.broken_bonds) for array in zone.breaks)),
     )

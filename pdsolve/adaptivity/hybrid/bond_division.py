@@ -22,9 +22,11 @@ class BondPart(NamedTuple):
     cell: tuple[int, ...]  # from the cell of the bond's node
 
 
-def divided(place: tuple[int, ...], way: tuple[int, ...]) -> list[list[BondPart]]:
+def divide_bond(place: tuple[int, ...], way: tuple[int, ...]) -> list[list[BondPart]]:
     """The parts of the bond `way` (d,) from a node at `place` (d,) in its cell, 0 or 1 along each axis; by side."""
-    crossings = sorted({0.0, 1.0, *(share for x, dx in zip(place, way, strict=True) for share in _crossings(x, dx))})
+    crossings = sorted(
+        {0.0, 1.0, *(share for x, dx in zip(place, way, strict=True) for share in _cell_line_crossings(x, dx))}
+    )
     parts_by_side = []
     # the directions from a bond to its cells: both across each line or face between cells that it lies in
     across = ((-0.5, 0.5) if dx == 0 and x == 0 else (0.0,) for x, dx in zip(place, way, strict=True))
@@ -38,7 +40,7 @@ def divided(place: tuple[int, ...], way: tuple[int, ...]) -> list[list[BondPart]
     return parts_by_side
 
 
-def parts_of(ways: NDArray[np.int64]) -> tuple[NDArray[np.int64], list[BondPart]]:
+def divide_family(ways: NDArray[np.int64]) -> tuple[NDArray[np.int64], list[BondPart]]:
     """The parts of the bonds `ways` (k, d), from each of the 2^d places of a node in its cell, x fastest.
 
     Those of bond k from place f, on one side, are first[f, k, side] to first[f, k, side + 1].
@@ -48,18 +50,18 @@ def parts_of(ways: NDArray[np.int64]) -> tuple[NDArray[np.int64], list[BondPart]
     for f in range(2**d):
         for k, way in enumerate(map(tuple, ways.tolist())):
             first[f, k] = len(all_parts)
-            for side, parts in enumerate(divided(place_of(f, d), way)):
+            for side, parts in enumerate(divide_bond(place_in_cell(f, d), way)):
                 all_parts += parts
                 first[f, k, side + 1 :] = len(all_parts)
     return first, all_parts
 
 
-def place_of(f: int, d: int) -> tuple[int, ...]:
+def place_in_cell(number: int, dimension: int) -> tuple[int, ...]:
     """Where a node is in its cell, 0 or 1 along each of d axes, by the number of that place."""
-    return tuple(f >> axis & 1 for axis in range(d))
+    return tuple(number >> axis & 1 for axis in range(dimension))
 
 
-def _crossings(start: int, step: int) -> list[float]:
+def _cell_line_crossings(start: int, step: int) -> list[float]:
     """Shares of a bond's length at which a coordinate is even."""
     if step == 0:
         return []
@@ -68,7 +70,7 @@ def _crossings(start: int, step: int) -> list[float]:
     return [share for share in shares if 0 < share < 1]
 
 
-def on_cells(at: float) -> tuple[int, float]:
+def cell_line_below(coordinate: float) -> tuple[int, float]:
     """The line between cells at or below a coordinate in cells, and the share of a cell beyond it."""
-    below = int(at // 1) if at % 1 < 1 - NEAR else int(at // 1) + 1
-    return below, 0.0 if abs(at - below) < NEAR else at - below
+    below = int(coordinate // 1) if coordinate % 1 < 1 - NEAR else int(coordinate // 1) + 1
+    return below, 0.0 if abs(coordinate - below) < NEAR else coordinate - below

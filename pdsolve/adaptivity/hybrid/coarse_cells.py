@@ -14,8 +14,8 @@ from pdmesh.model.document import Lattice as Nodes
 from pdmesh.model.lattice_calibration import has_partial_cells
 from pdmesh.model.whole_lattice import WholeLattice
 from pdsolve.adaptivity.hybrid.arrays import RING, TIPS
-from pdsolve.adaptivity.hybrid.lattice import AROUND, BELOW, COARSE, EMPTY, FINE, LEFT, VOID, Lattice, lattice_of
-from pdsolve.adaptivity.hybrid.prescribed_motion import between
+from pdsolve.adaptivity.hybrid.lattice import AROUND, BELOW, COARSE, EMPTY, FINE, LEFT, VOID, Numbering, number_plate
+from pdsolve.adaptivity.hybrid.prescribed_motion import places_unfit_for_coarse
 from pdsolve.model import Model, ModelError
 from pdsolve.numerics.dilation import in_disc
 
@@ -26,7 +26,7 @@ SAME = 1e-6  # of a cell: areas this near are the same
 STRIP = 2**16  # fine places that are looked at together
 
 
-class Listed(NamedTuple):
+class ListedNodes(NamedTuple):
     """Where the n nodes of a grid are on a lattice, one by one."""
 
     place: NDArray[np.int64]  # (n,) fine place of each row of the grid
@@ -38,21 +38,21 @@ class HybridPlate(NamedTuple):
     """Nodes on a lattice: all of a rectangle, or those that are listed."""
 
     model: Model
-    at: Lattice
+    at: Numbering
     h: float  # m
     origin: NDArray[np.float64]  # (2,) lower left corner, m
     cracks: NDArray[np.float64]  # (k, 4) in spacings from the corner
     first: tuple[int, int]  # column and row of the first node
     counts: tuple[int, int]  # columns and rows of nodes
-    listed: Listed | None  # None: nodes are all of a rectangle, row by row, with parts of cells at its edges
+    listed: ListedNodes | None  # None: nodes are all of a rectangle, row by row, with parts of cells at its edges
 
     @property
-    def place(self) -> NDArray[np.int64]:
+    def fine_places(self) -> NDArray[np.int64]:
         """Fine place (n,) of each row of the grid."""
         return self.places_of(np.arange(len(self.model.grid)))
 
     @property
-    def size(self) -> float:
+    def area_in_cells(self) -> float:
         """Area of the plate over h^2."""
         if self.listed is not None:
             return float(self.listed.area.sum())
@@ -77,16 +77,16 @@ class HybridPlate(NamedTuple):
         if self.listed is not None:
             return self.listed.area[rows]
         y, x = np.divmod(rows, self.counts[0])
-        return np.asarray(_halves(self.counts[1])[y] * _halves(self.counts[0])[x])
+        return np.asarray(_shares_of_whole_cells(self.counts[1])[y] * _shares_of_whole_cells(self.counts[0])[x])
 
     @property
     def area(self) -> NDArray[np.float64]:
         """Area (n,) of the cell of each node over h^2."""
         if self.listed is not None:
             return self.listed.area
-        return np.multiply.outer(_halves(self.counts[1]), _halves(self.counts[0])).ravel()
+        return np.multiply.outer(_shares_of_whole_cells(self.counts[1]), _shares_of_whole_cells(self.counts[0])).ravel()
 
-    def has(self, places: NDArray[np.int64]) -> NDArray[np.bool_]:
+    def has_node(self, places: NDArray[np.int64]) -> NDArray[np.bool_]:
         """Mask (k,) of the fine places with a node."""
         if self.listed is not None:
             return np.asarray(self.listed.row[places] >= 0)
@@ -97,9 +97,9 @@ class HybridPlate(NamedTuple):
     def rows_in(self, low: int, high: int) -> NDArray[np.int64]:
         """Rows (high - low, stride) of the grid at the fine places of rows `low` to `high` - 1, -1 without a node."""
         places = np.arange(low * self.at.stride, high * self.at.stride)
-        return np.where(self.has(places), self.rows_at(places), -1).reshape(-1, self.at.stride)
+        return np.where(self.has_node(places), self.rows_at(places), -1).reshape(-1, self.at.stride)
 
-    def there_in(self, low: int, high: int) -> NDArray[np.bool_]:
+    def has_node_in(self, low: int, high: int) -> NDArray[np.bool_]:
         """Whether there are nodes at these places, as in `rows_in`."""
         if self.listed is not None:
             return self.listed.row.reshape(-1, self.at.stride)[low:high] >= 0
@@ -114,7 +114,10 @@ class HybridPlate(NamedTuple):
             return np.where(rows >= 0, self.listed.area[rows], 0.0)
         (x, y), (nx, ny) = self.first, self.counts
         along, across = np.zeros(self.at.stride), np.zeros(self.at.places // self.at.stride)
-        along[LEFT + x : LEFT + x + nx], across[BELOW + y : BELOW + y + ny] = _halves(nx), _halves(ny)
+        along[LEFT + x : LEFT + x + nx], across[BELOW + y : BELOW + y + ny] = (
+            _shares_of_whole_cells(nx),
+            _shares_of_whole_cells(ny),
+        )
         return np.asarray(np.multiply.outer(across[low:high], along))
 
     def materials_in(self, low: int, high: int) -> NDArray[np.uint8]:
@@ -137,47 +140,47 @@ class CellAreas:
         return self.plate.areas_of(rows) * self.plate.h**2
 
 
-def strips(rows: int, stride: int, places: int = STRIP) -> Iterator[tuple[int, int]]:
-    """Some of so many rows of `stride` places at a time, about so many `places`: the first, and the one after the
+def strips(rows: int, stride: int, place_count: int = STRIP) -> Iterator[tuple[int, int]]:
+    """Some of so many rows of `stride` places at a time, about so many `place_count`: the first, and the one after the
     last."""
-    high = max(2, places // stride)
+    high = max(2, place_count // stride)
     return ((low, min(low + high, rows)) for low in range(0, rows, high))
 
 
-def _halves(count: int) -> NDArray[np.float64]:
+def _shares_of_whole_cells(count: int) -> NDArray[np.float64]:
     """Shares (count,) of whole cells along a side of a rectangle: a half at either end."""
     shares = np.ones(count)
     shares[[0, -1]] = 0.5
     return shares
 
 
-def plate_of(model: Model, mode: str) -> HybridPlate:
+def create_plate(model: Model, mode: str) -> HybridPlate:
     """The lattice of a model's nodes. Raises ModelError, in one sentence, for an unsupported model."""
     farther = any(has_partial_cells(material) for material in model.materials)
-    refuse(model, mode, LARGEST - 0.5 if farther else LARGEST)
+    check_supported(model, mode, LARGEST - 0.5 if farther else LARGEST)
     grid, h = model.grid, float(model.grid.delta[0])
     if isinstance(grid, WholeLattice):
-        return _rectangle(model, grid.lattice)
-    return _on_lattice(model, h, grid.position.min(axis=0))
+        return _create_rectangle(model, grid.lattice)
+    return _create_listed_plate(model, h, grid.position.min(axis=0))
 
 
-def refuse(model: Model, mode: str, largest: float) -> None:
-    """Raise ModelError for a model that a moving fine zone does not support; horizons are up to `largest` spacings."""
+def check_supported(model: Model, mode: str, largest_ratio: float) -> None:
+    """Raise ModelError for a model that a moving fine zone does not support; horizons are at most `largest_ratio`."""
     grid, settings = model.grid, model.settings
     if mode != "conservative":
-        raise refused(model, "mode", mode, "conservative")
-    if settings.horizon.ratio > largest:
-        raise refused(model, "$.horizon.ratio", f"{settings.horizon.ratio:g}", f"at most {largest:g}")
+        raise unsupported_error(model, "mode", mode, "conservative")
+    if settings.horizon.ratio > largest_ratio:
+        raise unsupported_error(model, "$.horizon.ratio", f"{settings.horizon.ratio:g}", f"at most {largest_ratio:g}")
     if (grid.delta != grid.delta[0]).any():
-        raise refused(
+        raise unsupported_error(
             model,
             "$.nodes",
             "several spacings",
-            f"one, the finest, as pdmesh build --adapt {adapt_of(model)} makes of its zones",
+            f"one, the finest, as pdmesh build --adapt {adaptivity_name(model)} makes of its zones",
         )
 
 
-def _origin(model: Model, h: float, origin: NDArray[np.float64]) -> NDArray[np.float64]:
+def _lattice_corner(model: Model, h: float, origin: NDArray[np.float64]) -> NDArray[np.float64]:
     """The corner of the lattice of cells: the plate's edge is one of its lines wherever that can be."""
     if not len(model.grid.outline):
         return origin
@@ -185,49 +188,49 @@ def _origin(model: Model, h: float, origin: NDArray[np.float64]) -> NDArray[np.f
     return np.asarray(origin - h * (np.round((origin - corner) / h) % 2))
 
 
-def _rectangle(model: Model, lattice: Nodes) -> HybridPlate:
+def _create_rectangle(model: Model, lattice: Nodes) -> HybridPlate:
     """The plate of all nodes of a lattice."""
     h, ends = lattice.spacing, model.grid.part(np.array([0, len(model.grid) - 1])).position
-    origin = _origin(model, h, ends[0])
+    origin = _lattice_corner(model, h, ends[0])
     (x, y), last = np.round((ends - origin) / h).astype(int).tolist()
     nx, ny = (max(4, side + side % 2) for side in last)
-    at = lattice_of(nx, ny)
+    at = number_plate(nx, ny)
     cracks = (model.grid.cracks - np.tile(origin, 2)) / h
-    clear(model, cracks, nx, ny)
+    check_precracks_between_nodes(model, cracks, nx, ny)
     return HybridPlate(model, at, h, origin, cracks, (x, y), (lattice.columns, lattice.rows), None)
 
 
-def _on_lattice(model: Model, h: float, origin: NDArray[np.float64]) -> HybridPlate:
-    grid, origin = model.grid, _origin(model, h, origin)
+def _create_listed_plate(model: Model, h: float, origin: NDArray[np.float64]) -> HybridPlate:
+    grid, origin = model.grid, _lattice_corner(model, h, origin)
     steps = (grid.position - origin) / h
     column, row = np.round(steps).astype(np.int64).T
     if np.abs(steps - np.column_stack([column, row])).max() > OFF:
-        raise refused(model, "$.nodes", "on no lattice", "those that pdmesh build makes of a drawing")
+        raise unsupported_error(model, "$.nodes", "on no lattice", "those that pdmesh build makes of a drawing")
     nx, ny = (max(4, int(side.max()) + int(side.max()) % 2) for side in (column, row))
-    at = lattice_of(nx, ny)
+    at = number_plate(nx, ny)
     cracks = (grid.cracks - np.tile(origin, 2)) / h
-    clear(model, cracks, nx, ny)
+    check_precracks_between_nodes(model, cracks, nx, ny)
     place = (row + BELOW) * at.stride + LEFT + column
     rows = np.full(at.places, -1, dtype=np.int32)
     rows[place] = np.arange(len(place))
     if grid.areas is not None:
         areas = grid.areas / h**2
     else:  # a quarter of each adjacent square between nodes
-        areas = quarters((rows >= 0).reshape(-1, at.stride)).ravel()[place] / 4
-    listed = Listed(place, rows, areas)
+        areas = count_full_squares((rows >= 0).reshape(-1, at.stride)).ravel()[place] / 4
+    listed = ListedNodes(place, rows, areas)
     return HybridPlate(model, at, h, origin, cracks, (0, 0), (nx + 1, ny + 1), listed)
 
 
-def squares(has_node: NDArray[np.bool_]) -> NDArray[np.bool_]:
+def find_full_squares(has_node: NDArray[np.bool_]) -> NDArray[np.bool_]:
     """Mask of the squares with a node at all four corners, by their lower left place (rows, columns)."""
     is_full = np.zeros_like(has_node)
     is_full[:-1, :-1] = has_node[:-1, :-1] & has_node[1:, :-1] & has_node[:-1, 1:] & has_node[1:, 1:]
     return is_full
 
 
-def quarters(has_node: NDArray[np.bool_]) -> NDArray[np.int8]:
+def count_full_squares(has_node: NDArray[np.bool_]) -> NDArray[np.int8]:
     """Number of such squares around each place."""
-    full_squares = squares(has_node).astype(np.int8)
+    full_squares = find_full_squares(has_node).astype(np.int8)
     counts = full_squares.copy()
     counts[1:] += full_squares[:-1]
     counts[:, 1:] += full_squares[:, :-1]
@@ -235,14 +238,14 @@ def quarters(has_node: NDArray[np.bool_]) -> NDArray[np.int8]:
     return counts
 
 
-def cells_of(plate: HybridPlate, reach: int, steep: NDArray[np.int64] | None = None) -> NDArray[np.uint8]:
-    """Initial cells (c,): fine near tips of pre-cracks, where an outline cuts cells, around the nodes `steep` (rows
-    of the grid), and where a motion is prescribed that coarse cells do not have; coarse elsewhere.
+def initial_cells(plate: HybridPlate, reach: int, steep_rows: NDArray[np.int64] | None = None) -> NDArray[np.uint8]:
+    """Initial cells (c,): fine near tips of pre-cracks, where an outline cuts cells, around the nodes `steep_rows`
+    (rows of the grid), and where a motion is prescribed that coarse cells do not have; coarse elsewhere.
 
     An edge along a line between cells cuts none, except at re-entrant corners.
     """
     at = plate.at
-    in_plate, good = _in_plate(plate)
+    in_plate, good = _classify_cells(plate)
     cells = np.where(in_plate, np.uint8(FINE), np.uint8(VOID))
     cells[good] = COARSE
     cut = in_plate & ~good
@@ -250,17 +253,17 @@ def cells_of(plate: HybridPlate, reach: int, steep: NDArray[np.int64] | None = N
         cells[in_disc(cut, (reach + RING + 1) / 2) & good] = FINE
         cells[in_disc(cut, (reach + 2) / 2) & ~in_plate & ~good] = EMPTY
     cells = np.pad(cells, AROUND, constant_values=VOID)
-    node_y, node_x = np.divmod(between(plate), at.stride)
+    node_y, node_x = np.divmod(places_unfit_for_coarse(plate), at.stride)
     for below, left_side in ((0, 0), (0, 1), (1, 0), (1, 1)):
         corner = AROUND + (node_y - BELOW - below) // 2, AROUND + (node_x - LEFT - left_side) // 2
         cells[corner] = np.where(cells[corner] == COARSE, FINE, cells[corner])
-    if steep is not None and len(steep):
+    if steep_rows is not None and len(steep_rows):
         beside_steep = np.zeros_like(cells, dtype=bool)
-        y, x = np.divmod(plate.places_of(steep), at.stride)
+        y, x = np.divmod(plate.places_of(steep_rows), at.stride)
         for below, left_side in ((0, 0), (0, 1), (1, 0), (1, 1)):
             beside_steep[AROUND + (y - BELOW - below) // 2, AROUND + (x - LEFT - left_side) // 2] = True
         cells[in_disc(beside_steep, (reach + RING + 1) / 2) & (cells == COARSE)] = FINE
-    for tip_x, tip_y in tips_of(plate).tolist():
+    for tip_x, tip_y in precrack_tips(plate).tolist():
         low_x, low_y = (max(int(tip) // 2 - TIPS, 0) + AROUND for tip in (tip_x, tip_y))
         near_tip = cells[low_y:-AROUND, low_x:-AROUND][: 2 * TIPS, : 2 * TIPS]
         y, x = np.indices(near_tip.shape) + np.array([low_y - AROUND, low_x - AROUND])[:, None, None]
@@ -269,7 +272,7 @@ def cells_of(plate: HybridPlate, reach: int, steep: NDArray[np.int64] | None = N
     return cells.ravel()
 
 
-def _in_plate(plate: HybridPlate) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+def _classify_cells(plate: HybridPlate) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
     """Masks (rows, columns) of the cells with some of the plate, and of those that are whole."""
     at = plate.at
     in_plate, good = np.zeros((2, at.ny // 2, at.nx // 2), dtype=bool)
@@ -277,8 +280,8 @@ def _in_plate(plate: HybridPlate) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]
     for low, high in strips(len(in_plate), at.stride):  # of cells
         first = BELOW + 2 * low - 1
         last = first + 2 * (high - low) + 3
-        has_node, areas = plate.there_in(first, last), plate.areas_in(first, last)
-        around, full_squares = quarters(has_node), squares(has_node)
+        has_node, areas = plate.has_node_in(first, last), plate.areas_in(first, last)
+        around, full_squares = count_full_squares(has_node), find_full_squares(has_node)
         odd = (np.abs(areas - around / np.float32(4)) > SAME) | has_node & (around == 3)  # where an edge turns inwards
         for y in range(3):
             for x in range(3):
@@ -291,17 +294,19 @@ def _in_plate(plate: HybridPlate) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]
     return in_plate, good
 
 
-def squares_in_cells(plate: HybridPlate) -> NDArray[np.uint8]:
+def count_squares_in_cells(plate: HybridPlate) -> NDArray[np.uint8]:
     """Number (c,) of squares with a node at all four corners, in each cell."""
     at = plate.at
     counts = np.zeros((at.ny // 2, at.nx // 2), dtype=np.uint8)
     for low, high in strips(len(counts), at.stride):
-        full_squares = squares(plate.there_in(BELOW + 2 * low, BELOW + 2 * high + 1))[:-1, LEFT : LEFT + at.nx]
+        full_squares = find_full_squares(plate.has_node_in(BELOW + 2 * low, BELOW + 2 * high + 1))[
+            :-1, LEFT : LEFT + at.nx
+        ]
         counts[low:high] = full_squares.reshape(high - low, 2, at.nx // 2, 2).sum(axis=(1, 3))
     return np.pad(counts, AROUND).ravel()
 
 
-def tips_of(plate: HybridPlate) -> NDArray[np.float64]:
+def precrack_tips(plate: HybridPlate) -> NDArray[np.float64]:
     """Ends (k, 2) of pre-cracks that lie inside the plate and on no other segment, in spacings."""
     ends = plate.cracks.reshape(-1, 2)
     inner = ((ends > 1e-6) & (ends < np.array([plate.at.nx, plate.at.ny]) - 1e-6)).all(axis=1)
@@ -309,7 +314,7 @@ def tips_of(plate: HybridPlate) -> NDArray[np.float64]:
     return ends[inner & alone]
 
 
-def clear(model: Model, cracks: NDArray[np.float64], nx: int, ny: int) -> None:
+def check_precracks_between_nodes(model: Model, cracks: NDArray[np.float64], nx: int, ny: int) -> None:
     """Raise ModelError if a pre-crack passes through a node."""
     for number, (x0, y0, x1, y1) in enumerate(cracks):
         long = float(np.hypot(x1 - x0, y1 - y0))
@@ -320,16 +325,18 @@ def clear(model: Model, cracks: NDArray[np.float64], nx: int, ny: int) -> None:
         along = np.clip((near - (x0, y0)) @ way, 0, long)
         away = np.hypot(*(near - (x0, y0) - along[:, None] * way).T)
         if away.min(initial=1.0) < CLEARANCE:
-            raise refused(model, f"$.notch[{number}]", "on a node", "places between nodes, as pdmesh build has them")
+            raise unsupported_error(
+                model, f"$.notch[{number}]", "on a node", "places between nodes, as pdmesh build has them"
+            )
 
 
-def adapt_of(model: Model) -> str:
+def adaptivity_name(model: Model) -> str:
     """The adaptivity of a model: "split" or "collocation", or the default "hybrid"."""
     how = model.settings.run.adapt
     return how if how != "none" else "hybrid"
 
 
-def refused(model: Model, place: str, actual: str, expected: str) -> ModelError:
+def unsupported_error(model: Model, setting: str, actual: str, expected: str) -> ModelError:
     """A ModelError that names the adaptivity and what it does not support."""
-    name = place if place in ("mode", "precision") else f"{model.name}: {place}"
-    return ModelError(unfit(name, actual, f"{expected}, as run.adapt is {adapt_of(model)}"))
+    name = setting if setting in ("mode", "precision") else f"{model.name}: {setting}"
+    return ModelError(unfit(name, actual, f"{expected}, as run.adapt is {adaptivity_name(model)}"))

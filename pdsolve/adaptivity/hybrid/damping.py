@@ -13,23 +13,23 @@ from numba import types
 from numba.extending import overload
 
 from pdsolve.adaptivity.hybrid.lattice import FREE
-from pdsolve.adaptivity.hybrid.node_rows import of_node
+from pdsolve.adaptivity.hybrid.node_rows import value_at_node
 from pdsolve.codegen.vector_code import ROW
 from pdsolve.operators.simd_lattice.kernel import INNER
 
 
-def _damped(nodes: Any) -> bool:
+def _is_damped(nodes: Any) -> bool:
     """Whether these nodes, a type, are damped."""
     return not isinstance(nodes.types[nodes.fields.index("damping")], types.NoneType)
 
 
-def slow(nodes: Any, p: Any, count: Any, lag: Any, s: Any) -> None:
+def damp_forces(nodes: Any, p: Any, count: Any, lag: Any, s: Any) -> None:
     """Turn the sums s of forces on nodes from p on into what moves them; velocities are half of `lag`, s, old."""
 
 
-@overload(slow, jit_options=INNER)
-def _slow(nodes, p, count, lag, s):  # type: ignore[no-untyped-def]
-    if not _damped(nodes):
+@overload(damp_forces, jit_options=INNER)
+def _damp_forces(nodes, p, count, lag, s):  # type: ignore[no-untyped-def]
+    if not _is_damped(nodes):
         return lambda nodes, p, count, lag, s: None
 
     def slowed(nodes, p, count, lag, s):  # type: ignore[no-untyped-def]
@@ -41,23 +41,23 @@ def _slow(nodes, p, count, lag, s):  # type: ignore[no-untyped-def]
     return slowed
 
 
-def tally(nodes: Any, p: Any, count: Any, dt: Any, s: Any, before: Any, after: Any) -> None:
+def book_damping(nodes: Any, p: Any, count: Any, dt: Any, s: Any, before: Any, after: Any) -> None:
     """Book the energy taken in half a step `before` and `after` from nodes moved by s, from p on.
 
     With `before`, velocities are those of half a step ago, else of now.
     """
 
 
-@overload(tally, jit_options=INNER)
-def _tally(nodes, p, count, dt, s, before, after):  # type: ignore[no-untyped-def]
-    if not _damped(nodes):
+@overload(book_damping, jit_options=INNER)
+def _book_damping(nodes, p, count, dt, s, before, after):  # type: ignore[no-untyped-def]
+    if not _is_damped(nodes):
         return lambda nodes, p, count, dt, s, before, after: None
 
     def booked(nodes, p, count, dt, s, before, after):  # type: ignore[no-untyped-def]
         for at in range(p, p + count):
             first, last, half = 0.0, 0.0, dt / 2 * nodes.mass[at]
             for axis in range(2):
-                kick = dt / 2 * (s[axis * ROW + at - p] * nodes.light[at])
+                kick = dt / 2 * (s[axis * ROW + at - p] * nodes.inverse_mass[at])
                 speed = nodes.v[axis, at]
                 middle = speed + kick if before else speed
                 pull = nodes.damping[axis, at] * middle
@@ -77,24 +77,24 @@ def set_damping(ground: Any, nodes: Any, p: Any, place: Any) -> None:
 
 @overload(set_damping, jit_options=INNER)
 def _set_damping(ground, nodes, p, place):  # type: ignore[no-untyped-def]
-    if not _damped(nodes):
+    if not _is_damped(nodes):
         return lambda ground, nodes, p, place: None
 
     def put(ground, nodes, p, place):  # type: ignore[no-untyped-def]
         nodes.damping[0, p] = nodes.damping[1, p] = (
-            of_node(ground.nodes, ground.nodes.damping, place) if nodes.kind[p] == FREE else 0.0
+            value_at_node(ground.nodes, ground.nodes.damping, place) if nodes.kind[p] == FREE else 0.0
         )
 
     return put
 
 
-def undamp(nodes: Any, p: Any, axis: Any) -> None:
+def remove_damping(nodes: Any, p: Any, axis: Any) -> None:
     """Take the damping from a held component."""
 
 
-@overload(undamp, jit_options=INNER)
-def _undamp(nodes, p, axis):  # type: ignore[no-untyped-def]
-    if not _damped(nodes):
+@overload(remove_damping, jit_options=INNER)
+def _remove_damping(nodes, p, axis):  # type: ignore[no-untyped-def]
+    if not _is_damped(nodes):
         return lambda nodes, p, axis: None
 
     def let(nodes, p, axis):  # type: ignore[no-untyped-def]

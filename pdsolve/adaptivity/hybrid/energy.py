@@ -24,7 +24,7 @@ def strain_e(table, k, eta_x, eta_y):  # type: ignore[no-untyped-def]
 
 
 @njit(**INNER)
-def fine_held(ground, fine, u, p):  # type: ignore[no-untyped-def]
+def fine_bond_energy(ground, fine, u, p):  # type: ignore[no-untyped-def]
     """Half of the energy of a fine node's bonds, J/m."""
     row, lane, energy = p // ROW, p % ROW, 0.0
     entry = fine.entry[row]
@@ -41,7 +41,7 @@ def fine_held(ground, fine, u, p):  # type: ignore[no-untyped-def]
 
 
 @njit(**INNER)
-def green_held(nodes, table, ways, u, q):  # type: ignore[no-untyped-def]
+def compact_spring_energy(nodes, table, ways, u, q):  # type: ignore[no-untyped-def]
     """Half of the energy of the springs of a node of a compact lattice, J/m."""
     row, lane, energy = q // ROW, q % ROW, 0.0
     entry = nodes.entry[row]
@@ -55,17 +55,17 @@ def green_held(nodes, table, ways, u, q):  # type: ignore[no-untyped-def]
     return energy
 
 
-def _stretched(u: Any, shrink: Any, x: Any, y: Any, p: Any, j: Any) -> Any:
+def _relative_displacement(u: Any, shrink: Any, x: Any, y: Any, p: Any, j: Any) -> Any:
     """How far the nodes j are displaced from the nodes p, in lanes from these places on; less what swelling takes."""
 
 
-@overload(_stretched, jit_options=INNER | {"forceinline": True})
-def _stretched_lanes(u, shrink, x, y, p, j):  # type: ignore[no-untyped-def]
+@overload(_relative_displacement, jit_options=INNER | {"forceinline": True})
+def _relative_displacement_lanes(u, shrink, x, y, p, j):  # type: ignore[no-untyped-def]
     if isinstance(shrink, types.NoneType):
-        return lambda u, shrink, x, y, p, j: _apart(u, p, j)
+        return lambda u, shrink, x, y, p, j: _displacement_difference(u, p, j)
 
     def relieved(u, shrink, x, y, p, j):  # type: ignore[no-untyped-def]
-        eta_x, eta_y = _apart(u, p, j)
+        eta_x, eta_y = _displacement_difference(u, p, j)
         both = beside(shrink, ONE, p)[0] + beside(shrink, ONE, j)[0]
         return eta_x + both * x, eta_y + both * y
 
@@ -73,20 +73,20 @@ def _stretched_lanes(u, shrink, x, y, p, j):  # type: ignore[no-untyped-def]
 
 
 @njit(forceinline=True, **INNER)
-def _apart(u, p, j):  # type: ignore[no-untyped-def]
+def _displacement_difference(u, p, j):  # type: ignore[no-untyped-def]
     displacement, neighbour_displacement = beside(u, PLANE, p), beside(u, PLANE, j)
     return neighbour_displacement[0] - displacement[0], neighbour_displacement[1] - displacement[1]
 
 
 @njit(**INNER)
-def row_held(nodes, table, ways, green, row, u, s):  # type: ignore[no-untyped-def]
+def row_spring_energies(nodes, table, ways, green, row, u, s):  # type: ignore[no-untyped-def]
     """Set s to half the energies of the springs of a row's lanes, J/m; of coarse ones by Green's strain."""
     entry, slots, none = nodes.entry[row], len(ways), same(u, 0.0)
     for lane in range(0, ROW, across(s)):
         p, energy = np.int64(row * ROW + lane), none
         for k in range(slots):
             x, y = table[k, X], table[k, Y]
-            eta_x, eta_y = _stretched(u, nodes.shrink, x, y, p, np.int64(p + ways[k]))
+            eta_x, eta_y = _relative_displacement(u, nodes.shrink, x, y, p, np.int64(p + ways[k]))
             e = table[k, INVERSE] * (2 * (x * eta_x + y * eta_y) + eta_x * eta_x + eta_y * eta_y)
             w = same(u, table[k, STIFFNESS])
             if entry >= 0:
@@ -98,39 +98,47 @@ def row_held(nodes, table, ways, green, row, u, s):  # type: ignore[no-untyped-d
 
 
 @njit(forceinline=True, **INNER)
-def place_of(fine, coarse, pieces, n, which, axis):  # type: ignore[no-untyped-def]
+def piece_end_displacement(fine, coarse, pieces, n, side, axis):  # type: ignore[no-untyped-def]
     """Displacement of an end of a piece."""
-    a, b = pieces.end[n, 2 * which], pieces.end[n, 2 * which + 1]
+    a, b = pieces.end[n, 2 * side], pieces.end[n, 2 * side + 1]
     if b < 0:
         return fine[axis, a]
-    w = pieces.value[n, which]
+    w = pieces.value[n, side]
     return (1 - w) * coarse[axis, a] + w * coarse[axis, b]
 
 
 @njit(**INNER)
-def piece_held(pieces, fine, coarse, n):  # type: ignore[no-untyped-def]
+def piece_energy(pieces, fine, coarse, n):  # type: ignore[no-untyped-def]
     """Energy of a piece of a clipped bond, J/m."""
-    e = piece_e(pieces, fine, coarse, n)
+    e = piece_strain(pieces, fine, coarse, n)
     return pieces.value[n, 5] / pieces.value[n, 4] * e * e / 8
 
 
 @njit(**INNER)
-def piece_e(pieces, fine, coarse, n):  # type: ignore[no-untyped-def]
+def piece_strain(pieces, fine, coarse, n):  # type: ignore[no-untyped-def]
     """e of a piece of a clipped bond."""
     value = pieces.value[n]
-    eta_x = place_of(fine, coarse, pieces, n, 1, 0) - place_of(fine, coarse, pieces, n, 0, 0) + pieces.relief[n, 0]
-    eta_y = place_of(fine, coarse, pieces, n, 1, 1) - place_of(fine, coarse, pieces, n, 0, 1) + pieces.relief[n, 1]
+    eta_x = (
+        piece_end_displacement(fine, coarse, pieces, n, 1, 0)
+        - piece_end_displacement(fine, coarse, pieces, n, 0, 0)
+        + pieces.relief[n, 0]
+    )
+    eta_y = (
+        piece_end_displacement(fine, coarse, pieces, n, 1, 1)
+        - piece_end_displacement(fine, coarse, pieces, n, 0, 1)
+        + pieces.relief[n, 1]
+    )
     return value[4] * (2 * (value[2] * eta_x + value[3] * eta_y) + eta_x * eta_x + eta_y * eta_y)
 
 
 @njit(**INNER)
-def kinetic(nodes, p):  # type: ignore[no-untyped-def]
+def kinetic_energy(nodes, p):  # type: ignore[no-untyped-def]
     """Kinetic energy of a node with a motion of its own, J/m."""
     return nodes.mass[p] / 2 * (nodes.v[0, p] ** 2 + nodes.v[1, p] ** 2)
 
 
 @njit(**INNER)
-def energy_of(ground, zone, now, fine_nodes, coarse_nodes):  # type: ignore[no-untyped-def]
+def energy_of_nodes(ground, zone, now, fine_nodes, coarse_nodes):  # type: ignore[no-untyped-def]
     """Strain and kinetic energy, J/m, of some nodes and of the pieces that some own; these fine nodes must be
     marked."""
     fine, coarse, energy = zone.fine, zone.coarse, 0.0
@@ -138,41 +146,43 @@ def energy_of(ground, zone, now, fine_nodes, coarse_nodes):  # type: ignore[no-u
     for p in fine_nodes:
         if fine.kind[p] == IDLE:
             continue
-        energy += fine_held(ground, fine, u, p)
+        energy += fine_bond_energy(ground, fine, u, p)
         if fine.kind[p] == FREE:
-            energy += kinetic(fine, p)
+            energy += kinetic_energy(fine, p)
     for q in coarse_nodes:
         if coarse.kind[q] == FREE:
-            energy += green_held(coarse, ground.coarse_table, ground.coarse_ways, uc, q) + kinetic(coarse, q)
+            energy += compact_spring_energy(coarse, ground.coarse_table, ground.coarse_ways, uc, q) + kinetic_energy(
+                coarse, q
+            )
     for n in range(zone.counts.pieces):
         if zone.mark[zone.pieces.owner[n]]:
-            energy += piece_held(zone.pieces, u, uc, n)
+            energy += piece_energy(zone.pieces, u, uc, n)
     return energy
 
 
 @cached_njit(error_model="numpy")
-def held(ground, zone, now, fine_held_, coarse_held_, far_held):  # type: ignore[no-untyped-def]
+def fill_strain_energies(ground, zone, now, fine_energy, coarse_energy, far_energy):  # type: ignore[no-untyped-def]
     """Strain energies, J/m, of fine, coarse and far nodes, by their places; half of a piece's belongs to either end."""
     fine, coarse, pieces, s = zone.fine, zone.coarse, zone.pieces, zone.s[0]
     for row in fine.rows[: zone.counts.fine_rows]:
-        row_held(fine, ground.table, ground.ways, False, row, fine.u[now], s)
+        row_spring_energies(fine, ground.table, ground.ways, False, row, fine.u[now], s)
         for p in range(row * ROW, row * ROW + ROW):
-            fine_held_[p] = s[p % ROW] if fine.kind[p] != IDLE else 0.0
+            fine_energy[p] = s[p % ROW] if fine.kind[p] != IDLE else 0.0
     lattices = (
-        (coarse, zone.counts.coarse_rows, ground.coarse_table, ground.coarse_ways, coarse_held_),
-        (zone.far, zone.counts.far_rows, ground.far_table, ground.far_ways, far_held),
+        (coarse, zone.counts.coarse_rows, ground.coarse_table, ground.coarse_ways, coarse_energy),
+        (zone.far, zone.counts.far_rows, ground.far_table, ground.far_ways, far_energy),
     )
     for nodes, count, table, ways, energies in lattices:
         for row in nodes.rows[:count]:
-            row_held(nodes, table, ways, True, row, nodes.u[now], s)
+            row_spring_energies(nodes, table, ways, True, row, nodes.u[now], s)
             for q in range(row * ROW, row * ROW + ROW):
                 energies[q] = s[q % ROW] if nodes.kind[q] != IDLE else 0.0
     for n in range(zone.counts.pieces):
-        half = piece_held(pieces, fine.u[now], coarse.u[now], n) / 2
+        half = piece_energy(pieces, fine.u[now], coarse.u[now], n) / 2
         for which in range(2):
             a, b, w = pieces.end[n, 2 * which], pieces.end[n, 2 * which + 1], pieces.value[n, which]
             if b < 0:
-                fine_held_[a] += half
+                fine_energy[a] += half
             else:
-                coarse_held_[a] += (1 - w) * half
-                coarse_held_[b] += w * half
+                coarse_energy[a] += (1 - w) * half
+                coarse_energy[b] += w * half

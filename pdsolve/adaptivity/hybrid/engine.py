@@ -12,13 +12,13 @@ from numpy.typing import NDArray
 from pdsolve.adaptivity.hybrid import arrays
 from pdsolve.adaptivity.hybrid.arrays import HOLD_COLUMNS, STORED, LatticeConstants, LatticeNodes, PlateZone
 from pdsolve.adaptivity.hybrid.clipped_bonds import stretch_of
-from pdsolve.adaptivity.hybrid.coarse_cells import HybridPlate, squares_in_cells
-from pdsolve.adaptivity.hybrid.energy import held
+from pdsolve.adaptivity.hybrid.coarse_cells import HybridPlate, count_squares_in_cells
+from pdsolve.adaptivity.hybrid.energy import fill_strain_energies
 from pdsolve.adaptivity.hybrid.lattice import BELOW, BELOW_COARSE, COARSE, FAR, FINE, FREE, IDLE, LEFT
 from pdsolve.adaptivity.hybrid.march import CLIP, DONE, march
-from pdsolve.adaptivity.hybrid.node_rows import are_intact
-from pdsolve.adaptivity.hybrid.springs import e_of
-from pdsolve.adaptivity.hybrid.swelling import relieve_all, restrict, stored
+from pdsolve.adaptivity.hybrid.node_rows import are_bonds_intact
+from pdsolve.adaptivity.hybrid.springs import e_of_stretch
+from pdsolve.adaptivity.hybrid.swelling import average_to_coarse, set_all_reliefs, total_strain_energy
 from pdsolve.checkpoint_validation import entry, like
 from pdsolve.codegen.vector_code import ROW
 from pdsolve.conditions import Drive
@@ -38,63 +38,67 @@ class ZoneSummary(NamedTuple):
     clipped_stretch: float  # the largest of clipped bonds so far, over that which softens or breaks one
 
 
-class Strains(NamedTuple):
+class FreeStrains(NamedTuple):
     """Minus half the strains of free nodes, as `LatticeNodes.shrink` has them."""
 
     fine: NDArray[np.float64]
     coarse: NDArray[np.float64]
 
 
-class Hybrid:
+class HybridEngine:
     """A plate in motion; nodes are numbered as on their lattices."""
 
     def __init__(self, plate: HybridPlate, ground: LatticeConstants, zone: PlateZone, drive: Drive) -> None:
         """Cells of `zone` are those of the start."""
         self.plate, self.ground, self.zone, self.drive, self.now = plate, ground, zone, drive, 0
-        self._squares = squares_in_cells(plate)
+        self._squares = count_squares_in_cells(plate)
         self._whole, self._fine = int(self._squares.sum()), (-1, 0)  # squares in all cells; in fine ones, since when
 
     def start(self, velocity: NDArray[np.float64] | None) -> None:
         """Number the zone, set the velocities (n, 2), m/s, of all nodes, None: 0, and compute the forces."""
-        self.number()
+        self.number_nodes()
         if velocity is not None:
-            lattices = (self.zone.fine, None), (self.zone.coarse, self.beneath), (self.zone.far, self.beneath_far)
+            lattices = (
+                (self.zone.fine, None),
+                (self.zone.coarse, self.fine_places_of_coarse),
+                (self.zone.far, self.fine_places_of_far),
+            )
             for nodes, beneath in lattices:
                 free_places = np.flatnonzero(nodes.kind == FREE)
                 nodes.v[:, free_places] = velocity[
                     self.plate.rows_at(free_places if beneath is None else beneath(free_places))
                 ].T
-        self.renew()
+        self.recompute_forces()
 
-    def renew(self) -> None:
+    def recompute_forces(self) -> None:
         """Recompute the forces at the start."""
         self._march(1, 1)
 
-    def number(self) -> None:
+    def number_nodes(self) -> None:
         """Derive all nodes from the cells, whatever they were before."""
         zone = self.zone
         zone.fine.own[: zone.counts.stiffness_rows] = 0
         for _, nodes, rows in self._lattices():
             nodes.entry[:] = -1
             nodes.kind.reshape(-1, ROW)[rows] = IDLE
-            nodes.light.reshape(-1, ROW)[rows] = 0.0
+            nodes.inverse_mass.reshape(-1, ROW)[rows] = 0.0
         zone.stirred[zone.stirs[: zone.counts.stirred_nodes]] = False
         zone = self.zone = zone._replace(counts=arrays.Counts.of())
         self._fine = -1, 0
         cells = np.flatnonzero(zone.cells == FINE)
-        zone.new[: len(cells)] = cells
+        zone.new_cells[: len(cells)] = cells
         zone.counts.new_cells = len(cells)
-        self.renew()
-        around = arrays.reserved(len(zone.around), of=np.int64)  # all coarse nodes were
-        self.zone = self.zone._replace(totals=arrays.Totals.of(), around=around)
+        self.recompute_forces()
+        around = arrays.lazy_zeros(len(zone.affected_coarse), dtype=np.int64)  # all coarse nodes were
+        self.zone = self.zone._replace(totals=arrays.Totals.of(), affected_coarse=around)
 
-    def beneath(self, coarse: NDArray[np.int64]) -> NDArray[np.int64]:
+    def fine_places_of_coarse(self, coarse: NDArray[np.int64]) -> NDArray[np.int64]:
         """Fine places (k,) that coarse nodes lie on."""
         at = self.plate.at
         y, x = np.divmod(coarse, at.coarse_stride)
         return np.asarray((2 * (y - BELOW_COARSE) + BELOW) * at.stride + LEFT + 2 * (x - LEFT))
 
-    def beneath_far(self, far: NDArray[np.int64]) -> NDArray[np.int64]:
+    def fine_places_of_far(self, far: NDArray[np.int64]) -> NDArray[np.int64]:
         """Fine places (k,) that far nodes lie on."""
         at = self.plate.at
         y, x = np.divmod(far, at.far_stride)
@@ -115,13 +119,13 @@ class Hybrid:
         slowing = [nodes.damping for nodes in lattices]
         counts.loads, counts.holds, self.ground = 0, 0, ground._replace(dt=dt)
         try:
-            self._damp(None, None)
+            self._set_damping(None, None)
             self._march(step + 1, step + 1)
         finally:
             counts.loads, counts.holds, self.ground = loads, holds, ground
-            self._damp(*slowing)
+            self._set_damping(*slowing)
 
-    def _damp(self, fine: NDArray[np.float64] | None, coarse: NDArray[np.float64] | None) -> None:
+    def _set_damping(self, fine: NDArray[np.float64] | None, coarse: NDArray[np.float64] | None) -> None:
         """Damp the nodes so from now on; see `LatticeNodes.damping`."""
         zone = self.zone
         self.zone = zone._replace(fine=zone.fine._replace(damping=fine), coarse=zone.coarse._replace(damping=coarse))
@@ -130,7 +134,7 @@ class Hybrid:
         """Take the steps `first` to `last` - 1; with `last` = `first`, only finish the previous step."""
         drifted = False
         while True:
-            how, step, self.now = self._on_threads(first, last, drifted)
+            how, step, self.now = self._march_on_threads(first, last, drifted)
             if how == DONE:
                 return
             if how == CLIP:
@@ -139,11 +143,11 @@ class Hybrid:
                     f" {self.zone_summary().clipped_stretch:.2f} of critical)",
                     step,
                 )
-            self.zone = arrays.grown(self.zone)
+            self.zone = arrays.enlarge_zone(self.zone)
             if first < last:
                 first, drifted = step, True
 
-    def _on_threads(self, *steps: int) -> tuple[int, int, int]:
+    def _march_on_threads(self, *steps: int) -> tuple[int, int, int]:
         """Run the compiled march on all threads until it ends; returns its end code, step and buffer."""
         threads, end = len(self.zone.s), (0, 0, 0)
         arguments, gate = (self.ground, self.zone, self.drive.profiles, self.now, *steps), gate_of(threads)
@@ -155,10 +159,10 @@ class Hybrid:
         side_by_side(work, threads)
         return end
 
-    def widen(self, kappa: float) -> None:
+    def set_kappa(self, kappa: float) -> None:
         """Make cells fine from now on around coarse bonds at `kappa` of the stretch that breaks or softens bonds."""
         bounds = self.ground.bounds.copy()
-        bounds[:, 2] = [e_of(kappa * _stretch(e)) for e in bounds[:, 0].tolist()]
+        bounds[:, 2] = [e_of_stretch(kappa * _stretch(e)) for e in bounds[:, 0].tolist()]
         self.ground = self.ground._replace(bounds=bounds, least=bounds.min(axis=0))
 
     def swell(self, strain: NDArray[np.float64]) -> None:
@@ -167,46 +171,46 @@ class Hybrid:
         assert fine is not None
         assert coarse is not None
         fine[self._places] = strain / -2
-        restrict(self.ground, fine, coarse)
-        relieve_all(self.ground, self.zone, self.now)
+        average_to_coarse(self.ground, fine, coarse)
+        set_all_reliefs(self.ground, self.zone, self.now)
 
-    def stored(self) -> float:
+    def strain_energy(self) -> float:
         """Strain energy of all springs, J/m."""
-        return float(stored(self.ground, self.zone, self.now))
+        return float(total_strain_energy(self.ground, self.zone, self.now))
 
-    def strains(self) -> Strains:
+    def copy_strains(self) -> FreeStrains:
         """A copy of the strains that springs have."""
         fine, coarse = self.zone.fine.shrink, self.zone.coarse.shrink
         assert fine is not None
         assert coarse is not None
-        return Strains(fine.copy(), coarse.copy())
+        return FreeStrains(fine.copy(), coarse.copy())
 
-    def stored_at(self, strains: Strains) -> float:
+    def strain_energy_at(self, strains: FreeStrains) -> float:
         """Strain energy, J/m, that all springs would have at these strains."""
         now = self.zone
         fine, coarse = now.fine._replace(shrink=strains.fine), now.coarse._replace(shrink=strains.coarse)
         self.zone = now._replace(fine=fine, coarse=coarse)
-        relieve_all(self.ground, self.zone, self.now)
-        energy = self.stored()
+        set_all_reliefs(self.ground, self.zone, self.now)
+        energy = self.strain_energy()
         self.zone = now
-        relieve_all(self.ground, self.zone, self.now)
+        set_all_reliefs(self.ground, self.zone, self.now)
         return energy
 
-    def book(self, work: float) -> None:
+    def book_work(self, work: float) -> None:
         """Book an energy, J/m, as work done on the plate."""
         self.zone.totals.work += work
 
     @cached_property
     def _places(self) -> NDArray[np.int64]:
         """Fine places (n,) of all nodes of the grid."""
-        return self.plate.place
+        return self.plate.fine_places
 
     def broken(self) -> arrays.BreakEvents:
         """Bonds broken so far."""
         (step, node, spring), count = self.zone.breaks, self.zone.counts.broken_bonds
         return arrays.BreakEvents(step[:count], node[:count], spring[:count])
 
-    def spenders(self) -> NDArray[np.int64]:
+    def places_of_dissipation(self) -> NDArray[np.int64]:
         """Fine places (k,) at which a bond has broken or softened, in order."""
         return np.unique(np.concatenate([self.broken().node, self.zone.stirs[: self.zone.counts.stirred_nodes]]))
 
@@ -226,30 +230,30 @@ class Hybrid:
         yield "coarse", zone.coarse, zone.coarse.rows[: zone.counts.coarse_rows]
         yield "far", zone.far, zone.far.rows[: zone.counts.far_rows]
 
-    def active(self, nodes: LatticeNodes, rows: NDArray[np.int64]) -> NDArray[np.int64]:
+    def free_places(self, nodes: LatticeNodes, rows: NDArray[np.int64]) -> NDArray[np.int64]:
         """Places of the free nodes in these rows of a lattice."""
         places = (rows[:, None] * ROW + np.arange(ROW)).ravel()
         return np.asarray(places[nodes.kind[places] == FREE])
 
-    def held(self) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+    def strain_energies(self) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
         """Strain energy of fine, of coarse and of far nodes, by their places, J/m."""
         at = self.plate.at
         fine, coarse, far = (np.zeros(places) for places in (at.places, at.coarse_places, at.far_places))
-        held(self.ground, self.zone, self.now, fine, coarse, far)
+        fill_strain_energies(self.ground, self.zone, self.now, fine, coarse, far)
         return fine, coarse, far
 
-    def motion(self) -> NDArray[np.float64]:
+    def kinetic_and_momentum(self) -> NDArray[np.float64]:
         """Kinetic energy, J/m, and momentum, N s/m."""
         totals = np.zeros(3)
         for _, nodes, rows in self._lattices():
             for first in range(0, len(rows), TOGETHER):
-                places = self.active(nodes, rows[first : first + TOGETHER])
+                places = self.free_places(nodes, rows[first : first + TOGETHER])
                 mass, x, y = (np.asarray(column[places], dtype=np.float64) for column in (nodes.mass, *nodes.v))
                 totals += (mass / 2 * (x * x + y * y)).sum(), (mass * x).sum(), (mass * y).sum()
         return totals
 
     @property
-    def spent(self) -> tuple[float, float, float]:
+    def energy_totals(self) -> tuple[float, float, float]:
         """Energy dissipated, work done, and energy created by refinement, J/m."""
         totals = self.zone.totals
         return float(totals.dissipated), float(totals.work), float(totals.refinement)
@@ -283,13 +287,13 @@ class Hybrid:
                 "usual": entries < 0,
             }
         stirs = zone.stirs[: zone.counts.stirred_nodes].copy()
-        checkpoint |= {"holds": _hold_columns(zone), "stirs": stirs, "spent": zone.spent[self.spenders()]}
+        checkpoint |= {"holds": _hold_columns(zone), "stirs": stirs, "spent": zone.spent[self.places_of_dissipation()]}
         number = zone.counts.values()[:STORED]  # the others say where rows are, and what changed last
         return checkpoint | {"cells": zone.cells.copy(), "total": zone.totals.values(), "number": number}
 
     def back(self, checkpoint: Kept) -> None:
         """Restore a checkpoint. Raises CheckpointError."""
-        zone, breaks, cells = self.zone, self._kept_breaks(checkpoint), like(checkpoint, "cells", self.zone.cells)
+        zone, breaks, cells = self.zone, self._checkpoint_breaks(checkpoint), like(checkpoint, "cells", self.zone.cells)
         self._check_cells(cells)
         node, lost, (_, before, before_spring) = breaks.node, zone.lost, self.broken()
         for k in range(len(self.ground.ways) // 2):  # exactly these are broken, besides those missing at the start
@@ -301,12 +305,12 @@ class Hybrid:
                 array.reshape(-1, array.shape[-1] // ROW, ROW)[:, rows] = 0
         zone.cells[:], self.now = cells, 0
         while len(self.zone.breaks.step) < len(node):
-            self.zone = arrays.grown(self.zone)
-        self.number()
+            self.zone = arrays.enlarge_zone(self.zone)
+        self.number_nodes()
         zone = self.zone
         for name, column in zone.breaks._asdict().items():
             column[: len(node)] = breaks._asdict()[name]
-        self._put_numbers(checkpoint, node, breaks.spring)
+        self._restore_counts(checkpoint, node, breaks.spring)
         if self.ground.varied:
             rows = zone.fine.rows[: zone.counts.fine_rows]
             stiffness_rows = np.where(zone.fine.entry[rows] < 0, -2 - zone.fine.entry[rows], zone.fine.entry[rows])
@@ -322,8 +326,8 @@ class Hybrid:
             for field, values in (("u", nodes.u[0]), ("v", nodes.v), ("f", nodes.f)):
                 values[:, places] = entry(checkpoint, f"{name}_{field}", (2, len(places)), values.dtype)
             nodes.wide[rows] = entry(checkpoint, f"{name}_wide", rows.shape, np.uint8)
-        _put_holds(checkpoint, zone)
-        _put_damped(checkpoint, zone)
+        _restore_holds(checkpoint, zone)
+        _restore_damped(checkpoint, zone)
         self.zone = zone._replace(totals=arrays.Totals.of(like(checkpoint, "total", zone.totals.values())))
 
     def _check_cells(self, cells: NDArray[np.uint8]) -> None:
@@ -334,7 +338,7 @@ class Hybrid:
         if not ((cells == start) | may).all():
             raise CheckpointError("cells are not those of the start; coarse ones may only become fine")
 
-    def _kept_breaks(self, checkpoint: Kept) -> arrays.BreakEvents:
+    def _checkpoint_breaks(self, checkpoint: Kept) -> arrays.BreakEvents:
         """Broken bonds of a checkpoint, checked to exist at the start and to have broken once in each direction."""
         ground, plate = self.ground, self.plate
         step = entry(checkpoint, "break_step", (None,), np.int32, 1)
@@ -342,14 +346,14 @@ class Hybrid:
         spring = entry(checkpoint, "break_spring", step.shape, np.int32, 0, len(ground.ways) - 1)
         target, half = node + ground.ways[spring], len(ground.ways) // 2
         inside = (target >= 0) & (target < plate.at.places)
-        inside &= plate.has(node) & plate.has(target.clip(0, plate.at.places - 1))
+        inside &= plate.has_node(node) & plate.has_node(target.clip(0, plate.at.places - 1))
         owner = np.where(spring < half, node, target.clip(0, plate.at.places - 1))
-        intact = are_intact(ground.nodes, self.zone.lost, owner, spring % half)
+        intact = are_bonds_intact(ground.nodes, self.zone.lost, owner, spring % half)
         if not (inside & intact).all() or len(np.unique(node * 2 * half + spring)) < len(node):
             raise CheckpointError("a broken bond is none of the plate, or there twice")
         return arrays.BreakEvents(step, node, spring)
 
-    def _put_numbers(self, checkpoint: Kept, node: NDArray[np.int64], spring: NDArray[np.int32]) -> None:
+    def _restore_counts(self, checkpoint: Kept, node: NDArray[np.int64], spring: NDArray[np.int32]) -> None:
         """Restore the counts of a checkpoint with these broken bonds, and the nodes with softened or broken bonds."""
         zone, numbers = self.zone, entry(checkpoint, "number", (None,), np.int64)
         if len(numbers) < STORED:
@@ -369,7 +373,7 @@ class Hybrid:
         zone.spent[:] = 0.0
         zone.counts.broken_bonds, zone.counts.stirred_nodes = past.broken_bonds, past.stirred_nodes
         zone.counts.refined_nodes, zone.counts.regrids = past.refined_nodes, past.regrids
-        spenders = self.spenders()
+        spenders = self.places_of_dissipation()
         zone.spent[spenders] = entry(checkpoint, "spent", spenders.shape, float)
 
     def bytes(self) -> int:
@@ -380,16 +384,16 @@ class Hybrid:
 
 def _hold_columns(zone: PlateZone) -> NDArray[np.float64]:
     """Values, velocities and forces (e, 4) of all held components, as checkpoints have them."""
-    return np.column_stack([zone.holds.of[name] for name in HOLD_COLUMNS])
+    return np.column_stack([zone.holds.entries[name] for name in HOLD_COLUMNS])
 
 
-def _put_holds(checkpoint: Kept, zone: PlateZone) -> None:
+def _restore_holds(checkpoint: Kept, zone: PlateZone) -> None:
     """Restore values, velocities and forces of all held components."""
     for name, column in zip(HOLD_COLUMNS, like(checkpoint, "holds", _hold_columns(zone)).T, strict=True):
-        zone.holds.of[name] = column
+        zone.holds.entries[name] = column
 
 
-def _put_damped(checkpoint: Kept, zone: PlateZone) -> None:
+def _restore_damped(checkpoint: Kept, zone: PlateZone) -> None:
     """Restore the energies that damping has taken from nodes."""
     for name, damped in (("fine", zone.fine.damped), ("coarse", zone.coarse.damped)):
         if damped is not None:

@@ -15,8 +15,8 @@ import numpy as np
 from numba import njit
 
 from pdsolve.adaptivity.hybrid.bond_breaking import break_bonds
-from pdsolve.adaptivity.hybrid.damping import slow, tally
-from pdsolve.adaptivity.hybrid.energy import place_of, strain_e
+from pdsolve.adaptivity.hybrid.damping import book_damping, damp_forces
+from pdsolve.adaptivity.hybrid.energy import piece_end_displacement, strain_e
 from pdsolve.codegen.atomics import counted, take
 from pdsolve.codegen.lanes import across
 from pdsolve.codegen.plane_slots import kick_and_drift
@@ -41,13 +41,21 @@ COARSE_PART = 64
 
 
 @njit(forceinline=True, **INNER)
-def _clipped(zone, u, uc, f, fc):  # type: ignore[no-untyped-def]
+def _add_clipped_bonds(zone, u, uc, f, fc):  # type: ignore[no-untyped-def]
     """Add the forces of clipped bonds; returns the largest e of those that could break."""
     pieces, largest = zone.pieces, 0.0
     end, value, relief = pieces.end, pieces.value, pieces.relief
     for n in range(zone.counts.pieces):
-        eta_x = place_of(u, uc, pieces, n, 1, 0) - place_of(u, uc, pieces, n, 0, 0) + relief[n, 0]
-        eta_y = place_of(u, uc, pieces, n, 1, 1) - place_of(u, uc, pieces, n, 0, 1) + relief[n, 1]
+        eta_x = (
+            piece_end_displacement(u, uc, pieces, n, 1, 0)
+            - piece_end_displacement(u, uc, pieces, n, 0, 0)
+            + relief[n, 0]
+        )
+        eta_y = (
+            piece_end_displacement(u, uc, pieces, n, 1, 1)
+            - piece_end_displacement(u, uc, pieces, n, 0, 1)
+            + relief[n, 1]
+        )
         x, y = value[n, 2], value[n, 3]
         e = value[n, 4] * (2 * (x * eta_x + y * eta_y) + eta_x * eta_x + eta_y * eta_y)
         largest = max(largest, e * value[n, 6])
@@ -67,7 +75,7 @@ def _clipped(zone, u, uc, f, fc):  # type: ignore[no-untyped-def]
 
 
 @njit(**INNER)
-def _sum_far(ground, fine, u, p0, count, s):  # type: ignore[no-untyped-def]
+def _sum_any_stretch(ground, fine, u, p0, count, s):  # type: ignore[no-untyped-def]
     """Forces on nodes of a row, one by one, for any stretch."""
     entry = fine.entry[p0 // ROW]
     for p in range(p0, p0 + count):
@@ -106,15 +114,15 @@ sum_fine_narrow, sum_fine_wide = _of_entry(sum_narrow), _of_entry(sum_wide)
 
 
 @njit(**INNER)
-def _sum_fine(ground, zone, now, step, thread, job):  # type: ignore[no-untyped-def]
+def _sum_fine_rows(ground, zone, now, step, thread, job):  # type: ignore[no-untyped-def]
     """Forces f on all fine rows.
 
     Rows with a bond about to break are set aside for the job `BROKEN` of the first thread.
     """
     fine, s = zone.fine, zone.s[thread]
-    wide, u, breaks, aside = across(s), fine.u[now], job == BROKEN, zone.aside[thread]
+    wide, u, breaks, aside = across(s), fine.u[now], job == BROKEN, zone.rows_aside[thread]
     parts_per_row = ROW // wide
-    count = zone.asides[0] if breaks else zone.counts.fine_rows * parts_per_row
+    count = zone.aside_counts[0] if breaks else zone.counts.fine_rows * parts_per_row
     while True:
         first = take(zone.turns, job) * PART
         if first >= count:
@@ -130,14 +138,14 @@ def _sum_fine(ground, zone, now, step, thread, job):  # type: ignore[no-untyped-
                 fine.wide[row] = fine.wide[row] or not breaks
                 flags = sum_fine_wide(ground, fine, u, fine.entry[row], p % ROW, p, s)
             if flags & 2 and not breaks and step > 0:
-                aside[zone.asides[8 * thread]] = p
-                zone.asides[8 * thread] += 1
+                aside[zone.aside_counts[8 * thread]] = p
+                zone.aside_counts[8 * thread] += 1
                 continue
             if flags & 1:
-                _sum_far(ground, fine, u, p, wide, s)
+                _sum_any_stretch(ground, fine, u, p, wide, s)
             if breaks or fine.touched[row]:
                 add_forces(fine.f, p, wide, s)
-            keep_forces(fine.f, p, wide, s)
+            store_forces(fine.f, p, wide, s)
 
 
 @njit(forceinline=True, **INNER)
@@ -149,29 +157,29 @@ def add_forces(f, p, count, s):  # type: ignore[no-untyped-def]
 
 
 @njit(forceinline=True, **INNER)
-def keep_forces(f, p, count, s):  # type: ignore[no-untyped-def]
+def store_forces(f, p, count, s):  # type: ignore[no-untyped-def]
     """Store the sums of a row of nodes in the forces f."""
     for k in range(count):
         f[0, p + k], f[1, p + k] = s[k], s[ROW + k]
 
 
 @njit(**INNER)
-def _put_aside(zone):  # type: ignore[no-untyped-def]
+def _merge_rows_set_aside(zone):  # type: ignore[no-untyped-def]
     """List the rows that all threads have set aside, in order."""
-    aside, count = zone.aside[0], zone.asides[0]
+    aside, count = zone.rows_aside[0], zone.aside_counts[0]
     for thread in range(1, len(zone.s)):
-        for n in range(zone.asides[8 * thread]):
-            p, m = zone.aside[thread, n], count
+        for n in range(zone.aside_counts[8 * thread]):
+            p, m = zone.rows_aside[thread, n], count
             while m > 0 and aside[m - 1] > p:
                 aside[m] = aside[m - 1]
                 m -= 1
             aside[m] = p
             count += 1
-    zone.asides[0] = count
+    zone.aside_counts[0] = count
 
 
 @njit(**INNER)
-def _move_fine(zone, now, dt, lag, ends, thread):  # type: ignore[no-untyped-def]
+def _move_fine_rows(zone, now, dt, lag, ends, thread):  # type: ignore[no-untyped-def]
     """Kick and drift all fine rows; where a sequence `ends`, their damped forces are kept instead."""
     fine, s = zone.fine, zone.s[thread]
     wide, u, after, count = across(s), fine.u[now], fine.u[1 - now], zone.counts.fine_rows
@@ -183,12 +191,12 @@ def _move_fine(zone, now, dt, lag, ends, thread):  # type: ignore[no-untyped-def
             for p in range(row * ROW, row * ROW + ROW, wide):
                 for k in range(wide):
                     s[k], s[ROW + k] = fine.f[0, p + k], fine.f[1, p + k]
-                slow(fine, p, wide, lag, s)
+                damp_forces(fine, p, wide, lag, s)
                 if ends:
-                    keep_forces(fine.f, p, wide, s)
+                    store_forces(fine.f, p, wide, s)
                 else:
-                    tally(fine, p, wide, dt, s, True, True)
-                    kick_and_drift(u, after, fine.v, fine.light, dt, dt / 2, p, s)
+                    book_damping(fine, p, wide, dt, s, True, True)
+                    kick_and_drift(u, after, fine.v, fine.inverse_mass, dt, dt / 2, p, s)
 
 
 @njit(**INNER)
@@ -209,7 +217,7 @@ def _sweep_far(ground, zone, now, lag, ends, thread, gate):  # type: ignore[no-u
     nodes, rows, table, ways = zone.far, zone.counts.far_rows, ground.far_table, ground.far_ways
     meet(gate)
     if thread == 0:
-        _pass_on(zone.coarse.f, zone.far.f, zone.tied, zone.counts.tied_nodes)
+        _pass_border_forces(zone.coarse.f, zone.far.f, zone.tied, zone.counts.tied_nodes)
     _sweep(ground, zone, nodes, rows, table, ways, now, lag, ends, thread, REST, FAR_PLAIN, False)
     meet(gate)
     _sweep(ground, zone, nodes, rows, table, ways, now, lag, ends, thread, REST, FAR_TOUCHED, True)
@@ -240,17 +248,17 @@ def _sweep(ground, zone, nodes, count, table, ways, now, lag, ends, thread, stag
                     hot |= sum_green(u, PLANE, table, ways, None, None, nodes.shrink, entry, lane, q, limit, s)
                 if touched:
                     add_forces(nodes.f, q, wide, s)
-                slow(nodes, q, wide, lag, s)
+                damp_forces(nodes, q, wide, lag, s)
                 if touched or ends:
-                    keep_forces(nodes.f, q, wide, s)
+                    store_forces(nodes.f, q, wide, s)
                 if not ends:
-                    tally(nodes, q, wide, dt, s, True, True)
-                    kick_and_drift(u, after, nodes.v, nodes.light, dt, dt / 2, q, s)
+                    book_damping(nodes, q, wide, dt, s, True, True)
+                    kick_and_drift(u, after, nodes.v, nodes.inverse_mass, dt, dt / 2, q, s)
             nodes.wide[row] = hot > 0
 
 
 @njit(**INNER)
-def _clear(nodes, count):  # type: ignore[no-untyped-def]
+def _clear_touched_rows(nodes, count):  # type: ignore[no-untyped-def]
     """Set the forces on touched rows to zero."""
     for n in range(count):
         row = nodes.rows[n]
@@ -260,7 +268,7 @@ def _clear(nodes, count):  # type: ignore[no-untyped-def]
 
 
 @njit(**INNER)
-def _pass_on(f, fc, border, count):  # type: ignore[no-untyped-def]
+def _pass_border_forces(f, fc, border, count):  # type: ignore[no-untyped-def]
     """Pass forces on border nodes to the coarser nodes that carry them."""
     for n in range(count):
         p, a, b, w = border.node[n], border.end[n, 0], border.end[n, 1], border.w[n]
@@ -270,7 +278,7 @@ def _pass_on(f, fc, border, count):  # type: ignore[no-untyped-def]
 
 
 @njit(**INNER)
-def follow(u, uc, border, count):  # type: ignore[no-untyped-def]
+def interpolate_border_nodes(u, uc, border, count):  # type: ignore[no-untyped-def]
     """Interpolate border nodes from the coarser ones."""
     for n in range(count):
         p, a, b, w = border.node[n], border.end[n, 0], border.end[n, 1], border.w[n]
@@ -279,12 +287,12 @@ def follow(u, uc, border, count):  # type: ignore[no-untyped-def]
 
 
 @njit(**INNER)
-def _load(count, loads, fine, coarse, totals, profiles, time, dt):  # type: ignore[no-untyped-def]
+def _add_loads(count, loads, fine, coarse, totals, profiles, time, dt):  # type: ignore[no-untyped-def]
     """Add the loads at `time`, and their work since the last step by the trapezoidal rule."""
     last, now, then = -1, 0.0, 0.0
     for n in range(count):
-        on, entry = loads.on[n, 0], loads.of[loads.on[n, 1]]
-        axis, profile, value = entry.axis, entry.profile, loads.part[n] * entry.value
+        on, entry = loads.node_and_entry[n, 0], loads.entries[loads.node_and_entry[n, 1]]
+        axis, profile, value = entry.axis, entry.profile, loads.share[n] * entry.value
         if profile != last:
             last = profile
             now, then = factor_at(profiles, profile, time), factor_at(profiles, profile, time - dt)
@@ -298,51 +306,51 @@ def _load(count, loads, fine, coarse, totals, profiles, time, dt):  # type: igno
 
 
 @njit(**INNER)
-def _act(ground, zone, profiles, now, step):  # type: ignore[no-untyped-def]
+def _initialize_forces(ground, zone, profiles, now, step):  # type: ignore[no-untyped-def]
     """Initialize the forces with those of loads and of clipped bonds."""
     fine, coarse, dt = zone.fine, zone.coarse, ground.dt
-    _clear(fine, zone.counts.fine_rows)
-    _clear(coarse, zone.counts.coarse_rows)
-    _clear(zone.far, zone.counts.far_rows)
-    _load(zone.counts.loads, zone.loads, fine, coarse, zone.totals, profiles, step * dt, dt if step > 0 else 0.0)
-    follow(fine.u[now], coarse.u[now], zone.border, zone.counts.border_nodes)
-    largest = _clipped(zone, fine.u[now], coarse.u[now], fine.f, coarse.f)
+    _clear_touched_rows(fine, zone.counts.fine_rows)
+    _clear_touched_rows(coarse, zone.counts.coarse_rows)
+    _clear_touched_rows(zone.far, zone.counts.far_rows)
+    _add_loads(zone.counts.loads, zone.loads, fine, coarse, zone.totals, profiles, step * dt, dt if step > 0 else 0.0)
+    interpolate_border_nodes(fine.u[now], coarse.u[now], zone.border, zone.counts.border_nodes)
+    largest = _add_clipped_bonds(zone, fine.u[now], coarse.u[now], fine.f, coarse.f)
     zone.totals.clipped_e = largest
     zone.totals.largest_e = max(zone.totals.largest_e, largest)
 
 
 @njit(**INNER)
-def forces(ground, zone, profiles, now, step, lag, ends, thread, gate):  # type: ignore[no-untyped-def]
+def sum_and_move(ground, zone, profiles, now, step, lag, ends, thread, gate):  # type: ignore[no-untyped-def]
     """All forces at the displacements `now`, those of `step`; kick and drift unless the sequence `ends`.
 
     Velocities are those of half of `lag`, s, ago.
-    All threads call this together; the first thread calls `again` before each further call.
+    All threads call this together; the first thread calls `reset_turns` before each further call.
     """
     for stage in (ACTED, BROKE, LOADED, REST):
         if thread == 0 and stage == ACTED:
-            _act(ground, zone, profiles, now, step)
+            _initialize_forces(ground, zone, profiles, now, step)
             take(zone.turns, STAGE)
         elif thread == 0 and stage == BROKE:
-            _put_aside(zone)
+            _merge_rows_set_aside(zone)
         else:
             _sweep_coarse(ground, zone, now, lag, ends, thread, stage)
             wait(zone.turns, STAGE, min(stage, BROKE), gate)
         if stage == ACTED or (thread == 0 and stage == BROKE):
-            _sum_fine(ground, zone, now, step, thread, SUM if stage == ACTED else BROKEN)
+            _sum_fine_rows(ground, zone, now, step, thread, SUM if stage == ACTED else BROKEN)
         if stage == ACTED:
             meet(gate)
         elif stage == BROKE:
             if thread == 0:
-                _pass_on(zone.fine.f, zone.coarse.f, zone.border, zone.counts.border_nodes)
+                _pass_border_forces(zone.fine.f, zone.coarse.f, zone.border, zone.counts.border_nodes)
                 take(zone.turns, STAGE)
-            _move_fine(zone, now, ground.dt, lag, ends, thread)
+            _move_fine_rows(zone, now, ground.dt, lag, ends, thread)
     if zone.counts.far_rows > 0:
         _sweep_far(ground, zone, now, lag, ends, thread, gate)
     meet(gate)
 
 
 @njit(**INNER)
-def again(zone):  # type: ignore[no-untyped-def]
+def reset_turns(zone):  # type: ignore[no-untyped-def]
     """Reset the counters from which threads take rows."""
     zone.turns[:] = 0
-    zone.asides[:] = 0
+    zone.aside_counts[:] = 0

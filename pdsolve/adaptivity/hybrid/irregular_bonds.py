@@ -15,9 +15,9 @@ from numpy.typing import NDArray
 
 from pdmesh.model import selection
 from pdmesh.model.neighbours import ROWS
-from pdsolve.adaptivity.hybrid.coarse_cells import HybridPlate, quarters, strips
+from pdsolve.adaptivity.hybrid.coarse_cells import HybridPlate, count_full_squares, strips
 from pdsolve.adaptivity.hybrid.lattice import BELOW, LEFT
-from pdsolve.adaptivity.hybrid.springs import Springs, e_of
+from pdsolve.adaptivity.hybrid.springs import Springs, e_of_stretch
 from pdsolve.bonds.assembly import Paired, Part, stiffness_bound
 from pdsolve.model import Model
 from pdsolve.numerics.dilation import in_square
@@ -29,11 +29,11 @@ SAME = 1e-9  # of its area: an outline that encloses so much of a rectangle is t
 ROUND_OFF = 1e-12  # relative: stiffnesses this near to those of a full lattice are those
 
 
-class Irregular(NamedTuple):
+class IrregularBonds(NamedTuple):
     """k bonds of s nodes, in the order of a full family; those of r of them, whose bonds are all that differ."""
 
     node: NDArray[np.int64]  # (s,) rows of the grid
-    which: NDArray[np.int64]  # (s,) of the r
+    bond_row: NDArray[np.int64]  # (s,) of the r
     springs: NDArray[np.float64]  # (r, k) stiffness, N/m^2; 0 without a bond
     kind: NDArray[np.int32]  # (r,) which of the limits a node's bonds have
     peak: NDArray[np.float64]  # (j, k) e, of j different nodes
@@ -42,45 +42,48 @@ class Irregular(NamedTuple):
     stiffness_bound: NDArray[np.float64]  # (r,) as in `Operator`
 
 
-def irregular(plate: HybridPlate, springs: tuple[Springs, ...]) -> Irregular:
+def find_irregular_bonds(plate: HybridPlate, springs: tuple[Springs, ...]) -> IrregularBonds:
     """Bonds of all nodes near irregular places; `springs` holds those of each material."""
     reach = int(np.abs(springs[0].dx).max())
-    places, is_close = _near(plate, reach)
+    places, is_close = _places_near_irregular(plate, reach)
     rows = plate.rows_at(places)
     order = np.argsort(rows)
     sorted_rows, wanted = rows[order], is_close[order]
-    first, which = np.unique(first_alike(plate, sorted_rows[wanted], reach), return_inverse=True)
+    first, which = np.unique(first_equivalent_rows(plate, sorted_rows[wanted], reach), return_inverse=True)
     nothing, count = np.zeros((0, len(springs[0].dx))), len(first)
     kind, family, sums = np.zeros(count, np.int32), np.zeros(count, np.int64), np.zeros((count, nothing.shape[1]))
-    irregular_bonds = Irregular(sorted_rows[wanted], which, sums, kind, nothing, nothing, family, np.zeros(count))
+    irregular_bonds = IrregularBonds(sorted_rows[wanted], which, sums, kind, nothing, nothing, family, np.zeros(count))
     if not count:
         return irregular_bonds
     numbers = np.flatnonzero(wanted)
-    parts = _parts(part_of(plate.model, sorted_rows), numbers, first, which)
-    limits = _fill(plate, parts, sorted_rows, numbers[first], springs, irregular_bonds)
+    parts = _bonds_by_parts(part_of_model(plate.model, sorted_rows), numbers, first, which)
+    limits = _store_bonds(plate, parts, sorted_rows, numbers[first], springs, irregular_bonds)
     return irregular_bonds._replace(peak=limits[:, 0].copy(), limit=limits[:, 1].copy())
 
 
-def _near(plate: HybridPlate, reach: int) -> tuple[NDArray[np.int64], NDArray[np.bool_]]:
+def _places_near_irregular(plate: HybridPlate, reach: int) -> tuple[NDArray[np.int64], NDArray[np.bool_]]:
     """Places (k,) of the nodes within three of a family's reaches of an irregular place, and which are within two."""
     stride, rows = plate.at.stride, plate.at.places // plate.at.stride
     places, is_close = [], []
     for low, high in strips(rows, stride, WIDE):
         first = max(low - 3 * reach, 0)
-        odd, strip = _odd(plate, reach, first, min(high + 3 * reach, rows)), np.s_[low - first : high - first]
-        near = np.flatnonzero(plate.there_in(low, high) & in_square(odd, 3 * reach)[strip])
+        odd, strip = (
+            _mask_irregular(plate, reach, first, min(high + 3 * reach, rows)),
+            np.s_[low - first : high - first],
+        )
+        near = np.flatnonzero(plate.has_node_in(low, high) & in_square(odd, 3 * reach)[strip])
         places.append(near + low * stride)
         is_close.append(in_square(odd, 2 * reach)[strip].ravel()[near])
     return np.concatenate(places), np.concatenate(is_close)
 
 
-def _odd(plate: HybridPlate, reach: int, low: int, high: int) -> NDArray[np.bool_]:
+def _mask_irregular(plate: HybridPlate, reach: int, low: int, high: int) -> NDArray[np.bool_]:
     """Mask of places in rows `low` to `high` - 1 without a node or a whole cell, at an interface, or next to a
     pre-crack."""
     at = plate.at
     first, last = max(low - 1, 0), min(high + 1, at.places // at.stride)
     odd = np.abs(plate.areas_in(first, last) - 1) > ROUND_OFF
-    odd |= quarters(~odd) < 4
+    odd |= count_full_squares(~odd) < 4
     if plate.model.settings.regions:
         field = plate.materials_in(first, last)
         for axis in (0, 1):
@@ -100,7 +103,7 @@ def _odd(plate: HybridPlate, reach: int, low: int, high: int) -> NDArray[np.bool
     return odd
 
 
-def part_of(model: Model, rows: NDArray[np.int64]) -> Model:
+def part_of_model(model: Model, rows: NDArray[np.int64]) -> Model:
     """The model of the nodes in `rows`, without conditions."""
     part = model.grid.part(rows)
     regions = []
@@ -112,7 +115,7 @@ def part_of(model: Model, rows: NDArray[np.int64]) -> Model:
     return Model(part, settings, model.name)
 
 
-def _parts(
+def _bonds_by_parts(
     model: Model, rows: NDArray[np.int64], first: NDArray[np.int64], which: NDArray[np.int64]
 ) -> Iterator[tuple[NDArray[np.int64], Part]]:
     """Bonds of the `first` of these rows, some at a time: those of nodes near irregular places, beyond which nothing is
@@ -130,13 +133,13 @@ def _parts(
         yield chunk, rule.part(chunk, paired, lack)
 
 
-def _fill(
+def _store_bonds(
     plate: HybridPlate,
     parts: Iterable[tuple[NDArray[np.int64], Part]],
     sorted_rows: NDArray[np.int64],
     numbers: NDArray[np.int64],
     springs: tuple[Springs, ...],
-    irregular_bonds: Irregular,
+    irregular_bonds: IrregularBonds,
 ) -> NDArray[np.float64]:
     """Store in `irregular_bonds` the bonds that a scheme makes of part of the plate; `sorted_rows` are its rows, of
     which those with the numbers `numbers` are. Returns their different peaks and limits (j, 2, k)."""
@@ -156,14 +159,14 @@ def _fill(
         usual = full[material[row], k]
         irregular_bonds.springs[slot[at], k] = np.where(np.abs(stiffness - usual) < ROUND_OFF * usual, usual, stiffness)
         limits = np.zeros((len(chunk), 2, full.shape[1]))
-        limits[at, 0, k], limits[at, 1, k] = e_of(bonds.peak), e_of(bonds.limit)
-        irregular_bonds.kind[slot] = _numbers(limits, number_by_limits)
+        limits[at, 0, k], limits[at, 1, k] = e_of_stretch(bonds.peak), e_of_stretch(bonds.limit)
+        irregular_bonds.kind[slot] = _number_limits(limits, number_by_limits)
         irregular_bonds.family[slot] = part.family[chunk - part.first]
         irregular_bonds.stiffness_bound[slot] = stiffness_bound(bonds, bonds.stiffness, True)
     return np.frombuffer(b"".join(number_by_limits)).reshape(-1, 2, full.shape[1])
 
 
-def _numbers(limits: NDArray[np.float64], number_by_limits: dict[bytes, int]) -> NDArray[np.int64]:
+def _number_limits(limits: NDArray[np.float64], number_by_limits: dict[bytes, int]) -> NDArray[np.int64]:
     """Number (n,) of each of these (n, 2, k) in `number_by_limits`, to which new ones are added; few differ."""
     bits = limits.reshape(len(limits), -1).view(np.int64)
     _, first, which = np.unique(bits @ np.arange(1, 2 * bits.shape[1], 2), return_index=True, return_inverse=True)
@@ -175,7 +178,7 @@ def _numbers(limits: NDArray[np.float64], number_by_limits: dict[bytes, int]) ->
     return np.asarray(numbers[which])
 
 
-def first_alike(plate: HybridPlate, rows: NDArray[np.int64], reach: int) -> NDArray[np.int64]:
+def first_equivalent_rows(plate: HybridPlate, rows: NDArray[np.int64], reach: int) -> NDArray[np.int64]:
     """Number (s,) of the first of these rows (s,) of the grid with the same bonds, and neighbours with the same bonds,
     but for round-off, in families of this `reach`, h."""
     every = np.arange(len(rows))
@@ -192,13 +195,15 @@ def first_alike(plate: HybridPlate, rows: NDArray[np.int64], reach: int) -> NDAr
         share = np.clip((at - start) @ way / max(float(way @ way), np.finfo(float).tiny), 0.0, 1.0)
         near = np.flatnonzero(np.hypot(*(at - start - share[:, None] * way).T) < 1.5 * far)
         crack_position = np.zeros(len(rows), dtype=np.int64)
-        crack_position[near] = 1 + (_beside(at[near], crack, 2 * far) if (crack[:2] == crack[2:]).any() else near)
+        crack_position[near] = 1 + (
+            _number_positions(at[near], crack, 2 * far) if (crack[:2] == crack[2:]).any() else near
+        )
         kind = np.unique(kind, return_inverse=True)[1] * (1 + crack_position.max(initial=0)) + crack_position
     _, first, which = np.unique(kind, return_index=True, return_inverse=True)
     return np.asarray(first[which])
 
 
-def _beside(at: NDArray[np.int64], crack: NDArray[np.float64], far: int) -> NDArray[np.int64]:
+def _number_positions(at: NDArray[np.int64], crack: NDArray[np.float64], far: int) -> NDArray[np.int64]:
     """A number for each of these places (k, 2) that tells how they lie to a crack along an axis, up to `far` from its
     ends."""
     numbers = np.zeros(len(at), dtype=np.int64)

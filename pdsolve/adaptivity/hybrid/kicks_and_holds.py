@@ -7,51 +7,51 @@ from __future__ import annotations
 
 from numba import njit
 
-from pdsolve.adaptivity.hybrid.damping import tally
+from pdsolve.adaptivity.hybrid.damping import book_damping
 from pdsolve.codegen.vector_code import ROW
 from pdsolve.conditions import DISPLACEMENT, VELOCITY, factor_at
 from pdsolve.operators.simd_lattice.kernel import INNER
 
 
 @njit(**INNER)
-def _kick_and_drift(nodes, count, now, dt, drifts):  # type: ignore[no-untyped-def]
+def _kick_and_drift_rows(nodes, count, now, dt, drifts):  # type: ignore[no-untyped-def]
     """Half a kick, m/s, of all rows by the stored forces, and a drift over `dt`, s, if `drifts`."""
     u, after, v, f = nodes.u[now], nodes.u[1 - now], nodes.v, nodes.f
     for n in range(count):
         row = nodes.rows[n]
         for axis in range(2):
             for p in range(row * ROW, row * ROW + ROW):
-                kick = dt / 2 * (f[axis, p] * nodes.light[p])
+                kick = dt / 2 * (f[axis, p] * nodes.inverse_mass[p])
                 v[axis, p] += kick
                 if drifts:
                     after[axis, p] = u[axis, p] + dt * v[axis, p]
 
 
 @njit(**INNER)
-def _tally_rows(nodes, count, dt, s, starts):  # type: ignore[no-untyped-def]
+def _book_damping_of_rows(nodes, count, dt, s, starts):  # type: ignore[no-untyped-def]
     """Book what damping takes in the half of a step with which a sequence `starts`, or else ends; `s` is scratch."""
     for n in range(count):
         p = nodes.rows[n] * ROW
         for k in range(ROW):
             s[k], s[ROW + k] = nodes.f[0, p + k], nodes.f[1, p + k]
-        tally(nodes, p, ROW, dt, s, not starts, starts)
+        book_damping(nodes, p, ROW, dt, s, not starts, starts)
 
 
 @njit(**INNER)
-def drift(ground, zone, now, drifts):  # type: ignore[no-untyped-def]
+def kick_and_drift_all(ground, zone, now, drifts):  # type: ignore[no-untyped-def]
     """Half a kick of all nodes and a drift if `drifts`."""
     counts = zone.counts
     lattices = (zone.fine, counts.fine_rows), (zone.coarse, counts.coarse_rows), (zone.far, counts.far_rows)
     for nodes, rows in lattices:
-        _tally_rows(nodes, rows, ground.dt, zone.s[0], drifts)
-        _kick_and_drift(nodes, rows, now, ground.dt, drifts)
+        _book_damping_of_rows(nodes, rows, ground.dt, zone.s[0], drifts)
+        _kick_and_drift_rows(nodes, rows, now, ground.dt, drifts)
 
 
 @njit(**INNER)
-def begin_holds(fine, coarse, holds, count):  # type: ignore[no-untyped-def]
+def store_holding_forces(fine, coarse, holds, count):  # type: ignore[no-untyped-def]
     """Store forces and velocities of held components."""
     for n in range(count):
-        on, entry = holds.on[n, 0], holds.of[holds.on[n, 1]]
+        on, entry = holds.node_and_entry[n, 0], holds.entries[holds.node_and_entry[n, 1]]
         axis = entry.axis
         if on >= 0:
             entry.force, entry.last_speed = fine.f[axis, on], fine.v[axis, on]
@@ -60,10 +60,10 @@ def begin_holds(fine, coarse, holds, count):  # type: ignore[no-untyped-def]
 
 
 @njit(**INNER)
-def end_holds(fine, coarse, holds, count):  # type: ignore[no-untyped-def]
+def restore_held_velocities(fine, coarse, holds, count):  # type: ignore[no-untyped-def]
     """Give held components their prescribed velocities."""
     for n in range(count):
-        on, entry = holds.on[n, 0], holds.of[holds.on[n, 1]]
+        on, entry = holds.node_and_entry[n, 0], holds.entries[holds.node_and_entry[n, 1]]
         if on >= 0:
             fine.v[entry.axis, on] = entry.last_speed
         else:
@@ -71,19 +71,19 @@ def end_holds(fine, coarse, holds, count):  # type: ignore[no-untyped-def]
 
 
 @njit(**INNER)
-def hold(fine, coarse, holds, count, totals, dt, profiles, now, step, ends, starts):  # type: ignore[no-untyped-def]
+def hold_components(fine, coarse, holds, count, totals, dt, profiles, now, step, ends, starts):  # type: ignore[no-untyped-def]
     """Book the holding forces until `step` unless a sequence `starts`, and hold on from there unless it `ends`."""
     for n in range(count):
-        on, entry = holds.on[n, 0], holds.of[holds.on[n, 1]]
+        on, entry = holds.node_and_entry[n, 0], holds.entries[holds.node_and_entry[n, 1]]
         if on >= 0:
-            _hold(fine, on, entry, totals, dt, profiles, now, step, ends, starts)
+            _hold_component(fine, on, entry, totals, dt, profiles, now, step, ends, starts)
         else:
-            _hold(coarse, -1 - on, entry, totals, dt, profiles, now, step, ends, starts)
+            _hold_component(coarse, -1 - on, entry, totals, dt, profiles, now, step, ends, starts)
 
 
 @njit(**INNER)
-def _hold(nodes, p, entry, totals, dt, profiles, now, step, ends, starts):  # type: ignore[no-untyped-def]
-    """Book the force on the held component of node p until `step`, and hold it from there; see `hold`."""
+def _hold_component(nodes, p, entry, totals, dt, profiles, now, step, ends, starts):  # type: ignore[no-untyped-def]
+    """Book the force on the held component of node p until `step`, and hold it from there; see `hold_components`."""
     axis, profile, time, speed = entry.axis, entry.profile, step * dt, entry.mean_speed
     u, force = nodes.u, nodes.f[axis, p]
     if entry.kind == VELOCITY:

@@ -24,7 +24,7 @@ COARSE, FINE, VOID, EMPTY, FAR = range(5)
 IDLE, FREE, BORDER = 0, 1, 2  # nodes; those on the border move with coarser ones
 
 
-class Lattice(NamedTuple):
+class Numbering(NamedTuple):
     """A rectangle of nx by ny fine cells, both even."""
 
     nx: int
@@ -39,13 +39,13 @@ class Lattice(NamedTuple):
     cells: int
 
 
-def lattice_of(nx: int, ny: int) -> Lattice:
+def number_plate(nx: int, ny: int) -> Numbering:
     """The numbering of a plate of nx by ny fine cells."""
     stride, coarse, far = (ROW * -(-(LEFT + count + 1 + BELOW) // ROW) for count in (nx, nx // 2, nx // 4))
     rows, coarse_rows, far_rows = ny + 1 + 2 * BELOW, *(count + 1 + 2 * BELOW_COARSE for count in (ny // 2, ny // 4))
     cells = nx // 2 + 2 * AROUND
     places = rows * stride, coarse_rows * coarse, far_rows * far, cells * (ny // 2 + 2 * AROUND)
-    return Lattice(nx, ny, stride, places[0], coarse, places[1], far, places[2], cells, places[3])
+    return Numbering(nx, ny, stride, places[0], coarse, places[1], far, places[2], cells, places[3])
 
 
 @njit(forceinline=True, **INNER)

@@ -25,20 +25,20 @@ class NodeRows(NamedTuple):
 
 
 @njit(forceinline=True, **INNER)
-def of_node(rows, values, p):  # type: ignore[no-untyped-def]
+def value_at_node(rows, values, p):  # type: ignore[no-untyped-def]
     """The value of the fine node at place p, of values (r, 16)."""
     return values[rows.entry[p // ROW], p % ROW]
 
 
-def are_intact(
+def are_bonds_intact(
     rows: NodeRows, lost: NDArray[np.uint64], owner: NDArray[np.int64], bond: NDArray[np.integer]
 ) -> NDArray[np.bool_]:
     """Whether these bonds (k,) of the first half of the families at places `owner` (k,) were there at the start and are
     not among those `lost` (n,), a bit each."""
-    bits = of_nodes(rows, rows.bits, owner) & ~lost[owner]
+    bits = values_at_nodes(rows, rows.bits, owner) & ~lost[owner]
     return np.asarray(bits >> bond.astype(np.uint64) & np.uint64(1) != 0)
 
 
-def of_nodes(rows: NodeRows, values: NDArray[Any], places: NDArray[np.int64]) -> NDArray[Any]:
+def values_at_nodes(rows: NodeRows, values: NDArray[Any], places: NDArray[np.int64]) -> NDArray[Any]:
     """Values (k,) of the fine nodes at places (k,), of values (r, 16)."""
     return np.asarray(values[rows.entry[places // ROW], places % ROW])

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from numba import njit
 
-from pdsolve.adaptivity.hybrid.far_nodes import far_around
+from pdsolve.adaptivity.hybrid.far_nodes import count_far_cells_around
 from pdsolve.adaptivity.hybrid.lattice import (
     BORDER,
     COARSE,
@@ -19,41 +19,44 @@ from pdsolve.adaptivity.hybrid.lattice import (
     fine_place,
     fine_row,
 )
-from pdsolve.adaptivity.hybrid.precracks import seen
+from pdsolve.adaptivity.hybrid.precracks import is_visible
 from pdsolve.codegen.vector_code import ROW
 from pdsolve.operators.simd_lattice.kernel import INNER
 
 
 @njit(**INNER)
-def touches(at, cells, ix, iy, wanted):  # type: ignore[no-untyped-def]
+def count_quarters_in(at, cells, ix, iy, cell_kind):  # type: ignore[no-untyped-def]
     """Number of quarters around a fine node in cells of a kind."""
     count = 0
     for sy in (-1, 0):
         for sx in (-1, 0):
-            count += cells[cell_place(at, (ix + sx) >> 1, (iy + sy) >> 1)] == wanted
+            count += cells[cell_place(at, (ix + sx) >> 1, (iy + sy) >> 1)] == cell_kind
     return count
 
 
 @njit(**INNER)
-def kind_of(at, cells, ix, iy, mass):  # type: ignore[no-untyped-def]
+def fine_node_kind(at, cells, ix, iy, mass):  # type: ignore[no-untyped-def]
     """Kind of a fine node with this cell mass: IDLE, FREE, or BORDER next to coarse cells."""
-    if mass == 0 or touches(at, cells, ix, iy, FINE) == 0:
+    if mass == 0 or count_quarters_in(at, cells, ix, iy, FINE) == 0:
         return IDLE
-    return BORDER if touches(at, cells, ix, iy, COARSE) > 0 else FREE
+    return BORDER if count_quarters_in(at, cells, ix, iy, COARSE) > 0 else FREE
 
 
 @njit(**INNER)
-def set_fine(at, mass, cells, fine, p):  # type: ignore[no-untyped-def]
+def set_fine_node(at, mass, cells, fine, p):  # type: ignore[no-untyped-def]
     """Set kind and mass of a fine node with the whole cell `mass`."""
     ix, iy = fine_column(at, p), fine_row(at, p)
-    fine.kind[p] = kind_of(at, cells, ix, iy, mass)
-    fine_quarters, coarse_quarters = touches(at, cells, ix, iy, FINE), touches(at, cells, ix, iy, COARSE)
+    fine.kind[p] = fine_node_kind(at, cells, ix, iy, mass)
+    fine_quarters, coarse_quarters = (
+        count_quarters_in(at, cells, ix, iy, FINE),
+        count_quarters_in(at, cells, ix, iy, COARSE),
+    )
     fine.mass[p] = mass * fine_quarters / (fine_quarters + coarse_quarters) if fine_quarters > 0 else 0.0
-    fine.light[p] = 1 / fine.mass[p] if fine.kind[p] == FREE else 0.0
+    fine.inverse_mass[p] = 1 / fine.mass[p] if fine.kind[p] == FREE else 0.0
 
 
 @njit(**INNER)
-def end_on(ground, kind, x, y, direction, w):  # type: ignore[no-untyped-def]
+def carriers_on_edge(ground, kind, x, y, direction, w):  # type: ignore[no-untyped-def]
     """The coarse nodes that a place on an edge moves with, and the share of the second.
 
     Where a pre-crack cuts the edge, the place moves with nodes on its own side. It is extrapolated from the two next
@@ -76,16 +79,16 @@ def end_on(ground, kind, x, y, direction, w):  # type: ignore[no-untyped-def]
 
 
 @njit(**INNER)
-def border_end(ground, kind, p):  # type: ignore[no-untyped-def]
+def border_carriers(ground, kind, p):  # type: ignore[no-untyped-def]
     """The coarse nodes that fine node p, on a line between cells, moves with, and the share of the second; see
-    `end_on`."""
+    `carriers_on_edge`."""
     ix, iy = fine_column(ground.at, p), fine_row(ground.at, p)
     odd_x, odd_y = ix % 2, iy % 2
-    return end_on(ground, kind, ix // 2, iy // 2, 0 if odd_x else 1, 0.5 * (odd_x + odd_y))
+    return carriers_on_edge(ground, kind, ix // 2, iy // 2, 0 if odd_x else 1, 0.5 * (odd_x + odd_y))
 
 
 @njit(**INNER)
-def _begin_own(coarse, row, table):  # type: ignore[no-untyped-def]
+def _copy_table_to_row(coarse, row, table):  # type: ignore[no-untyped-def]
     """Give a row of coarse nodes its own stiffnesses, initially those of the table."""
     coarse.entry[row] = row
     for k in range(8):
@@ -94,7 +97,7 @@ def _begin_own(coarse, row, table):  # type: ignore[no-untyped-def]
 
 
 @njit(**INNER)
-def set_coarse(ground, cells, fine, coarse, q):  # type: ignore[no-untyped-def]
+def set_coarse_node(ground, cells, fine, coarse, q):  # type: ignore[no-untyped-def]
     """Kind, mass and springs of a coarse node, which is on the border next to far cells.
 
     Its row gets its own stiffnesses when they first differ.
@@ -106,36 +109,36 @@ def set_coarse(ground, cells, fine, coarse, q):  # type: ignore[no-untyped-def]
         for sx in (-1, 0):
             c = cell_place(at, x + sx, y + sy)
             if cells[c] == COARSE:
-                mass += ground.cell[2, ground.mix[c]] * corner_part(ground, x + sx, y + sy, -sx, -sy)
-    tied = far_around(at, cells, x, y) > 0
+                mass += ground.cell[2, ground.mix[c]] * corner_area_share(ground, x + sx, y + sy, -sx, -sy)
+    tied = count_far_cells_around(at, cells, x, y) > 0
     coarse.kind[q] = IDLE if mass == 0 else BORDER if tied else FREE
     for k in range(8):
-        stiffness = spring_of(ground, cells, q, x, y, k)
+        stiffness = coarse_spring_stiffness(ground, cells, q, x, y, k)
         if coarse.entry[row] < 0 and stiffness != ground.coarse_table[k, 5]:
-            _begin_own(coarse, row, ground.coarse_table)
+            _copy_table_to_row(coarse, row, ground.coarse_table)
         if coarse.entry[row] >= 0:
             coarse.own[row, k, q % ROW] = stiffness
     if mass > 0:
         for dy in (-1, 0, 1):
             for dx in (-1, 0, 1):
                 ix, iy = 2 * x + dx, 2 * y + dy
-                mass += _passed_on(ground, coarse.kind, fine, fine_place(at, ix, iy), q)
+                mass += _mass_from_fine(ground, coarse.kind, fine, fine_place(at, ix, iy), q)
     coarse.mass[q] = mass
-    coarse.light[q] = 1 / mass if mass > 0 and not tied else 0.0
+    coarse.inverse_mass[q] = 1 / mass if mass > 0 and not tied else 0.0
 
 
 @njit(**INNER)
-def _passed_on(ground, kind, fine, p, q):  # type: ignore[no-untyped-def]
+def _mass_from_fine(ground, kind, fine, p, q):  # type: ignore[no-untyped-def]
     """Mass that a fine node passes to coarse node q."""
     if fine.kind[p] != BORDER:
         return 0.0
-    a, b, w = border_end(ground, kind, p)
+    a, b, w = border_carriers(ground, kind, p)
     w = max(w, 0.0)  # mass goes to the next one
     return fine.mass[p] * ((1 - w if a == q else 0.0) + (w if b == q else 0.0))
 
 
 @njit(**INNER)
-def spring_of(ground, cells, q, x, y, k):  # type: ignore[no-untyped-def]
+def coarse_spring_stiffness(ground, cells, q, x, y, k):  # type: ignore[no-untyped-def]
     """Stiffness of coarse spring k of a node: half from each coarse cell along an edge; 0 if a pre-crack cuts it."""
     at = ground.at
     dx, dy = ground.coarse_dx[k], ground.coarse_dy[k]
@@ -147,12 +150,12 @@ def spring_of(ground, cells, q, x, y, k):  # type: ignore[no-untyped-def]
     if dx != 0 and dy != 0:
         return ground.cell[1, ground.mix[c]] if cells[c] == COARSE else 0.0
     along_y = 1 if dy != 0 else 0
-    first = _edge_of(ground, cells, x0, y0, along_y, 0)
-    return first + _edge_of(ground, cells, x0 - along_y, y0 - 1 + along_y, along_y, 1)
+    first = _edge_stiffness(ground, cells, x0, y0, along_y, 0)
+    return first + _edge_stiffness(ground, cells, x0 - along_y, y0 - 1 + along_y, along_y, 1)
 
 
 @njit(**INNER)
-def _edge_of(ground, cells, x, y, along_y, second):  # type: ignore[no-untyped-def]
+def _edge_stiffness(ground, cells, x, y, along_y, second):  # type: ignore[no-untyped-def]
     """Stiffness of the first or `second` of two edges of a cell that are parallel to an axis.
 
     Of a cell that a pre-crack crosses between them, each is that of a free strip: k = w (C11 - C66^2 / C11) for the
@@ -162,14 +165,14 @@ def _edge_of(ground, cells, x, y, along_y, second):  # type: ignore[no-untyped-d
     if cells[c] != COARSE:
         return 0.0
     k1, k2 = ground.cell[0, ground.mix[c]], ground.cell[1, ground.mix[c]]
-    across = _crossed(ground, x, y, along_y)
+    across = _crack_share_across(ground, x, y, along_y)
     if across == 0:
         return 0.5 * k1
     return (1 - across if second else across) * (k1 + k2 - k2 * k2 / (k1 + k2))
 
 
 @njit(**INNER)
-def _crossed(ground, x, y, along_y):  # type: ignore[no-untyped-def]
+def _crack_share_across(ground, x, y, along_y):  # type: ignore[no-untyped-def]
     """Where, from the first of a cell's edges parallel to an axis to the second, a pre-crack crosses between them; 0:
     nowhere."""
     q = coarse_place(ground.at, x, y)
@@ -179,12 +182,12 @@ def _crossed(ground, x, y, along_y):  # type: ignore[no-untyped-def]
 
 
 @njit(**INNER)
-def corner_part(ground, x, y, right, above):  # type: ignore[no-untyped-def]
+def corner_area_share(ground, x, y, right, above):  # type: ignore[no-untyped-def]
     """Share of a corner in its cell's area, over a quarter: corners on a side of a pre-crack have the side's."""
     if not ground.cut_cells[cell_place(ground.at, x, y)]:
         return 1.0
     for along_y, second in ((0, above), (1, right)):
-        across = _crossed(ground, x, y, along_y)
+        across = _crack_share_across(ground, x, y, along_y)
         if across > 0:
             return 2 * (1 - across if second else across)
     q, stride = coarse_place(ground.at, x, y), ground.at.coarse_stride
@@ -200,7 +203,7 @@ def corner_part(ground, x, y, right, above):  # type: ignore[no-untyped-def]
 
 
 @njit(**INNER)
-def interpolate(ground, kind, values, ix, iy, x, y, out):  # type: ignore[no-untyped-def]
+def interpolate_coarse(ground, kind, values, ix, iy, x, y, out):  # type: ignore[no-untyped-def]
     """Interpolate values (2, q) of coarse nodes, with kinds `kind`, at a fine place of cell x, y, into out (2,).
 
     In a cell crossed by a pre-crack, values are extrapolated from a neighbouring cell on the place's own side; without
@@ -208,7 +211,7 @@ def interpolate(ground, kind, values, ix, iy, x, y, out):  # type: ignore[no-unt
     """
     at = ground.at
     if not ground.cut_cells[cell_place(at, x, y)]:
-        _bilinear(at, values, ix, iy, x, y, out)
+        _interpolate_bilinear(at, values, ix, iy, x, y, out)
         return
     for dx, dy in ((0, -1), (0, 1), (-1, 0), (1, 0)):
         if ground.cut_cells[cell_place(at, x + dx, y + dy)]:
@@ -216,14 +219,14 @@ def interpolate(ground, kind, values, ix, iy, x, y, out):  # type: ignore[no-unt
         q = coarse_place(at, x + dx, y + dy)
         active = kind[q] == FREE and kind[q + 1] == FREE
         active = active and kind[q + at.coarse_stride] == FREE and kind[q + at.coarse_stride + 1] == FREE
-        if active and seen(ground.cracks, ix, iy, 2.0 * (x + dx) + 1, 2.0 * (y + dy) + 1):
-            _bilinear(at, values, ix, iy, x + dx, y + dy, out)
+        if active and is_visible(ground.cracks, ix, iy, 2.0 * (x + dx) + 1, 2.0 * (y + dy) + 1):
+            _interpolate_bilinear(at, values, ix, iy, x + dx, y + dy, out)
             return
-    _one_sided(at, ground.cracks, values, ix, iy, x, y, out)
+    _average_visible_corners(at, ground.cracks, values, ix, iy, x, y, out)
 
 
 @njit(**INNER)
-def _bilinear(at, values, ix, iy, x, y, out):  # type: ignore[no-untyped-def]
+def _interpolate_bilinear(at, values, ix, iy, x, y, out):  # type: ignore[no-untyped-def]
     """Bilinear interpolation or extrapolation from the corners of a cell."""
     wx, wy, q, stride = (ix - 2 * x) / 2, (iy - 2 * y) / 2, coarse_place(at, x, y), at.coarse_stride
     for axis in range(2):
@@ -234,14 +237,14 @@ def _bilinear(at, values, ix, iy, x, y, out):  # type: ignore[no-untyped-def]
 
 
 @njit(**INNER)
-def _one_sided(at, cracks, values, ix, iy, x, y, out):  # type: ignore[no-untyped-def]
+def _average_visible_corners(at, cracks, values, ix, iy, x, y, out):  # type: ignore[no-untyped-def]
     """Mean of the corners visible from the place, or the nearest corner if none is."""
     wx, wy, total = (ix - 2 * x) / 2, (iy - 2 * y) / 2, 0.0
     out[0] = out[1] = 0.0
     for dy in range(2):
         for dx in range(2):
             w = (wx if dx else 1 - wx) * (wy if dy else 1 - wy)
-            if w == 0 or not seen(cracks, ix, iy, 2.0 * (x + dx), 2.0 * (y + dy)):
+            if w == 0 or not is_visible(cracks, ix, iy, 2.0 * (x + dx), 2.0 * (y + dy)):
                 continue
             q = coarse_place(at, x + dx, y + dy)
             total += w
@@ -256,7 +259,7 @@ def _one_sided(at, cracks, values, ix, iy, x, y, out):  # type: ignore[no-untype
 
 
 @njit(**INNER)
-def coarse_cell_at(at, cells, ix, iy):  # type: ignore[no-untyped-def]
+def coarse_cell_beside(at, cells, ix, iy):  # type: ignore[no-untyped-def]
     """Lower left corner of a coarse cell that contains or touches a fine node; (-1, -1) without one."""
     for sy in (0, -1):
         for sx in (0, -1):

@@ -15,21 +15,21 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pdsolve.adaptivity.hybrid.arrays import LatticeNodes
-from pdsolve.adaptivity.hybrid.engine import Hybrid, ZoneSummary
-from pdsolve.adaptivity.hybrid.irregular_bonds import part_of
+from pdsolve.adaptivity.hybrid.engine import HybridEngine, ZoneSummary
+from pdsolve.adaptivity.hybrid.irregular_bonds import part_of_model
 from pdsolve.adaptivity.hybrid.lattice import AROUND, BELOW, BELOW_COARSE, COARSE, FAR, IDLE, LEFT
 from pdsolve.adaptivity.hybrid.node_lists import (
     NodeLists,
-    bits_of_springs,
-    gather,
-    gather_far,
-    list_bonds,
-    merged,
-    put,
-    put_far,
+    gather_far_values,
+    gather_values,
+    list_bonds_and_springs,
+    number_nodes,
+    pack_spring_bits,
+    scatter_far_values,
+    scatter_values,
 )
-from pdsolve.adaptivity.hybrid.node_rows import are_intact, of_nodes
-from pdsolve.adaptivity.two_lattice_operator import Sums, TwoLatticeOperator
+from pdsolve.adaptivity.hybrid.node_rows import are_bonds_intact, values_at_nodes
+from pdsolve.adaptivity.two_lattice_operator import LedgerTotals, TwoLatticeOperator
 from pdsolve.codegen.vector_code import ROW
 from pdsolve.model import Model
 from pdsolve.operators.protocol import Kept
@@ -45,25 +45,28 @@ BITS = np.array([bits.bit_count() for bits in range(256)], dtype=np.int16)  # se
 NOTHING = Broken(*np.zeros((3, 0), dtype=np.int64))
 
 
-class HybridOperator(TwoLatticeOperator[Hybrid]):
+class HybridOperator(TwoLatticeOperator[HybridEngine]):
     """The operator of the n current nodes, in the order of their places."""
 
     name = "hybrid"
     symmetric = True
 
-    def __init__(self, hybrid: Hybrid, cut: NDArray[np.int64]) -> None:
+    def __init__(self, hybrid: HybridEngine, cut: NDArray[np.int64]) -> None:
         """`cut` is the number of bonds that pre-cracks cut, of irregular nodes and, last, of others."""
-        self.hybrid, self._cut, self._strain = hybrid, cut, 0.0
+        self.engine, self._cut, self._strain = hybrid, cut, 0.0
         self._broken, self._looked = NOTHING, 0  # bonds whose rows are known, and how many have been looked for
         zone = hybrid.zone
-        fine = _present(zone.fine, zone.counts.fine_rows)
-        coarse, far = _present(zone.coarse, zone.counts.coarse_rows), _present(zone.far, zone.counts.far_rows)
+        fine = _active_places(zone.fine, zone.counts.fine_rows)
+        coarse, far = (
+            _active_places(zone.coarse, zone.counts.coarse_rows),
+            _active_places(zone.far, zone.counts.far_rows),
+        )
         self._fine, self._coarse, self._far = fine, coarse.astype(np.int32), far.astype(np.int32)
         del coarse, far
-        self._at_fine, self._at_coarse = np.zeros(len(fine), np.int64), np.zeros(len(self._coarse), np.int32)
-        self.places = merged(hybrid.plate.at, fine, self._coarse, self._at_fine, self._at_coarse)
-        self._at_far = self._merge_far()
-        self._lists = NodeLists(fine, self._coarse, self._at_fine, self._at_coarse)
+        self._fine_rows, self._coarse_rows = np.zeros(len(fine), np.int64), np.zeros(len(self._coarse), np.int32)
+        self.places = number_nodes(hybrid.plate.at, fine, self._coarse, self._fine_rows, self._coarse_rows)
+        self._far_rows = self._number_far_nodes()
+        self._lists = NodeLists(fine, self._coarse, self._fine_rows, self._coarse_rows)
         self._bonds = np.zeros((len(fine), len(hybrid.ground.ways)), dtype=np.bool_)  # past and present ones
         self._springs = np.zeros((len(self._coarse), 1), dtype=np.uint8)  # bits, without those that are fine bonds too
         ground = hybrid.ground
@@ -72,56 +75,56 @@ class HybridOperator(TwoLatticeOperator[Hybrid]):
         # which bond of the fine family each spring (8,) of the coarse lattice is too; -1: none
         same = np.array([number.get((2 * dx, 2 * dy), -1) for dx, dy in ways])
         columns = zone.fine.kind, zone.fine.entry, zone.fine.own, zone.coarse.entry, zone.coarse.own
-        list_bonds(*columns, zone.lost, ground.ways, same, self._lists, self._bonds, self._springs)
-        self._far_springs = bits_of_springs(zone.far.entry, zone.far.own, self._far)  # likewise
-        self._changes = self._counts()
+        list_bonds_and_springs(*columns, zone.lost, ground.ways, same, self._lists, self._bonds, self._springs)
+        self._far_springs = pack_spring_bits(zone.far.entry, zone.far.own, self._far)  # likewise
+        self._changes = self._cell_counts()
 
     @property
     def kind(self) -> np.dtype[Any]:
         """Precision of the motion."""
-        return self.hybrid.zone.fine.u.dtype
+        return self.engine.zone.fine.u.dtype
 
-    def _merge_far(self) -> NDArray[np.int32]:
+    def _number_far_nodes(self) -> NDArray[np.int32]:
         """Number the far nodes too; returns their rows (f,)."""
         if not len(self._far):
             return np.zeros(0, dtype=np.int32)
-        beneath, before = self.hybrid.beneath_far(self._far.astype(np.int64)), self.places
+        beneath, before = self.engine.fine_places_of_far(self._far.astype(np.int64)), self.places
         both = np.sort(np.concatenate([before, beneath]), kind="stable")  # two runs, which are merged
         self.places = both[np.append(True, both[1:] != both[:-1])]
         rows = np.searchsorted(self.places, before)
-        self._at_fine[:], self._at_coarse[:] = rows[self._at_fine], rows[self._at_coarse]
+        self._fine_rows[:], self._coarse_rows[:] = rows[self._fine_rows], rows[self._coarse_rows]
         return np.searchsorted(self.places, beneath).astype(np.int32)
 
-    def _counts(self) -> tuple[int, int]:
+    def _cell_counts(self) -> tuple[int, int]:
         """How many changes of cells there have been, and how many cells are coarse."""
-        zone = self.hybrid.zone
+        zone = self.engine.zone
         return int(zone.counts.regrids), int(np.count_nonzero(zone.cells == COARSE))
 
     @property
     def rows(self) -> NDArray[np.int64]:
         """Rows (n,) of the grid."""
-        return self.hybrid.plate.rows_at(self.places)
+        return self.engine.plate.rows_at(self.places)
 
-    def _rows_of(self, places: NDArray[np.int64]) -> NDArray[np.int64]:
+    def _rows_at_places(self, places: NDArray[np.int64]) -> NDArray[np.int64]:
         """Rows of the current nodes at fine places."""
         if not places.size:
             return np.zeros(places.shape, dtype=np.int64)
         first, last = np.searchsorted(self.places, [places.min(), places.max() + 1])
         return np.asarray(first + np.searchsorted(self.places[first:last], places))
 
-    def _parts(self) -> Iterator[tuple[NDArray[np.int64], NDArray[np.int64]]]:
+    def _coarse_chunks(self) -> Iterator[tuple[NDArray[np.int64], NDArray[np.int64]]]:
         """Rows and places of the coarse nodes, some at a time."""
         for first in range(0, len(self._coarse), TOGETHER):
             chunk = slice(first, first + TOGETHER)
-            yield self._at_coarse[chunk].astype(np.int64), self._coarse[chunk].astype(np.int64)
+            yield self._coarse_rows[chunk].astype(np.int64), self._coarse[chunk].astype(np.int64)
 
     @cached_property
     def model(self) -> Model:
         """The model of the n current nodes, without conditions."""
-        active_model = part_of(self.hybrid.plate.model, self.rows)
+        active_model = part_of_model(self.engine.plate.model, self.rows)
         delta = active_model.grid.delta.copy()
-        delta[self._at_coarse] *= 2
-        delta[self._at_far] = 4 * self.hybrid.plate.h
+        delta[self._coarse_rows] *= 2
+        delta[self._far_rows] = 4 * self.engine.plate.h
         return dataclasses.replace(
             active_model, grid=dataclasses.replace(active_model.grid, delta=delta, areas=self.area)
         )
@@ -129,14 +132,14 @@ class HybridOperator(TwoLatticeOperator[Hybrid]):
     @cached_property
     def area(self) -> NDArray[np.float64]:
         """Areas (n,), m^2: for a fine node its share of fine cells, for others likewise."""
-        plate, zone = self.hybrid.plate, self.hybrid.zone
-        nodes = self.hybrid.ground.nodes
-        part = zone.fine.mass[self._fine] / of_nodes(nodes, nodes.mass, self._fine)
+        plate, zone = self.engine.plate, self.engine.zone
+        nodes = self.engine.ground.nodes
+        part = zone.fine.mass[self._fine] / values_at_nodes(nodes, nodes.mass, self._fine)
         cell_areas = plate.areas_of(plate.rows_at(self._fine)) * plate.h**2
         areas = np.zeros(len(self.places))
-        areas[self._at_fine] = part * cell_areas
+        areas[self._fine_rows] = part * cell_areas
         stride = plate.at.cell_stride
-        for rows, coarse in self._parts():
+        for rows, coarse in self._coarse_chunks():
             y, x = np.divmod(coarse, plate.at.coarse_stride)
             corner = (y - BELOW_COARSE + AROUND) * stride + AROUND + x - LEFT
             around = sum((zone.cells[corner - dy * stride - dx] == COARSE) for dy in (0, 1) for dx in (0, 1))
@@ -145,28 +148,28 @@ class HybridOperator(TwoLatticeOperator[Hybrid]):
             y, x = np.divmod(self._far[first : first + TOGETHER].astype(np.int64), plate.at.far_stride)
             corner = (2 * (y - BELOW_COARSE) + AROUND) * stride + AROUND + 2 * (x - LEFT)
             around = sum((zone.cells[corner - dy * stride - dx] == FAR) for dy in (0, 2) for dx in (0, 2))
-            areas[self._at_far[first : first + TOGETHER]] += 4 * plate.h**2 * around
+            areas[self._far_rows[first : first + TOGETHER]] += 4 * plate.h**2 * around
         return areas
 
     @cached_property
     def counts(self) -> tuple[NDArray[Any], NDArray[Any]]:
         """Bonds (n,) of each node at the start, and their number including those cut by pre-cracks."""
-        count, nodes = np.zeros(len(self.places), dtype=np.int16), self.hybrid.ground.nodes
+        count, nodes = np.zeros(len(self.places), dtype=np.int16), self.engine.ground.nodes
         fine = np.zeros(len(self.places), dtype=np.bool_)
-        fine[self._at_fine] = True
-        count[self._at_fine] += self._bonds.sum(axis=1, dtype=np.int16)
-        count[self._at_coarse] += BITS[self._springs[:, 0]]
-        count[self._at_far] += BITS[self._far_springs[:, 0]]
+        fine[self._fine_rows] = True
+        count[self._fine_rows] += self._bonds.sum(axis=1, dtype=np.int16)
+        count[self._coarse_rows] += BITS[self._springs[:, 0]]
+        count[self._far_rows] += BITS[self._far_springs[:, 0]]
         family = count.copy()
-        family[self._at_fine] += self._cut[of_nodes(nodes, nodes.own, self._fine)].astype(np.int16)
-        for rows, _ in self._parts():
+        family[self._fine_rows] += self._cut[values_at_nodes(nodes, nodes.own, self._fine)].astype(np.int16)
+        for rows, _ in self._coarse_chunks():
             alone = rows[~fine[rows]]
-            family[alone] = np.maximum(family[alone], self._whole(alone))
+            family[alone] = np.maximum(family[alone], self._count_full_springs(alone))
         return count, np.maximum(family, 1)  # one that is broken, of a node none of whose bonds is left
 
-    def _whole(self, rows: NDArray[np.int64]) -> NDArray[np.int16]:
+    def _count_full_springs(self, rows: NDArray[np.int64]) -> NDArray[np.int16]:
         """Number of springs of coarse nodes, including those cut by pre-cracks."""
-        plate, zone = self.hybrid.plate, self.hybrid.zone
+        plate, zone = self.engine.plate, self.engine.zone
         y, x = np.divmod(self.places[rows], plate.at.stride)
         corner = ((y - BELOW) // 2 + AROUND) * plate.at.cell_stride + AROUND + (x - LEFT) // 2
         south, west = plate.at.cell_stride, 1
@@ -177,68 +180,72 @@ class HybridOperator(TwoLatticeOperator[Hybrid]):
     @property
     def signature(self) -> NDArray[np.int16]:
         """Signature (n,) that changes if a node, its area or its bonds change."""
-        quarters = np.round(4 * self.area / self.hybrid.plate.h**2)  # up to 64
+        quarters = np.round(4 * self.area / self.engine.plate.h**2)  # up to 64
         signature = (1900 * quarters % 2**15).astype(np.int16)
-        signature[self._at_fine] += 1 + self._bonds.sum(axis=1, dtype=np.int16)
-        signature[self._at_coarse] += 200 * (1 + BITS[self._springs[:, 0]])
-        signature[self._at_far] += 200 * (10 + BITS[self._far_springs[:, 0]])
+        signature[self._fine_rows] += 1 + self._bonds.sum(axis=1, dtype=np.int16)
+        signature[self._coarse_rows] += 200 * (1 + BITS[self._springs[:, 0]])
+        signature[self._far_rows] += 200 * (10 + BITS[self._far_springs[:, 0]])
         return signature
 
     @property
-    def current(self) -> bool:
+    def is_current(self) -> bool:
         """Whether no cell has become fine or coarse since this operator was made."""
-        return self._counts() == self._changes
+        return self._cell_counts() == self._changes
 
-    def changed(self) -> HybridOperator | None:
+    def operator_if_changed(self) -> HybridOperator | None:
         """The operator on the current nodes if they have changed, else None."""
-        return None if self.current else HybridOperator(self.hybrid, self._cut)
+        return None if self.is_current else HybridOperator(self.engine, self._cut)
 
     def back(self, checkpoint: Kept, broken: Broken) -> None:
         """Restore a checkpoint; see `TwoLatticeOperator`."""
         self._broken, self._looked = NOTHING, 0
         super().back(checkpoint, broken)
 
-    def _gather(
+    def _gather_values(
         self,
         fine: NDArray[np.float64],
         coarse: NDArray[np.float64],
         far: NDArray[np.float64],
         out: NDArray[np.float64],
-        light: bool = False,
+        over_mass: bool = False,
     ) -> None:
-        """Gather values (2, .) of all lattices in out (n, 2), over the masses of nodes if `light`."""
-        zone = self.hybrid.zone
-        over = [nodes.light if light else nodes.light[:0] for nodes in (zone.fine, zone.coarse)]
-        gather(fine, coarse, *over, zone.border.first(zone.counts.border_nodes), self._lists, out)
-        tied = zone.tied.first(zone.counts.tied_nodes)
-        tied = tied._replace(node=self._at_coarse[np.searchsorted(self._coarse, tied.node)].astype(np.int64))
-        gather_far(far, zone.far.light if light else zone.far.light[:0], tied, self._far, self._at_far, out)
+        """Gather values (2, .) of all lattices in out (n, 2), over the masses of nodes if `over_mass`."""
+        zone = self.engine.zone
+        over = [nodes.inverse_mass if over_mass else nodes.inverse_mass[:0] for nodes in (zone.fine, zone.coarse)]
+        gather_values(fine, coarse, *over, zone.border.first_nodes(zone.counts.border_nodes), self._lists, out)
+        tied = zone.tied.first_nodes(zone.counts.tied_nodes)
+        tied = tied._replace(node=self._coarse_rows[np.searchsorted(self._coarse, tied.node)].astype(np.int64))
+        gather_far_values(
+            far, zone.far.inverse_mass if over_mass else zone.far.inverse_mass[:0], tied, self._far, self._far_rows, out
+        )
 
-    def _put(self, state: State) -> None:
+    def _set_node_motion(self, state: State) -> None:
         """Set all lattices to the values and rates of a state; border nodes are interpolated."""
-        zone, now = self.hybrid.zone, self.hybrid.now
+        zone, now = self.engine.zone, self.engine.now
         fine = zone.fine.u[now], zone.fine.v, zone.fine.kind
         coarse = zone.coarse.u[now], zone.coarse.v, zone.coarse.kind
-        border, tied = zone.border.first(zone.counts.border_nodes), zone.tied.first(zone.counts.tied_nodes)
-        put(state.value, state.rate, *fine, *coarse, border, self._lists)
-        put_far(state.value, state.rate, zone.far.u[now], zone.far.v, zone.coarse.u[now], tied, self._far, self._at_far)
+        border, tied = zone.border.first_nodes(zone.counts.border_nodes), zone.tied.first_nodes(zone.counts.tied_nodes)
+        scatter_values(state.value, state.rate, *fine, *coarse, border, self._lists)
+        scatter_far_values(
+            state.value, state.rate, zone.far.u[now], zone.far.v, zone.coarse.u[now], tied, self._far, self._far_rows
+        )
 
     def swell(self, strain: NDArray[np.float64]) -> None:
         """Let springs stretch from their lengths at these strains (n,) of all nodes of the grid, were they free."""
-        self.hybrid.swell(strain)
+        self.engine.swell(strain)
 
-    def sync(self, state: State) -> None:
+    def copy_to(self, state: State) -> None:
         """Update a state from all lattices; work is known only to the ledger."""
-        zone, now = self.hybrid.zone, self.hybrid.now
-        self._gather(zone.fine.u[now], zone.coarse.u[now], zone.far.u[now], state.value)
+        zone, now = self.engine.zone, self.engine.now
+        self._gather_values(zone.fine.u[now], zone.coarse.u[now], zone.far.u[now], state.value)
         border, count = zone.border, zone.counts.border_nodes
-        state.value[self._rows_of(border.node[:count])] += border.off[:count]
-        self._gather(zone.fine.v, zone.coarse.v, zone.far.v, state.rate)
-        self._accelerate(state.second)
-        holds = zone.holds.of[zone.holds.on[: zone.counts.holds, 1]]
-        state.second[self._rows_of(holds["place"]), holds["axis"]] = 0.0
-        spenders = self.hybrid.spenders()
-        rows = np.minimum(self._rows_of(spenders), len(self.places) - 1)
+        state.value[self._rows_at_places(border.node[:count])] += border.off[:count]
+        self._gather_values(zone.fine.v, zone.coarse.v, zone.far.v, state.rate)
+        self._gather_accelerations(state.second)
+        holds = zone.holds.entries[zone.holds.node_and_entry[: zone.counts.holds, 1]]
+        state.second[self._rows_at_places(holds["place"]), holds["axis"]] = 0.0
+        spenders = self.engine.places_of_dissipation()
+        rows = np.minimum(self._rows_at_places(spenders), len(self.places) - 1)
         rows = rows[self.places[rows] == spenders]
         if state.dissipated.any():  # zeros that have not been written take no memory
             state.dissipated[:] = 0.0
@@ -247,66 +254,68 @@ class HybridOperator(TwoLatticeOperator[Hybrid]):
     def accelerations(self) -> NDArray[np.float64]:
         """Accelerations (n, 2), m/s^2, from the most recent sum of forces."""
         acceleration = np.zeros((len(self.places), 2))
-        self._accelerate(acceleration)
+        self._gather_accelerations(acceleration)
         return acceleration
 
-    def _accelerate(self, out: NDArray[np.float64]) -> None:
+    def _gather_accelerations(self, out: NDArray[np.float64]) -> None:
         """Gather accelerations, m/s^2, from the most recent sum of forces in out (n, 2)."""
-        zone = self.hybrid.zone
-        self._gather(zone.fine.f, zone.coarse.f, zone.far.f, out, light=True)
+        zone = self.engine.zone
+        self._gather_values(zone.fine.f, zone.coarse.f, zone.far.f, out, over_mass=True)
 
     def spent(self) -> NDArray[np.float64]:
         """Energy density (n,), J/m^3, dissipated so far by the nodes' broken and softened bonds."""
-        return np.asarray(self.hybrid.zone.spent[self.places] / self.area)
+        return np.asarray(self.engine.zone.spent[self.places] / self.area)
 
     def tangent(self, state: State) -> csr_array:
         """Minus the derivative (2 n, 2 n), N/m^4, of the force densities by the values; see `Operator`."""
-        from pdsolve.adaptivity.hybrid.tangent import points_of, tangent_of  # few runs need it
+        from pdsolve.adaptivity.hybrid.tangent import create_point_weights, tangent_of  # few runs need it
 
-        zone, light = self.hybrid.zone, np.zeros(len(self.places))
-        light[self._at_fine] = zone.fine.light[self._fine]  # 0 of those on the border
-        light[self._at_coarse] = zone.coarse.light[self._coarse]
-        light[self._at_far] = zone.far.light[self._far]
+        zone, light = self.engine.zone, np.zeros(len(self.places))
+        light[self._fine_rows] = zone.fine.inverse_mass[self._fine]  # 0 of those on the border
+        light[self._coarse_rows] = zone.coarse.inverse_mass[self._coarse]
+        light[self._far_rows] = zone.far.inverse_mass[self._far]
         coarse, far = self._coarse.astype(np.int64), self._far.astype(np.int64)
-        row_of = np.full(self.hybrid.plate.at.places, -1, dtype=np.int32)
+        row_of = np.full(self.engine.plate.at.places, -1, dtype=np.int32)
         row_of[self.places] = np.arange(len(self.places))
-        points = points_of(self.hybrid, row_of, self._fine, coarse, far)
+        points = create_point_weights(self.engine, row_of, self._fine, coarse, far)
         del row_of  # of all fine places, beside the tangent
-        return tangent_of(self.hybrid, points, state.value, self.model.rho, light)
+        return tangent_of(self.engine, points, state.value, self.model.rho, light)
 
     def energies(self, state: State) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Strain energy densities (n,), J/m^3, and zeros for softening, which is part of the state."""
-        self.take(state)
-        fine, coarse, far = self.hybrid.held()
+        self.set_nodes(state)
+        fine, coarse, far = self.engine.strain_energies()
         energy = np.zeros(len(self.places))
-        energy[self._at_fine] = fine[self._fine]
-        for rows, places in self._parts():
+        energy[self._fine_rows] = fine[self._fine]
+        for rows, places in self._coarse_chunks():
             energy[rows] += coarse[places]
-        energy[self._at_far] += far[self._far]
+        energy[self._far_rows] += far[self._far]
         self._strain = float(energy.sum())
         energy /= self.area
         return energy, np.zeros_like(energy)
 
-    def books(self) -> Sums:
+    def ledger_totals(self) -> LedgerTotals:
         """Energies, work and momentum at the state of the last call of `energies`."""
-        kinetic, x, y = self.hybrid.motion().tolist()
-        dissipated, work, _ = self.hybrid.spent
-        return Sums(kinetic, self._strain, dissipated, self.hybrid.damped, work, x, y, len(self.hybrid.broken().step))
+        kinetic, x, y = self.engine.kinetic_and_momentum().tolist()
+        dissipated, work, _ = self.engine.energy_totals
+        return LedgerTotals(
+            kinetic, self._strain, dissipated, self.engine.damped, work, x, y, len(self.engine.broken().step)
+        )
 
     def zone_summary(self) -> ZoneSummary:
         """Summary of the fine zone."""
-        return self.hybrid.zone_summary()
+        return self.engine.zone_summary()
 
-    def pushes(self, profiles: int) -> NDArray[np.float64]:
+    def load_forces(self, profile_count: int) -> NDArray[np.float64]:
         """Forces (profiles, 2), N/m, of the loads at factor 1."""
-        loads, forces = self.hybrid.zone.loads.of, np.zeros((profiles, 2))
+        loads, forces = self.engine.zone.loads.entries, np.zeros((profile_count, 2))
         np.add.at(forces, (loads["profile"], loads["axis"]), loads["value"])
         return forces
 
-    def pulls(self, profiles: int) -> NDArray[np.float64]:
+    def holding_forces(self, profile_count: int) -> NDArray[np.float64]:
         """Forces (profiles, 2), N/m, that hold the nodes with prescribed motion."""
-        zone, forces = self.hybrid.zone, np.zeros((profiles, 2))
-        holds = zone.holds.of[zone.holds.on[: zone.counts.holds, 1]]
+        zone, forces = self.engine.zone, np.zeros((profile_count, 2))
+        holds = zone.holds.entries[zone.holds.node_and_entry[: zone.counts.holds, 1]]
         np.add.at(forces, (holds["profile"], holds["axis"]), -holds["force"])
         return forces
 
@@ -316,7 +325,7 @@ class HybridOperator(TwoLatticeOperator[Hybrid]):
         """Source and target rows (k,) of the intact bonds of nodes `first` to `last` - 1, or of those at the
         `start`."""
         last = len(self.places) if last is None else last
-        lists = self._at_fine, self._at_coarse, self._at_far
+        lists = self._fine_rows, self._coarse_rows, self._far_rows
         row_ranges = ((rows, np.array([first, last], dtype=rows.dtype)) for rows in lists)
         fine_numbers, coarse_numbers, far_numbers = (
             np.arange(*np.searchsorted(rows, ends)) for rows, ends in row_ranges
@@ -328,7 +337,7 @@ class HybridOperator(TwoLatticeOperator[Hybrid]):
         is_wanted = np.zeros(len(self.places), dtype=np.bool_)
         is_wanted[rows] = True
         fine_numbers, coarse_numbers, far_numbers = (
-            np.flatnonzero(is_wanted[at]) for at in (self._at_fine, self._at_coarse, self._at_far)
+            np.flatnonzero(is_wanted[at]) for at in (self._fine_rows, self._coarse_rows, self._far_rows)
         )
         return self._bonds_at(fine_numbers, coarse_numbers, far_numbers, False)
 
@@ -340,22 +349,22 @@ class HybridOperator(TwoLatticeOperator[Hybrid]):
         start: bool,
     ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
         """Source and target rows (k,) of the bonds of some of the fine, coarse and far nodes, by their numbers."""
-        ground, zone, half = self.hybrid.ground, self.hybrid.zone, len(self.hybrid.ground.ways) // 2
+        ground, zone, half = self.engine.ground, self.engine.zone, len(self.engine.ground.ways) // 2
         node, k = np.nonzero(self._bonds[fine_numbers])
         fine = self._fine[fine_numbers][node]
         target = fine + ground.ways[k]
         if not start:
             owner = np.where(k < half, fine, target)
-            intact = are_intact(ground.nodes, zone.lost, owner, k % half)
+            intact = are_bonds_intact(ground.nodes, zone.lost, owner, k % half)
             fine, target = fine[intact], target[intact]
         node, k = np.nonzero(np.unpackbits(self._springs[coarse_numbers], axis=1))
         coarse = self._coarse[coarse_numbers][node].astype(np.int64)
-        ends = [self.hybrid.beneath(end) for end in (coarse, coarse + ground.coarse_ways[k])]
+        ends = [self.engine.fine_places_of_coarse(end) for end in (coarse, coarse + ground.coarse_ways[k])]
         node, k = np.nonzero(np.unpackbits(self._far_springs[far_numbers], axis=1))
         places = self._far[far_numbers][node].astype(np.int64)
-        far_ends = (self.hybrid.beneath_far(end) for end in (places, places + ground.far_ways[k]))
+        far_ends = (self.engine.fine_places_of_far(end) for end in (places, places + ground.far_ways[k]))
         source, target = (
-            np.concatenate([self._rows_of(end) for end in end_places])
+            np.concatenate([self._rows_at_places(end) for end in end_places])
             for end_places in zip((fine, target), ends, far_ends, strict=True)
         )
         order = np.lexsort((target, source))
@@ -364,19 +373,23 @@ class HybridOperator(TwoLatticeOperator[Hybrid]):
     def broken(self, after: int = 0) -> Broken:
         """Bonds broken after a step between current fine nodes: step, source row and target row of each."""
         broken = self._broken  # more have broken since, if any
-        breaks, latest = self.hybrid.broken(), slice(self._looked, None)
+        breaks, latest = self.engine.broken(), slice(self._looked, None)
         step, node, spring = breaks.step[latest], breaks.node[latest], breaks.spring[latest]
         self._looked += len(step)
         if len(node):
-            target = node + self.hybrid.ground.ways[spring]
+            target = node + self.engine.ground.ways[spring]
             both_fine = np.isin(node, self._fine) & np.isin(target, self._fine)
-            more = step[both_fine].astype(np.int64), self._rows_of(node[both_fine]), self._rows_of(target[both_fine])
+            more = (
+                step[both_fine].astype(np.int64),
+                self._rows_at_places(node[both_fine]),
+                self._rows_at_places(target[both_fine]),
+            )
             broken = self._broken = Broken(*map(np.concatenate, zip(broken, more, strict=True)))
         new = broken.step > after
         return Broken(*(column[new] for column in broken))
 
 
-def _present(nodes: LatticeNodes, rows: int) -> NDArray[np.int64]:
+def _active_places(nodes: LatticeNodes, rows: int) -> NDArray[np.int64]:
     """Places of the nodes that are not idle, from the first `rows` rows."""
     places = (nodes.rows[:rows, None] * ROW + np.arange(ROW)).ravel()
     return np.asarray(places[nodes.kind[places] != IDLE])

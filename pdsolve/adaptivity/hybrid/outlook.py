@@ -24,9 +24,9 @@ from pdmesh.model.refused_settings import impossible
 from pdmesh.model.selection import components, given_of
 from pdmesh.model.values_at_places import largest
 from pdmesh.model.values_of_place import Value, is_of_place
-from pdsolve.adaptivity.hybrid.coarse_cells import cells_of, plate_of, tips_of
+from pdsolve.adaptivity.hybrid.coarse_cells import create_plate, initial_cells, precrack_tips
 from pdsolve.adaptivity.hybrid.lattice import COARSE, FINE
-from pdsolve.adaptivity.hybrid.springs import springs_of
+from pdsolve.adaptivity.hybrid.springs import springs_of_materials
 from pdsolve.errors import LateZoneError, UnstableError
 from pdsolve.model import Model, ModelError, ModelNote
 from pdsolve.options import Options
@@ -41,7 +41,7 @@ WIDER = (0.5,)  # values of run.hybrid.kappa to begin anew with, in turn, where 
 UNSURE = 1.2  # of the surely stable step: longer ones may make what they stretch
 
 
-class Outlook(NamedTuple):
+class ZonePrediction(NamedTuple):
     """What is known of a run with a moving fine zone before it begins."""
 
     begins: float  # F at the start
@@ -50,18 +50,18 @@ class Outlook(NamedTuple):
     cost: float  # of the steps, over those with fine nodes everywhere
 
 
-def decided(model: Model, options: Options) -> Model:
+def choose_adaptivity(model: Model, options: Options) -> Model:
     """The model with run.adapt hybrid or none in place of auto; a warning says which and why."""
-    how, why = _choice(model, options)
+    how, why = _choose(model, options)
     named = "peridynamics near cracks alone (hybrid)" if how == "hybrid" else "fine nodes everywhere (none)"
     warnings.warn(f"{model.name}: $.run.adapt: auto takes {named}: {why}", ModelNote, stacklevel=3)
-    return adapted(model, how) if how == "hybrid" else uniform(model)
+    return with_adaptivity(model, how) if how == "hybrid" else without_zone(model)
 
 
-def widened(model: Model) -> Model:
+def widen_zone(model: Model) -> Model:
     """The model with cells that become fine sooner, or with fine nodes everywhere where no wider zone is left."""
     kappa = next((wider for wider in WIDER if wider < kappa_of(model)), None)
-    return uniform(model) if kappa is None else with_kappa(model, kappa)
+    return without_zone(model) if kappa is None else with_kappa(model, kappa)
 
 
 def kappa_of(model: Model) -> float:
@@ -71,21 +71,21 @@ def kappa_of(model: Model) -> float:
 
 def with_kappa(model: Model, kappa: float) -> Model:
     """The model with cells that become fine at this share of the stretch that breaks bonds."""
-    return adapted(model, "hybrid", hybrid=msgspec.structs.replace(model.settings.run.hybrid, kappa=kappa))
+    return with_adaptivity(model, "hybrid", hybrid=msgspec.structs.replace(model.settings.run.hybrid, kappa=kappa))
 
 
-def uniform(model: Model) -> Model:
+def without_zone(model: Model) -> Model:
     """The model with fine nodes everywhere, and without the settings of fine zones."""
-    return adapted(model, "none", hybrid=Hybrid())
+    return with_adaptivity(model, "none", hybrid=Hybrid())
 
 
-def adapted(model: Model, how: Adapt, **settings: object) -> Model:
+def with_adaptivity(model: Model, adaptivity: Adapt, **settings: object) -> Model:
     """The model with this adaptivity and these settings of the run."""
-    run = msgspec.structs.replace(model.settings.run, adapt=how, **settings)
+    run = msgspec.structs.replace(model.settings.run, adapt=adaptivity, **settings)
     return dataclasses.replace(model, settings=msgspec.structs.replace(model.settings, run=run))
 
 
-def _choice(model: Model, options: Options) -> tuple[Adapt, str]:
+def _choose(model: Model, options: Options) -> tuple[Adapt, str]:
     """The adaptivity that a model gets, and why, in words."""
     if model.grid.dimension == 3:
         return "none", "its costs are known for plates only, and this is a body in space"
@@ -93,12 +93,12 @@ def _choice(model: Model, options: Options) -> tuple[Adapt, str]:
         return "none", "its costs are known for bonds only, and this is a model of families"
     if model.swells:
         return "none", "its costs are known for mechanics only, and this plate swells by a content"
-    hybrid = adapted(model, "hybrid")
+    hybrid = with_adaptivity(model, "hybrid")
     refused = next(iter(impossible(hybrid.settings, 2)), None)
     if refused is not None:
         return "none", f"hybrid does not support it, {refused}"
     try:
-        prediction = outlook(hybrid, options)
+        prediction = predict_zone(hybrid, options)
     except ModelError as error:
         return "none", f"hybrid does not support it, {error}"
     shares = (
@@ -110,27 +110,31 @@ def _choice(model: Model, options: Options) -> tuple[Adapt, str]:
     return how, f"{shares}, about {prediction.cost:.2g} of the steps of fine nodes everywhere"
 
 
-def outlook(model: Model, options: Options) -> Outlook:
+def predict_zone(model: Model, options: Options) -> ZonePrediction:
     """Predicts what a moving fine zone will cost. Raises ModelError for a model that the method does not support."""
-    plate = plate_of(model, options.mode)
-    springs = springs_of(model.materials, model.settings.horizon.ratio, plate.h)
-    cells = cells_of(plate, int(np.abs(springs[0].dx).max()))
+    plate = create_plate(model, options.mode)
+    springs = springs_of_materials(model.materials, model.settings.horizon.ratio, plate.h)
+    cells = initial_cells(plate, int(np.abs(springs[0].dx).max()))
     fine, coarse = (int(np.count_nonzero(cells == kind)) for kind in (FINE, COARSE))
     begins = fine / max(fine + coarse, 1)
-    q = _strain(model) / (model.settings.run.hybrid.kappa * min(material_springs.peak for material_springs in springs))
-    run, side = model.settings.run, float(np.sqrt(plate.size) * plate.h)
+    q = _largest_strain(model) / (
+        model.settings.run.hybrid.kappa * min(material_springs.peak for material_springs in springs)
+    )
+    run, side = model.settings.run, float(np.sqrt(plate.area_in_cells) * plate.h)
     material = model.materials[0]
     lasts = run.duration if run.duration is not None else run.steps * (run.time_step or 0.0)
     way = SPEED * rayleigh_speed(material.E, material.rho, material.plane) * lasts
-    cracks = max(len(tips_of(plate)), int(begins > 0))  # of pre-cracks, else one where an outline makes cells fine
+    cracks = max(
+        len(precrack_tips(plate)), int(begins > 0)
+    )  # of pre-cracks, else one where an outline makes cells fine
     length = cracks * min(way or side, side)
-    grows = STRIP * plate.h * length / (plate.size * plate.h**2)
+    grows = STRIP * plate.h * length / (plate.area_in_cells * plate.h**2)
     ends = 1.0 if q >= 1 else min(begins + grows, 1.0)
     mean = begins + GROWN * (ends - begins)
-    return Outlook(begins, ends, q, EVEN + FIXED / len(model.grid) + FINE_NODES * mean)
+    return ZonePrediction(begins, ends, q, EVEN + FIXED / len(model.grid) + FINE_NODES * mean)
 
 
-def _strain(model: Model) -> float:
+def _largest_strain(model: Model) -> float:
     """The largest strain that a single condition brings to the whole plate."""
     softest = min(material.E for material in model.materials)
     speed = min(pressure_speed(material) for material in model.materials)
@@ -139,27 +143,30 @@ def _strain(model: Model) -> float:
         most = max((abs(float(factor)) for _, factor in getattr(condition, "profile", ())), default=1.0)
         if isinstance(condition, Load):
             across = {"traction": np.ones(2), "body_force": sides, "force": 1 / sides[::-1]}  # to stress
-            stress = [_largest(model, condition, v[:2]) * across[name] for name, v in given_of(condition).items()]
+            stress = [
+                _largest_components(model, condition, v[:2]) * across[name] for name, v in given_of(condition).items()
+            ]
             strain = max(strain, most * SWING * float(np.max(stress)) / softest)
         elif isinstance(condition, Velocity | InitialVelocity | Displacement):
-            amplitude = _largest(model, condition, components(condition, 2))
+            amplitude = _largest_components(model, condition, components(condition, 2))
             is_displacement = isinstance(condition, Displacement)
             strain = max(strain, most * float(np.max(amplitude / sides if is_displacement else amplitude / speed)))
     return strain
 
 
-def _largest(model: Model, condition: Selection, vector: Sequence[Value | None]) -> NDArray[np.float64]:
+def _largest_components(model: Model, condition: Selection, vector: Sequence[Value | None]) -> NDArray[np.float64]:
     """The largest sizes (d,) of a condition's components on its nodes."""
     is_place_dependent = any(map(is_of_place, vector))
     position = model.grid.part(model.selected(condition)).position if is_place_dependent else np.zeros((0, len(vector)))
     return np.array([largest(value, position) for value in vector])
 
 
-def of_long_steps(error: BaseException, step: float, bound: float) -> BaseException:
-    """The error; UnstableError for a zone that was late in steps, s, longer than the `bound` of surely stable ones, as
-    no wider zone cures that."""
-    if not isinstance(error, LateZoneError) or step <= UNSURE * bound:
+def explain_long_steps(error: BaseException, time_step: float, stable_time_step: float) -> BaseException:
+    """The error; UnstableError for a zone that was late in time steps, s, longer than the stable one, as no wider zone
+    cures that."""
+    if not isinstance(error, LateZoneError) or time_step <= UNSURE * stable_time_step:
         return error
     return UnstableError(
-        f"{error}; the time step {step:.3g} s exceeds the stable time step {bound:.3g} s; reduce run.time_step"
+        f"{error}; the time step {time_step:.3g} s exceeds the stable time step {stable_time_step:.3g} s;"
+        " reduce run.time_step"
     )

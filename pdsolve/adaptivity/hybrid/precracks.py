@@ -7,14 +7,14 @@ from numba import njit
 from numpy.typing import NDArray
 
 from pdsolve.adaptivity.hybrid.lattice import cell_place, coarse_place
-from pdsolve.adaptivity.hybrid.node_rows import of_node
+from pdsolve.adaptivity.hybrid.node_rows import value_at_node
 from pdsolve.codegen.jit_cache import cached_njit
 from pdsolve.operators.simd_lattice.kernel import INNER
 
 SLACK = 1e-6  # of a spacing: pre-cracks are that much longer at both ends, as in pdmesh.model.visibility
 
 
-def lengthened(cracks: NDArray[np.float64]) -> NDArray[np.float64]:
+def lengthen_cracks(cracks: NDArray[np.float64]) -> NDArray[np.float64]:
     """Segments (k, 4) in spacings, slightly extended at both ends."""
     way = cracks[:, 2:] - cracks[:, :2]
     more = SLACK * way / np.maximum(np.hypot(*way.T), SLACK)[:, None]
@@ -22,32 +22,32 @@ def lengthened(cracks: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 @njit(**INNER)
-def turn(ax, ay, bx, by, cx, cy):  # type: ignore[no-untyped-def]
+def doubled_area(ax, ay, bx, by, cx, cy):  # type: ignore[no-untyped-def]
     """Twice the signed area of the triangle a, b, c."""
     return (bx - ax) * (cy - ay) - (by - ay) * (cx - ax)
 
 
 @njit(**INNER)
-def crosses(cracks, j, ax, ay, bx, by):  # type: ignore[no-untyped-def]
+def crosses_crack(cracks, j, ax, ay, bx, by):  # type: ignore[no-untyped-def]
     """Whether pre-crack j crosses the segment from a to b, in fine spacings."""
     px, py, qx, qy = cracks[j, 0], cracks[j, 1], cracks[j, 2], cracks[j, 3]
-    side_a, side_b = turn(px, py, qx, qy, ax, ay), turn(px, py, qx, qy, bx, by)
+    side_a, side_b = doubled_area(px, py, qx, qy, ax, ay), doubled_area(px, py, qx, qy, bx, by)
     if side_a * side_b > 0:
         return False
-    return turn(ax, ay, bx, by, px, py) * turn(ax, ay, bx, by, qx, qy) <= 0
+    return doubled_area(ax, ay, bx, by, px, py) * doubled_area(ax, ay, bx, by, qx, qy) <= 0
 
 
 @njit(**INNER)
-def seen(cracks, ax, ay, bx, by):  # type: ignore[no-untyped-def]
+def is_visible(cracks, ax, ay, bx, by):  # type: ignore[no-untyped-def]
     """Whether no pre-crack separates two places."""
     visible = True
     for j in range(len(cracks)):
-        visible &= not crosses(cracks, j, ax, ay, bx, by)
+        visible &= not crosses_crack(cracks, j, ax, ay, bx, by)
     return visible
 
 
 @njit(**INNER)
-def _box(ground, j, margin, most_x, most_y):  # type: ignore[no-untyped-def]
+def _box_around_crack(ground, j, margin, most_x, most_y):  # type: ignore[no-untyped-def]
     """Range of columns and rows around pre-crack j, clipped to the plate."""
     px, py, qx, qy = ground.cracks[j, 0], ground.cracks[j, 1], ground.cracks[j, 2], ground.cracks[j, 3]
     x0, x1 = max(0, int(np.floor(min(px, qx))) - margin), min(most_x, int(np.ceil(max(px, qx))) + margin)
@@ -56,26 +56,26 @@ def _box(ground, j, margin, most_x, most_y):  # type: ignore[no-untyped-def]
 
 
 @cached_njit(error_model="numpy")
-def begin_coarse(ground):  # type: ignore[no-untyped-def]
+def cut_coarse_bonds(ground):  # type: ignore[no-untyped-def]
     """Record the coarse bonds and edges of cells that pre-cracks cut, and the cells they cross."""
     at = ground.at
     for j in range(len(ground.cracks)):
-        x0, y0, x1, y1 = _box(ground, j, 3, at.nx, at.ny)
+        x0, y0, x1, y1 = _box_around_crack(ground, j, 3, at.nx, at.ny)
         px, py, qx, qy = ground.cracks[j, 0], ground.cracks[j, 1], ground.cracks[j, 2], ground.cracks[j, 3]
         for y in range(y0 // 2, y1 // 2 + 1):
             for x in range(x0 // 2, x1 // 2 + 1):
                 q, ax, ay = coarse_place(at, x, y), 2.0 * x, 2.0 * y
                 for k in range(4):
                     bx, by = ax + 2 * ground.coarse_dx[k], ay + 2 * ground.coarse_dy[k]
-                    if not crosses(ground.cracks, j, ax, ay, bx, by):
+                    if not crosses_crack(ground.cracks, j, ax, ay, bx, by):
                         continue
                     ground.coarse_bits[q] |= np.uint8(1 << k)
                     if k in (0, 2):
-                        side_a, side_b = turn(px, py, qx, qy, ax, ay), turn(px, py, qx, qy, bx, by)
+                        side_a, side_b = doubled_area(px, py, qx, qy, ax, ay), doubled_area(px, py, qx, qy, bx, by)
                         ground.edge_cut[k // 2, q] = side_a / (side_a - side_b) if side_a != side_b else 0.5
                 if x >= at.nx // 2 or y >= at.ny // 2:
                     continue
-                diagonals = crosses(ground.cracks, j, ax, ay, ax + 2, ay + 2) or crosses(
+                diagonals = crosses_crack(ground.cracks, j, ax, ay, ax + 2, ay + 2) or crosses_crack(
                     ground.cracks, j, ax + 2, ay, ax, ay + 2
                 )
                 if (
@@ -92,30 +92,30 @@ def has_bond(ground, lost, p, k):  # type: ignore[no-untyped-def]
     half = len(ground.ways) // 2
     if k >= half:
         p, k = p + ground.ways[k], k - half
-    return ((of_node(ground.nodes, ground.nodes.bits, p) & ~lost[p]) >> np.uint64(k)) & np.uint64(1) != 0
+    return ((value_at_node(ground.nodes, ground.nodes.bits, p) & ~lost[p]) >> np.uint64(k)) & np.uint64(1) != 0
 
 
 @njit(forceinline=True, **INNER)
-def stiffness(ground, p, k):  # type: ignore[no-untyped-def]
+def bond_stiffness(ground, p, k):  # type: ignore[no-untyped-def]
     """Stiffness of the whole bond k of node p, including both cells' shares and the surface correction."""
-    row = of_node(ground.nodes, ground.nodes.own, p)
+    row = value_at_node(ground.nodes, ground.nodes.own, p)
     if row >= 0:
         return ground.own_springs[row, k]
-    return ground.springs[of_node(ground.nodes, ground.nodes.material, p), k]
+    return ground.springs[value_at_node(ground.nodes, ground.nodes.material, p), k]
 
 
 @njit(forceinline=True, **INNER)
 def peak_and_limit(ground, p, k):  # type: ignore[no-untyped-def]
     """The e beyond which a bond softens, and the e at which it breaks."""
-    row = of_node(ground.nodes, ground.nodes.own, p)
+    row = value_at_node(ground.nodes, ground.nodes.own, p)
     if row >= 0:
         kind = ground.own_kind[row]
         return ground.own_peak[kind, k], ground.own_limit[kind, k]
-    material = of_node(ground.nodes, ground.nodes.material, p)
+    material = value_at_node(ground.nodes, ground.nodes.material, p)
     return ground.bounds[material, 0], ground.bounds[material, 1]
 
 
 @njit(forceinline=True, **INNER)
 def lasts(ground, p):  # type: ignore[no-untyped-def]
     """Whether the bonds of fine node p do not break."""
-    return of_node(ground.nodes, ground.nodes.no_fail, p)
+    return value_at_node(ground.nodes, ground.nodes.no_fail, p)

@@ -10,16 +10,16 @@ from numpy.typing import NDArray
 
 from pdmesh.model.document import Concentration, Exchange, InitialVelocity, Source, Velocity
 from pdsolve import conditions
-from pdsolve.adaptivity.hybrid.alike_rows import node_rows
-from pdsolve.adaptivity.hybrid.arrays import Entries, Entry, LatticeConstants, zone_of
-from pdsolve.adaptivity.hybrid.coarse_cells import CellAreas, HybridPlate, cells_of, plate_of
-from pdsolve.adaptivity.hybrid.engine import Hybrid
-from pdsolve.adaptivity.hybrid.far_cells import far_cells
-from pdsolve.adaptivity.hybrid.irregular_bonds import Irregular, irregular
+from pdsolve.adaptivity.hybrid.alike_rows import create_node_rows
+from pdsolve.adaptivity.hybrid.arrays import Entry, LatticeConstants, ZoneEntries, create_plate_zone
+from pdsolve.adaptivity.hybrid.coarse_cells import CellAreas, HybridPlate, create_plate, initial_cells
+from pdsolve.adaptivity.hybrid.engine import HybridEngine
+from pdsolve.adaptivity.hybrid.far_cells import add_far_cells
+from pdsolve.adaptivity.hybrid.irregular_bonds import IrregularBonds, find_irregular_bonds
 from pdsolve.adaptivity.hybrid.lattice import AROUND, BELOW, FINE, LEFT
 from pdsolve.adaptivity.hybrid.operator import HybridOperator
-from pdsolve.adaptivity.hybrid.precracks import begin_coarse, lengthened
-from pdsolve.adaptivity.hybrid.springs import Springs, coarse_springs, e_of, springs_of, stretches
+from pdsolve.adaptivity.hybrid.precracks import cut_coarse_bonds, lengthen_cracks
+from pdsolve.adaptivity.hybrid.springs import Springs, coarse_springs, divide_bonds, e_of_stretch, springs_of_materials
 from pdsolve.conditions import drive, initial_velocity
 from pdsolve.laws.calls import bind
 from pdsolve.laws.pair import no_bonds
@@ -31,44 +31,44 @@ from pdsolve.operators.simd_lattice.layout import aligned
 ROOM = 64  # rows of fine nodes beyond those of the start, at least
 
 
-def hybrid_of(
-    model: Model, mode: str, precision: str, step_of: Callable[[Model, float], float], threads: int = 1
+def create_hybrid_operator(
+    model: Model, mode: str, precision: str, choose_step: Callable[[Model, float], float], threads: int = 1
 ) -> tuple[HybridOperator, float]:
-    """The operator at the start, and the surely stable step, s; `step_of` chooses the step.
+    """The operator at the start, and the surely stable step, s; `choose_step` chooses the step.
 
     Raises ModelError for a model that the method does not support.
     """
-    swells, steep = model.swells, steep_rows(model)
+    swells, steep = model.swells, rows_of_steep_content(model)
     model = model.moving_part() if swells else model
-    plate = plate_of(model, mode)
-    springs = springs_of(model.materials, model.settings.horizon.ratio, plate.h)
-    irregular_bonds = irregular(plate, springs)
+    plate = create_plate(model, mode)
+    springs = springs_of_materials(model.materials, model.settings.horizon.ratio, plate.h)
+    irregular_bonds = find_irregular_bonds(plate, springs)
     give_back()
-    bound = float(np.sqrt(2 / max(_resistance(plate, springs, irregular_bonds))))
+    bound = float(np.sqrt(2 / max(_stiffness_over_density(plate, springs, irregular_bonds))))
     kind = np.dtype(precision).type
-    ground = ground_of(plate, springs, irregular_bonds, step_of(model, bound), kind)
-    begin_coarse(ground)
+    ground = create_constants(plate, springs, irregular_bonds, choose_step(model, bound), kind)
+    cut_coarse_bonds(ground)
     cut = np.append(irregular_bonds.family - np.count_nonzero(irregular_bonds.springs, axis=1), 0)
-    cells = cells_of(plate, ground.reach, steep=steep)
+    cells = initial_cells(plate, ground.reach, steep_rows=steep)
     area = CellAreas(plate)
-    driven = drive(model, area, True, np.float64)
+    plate_drive = drive(model, area, True, np.float64)
     rows = ROOM + 6 * int(np.count_nonzero(cells == FINE))
     damps = ground.nodes.damping is not None
-    loads, holds = _entries(plate, driven.loads, 4), _entries(plate, driven.holds, 1)
-    loads.of["value"] *= area[driven.loads.node]
-    loads = loads._replace(of=loads.of[loads.of["value"] != 0])
+    loads, holds = _create_entries(plate, plate_drive.loads, 4), _create_entries(plate, plate_drive.holds, 1)
+    loads.entries["value"] *= area[plate_drive.loads.node]
+    loads = loads._replace(entries=loads.entries[loads.entries["value"] != 0])
     if not swells and kind is np.float64:
-        cells = far_cells(plate, ground, cells, np.concatenate([loads.of["place"], holds.of["place"]]))
-    zone = zone_of(plate.at, cells, len(ground.ways), rows, ground.varied, threads, swells, damps, kind=kind)._replace(
-        loads=loads, holds=holds
-    )
-    hybrid = Hybrid(plate, ground, zone, driven)
+        cells = add_far_cells(plate, ground, cells, np.concatenate([loads.entries["place"], holds.entries["place"]]))
+    zone = create_plate_zone(
+        plate.at, cells, len(ground.ways), rows, ground.varied, threads, swells, damps, dtype=kind
+    )._replace(loads=loads, holds=holds)
+    hybrid = HybridEngine(plate, ground, zone, plate_drive)
     starts = any(isinstance(condition, InitialVelocity | Velocity) for condition in model.settings.conditions)
     hybrid.start(initial_velocity(model) if starts else None)
     return HybridOperator(hybrid, cut), bound
 
 
-def steep_rows(model: Model) -> NDArray[np.int64]:
+def rows_of_steep_content(model: Model) -> NDArray[np.int64]:
     """Rows of the nodes at which a content that swells a plate may leap within a spacing: it is held, exchanged or
     supplied through an edge there. A coarse cell would know no more than its mean."""
     condition_rows = [np.zeros(0, dtype=np.int64)]
@@ -80,10 +80,10 @@ def steep_rows(model: Model) -> NDArray[np.int64]:
     return np.unique(np.concatenate(condition_rows))
 
 
-def ground_of(
+def create_constants(
     plate: HybridPlate,
     springs: tuple[Springs, ...],
-    irregular_bonds: Irregular,
+    irregular_bonds: IrregularBonds,
     dt: float,
     kind: type[np.floating] = np.float64,
 ) -> LatticeConstants:
@@ -94,11 +94,15 @@ def ground_of(
     coarse = coarse_springs(first, h)
     bounds = np.array(
         [
-            [e_of(material_springs.peak), e_of(material_springs.limit), e_of(kappa * material_springs.peak)]
+            [
+                e_of_stretch(material_springs.peak),
+                e_of_stretch(material_springs.limit),
+                e_of_stretch(kappa * material_springs.peak),
+            ]
             for material_springs in springs
         ]
     )
-    cell, mix = _cells(plate, springs)
+    cell, mix = _coarse_cell_constants(plate, springs)
     bind(bilinear.LAW)
     return LatticeConstants(
         law=no_bonds(bilinear.LAW),  # a brittle bond is one whose peak is its limit
@@ -114,11 +118,11 @@ def ground_of(
         coarse_ways=coarse.dy * at.coarse_stride + coarse.dx,
         far_table=aligned(coarse_springs(first, 2 * h).table.astype(kind)),
         far_ways=coarse.dy * at.far_stride + coarse.dx,
-        cut=stretches(first),
+        bond_parts=divide_bonds(first),
         reach=int(np.abs(first.dx).max()),
         varied=len(springs) > 1 or first.peak < first.limit,
         dt=dt,
-        nodes=node_rows(plate, irregular_bonds, springs),
+        nodes=create_node_rows(plate, irregular_bonds, springs),
         springs=np.array([material_springs.table[:, 5] for material_springs in springs]),
         bounds=bounds,
         least=bounds.min(axis=0),
@@ -131,11 +135,13 @@ def ground_of(
         coarse_bits=np.zeros(at.coarse_places, dtype=np.uint8),
         edge_cut=np.zeros((2, at.coarse_places)),
         cut_cells=np.zeros(at.cells, dtype=np.bool_),
-        cracks=lengthened(plate.cracks),
+        cracks=lengthen_cracks(plate.cracks),
     )
 
 
-def _cells(plate: HybridPlate, springs: tuple[Springs, ...]) -> tuple[NDArray[np.float64], NDArray[np.int32]]:
+def _coarse_cell_constants(
+    plate: HybridPlate, springs: tuple[Springs, ...]
+) -> tuple[NDArray[np.float64], NDArray[np.int32]]:
     """k1, k2 and a quarter of the mass (3, m) of coarse cells, and which of these each cell (c,) has.
 
     They are means of the cell's nodes, weighted by their areas in it.
@@ -159,7 +165,9 @@ def _cells(plate: HybridPlate, springs: tuple[Springs, ...]) -> tuple[NDArray[np
     return np.ascontiguousarray(cells.T), around.ravel()
 
 
-def _resistance(plate: HybridPlate, springs: tuple[Springs, ...], irregular_bonds: Irregular) -> NDArray[np.float64]:
+def _stiffness_over_density(
+    plate: HybridPlate, springs: tuple[Springs, ...], irregular_bonds: IrregularBonds
+) -> NDArray[np.float64]:
     """A bound of stiffness over density, 1/s^2, over nodes at edges and nodes of a full lattice."""
     model = plate.model
     rho, every = np.array([material.rho for material in model.materials]), [len(model.grid)]
@@ -177,12 +185,18 @@ def _resistance(plate: HybridPlate, springs: tuple[Springs, ...], irregular_bond
             )
             a, b, c = ((k * inverse * term).sum() for term in (x * x, y * y, x * y))
             inside.append(((a + b) / 2 + np.hypot((a - b) / 2, c)) / rho[number])
-    return np.concatenate([inside, irregular_bonds.stiffness_bound[irregular_bonds.which] / rho[irregular_materials]])
+    return np.concatenate(
+        [inside, irregular_bonds.stiffness_bound[irregular_bonds.bond_row] / rho[irregular_materials]]
+    )
 
 
-def _entries(plate: HybridPlate, driven: conditions.Entries, most: int) -> Entries:
-    """Entries with room for at most `most` nodes each."""
-    entries, room = np.zeros(len(driven.node), Entry.fields()), most * len(driven.node)
-    entries["place"], entries["axis"] = plate.places_of(driven.node), driven.axis
-    entries["profile"], entries["kind"], entries["value"] = driven.profile, driven.kind, driven.value
-    return Entries(entries, np.zeros((room, 2), dtype=np.int64), np.zeros(room))
+def _create_entries(plate: HybridPlate, condition_entries: conditions.Entries, nodes_per_entry: int) -> ZoneEntries:
+    """Entries with room for at most `nodes_per_entry` nodes each."""
+    entries, room = np.zeros(len(condition_entries.node), Entry.fields()), nodes_per_entry * len(condition_entries.node)
+    entries["place"], entries["axis"] = plate.places_of(condition_entries.node), condition_entries.axis
+    entries["profile"], entries["kind"], entries["value"] = (
+        condition_entries.profile,
+        condition_entries.kind,
+        condition_entries.value,
+    )
+    return ZoneEntries(entries, np.zeros((room, 2), dtype=np.int64), np.zeros(room))

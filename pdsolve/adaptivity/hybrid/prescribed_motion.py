@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 SAME = 1e-9  # of the largest value: round-off
 
 
-def between(plate: HybridPlate) -> NDArray[np.int64]:
+def places_unfit_for_coarse(plate: HybridPlate) -> NDArray[np.int64]:
     """Places (k,) of fine nodes that would not move as prescribed if they hung between coarse nodes.
 
     A held node may hang between held ones alone; initial velocities, and what is prescribed, are to be linear between
@@ -33,22 +33,24 @@ def between(plate: HybridPlate) -> NDArray[np.int64]:
             continue
         rows = model.selected(condition)
         place = plate.places_of(rows)
-        constrained_share = _mean(partial(_are_among, rows), plate, place)
+        constrained_share = _mean_of_coarse(partial(_are_among, rows), plate, place)
         unfit_places.append(place[constrained_share[:, 0] < 1.0])
         prescribed_values = [value or 0.0 for value in components(condition, 2)]
         if any(map(is_of_place, prescribed_values)):
             values = np.zeros((len(model.grid), 2))
             values[rows] = model.vectors(prescribed_values, rows)
-            unfit_places.append(_not_linear(values, plate, rows))
+            unfit_places.append(_places_of_nonlinear_values(values, plate, rows))
     if any(isinstance(condition, InitialVelocity) for condition in model.settings.conditions):
-        unfit_places.append(_not_linear(initial_velocity(model), plate, np.arange(len(model.grid))))
+        unfit_places.append(_places_of_nonlinear_values(initial_velocity(model), plate, np.arange(len(model.grid))))
     return np.unique(np.concatenate(unfit_places))
 
 
-def _not_linear(values: NDArray[np.float64], plate: HybridPlate, rows: NDArray[np.int64]) -> NDArray[np.int64]:
+def _places_of_nonlinear_values(
+    values: NDArray[np.float64], plate: HybridPlate, rows: NDArray[np.int64]
+) -> NDArray[np.int64]:
     """Places of these rows (k,) whose values (n, 2) are not the mean of those of the coarse nodes they lie between."""
     place = plate.places_of(rows)
-    away = np.abs(_mean(values.__getitem__, plate, place) - values[rows]).max(axis=1, initial=0.0)
+    away = np.abs(_mean_of_coarse(values.__getitem__, plate, place) - values[rows]).max(axis=1, initial=0.0)
     return np.asarray(place[away > SAME * np.abs(values).max(initial=0.0)])
 
 
@@ -57,7 +59,7 @@ def _are_among(row_set: NDArray[np.int64], rows: NDArray[np.int64]) -> NDArray[n
     return np.isin(rows, row_set)[:, None].astype(float)
 
 
-def _mean(
+def _mean_of_coarse(
     values: Callable[[NDArray[np.int64]], NDArray[np.float64]], plate: HybridPlate, place: NDArray[np.int64]
 ) -> NDArray[np.float64]:
     """Mean (k, j) of coarse nodes' `values` (k, j), by their rows, which the nodes at these places (k,) lie between.
@@ -70,5 +72,5 @@ def _mean(
     for sign_y in (-1, 1):
         for sign_x in (-1, 1):
             neighbour = place + sign_y * odd_y * at.stride + sign_x * odd_x
-            mean = mean + values(plate.rows_at(np.where(plate.has(neighbour), neighbour, place))) / 4
+            mean = mean + values(plate.rows_at(np.where(plate.has_node(neighbour), neighbour, place))) / 4
     return mean

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from pdmesh.model.lattice_calibration import calibration, has_partial_cells, hu_beta, offsets
 from pdmesh.model.material import Material
 from pdmesh.model.material_constants import critical_stretch, micromodulus
-from pdsolve.adaptivity.hybrid.bond_division import parts_of, place_of
+from pdsolve.adaptivity.hybrid.bond_division import divide_family, place_in_cell
 from pdsolve.laws import limits
 from pdsolve.laws.bond_limits import Sizes
 
@@ -41,10 +41,10 @@ class Springs(NamedTuple):
 
 def fine_springs(material: Material, ratio: float, h: float) -> Springs:
     """Springs of the fine lattice of spacing `h`, m: calibrated bonds with a `ratio` of horizon to spacing."""
-    return springs_of((material,), ratio, h)[0]
+    return springs_of_materials((material,), ratio, h)[0]
 
 
-def springs_of(materials: tuple[Material, ...], ratio: float, h: float) -> tuple[Springs, ...]:
+def springs_of_materials(materials: tuple[Material, ...], ratio: float, h: float) -> tuple[Springs, ...]:
     """Springs of each material, all of one family: 0 where a material has none but another has some."""
     farther = any(has_partial_cells(material) for material in materials)
     xi = offsets(ratio + 0.5 if farther else ratio)
@@ -52,7 +52,7 @@ def springs_of(materials: tuple[Material, ...], ratio: float, h: float) -> tuple
     in_family = np.logical_or.reduce([c > 0 for c in moduli]) & ((xi[:, 1] > 0) | ((xi[:, 1] == 0) & (xi[:, 0] > 0)))
     xi = np.concatenate([xi[in_family], -xi[in_family]])
     return tuple(
-        _springs(one, ratio, h, xi, np.tile(c[in_family], 2)) for one, c in zip(materials, moduli, strict=True)
+        _create_springs(one, ratio, h, xi, np.tile(c[in_family], 2)) for one, c in zip(materials, moduli, strict=True)
     )
 
 
@@ -65,7 +65,9 @@ def _modulus(material: Material, ratio: float, length: NDArray[np.float64]) -> N
     return np.where(c > NOTHING * c.max(), c, 0.0)
 
 
-def _springs(material: Material, ratio: float, h: float, xi: NDArray[np.float64], c: NDArray[np.float64]) -> Springs:
+def _create_springs(
+    material: Material, ratio: float, h: float, xi: NDArray[np.float64], c: NDArray[np.float64]
+) -> Springs:
     """Springs of a family xi (k, 2), in spacings, with moduli c (k,)."""
     length = np.hypot(*xi.T)
     n_x, n_y = (xi / length[:, None]).T
@@ -75,33 +77,33 @@ def _springs(material: Material, ratio: float, h: float, xi: NDArray[np.float64]
     critical = calibration(ratio, material, has_partial_cells(material)).stretch * critical_stretch(material, horizon)
     stretch = limits(material, Sizes(critical, np.full(1, h), horizon, ratio))
     dx, dy = np.round(xi.T).astype(np.int64)
-    return Springs(dx, dy, _table(xi * h, stiffness), float(stretch.peak[0]), float(stretch.limit[0]), c11, c66)
+    return Springs(dx, dy, _spring_table(xi * h, stiffness), float(stretch.peak[0]), float(stretch.limit[0]), c11, c66)
 
 
 def coarse_springs(fine: Springs, h: float) -> Springs:
     """Springs of the compact coarse lattice of spacing 2 `h`, m, with the stiffness of the fine ones."""
     dx, dy = np.array(COARSE_OFFSETS, dtype=np.int64).T
     stiffness = np.where(dx * dy == 0, fine.c11 - fine.c66, fine.c66)
-    table = _table(2 * h * np.column_stack([dx, dy]).astype(float), stiffness)
+    table = _spring_table(2 * h * np.column_stack([dx, dy]).astype(float), stiffness)
     return fine._replace(dx=dx, dy=dy, table=table)
 
 
-def _table(xi: NDArray[np.float64], stiffness: NDArray[np.float64]) -> NDArray[np.float64]:
+def _spring_table(xi: NDArray[np.float64], stiffness: NDArray[np.float64]) -> NDArray[np.float64]:
     inverse = 1 / (xi**2).sum(axis=1)
     table = np.zeros((len(xi), 8))
     table[:, :6] = np.column_stack([xi, 2 * xi * inverse[:, None], inverse, stiffness])
     return table
 
 
-def e_of(stretch: Any) -> Any:
+def e_of_stretch(stretch: Any) -> Any:
     """e = s (s + 2) of a stretch s."""
     return stretch * (stretch + 2)
 
 
-class Stretches(NamedTuple):
-    """Stretches into which cells divide fine bonds, for each place of a node in a cell (4) and a whole family.
+class BondParts(NamedTuple):
+    """Parts into which cells divide fine bonds, for each place of a node in a cell (4) and a whole family.
 
-    The stretches of bond k from place f, on one side, are first[f, k, 0] to first[f, k, 1]. A bond along a line between
+    The parts of bond k from place f, on one side, are first[f, k, 0] to first[f, k, 1]. A bond along a line between
     cells belongs half to either side; those on the other side end at first[f, k, 2].
     """
 
@@ -113,20 +115,20 @@ class Stretches(NamedTuple):
     sides: NDArray[np.uint64]  # (4, k, 2) the cells of a bond on each side: bits of the window
 
 
-def stretches(springs: Springs) -> Stretches:
+def divide_bonds(springs: Springs) -> BondParts:
     """The points at which the bonds of a family cross cells, by the parity of their node."""
-    first, parts = parts_of(np.column_stack([springs.dx, springs.dy]))
+    first, parts = divide_family(np.column_stack([springs.dx, springs.dy]))
     sides = np.zeros((4, len(springs.dx), 2), dtype=np.uint64)
     ends: list[list[tuple[int, int, int, float]]] = []
     for f in range(4):
-        px, py = place_of(f, 2)
+        px, py = place_in_cell(f, 2)
         for k, (dx, dy) in enumerate(zip(springs.dx.tolist(), springs.dy.tolist(), strict=True)):
             for part in parts[first[f, k, 0] : first[f, k, 2]]:
-                ends.append([_end(px + t * dx, py + t * dy, t) for t in part[:2]])
+                ends.append([_part_end_on_edge(px + t * dx, py + t * dy, t) for t in part[:2]])
             for side in range(2):
                 cells = {part.cell for part in parts[first[f, k, side] : first[f, k, side + 1]]}
                 sides[f, k, side] = sum(1 << WINDOW * (y + WINDOW // 2) + x + WINDOW // 2 for x, y in cells)
-    return Stretches(
+    return BondParts(
         first,
         np.array([part[:2] for part in parts]),
         np.array([part.cell for part in parts], dtype=np.int64),
@@ -136,8 +138,8 @@ def stretches(springs: Springs) -> Stretches:
     )
 
 
-def _end(x: float, y: float, t: float) -> tuple[int, int, int, float]:
-    """Coarse node, direction of the edge from there, and share along it, at which a stretch begins or ends."""
+def _part_end_on_edge(x: float, y: float, t: float) -> tuple[int, int, int, float]:
+    """Coarse node, direction of the edge from there, and share along it, at which a part begins or ends."""
     if t in (0.0, 1.0):
         return 0, 0, TIE, 0.0
     column, row = x / 2, y / 2

@@ -15,21 +15,21 @@ from typing import Any
 from numba import njit, types
 from numba.extending import overload
 
-from pdsolve.adaptivity.hybrid.energy import piece_held, row_held
-from pdsolve.adaptivity.hybrid.forces import follow
+from pdsolve.adaptivity.hybrid.energy import piece_energy, row_spring_energies
+from pdsolve.adaptivity.hybrid.forces import interpolate_border_nodes
 from pdsolve.adaptivity.hybrid.lattice import FREE, coarse_column, coarse_place, coarse_row, fine_place
-from pdsolve.adaptivity.hybrid.node_rows import of_node
+from pdsolve.adaptivity.hybrid.node_rows import value_at_node
 from pdsolve.codegen.jit_cache import cached_njit
 from pdsolve.codegen.vector_code import ROW
 from pdsolve.operators.simd_lattice.kernel import INNER
 
 
-def relieve(ground: Any, zone: Any) -> None:
+def set_piece_reliefs(ground: Any, zone: Any) -> None:
     """Set what the strains of nodes add to the displacements between the ends of pieces, where nodes swell."""
 
 
-@overload(relieve, jit_options=INNER)
-def _relieve(ground, zone):  # type: ignore[no-untyped-def]
+@overload(set_piece_reliefs, jit_options=INNER)
+def _set_piece_reliefs(ground, zone):  # type: ignore[no-untyped-def]
     fine = zone.types[zone.fields.index("fine")]
     if isinstance(fine.types[fine.fields.index("shrink")], types.NoneType):
         return lambda ground, zone: None
@@ -38,23 +38,23 @@ def _relieve(ground, zone):  # type: ignore[no-untyped-def]
         fine, coarse, pieces = zone.fine.shrink, zone.coarse.shrink, zone.pieces
         for n in range(zone.counts.pieces):
             both = _shrink_at(fine, coarse, pieces, n, 0) + _shrink_at(fine, coarse, pieces, n, 1)
-            x0, y0 = off_line(ground, fine, pieces.end[n, 0], pieces.end[n, 1], pieces.value[n, 0])
-            x1, y1 = off_line(ground, fine, pieces.end[n, 2], pieces.end[n, 3], pieces.value[n, 1])
+            x0, y0 = offset_from_line(ground, fine, pieces.end[n, 0], pieces.end[n, 1], pieces.value[n, 0])
+            x1, y1 = offset_from_line(ground, fine, pieces.end[n, 2], pieces.end[n, 3], pieces.value[n, 1])
             pieces.relief[n, 0] = both * pieces.value[n, 2] + x1 - x0
             pieces.relief[n, 1] = both * pieces.value[n, 3] + y1 - y0
 
     return relieve_pieces
 
 
-def off_line(ground: Any, shrink: Any, a: Any, b: Any, w: Any) -> Any:
+def offset_from_line(ground: Any, shrink: Any, a: Any, b: Any, w: Any) -> Any:
     """How far a place at the share w from coarse node a to b is off the line between them, (x, y) in m.
 
     `shrink` (n,) is that of fine nodes. A `b` below 0 is none.
     """
 
 
-@overload(off_line, jit_options=INNER)
-def _off_line(ground, shrink, a, b, w):  # type: ignore[no-untyped-def]
+@overload(offset_from_line, jit_options=INNER)
+def _offset_from_line(ground, shrink, a, b, w):  # type: ignore[no-untyped-def]
     if isinstance(shrink, types.NoneType):
         return lambda ground, shrink, a, b, w: (0.0, 0.0)
 
@@ -80,7 +80,10 @@ def _slope(values, nodes, p, way):  # type: ignore[no-untyped-def]
     So it is that of linear values, and no leap at a crack is one.
     """
     up, down = values[p + way] - values[p], values[p] - values[p - way]
-    has_next, has_previous = of_node(nodes, nodes.mass, p + way) > 0, of_node(nodes, nodes.mass, p - way) > 0
+    has_next, has_previous = (
+        value_at_node(nodes, nodes.mass, p + way) > 0,
+        value_at_node(nodes, nodes.mass, p - way) > 0,
+    )
     if not (has_next and has_previous):
         return (up if has_next else 0.0) + (down if has_previous else 0.0)
     if up * down <= 0:
@@ -99,17 +102,17 @@ def _shrink_at(fine, coarse, pieces, n, which):  # type: ignore[no-untyped-def]
 
 
 @cached_njit(error_model="numpy")
-def relieve_all(ground, zone, now):  # type: ignore[no-untyped-def]
-    """See `relieve`; border nodes too."""
-    relieve(ground, zone)
+def set_all_reliefs(ground, zone, now):  # type: ignore[no-untyped-def]
+    """See `set_piece_reliefs`; border nodes too."""
+    set_piece_reliefs(ground, zone)
     border, count = zone.border, zone.counts.border_nodes
     for n in range(count):
-        border.off[n] = off_line(ground, zone.fine.shrink, border.end[n, 0], border.end[n, 1], border.w[n])
-    follow(zone.fine.u[now], zone.coarse.u[now], border, count)
+        border.off[n] = offset_from_line(ground, zone.fine.shrink, border.end[n, 0], border.end[n, 1], border.w[n])
+    interpolate_border_nodes(zone.fine.u[now], zone.coarse.u[now], border, count)
 
 
 @cached_njit(error_model="numpy")
-def restrict(ground, fine, coarse):  # type: ignore[no-untyped-def]
+def average_to_coarse(ground, fine_values, coarse_values):  # type: ignore[no-untyped-def]
     """Set values of coarse nodes to the mean of fine ones (n,) around them: 1/4, 1/2, 1/4 along each axis.
 
     What a cell holds is so that of its fine nodes. Along an axis on which there is no node on one side, the middle one
@@ -119,33 +122,36 @@ def restrict(ground, fine, coarse):  # type: ignore[no-untyped-def]
     for y in range(at.ny // 2 + 1):
         for x in range(at.nx // 2 + 1):
             p = fine_place(at, 2 * x, 2 * y)
-            mean = _mean(fine, nodes, p, 1)
-            if of_node(nodes, nodes.mass, p + at.stride) > 0 and of_node(nodes, nodes.mass, p - at.stride) > 0:
-                mean = mean / 2 + _mean(fine, nodes, p + at.stride, 1) / 4
-                mean += _mean(fine, nodes, p - at.stride, 1) / 4
-            coarse[coarse_place(at, x, y)] = mean
+            mean = _mean_along_line(fine_values, nodes, p, 1)
+            if (
+                value_at_node(nodes, nodes.mass, p + at.stride) > 0
+                and value_at_node(nodes, nodes.mass, p - at.stride) > 0
+            ):
+                mean = mean / 2 + _mean_along_line(fine_values, nodes, p + at.stride, 1) / 4
+                mean += _mean_along_line(fine_values, nodes, p - at.stride, 1) / 4
+            coarse_values[coarse_place(at, x, y)] = mean
 
 
 @njit(**INNER)
-def _mean(values, nodes, p, way):  # type: ignore[no-untyped-def]
+def _mean_along_line(values, nodes, p, way):  # type: ignore[no-untyped-def]
     """Mean of a value and the next ones on a line, if there are both."""
-    if of_node(nodes, nodes.mass, p + way) == 0 or of_node(nodes, nodes.mass, p - way) == 0:
+    if value_at_node(nodes, nodes.mass, p + way) == 0 or value_at_node(nodes, nodes.mass, p - way) == 0:
         return values[p]
     return values[p] / 2 + (values[p - way] + values[p + way]) / 4
 
 
 @cached_njit(error_model="numpy")
-def stored(ground, zone, now):  # type: ignore[no-untyped-def]
+def total_strain_energy(ground, zone, now):  # type: ignore[no-untyped-def]
     """Strain energy of all springs and pieces, J/m."""
     fine, coarse, energy, s = zone.fine, zone.coarse, 0.0, zone.s[0]
     for row in fine.rows[: zone.counts.fine_rows]:
-        row_held(fine, ground.table, ground.ways, False, row, fine.u[now], s)
+        row_spring_energies(fine, ground.table, ground.ways, False, row, fine.u[now], s)
         for lane in range(ROW):
             energy += s[lane]
     for row in coarse.rows[: zone.counts.coarse_rows]:
-        row_held(coarse, ground.coarse_table, ground.coarse_ways, True, row, coarse.u[now], s)
+        row_spring_energies(coarse, ground.coarse_table, ground.coarse_ways, True, row, coarse.u[now], s)
         for lane in range(ROW):
             energy += s[lane] if coarse.kind[row * ROW + lane] == FREE else 0.0
     for n in range(zone.counts.pieces):
-        energy += piece_held(zone.pieces, fine.u[now], coarse.u[now], n)
+        energy += piece_energy(zone.pieces, fine.u[now], coarse.u[now], n)
     return energy

@@ -13,14 +13,14 @@ from numpy.typing import NDArray
 from scipy.sparse import coo_array, csr_array, diags_array, eye_array, kron, vstack
 
 from pdsolve.adaptivity.hybrid.arrays import LatticeNodes
-from pdsolve.adaptivity.hybrid.engine import Hybrid
+from pdsolve.adaptivity.hybrid.engine import HybridEngine
 from pdsolve.codegen.vector_code import ROW
 from pdsolve.operators.tangent import of_green_springs, of_springs
 
 XI, STIFFNESS = slice(2, 4), 5  # of `ClippedPieces.value`
 
 
-class Points(NamedTuple):
+class PointWeights(NamedTuple):
     """Weights by which p points move with n nodes."""
 
     of_node: csr_array  # (n, n): of the nodes that are tied to others, by those
@@ -31,24 +31,29 @@ class Points(NamedTuple):
     ends: NDArray[np.int64]  # (2, pieces)
 
 
-def points_of(hybrid: Hybrid, row_of: NDArray[np.int32], fine: NDArray[np.int64], coarse: NDArray[np.int64],
-              far: NDArray[np.int64]) -> Points:  # fmt: skip
+def create_point_weights(
+    hybrid: HybridEngine,
+    row_at_place: NDArray[np.int32],
+    fine: NDArray[np.int64],
+    coarse: NDArray[np.int64],
+    far: NDArray[np.int64],
+) -> PointWeights:
     """The points of the current nodes.
 
-    `row_of` (places,) is the row of each fine place; `fine`, `coarse` and `far` are the places of nodes on the
+    `row_at_place` (places,) is the row of each fine place; `fine`, `coarse` and `far` are the places of nodes on the
     lattices.
     """
-    zone, nodes, at = hybrid.zone, int(row_of.max()) + 1, hybrid.plate.at
+    zone, nodes, at = hybrid.zone, int(row_at_place.max()) + 1, hybrid.plate.at
     row_of_coarse, row_of_far = (np.full(places, -1, dtype=np.int64) for places in (at.coarse_places, at.far_places))
-    on, far_on = hybrid.beneath(coarse), hybrid.beneath_far(far)
-    row_of_coarse[coarse], row_of_far[far] = row_of[on], row_of[far_on]
+    on, far_on = hybrid.fine_places_of_coarse(coarse), hybrid.fine_places_of_far(far)
+    row_of_coarse[coarse], row_of_far[far] = row_at_place[on], row_at_place[far_on]
     independent, of_node = np.ones(nodes), csr_array((nodes, nodes))
     for border, entry_count, rows, ends in (
-        (zone.border, zone.counts.border_nodes, row_of, row_of_coarse),
+        (zone.border, zone.counts.border_nodes, row_at_place, row_of_coarse),
         (zone.tied, zone.counts.tied_nodes, row_of_coarse, row_of_far),
     ):
         tied = rows[border.node[:entry_count]].astype(np.int64)
-        of_node = of_node + _between(tied, ends[border.end[:entry_count]], border.w[:entry_count], nodes)
+        of_node = of_node + _interpolation_weights(tied, ends[border.end[:entry_count]], border.w[:entry_count], nodes)
         independent[tied] = 0.0
     of_node = (of_node + diags_array(independent)).tocsr()
 
@@ -57,7 +62,7 @@ def points_of(hybrid: Hybrid, row_of: NDArray[np.int32], fine: NDArray[np.int64]
     of_fine[fine], of_coarse[coarse] = np.arange(len(fine)), len(fine) + np.arange(len(coarse))
     of_far = np.full(at.far_places, -1)
     of_far[far] = len(fine) + len(coarse) + np.arange(len(far))
-    node_rows = np.concatenate([row_of[fine], row_of[on], row_of[far_on]]).astype(np.int64)
+    node_rows = np.concatenate([row_at_place[fine], row_at_place[on], row_at_place[far_on]]).astype(np.int64)
     node_points = csr_array((np.ones(len(node_rows)), (np.arange(len(node_rows)), node_rows)), (len(node_rows), nodes))
     point_blocks = [node_points]
     for side in range(2):
@@ -65,14 +70,14 @@ def points_of(hybrid: Hybrid, row_of: NDArray[np.int32], fine: NDArray[np.int64]
         on_fine = b < 0
         ends = np.column_stack([np.where(on_fine, 0, a), np.maximum(b, 0)])
         rows = row_of_coarse[ends]
-        rows[on_fine] = row_of[a[on_fine], None]
+        rows[on_fine] = row_at_place[a[on_fine], None]
         w = np.where(on_fine, 0.0, pieces.value[:entry_count, side])
-        point_blocks.append(_between(np.arange(entry_count), rows, w, nodes, entry_count))
+        point_blocks.append(_interpolation_weights(np.arange(entry_count), rows, w, nodes, entry_count))
     of_end = len(node_rows) + np.arange(2 * entry_count).reshape(2, entry_count)
-    return Points(of_node, (vstack(point_blocks) @ of_node).tocsr(), of_fine, of_coarse, of_far, of_end)
+    return PointWeights(of_node, (vstack(point_blocks) @ of_node).tocsr(), of_fine, of_coarse, of_far, of_end)
 
 
-def _between(
+def _interpolation_weights(
     rows: NDArray[np.int64], ends: NDArray[np.int64], w: NDArray[np.float64], nodes: int, count: int | None = None
 ) -> csr_array:
     """Weights (`count` or `nodes`, `nodes`) of `rows` between two `ends` (k, 2), at the share `w` from the first."""
@@ -82,28 +87,28 @@ def _between(
 
 
 def tangent_of(
-    hybrid: Hybrid,
-    points: Points,
+    hybrid: HybridEngine,
+    points: PointWeights,
     value: NDArray[np.float64],
     rho: NDArray[np.float64],
-    light: NDArray[np.float64],
+    inverse_mass: NDArray[np.float64],
 ) -> csr_array:
     """Minus the derivative (2 n, 2 n), N/m^4, of the force densities (n, 2) at `value`.
 
-    Nodes have densities `rho` (n,) and 1 / mass `light` (n,), m/kg, which is 0 for tied nodes. Softened bonds enter
-    with their secant stiffness.
+    Nodes have densities `rho` (n,) and 1 / mass `inverse_mass` (n,), m/kg, which is 0 for tied nodes. Softened bonds
+    enter with their secant stiffness.
     """
     tied = kron(points.of_node, eye_array(2)).tocsr()
-    density, lightness = (diags_array(np.repeat(field, 2)) for field in (rho, light))
-    return (density @ tied @ lightness @ _forces(hybrid, points, value)).tocsr()
+    density, lightness = (diags_array(np.repeat(field, 2)) for field in (rho, inverse_mass))
+    return (density @ tied @ lightness @ _force_tangent(hybrid, points, value)).tocsr()
 
 
-def _forces(hybrid: Hybrid, points: Points, value: NDArray[np.float64]) -> csr_array:
+def _force_tangent(hybrid: HybridEngine, points: PointWeights, value: NDArray[np.float64]) -> csr_array:
     """Minus the derivative (2 n, 2 n), N/m^2, of the forces (n, 2), N/m, on independent nodes."""
     zone, ground = hybrid.zone, hybrid.ground
     u = points.of_point @ value
     fine = np.flatnonzero(points.fine >= 0)
-    node, k, stiffness = _springs(zone.fine, fine, ground.table)
+    node, k, stiffness = _list_springs(zone.fine, fine, ground.table)
     xi = ground.table[k, :2]
     source, target = points.fine[fine[node]], points.fine[fine[node] + ground.ways[k]]
     matrix = of_springs(source, target, xi, stiffness * np.sqrt((xi**2).sum(axis=1)), u)
@@ -113,7 +118,7 @@ def _forces(hybrid: Hybrid, points: Points, value: NDArray[np.float64]) -> csr_a
         (zone.far, points.far, ground.far_table, ground.far_ways),
     ):
         places = np.flatnonzero(number >= 0)
-        node, k, stiffness = _springs(nodes, places, table)
+        node, k, stiffness = _list_springs(nodes, places, table)
         source, target = number[places[node]], number[places[node] + ways[k]]
         matrix += of_green_springs(source, target, table[k, :2], stiffness, u)
 
@@ -125,7 +130,7 @@ def _forces(hybrid: Hybrid, points: Points, value: NDArray[np.float64]) -> csr_a
     return (point_matrix.T @ matrix @ point_matrix).tocsr()
 
 
-def _springs(
+def _list_springs(
     nodes: LatticeNodes, places: NDArray[np.int64], table: NDArray[np.float64]
 ) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.float64]]:
     """Springs of the nodes of a lattice: index of each one's place, index in the `table`, and stiffness, N/m^2."""

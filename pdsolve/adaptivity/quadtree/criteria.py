@@ -23,7 +23,7 @@ from pdsolve.bonds.assembly import Bonds
 FAR = 2.0  # horizons of their parent from flagged nodes: where leaves may merge
 
 
-class Look(NamedTuple):
+class LeafStates(NamedTuple):
     """State of n leaves at a check."""
 
     cells: Cells
@@ -33,7 +33,7 @@ class Look(NamedTuple):
     hurt: NDArray[np.bool_]  # (n,) whether a bond has broken
 
 
-def criticals(tree: Tree) -> NDArray[np.float64]:
+def critical_energy_densities(tree: Tree) -> NDArray[np.float64]:
     """Energy density (roots,), J/m^3, of uniform extension to the critical stretch of a root's horizon.
 
     That of a finer cell is higher in proportion to the square of its critical stretch.
@@ -45,7 +45,7 @@ def criticals(tree: Tree) -> NDArray[np.float64]:
     return critical
 
 
-def heights(
+def energy_shares(
     tree: Tree, cells: Cells, energy: NDArray[np.float64], critical: NDArray[np.float64]
 ) -> NDArray[np.float64]:
     """Energy densities `energy` (n,), J/m^3, over the largest of nodes without conditions; 0 below the floor.
@@ -59,7 +59,7 @@ def heights(
     return np.where(counts, energy / np.where(counts, largest, 1.0), 0.0)
 
 
-def stretches(
+def relative_stretches(
     tree: Tree, cells: Cells, bonds: Bonds, broken: NDArray[np.int32], u: NDArray[np.float64]
 ) -> NDArray[np.float64]:
     """Stretch (n,) of each node's most stretched intact bond over the critical one; `u` (n, 2) are displacements, m.
@@ -74,7 +74,7 @@ def stretches(
     return np.where(tree.pinned[cells.root], 0.0, largest)
 
 
-def split(tree: Tree, look: Look, threshold: float) -> NDArray[np.bool_]:
+def mask_leaves_to_split(tree: Tree, look: LeafStates, threshold: float) -> NDArray[np.bool_]:
     """Mask (n,) of the leaves that split: wanted ones and the coarser ones they touch, without those whose coarser
     neighbour cannot be split."""
     flagged = look.height > threshold
@@ -83,15 +83,15 @@ def split(tree: Tree, look: Look, threshold: float) -> NDArray[np.bool_]:
     to_split[can] = _within(look.place[can], look, flagged, 1.0)
     for at in range(tree.levels - 1, 0, -1):
         coarser = np.flatnonzero(can & (level < at))
-        to_split[coarser] |= _touches(tree, look.cells.taken(coarser), look, to_split & (level == at))
+        to_split[coarser] |= _mask_touching(tree, look.cells.taken(coarser), look, to_split & (level == at))
     for at in range(1, tree.levels):
         finer = np.flatnonzero(to_split & (level == at))
-        to_split[finer] = ~_touches(tree, look.cells.taken(finer), look, ~to_split & (level < at))
+        to_split[finer] = ~_mask_touching(tree, look.cells.taken(finer), look, ~to_split & (level < at))
     return to_split
 
 
 def _within(
-    place: NDArray[np.float64], look: Look, flagged: NDArray[np.bool_], times: float, reach: float | None = None
+    place: NDArray[np.float64], look: LeafStates, flagged: NDArray[np.bool_], times: float, reach: float | None = None
 ) -> NDArray[np.bool_]:
     """Mask of places (k, 2) within `times` horizons of flagged nodes; the horizon is the node's, or `reach`, m."""
     within = np.zeros(len(place), dtype=bool)
@@ -104,7 +104,7 @@ def _within(
     return within
 
 
-def _touches(tree: Tree, cells: Cells, look: Look, others: NDArray[np.bool_]) -> NDArray[np.bool_]:
+def _mask_touching(tree: Tree, cells: Cells, look: LeafStates, others: NDArray[np.bool_]) -> NDArray[np.bool_]:
     """Mask of cells (k,) that touch one of the leaves `others` (n,), also at a corner."""
     place, half, touching = (
         tree.place(cells),
@@ -118,7 +118,9 @@ def _touches(tree: Tree, cells: Cells, look: Look, others: NDArray[np.bool_]) ->
     return touching
 
 
-def merge(tree: Tree, look: Look, calm: NDArray[np.bool_], splits: NDArray[np.bool_], threshold: float) -> Cells:
+def list_cells_to_merge(
+    tree: Tree, look: LeafStates, calm: NDArray[np.bool_], splits: NDArray[np.bool_], threshold: float
+) -> Cells:
     """Cells whose four quarters are leaves, `calm` (n,), and merge."""
     cells = look.cells
     may_merge = calm & (cells.level > 0) & ~splits
@@ -137,5 +139,5 @@ def merge(tree: Tree, look: Look, calm: NDArray[np.bool_], splits: NDArray[np.bo
         keep[at_level] &= ~_within(place[at_level], look, flagged, FAR, reach)
         keep[at_level] &= ~_within(place[at_level], look, look.hurt, 1.0, reach + tree.spacing / 2.0**at)
         finer = look.cells.level + splits > at + 1
-        keep[at_level] &= ~_touches(tree, parents.taken(at_level), look, finer)
+        keep[at_level] &= ~_mask_touching(tree, parents.taken(at_level), look, finer)
     return parents.taken(keep)

@@ -12,12 +12,12 @@ from numpy.typing import NDArray
 
 from pdmesh.model.kd_trees import tree_of
 from pdmesh.model.neighbours import ROUND_OFF, Pairs, chosen
-from pdsolve.adaptivity.quadtree.leaf_mapping import Transfer
+from pdsolve.adaptivity.quadtree.leaf_mapping import LeafOrigins
 from pdsolve.bonds.assembly import Assembly, ByPairs, Paired
 from pdsolve.model import Model
 
 
-class Filled(NamedTuple):
+class LeafBonds(NamedTuple):
     """The bonds of n nodes, and the pairs they are made from."""
 
     assembly: Assembly
@@ -25,14 +25,14 @@ class Filled(NamedTuple):
     lack: NDArray[np.float64]  # (n, ...) what nodes lack, by all their pairs
 
 
-def filled(rule: ByPairs) -> Filled:
+def create_leaf_bonds(rule: ByPairs) -> LeafBonds:
     """All bonds of a model."""
     rows = np.arange(len(rule.area))
     paired = rule.looked(rule.neighbours.pairs(rows))
-    return _filled(rule, paired, rule.lack(rows, paired))
+    return _assemble(rule, paired, rule.lack(rows, paired))
 
 
-def refilled(rule: ByPairs, model: Model, before: Filled, transfer: Transfer) -> Filled:
+def update_leaf_bonds(rule: ByPairs, model: Model, before: LeafBonds, transfer: LeafOrigins) -> LeafBonds:
     """All bonds of a model, reusing those of unchanged nodes from `before`."""
     stays = transfer.stays
     position, delta = model.grid.position, model.grid.delta
@@ -43,28 +43,28 @@ def refilled(rule: ByPairs, model: Model, before: Filled, transfer: Transfer) ->
     fresh = rule.looked(chosen(pairs, ~(stays[pairs.source] & stays[pairs.target])))
     row = np.full(len(before.lack), -1)
     row[transfer.before[stays, 0]] = np.flatnonzero(stays)
-    paired = _joined(before.paired, row, fresh, len(stays))
+    paired = _join_pairs(before.paired, row, fresh, len(stays))
     lack = np.zeros((len(stays), *before.lack.shape[1:]))
     lack[stays] = before.lack[transfer.before[stays, 0]]
     changed = np.zeros(len(stays), dtype=bool)
     changed[near_rows] = True
     changed_pairs = np.flatnonzero(changed[paired.pairs.source])
-    lack[near_rows] = rule.lack(near_rows, _taken(paired, changed_pairs))
-    return _filled(rule, paired, lack)
+    lack[near_rows] = rule.lack(near_rows, _select_pairs(paired, changed_pairs))
+    return _assemble(rule, paired, lack)
 
 
-def _joined(before: Paired, row: NDArray[np.int64], fresh: Paired, nodes: int) -> Paired:
+def _join_pairs(before: Paired, row: NDArray[np.int64], fresh: Paired, nodes: int) -> Paired:
     """Fresh pairs and those of unchanged nodes, with their new row numbers, in order."""
     source, target = row[before.pairs.source], row[before.pairs.target]
     unchanged = np.flatnonzero((source >= 0) & (target >= 0))
-    old = _taken(before, unchanged)
+    old = _select_pairs(before, unchanged)
     old = old._replace(pairs=Pairs(source[unchanged], target[unchanged], old.pairs.length))
     columns: list[Any] = list(map(np.concatenate, zip(_columns(old), _columns(fresh), strict=True)))
     both = Paired(Pairs(*columns[:3]), *columns[3:])
-    return _taken(both, np.argsort(both.pairs.source * nodes + both.pairs.target, kind="stable"))
+    return _select_pairs(both, np.argsort(both.pairs.source * nodes + both.pairs.target, kind="stable"))
 
 
-def _taken(paired: Paired, which: NDArray[np.int64]) -> Paired:
+def _select_pairs(paired: Paired, which: NDArray[np.int64]) -> Paired:
     """The selected pairs."""
     columns: list[Any] = [column[which] for column in _columns(paired)]
     return Paired(Pairs(*columns[:3]), *columns[3:])
@@ -74,6 +74,6 @@ def _columns(paired: Paired) -> tuple[Any, ...]:
     return (*paired.pairs, *paired[1:])
 
 
-def _filled(rule: ByPairs, paired: Paired, lack: NDArray[np.float64]) -> Filled:
+def _assemble(rule: ByPairs, paired: Paired, lack: NDArray[np.float64]) -> LeafBonds:
     part = rule.part(np.arange(len(rule.area)), paired, lack)
-    return Filled(Assembly(part.bonds, rule.area, part.family), paired, lack)
+    return LeafBonds(Assembly(part.bonds, rule.area, part.family), paired, lack)

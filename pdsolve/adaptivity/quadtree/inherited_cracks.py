@@ -11,18 +11,18 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from pdsolve.adaptivity.quadtree.leaf_mapping import Transfer
+from pdsolve.adaptivity.quadtree.leaf_mapping import LeafOrigins
 from pdsolve.bonds.assembly import Bonds, ends
 
 Rows = NDArray[np.int64]
 
 
-def sources(bonds: Bonds) -> Rows:
+def bond_sources(bonds: Bonds) -> Rows:
     """Source row (b,) of each bond."""
     return np.repeat(np.arange(len(bonds.start) - 1), np.diff(bonds.start))
 
 
-class Before:
+class PastBonds:
     """The bonds of n nodes before a change, and the steps (b,) in which they broke; 0 while intact."""
 
     def __init__(self, bonds: Bonds, broken: NDArray[np.int32]) -> None:
@@ -33,7 +33,7 @@ class Before:
     @cached_property
     def source(self) -> Rows:
         """Source row (b,) of each bond."""
-        return sources(self.bonds)
+        return bond_sources(self.bonds)
 
     @cached_property
     def _key(self) -> Rows:
@@ -65,9 +65,9 @@ class Before:
         return steps
 
 
-def inherited(before: Before, new: Bonds, transfer: Transfer) -> NDArray[np.int32]:
+def inherit_breaks(before: PastBonds, new: Bonds, transfer: LeafOrigins) -> NDArray[np.int32]:
     """Steps (b,) in which the new bonds broke; 0 for intact ones."""
-    source, target = sources(new), new.neighbour.astype(np.int64)
+    source, target = bond_sources(new), new.neighbour.astype(np.int64)
     steps = np.zeros(len(source), dtype=np.int32)
     stays, removed = transfer.stays, np.ones(len(before.hurt), dtype=bool)
     removed[transfer.before[stays, 0]] = False
@@ -102,7 +102,7 @@ def inherited(before: Before, new: Bonds, transfer: Transfer) -> NDArray[np.int3
     return steps
 
 
-def healed(before: Before, new: Bonds, transfer: Transfer, broken: NDArray[np.int32]) -> int:
+def count_healed_bonds(before: PastBonds, new: Bonds, transfer: LeafOrigins, broken: NDArray[np.int32]) -> int:
     """Number of new bonds that are intact although a bond between their parent nodes was broken."""
     child, part = np.nonzero(transfer.parts > 0)
     old = transfer.before[child, part]
@@ -117,6 +117,6 @@ def healed(before: Before, new: Bonds, transfer: Transfer, broken: NDArray[np.in
     wide = counts[old_target[row]]
     source = child[begin[old_source[row]] + number // np.maximum(wide, 1)]
     target = child[begin[old_target[row]] + number % np.maximum(wide, 1)]
-    now = Before(new, broken)
+    now = PastBonds(new, broken)
     has_bond, when = now.between(source, target)
     return int(np.count_nonzero(has_bond & (when == 0)))

@@ -16,7 +16,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from pdsolve.adaptivity.quadtree.leaf_mapping import Transfer
+from pdsolve.adaptivity.quadtree.leaf_mapping import LeafOrigins
 from pdsolve.bonds.assembly import Bonds
 from pdsolve.state import State
 
@@ -52,7 +52,7 @@ def gradients(
     return field_gradients
 
 
-def moved(state: State, transfer: Transfer, bonds: Bonds, intact: NDArray[np.bool_]) -> State:
+def interpolate_state(state: State, transfer: LeafOrigins, bonds: Bonds, intact: NDArray[np.bool_]) -> State:
     """The state of the new nodes, from that of the old nodes with these bonds."""
     fields = (state.value, state.rate, state.second)
     means = [(transfer.parts[..., None] * field[transfer.before]).sum(axis=1) for field in fields]
@@ -76,6 +76,6 @@ def moved(state: State, transfer: Transfer, bonds: Bonds, intact: NDArray[np.boo
     return State(u, v, a, *sums)
 
 
-def kinetic(mass: NDArray[np.float64], rate: NDArray[np.float64]) -> float:
+def kinetic_energy(mass: NDArray[np.float64], rate: NDArray[np.float64]) -> float:
     """Kinetic energy, J/m, of nodes with masses (n,), kg/m, and velocities (n, 2)."""
     return float((mass / 2 * (rate**2).sum(axis=1)).sum())

@@ -7,13 +7,13 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from pdsolve.adaptivity.quadtree.tree import Cells, Tree, joined
+from pdsolve.adaptivity.quadtree.tree import Cells, Tree, join_cells
 
 Rows = NDArray[np.int64]
 SAME = 1e-9  # of a spacing: a centre of mass this near to the middle is there
 
 
-class Transfer(NamedTuple):
+class LeafOrigins(NamedTuple):
     """The origin of m leaves among the n leaves before."""
 
     before: Rows  # (m, 4) rows that each comes from: itself, the whole, or its four quarters
@@ -29,7 +29,7 @@ class Transfer(NamedTuple):
         return ~self.split & ~self.merged
 
 
-def transfer_of(tree: Tree, cells: Cells, splits: NDArray[np.bool_], merged: Cells) -> tuple[Cells, Transfer]:
+def map_leaves(tree: Tree, cells: Cells, splits: NDArray[np.bool_], merged: Cells) -> tuple[Cells, LeafOrigins]:
     """The leaves after those in `splits` (n,) have split and the quarters of `merged` have merged, and their origin."""
     ids = tree.ids(cells)
     by_id = np.argsort(ids)
@@ -44,7 +44,7 @@ def transfer_of(tree: Tree, cells: Cells, splits: NDArray[np.bool_], merged: Cel
     stays[from_quarters[share > 0]] = False
     quarters = tree.exact(cells.taken(splits).quarters())
     alone = np.concatenate([np.flatnonzero(stays), rows(quarters.parent())])
-    new = joined(cells.taken(stays), quarters, merged)
+    new = join_cells(cells.taken(stays), quarters, merged)
     before = np.concatenate([np.repeat(alone[:, None], 4, axis=1), from_quarters])
     parts = np.concatenate([np.tile([1.0, 0.0, 0.0, 0.0], (len(alone), 1)), share])
     counts = [len(cell_group.root) for cell_group in (cells.taken(stays), quarters, merged)]
@@ -54,10 +54,12 @@ def transfer_of(tree: Tree, cells: Cells, splits: NDArray[np.bool_], merged: Cel
     way = tree.spacing * (tree.offset(new) - (parts[..., None] * tree.offset(cells)[before]).sum(axis=1))
     way[kind == 0] = 0.0
     way[(kind == 2) & (np.abs(way).max(axis=1, initial=0.0) < SAME * tree.spacing)] = 0.0
-    return new, Transfer(before, parts, kind == 1, kind == 2, way, _apart(tree, new, before[:, 0], kind == 1, way))
+    return new, LeafOrigins(
+        before, parts, kind == 1, kind == 2, way, _vectors_from_centre(tree, new, before[:, 0], kind == 1, way)
+    )
 
 
-def _apart(
+def _vectors_from_centre(
     tree: Tree, new: Cells, parent_row: Rows, split: NDArray[np.bool_], away: NDArray[np.float64]
 ) -> NDArray[np.float64]:
     """Vectors (m, 2), m, from the centre of mass of four quarters to each; `parent_row` (m,) is their parent's."""

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from pdmesh.messages import unfit
 from pdsolve.adaptivity.hybrid.engine import ZoneSummary
-from pdsolve.adaptivity.quadtree.incremental_bonds import Filled
+from pdsolve.adaptivity.quadtree.incremental_bonds import LeafBonds
 from pdsolve.adaptivity.quadtree.tree import Cells, Tree
 from pdsolve.bonds.assembly import Bonds
 from pdsolve.checkpoint_validation import entry
@@ -26,22 +26,22 @@ ON = 1e-6  # of a spacing: a pre-crack this near to a node passes through it
 SURE = {"conservative": 0.9, "thesis": 0.6}
 
 
-class Memory(NamedTuple):
+class LeafHistory(NamedTuple):
     """History of n leaves."""
 
     calm: NDArray[np.int64]  # (n,) looks that each has been calm for, the latest ones
     created: float  # J/m: energy that splitting and merging have made so far
 
 
-class Leaves(BondList):
+class LeafOperator(BondList):
     """The operator of some leaves of a tree."""
 
-    def __init__(self, tree: Tree, cells: Cells, model: Model, filled: Filled, scheme: Scheme, threads: int) -> None:
+    def __init__(self, tree: Tree, cells: Cells, model: Model, filled: LeafBonds, scheme: Scheme, threads: int) -> None:
         """`model` is the model of the leaves, `filled` are its bonds."""
         law = law_of(model, scheme.matches_work)
         super().__init__(law, model, filled.assembly.bonds, scheme.symmetric, "float64", threads)
         self.tree, self.cells, self.filled = tree, cells, filled
-        self.memory = Memory(np.zeros(len(cells.root), dtype=np.int64), 0.0)
+        self.memory = LeafHistory(np.zeros(len(cells.root), dtype=np.int64), 0.0)
         area = filled.assembly.area
         self._fine = float(area[cells.level > 0].sum() / area.sum())
 
@@ -67,29 +67,29 @@ class Leaves(BondList):
         return {**super().keep(), "calm": self.memory.calm.copy(), "made": np.array([self.memory.created])}
 
 
-def remembered(checkpoint: Kept, leaves: int) -> Memory:
+def read_history(checkpoint: Kept, leaves: int) -> LeafHistory:
     """The history stored by `Leaves.keep` for so many leaves. Raises CheckpointError."""
-    return Memory(
+    return LeafHistory(
         entry(checkpoint, "calm", (leaves,), np.int64, 0).copy(), float(entry(checkpoint, "made", (1,), float)[0])
     )
 
 
-def tree_over(model: Model, mode: str, precision: str, kernel: str | None) -> Tree:
+def create_tree(model: Model, mode: str, precision: str, kernel: str | None) -> Tree:
     """The cells of a model. Raises ModelError, in one sentence, for an unsupported model."""
     grid = model.grid
     for place, actual, expected in (("precision", precision, "float64"), ("kernel", kernel or "listed", "listed")):
         if actual != expected:
-            raise _refused(model, place, actual, expected)
+            raise _unsupported_error(model, place, actual, expected)
     if (grid.delta != grid.delta[0]).any():
-        raise _refused(
+        raise _unsupported_error(
             model, "$.nodes", "several spacings", "one, the coarsest, as pdmesh build --adapt split makes it"
         )
-    tree = Tree(named(model))
-    _clear(tree)
+    tree = Tree(select_nodes_by_id(model))
+    _check_precracks(tree)
     return tree
 
 
-def named(model: Model) -> Model:
+def select_nodes_by_id(model: Model) -> Model:
     """The model with boxes replaced by the ids of their nodes, so that nodes created later are in none."""
 
     def by_ids(selection):  # type: ignore[no-untyped-def]
@@ -105,7 +105,7 @@ def named(model: Model) -> Model:
     return Model(model.grid, settings, model.name)
 
 
-def _clear(tree: Tree) -> None:
+def _check_precracks(tree: Tree) -> None:
     """Raise ModelError if a pre-crack passes through a node that splitting could create."""
     cracks = tree.model.grid.cracks.reshape(-1, 2, 2)
     if not len(cracks):
@@ -122,7 +122,7 @@ def _clear(tree: Tree) -> None:
             hit = shapely.dwithin(place, line, ON * tree.spacing)
             if hit.any():
                 x, y = tree.place(cells.taken(hit))[0]
-                raise _refused(
+                raise _unsupported_error(
                     tree.model,
                     f"$.notch[{number}]",
                     f"at ({x:.6g}, {y:.6g}) m, where splitting makes a node",
@@ -130,6 +130,6 @@ def _clear(tree: Tree) -> None:
                 )
 
 
-def _refused(model: Model, place: str, actual: str, expected: str) -> ModelError:
+def _unsupported_error(model: Model, place: str, actual: str, expected: str) -> ModelError:
     name = place if place in ("precision", "kernel") else f"{model.name}: {place}"
     return ModelError(unfit(name, actual, f"{expected}, as run.adapt is split"))

@@ -46,7 +46,7 @@ class Cells(NamedTuple):
         return Cells(root, level + 1, 4 * path + np.tile(np.arange(4), len(self.root)))
 
 
-def joined(*several: Cells) -> Cells:
+def join_cells(*several: Cells) -> Cells:
     """Several sets of cells as one."""
     return Cells(*(np.concatenate(column) for column in zip(*several, strict=True)))
 

@@ -19,7 +19,7 @@ ROWS = np.array([0, 2, -1, 1])  # before: of the first node, too
 
 def test_what_was_booked_stays_where_it_was() -> None:
     """Densities on cells of another volume hold the same energy; new nodes hold none."""
-    before = Part(volume=np.array([4.0, 6.0, 8.0]), moved=lambda rows, values: 10.0 * values)
+    before = Part(volume=np.array([4.0, 6.0, 8.0]), interpolate_at_rows=lambda rows, values: 10.0 * values)
     after = Part(volume=np.array([2.0, 8.0, 1.0, 3.0]), rows=ROWS)
     motion = [np.full((4, 3), value) for value in (1.0, 2.0, 3.0)]
     booked = [factor * np.array([1.0, 10.0, 100.0]) for factor in (1.0, 2.0, 3.0)]
@@ -78,17 +78,17 @@ class Zone:
         self.new, self.history = np.array(new, dtype=np.int64), Made(made)
         self.rows, self.asked = ROWS, list[int]()
 
-    def wanted(self, state: State, step: int) -> np.ndarray[Any, Any]:
+    def mark_cells_to_refine(self, state: State, step: int) -> np.ndarray[Any, Any]:
         self.asked.append(step)
         return self.new
 
-    def held_around(self, state: object, new: object) -> str:
+    def energies_around(self, state: object, new: object) -> str:
         return "around"
 
-    def refined(self, new: object) -> Zone:
-        return Zone([], self.history.made)
+    def refine(self, new: object) -> Zone:
+        return Zone([], self.history.refinement_energy)
 
-    def row_of_grid(self, rows: object) -> object:
+    def current_rows(self, rows: object) -> object:
         return rows
 
     def forces_around(self, state: object, new: object) -> tuple[str, str]:
@@ -99,10 +99,10 @@ class Made:
     """A history with the energy made by refinement, J."""
 
     def __init__(self, made: float) -> None:
-        self.made = made
+        self.refinement_energy = made
 
-    def _replace(self, made: float) -> Made:
-        return Made(made)
+    def _replace(self, refinement_energy: float) -> Made:
+        return Made(refinement_energy)
 
 
 def test_the_energy_made_by_a_refinement_is_added_up(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -117,7 +117,7 @@ def test_the_energy_made_by_a_refinement_is_added_up(monkeypatch: pytest.MonkeyP
     monkeypatch.setattr(body_zones, "_set_held_forces", lambda *words: held.append(words[2:]))
     zone = Zone([3], 100.0)
     change: Any = BodyRefinement().change_nodes(Part(operator=zone), "state", 256)  # type: ignore[arg-type]
-    assert change[0].operator.history.made == 107.5
+    assert change[0].operator.history.refinement_energy == 107.5
     assert change[1:] == ("moved", "origin")
     assert zone.asked == [256 - BodyRefinement.every]  # what broke since the last look
     assert [words[1:] for words in held] == [("pull", "which")]
@@ -126,7 +126,7 @@ def test_the_energy_made_by_a_refinement_is_added_up(monkeypatch: pytest.MonkeyP
 
 def test_a_checkpoint_of_other_cells_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
     after = Part(model=Part(grid=Part(ids=np.array([1, 2]))), volume=np.ones(2), unknowns=[Part(width=3)])
-    monkeypatch.setattr(body_zones, "zone_operator", lambda system: Part(restored=lambda kept: after))
+    monkeypatch.setattr(body_zones, "zone_operator", lambda system: Part(restore_cells=lambda kept: after))
     steps: list[int] = []
     monkeypatch.setattr(body_zones, "_system_of_operator", lambda system, operator, step: steps.append(step))
     assert BodyRefinement().restore_system(Part(), {"ids": np.array([1, 2])}).state.value.shape == (2, 3)  # type: ignore[arg-type]
@@ -137,7 +137,7 @@ def test_a_checkpoint_of_other_cells_is_refused(monkeypatch: pytest.MonkeyPatch)
 
 def test_loads_of_new_nodes_are_those_of_the_time_of_the_step(monkeypatch: pytest.MonkeyPatch) -> None:
     times: list[float] = []
-    monkeypatch.setattr(body_zones, "drive_of_nodes", lambda after, time: times.append(time))
+    monkeypatch.setattr(body_zones, "create_current_drive", lambda after, time: times.append(time))
     assemble: Any = lambda *words, conditions: Part(system=Prepared(words[5:7], None))  # noqa: E731
     monkeypatch.setattr(body_zones, "assemble_system", assemble)
     monkeypatch.setattr(body_zones.dataclasses, "replace", lambda system, full_model: (system, full_model))

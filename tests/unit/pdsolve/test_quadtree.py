@@ -13,11 +13,11 @@ from plates import GLASS, plate, square_grid
 
 from pdmesh.model.document import Load, Region, Run, Split
 from pdsolve.adaptivity.quadtree import criteria
-from pdsolve.adaptivity.quadtree.incremental_bonds import filled, refilled
-from pdsolve.adaptivity.quadtree.inherited_cracks import Before, healed, inherited
-from pdsolve.adaptivity.quadtree.interpolation import kinetic, moved
-from pdsolve.adaptivity.quadtree.leaf_mapping import Transfer, transfer_of
-from pdsolve.adaptivity.quadtree.operator import named
+from pdsolve.adaptivity.quadtree.incremental_bonds import create_leaf_bonds, update_leaf_bonds
+from pdsolve.adaptivity.quadtree.inherited_cracks import PastBonds, count_healed_bonds, inherit_breaks
+from pdsolve.adaptivity.quadtree.interpolation import interpolate_state, kinetic_energy
+from pdsolve.adaptivity.quadtree.leaf_mapping import LeafOrigins, map_leaves
+from pdsolve.adaptivity.quadtree.operator import select_nodes_by_id
 from pdsolve.adaptivity.quadtree.tree import Cells, Tree
 from pdsolve.model import Model
 from pdsolve.schemes import SCHEMES
@@ -32,12 +32,12 @@ def tree(columns: int = 21, rows: int = 21, levels: int = 1, ratio: float = 3.0,
     return Tree(plate(square_grid(columns, rows), ratio, run=split, **settings))
 
 
-def looked(of: Tree, cells: Cells, flagged: NDArray[np.int64]) -> criteria.Look:
+def looked(of: Tree, cells: Cells, flagged: NDArray[np.int64]) -> criteria.LeafStates:
     """A look at leaves of which these rows are flagged; no bond has broken."""
     height = np.zeros(len(cells.root))
     height[flagged] = 1.0
     horizon = of.model.settings.horizon.ratio * of.spacing / 2.0**cells.level
-    return criteria.Look(cells, of.place(cells), horizon, height, np.zeros(len(height), dtype=bool))
+    return criteria.LeafStates(cells, of.place(cells), horizon, height, np.zeros(len(height), dtype=bool))
 
 
 def nearest(of: Tree, cells: Cells, x: float, y: float) -> NDArray[np.int64]:
@@ -50,9 +50,9 @@ def test_all_within_the_old_horizon_split(ratio: float, count: int) -> None:
     """One flagged node splits itself and its 28 or 48 neighbours, into 116 and 196."""
     of = tree(ratio=ratio)
     cells = of.roots()
-    splits = criteria.split(of, looked(of, cells, np.array([220])), 0.5)
+    splits = criteria.mask_leaves_to_split(of, looked(of, cells, np.array([220])), 0.5)
     assert splits.sum() == count
-    new, transfer = transfer_of(of, cells, splits, cells.taken(splits[:0].nonzero()[0]))
+    new, transfer = map_leaves(of, cells, splits, cells.taken(splits[:0].nonzero()[0]))
     assert transfer.split.sum() == 4 * count
     assert len(new.root) == 441 + 3 * count
 
@@ -64,8 +64,8 @@ def test_leaves_that_touch_differ_by_one_level() -> None:
     cells = of.roots()
     nothing = cells.taken(np.zeros(0, dtype=np.int64))
     for _ in range(6):
-        splits = criteria.split(of, looked(of, cells, nearest(of, cells, 10.1e-3, 10.1e-3)), 0.5)
-        cells, _ = transfer_of(of, cells, splits, nothing)
+        splits = criteria.mask_leaves_to_split(of, looked(of, cells, nearest(of, cells, 10.1e-3, 10.1e-3)), 0.5)
+        cells, _ = map_leaves(of, cells, splits, nothing)
     assert np.bincount(cells.level).all()
     assert cells.level.max() == 3
     place, half = of.place(cells), of.spacing / 2.0 ** (cells.level + 1)
@@ -79,19 +79,19 @@ def test_leaves_that_touch_differ_by_one_level() -> None:
 def test_energy_is_measured_by_the_largest_between_floor_and_ceiling() -> None:
     """Nodes with conditions do not count; what is crushed counts as the ceiling, of finer cells a higher one."""
     of = tree(conditions=(Load(box=(-1.0, 19.9e-3, 1.0, 1.0), body_force=(0.0, 1.0)),))
-    cells, critical = of.roots(), criteria.criticals(of)
+    cells, critical = of.roots(), criteria.critical_energy_densities(of)
     material, horizon = of.model.materials[0], 3e-3
     squared = 5 * np.pi * material.G0 / (9 * material.E * horizon)  # of the conical critical stretch
     assert critical == pytest.approx(np.full(441, 1.125 * material.E / 2 * squared), rel=1e-12)
     energy = np.zeros(441)
     energy[[0, 1, 2, 440]] = critical[0] * np.array([0.5, 0.2, 0.05, 9.0])
-    found = criteria.heights(of, cells, energy, critical)
+    found = criteria.energy_shares(of, cells, energy, critical)
     assert found[[0, 1, 2, 440]] == pytest.approx([1.0, 0.4, 0.0, 0.0])
     energy[3] = 50 * critical[0]
-    assert criteria.heights(of, cells, energy, critical)[:4] == pytest.approx([0.5, 0.2, 0.0, 50.0])
+    assert criteria.energy_shares(of, cells, energy, critical)[:4] == pytest.approx([0.5, 0.2, 0.0, 50.0])
     finer = cells._replace(level=np.ones(441, dtype=np.int64))
-    assert criteria.heights(of, finer, energy, critical)[:4] == pytest.approx([0.25, 0.0, 0.0, 25.0])
-    assert not criteria.heights(of, cells, np.zeros(441), critical).any()
+    assert criteria.energy_shares(of, finer, energy, critical)[:4] == pytest.approx([0.25, 0.0, 0.0, 25.0])
+    assert not criteria.energy_shares(of, cells, np.zeros(441), critical).any()
 
 
 def test_ids_say_which_cells_they_are() -> None:
@@ -135,26 +135,26 @@ def test_cells_that_an_edge_cuts_keep_their_area() -> None:
     filled = SCHEMES["conservative"].fill(of.model_of(cells)).whole()
     state = State(np.zeros_like(v), v, v, *np.ones((3, of.count)))
     splits = of.splits(cells)
-    new, transfer = transfer_of(of, cells, splits, cells.taken(np.zeros(0, dtype=np.int64)))
+    new, transfer = map_leaves(of, cells, splits, cells.taken(np.zeros(0, dtype=np.int64)))
     assert splits.sum() > 0.95 * of.count
     assert len(new.root) < 4 * of.count - 100
     assert of.areas(new).sum() == pytest.approx(whole, rel=1e-13)
-    begun = moved(state, transfer, filled.bonds, np.ones(len(filled.bonds.weight), dtype=bool))
+    begun = interpolate_state(state, transfer, filled.bonds, np.ones(len(filled.bonds.weight), dtype=bool))
     momentum = of.areas(new) @ begun.rate
     assert momentum == pytest.approx(of.area @ v, abs=1e-14 * np.abs(of.area @ np.abs(v)).max())
-    merged, back = transfer_of(of, new, np.zeros(len(new.root), dtype=bool), cells.taken(splits))
+    merged, back = map_leaves(of, new, np.zeros(len(new.root), dtype=bool), cells.taken(splits))
     filled = SCHEMES["conservative"].fill(of.model_of(new)).whole()
-    begun = moved(begun, back, filled.bonds, np.ones(len(filled.bonds.weight), dtype=bool))
+    begun = interpolate_state(begun, back, filled.bonds, np.ones(len(filled.bonds.weight), dtype=bool))
     assert np.array_equal(of.ids(merged), of.ids(cells))
     assert of.area @ begun.rate == pytest.approx(of.area @ v, abs=1e-14 * np.abs(of.area @ np.abs(v)).max())
 
 
-def split_once(of: Tree, state: State, splits: NDArray[np.bool_]) -> tuple[Cells, Transfer, State]:
+def split_once(of: Tree, state: State, splits: NDArray[np.bool_]) -> tuple[Cells, LeafOrigins, State]:
     """Roots of which these have split, and their state."""
     cells = of.roots()
     bonds = SCHEMES["conservative"].fill(of.model_of(cells)).whole().bonds
-    new, transfer = transfer_of(of, cells, splits, cells.taken(np.zeros(0, dtype=np.int64)))
-    return new, transfer, moved(state, transfer, bonds, np.ones(len(bonds.weight), dtype=bool))
+    new, transfer = map_leaves(of, cells, splits, cells.taken(np.zeros(0, dtype=np.int64)))
+    return new, transfer, interpolate_state(state, transfer, bonds, np.ones(len(bonds.weight), dtype=bool))
 
 
 def test_linear_fields_are_split_exactly_and_energy_as_the_formula_has_it() -> None:
@@ -169,19 +169,19 @@ def test_linear_fields_are_split_exactly_and_energy_as_the_formula_has_it() -> N
         assert found == pytest.approx(of.place(new) @ one.T + 0.1, rel=1e-12)
     rho, area = 2235.0, of.areas(new)
     mass, whole = rho * area, rho * of.area
-    gain = kinetic(mass, begun.rate) - kinetic(whole, v)
+    gain = kinetic_energy(mass, begun.rate) - kinetic_energy(whole, v)
     formula = 441 * rho * 1e-6 * 1e-6 * (slope[1] ** 2).sum() / 32
-    assert gain == pytest.approx(formula, abs=1e-14 * kinetic(whole, v))  # 1e-16 of it
+    assert gain == pytest.approx(formula, abs=1e-14 * kinetic_energy(whole, v))  # 1e-16 of it
     assert mass @ begun.rate == pytest.approx(whole @ v, rel=1e-14)
     for spent in ("dissipated", "work", "damped"):
         assert area @ getattr(begun, spent) == pytest.approx(of.area @ getattr(state, spent), rel=1e-13)
     shaken = begun._replace(rate=begun.rate + random.normal(size=begun.rate.shape))
     bonds = SCHEMES["conservative"].fill(of.model_of(new)).whole().bonds
-    merged, back = transfer_of(of, new, np.zeros(len(new.root), dtype=bool), of.roots())
-    after = moved(shaken, back, bonds, np.ones(len(bonds.weight), dtype=bool))
+    merged, back = map_leaves(of, new, np.zeros(len(new.root), dtype=bool), of.roots())
+    after = interpolate_state(shaken, back, bonds, np.ones(len(bonds.weight), dtype=bool))
     apart = shaken.rate - after.rate[np.searchsorted(merged.root, new.root)]
-    loss = kinetic(mass, shaken.rate) - kinetic(whole, after.rate)
-    assert loss == pytest.approx(kinetic(mass, apart), abs=1e-14 * kinetic(mass, shaken.rate))
+    loss = kinetic_energy(mass, shaken.rate) - kinetic_energy(whole, after.rate)
+    assert loss == pytest.approx(kinetic_energy(mass, apart), abs=1e-14 * kinetic_energy(mass, shaken.rate))
     assert whole @ after.rate == pytest.approx(mass @ shaken.rate, abs=1e-14 * np.abs(mass @ np.abs(shaken.rate)).max())
     assert transfer.split.all()
 
@@ -192,7 +192,7 @@ def test_each_node_has_the_horizon_of_its_own_cell(mode: str) -> None:
     of = tree(16, 16)
     cells = of.roots()
     x, y = of.model.grid.position.T * 1e3
-    new, _ = transfer_of(of, cells, (x > 3.5) & (x < 12.5) & (y > 3.5), cells.taken(np.zeros(0, dtype=np.int64)))
+    new, _ = map_leaves(of, cells, (x > 3.5) & (x < 12.5) & (y > 3.5), cells.taken(np.zeros(0, dtype=np.int64)))
     filled = SCHEMES[mode].fill(of.model_of(new)).whole()
     fine = square_grid(32, 32, 5e-4, x0=-2.5e-4, y0=-2.5e-4)
     expected = SCHEMES[mode].fill(plate(fine, 3, area_rule="square")).whole()
@@ -216,13 +216,13 @@ def test_no_bond_heals(mode: str) -> None:
         bonds = scheme.fill(of.model_of(cells)).whole().bonds
         broken = crossing(of, cells, bonds)
         splits = of.splits(cells) & (random.uniform(size=len(cells.root)) < 0.3)
-        new, transfer = transfer_of(of, cells, splits, cells.taken(np.zeros(0, dtype=np.int64)))
+        new, transfer = map_leaves(of, cells, splits, cells.taken(np.zeros(0, dtype=np.int64)))
         now = scheme.fill(of.model_of(new)).whole().bonds
-        before = Before(bonds, broken)
-        found = inherited(before, now, transfer)
+        before = PastBonds(bonds, broken)
+        found = inherit_breaks(before, now, transfer)
         assert np.array_equal(found, crossing(of, new, now))
-        assert healed(before, now, transfer, found) == 0
-        assert healed(before, now, transfer, np.zeros_like(found)) > 100
+        assert count_healed_bonds(before, now, transfer, found) == 0
+        assert count_healed_bonds(before, now, transfer, np.zeros_like(found)) > 100
         cells = new
 
 
@@ -233,18 +233,18 @@ def test_what_has_changed_is_filled_as_all_would_be(mode: str) -> None:
     model, stiff = edged(), msgspec.structs.replace(GLASS, E=2 * GLASS.E)
     grid = dataclasses.replace(model.grid, cracks=1e-3 * np.array([[-1.0, 15.5, 6.0, 15.5]]))
     settings = msgspec.structs.replace(model.settings, regions=(Region(box=(0.0, 0.0, 4e-3, 1.0), material=stiff),))
-    of, scheme, random = Tree(named(Model(grid, settings))), SCHEMES[mode], np.random.default_rng(5)
+    of, scheme, random = Tree(select_nodes_by_id(Model(grid, settings))), SCHEMES[mode], np.random.default_rng(5)
     cells = of.roots()
-    now = filled(scheme.by_pairs(of.model_of(cells)))
+    now = create_leaf_bonds(scheme.by_pairs(of.model_of(cells)))
     x, y = grid.position.T
     for near in ((2e-3, 15e-3), (14e-3, 10e-3), (4e-3, 14e-3)):
         close = np.hypot(x - near[0], y - near[1])[cells.root] < 3.1e-3
         splits = of.splits(cells) & close & (random.uniform(size=len(close)) < 0.7)
         parents = cells.taken((cells.level == 1) & (cells.path == 0) & ~close).parent()
-        cells, transfer = transfer_of(of, cells, splits, parents)
+        cells, transfer = map_leaves(of, cells, splits, parents)
         model = of.model_of(cells)
         rule = scheme.by_pairs(model)
-        now, again = refilled(rule, model, now, transfer), filled(rule)
+        now, again = update_leaf_bonds(rule, model, now, transfer), create_leaf_bonds(rule)
         assert transfer.split.any()
         for one, other in zip(now.assembly.bonds, again.assembly.bonds, strict=True):
             assert np.array_equal(one, other)

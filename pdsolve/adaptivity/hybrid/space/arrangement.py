@@ -20,12 +20,12 @@ from pdsolve.adaptivity.hybrid.space.box import (
     VOID,
     CellBox,
     cell_place,
-    fine_at,
+    fine_coordinates,
+    fine_node_kind,
     fine_site,
-    kind_of,
-    touches,
+    touches_cell_kind,
 )
-from pdsolve.adaptivity.hybrid.space.divisions import SIDES, WORD, Divisions
+from pdsolve.adaptivity.hybrid.space.divisions import SIDES, WORD, BondDivisions
 from pdsolve.codegen.jit_cache import cached_njit
 from pdsolve.codegen.vector_code import ROW
 from pdsolve.lattice.sums import VOLUME, Tiles, pair_number, stiffness
@@ -38,14 +38,14 @@ BLOCK = 8  # spacings along a side of what is numbered together
 ENDS = 4  # coarse nodes that an end moves with, at most
 
 
-class Fine(NamedTuple):
+class FineLattice(NamedTuple):
     """The constant arrays of the fine lattice of a whole body."""
 
     box: CellBox
     tiles: Tiles  # with all bonds that are intact, those in coarse cells too
-    divisions: Divisions  # of the upper half of the offsets
+    divisions: BondDivisions  # of the upper half of the offsets
     reach: int  # spacings, along an axis
-    cube: float  # h^3, m^3
+    node_volume: float  # h^3, m^3
     weakness: NDArray[np.float64]  # (p,) of pairs of materials: least e at which bonds break over theirs
     direction: NDArray[np.int32]  # (q,) row of `xi` of a kind of pieces
     xi: NDArray[np.float64]  # (g, 4) xi, m, from the near end to the far one, and 1 / |xi|^2
@@ -55,26 +55,26 @@ class ClippedPieces(NamedTuple):
     """The p pieces of clipped bonds, in the order of their near ends, then of their owners."""
 
     owner: NDArray[np.int32]  # (p,) site of the bond's lower node
-    kind: NDArray[np.int32]  # (p,) alike for pieces with the same xi; see `kinds_of`
-    near: NDArray[np.int64]  # (p,) the place of one end, a node if one is; see `_place`
+    kind: NDArray[np.int32]  # (p,) alike for pieces with the same xi; see `piece_directions`
+    near: NDArray[np.int64]  # (p,) the place of one end, a node if one is; see `_number_place`
     far: NDArray[np.int64]  # (p,) of the other end
     k: NDArray[np.float64]  # (p,) stiffness, N/m
     breaks: NDArray[np.float64]  # (p,) least e at which bonds break over that of its own; 0 if it never breaks
 
 
-def pieces_of(count: int) -> ClippedPieces:
+def empty_pieces(count: int) -> ClippedPieces:
     """Room for so many pieces."""
     owner, kind = np.empty((2, count), np.int32)
     return ClippedPieces(owner, kind, *np.empty((2, count), np.int64), *np.empty((2, count)))
 
 
-def first_of(pieces: ClippedPieces, count: int) -> ClippedPieces:
+def first_pieces(pieces: ClippedPieces, count: int) -> ClippedPieces:
     """So many of the first ones."""
     columns: list[Any] = [column[:count] for column in pieces]
     return ClippedPieces(*columns)
 
 
-class Points(NamedTuple):
+class PiecePoints(NamedTuple):
     """The q places at which pieces end, in the order in which pieces name them: nodes, or places on the border."""
 
     number: NDArray[np.int64]  # (q,) nodes that move it
@@ -83,26 +83,29 @@ class Points(NamedTuple):
 
 
 @cached_njit(error_model="numpy")
-def classify(box, node, cells, sites, kind, above):  # type: ignore[no-untyped-def]
+def classify_nodes(box, node, cells, sites, kind, above):  # type: ignore[no-untyped-def]
     """Set, for `sites` sites, the `kind` of the fine node there, and whether a coarse node is `above` it."""
     for site in sites:
         if node[site] < 0:
             continue
-        x, y, z = fine_at(box, site)
-        kind[site] = kind_of(box, cells, x, y, z)
-        above[site] = (x | y | z) % 2 == 0 and touches(box, cells, x, y, z, COARSE)
+        x, y, z = fine_coordinates(box, site)
+        kind[site] = fine_node_kind(box, cells, x, y, z)
+        above[site] = (x | y | z) % 2 == 0 and touches_cell_kind(box, cells, x, y, z, COARSE)
 
 
 @njit(**INNER)
-def _look_around(box, cells, of, x, y, z, coarse, fine):  # type: ignore[no-untyped-def]
+def _fill_cell_bits(box, cells, divisions, x, y, z, coarse, fine):  # type: ignore[no-untyped-def]
     """Fill the bits (w,) of the `coarse` and the `fine` ones of the cells around a fine node; whether there are any."""
     some_coarse = some_fine = False
     coarse[:] = fine[:] = 0
-    number, (left_side, front, low) = 0, ((x >> 1) + of.low[x % 2], (y >> 1) + of.low[y % 2], (z >> 1) + of.low[z % 2])
-    for cz in range(low, low + of.wide):
-        for cy in range(front, front + of.wide):
+    number, (left_side, front, low) = (
+        0,
+        ((x >> 1) + divisions.low[x % 2], (y >> 1) + divisions.low[y % 2], (z >> 1) + divisions.low[z % 2]),
+    )
+    for cz in range(low, low + divisions.wide):
+        for cy in range(front, front + divisions.wide):
             row = cell_place(box, left_side, cy, cz)
-            for kind in cells[row : row + of.wide]:
+            for kind in cells[row : row + divisions.wide]:
                 if kind != VOID:
                     word, bit = number // WORD, np.uint64(1) << np.uint64(number % WORD)
                     if kind == COARSE:
@@ -116,7 +119,7 @@ def _look_around(box, cells, of, x, y, z, coarse, fine):  # type: ignore[no-unty
 
 
 @njit(forceinline=True, **INNER)
-def _meet(bits_a, bits_b):  # type: ignore[no-untyped-def]
+def _have_common_bit(bits_a, bits_b):  # type: ignore[no-untyped-def]
     """Whether two sets of bits (w,) have one in common."""
     both = np.uint64(0)
     for n in range(len(bits_b)):
@@ -125,25 +128,32 @@ def _meet(bits_a, bits_b):  # type: ignore[no-untyped-def]
 
 
 @njit(forceinline=True, **INNER)
-def _cell(box, cells, of, part, x, y, z):  # type: ignore[no-untyped-def]
+def _cell_kind(box, cells, divisions, part, x, y, z):  # type: ignore[no-untyped-def]
     """The kind of the cell of a part of a bond of fine node (x, y, z)."""
-    return cells[cell_place(box, (x >> 1) + of.cell[part, 0], (y >> 1) + of.cell[part, 1], (z >> 1) + of.cell[part, 2])]
+    return cells[
+        cell_place(
+            box,
+            (x >> 1) + divisions.cell[part, 0],
+            (y >> 1) + divisions.cell[part, 1],
+            (z >> 1) + divisions.cell[part, 2],
+        )
+    ]
 
 
 @njit(**INNER)
-def _sides(box, cells, of, first, x, y, z):  # type: ignore[no-untyped-def]
+def _count_sides(box, cells, divisions, first, x, y, z):  # type: ignore[no-untyped-def]
     """Number of sides of a bond with cells."""
     sides = 0
     for side in range(SIDES):
         has_cells = False
         for part in range(first[side], first[side + 1]):
-            has_cells |= _cell(box, cells, of, part, x, y, z) != VOID
+            has_cells |= _cell_kind(box, cells, divisions, part, x, y, z) != VOID
         sides += has_cells
     return sides
 
 
 @cached_njit(error_model="numpy")
-def arrange(fine, cells, bits, sites, pieces):  # type: ignore[no-untyped-def]
+def arrange_bonds(fine, cells, bits, sites, pieces):  # type: ignore[no-untyped-def]
     """Set the bits of the whole bonds of nodes at the sites `sites`, which are in order, and list their pieces.
 
     Bonds are those of which a node is the lower end. Returns the number of pieces; those for which there is no room are
@@ -154,8 +164,8 @@ def arrange(fine, cells, bits, sites, pieces):  # type: ignore[no-untyped-def]
     for site in sites:
         if tiles.node[site] < 0:
             continue
-        x, y, z = fine_at(box, site)
-        some_coarse, some_fine = _look_around(box, cells, of, x, y, z, coarse_bits, fine_bits)
+        x, y, z = fine_coordinates(box, site)
+        some_coarse, some_fine = _fill_cell_bits(box, cells, of, x, y, z, coarse_bits, fine_bits)
         if not some_fine:
             continue
         tile, lane, place = site // ROW, np.uint16(site % ROW), x % 2 + 2 * (y % 2) + 4 * (z % 2)
@@ -163,11 +173,11 @@ def arrange(fine, cells, bits, sites, pieces):  # type: ignore[no-untyped-def]
             slot, passed = half + k, of.through[place, k]
             if not (tiles.bits[tile, slot] >> lane) & np.uint16(1):
                 continue
-            if not some_coarse or not _meet(passed, coarse_bits):
+            if not some_coarse or not _have_common_bit(passed, coarse_bits):
                 if not (bits[tile, slot] >> lane) & np.uint16(1):
                     _set_bits(bits, site, site + tiles.offsets[slot], slot)
-            elif _meet(passed, fine_bits):
-                count = _divide(fine, cells, site, x, y, z, k, pieces, count)
+            elif _have_common_bit(passed, fine_bits):
+                count = _divide_bond(fine, cells, site, x, y, z, k, pieces, count)
     return count
 
 
@@ -179,28 +189,28 @@ def _set_bits(bits, site, target, slot):  # type: ignore[no-untyped-def]
 
 
 @njit(**INNER)
-def _divide(fine, cells, site, x, y, z, k, pieces, count):  # type: ignore[no-untyped-def]
+def _divide_bond(fine, cells, site, x, y, z, k, pieces, count):  # type: ignore[no-untyped-def]
     """List the pieces of bond k of the node x, y, z; returns how many there are then."""
     box, tiles, of = fine.box, fine.tiles, fine.divisions
     slot, first = len(tiles.offsets) // 2 + k, of.first[x % 2 + 2 * (y % 2) + 4 * (z % 2), k]
-    sides = _sides(box, cells, of, first, x, y, z)
+    sides = _count_sides(box, cells, of, first, x, y, z)
     for side in range(SIDES):
         has_cells = False
         for part in range(first[side], first[side + 1]):
-            has_cells |= _cell(box, cells, of, part, x, y, z) != VOID
+            has_cells |= _cell_kind(box, cells, of, part, x, y, z) != VOID
         part, last = first[side], first[side + 1]
         while has_cells and part < last:
             begin = part
-            while part < last and _cell(box, cells, of, part, x, y, z) != COARSE:
+            while part < last and _cell_kind(box, cells, of, part, x, y, z) != COARSE:
                 part += 1
             if part > begin:
                 if count < len(pieces.owner):
                     length = of.t[part - 1, 1] - of.t[begin, 0]
-                    ends = _place_of(box, of, x, y, z, begin, 0), _place_of(box, of, x, y, z, part - 1, 1)
+                    ends = _part_end_place(box, of, x, y, z, begin, 0), _part_end_place(box, of, x, y, z, part - 1, 1)
                     back = of.node[part - 1, 1] and not of.node[begin, 0]
                     pieces.owner[count], pieces.kind[count] = site, 2 * (begin * PARTS + part - 1 - begin) + back
                     pieces.near[count], pieces.far[count] = (ends[1], ends[0]) if back else ends
-                    pieces.k[count] = _stiffness(fine, site, slot) / (sides * length)
+                    pieces.k[count] = _bond_stiffness(fine, site, slot) / (sides * length)
                     i, j = tiles.node[site], tiles.node[site + tiles.offsets[slot]]
                     pieces.breaks[count] = (
                         0.0 if tiles.held[i] or tiles.held[j] else fine.weakness[pair_number(tiles, i, j)]
@@ -211,23 +221,23 @@ def _divide(fine, cells, site, x, y, z, k, pieces, count):  # type: ignore[no-un
 
 
 @njit(**INNER)
-def _stiffness(fine, site, slot):  # type: ignore[no-untyped-def]
+def _bond_stiffness(fine, site, slot):  # type: ignore[no-untyped-def]
     """The stiffness of a whole bond, N/m."""
     tiles = fine.tiles
     at = tiles.margin + site
     w = stiffness(tiles, tiles.table[slot], site // ROW, at, tiles.offsets[slot])
-    return tiles.cells[VOLUME, at] * fine.cube * w
+    return tiles.cells[VOLUME, at] * fine.node_volume * w
 
 
 @njit(**INNER)
-def _place_of(box, of, x, y, z, part, which):  # type: ignore[no-untyped-def]
+def _part_end_place(box, divisions, x, y, z, part, side):  # type: ignore[no-untyped-def]
     """The place where a part of a bond of the node x, y, z begins, 0, or ends, 1."""
-    at, unit = of.at[part, which], of.unit
-    return _place(box, unit, unit * (x - x % 2) + at[0], unit * (y - y % 2) + at[1], unit * (z - z % 2) + at[2])
+    at, unit = divisions.at[part, side], divisions.unit
+    return _number_place(box, unit, unit * (x - x % 2) + at[0], unit * (y - y % 2) + at[1], unit * (z - z % 2) + at[2])
 
 
 @njit(**INNER)
-def _place(box, unit, x, y, z):  # type: ignore[no-untyped-def]
+def _number_place(box, unit, x, y, z):  # type: ignore[no-untyped-def]
     """The number of a place (x, y, z) in h / unit: block by block, so that what is near in space is near in memory."""
     side = BLOCK * unit
     across, along = box.sx // BLOCK + 1, box.sy // BLOCK + 1
@@ -236,7 +246,7 @@ def _place(box, unit, x, y, z):  # type: ignore[no-untyped-def]
 
 
 @njit(**INNER)
-def at_place(box, unit, place):  # type: ignore[no-untyped-def]
+def coordinates_of_place(box, unit, place):  # type: ignore[no-untyped-def]
     """The place (x, y, z) in h / unit of a number."""
     side = BLOCK * unit
     across, along = box.sx // BLOCK + 1, box.sy // BLOCK + 1
@@ -249,7 +259,7 @@ def at_place(box, unit, place):  # type: ignore[no-untyped-def]
 
 
 @cached_njit(error_model="numpy")
-def merge(old, stale, new, order, merged):  # type: ignore[no-untyped-def]
+def merge_pieces(old, stale, new, order, merged):  # type: ignore[no-untyped-def]
     """Fill what is `merged` with the old pieces whose owners are not `stale` (sites,), and with those `new`, in the
     `order` (q,) of their near ends."""
     at, n = 0, 0
@@ -257,65 +267,67 @@ def merge(old, stale, new, order, merged):  # type: ignore[no-untyped-def]
         while n < len(old.owner) and (
             old.near[n] < new.near[m] or (old.near[n] == new.near[m] and old.owner[n] < new.owner[m])
         ):
-            at, n = at + _copy(old, n, merged, at, not stale[old.owner[n]]), n + 1
-        at += _copy(new, m, merged, at, True)
+            at, n = at + _copy_piece(old, n, merged, at, not stale[old.owner[n]]), n + 1
+        at += _copy_piece(new, m, merged, at, True)
     while n < len(old.owner):
-        at, n = at + _copy(old, n, merged, at, not stale[old.owner[n]]), n + 1
+        at, n = at + _copy_piece(old, n, merged, at, not stale[old.owner[n]]), n + 1
 
 
 @njit(**INNER)
-def _copy(source, n, target, at, wanted):  # type: ignore[no-untyped-def]
+def _copy_piece(source, n, target, position, is_wanted):  # type: ignore[no-untyped-def]
     """Copy a piece if it is wanted; how many there are then."""
-    if not wanted:
+    if not is_wanted:
         return 0
-    target.owner[at], target.kind[at], target.k[at], target.breaks[at] = (
+    target.owner[position], target.kind[position], target.k[position], target.breaks[position] = (
         source.owner[n],
         source.kind[n],
         source.k[n],
         source.breaks[n],
     )
-    target.near[at], target.far[at] = source.near[n], source.far[n]
+    target.near[position], target.far[position] = source.near[n], source.far[n]
     return 1
 
 
 @cached_njit(error_model="numpy")
-def carry_places(fine, kind, places, points):  # type: ignore[no-untyped-def]
+def fill_points(fine, kind, places, points):  # type: ignore[no-untyped-def]
     """Fill in what moves the `places` (q,)."""
     box, unit = fine.box, fine.divisions.unit
     cell = 2 * unit
     for n in range(len(places)):
-        x, y, z = at_place(box, unit, places[n])
+        x, y, z = coordinates_of_place(box, unit, places[n])
         sites, w = points.site[n], points.w[n]
         node = fine_site(box, x // unit, y // unit, z // unit)
         if x % unit == 0 and y % unit == 0 and z % unit == 0 and kind[node] == FREE:
-            _alone(node, sites, w)
+            _set_own_carrier(node, sites, w)
         else:
             beyond = (x % cell / cell, y % cell / cell, z % cell / cell)
-            _between(box, x // cell, y // cell, z // cell, beyond, sites, w)
+            _set_coarse_carriers(box, x // cell, y // cell, z // cell, beyond, sites, w)
         points.number[n] = 0
         for m in range(ENDS):
             points.number[n] += w[m] > 0
 
 
-def carried(fine: Fine, kind: NDArray[np.uint8], places: NDArray[np.int64]) -> Points:
+def create_points(fine: FineLattice, kind: NDArray[np.uint8], places: NDArray[np.int64]) -> PiecePoints:
     """The points at these places (q,); `kind` is of fine nodes."""
     count = len(places)
-    points = Points(np.zeros(count, np.int64), np.zeros((count, ENDS), np.int32), np.zeros((count, ENDS)))
-    carry_places(fine, kind, places, points)
+    points = PiecePoints(np.zeros(count, np.int64), np.zeros((count, ENDS), np.int32), np.zeros((count, ENDS)))
+    fill_points(fine, kind, places, points)
     return points
 
 
-def kinds_of(of: Divisions, table: NDArray[np.floating], h: float) -> tuple[NDArray[np.int32], NDArray[np.float64]]:
+def piece_directions(
+    divisions: BondDivisions, table: NDArray[np.floating], h: float
+) -> tuple[NDArray[np.int32], NDArray[np.float64]]:
     """The direction (q,) of each kind of pieces, and the xi, m, and 1 / |xi|^2 of each direction (g, 4).
 
     The kind of a piece is 2 PARTS times the number of its first part, plus twice that of those that follow it, plus 1
     if its near end is behind its far one.
     """
-    begin = np.repeat(np.arange(len(of.t)), PARTS)
-    last = np.minimum(begin + np.tile(np.arange(PARTS), len(of.t)), len(of.t) - 1)
-    bond = np.searchsorted(of.first[:, :, 0].ravel(), begin, side="right") - 1
-    row = table[len(table) // 2 + bond % of.first.shape[1]].astype(np.float64)
-    length = of.t[last, 1] - of.t[begin, 0]
+    begin = np.repeat(np.arange(len(divisions.t)), PARTS)
+    last = np.minimum(begin + np.tile(np.arange(PARTS), len(divisions.t)), len(divisions.t) - 1)
+    bond = np.searchsorted(divisions.first[:, :, 0].ravel(), begin, side="right") - 1
+    row = table[len(table) // 2 + bond % divisions.first.shape[1]].astype(np.float64)
+    length = divisions.t[last, 1] - divisions.t[begin, 0]
     length[length <= 0] = 1.0  # of no piece
     xi = np.column_stack([length[:, None] * row[:, :3], row[:, INVERSE] / length**2])
     _, which, direction = np.unique(np.round(xi[:, :3] / h, 9), axis=0, return_index=True, return_inverse=True)
@@ -325,7 +337,7 @@ def kinds_of(of: Divisions, table: NDArray[np.floating], h: float) -> tuple[NDAr
 
 
 @njit(**INNER)
-def _alone(node, sites, w):  # type: ignore[no-untyped-def]
+def _set_own_carrier(node, sites, w):  # type: ignore[no-untyped-def]
     """Fill the sites and weights (4,) of a node."""
     for n in range(ENDS):
         sites[n], w[n] = node, 0.0
@@ -333,7 +345,7 @@ def _alone(node, sites, w):  # type: ignore[no-untyped-def]
 
 
 @njit(**INNER)
-def _between(box, x, y, z, beyond, sites, w):  # type: ignore[no-untyped-def]
+def _set_coarse_carriers(box, x, y, z, beyond, sites, w):  # type: ignore[no-untyped-def]
     """Fill sites and weights (4,) of a place on the border, `beyond` the coarse node (X, Y, Z)."""
     count = 0
     for dz in range(2):
@@ -350,20 +362,20 @@ def _between(box, x, y, z, beyond, sites, w):  # type: ignore[no-untyped-def]
 
 
 @cached_njit(error_model="numpy")
-def carriers(box, border_sites, sites, w):  # type: ignore[no-untyped-def]
+def fill_border_carriers(box, border_sites, sites, w):  # type: ignore[no-untyped-def]
     """Fill the sites and weights (b, 4) by which fine nodes on the border, at the sites `border_sites` (b,), move."""
     for n in range(len(border_sites)):
-        x, y, z = fine_at(box, border_sites[n])
-        _between(box, x >> 1, y >> 1, z >> 1, (0.5 * (x % 2), 0.5 * (y % 2), 0.5 * (z % 2)), sites[n], w[n])
+        x, y, z = fine_coordinates(box, border_sites[n])
+        _set_coarse_carriers(box, x >> 1, y >> 1, z >> 1, (0.5 * (x % 2), 0.5 * (y % 2), 0.5 * (z % 2)), sites[n], w[n])
 
 
 @cached_njit(error_model="numpy")
-def gather(fine, kind, coarse_sites, fine_values, coarse_values):  # type: ignore[no-untyped-def]
+def gather_to_coarse(fine, kind, coarse_sites, fine_values, coarse_values):  # type: ignore[no-untyped-def]
     """Set `coarse_values` (k,) of coarse nodes at the fine sites `coarse_sites` to their shares of the `fine_values`
     (sites,) of all fine nodes that are not free."""
     box, tiles = fine.box, fine.tiles
     for n in range(len(coarse_sites)):
-        x, y, z = fine_at(box, coarse_sites[n])
+        x, y, z = fine_coordinates(box, coarse_sites[n])
         coarse_values[n] = 0.0
         for dz in range(max(z - 1, 0), min(z + 2, box.sz)):
             for dy in range(max(y - 1, 0), min(y + 2, box.sy)):
@@ -375,7 +387,7 @@ def gather(fine, kind, coarse_sites, fine_values, coarse_values):  # type: ignor
 
 
 @cached_njit(error_model="numpy")
-def interpolate(box, sites, w, row, value, fine_sites, fine_values):  # type: ignore[no-untyped-def]
+def interpolate_fine(box, sites, w, row, value, fine_sites, fine_values):  # type: ignore[no-untyped-def]
     """Fill `fine_values` (k, 3) with the values of fine nodes at the sites `fine_sites`, from `value` (n, 3) of nodes.
 
     Nodes that were there before are those with a `row` (sites,) of at least 0; others lie in coarse cells.
@@ -386,7 +398,7 @@ def interpolate(box, sites, w, row, value, fine_sites, fine_values):  # type: ig
             for axis in range(3):
                 fine_values[n, axis] = value[row[fine_sites[n]], axis]
             continue
-        x, y, z = fine_at(box, fine_sites[n])
+        x, y, z = fine_coordinates(box, fine_sites[n])
         for axis in range(3):
             fine_values[n, axis] = 0.0
         count = 0
@@ -414,7 +426,7 @@ def count_bonds(sites, row, offsets, bits):  # type: ignore[no-untyped-def]
 
 
 @cached_njit(nogil=True, error_model="numpy")
-def list_bonds(sites, row, offsets, bits, target):  # type: ignore[no-untyped-def]
+def list_bond_targets(sites, row, offsets, bits, target):  # type: ignore[no-untyped-def]
     """Fill the rows of the targets of these bonds."""
     at = 0
     for n in range(len(sites)):
@@ -429,19 +441,19 @@ __all__ = [
     "BORDER",
     "ENDS",
     "ClippedPieces",
-    "Fine",
-    "Points",
-    "arrange",
-    "at_place",
-    "carried",
-    "carriers",
-    "classify",
+    "FineLattice",
+    "PiecePoints",
+    "arrange_bonds",
+    "classify_nodes",
+    "coordinates_of_place",
     "count_bonds",
-    "first_of",
-    "gather",
-    "interpolate",
-    "kinds_of",
-    "list_bonds",
-    "merge",
-    "pieces_of",
+    "create_points",
+    "empty_pieces",
+    "fill_border_carriers",
+    "first_pieces",
+    "gather_to_coarse",
+    "interpolate_fine",
+    "list_bond_targets",
+    "merge_pieces",
+    "piece_directions",
 ]

@@ -30,12 +30,12 @@ class CellBox(NamedTuple):
     pad: int
 
     @property
-    def padded(self) -> tuple[int, int, int]:
+    def padded_shape(self) -> tuple[int, int, int]:
         """The shape of an array of all cells, void ones included."""
         return self.cz + 2 * self.pad, self.cy + 2 * self.pad, self.cx + 2 * self.pad
 
 
-def box_of(sides: tuple[int, int, int], reach: int) -> CellBox:
+def number_box(sides: tuple[int, int, int], reach: int) -> CellBox:
     """The numbering of a box of fine nodes whose bonds reach so many spacings."""
     x, y, z = (max(1, side // 2) for side in sides)
     return CellBox(*sides, x, y, z, reach // 2 + 2)
@@ -55,7 +55,7 @@ def fine_site(box, x, y, z):  # type: ignore[no-untyped-def]
 
 
 @njit(forceinline=True, **INNER)
-def fine_at(box, site):  # type: ignore[no-untyped-def]
+def fine_coordinates(box, site):  # type: ignore[no-untyped-def]
     """The fine node (x, y, z) at a site."""
     return site % box.sx, site // box.sx % box.sy, site // (box.sx * box.sy)
 
@@ -67,19 +67,19 @@ def coarse_site(box, x, y, z):  # type: ignore[no-untyped-def]
 
 
 @njit(**INNER)
-def touches(box, cells, x, y, z, wanted):  # type: ignore[no-untyped-def]
+def touches_cell_kind(box, cells, x, y, z, cell_kind):  # type: ignore[no-untyped-def]
     """Whether a fine node is in, or at the border of, a cell of a kind."""
     touching = False
     for dz in (-1, 0):
         for dy in (-1, 0):
             for dx in (-1, 0):
-                touching |= cells[cell_place(box, (x + dx) >> 1, (y + dy) >> 1, (z + dz) >> 1)] == wanted
+                touching |= cells[cell_place(box, (x + dx) >> 1, (y + dy) >> 1, (z + dz) >> 1)] == cell_kind
     return touching
 
 
 @njit(**INNER)
-def kind_of(box, cells, x, y, z):  # type: ignore[no-untyped-def]
+def fine_node_kind(box, cells, x, y, z):  # type: ignore[no-untyped-def]
     """The kind of a fine node."""
-    if not touches(box, cells, x, y, z, FINE):
+    if not touches_cell_kind(box, cells, x, y, z, FINE):
         return IDLE
-    return BORDER if touches(box, cells, x, y, z, COARSE) else FREE
+    return BORDER if touches_cell_kind(box, cells, x, y, z, COARSE) else FREE

@@ -31,22 +31,22 @@ from pdsolve.operators.space_lattice.layout import INVERSE, PULL, table_of
 from pdsolve.operators.space_lattice.sites import Sites
 
 
-class Elastic(NamedTuple):
+class CubicStiffness(NamedTuple):
     """Stiffness of a cubic lattice."""
 
     c11: float  # Pa
     c12: float
 
 
-def elastic_of(table: NDArray[np.floating]) -> Elastic:
+def cubic_stiffness(table: NDArray[np.floating]) -> CubicStiffness:
     """The stiffness of a full lattice with these bonds; see `Tiles.table`."""
     xi, energy = table[:, :3], table[:, PULL] / 2
     n2 = xi**2 * table[:, INVERSE, None]
     energy = energy / table[:, INVERSE]
-    return Elastic(float((energy * n2[:, 0] ** 2).sum()), float((energy * n2[:, 0] * n2[:, 1]).sum()))
+    return CubicStiffness(float((energy * n2[:, 0] ** 2).sum()), float((energy * n2[:, 0] * n2[:, 1]).sum()))
 
 
-def ways() -> NDArray[np.int64]:
+def spring_offsets() -> NDArray[np.int64]:
     """The offsets (26, 3) of a coarse node's springs, in the order of their sites."""
     steps = np.arange(-1, 2)
     z, y, x = (axis_steps.ravel() for axis_steps in np.meshgrid(steps, steps, steps, indexing="ij"))
@@ -54,24 +54,24 @@ def ways() -> NDArray[np.int64]:
     return np.asarray(offsets[offsets.any(axis=1)])
 
 
-def stiffnesses(elastic: Elastic, tau: float, h: float) -> NDArray[np.float64]:
+def spring_stiffnesses(elastic: CubicStiffness, tau: float, h: float) -> NDArray[np.float64]:
     """Stiffness (26,), N/m, of whole springs."""
     body = 1.5 * tau * elastic.c11 * h
     face = 2 * h * elastic.c12 - 4 / 3 * body
     edge = 2 * h * (elastic.c11 - 2 * elastic.c12) + 4 / 3 * body
-    return np.asarray(np.array([edge, face, body])[np.count_nonzero(ways(), axis=1) - 1])
+    return np.asarray(np.array([edge, face, body])[np.count_nonzero(spring_offsets(), axis=1) - 1])
 
 
-def sites_of(box: CellBox, h: float) -> Sites:
+def create_coarse_sites(box: CellBox, h: float) -> Sites:
     """The sites of the coarse nodes of a box; no node is there yet."""
     sides = box.cx + 1, box.cy + 1, box.cz + 1
     every, stride = int(np.prod(sides)), sides[0] * sides[1]
     margin = -(-(stride + sides[0] + 1) // ROW) * ROW
     node = np.full(-(-every // ROW) * ROW, -1, dtype=np.int32)
-    return Sites(np.zeros(0, dtype=np.int64), node, sides, margin, 2 * h, ways())
+    return Sites(np.zeros(0, dtype=np.int64), node, sides, margin, 2 * h, spring_offsets())
 
 
-def tiles_of(law: Law, sites: Sites, stiffness: NDArray[np.float64]) -> Tiles:
+def create_spring_tiles(law: Law, sites: Sites, stiffness: NDArray[np.float64]) -> Tiles:
     """Springs (26,), N/m, of coarse nodes; none is there yet. Sums over them are forces, N."""
     length = np.sqrt((sites.ways**2).sum(axis=1)) * sites.spacing
     c, cells = np.ones((3, sites.size)), np.ones((2, sites.size))
@@ -122,11 +122,11 @@ def set_springs(box, cells, modulus, way, nodes, tiles):  # type: ignore[no-unty
                 tiles.bits[tile, slot] |= bit
             else:
                 tiles.bits[tile, slot] &= ~bit
-        tiles.kind[tile] = _kind(tiles, tile)
+        tiles.kind[tile] = _tile_kind(tiles, tile)
 
 
 @cached_njit(error_model="numpy")
-def _kind(tiles, tile):  # type: ignore[no-untyped-def]
+def _tile_kind(tiles, tile):  # type: ignore[no-untyped-def]
     """What the stiffnesses of a tile are made of."""
     kind = EMPTY
     for slot in range(len(tiles.offsets)):
@@ -140,7 +140,7 @@ def _kind(tiles, tile):  # type: ignore[no-untyped-def]
 
 
 @cached_njit(error_model="numpy")
-def hold_springs(tiles, u, node_energy, tile_numbers):  # type: ignore[no-untyped-def]
+def add_spring_energies(tiles, u, node_energy, tile_numbers):  # type: ignore[no-untyped-def]
     """Add the energies (n,), J, of the springs of the coarse nodes in `tile_numbers` tiles (s,), half to each end."""
     for t in tile_numbers:
         if tiles.kind[t] == EMPTY:
@@ -149,14 +149,14 @@ def hold_springs(tiles, u, node_energy, tile_numbers):  # type: ignore[no-untype
             row, word = tiles.table[slot], tiles.bits[t, slot]
             for lane in range(ROW):
                 if (word >> np.uint16(lane)) & np.uint16(1):
-                    e = _strain(tiles, u, t * ROW + lane, slot)
+                    e = _spring_e(tiles, u, t * ROW + lane, slot)
                     stretch = e / (np.sqrt(1 + e) + 1)
                     c = row[PULL] * tiles.share[t, slot, lane] / row[INVERSE] / 4
                     node_energy[tiles.node[t * ROW + lane]] += c * stretch * stretch
 
 
 @njit(**INNER)
-def _strain(tiles, u, site, slot):  # type: ignore[no-untyped-def]
+def _spring_e(tiles, u, site, slot):  # type: ignore[no-untyped-def]
     """The e of a spring."""
     row, near = tiles.table[slot], tiles.margin + site
     far, e = near + tiles.offsets[slot], 0.0
@@ -167,11 +167,11 @@ def _strain(tiles, u, site, slot):  # type: ignore[no-untyped-def]
 
 
 @cached_njit(error_model="numpy")
-def hot_nodes(box, tiles, lasts, u, hot, hot_sites):  # type: ignore[no-untyped-def]
-    """List the fine sites of coarse nodes with a spring stretched beyond what is `hot` (sites,) at one of its ends;
+def list_stretched_nodes(box, tiles, unbreakable, u, stretch_limit, stretched_sites):  # type: ignore[no-untyped-def]
+    """List the fine sites of coarse nodes with a spring stretched beyond `stretch_limit` (sites,) at one of its ends;
     returns how many there are.
 
-    `lasts` (n,) are the nodes whose bonds do not break.
+    `unbreakable` (n,) are the nodes whose bonds do not break.
     """
     count, half = 0, len(tiles.offsets) // 2
     for t in range(len(tiles.kind)):
@@ -184,13 +184,13 @@ def hot_nodes(box, tiles, lasts, u, hot, hot_sites):  # type: ignore[no-untyped-
                     continue
                 site = t * ROW + lane
                 neighbour = site + tiles.offsets[slot]
-                limit = min(hot[site], hot[neighbour])
-                above = _strain(tiles, u, site, slot) > limit * (2 + limit)
-                if above and not (lasts[tiles.node[site]] or lasts[tiles.node[neighbour]]):
+                limit = min(stretch_limit[site], stretch_limit[neighbour])
+                above = _spring_e(tiles, u, site, slot) > limit * (2 + limit)
+                if above and not (unbreakable[tiles.node[site]] or unbreakable[tiles.node[neighbour]]):
                     for end in (site, neighbour):
                         row, x = end // (box.cx + 1), end % (box.cx + 1)
-                        if count < len(hot_sites):
-                            hot_sites[count] = fine_site(
+                        if count < len(stretched_sites):
+                            stretched_sites[count] = fine_site(
                                 box, 2 * x, 2 * (row % (box.cy + 1)), 2 * (row // (box.cy + 1))
                             )
                             count += 1

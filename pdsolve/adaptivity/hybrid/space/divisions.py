@@ -8,13 +8,13 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from pdsolve.adaptivity.hybrid.bond_division import parts_of, place_of
+from pdsolve.adaptivity.hybrid.bond_division import divide_family, place_in_cell
 
 SIDES = 4  # of a bond along an edge between cells
 WORD = 64  # bits
 
 
-class Divisions(NamedTuple):
+class BondDivisions(NamedTuple):
     """The p parts of k bonds from the 8 places of a node in its cell, x fastest.
 
     Those of bond k from place f, on one side, are first[f, k, side] to first[f, k, side + 1]. Places where parts begin
@@ -32,9 +32,9 @@ class Divisions(NamedTuple):
     unit: int
 
 
-def divisions(ways: NDArray[np.int64]) -> Divisions:
+def divide_half_family(ways: NDArray[np.int64]) -> BondDivisions:
     """The parts of the bonds `ways` (k, 3)."""
-    first, all_parts = parts_of(ways)
+    first, all_parts = divide_family(ways)
     reach = int(np.abs(ways).max(initial=1))
     low = (np.arange(2) - reach) // 2
     wide = int(((np.arange(2) + reach) // 2 - low).max()) + 1
@@ -42,7 +42,7 @@ def divisions(ways: NDArray[np.int64]) -> Divisions:
     ends: list[list[list[float]]] = []
     unit = lcm(*range(1, reach + 1))
     for f in range(8):
-        place = place_of(f, 3)
+        place = place_in_cell(f, 3)
         for k, way in enumerate(ways.tolist()):
             for part in all_parts[first[f, k, 0] : first[f, k, -1]]:
                 x, y, z = (cell - low[start] for cell, start in zip(part.cell, place, strict=True))
@@ -52,4 +52,4 @@ def divisions(ways: NDArray[np.int64]) -> Divisions:
     t = np.array([part[:2] for part in all_parts])
     at = np.rint(unit * np.array(ends)).astype(np.int64)
     node, cell = (at % unit == 0).all(axis=2), np.array([part.cell for part in all_parts], dtype=np.int64)
-    return Divisions(first, t, cell, at, node, through, low, wide, unit)
+    return BondDivisions(first, t, cell, at, node, through, low, wide, unit)

@@ -8,15 +8,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 
-class History(NamedTuple):
+class ZoneHistory(NamedTuple):
     """Broken bonds and books."""
 
     step: NDArray[np.int64]  # (b,) when directed bonds broke
     source: NDArray[np.int64]  # (b,) fine sites, or rows of the grid
     target: NDArray[np.int64]
-    made: float  # J, in the plane per unit thickness: energy that refining has made
+    refinement_energy: float  # J, in the plane per unit thickness: energy that refining has made
     largest: float  # of bonds that do not break: e, or stretch over their limit
 
 
 NEVER = np.zeros(0, dtype=np.int64)
-NOTHING = History(NEVER, NEVER, NEVER, 0.0, 0.0)
+NOTHING = ZoneHistory(NEVER, NEVER, NEVER, 0.0, 0.0)

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pdsolve.adaptivity.hybrid.space import arrangement, coarse_springs
-from pdsolve.adaptivity.hybrid.space.arrangement import ClippedPieces, Fine
+from pdsolve.adaptivity.hybrid.space.arrangement import ClippedPieces, FineLattice
 from pdsolve.adaptivity.hybrid.space.box import FINE, CellBox
 from pdsolve.codegen.jit_cache import cached_njit
 from pdsolve.codegen.vector_code import ROW
@@ -21,16 +21,16 @@ from pdsolve.operators.space_lattice.sites import Sites
 ROOM = 16  # pieces of a node, about
 
 
-class Whole(NamedTuple):
+class FullBody(NamedTuple):
     """What does not change: the body with all its fine nodes."""
 
     model: Model | None  # None of a block alone
-    fine: Fine
+    fine: FineLattice
     sites: Sites
-    springs_at: Sites  # of coarse nodes
+    coarse_sites: Sites  # of coarse nodes
     cut: NDArray[np.int64]  # (n,) bonds of each fine node that pre-cracks cut
     modulus: NDArray[np.float64]  # (c,) stiffness of coarse cells over that of the first material
-    hot: NDArray[np.float64]  # (sites,) stretch of a coarse node's springs beyond which cells around it become fine
+    stretch_limit: NDArray[np.float64]  # (sites,) of springs of a coarse node; beyond it cells around become fine
     resistance: float = 0.0  # 1/s^2, of all nodes of any zone: `Operator.stiffness_bound` over density
     solid: int = 1  # cells that are not void
     driven: Drive | None = None  # conditions on all fine nodes
@@ -41,7 +41,7 @@ class BodyZone(NamedTuple):
 
     cells: NDArray[np.uint8]  # (c,)
     kind: NDArray[np.uint8]  # (sites,) of fine nodes
-    above: NDArray[np.bool_]  # (sites,) whether a coarse node is there
+    has_coarse_node: NDArray[np.bool_]  # (sites,) whether a coarse node is there
     tiles: Tiles  # of bonds whole in fine cells
     springs: Tiles  # of coarse cells
     pieces: ClippedPieces
@@ -53,7 +53,7 @@ Ends = tuple[NDArray[np.int32], NDArray[np.float64]]
 Bonds = tuple[Tiles, Sites, NDArray[np.int64], NDArray[np.float64], bool]
 
 
-class Linked(NamedTuple):
+class SpringNetwork(NamedTuple):
     """What springs there are between n nodes, for a tangent."""
 
     volume: NDArray[np.float64]  # (n,) m^3
@@ -66,31 +66,33 @@ class Linked(NamedTuple):
     stiffness: NDArray[np.float64]  # (p,) N/m
 
 
-def listed(
+def list_bond_rows(
     sites: NDArray[np.int64], rows: NDArray[np.int64], row: NDArray[np.int32], tiles: Tiles
 ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
     """Source and target rows (k,) of the bonds of nodes at these sites, whose rows are `rows`."""
     count = arrangement.count_bonds(sites, row, tiles.offsets, tiles.bits)
     target = np.zeros(int(count.sum()), dtype=np.int64)
-    arrangement.list_bonds(sites, row, tiles.offsets, tiles.bits, target)
+    arrangement.list_bond_targets(sites, row, tiles.offsets, tiles.bits, target)
     return np.repeat(rows, count), target
 
 
-def places(box: CellBox, sites: NDArray[np.signedinteger]) -> NDArray[np.int64]:
+def coordinates_of_sites(box: CellBox, sites: NDArray[np.signedinteger]) -> NDArray[np.int64]:
     """The fine nodes (k, 3) at sites."""
     return np.column_stack([sites % box.sx, sites // box.sx % box.sy, sites // (box.sx * box.sy)])
 
 
-def near(box: CellBox, new: NDArray[np.int64], reach: int, above: int | None = None) -> NDArray[np.bool_]:
+def mask_near_cells(
+    box: CellBox, new_cells: NDArray[np.int64], reach: int, above: int | None = None
+) -> NDArray[np.bool_]:
     """Mask (sites,) of fine nodes within `reach` spacings of cells (k, 3); along z behind them within those `above`."""
     marked = np.zeros(-(-box.sx * box.sy * box.sz // ROW) * ROW, dtype=np.bool_)
     inside = marked[: box.sx * box.sy * box.sz].reshape(box.sz, box.sy, box.sx)
-    _mark(new, reach, reach if above is None else above, inside)
+    _mark_near_cells(new_cells, reach, reach if above is None else above, inside)
     return marked
 
 
 @cached_njit(error_model="numpy")
-def _mark(new, reach, above, marked):  # type: ignore[no-untyped-def]
+def _mark_near_cells(new, reach, above, marked):  # type: ignore[no-untyped-def]
     for n in range(len(new)):
         x, y, z = 2 * new[n, 0], 2 * new[n, 1], 2 * new[n, 2]
         for dz in range(max(z - reach, 0), min(z + above + 3, marked.shape[0])):
@@ -98,53 +100,55 @@ def _mark(new, reach, above, marked):  # type: ignore[no-untyped-def]
                 marked[dz, dy, max(x - reach, 0) : x + reach + 3] = True
 
 
-def _copied(tiles: Tiles) -> Tiles:
+def _copy_tiles(tiles: Tiles) -> Tiles:
     return tiles._replace(bits=tiles.bits.copy(), node=tiles.node.copy(), kind=tiles.kind.copy())
 
 
-def arranged(full_model: Whole, zone: BodyZone, new: NDArray[np.int64]) -> BodyZone:
-    """The zone after the cells `new` (k, 3), which are fine already, have become so.
+def rearrange_zone(full_model: FullBody, zone: BodyZone, new_cells: NDArray[np.int64]) -> BodyZone:
+    """The zone after the cells `new_cells` (k, 3), which are fine already, have become so.
 
     Bits and numbers are new arrays: results may still ask for bonds of before.
     """
     fine, box = full_model.fine, full_model.fine.box
-    dirty = np.flatnonzero(near(box, new, fine.reach - 1, 0))  # lower ends of bonds that pass these cells
-    arrangement.classify(box, fine.tiles.node, zone.cells, dirty, zone.kind, zone.above)
-    zone = zone._replace(tiles=_copied(zone.tiles), springs=_copied(zone.springs))
-    new_pieces = arrangement.pieces_of(2 * len(zone.pieces.owner) + ROOM * len(dirty))
-    count = arrangement.arrange(fine, zone.cells, zone.tiles.bits, dirty, new_pieces)
+    dirty = np.flatnonzero(
+        mask_near_cells(box, new_cells, fine.reach - 1, 0)
+    )  # lower ends of bonds that pass these cells
+    arrangement.classify_nodes(box, fine.tiles.node, zone.cells, dirty, zone.kind, zone.has_coarse_node)
+    zone = zone._replace(tiles=_copy_tiles(zone.tiles), springs=_copy_tiles(zone.springs))
+    new_pieces = arrangement.empty_pieces(2 * len(zone.pieces.owner) + ROOM * len(dirty))
+    count = arrangement.arrange_bonds(fine, zone.cells, zone.tiles.bits, dirty, new_pieces)
     if count > len(new_pieces.owner):
-        new_pieces = arrangement.pieces_of(count)
-        arrangement.arrange(fine, zone.cells, zone.tiles.bits, dirty, new_pieces)
+        new_pieces = arrangement.empty_pieces(count)
+        arrangement.arrange_bonds(fine, zone.cells, zone.tiles.bits, dirty, new_pieces)
     stale = np.zeros(len(zone.kind), dtype=bool)
     stale[dirty] = True
-    old, new_pieces = zone.pieces, arrangement.first_of(new_pieces, count)
-    ordered = arrangement.pieces_of(len(old.owner) - np.count_nonzero(stale[old.owner]) + count)
-    arrangement.merge(old, stale, new_pieces, np.argsort(new_pieces.near, kind="stable"), ordered)
-    corners = np.unique((new[:, None] + np.array(list(np.ndindex(2, 2, 2)))).reshape(-1, 3), axis=0)
-    coarse_springs.set_springs(box, zone.cells, full_model.modulus, full_model.springs_at.ways, corners, zone.springs)
+    old, new_pieces = zone.pieces, arrangement.first_pieces(new_pieces, count)
+    ordered = arrangement.empty_pieces(len(old.owner) - np.count_nonzero(stale[old.owner]) + count)
+    arrangement.merge_pieces(old, stale, new_pieces, np.argsort(new_pieces.near, kind="stable"), ordered)
+    corners = np.unique((new_cells[:, None] + np.array(list(np.ndindex(2, 2, 2)))).reshape(-1, 3), axis=0)
+    coarse_springs.set_springs(box, zone.cells, full_model.modulus, full_model.coarse_sites.ways, corners, zone.springs)
     return zone._replace(pieces=ordered)
 
 
-def begun(full_model: Whole, cells: NDArray[np.uint8], springs: Tiles) -> BodyZone:
+def create_body_zone(full_model: FullBody, cells: NDArray[np.uint8], springs: Tiles) -> BodyZone:
     """The zone of cells (c,)."""
     fine, box, count = full_model.fine, full_model.fine.box, len(full_model.sites.node)
     zone = BodyZone(
         cells=cells,
         kind=np.zeros(count, dtype=np.uint8),
-        above=np.zeros(count, dtype=np.bool_),
+        has_coarse_node=np.zeros(count, dtype=np.bool_),
         tiles=fine.tiles._replace(
             bits=np.zeros_like(fine.tiles.bits), node=fine.tiles.node.copy(), kind=fine.tiles.kind.copy()
         ),
         springs=springs,
-        pieces=arrangement.pieces_of(0),
+        pieces=arrangement.empty_pieces(0),
         u=aligned(np.zeros((3, full_model.sites.size))),
-        u_coarse=aligned(np.zeros((3, full_model.springs_at.size))),
+        u_coarse=aligned(np.zeros((3, full_model.coarse_sites.size))),
     )
-    arrangement.classify(box, fine.tiles.node, cells, np.arange(count), zone.kind, zone.above)
-    inner = cells.reshape(box.padded)[(slice(box.pad, -box.pad),) * 3]
+    arrangement.classify_nodes(box, fine.tiles.node, cells, np.arange(count), zone.kind, zone.has_coarse_node)
+    inner = cells.reshape(box.padded_shape)[(slice(box.pad, -box.pad),) * 3]
     every = np.argwhere(inner == FINE)[:, ::-1]
     corners = np.column_stack([axis_corners.ravel() for axis_corners in np.meshgrid(
         *(np.arange(side + 1) for side in (box.cx, box.cy, box.cz)), indexing="ij")])  # fmt: skip
-    coarse_springs.set_springs(box, cells, full_model.modulus, full_model.springs_at.ways, corners, springs)
-    return arranged(full_model, zone, np.ascontiguousarray(every)) if len(every) else zone
+    coarse_springs.set_springs(box, cells, full_model.modulus, full_model.coarse_sites.ways, corners, springs)
+    return rearrange_zone(full_model, zone, np.ascontiguousarray(every)) if len(every) else zone

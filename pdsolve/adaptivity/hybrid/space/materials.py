@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from pdsolve.adaptivity.hybrid.space.arrangement import Fine
+from pdsolve.adaptivity.hybrid.space.arrangement import FineLattice
 from pdsolve.adaptivity.hybrid.space.box import CellBox
 from pdsolve.lattice.sums import MODULUS, VOLUME, Tiles
 from pdsolve.model import Model
@@ -32,20 +32,20 @@ class MeanDensities(Model):
         return self.means
 
 
-def masses(model: Model, sites: Sites, fine: Fine) -> NDArray[np.float64]:
+def node_masses(model: Model, sites: Sites, fine: FineLattice) -> NDArray[np.float64]:
     """The mass (sites,), kg, of fine nodes."""
     mass = np.zeros(len(sites.node))
-    mass[sites.site - sites.margin] = fine.cube * fine.tiles.cells[VOLUME, sites.site] * model.rho
+    mass[sites.site - sites.margin] = fine.node_volume * fine.tiles.cells[VOLUME, sites.site] * model.rho
     return mass
 
 
-def weakness(tiles: Tiles) -> NDArray[np.float64]:
+def relative_limits(tiles: Tiles) -> NDArray[np.float64]:
     """The least e at which bonds break over that (p,) of pairs of materials; 0 of those that never break."""
     e = tiles.peak.min(axis=1) * (2 + tiles.peak.min(axis=1))
     return np.asarray(np.divide(e.min(), e, out=np.zeros(len(e)), where=np.isfinite(e)))
 
 
-def moduli(box: CellBox, tiles: Tiles) -> NDArray[np.float64]:
+def cell_moduli(box: CellBox, tiles: Tiles) -> NDArray[np.float64]:
     """Stiffness (c,) of coarse cells over that of the first material."""
     inside = tiles.cells[MODULUS, tiles.margin :][: box.sx * box.sy * box.sz]
     modulus = (2.0 * inside.astype(np.float64)).reshape(box.sz, box.sy, box.sx)
@@ -55,7 +55,7 @@ def moduli(box: CellBox, tiles: Tiles) -> NDArray[np.float64]:
     return np.pad(modulus, box.pad, constant_values=1.0).ravel()
 
 
-def weakest(box: CellBox, tiles: Tiles) -> NDArray[np.float64]:
+def least_peaks(box: CellBox, tiles: Tiles) -> NDArray[np.float64]:
     """The least peak (sites,) of a bond's stretch in the cells around each coarse node; infinite without a node."""
     nodes = tiles.node[: box.sx * box.sy * box.sz]
     count = int(np.sqrt(len(tiles.peak)) + 0.5)
@@ -67,14 +67,16 @@ def weakest(box: CellBox, tiles: Tiles) -> NDArray[np.float64]:
     return least_peak.ravel()
 
 
-def _every_second(of: NDArray[np.float64], axis: int, first: int, count: int, outside: float) -> NDArray[np.float64]:
+def _every_second(
+    values: NDArray[np.float64], axis: int, first: int, count: int, outside: float
+) -> NDArray[np.float64]:
     """So many of every second entry along an axis, from `first` on."""
     at = first + 2 * np.arange(count)
-    inside = (at >= 0) & (at < of.shape[axis])
-    entries = np.take(of, np.where(inside, at, 0), axis=axis)
-    shape = np.ones(of.ndim, dtype=int)
+    inside = (at >= 0) & (at < values.shape[axis])
+    entries = np.take(values, np.where(inside, at, 0), axis=axis)
+    shape = np.ones(values.ndim, dtype=int)
     shape[axis] = count
     return np.where(inside.reshape(shape), entries, outside)
 
 
-__all__ = ["MeanDensities", "masses", "moduli", "weakest", "weakness"]
+__all__ = ["MeanDensities", "cell_moduli", "least_peaks", "node_masses", "relative_limits"]

@@ -17,14 +17,22 @@ from numpy.typing import NDArray
 
 from pdsolve.adaptivity.hybrid.arrays import AHEAD
 from pdsolve.adaptivity.hybrid.engine import ZoneSummary
-from pdsolve.adaptivity.hybrid.irregular_bonds import part_of
+from pdsolve.adaptivity.hybrid.irregular_bonds import part_of_model
 from pdsolve.adaptivity.hybrid.space import arrangement, coarse_springs, pieces
 from pdsolve.adaptivity.hybrid.space.box import BORDER, COARSE, FINE, FREE
-from pdsolve.adaptivity.hybrid.space.history import History
-from pdsolve.adaptivity.hybrid.space.layout import BodyZone, Linked, Whole, arranged, listed, near, places
-from pdsolve.adaptivity.hybrid.space.materials import MeanDensities, masses
-from pdsolve.adaptivity.hybrid.space.zone import mark_balls
-from pdsolve.adaptivity.hybrid.springs import e_of
+from pdsolve.adaptivity.hybrid.space.history import ZoneHistory
+from pdsolve.adaptivity.hybrid.space.layout import (
+    BodyZone,
+    FullBody,
+    SpringNetwork,
+    coordinates_of_sites,
+    list_bond_rows,
+    mask_near_cells,
+    rearrange_zone,
+)
+from pdsolve.adaptivity.hybrid.space.materials import MeanDensities, node_masses
+from pdsolve.adaptivity.hybrid.space.zone import mark_cells_in_balls
+from pdsolve.adaptivity.hybrid.springs import e_of_stretch
 from pdsolve.bonds.assembly import Counted
 from pdsolve.checkpoint_validation import entry, like
 from pdsolve.codegen.vector_code import ROW
@@ -42,58 +50,60 @@ if TYPE_CHECKING:
     from scipy.sparse import csr_array
 
 
-class SpaceHybrid:
+class HybridBodyOperator:
     """The operator of the n current nodes, in the order of their fine sites."""
 
     name = "hybrid"
     symmetric = True
     unknowns: tuple[Unknown, ...] = (Unknown("u", 3, 2),)
 
-    def __init__(self, full_model: Whole, zone: BodyZone, history: History, threads: int) -> None:
+    def __init__(self, full_model: FullBody, zone: BodyZone, history: ZoneHistory, threads: int) -> None:
         """`zone` is that of its cells."""
-        self.whole, self._zone, self.history, self._threads = full_model, zone, history, threads
+        self.full_body, self._zone, self.history, self._threads = full_model, zone, history, threads
         fine, count = full_model.fine, len(full_model.sites.node)
-        self.sites = np.flatnonzero((zone.kind == FREE) | zone.above)
+        self.sites = np.flatnonzero((zone.kind == FREE) | zone.has_coarse_node)
         self.rows = fine.tiles.node[self.sites].astype(np.int64)  # of the grid
         self._row = np.full(count, -1, dtype=np.int32)
         self._row[self.sites] = np.arange(len(self.sites))
         self._free = np.flatnonzero(zone.kind[self.sites] == FREE)
-        self._coarse = np.flatnonzero(zone.above[self.sites])
+        self._coarse = np.flatnonzero(zone.has_coarse_node[self.sites])
         self._border = np.flatnonzero(zone.kind == BORDER)
         nodes, border, margin = len(self.sites), len(self._border), full_model.sites.margin
         on, self._w = np.zeros((border, arrangement.ENDS), np.int64), np.zeros((border, arrangement.ENDS))
-        arrangement.carriers(fine.box, self._border, on, self._w)
-        self._on, self._pieces = self._row[on], pieces.linked(fine, zone.kind, self._row, zone.pieces)
-        volume = fine.cube * fine.tiles.cells[VOLUME, margin : margin + count]
-        self.volume = self._gathered(volume)
+        arrangement.fill_border_carriers(fine.box, self._border, on, self._w)
+        self._on, self._pieces = self._row[on], pieces.link_pieces(fine, zone.kind, self._row, zone.pieces)
+        volume = fine.node_volume * fine.tiles.cells[VOLUME, margin : margin + count]
+        self.volume = self._gather_to_nodes(volume)
         self._border_volume = volume[self._border]
-        tiles, springs = self._numbered(zone.tiles), zone.springs
+        tiles, springs = self._number_tiles(zone.tiles), zone.springs
         springs.node[:] = -1
-        springs.node[self._above(self.sites[self._coarse])] = self._coarse
+        springs.node[self._coarse_sites_at(self.sites[self._coarse])] = self._coarse
         springs = springs._replace(held=np.ones(nodes, np.bool_), material=np.zeros(nodes, np.uint8))
         self._zone = zone._replace(tiles=tiles, springs=springs)
-        self._coarse_sites = self.whole.springs_at.margin + self._above(self.sites[self._coarse])
+        self._coarse_sites = self.full_body.coarse_sites.margin + self._coarse_sites_at(self.sites[self._coarse])
         self._force, self._density = np.zeros((nodes, 3)), np.zeros((nodes + border, 3))
         self._known = Broken(*np.zeros((3, 0), dtype=np.int64))
         self._new: list[Broken] = []
         self._breaking = RLock()  # held while bits and broken bonds disagree: results ask for both during a march
 
-    def _gathered(self, fine_values: NDArray[np.floating]) -> NDArray[np.float64]:
+    def _gather_to_nodes(self, fine_values: NDArray[np.floating]) -> NDArray[np.float64]:
         """What nodes (n,) have of what is the fine nodes' `fine_values` (sites,)."""
         node_values, coarse = fine_values[self.sites].astype(np.float64), np.zeros(len(self._coarse))
-        arrangement.gather(self.whole.fine, self._zone.kind, self.sites[self._coarse], fine_values, coarse)
+        arrangement.gather_to_coarse(
+            self.full_body.fine, self._zone.kind, self.sites[self._coarse], fine_values, coarse
+        )
         node_values[self._coarse] = coarse
         return node_values
 
-    def _above(self, sites: NDArray[np.int64]) -> NDArray[np.int64]:
+    def _coarse_sites_at(self, sites: NDArray[np.int64]) -> NDArray[np.int64]:
         """The coarse sites at fine sites."""
-        box = self.whole.fine.box
+        box = self.full_body.fine.box
         x, y, z = sites % box.sx // 2, sites // box.sx % box.sy // 2, sites // (box.sx * box.sy) // 2
         return np.asarray((z * (box.cy + 1) + y) * (box.cx + 1) + x)
 
-    def _numbered(self, tiles: Tiles) -> Tiles:
+    def _number_tiles(self, tiles: Tiles) -> Tiles:
         """The tiles with the numbers of nodes, followed by those on the border, whose bonds do not break."""
-        zone, full_tiles, nodes = self._zone, self.whole.fine.tiles, len(self.sites)
+        zone, full_tiles, nodes = self._zone, self.full_body.fine.tiles, len(self.sites)
         tiles.node[:] = np.where(zone.kind == FREE, self._row, -1)
         tiles.node[self._border] = nodes + np.arange(len(self._border))
         has_node = (tiles.node.reshape(-1, ROW) >= 0).any(axis=1)
@@ -106,8 +116,8 @@ class SpaceHybrid:
     @cached_property
     def model(self) -> Model:
         """The model of the n current nodes, without conditions."""
-        assert self.whole.model is not None
-        active_model = part_of(self.whole.model, self.rows)
+        assert self.full_body.model is not None
+        active_model = part_of_model(self.full_body.model, self.rows)
         delta = active_model.grid.delta.copy()
         delta[self._coarse] *= 2
         active_model = dataclasses.replace(
@@ -115,25 +125,25 @@ class SpaceHybrid:
         )
         if not active_model.settings.regions:
             return active_model
-        mass = self._gathered(masses(self.whole.model, self.whole.sites, self.whole.fine))
+        mass = self._gather_to_nodes(node_masses(self.full_body.model, self.full_body.sites, self.full_body.fine))
         return MeanDensities(active_model.grid, active_model.settings, active_model.name, mass / self.volume)
 
     def place(self, state: State) -> State:
         """The state itself: its arrays are those of all nodes."""
         return state
 
-    def _place(self, value: NDArray[np.float64]) -> None:
-        zone, margin = self._zone, self.whole.sites.margin
-        pieces.place(self._free, margin + self.sites[self._free], value, zone.u)
-        pieces.place(self._coarse, self._coarse_sites, value, zone.u_coarse)
-        pieces.follow(margin + self._border, self._on, self._w, value, zone.u)
+    def _set_displacements(self, value: NDArray[np.float64]) -> None:
+        zone, margin = self._zone, self.full_body.sites.margin
+        pieces.place_displacements(self._free, margin + self.sites[self._free], value, zone.u)
+        pieces.place_displacements(self._coarse, self._coarse_sites, value, zone.u_coarse)
+        pieces.interpolate_border(margin + self._border, self._on, self._w, value, zone.u)
 
     def add(self, state: State, out: NDArray[Any], step: int, dt: float) -> None:
         """Add the force densities (n, 3), N/m^3, to `out`; bonds over their limit break in this `step`, `dt` s long.
 
         Raises LateZoneError if a clipped bond exceeds its limit.
         """
-        self._place(state.value)
+        self._set_displacements(state.value)
         zone, nodes, force, density = self._zone, len(self.sites), self._force, self._density
         force[:], density[:] = 0, 0
         with self._breaking:
@@ -157,7 +167,7 @@ class SpaceHybrid:
 
     @property
     def _peak(self) -> float:
-        return float(e_of(self.whole.fine.tiles.peak.min()))
+        return float(e_of_stretch(self.full_body.fine.tiles.peak.min()))
 
     def _sum_and_break(self, state: State, step: int, dt: float) -> None:
         zone, density = self._zone, self._density
@@ -176,30 +186,36 @@ class SpaceHybrid:
         share(work, len(zone.tiles.kind), self._threads)
         for _, bonds in sorted(broken_by_tile, key=lambda one: one[0]):
             broken = Broken(*bonds.T)
-            self._clear(broken.source, broken.target)
+            self._remove_broken(broken.source, broken.target)
             self._new.append(broken)
 
-    def _clear(self, source: NDArray[np.int64], target: NDArray[np.int64]) -> None:
+    def _remove_broken(self, source: NDArray[np.int64], target: NDArray[np.int64]) -> None:
         """Take broken bonds out of those of the whole body too, so that none is there again."""
-        bits = self.whole.fine.tiles.bits
-        tile, slot, bit = layout.placed(self._lattice, source, target)
+        bits = self.full_body.fine.tiles.bits
+        tile, slot, bit = layout.placed(self._node_sites, source, target)
         np.bitwise_and.at(bits, (tile, slot), ~bit)
 
     @cached_property
-    def _lattice(self) -> Sites:
+    def _node_sites(self) -> Sites:
         """The fine sites of the nodes; -1 for those on the border that are none."""
-        return self.whole.sites._replace(site=(self.whole.sites.margin + self.sites).astype(np.int32), node=self._row)
+        return self.full_body.sites._replace(
+            site=(self.full_body.sites.margin + self.sites).astype(np.int32), node=self._row
+        )
 
-    def forces_around(self, state: State, new: NDArray[np.int64]) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
-        """Force densities (n, 3), N/m^3, on nodes whose bonds may be others since the cells `new` (k, 3) became fine,
-        and which (n,) these are; nothing breaks."""
-        box, reach = self.whole.fine.box, self.whole.fine.reach
-        which = near(box, new, reach + 1)[self.sites]  # the ends of pieces move with nodes up to 2 h from them
-        self._place(state.value)
+    def forces_around(
+        self, state: State, new_cells: NDArray[np.int64]
+    ) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
+        """Force densities (n, 3), N/m^3, on nodes whose bonds may be others since `new_cells` (k, 3) became fine, and
+        which (n,) these are; nothing breaks."""
+        box, reach = self.full_body.fine.box, self.full_body.fine.reach
+        which = mask_near_cells(box, new_cells, reach + 1)[
+            self.sites
+        ]  # the ends of pieces move with nodes up to 2 h from them
+        self._set_displacements(state.value)
         zone, density, force = self._zone, self._density, self._force
         force[:], density[:] = 0, 0
         for tiles, u, out, site_mask in (
-            (zone.tiles, zone.u, density, near(box, new, reach + 2)),
+            (zone.tiles, zone.u, density, mask_near_cells(box, new_cells, reach + 2)),
             (zone.springs, zone.u_coarse, force, np.ones(len(zone.springs.node), dtype=np.bool_)),
         ):
             sum_some(tiles, u, state.rate, out, state.dissipated, site_mask)
@@ -208,8 +224,8 @@ class SpaceHybrid:
 
     def _add_pieces(self, value: NDArray[np.float64], force: NDArray[np.float64]) -> float:
         """Add to `force` (n, 3), N, that of pieces and what is on the border; the largest e of pieces."""
-        largest = pieces.sum_pieces(value, self._pieces, force)
-        pieces.pass_on(self._density[len(self.sites) :], self._on, self._w, self._border_volume, force)
+        largest = pieces.add_piece_forces(value, self._pieces, force)
+        pieces.pass_border_values(self._density[len(self.sites) :], self._on, self._w, self._border_volume, force)
         return float(largest)
 
     def forces(self, value: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -224,30 +240,36 @@ class SpaceHybrid:
         every, above = (
             np.ones(len(site_values), dtype=np.bool_) for site_values in (self._zone.kind, self._zone.springs.node)
         )
-        return self._held(state, every, above), np.zeros(len(self.sites))
+        return self._energy_densities(state, every, above), np.zeros(len(self.sites))
 
-    def held_around(self, state: State, new: NDArray[np.int64]) -> NDArray[np.float64]:
-        """Strain energy densities (n,), J/m^3, without bonds that are as they were before the cells `new` (k, 3) became
-        fine."""
-        box = self.whole.fine.box
-        site_mask, above = near(box, new, self.whole.fine.reach - 1), np.zeros(len(self._zone.springs.node), np.bool_)
+    def energies_around(self, state: State, new_cells: NDArray[np.int64]) -> NDArray[np.float64]:
+        """Strain energy densities (n,), J/m^3, without bonds that are as before `new_cells` (k, 3) became fine."""
+        box = self.full_body.fine.box
+        site_mask, above = (
+            mask_near_cells(box, new_cells, self.full_body.fine.reach - 1),
+            np.zeros(len(self._zone.springs.node), np.bool_),
+        )
         for corner in np.ndindex(2, 2, 2):
-            x, y, z = (new + np.array(corner)).T
+            x, y, z = (new_cells + np.array(corner)).T
             above[(z * (box.cy + 1) + y) * (box.cx + 1) + x] = True
-        return self._held(state, site_mask, above)
+        return self._energy_densities(state, site_mask, above)
 
-    def _held(self, state: State, site_mask: NDArray[np.bool_], above: NDArray[np.bool_]) -> NDArray[np.float64]:
+    def _energy_densities(
+        self, state: State, site_mask: NDArray[np.bool_], above: NDArray[np.bool_]
+    ) -> NDArray[np.float64]:
         """Strain energy densities (n,), J/m^3, of bonds, springs and pieces from fine nodes of
         `site_mask` (sites,), or coarse ones of `above` (sites,), and others in their tiles."""
-        self._place(state.value)
+        self._set_displacements(state.value)
         zone, nodes, node_energy = self._zone, len(self.sites), np.zeros(len(self.sites))
         bond_density, nothing = np.zeros((2, len(self._density)))
         hold_some(zone.tiles, zone.u, bond_density, nothing, site_mask)
-        coarse_springs.hold_springs(
+        coarse_springs.add_spring_energies(
             zone.springs, zone.u_coarse, node_energy, np.flatnonzero(above.reshape(-1, ROW).any(axis=1))
         )
-        pieces.hold_pieces(state.value, self._pieces, site_mask, node_energy)
-        pieces.pass_on(bond_density[nodes:, None], self._on, self._w, self._border_volume, node_energy[:, None])
+        pieces.add_piece_energies(state.value, self._pieces, site_mask, node_energy)
+        pieces.pass_border_values(
+            bond_density[nodes:, None], self._on, self._w, self._border_volume, node_energy[:, None]
+        )
         return node_energy / self.volume + bond_density[:nodes]
 
     def fields(self, state: State) -> dict[str, NDArray[np.float64]]:
@@ -256,23 +278,23 @@ class SpaceHybrid:
 
     def stiffness_bound(self) -> NDArray[np.float64]:
         """A bound (n,) of the stiffness that resists each node's motion, N/m^4; see `Operator`."""
-        return self.whole.resistance * self.model.rho
+        return self.full_body.resistance * self.model.rho
 
     def tangent(self, state: State) -> csr_array:
         """Minus the derivative (3 n, 3 n), N/m^4, of the force densities by the values; see `Operator`."""
         from pdsolve.adaptivity.hybrid.space.tangent import tangent_of  # few runs need it
 
         zone, nodes, border = self._zone, len(self.sites), len(self._border)
-        full_model, margin = self.whole, self.whole.sites.margin
+        full_model, margin = self.full_body, self.full_body.sites.margin
         every = (margin + np.append(self.sites, self._border)).astype(np.int32)
         sites = full_model.sites._replace(site=every, node=zone.tiles.node)
-        at = full_model.springs_at
+        at = full_model.coarse_sites
         above = at._replace(site=np.full(nodes, at.margin, dtype=np.int32), node=zone.springs.node)
         above.site[self._coarse] = self._coarse_sites
         piece_springs = self._pieces
-        of_pieces = pieces.listed(piece_springs)
+        of_pieces = pieces.list_stiff_springs(piece_springs)
         free = np.append(self._free, nodes + np.arange(border))
-        linked = Linked(
+        linked = SpringNetwork(
             self.volume,
             (self._on, self._w),
             (piece_springs.rows, piece_springs.w),
@@ -292,11 +314,11 @@ class SpaceHybrid:
         last = len(self.sites) if last is None else last
         zone, sites = self._zone, self.sites[first:last]
         low, high = np.searchsorted(self._coarse, [first, last])
-        rows, above = self._coarse[low:high], self._coarse_sites[low:high] - self.whole.springs_at.margin
+        rows, above = self._coarse[low:high], self._coarse_sites[low:high] - self.full_body.coarse_sites.margin
         with self._breaking:
-            bond_lists = [listed(sites, np.arange(first, last), self._row, zone.tiles)]
+            bond_lists = [list_bond_rows(sites, np.arange(first, last), self._row, zone.tiles)]
             _, broken_source, broken_target = self.broken()
-        bond_lists.append(listed(above, rows, zone.springs.node, zone.springs))
+        bond_lists.append(list_bond_rows(above, rows, zone.springs.node, zone.springs))
         if start:
             in_range = (broken_source >= first) & (broken_source < last)
             bond_lists.append((broken_source[in_range], broken_target[in_range]))
@@ -307,9 +329,9 @@ class SpaceHybrid:
     @cached_property
     def counted(self) -> Counted:
         """Volumes (n,), and numbers of bonds at the start, with and without those cut by pre-cracks."""
-        return self._counted(np.ones(len(self.sites), dtype=np.bool_), np.zeros(len(self.sites), dtype=np.int64))
+        return self._count_bonds(np.ones(len(self.sites), dtype=np.bool_), np.zeros(len(self.sites), dtype=np.int64))
 
-    def _counted(self, changed: NDArray[np.bool_], before: NDArray[np.int64]) -> Counted:
+    def _count_bonds(self, changed: NDArray[np.bool_], before: NDArray[np.int64]) -> Counted:
         """Volumes (n,) and numbers of bonds at the start; `before` (n,) of those that are not `changed` (n,)."""
         zone, springs, count = self._zone, self._zone.springs, before
         with self._breaking:
@@ -319,20 +341,20 @@ class SpaceHybrid:
             source = self.broken().source
             count += np.bincount(source[changed[source]], minlength=len(count))
         fresh = changed[self._coarse]
-        above = self._coarse_sites[fresh] - self.whole.springs_at.margin
+        above = self._coarse_sites[fresh] - self.full_body.coarse_sites.margin
         count[self._coarse[fresh]] += arrangement.count_bonds(above, springs.node, springs.offsets, springs.bits)
         family = count.copy()
-        family[self._free] += self.whole.cut[self.rows[self._free]]
+        family[self._free] += self.full_body.cut[self.rows[self._free]]
         return Counted(self.volume, family, count)
 
     def broken(self, after: int = 0) -> Broken:
         """Bonds broken after a step: step, source row and target row of each."""
         with self._breaking:
-            self._settle()
+            self._record_new_breaks()
         later = self._known.step > after
         return Broken(*(column[later] for column in self._known))
 
-    def _settle(self) -> None:
+    def _record_new_breaks(self) -> None:
         """Add the bonds that broke since the last call to the history."""
         if self._new or len(self._known.step) < len(self.history.step):
             of = self.history
@@ -345,63 +367,69 @@ class SpaceHybrid:
 
     def zone_summary(self) -> ZoneSummary:
         """Summary of the fine zone."""
-        share, peak = np.count_nonzero(self._zone.cells == FINE) / self.whole.solid, self._peak
+        share, peak = np.count_nonzero(self._zone.cells == FINE) / self.full_body.solid, self._peak
         stretch = self.history.largest / (1 + np.sqrt(1 + self.history.largest))
-        return ZoneSummary(self.history.made, float(share), float(stretch / (np.sqrt(1 + peak) - 1)))
+        return ZoneSummary(self.history.refinement_energy, float(share), float(stretch / (np.sqrt(1 + peak) - 1)))
 
-    def wanted(self, state: State, since: int) -> NDArray[np.int64]:
+    def mark_cells_to_refine(self, state: State, after_step: int) -> NDArray[np.int64]:
         """Cells (k, 3) that become fine: around bonds broken after a step, and around stretched springs.
 
-        They are marked as fine at once; `refined` makes the operator for them.
+        They are marked as fine at once; `refine` makes the operator for them.
         """
-        self._place(state.value)
-        zone, box, fine = self._zone, self.whole.fine.box, self.whole.fine
-        sites = np.unique(self.sites[self.broken(since).source])
+        self._set_displacements(state.value)
+        zone, box, fine = self._zone, self.full_body.fine.box, self.full_body.fine
+        sites = np.unique(self.sites[self.broken(after_step).source])
         hot_sites = np.zeros(26 * max(len(self._coarse), 1), dtype=np.int64)
         unbreakable = fine.tiles.held[self.rows]
-        count = coarse_springs.hot_nodes(box, zone.springs, unbreakable, zone.u_coarse, self.whole.hot, hot_sites)
+        count = coarse_springs.list_stretched_nodes(
+            box, zone.springs, unbreakable, zone.u_coarse, self.full_body.stretch_limit, hot_sites
+        )
         sites = np.unique(np.concatenate([sites, hot_sites[:count]]))
         new = np.zeros((np.count_nonzero(zone.cells == COARSE), 3), dtype=np.int64)
-        count = mark_balls(box, zone.cells, places(box, sites), AHEAD, new)
+        count = mark_cells_in_balls(box, zone.cells, coordinates_of_sites(box, sites), AHEAD, new)
         return new[:count]
 
-    def refined(self, new: NDArray[np.int64]) -> SpaceHybrid:
-        """The operator after the cells `new` (k, 3) have become fine."""
+    def refine(self, new_cells: NDArray[np.int64]) -> HybridBodyOperator:
+        """The operator after the cells `new_cells` (k, 3) have become fine."""
         self.broken()
-        after = SpaceHybrid(self.whole, arranged(self.whole, self._zone, new), self.history, self._threads)
+        after = HybridBodyOperator(
+            self.full_body, rearrange_zone(self.full_body, self._zone, new_cells), self.history, self._threads
+        )
         row = self._row[after.sites]
-        changed = (row < 0) | near(self.whole.fine.box, new, self.whole.fine.reach + 1)[after.sites]
-        after.counted = after._counted(changed, np.where(changed, 0, self.counted.bonds[row]))
+        changed = (row < 0) | mask_near_cells(self.full_body.fine.box, new_cells, self.full_body.fine.reach + 1)[
+            after.sites
+        ]
+        after.counted = after._count_bonds(changed, np.where(changed, 0, self.counted.bonds[row]))
         return after
 
-    def restored(self, checkpoint: Kept) -> SpaceHybrid:
+    def restore_cells(self, checkpoint: Kept) -> HybridBodyOperator:
         """The operator of a checkpoint's cells, some of which have become fine. Raises CheckpointError."""
         cells = like(checkpoint, "cells", self._zone.cells)
         new = (self._zone.cells == COARSE) & (cells == FINE)
         if not ((cells == self._zone.cells) | new).all():
             raise CheckpointError("cells are not those of the start; coarse ones may only become fine")
         self._zone.cells[:] = cells
-        box = self.whole.fine.box
-        where = np.argwhere(new.reshape(box.padded))[:, ::-1] - box.pad
-        return self.refined(np.ascontiguousarray(where))
+        box = self.full_body.fine.box
+        where = np.argwhere(new.reshape(box.padded_shape))[:, ::-1] - box.pad
+        return self.refine(np.ascontiguousarray(where))
 
-    def moved(self, which: NDArray[np.int64], values: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Values (k, 3) of rows of the grid `which` (k,), interpolated from those of the nodes here (n, 3)."""
-        grid_values, scratch = np.zeros((len(which), 3)), (np.zeros(8, np.int64), np.zeros(8))
-        sites = self.whole.sites.site[which].astype(np.int64) - self.whole.sites.margin
-        arrangement.interpolate(self.whole.fine.box, *scratch, self._row, values, sites, grid_values)
+    def interpolate_at_rows(self, grid_rows: NDArray[np.int64], values: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Values (k, 3) of rows of the grid `grid_rows` (k,), interpolated from those of the nodes here (n, 3)."""
+        grid_values, scratch = np.zeros((len(grid_rows), 3)), (np.zeros(8, np.int64), np.zeros(8))
+        sites = self.full_body.sites.site[grid_rows].astype(np.int64) - self.full_body.sites.margin
+        arrangement.interpolate_fine(self.full_body.fine.box, *scratch, self._row, values, sites, grid_values)
         return grid_values
 
-    def row_of_grid(self, which: NDArray[np.int64]) -> NDArray[np.int64]:
-        """Rows (k,) of the rows of the grid `which`, -1 for nodes that are none now."""
-        return self._row[self.whole.sites.site[which] - self.whole.sites.margin].astype(np.int64)
+    def current_rows(self, grid_rows: NDArray[np.int64]) -> NDArray[np.int64]:
+        """Rows (k,) of the rows of the grid `grid_rows`, -1 for nodes that are none now."""
+        return self._row[self.full_body.sites.site[grid_rows] - self.full_body.sites.margin].astype(np.int64)
 
-    def spread(self, which: NDArray[np.int64]) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
-        """Rows (k, 8) of the nodes that move rows of the grid `which` (k,), and their shares."""
-        margin = self.whole.sites.margin
-        sites, box = self.whole.sites.site[which] - margin, self.whole.fine.box
-        node_rows, at = self._row[sites], places(box, sites)
-        rows, w = np.zeros((len(which), 8), np.int64), np.zeros((len(which), 8))
+    def carrier_rows(self, grid_rows: NDArray[np.int64]) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+        """Rows (k, 8) of the nodes that move rows of the grid `grid_rows` (k,), and their shares."""
+        margin = self.full_body.sites.margin
+        sites, box = self.full_body.sites.site[grid_rows] - margin, self.full_body.fine.box
+        node_rows, at = self._row[sites], coordinates_of_sites(box, sites)
+        rows, w = np.zeros((len(grid_rows), 8), np.int64), np.zeros((len(grid_rows), 8))
         for number, corner in enumerate(np.ndindex(2, 2, 2)):
             step = np.array(corner)
             part = np.where(at % 2 == 1, 0.5, 1.0 - step).prod(axis=1)
@@ -420,7 +448,7 @@ class SpaceHybrid:
 
     def keep(self) -> Kept:
         """The cells and books for a checkpoint."""
-        books = np.array([self.history.made, self.history.largest])
+        books = np.array([self.history.refinement_energy, self.history.largest])
         return {"cells": self._zone.cells.copy(), "zone_books": books}
 
     def back(self, checkpoint: Kept, broken: Broken) -> None:
@@ -428,12 +456,12 @@ class SpaceHybrid:
         if not np.array_equal(like(checkpoint, "cells", self._zone.cells), self._zone.cells):
             raise CheckpointError("cells are not those of the nodes")
         energy_created, largest = entry(checkpoint, "zone_books", (2,), float).tolist()
-        layout.cleared(self._lattice, broken.source, broken.target, self._zone.tiles.bits)
-        self._clear(broken.source, broken.target)
+        layout.cleared(self._node_sites, broken.source, broken.target, self._zone.tiles.bits)
+        self._remove_broken(broken.source, broken.target)
         source, target = (self.sites[rows] for rows in (broken.source, broken.target))
-        self.history = History(broken.step.astype(np.int64), source, target, energy_created, largest)
+        self.history = ZoneHistory(broken.step.astype(np.int64), source, target, energy_created, largest)
 
     def bytes(self) -> int:
         """The memory of all arrays, bytes."""
-        parts = (*self._zone, *self._zone.tiles, *self._zone.springs, *self._zone.pieces, *self.whole.fine.tiles)
+        parts = (*self._zone, *self._zone.tiles, *self._zone.springs, *self._zone.pieces, *self.full_body.fine.tiles)
         return sum(getattr(array, "nbytes", 0) for array in parts)

@@ -13,7 +13,13 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from pdsolve.adaptivity.hybrid.space.arrangement import ENDS, ClippedPieces, Fine, at_place, carried
+from pdsolve.adaptivity.hybrid.space.arrangement import (
+    ENDS,
+    ClippedPieces,
+    FineLattice,
+    coordinates_of_place,
+    create_points,
+)
 from pdsolve.adaptivity.hybrid.space.box import fine_site
 from pdsolve.codegen.clipped_pieces import TOGETHER, add_pieces
 from pdsolve.codegen.jit_cache import cached_njit
@@ -44,7 +50,7 @@ class PieceSprings(NamedTuple):
     top: NDArray[np.float64]  # (8,) room for the largest e times `breaks`
 
 
-class Groups(NamedTuple):
+class PieceGroups(NamedTuple):
     """Room for groups of pieces; see `PieceSprings`."""
 
     site: NDArray[np.int32]
@@ -55,7 +61,7 @@ class Groups(NamedTuple):
     breaks: NDArray[np.float64]
 
 
-class Numbers(NamedTuple):
+class PlaceTable(NamedTuple):
     """Numbers of places: a hash table whose size is a power of 2, and what is found."""
 
     key: NDArray[np.int64]  # (size,) place, -1 without one
@@ -65,15 +71,17 @@ class Numbers(NamedTuple):
     at: NDArray[np.int64]  # (size / 2,) scratch: that piece
 
 
-def linked(fine: Fine, kind: NDArray[np.uint8], row: NDArray[np.int32], of: ClippedPieces) -> PieceSprings:
+def link_pieces(
+    fine: FineLattice, kind: NDArray[np.uint8], row: NDArray[np.int32], pieces: ClippedPieces
+) -> PieceSprings:
     """The springs of pieces; `kind` and `row` (sites,) are those of fine nodes."""
-    count = len(of.near)
-    room = count + (TOGETHER - 1) * (np.count_nonzero(np.diff(of.near)) + 1) if count else 0
+    count = len(pieces.near)
+    room = count + (TOGETHER - 1) * (np.count_nonzero(np.diff(pieces.near)) + 1) if count else 0
     groups = room // TOGETHER
     size = 1 << max(4, count // SHARED).bit_length() + 1
     while True:
         half = size // 2
-        numbers = Numbers(
+        numbers = PlaceTable(
             np.full(size, -1, np.int64),
             np.empty(size, np.int32),
             np.empty(half, np.int64),
@@ -81,14 +89,14 @@ def linked(fine: Fine, kind: NDArray[np.uint8], row: NDArray[np.int32], of: Clip
             np.empty(half, np.int64),
         )
         entries = TOGETHER * groups
-        group_arrays = Groups(
+        group_arrays = PieceGroups(
             *np.empty((2, groups), np.int32), *np.empty((2, entries), np.int32), *np.empty((2, entries))
         )
-        points, used = group(fine, of, numbers, group_arrays)
+        points, used = group_pieces(fine, pieces, numbers, group_arrays)
         if points >= 0:
             break
         size *= 2
-    carry = carried(fine, kind, numbers.place[:points])
+    carry = create_points(fine, kind, numbers.place[:points])
     u, force = (aligned(np.zeros((points, 4))) for _ in range(2))
     of_groups = group_arrays.site[:used], group_arrays.near[:used]
     far, direction = group_arrays.far[: TOGETHER * used], group_arrays.direction[: TOGETHER * used]
@@ -97,7 +105,7 @@ def linked(fine: Fine, kind: NDArray[np.uint8], row: NDArray[np.int32], of: Clip
     return PieceSprings(carry.number, row[carry.site], carry.w, *ends, u, force, np.zeros(TOGETHER))
 
 
-class Listed(NamedTuple):
+class ListedSprings(NamedTuple):
     """The p springs of pieces."""
 
     ends: NDArray[np.int32]  # (p, 2) points
@@ -105,24 +113,24 @@ class Listed(NamedTuple):
     k: NDArray[np.float64]  # (p,) N/m
 
 
-def listed(springs: PieceSprings) -> Listed:
+def list_stiff_springs(springs: PieceSprings) -> ListedSprings:
     """The springs with a stiffness."""
     is_stiff = springs.k > 0
     ends = np.column_stack([np.repeat(springs.near, TOGETHER), springs.far])
-    return Listed(ends[is_stiff], springs.xi[springs.direction[is_stiff], :3], springs.k[is_stiff])
+    return ListedSprings(ends[is_stiff], springs.xi[springs.direction[is_stiff], :3], springs.k[is_stiff])
 
 
 @cached_njit(error_model="numpy")
-def group(fine, pieces, numbers, group_arrays):  # type: ignore[no-untyped-def]
+def group_pieces(fine, pieces, numbers, group_arrays):  # type: ignore[no-untyped-def]
     """Put pieces into groups; the numbers of points and of groups, or -1 if there are more points than numbers."""
     count, m, run, i, unit = 0, 0, -1, 0, fine.divisions.unit
     for n in range(len(pieces.near)):
         place = pieces.near[n]
         if n == 0 or place != pieces.near[n - 1]:
-            m = _filled(group_arrays, m, i)
-            i, count = _number(numbers, place, count)
+            m = _fill_last_group(group_arrays, m, i)
+            i, count = _number_place(numbers, place, count)
             run += 1
-        j, count = _number(numbers, pieces.far[n], count)
+        j, count = _number_place(numbers, pieces.far[n], count)
         if count > len(numbers.place) - 2:
             return -1, 0
         if numbers.run[j] == run:
@@ -132,17 +140,17 @@ def group(fine, pieces, numbers, group_arrays):  # type: ignore[no-untyped-def]
             continue
         if m % TOGETHER == 0:
             group_arrays.near[m // TOGETHER] = i
-            x, y, z = at_place(fine.box, unit, place)
+            x, y, z = coordinates_of_place(fine.box, unit, place)
             group_arrays.site[m // TOGETHER] = fine_site(fine.box, x // unit, y // unit, z // unit)
         numbers.run[j], numbers.at[j] = run, m
         group_arrays.far[m], group_arrays.direction[m] = j, fine.direction[pieces.kind[n]]
         group_arrays.k[m], group_arrays.breaks[m] = pieces.k[n], pieces.breaks[n]
         m += 1
-    return count, _filled(group_arrays, m, i) // TOGETHER
+    return count, _fill_last_group(group_arrays, m, i) // TOGETHER
 
 
 @njit(**INNER)
-def _filled(group_arrays, m, i):  # type: ignore[no-untyped-def]
+def _fill_last_group(group_arrays, m, i):  # type: ignore[no-untyped-def]
     """Fill the last group with springs without stiffness; the entries used then."""
     while m % TOGETHER:
         group_arrays.far[m], group_arrays.direction[m], group_arrays.k[m], group_arrays.breaks[m] = i, 0, 0.0, 0.0
@@ -151,7 +159,7 @@ def _filled(group_arrays, m, i):  # type: ignore[no-untyped-def]
 
 
 @njit(**INNER)
-def _number(numbers, place, count):  # type: ignore[no-untyped-def]
+def _number_place(numbers, place, count):  # type: ignore[no-untyped-def]
     """The number of a place, a new one if it has none; and how many there are then."""
     mask = np.uint64(len(numbers.key) - 1)
     away = (np.uint64(place) >> np.uint64(4)) * np.uint64(0x9E3779B97F4A7C15) >> np.uint64(20)
@@ -165,12 +173,12 @@ def _number(numbers, place, count):  # type: ignore[no-untyped-def]
 
 
 @cached_njit(nogil=True, error_model="numpy")
-def sum_pieces(value, pieces, force):  # type: ignore[no-untyped-def]
+def add_piece_forces(value, pieces, force):  # type: ignore[no-untyped-def]
     """Add the forces of `pieces` on nodes, N, to `force` (n, 3), at displacements `value` (n, 3).
 
     Returns the largest e of those that could break.
     """
-    _put_points(value, pieces)
+    _displace_points(value, pieces)
     u, sums, xi = pieces.u, pieces.force, pieces.xi
     sums[:] = 0
     pieces.top[:] = 0
@@ -186,7 +194,7 @@ def sum_pieces(value, pieces, force):  # type: ignore[no-untyped-def]
 
 
 @njit(**INNER)
-def _put_points(value, pieces):  # type: ignore[no-untyped-def]
+def _displace_points(value, pieces):  # type: ignore[no-untyped-def]
     """Fill in the displacements of the points."""
     for q in range(len(pieces.number)):
         x = y = z = 0.0
@@ -197,10 +205,10 @@ def _put_points(value, pieces):  # type: ignore[no-untyped-def]
 
 
 @cached_njit(nogil=True, error_model="numpy")
-def hold_pieces(value, pieces, site_mask, node_energy):  # type: ignore[no-untyped-def]
+def add_piece_energies(value, pieces, site_mask, node_energy):  # type: ignore[no-untyped-def]
     """Add the energies of pieces, J, to `node_energy` (n,), half to each end; of those with their near ends at fine
     sites of `site_mask` (sites,) alone."""
-    _put_points(value, pieces)
+    _displace_points(value, pieces)
     energy, u = pieces.force, pieces.u
     energy[:] = 0
     for n in range(len(pieces.k)):
@@ -220,7 +228,7 @@ def hold_pieces(value, pieces, site_mask, node_energy):  # type: ignore[no-untyp
 
 
 @cached_njit(nogil=True)
-def place(rows, sites, value, u):  # type: ignore[no-untyped-def]
+def place_displacements(rows, sites, value, u):  # type: ignore[no-untyped-def]
     """Displacements of the nodes `rows` (k,) to their sites (k,) of u (3, m)."""
     for n in range(len(rows)):
         for axis in range(3):
@@ -228,7 +236,7 @@ def place(rows, sites, value, u):  # type: ignore[no-untyped-def]
 
 
 @cached_njit(nogil=True)
-def follow(sites, rows, w, value, u):  # type: ignore[no-untyped-def]
+def interpolate_border(sites, rows, w, value, u):  # type: ignore[no-untyped-def]
     """Displacements of the nodes on the border (b,) to their sites of u (3, m), from those of nodes `rows` (b, 4)."""
     for n in range(len(sites)):
         for axis in range(3):
@@ -239,7 +247,7 @@ def follow(sites, rows, w, value, u):  # type: ignore[no-untyped-def]
 
 
 @cached_njit(nogil=True)
-def pass_on(border, rows, w, volume, force):  # type: ignore[no-untyped-def]
+def pass_border_values(border, rows, w, volume, force):  # type: ignore[no-untyped-def]
     """Pass what is on the border (b, ...) per volume (b,), m^3, on to the nodes `rows` (b, 4) of `force`."""
     for n in range(len(rows)):
         for m in range(ENDS):

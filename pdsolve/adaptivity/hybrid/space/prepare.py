@@ -6,17 +6,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pdmesh.model.document import Hybrid
-from pdsolve.adaptivity.hybrid.coarse_cells import refused
+from pdsolve.adaptivity.hybrid.coarse_cells import unsupported_error
 from pdsolve.adaptivity.hybrid.space import coarse_springs
-from pdsolve.adaptivity.hybrid.space.arrangement import BLOCK, Fine, kinds_of
-from pdsolve.adaptivity.hybrid.space.box import FINE, VOID, box_of
-from pdsolve.adaptivity.hybrid.space.divisions import divisions
+from pdsolve.adaptivity.hybrid.space.arrangement import BLOCK, FineLattice, piece_directions
+from pdsolve.adaptivity.hybrid.space.box import FINE, VOID, number_box
+from pdsolve.adaptivity.hybrid.space.divisions import divide_half_family
 from pdsolve.adaptivity.hybrid.space.history import NOTHING
-from pdsolve.adaptivity.hybrid.space.layout import Whole, begun
-from pdsolve.adaptivity.hybrid.space.materials import moduli, weakest, weakness
-from pdsolve.adaptivity.hybrid.space.operator import SpaceHybrid
-from pdsolve.adaptivity.hybrid.space.prescribed_motion import between
-from pdsolve.adaptivity.hybrid.space.zone import cells_at_start
+from pdsolve.adaptivity.hybrid.space.layout import FullBody, create_body_zone
+from pdsolve.adaptivity.hybrid.space.materials import cell_moduli, least_peaks, relative_limits
+from pdsolve.adaptivity.hybrid.space.operator import HybridBodyOperator
+from pdsolve.adaptivity.hybrid.space.prescribed_motion import nodes_unfit_for_coarse
+from pdsolve.adaptivity.hybrid.space.zone import initial_cells
 from pdsolve.codegen.vector_code import ROW
 from pdsolve.conditions import Drive, Entries, drive, drive_of, put_loads
 from pdsolve.lattice.sums import VOLUME, Tiles
@@ -35,58 +35,66 @@ SHEAR = 1e-6  # of the block in which tau is found
 CUBE = 8  # cells along the side of the block in which tau is found
 
 
-def body_of(model: Model, options: Options, threads: int) -> SpaceHybrid:
+def create_body_operator(model: Model, options: Options, threads: int) -> HybridBodyOperator:
     """The operator at the start. Raises ModelError for a body that the method does not support."""
     for place, expected in (("mode", "conservative"), ("precision", "float64")):
         actual = getattr(options, place)
         if actual != expected:
-            raise refused(model, place, actual, expected)
+            raise unsupported_error(model, place, actual, expected)
     tiling = tiled(model, np.float64)
     if tiling is None:
-        raise refused(model, "$.nodes", "on nodes that fit no tiles", "one cubic lattice, more than two horizons long")
+        raise unsupported_error(
+            model, "$.nodes", "on nodes that fit no tiles", "one cubic lattice, more than two horizons long"
+        )
     law, h = law_of(model), tiling.sites.spacing
-    full_model = whole_of(model, tiling.sites, tiling.tiles)._replace(cut=tiling.counted.family - tiling.counted.bonds)
+    full_model = create_full_body(model, tiling.sites, tiling.tiles)._replace(
+        cut=tiling.counted.family - tiling.counted.bonds
+    )
     box, tiles = full_model.fine.box, tiling.tiles
     nodes = (int(box.sx) + BLOCK) * (int(box.sy) + BLOCK) * (int(box.sz) + BLOCK)
     if nodes * full_model.fine.divisions.unit**3 >= 1 << 63:  # integers cannot count where pieces end
         reach = f"{full_model.fine.reach} spacings"
-        raise refused(model, "$.horizon.ratio", reach, f"fewer in a lattice of {nodes} places")
+        raise unsupported_error(model, "$.horizon.ratio", reach, f"fewer in a lattice of {nodes} places")
     shape = box.sz, box.sy, box.sx
     count, first = int(np.prod(shape)), model.grid.position.min(axis=0)
     volume = tiles.cells[VOLUME][tiling.sites.margin :][:count].reshape(shape)
     cracks = (model.grid.cracks.reshape(-1, 3, 3) - first) / h
-    unfit_nodes = between(model, box, tiling.sites.site.astype(np.int64) - tiling.sites.margin, tiles.node)
-    cells = cells_at_start(
+    unfit_nodes = nodes_unfit_for_coarse(
+        model, box, tiling.sites.site.astype(np.int64) - tiling.sites.margin, tiles.node
+    )
+    cells = initial_cells(
         box, volume, tiles.node[:count].reshape(shape) >= 0, full_model.fine.reach, cracks, unfit_nodes
     )
     resistance = float((tiling.stiffness_bound / model.rho).max()) / SEAM
     driven = drive(model, model.grid.cells, True, np.float64)
     full_model = full_model._replace(resistance=resistance, solid=int(np.count_nonzero(cells != VOID)), driven=driven)
-    return operator_on(law, full_model, cells, tau_of(law, tiles.table, h), threads)
+    return create_operator_of_cells(law, full_model, cells, vertex_force(law, tiles.table, h), threads)
 
 
-def operator_on(law: Law, full_model: Whole, cells: NDArray[np.uint8], tau: float, threads: int = 1) -> SpaceHybrid:
+def create_operator_of_cells(
+    law: Law, full_model: FullBody, cells: NDArray[np.uint8], tau: float, threads: int = 1
+) -> HybridBodyOperator:
     """The operator of these cells (c,)."""
     bind(law)
-    elastic = coarse_springs.elastic_of(full_model.fine.tiles.table)
-    strength = coarse_springs.stiffnesses(elastic, tau, full_model.sites.spacing)
-    springs = coarse_springs.tiles_of(law, full_model.springs_at, strength)
-    return SpaceHybrid(full_model, begun(full_model, cells, springs), NOTHING, threads)
+    elastic = coarse_springs.cubic_stiffness(full_model.fine.tiles.table)
+    strength = coarse_springs.spring_stiffnesses(elastic, tau, full_model.sites.spacing)
+    springs = coarse_springs.create_spring_tiles(law, full_model.coarse_sites, strength)
+    return HybridBodyOperator(full_model, create_body_zone(full_model, cells, springs), NOTHING, threads)
 
 
-def whole_of(model: Model | None, sites: Sites, tiles: Tiles) -> Whole:
+def create_full_body(model: Model | None, sites: Sites, tiles: Tiles) -> FullBody:
     """What does not change of a body with these bonds."""
     reach, half = int(np.abs(sites.ways).max()), len(sites.ways) // 2
-    box = box_of(sites.sides, reach)
-    of = divisions(sites.ways[half:])
-    kinds = kinds_of(of, tiles.table, sites.spacing)
-    fine = Fine(box, tiles, of, reach, sites.spacing**3, weakness(tiles), *kinds)
-    at = coarse_springs.sites_of(box, sites.spacing)
-    hot = (Hybrid() if model is None else model.settings.run.hybrid).kappa * weakest(box, tiles)
-    return Whole(model, fine, sites, at, np.zeros(len(sites.site), dtype=np.int64), moduli(box, tiles), hot)
+    box = number_box(sites.sides, reach)
+    of = divide_half_family(sites.ways[half:])
+    kinds = piece_directions(of, tiles.table, sites.spacing)
+    fine = FineLattice(box, tiles, of, reach, sites.spacing**3, relative_limits(tiles), *kinds)
+    at = coarse_springs.create_coarse_sites(box, sites.spacing)
+    hot = (Hybrid() if model is None else model.settings.run.hybrid).kappa * least_peaks(box, tiles)
+    return FullBody(model, fine, sites, at, np.zeros(len(sites.site), dtype=np.int64), cell_moduli(box, tiles), hot)
 
 
-def full_block(law: Law, table: NDArray[np.floating], h: float, cells: tuple[int, int, int]) -> Whole:
+def full_block(law: Law, table: NDArray[np.floating], h: float, cells: tuple[int, int, int]) -> FullBody:
     """A block of so many cells along each axis, all of whose bonds are those of a full lattice; see `Tiles.table`."""
     x, y, z = (2 * cell_count + 1 for cell_count in cells)
     ways, count, stride = np.rint(table[:, :3] / h).astype(np.int64), x * y * z, np.array([1, x, x * y])
@@ -98,37 +106,37 @@ def full_block(law: Law, table: NDArray[np.floating], h: float, cells: tuple[int
     alike = np.ones(count), np.full(count, 0.5), np.ones(count, np.bool_), np.zeros(count, np.uint8)
     springs = layout.Springs(strength, *alike, never, never)
     tiles = layout.tiles_of(law, sites, families.members(sites), springs)
-    return whole_of(None, sites, tiles)
+    return create_full_body(None, sites, tiles)
 
 
-def tau_of(law: Law, table: NDArray[np.floating], h: float) -> float:
+def vertex_force(law: Law, table: NDArray[np.floating], h: float) -> float:
     """The force on the vertex of a fine cube in a sheared block of coarse cells without body diagonals, over
     C11 h^2 gamma."""
     full_model, half = full_block(law, table, h, (CUBE, CUBE, CUBE)), CUBE // 2
     cells, nodes = np.zeros((CUBE,) * 3, dtype=np.uint8), 2 * CUBE + 1
     cells[half:, half:, half:] = FINE
     cells = np.pad(cells, full_model.fine.box.pad, constant_values=VOID)
-    operator = operator_on(law, full_model, cells.ravel(), 0.0)
+    operator = create_operator_of_cells(law, full_model, cells.ravel(), 0.0)
     vertex = CUBE * (1 + nodes + nodes**2)
     value, row = np.zeros((len(operator.sites), 3)), np.searchsorted(operator.sites, vertex)
     value[:, 1] = SHEAR * h * (operator.sites // nodes**2)
     force = (operator.forces(value) - operator.forces(-value))[row, 0] / 2  # without what is quadratic in the shear
-    return abs(float(force)) / (coarse_springs.elastic_of(table).c11 * h**2 * SHEAR)
+    return abs(float(force)) / (coarse_springs.cubic_stiffness(table).c11 * h**2 * SHEAR)
 
 
-def drive_of_nodes(operator: SpaceHybrid, time: float) -> Drive:
+def create_current_drive(operator: HybridBodyOperator, time: float) -> Drive:
     """Conditions of the whole body on the current nodes, with the body forces of `time`, s."""
-    every, model = operator.whole.driven, operator.whole.model
+    every, model = operator.full_body.driven, operator.full_body.model
     assert every is not None
     assert model is not None
     holds, loads, cells = every.holds, every.loads, model.grid.cells
-    row = operator.row_of_grid(holds.node)
+    row = operator.current_rows(holds.node)
     is_node = row >= 0
     node_holds = Entries(
         row[is_node], holds.axis[is_node], holds.value[is_node], holds.profile[is_node], holds.kind[is_node]
     )
     acting = loads.value != 0
-    rows, w = operator.spread(loads.node[acting])
+    rows, w = operator.carrier_rows(loads.node[acting])
     force = (w * (loads.value * cells[loads.node])[acting, None]).ravel()
     columns = [np.repeat(column[acting], rows.shape[1]) for column in (loads.profile, loads.axis)]
     key = np.column_stack([*columns, rows.ravel()])

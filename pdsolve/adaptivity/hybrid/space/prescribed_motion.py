@@ -11,14 +11,16 @@ from pdmesh.model.document import Displacement, InitialVelocity, Velocity
 from pdmesh.model.selection import components
 from pdmesh.model.values_of_place import is_of_place
 from pdsolve.adaptivity.hybrid.space.box import CellBox
-from pdsolve.adaptivity.hybrid.space.layout import places
+from pdsolve.adaptivity.hybrid.space.layout import coordinates_of_sites
 from pdsolve.conditions import initial_velocity
 from pdsolve.model import Model
 
 SAME = 1e-9  # of the largest value: round-off
 
 
-def between(model: Model, box: CellBox, site: NDArray[np.int64], node: NDArray[np.int32]) -> NDArray[np.int64]:
+def nodes_unfit_for_coarse(
+    model: Model, box: CellBox, site: NDArray[np.int64], node: NDArray[np.int32]
+) -> NDArray[np.int64]:
     """Fine nodes (k, 3) that would not move as prescribed if they hung between coarse nodes.
 
     A held node may hang between held ones alone; initial velocities, and what is prescribed, are to be linear between
@@ -29,28 +31,28 @@ def between(model: Model, box: CellBox, site: NDArray[np.int64], node: NDArray[n
         if isinstance(condition, Displacement | Velocity):
             rows, is_constrained = model.selected(condition), np.zeros((len(site), 1))
             is_constrained[rows] = 1.0
-            unfit_rows.append(rows[_mean(is_constrained, rows, box, site, node)[:, 0] < 1.0])
+            unfit_rows.append(rows[_mean_of_coarse(is_constrained, rows, box, site, node)[:, 0] < 1.0])
             prescribed_values = [value or 0.0 for value in components(condition, 3)]
             if any(map(is_of_place, prescribed_values)):
                 values = np.zeros((len(site), 3))
                 values[rows] = model.vectors(prescribed_values, rows)
-                away = np.abs(_mean(values, rows, box, site, node) - values[rows]).max(axis=1)
+                away = np.abs(_mean_of_coarse(values, rows, box, site, node) - values[rows]).max(axis=1)
                 unfit_rows.append(rows[away > SAME * np.abs(values).max()])
     if any(isinstance(condition, InitialVelocity) for condition in model.settings.conditions):
         velocity, rows = initial_velocity(model), np.arange(len(site))
-        away = np.abs(_mean(velocity, rows, box, site, node) - velocity).max(axis=1)
+        away = np.abs(_mean_of_coarse(velocity, rows, box, site, node) - velocity).max(axis=1)
         unfit_rows.append(rows[away > SAME * np.abs(velocity).max()])
-    return places(box, site[np.unique(np.concatenate(unfit_rows))])
+    return coordinates_of_sites(box, site[np.unique(np.concatenate(unfit_rows))])
 
 
-def _mean(
+def _mean_of_coarse(
     values: NDArray[np.float64], rows: NDArray[np.int64], box: CellBox, site: NDArray[np.int64], node: NDArray[np.int32]
 ) -> NDArray[np.float64]:
     """Mean (k, j) of the values (n, j) of the coarse nodes that these rows (k,) lie between.
 
     A node that is not there counts as one that moves likewise.
     """
-    at, sides = places(box, site[rows]), np.array([box.sx, box.sy, box.sz])
+    at, sides = coordinates_of_sites(box, site[rows]), np.array([box.sx, box.sy, box.sz])
     mean = np.zeros((len(rows), values.shape[1]))
     for signs in product((-1, 1), repeat=3):
         end = at + np.array(signs) * (at % 2)

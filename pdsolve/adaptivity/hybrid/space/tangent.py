@@ -18,17 +18,19 @@ from pdsolve.operators.space_lattice.sites import Sites
 from pdsolve.operators.tangent import of_springs
 
 if TYPE_CHECKING:
-    from pdsolve.adaptivity.hybrid.space.layout import Linked
+    from pdsolve.adaptivity.hybrid.space.layout import SpringNetwork
 
 
-def tangent_of(linked: Linked, value: NDArray[np.float64]) -> csr_array:
+def tangent_of(linked: SpringNetwork, value: NDArray[np.float64]) -> csr_array:
     """Minus the derivative (3 n, 3 n), N/m^4, of the force densities (n, 3) at `value`."""
     nodes = len(value)
-    points = vstack([eye_array(nodes), *(_moved(rows, w, nodes) for rows, w in (linked.border, linked.points))]).tocsr()
+    points = vstack(
+        [eye_array(nodes), *(_weight_matrix(rows, w, nodes) for rows, w in (linked.border, linked.points))]
+    ).tocsr()
     u, last = points @ value, points.shape[0]
     matrix = csr_array((3 * last, 3 * last))
     for tiles, sites, rows, volume, share in (linked.bonds, linked.springs):
-        matrix += _of_tiles(tiles, sites, rows, volume, u, share)
+        matrix += _tile_tangent(tiles, sites, rows, volume, u, share)
     near, far = (last - len(linked.points[0]) + linked.ends.astype(np.int64)).T
     pull = linked.stiffness * np.sqrt((linked.xi**2).sum(axis=1))
     for first, second, sign in ((near, far, 1.0), (far, near, -1.0)):
@@ -37,13 +39,13 @@ def tangent_of(linked: Linked, value: NDArray[np.float64]) -> csr_array:
     return (density @ (tied.T @ matrix @ tied)).tocsr()
 
 
-def _moved(rows: NDArray[np.int32], w: NDArray[np.float64], nodes: int) -> csr_array:
+def _weight_matrix(rows: NDArray[np.int32], w: NDArray[np.float64], nodes: int) -> csr_array:
     """Weights (k, nodes) of points that move with nodes `rows` (k, 4)."""
     where = np.repeat(np.arange(len(rows)), rows.shape[1]), rows.ravel()
     return coo_array((w.ravel(), where), (len(rows), nodes)).tocsr()
 
 
-def _of_tiles(
+def _tile_tangent(
     tiles: Tiles,
     sites: Sites,
     rows: NDArray[np.int64],

@@ -18,7 +18,7 @@ SAME = 1e-6  # of a cell: volumes this near are the same
 FLANKS = 8  # h: cells this near to the faces of a pre-crack are fine: none of their springs is cut
 
 
-def cells_at_start(
+def initial_cells(
     box: CellBox,
     volume: NDArray[np.float64],
     has_node: NDArray[np.bool_],
@@ -32,7 +32,7 @@ def cells_at_start(
     `volume` and `has_node` (z, y, x) are of fine nodes: cells over h^3, and whether there is one. `cracks` (t, 3, 3)
     are triangles in spacings from the first node. A face along cells cuts none, except at re-entrant edges.
     """
-    full_cubes = _cubes(has_node)
+    full_cubes = _find_full_cubes(has_node)
     around = np.zeros(has_node.shape, dtype=np.int8)
     for side in product((0, 1), repeat=3):
         around += np.pad(full_cubes, [(1 - s, s) for s in side])
@@ -59,14 +59,14 @@ def cells_at_start(
 
         away = 2 * ndimage.distance_transform_edt(~(in_body & ~good)) - 1
         cells[(away <= reach + RING) & good] = FINE
-    _around_cracks(cells, cracks)
+    _refine_around_cracks(cells, cracks)
     for side in product((0, 1), repeat=3):
         z, y, x = ((unfit_nodes - side) // 2).clip(0, [box.cx - 1, box.cy - 1, box.cz - 1]).T[::-1]
         cells[z, y, x] = np.where(cells[z, y, x] == COARSE, FINE, cells[z, y, x])
     return np.pad(cells, box.pad, constant_values=VOID).ravel()
 
 
-def _cubes(has_node: NDArray[np.bool_]) -> NDArray[np.bool_]:
+def _find_full_cubes(has_node: NDArray[np.bool_]) -> NDArray[np.bool_]:
     """Mask of the cubes between nodes with a node at all eight corners, by their lowest one."""
     is_full = has_node
     for axis in range(3):
@@ -75,7 +75,7 @@ def _cubes(has_node: NDArray[np.bool_]) -> NDArray[np.bool_]:
     return is_full
 
 
-def _around_cracks(cells: NDArray[np.uint8], cracks: NDArray[np.float64]) -> None:
+def _refine_around_cracks(cells: NDArray[np.uint8], cracks: NDArray[np.float64]) -> None:
     """Make cells (z, y, x) fine near the faces and the edges of pre-cracks."""
     if not len(cracks):
         return
@@ -94,7 +94,7 @@ def _around_cracks(cells: NDArray[np.uint8], cracks: NDArray[np.float64]) -> Non
 
 
 @cached_njit(error_model="numpy")
-def mark_balls(box, cells, places, radius, new):  # type: ignore[no-untyped-def]
+def mark_cells_in_balls(box, cells, places, radius, new):  # type: ignore[no-untyped-def]
     """Make the coarse cells within `radius` of the fine nodes `places` (k, 3) fine, and list them in `new` (., 3);
     returns how many there are."""
     count, half = 0, radius // 2 + 1
@@ -104,7 +104,7 @@ def mark_balls(box, cells, places, radius, new):  # type: ignore[no-untyped-def]
             for cy in range(max((y >> 1) - half, 0), min((y >> 1) + half + 1, box.cy)):
                 for cx in range(max((x >> 1) - half, 0), min((x >> 1) + half + 1, box.cx)):
                     c = cell_place(box, cx, cy, cz)
-                    away = _away(x, cx) + _away(y, cy) + _away(z, cz)
+                    away = _squared_distance(x, cx) + _squared_distance(y, cy) + _squared_distance(z, cz)
                     if cells[c] == COARSE and away < radius * radius:
                         cells[c] = FINE
                         new[count, 0], new[count, 1], new[count, 2] = cx, cy, cz
@@ -113,7 +113,7 @@ def mark_balls(box, cells, places, radius, new):  # type: ignore[no-untyped-def]
 
 
 @njit(forceinline=True, **INNER)
-def _away(x, cell):  # type: ignore[no-untyped-def]
+def _squared_distance(x, cell):  # type: ignore[no-untyped-def]
     """The square of the distance between a coordinate and a cell."""
     away = max(abs(x - (2 * cell + 1)) - 1, 0)
     return away * away
