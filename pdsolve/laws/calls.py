@@ -225,7 +225,7 @@ def _hold_nothing(law, i, m):  # type: ignore[no-untyped-def]
     return 0.0, 0.0
 
 
-GROWTH = 1e-9  # of the stretch in a step: less may be round-off, also of single precision
+GROWTH = 1e-9  # of the stretch in a step: less may be round-off
 
 _bound: dict[type, dict[str, Function]] = {}  # the functions of a law, by the type of its columns
 
@@ -364,15 +364,13 @@ def _tension_of_curve(law, stretch, worst, peak, limit):  # type: ignore[no-unty
 
 
 def _match_work(law, stretch, before, worst, peak, limit):  # type: ignore[no-untyped-def]
-    if before >= limit:
+    if before >= limit or stretch - before <= GROWTH:
         return 0.0
     softened = peak
     if worst > peak:
         softened = worst
     if before > softened:  # motion brought the bond no further: more is round-off or was given
         before = softened
-    if stretch - before <= GROWTH:
-        return 0.0
     work = total(law, 0.5, peak, limit)
     force = tension(law, before, worst, peak, limit)
     if stretch <= limit:
