@@ -83,8 +83,9 @@ materials: $(VENV)/install.done
 forks: $(VENV)/install.done
 	$(BIN)/python -m benchmarks.forks
 
+# -E: pages that Sphinx does not read anew lose their words in the index of the search
 docs: $(VENV)/docs.done gmsh-libraries
-	$(BIN)/sphinx-build -W --keep-going -q docs site
+	$(BIN)/sphinx-build -E -W --keep-going -q docs site
 	@echo "The site: $(CURDIR)/site/index.html"
 
 split: $(VENV)/install.done

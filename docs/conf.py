@@ -98,10 +98,11 @@ def _redirect(app: Any, failure: Exception | None) -> None:
 
 
 def _index_words(app: Any, doctree: Any) -> None:
-    """Make the words of `search_words.toml` main index entries of their page, so that the search has it first."""
-    words = WORDS.get(app.env.docname)
+    """Make the words of `search_words.toml` main index entries of their page, so that the search has it first; the
+    search knows only what is written, so words with hyphens are entries with spaces too."""
+    words = {spelling for word in WORDS.get(app.env.docname, ()) for spelling in (word, word.replace("-", " "))}
     if words:
-        doctree.insert(0, addnodes.index(entries=[("single", word, "", "main", None) for word in words]))
+        doctree.insert(0, addnodes.index(entries=[("single", word, "", "main", None) for word in sorted(words)]))
 
 
 def setup(app: Any) -> None:

@@ -80,7 +80,8 @@ def test_a_page_begins_with_its_words(page: str) -> None:
 
 
 def test_a_word_has_one_page() -> None:
-    words = [word.lower() for words in PAGES.values() for word in words]
+    """The search ranks an index entry that is the word itself above all else; two such pages would be in any order."""
+    words = [word.lower().replace("-", " ") for words in PAGES.values() for word in words]
     assert len(words) == len(set(words)) > 150
 
 
