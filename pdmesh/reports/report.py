@@ -63,8 +63,8 @@ def info(document: Document, name: str, mode: str = DEFAULT_MODE) -> dict[str, A
             raise GridError(f"{name}: $.material.{error}") from None
     plate, at_hole = (plate_of(grid, name) if grid.dimension == 2 else None), grid.hole_id >= 0
     ratio = document.horizon.ratio
-    bonds, cut = count(grid, ratio)
     run, refused = _estimate(grid, settings_of(document), name, mode)
+    within, cut = count(grid, ratio) if run is None else (run.bonds + run.cut, run.cut)
     low, high = grid.position.min(axis=0), grid.position.max(axis=0)
     result: dict[str, Any] = {
         "model": name,
@@ -74,7 +74,7 @@ def info(document: Document, name: str, mode: str = DEFAULT_MODE) -> dict[str, A
         "border_nodes": int(grid.border.sum()),
         "nodes_at_holes": {str(hole): int((grid.hole_id == hole).sum()) for hole in np.unique(grid.hole_id[at_hole])},
         "mode": mode,
-        **_run(bonds - cut, run),
+        **_run(within - cut, run),
         "bonds_cut_by_cracks": pair_count(cut),
         "bounding_box": [*low.tolist(), *high.tolist()],
         **_extent(grid, plate),
