@@ -56,6 +56,16 @@ def test_cut_bonds_are_those_of_the_run(plate: Scene) -> None:
     assert found["bonds_cut_by_cracks"] != pair_count(count(grid, settings.horizon.ratio)[1])
 
 
+def test_a_path_has_no_time_step(plate: Scene) -> None:
+    """Its steps are not those of a time, so that none is named."""
+    soft = msgspec.structs.replace(GLASS, law="cohesive", f_t=3e6, shape="bilinear", micromodulus="constant")
+    run = Run(solver="static", static=Static())
+    scene = replace(plate.fix("bottom").fix("top", y=1e-5, profile=ramp(1)), run=run, material=soft)
+    lines = info_lines(info(document(scene), "plate.json"))
+    assert any(line.startswith("at rest: about ") and line.endswith(" along the equilibrium path") for line in lines)
+    assert not any(line.startswith("time step") for line in plan_lines(plan(scene)))
+
+
 def count_of(grid: Any, row: int) -> int:
     from pdmesh.reports.bonds_and_step import bonds
 
@@ -202,7 +212,10 @@ def test_a_plan_at_rest_has_the_same_load_steps_on_one_scale(plate: Scene) -> No
     found = plan(replace(plate.fix("bottom").fix("top", y=1e-5, profile=ramp(1)), run=run))
     assert (found["scene"]["steps"], found["one_scale"]["steps"]) == (7, 7)
     assert found["scene"]["at_rest"]
-    assert "breaks" in plan_lines(found)[-1]
+    lines = plan_lines(found)
+    assert "breaks" in lines[-1]
+    assert not any(line.startswith("smallest stable step") for line in lines)
+    assert any(line.startswith("time step") for line in lines)
     assert "breaks" not in "".join(plan_lines(plan(plate)))
 
 
