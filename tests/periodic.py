@@ -9,7 +9,7 @@ from scipy.spatial import cKDTree
 from systems import bonds_of
 
 from pdmesh.model.node_grid import Grid
-from pdsolve.bonds.assembly import Assembly, Bonds, BondSource, Part
+from pdsolve.bonds.assembly import Assembly, Bonds, Part
 from pdsolve.model import Model
 from pdsolve.run.assembly import assemble_motion
 from pdsolve.run.system import Prepared

@@ -223,7 +223,7 @@ REFUSED = {
     "horizon of a script": (["build", SCRIPT, "--trust", "--set", "horizon=1e18"], "horizon is 1e+18"),
     "crack of words": (["build", DURAN, "--crack", "a,b,c,d"], "'a,b,c,d'"),
     "crack along the edge": (["build", DURAN, "--crack", "0,0.02,0.05,0.02"], "along the plate's edge from"),
-    "refine farther than the plate": (["build", DURAN, "--refine", "crack:4000"], "distance is 4000 m; use at most 0.107"),
+    "refine farther than the plate": (["build", DURAN, "--refine", "crack:4000"], "crack: distance is 4000 m; use"),
     "refine what": (["build", DURAN, "--refine", "edge:1"], "'edge:1'"),
     "refine how far": (["build", DURAN, "--refine", "crack"], "'crack'"),
     "refine no hole": (["build", DURAN, "--refine", "hole:1e-3"], "refine hole: the scene has none"),

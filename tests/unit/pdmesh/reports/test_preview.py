@@ -55,9 +55,7 @@ def test_bonds_around_a_crack(scene: Scene) -> None:
 
 
 @pytest.mark.parametrize("micromodulus", ["conical", "constant"])
-def test_bonds_drawn_are_those_of_the_run(
-    micromodulus: str, scene: Scene, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_bonds_drawn_are_those_of_the_run(micromodulus: str, scene: Scene, monkeypatch: pytest.MonkeyPatch) -> None:
     """In a window as large as the plate all bonds are drawn, and as many are cut as `info` says."""
     monkeypatch.setattr("pdmesh.reports.preview.WINDOW", 1e3)
     material = msgspec.structs.replace(scene.material, micromodulus=micromodulus)
