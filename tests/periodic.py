@@ -9,7 +9,7 @@ from scipy.spatial import cKDTree
 from systems import bonds_of
 
 from pdmesh.model.node_grid import Grid
-from pdsolve.bonds.assembly import Assembly, Bonds, BondSource, Part
+from pdsolve.bonds.assembly import Assembly, Bonds, Part
 from pdsolve.model import Model
 from pdsolve.run.assembly import assemble_motion
 from pdsolve.run.system import Prepared
@@ -40,7 +40,8 @@ def joined(problem: Prepared, box: Box) -> Prepared:
         *(np.ascontiguousarray(column[chosen]) for column in bonds[2:]),
     )
     assembly = Assembly(own, system.area[rows], system.family[rows])
-    scheme = system.scheme._replace(fill=lambda _: BondSource(assembly.area, lambda rows: _part(assembly, rows)))
+    source = system.scheme.fill(system.model)._replace(area=assembly.area, part=lambda rows: _part(assembly, rows))
+    scheme = system.scheme._replace(fill=lambda _: source)
     return assemble_motion(sub, system.options, scheme)
 
 

@@ -68,13 +68,15 @@ def zone_strengths(grid: Grid, settings: Settings, mode: str) -> list[ZoneStreng
     return zones
 
 
-def weakest_zone(grid: Grid, settings: Settings) -> ZoneStrength | None:
-    """The zone with the least share of the strength of the finest one of its body; None if none is weaker."""
+def weakest_zones(grid: Grid, settings: Settings) -> list[ZoneStrength]:
+    """Of each body with zones that are weaker than its finest one, the weakest."""
     if settings.run.adapt != "none" or not any(grid.delta.strides):
-        return None
-    zones = zone_strengths(grid, settings, "conservative")
-    weakest = min(zones, key=lambda zone: zone.share, default=None)
-    return None if weakest is None or weakest.share >= 1 - SAME else weakest
+        return []
+    weakest: dict[str | None, ZoneStrength] = {}
+    for zone in zone_strengths(grid, settings, "conservative"):
+        if zone.share < min(1 - SAME, weakest[zone.body].share if zone.body in weakest else np.inf):
+            weakest[zone.body] = zone
+    return list(weakest.values())
 
 
 def _strength(
@@ -122,30 +124,33 @@ def described(zones: list[ZoneStrength]) -> list[dict[str, Any]]:
 
 
 def remarks(grid: Grid, settings: Settings) -> Iterator[str]:
-    """A warning of loads and motions on zones that are weaker than the finest one."""
-    weakest = weakest_zone(grid, settings)
-    if weakest is None:
-        return
-    coarse = outside_finest(grid)
-    acting = [
-        f"'{called(condition.name, number)}'"
-        for number, condition in enumerate(settings.conditions)
-        if _pulls(condition) and coarse[selection.selected(grid, condition.nodes, condition.box)].any()
-    ]
-    if acting:
-        verb = "acts" if len(acting) == 1 else "act"
-        yield (
-            f"nodes of {weakest.spacing:g} m have {weakest.share:.2g} of the strength of those of"
-            f" {weakest.finest:g} m, as the critical stretch falls with the square root of the horizon, and"
-            f" {', '.join(acting)} {verb} on coarse nodes: cracks may start there or follow the"
-            ' border of the zones; material.coarse = "matched" or "unbreakable" prevents it'
-        )
+    """A warning for each body of loads and motions on zones that are weaker than its finest one."""
+    for weakest in weakest_zones(grid, settings):
+        coarse = coarse_nodes(grid, weakest)
+        acting = [
+            f"'{called(condition.name, number)}'"
+            for number, condition in enumerate(settings.conditions)
+            if _pulls(condition) and coarse[selection.selected(grid, condition.nodes, condition.box)].any()
+        ]
+        if acting:
+            verb = "acts" if len(acting) == 1 else "act"
+            yield (
+                f"nodes of {weakest.spacing:g} m{of_body(weakest)} have {weakest.share:.2g} of the strength of those of"
+                f" {weakest.finest:g} m, as the critical stretch falls with the square root of the horizon, and"
+                f" {', '.join(acting)} {verb} on coarse nodes: cracks may start there or follow the"
+                ' border of the zones; material.coarse = "matched" or "unbreakable" prevents it'
+            )
 
 
-def outside_finest(grid: Grid) -> NDArray[np.bool_]:
-    """Mask (n,) of nodes that are coarser than the finest of their body."""
-    body: Any = 0 if grid.bodies is None else grid.bodies.number
-    return np.asarray(grid.delta > grid.finest_spacings[body] * (1 + SAME))
+def of_body(zone: ZoneStrength) -> str:
+    """The body of a zone in words, " of body 'left'"; empty of a plate that is the only one."""
+    return "" if zone.body is None else f" of body '{zone.body}'"
+
+
+def coarse_nodes(grid: Grid, zone: ZoneStrength) -> NDArray[np.bool_]:
+    """Mask (n,) of nodes of a zone's body that are coarser than its finest ones."""
+    coarse = np.asarray(grid.delta > zone.finest * (1 + SAME))
+    return coarse if grid.bodies is None else coarse & (grid.bodies.number == grid.bodies.names.index(str(zone.body)))
 
 
 def _pulls(condition: Any) -> bool:

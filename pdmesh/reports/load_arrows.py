@@ -13,6 +13,7 @@ from pdmesh.model.document import AnyCondition, Displacement, Load, Pin, Spring
 from pdmesh.model.kd_trees import tree_of
 from pdmesh.model.load_resultants import nodal_forces
 from pdmesh.model.node_grid import Grid
+from pdmesh.model.values_at_places import vectors_at
 
 LENGTH = 0.08  # of the larger side of the plate: the longest arrow
 HEAD = 0.3  # of the longest arrow: the length of a head
@@ -43,10 +44,13 @@ def symbols(axes: Axes, condition: AnyCondition, grid: Grid, rows: NDArray[np.in
         axes.plot(x, y, marker="$\\odot$", color=colour, markersize=12, zorder=6)
     if not isinstance(condition, Load):
         return
-    force = nodal_forces(condition, grid, rows)[np.searchsorted(rows, sample_rows)]
-    if not force.any():
+    # a value that is the same everywhere has arrows of one length, however large the cells are that it acts on
+    value = condition.traction or condition.body_force or condition.force
+    assert value is not None
+    pull = vectors_at(value, grid.position[sample_rows])
+    if not pull.any():
         return
-    way = LENGTH * 1e3 * float(np.ptp(grid.position, axis=0).max()) * force / np.hypot(*force.T).max()
+    way = LENGTH * 1e3 * float(np.ptp(grid.position, axis=0).max()) * pull / np.hypot(*pull.T).max()
     outside = tree_of(grid.position).query((at + way) / 1e3)[0] > float(grid.delta.max())
     start = at if outside.mean() > 0.5 else at - way  # what pulls begins at its nodes, what pushes ends there
     arrows = _arrows(start, way)

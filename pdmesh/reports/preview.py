@@ -15,13 +15,13 @@ from numpy.typing import NDArray
 from pdmesh.files import write_atomically
 from pdmesh.model import selection
 from pdmesh.model.bond_counts import pair_count
-from pdmesh.model.document import SPACE_VERSION, Document
+from pdmesh.model.document import SPACE_VERSION, Document, settings_of
 from pdmesh.model.node_grid import Grid, grid_of
 from pdmesh.model.visibility import plate_of
 from pdmesh.plain_figure import Figure, formats
 from pdmesh.plain_text import for_legend
 from pdmesh.reports import body_preview
-from pdmesh.reports.bonds_and_step import bonds
+from pdmesh.reports.bonds_of_run import bonds_of_run
 from pdmesh.reports.load_arrows import symbols
 from pdmesh.reports.style import CRACK, DPI, MARGIN, marker, shades
 from pdmesh.scene.shapes import SceneError
@@ -58,7 +58,7 @@ def draw(document: Document, name: str, with_bonds: bool = False) -> Figure:
     axes.set_ylim(window[0][1] * 1e3, window[1][1] * 1e3)
     points = 72 * float(min(0.9 * WIDTH / size[0], height / size[1]))  # per metre
     if with_bonds:
-        _bonds(axes, grid, document.horizon.ratio, window)
+        _bonds(axes, document, grid, name, window)
     _nodes(axes, grid, points)
     _conditions(axes, document, grid, points)
     for ring in (*grid.outline, *grid.holes):
@@ -142,14 +142,18 @@ def _conditions(axes: Axes, document: Document, grid: Grid, points: float) -> No
             symbols(axes, document.conditions[number], grid, np.flatnonzero(rows), colour)
 
 
-def _bonds(axes: Axes, grid: Grid, ratio: float, window: tuple[NDArray[np.float64], NDArray[np.float64]]) -> None:
+def _bonds(
+    axes: Axes,
+    document: Document,
+    grid: Grid,
+    name: str,
+    window: tuple[NDArray[np.float64], NDArray[np.float64]],
+) -> None:
     inside = ((grid.position >= window[0]) & (grid.position <= window[1])).all(axis=1)
     counts = {"intact": 0, "cut": 0}
-    for part in bonds(grid, ratio, np.flatnonzero(inside)):
-        in_shape = part.inside
-        ends = np.stack([grid.position[part.source], grid.position[part.target]], axis=1) * 1e3
-        for which, cut, colour, order in (("intact", False, "#9db7d5", 1.0), ("cut", True, CUT, 1.5)):
-            mask = in_shape & (part.cut == cut)
+    for source, target, is_intact in bonds_of_run(grid, settings_of(document), name, np.flatnonzero(inside)):
+        ends = np.stack([grid.position[source], grid.position[target]], axis=1) * 1e3
+        for which, mask, colour, order in (("intact", is_intact, "#9db7d5", 1.0), ("cut", ~is_intact, CUT, 1.5)):
             counts[which] += int(mask.sum())
             axes.add_collection(
                 LineCollection(list(ends[mask]), colors=colour, linewidths=0.3, alpha=0.7, zorder=order)

@@ -63,8 +63,8 @@ def info(document: Document, name: str, mode: str = DEFAULT_MODE) -> dict[str, A
             raise GridError(f"{name}: $.material.{error}") from None
     plate, at_hole = (plate_of(grid, name) if grid.dimension == 2 else None), grid.hole_id >= 0
     ratio = document.horizon.ratio
-    bonds, cut = count(grid, ratio)
     run, refused = _estimate(grid, settings_of(document), name, mode)
+    within, cut = count(grid, ratio) if run is None else (run.bonds + run.cut, run.cut)
     low, high = grid.position.min(axis=0), grid.position.max(axis=0)
     result: dict[str, Any] = {
         "model": name,
@@ -74,7 +74,7 @@ def info(document: Document, name: str, mode: str = DEFAULT_MODE) -> dict[str, A
         "border_nodes": int(grid.border.sum()),
         "nodes_at_holes": {str(hole): int((grid.hole_id == hole).sum()) for hole in np.unique(grid.hole_id[at_hole])},
         "mode": mode,
-        **_run(bonds - cut, run),
+        **_run(within - cut, run),
         "bonds_cut_by_cracks": pair_count(cut),
         "bounding_box": [*low.tolist(), *high.tolist()],
         **_extent(grid, plate),
@@ -218,6 +218,9 @@ def plan_lines(result: dict[str, Any]) -> list[str]:
     """The result of `plan` in words: the scene and its one-scale equivalent side by side."""
     scene_cost, flat = result["scene"], result["one_scale"]
     units = {"smallest_stable_step": "s", "time_step": "s", "steps": "", "memory_bytes": "B", "solve_seconds": "s"}
+    unused = {"smallest_stable_step"} if scene_cost["at_rest"] else set()  # steps that a run at rest does not take
+    if scene_cost["along_path"] or scene_cost["in_jumps"]:
+        unused.add("time_step")
     rows = [("", "this scene", "one scale")]
     for spacing, number in scene_cost["nodes_by_spacing"].items():
         rows.append((f"nodes of {spacing} m", str(number), str(flat["nodes_by_spacing"].get(spacing, 0))))
@@ -225,6 +228,7 @@ def plan_lines(result: dict[str, Any]) -> list[str]:
     rows += [
         (key.replace("_", " "), _quantity(scene_cost[key], unit), _quantity(flat[key], unit))
         for key, unit in units.items()
+        if key not in unused
     ]
     lines = [f"{label:22}{scene_value:>14}{flat_value:>14}" for label, scene_value, flat_value in rows]
     lines += zone_strengths.lines(result.get("strengths", []))
@@ -243,6 +247,10 @@ def _quantity(value: float | None, unit: str) -> str:
 
 def _step_line(result: dict[str, Any]) -> str:
     stable, step, steps = result["smallest_stable_step"], result["time_step"], result["steps"]
+    if result["along_path"]:
+        return f"at rest: about {steps} steps along the equilibrium path"
+    if result["in_jumps"]:
+        return f"at rest: at most {steps} steps of jumps of cycles"
     if result["at_rest"]:
         return f"at rest: {step:.4g} s x {steps} load steps"
     why = f"refused by pdsolve ({result['refused']})" if result["refused"] else "no material"
@@ -410,6 +418,8 @@ def _run(counted: int, run: Plan | None) -> dict[str, Any]:
     return {
         "bonds": pair_count(counted if run is None else run.bonds),
         "at_rest": run is not None and run.at_rest,
+        "along_path": run is not None and run.along_path,
+        "in_jumps": run is not None and run.in_jumps,
         "smallest_stable_step": None if run is None else run.stable_time_step,
         "time_step": None if run is None else run.time_step,
         "steps": None if run is None else run.steps,

@@ -201,6 +201,13 @@ def _plate(scene: Plate) -> None:
         raise SceneError(
             f"outline has {width:g} x {height:g} m; use metres, not millimetres, or the parameter Units: {SAY_UNIT}"
         )
+    diagonal = math.hypot(width, height)
+    for request in scene.refinements:
+        if request.distance > diagonal:
+            raise SceneError(
+                f"refine {request.target}: distance is {request.distance:g} m; use at most {diagonal:g} m, the plate's"
+                " diagonal: nothing is farther (4mm is in millimetres)"
+            )
     limit_nodes(scene.shape, scene.spacing, "spacing", MOST_ON_LATTICE if scene.run.adapt == "hybrid" else MOST_NODES)
     farthest = float(np.abs([x0, y0, x1, y1]).max())
     if scene.finest < RESOLVED * farthest:

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from pdmesh import commandline
+from pdmesh.spelling import meant
 from pdpost.commands import number_options, overlay
 from pdpost.commands.shared import (
     add_csv,
@@ -174,6 +175,8 @@ def _threshold(args: argparse.Namespace) -> float:
     threshold = CRACKED
     for name, value in args.assignments:
         if name != "cracked":
+            if "." not in name and meant(name, ("cracked",)):  # settings of matplotlib have a dot
+                raise commandline.UsageError(f"--set {name} is no setting of this command; did you mean cracked?")
             continue
         try:
             threshold = float(value)

@@ -10,6 +10,7 @@ from matplotlib.axes import Axes
 from matplotlib.cm import ScalarMappable
 from matplotlib.collections import LineCollection
 from matplotlib.colors import Normalize
+from matplotlib.lines import Line2D
 from numpy.typing import NDArray
 
 from pdmesh.plain_figure import Figure
@@ -28,7 +29,8 @@ from pdpost.measures.tips import Branch
 from pdpost.reading.time_text import time_text
 from pdsolve.results import Results
 
-Chart: TypeAlias = Callable[[list[Branch], Axes, Summary], None]
+Numbered: TypeAlias = tuple[int, Branch]  # a branch with its number, which is its colour, as in pictures of `sif`
+Chart: TypeAlias = Callable[[list[Numbered], Axes, Summary], None]
 
 SHOWN = 6  # main branches with a curve of their own
 SLOW = 0.25  # of the Rayleigh speed: slower cracks have an axis of their own
@@ -54,18 +56,21 @@ def crack(results: Results, summary: Summary | None = None, window: Box | None =
     if not summary.branches:
         plate.set_title(f"No crack has grown at {when}", fontsize="medium")
         return figure
-    shown = [branch for branch in summary.branches if branch.length >= LONG * summary.branches[0].length][:SHOWN]
-    for branch in summary.branches[len(shown) :]:
+    long = [branch for branch in summary.branches if branch.length >= LONG * summary.branches[0].length][:SHOWN]
+    for branch in summary.branches[len(long) :]:
         _path(on, branch, color="0.25", lw=1.0)
-    shown.sort(key=lambda one: (one.along[0], one.time[-1]))
-    for number, branch in enumerate(shown):
+    shown = sorted(enumerate(long), key=lambda one: (one[1].along[0], one[1].time[-1]))
+    for number, branch in shown:
         _path(on, branch, lw=1.5, **look(number))
+    keys = [Line2D([], [], lw=1.5, label=f"branch {number}", **look(number)) for number in range(len(long))]
+    keys = keys if len(keys) > 1 else []
     if summary.forks:
         forks = on.factor * np.array([fork.place for fork in summary.forks]).T
         plate.plot(*forks, "o", ms=4.5, mfc="white", mec="black", mew=0.8, zorder=6)
     if not all(branch.line.all() for branch in summary.branches):
-        key = plate.plot([], [], ":", color="0.25", lw=1.0, label="wider than a crack")
-        figure.legend(handles=key, loc="outside lower center", frameon=False, fontsize="small")  # on no branch
+        keys.append(Line2D([], [], ls=":", color="0.25", lw=1.0, label="wider than a crack"))
+    if keys:  # on no branch
+        figure.legend(handles=keys, loc="outside lower center", ncols=4, frameon=False, fontsize="small")
     for draw, axes in zip(charts, places, strict=True):
         draw(shown, axes, summary)
         axes.set_xlim(places[0].get_xlim())
@@ -138,33 +143,33 @@ def _path(on: Sheet, branch: Branch, **style: Any) -> None:
         on.axes.add_collection(way, autolim=False)
 
 
-def _lengths(shown: list[Branch], length: Axes, _: Summary) -> None:
+def _lengths(shown: list[Numbered], length: Axes, _: Summary) -> None:
     """Draw the length of the cracks over time."""
-    second, seconds = scaled((branch.time for branch in shown), "s")
-    metre, metres = scaled((branch.along for branch in shown), "m")
-    for number, branch in enumerate(shown):
-        length.plot(branch.time * second, branch.along * metre, **_style(number))
+    second, seconds = scaled((branch.time for _, branch in shown), "s")
+    metre, metres = scaled((branch.along for _, branch in shown), "m")
+    for drawn_before, (number, branch) in enumerate(shown):
+        length.plot(branch.time * second, branch.along * metre, **_style(number, drawn_before))
     length.set(ylabel=f"length of the crack, {metres}", xlabel=f"time, {seconds}")
     length.set_ylim(bottom=0)
     plain(length)
 
 
-def _style(number: int) -> dict[str, Any]:
+def _style(number: int, drawn_before: int) -> dict[str, Any]:
     style = look(number) | {"lw": 1.5}
-    if number:  # of curves that lie on each other all are seen, in turns
-        style["ls"] = (4 * (number - 1), (4, 4))
+    if drawn_before:  # of curves that lie on each other all are seen, in turns
+        style["ls"] = (4 * (drawn_before - 1), (4, 4))
     return style
 
 
-def _speeds(shown: list[Branch], speed: Axes, summary: Summary) -> None:
+def _speeds(shown: list[Numbered], speed: Axes, summary: Summary) -> None:
     """Draw speed over time with its confidence band."""
     limit = summary.rayleigh_speed
-    second, seconds = scaled((branch.time for branch in shown), "s")
-    fastest = max(float(np.nanmax(branch.speed.high, initial=0.0)) for branch in shown)
+    second, seconds = scaled((branch.time for _, branch in shown), "s")
+    fastest = max(float(np.nanmax(branch.speed.high, initial=0.0)) for _, branch in shown)
     slow = 0 < fastest < SLOW * limit
     fast, unit = scaled([np.array([fastest if slow else limit])], "m/s")
-    for number, branch in enumerate(shown):
-        style = _style(number)
+    for drawn_before, (number, branch) in enumerate(shown):
+        style = _style(number, drawn_before)
         sides = branch.speed.low * fast, branch.speed.high * fast
         speed.fill_between(branch.time * second, *sides, color=style["color"], alpha=0.18, lw=0)
         speed.plot(branch.time * second, branch.speed.value * fast, **style)
@@ -183,10 +188,10 @@ def _speeds(shown: list[Branch], speed: Axes, summary: Summary) -> None:
     plain(speed)
 
 
-def _released(shown: list[Branch], energy: Axes, summary: Summary) -> None:
+def _released(shown: list[Numbered], energy: Axes, summary: Summary) -> None:
     """Draw the energy spent over the advance of all cracks, beside G0."""
     spent = summary.release
-    second, seconds = scaled((branch.time for branch in shown), "s")
+    second, seconds = scaled((branch.time for _, branch in shown), "s")
     joule, unit = scaled([spent.value, np.array([spent.G0])], "J/m²")
     energy.plot(spent.time * second, spent.value * joule, color="black", lw=1.3)
     energy.axhline(spent.G0 * joule, color="black", ls="--", lw=0.9)

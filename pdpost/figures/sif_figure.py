@@ -38,8 +38,8 @@ def sif(
     grid = figure.add_gridspec(2, 2, height_ratios=(tall + 0.4, 3.0))
     plate, intensity, energy = (figure.add_subplot(place) for place in (grid[0, :], grid[1, 0], grid[1, 1]))
     on = on_grey_plate(plate, box, where, damage_at(results, step))
-    for number, series in enumerate(shown):
-        _rings(on, series, str(look(number)["color"]))
+    for series in shown:
+        _rings(on, series, str(look(series.front.number)["color"]))
     when = time_text(float(tip_series[0].time[-1]), micro="µs")
     plate.set_title(f"Damage at {when} and the rings of the tips, the last they had", fontsize="medium")
     _curves(intensity, shown, ("K1", "K2"), "Pa√m", "stress intensity")
@@ -49,7 +49,7 @@ def sif(
         factor, _ = scaled((side["J"] for series in shown for side in (series.low, series.high)), "J/m²")
         energy.plot(spent.time * second, spent.value * factor, color="black", lw=1.0, ls="-.", label="dD/da")
         energy.axhline(spent.G0 * factor, color="0.4", lw=0.8, ls=":", label="G₀")
-        energy.legend(frameon=False)
+    energy.legend(frameon=False)
     figure.legend(*intensity.get_legend_handles_labels(), loc="outside lower center", ncols=4, frameon=False)
     return figure
 
@@ -73,9 +73,9 @@ def _curves(axes: Axes, shown: list[IntensityHistory], names: tuple[str, ...], u
     factor, scale = scaled(
         (side[name] for series in shown for name in names for side in (series.low, series.high)), unit
     )
-    for number, series in enumerate(shown):
+    for series in shown:
         for name in names:
-            style = look(number) | {"ls": "--" if name == "K2" else "-"}
+            style = look(series.front.number) | {"ls": "--" if name == "K2" else "-"}
             few = np.isfinite(series.value[name]).sum() < 3
             words = f"{name}, {series.front.name}"
             sides = [series.low[name], series.high[name], series.value[name]]

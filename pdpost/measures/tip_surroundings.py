@@ -33,6 +33,7 @@ class TipHistory:
     """A tip through a run: the end of a pre-crack, the branch that grows from it, or both."""
 
     name: str
+    number: int  # of its branch; pre-cracks that have none come after all branches
     start: NDArray[np.float64] | None  # (2,) m: the tip of the pre-crack
     heading: NDArray[np.float64]  # (2,) unit vector it arrives there with; of a branch alone, its first direction
     branch: Branch | None
@@ -88,11 +89,11 @@ def tip_histories(results: Results, step: int) -> list[TipHistory]:
         carried |= set(near)
         start, heading = starts[near[0]] if near else (None, branch.direction[0])
         tip_fronts.append(
-            TipHistory(f"branch {number}", start, heading, branch, _last_tip_time(results, branch, branches))
+            TipHistory(f"branch {number}", number, start, heading, branch, _last_tip_time(results, branch, branches))
         )
     for k, (tip, heading) in enumerate(starts):
         if k not in carried:
-            tip_fronts.append(TipHistory(f"pre-crack {k}", tip, heading, None, np.inf))
+            tip_fronts.append(TipHistory(f"pre-crack {k}", len(branches) + k, tip, heading, None, np.inf))
     return tip_fronts
 
 

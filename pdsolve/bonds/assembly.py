@@ -55,11 +55,23 @@ class Part(NamedTuple):
     family: NDArray[np.int64]  # (k,) as in Assembly
 
 
+class Paired(NamedTuple):
+    """Pairs inside the plate, b of them, with the properties of their bonds."""
+
+    pairs: Pairs
+    intact: NDArray[np.bool_]  # (b,) no pre-crack cuts it
+    stiffness: NDArray[np.float64]  # (b,) as in Bonds
+    peak: NDArray[np.float64]
+    limit: NDArray[np.float64]
+    weight: NDArray[np.float64]
+
+
 class BondSource(NamedTuple):
     """How a scheme makes the bonds of a model with n nodes."""
 
     area: NDArray[np.float64]  # (n,) m^2
     part: Callable[[NDArray[np.int64]], Part]  # the bonds of these consecutive rows
+    looked: Callable[[NDArray[np.int64]], Paired]  # the pairs of these rows, which increase, cut ones included
     strength: Callable[[Pairs], NDArray[np.float64]] | None = None  # how weights and stiffness of bonds (b,) compare
     # that are as long as the pairs say; None where they do not go round cracks
 
@@ -85,17 +97,6 @@ def in_precision(bonds: Bonds, precision: str) -> Bonds:
     """The bonds with values rounded to a precision."""
     rounded = (np.ascontiguousarray(column, dtype=precision) for column in bonds[2:])
     return Bonds(bonds.start, bonds.neighbour, *rounded)
-
-
-class Paired(NamedTuple):
-    """Pairs inside the plate, b of them, with the properties of their bonds."""
-
-    pairs: Pairs
-    intact: NDArray[np.bool_]  # (b,) no pre-crack cuts it
-    stiffness: NDArray[np.float64]  # (b,) as in Bonds
-    peak: NDArray[np.float64]
-    limit: NDArray[np.float64]
-    weight: NDArray[np.float64]
 
 
 class ByPairs(Protocol):

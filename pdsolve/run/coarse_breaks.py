@@ -4,27 +4,28 @@ from __future__ import annotations
 
 import numpy as np
 
-from pdmesh.model.zone_strengths import outside_finest, weakest_zone
+from pdmesh.model.zone_strengths import coarse_nodes, of_body, weakest_zones
 from pdsolve.checks import named, warn
 from pdsolve.model import Model
 from pdsolve.results import Results
 
 
 def warn_of_coarse_breaks(model: Model, results: Results) -> None:
-    """Warn if bonds of coarser nodes than the finest of their body broke, and had less strength for it."""
-    grid, weakest = model.grid, weakest_zone(model.grid, model.settings)
-    if weakest is None:
+    """Warn for each body of broken bonds of nodes coarser than its finest, which had less strength."""
+    grid, weakest_zone_of_each = model.grid, weakest_zones(model.grid, model.settings)
+    if not weakest_zone_of_each:
         return
-    coarse = outside_finest(grid)
     breaks, order = results.breaks(), np.argsort(grid.ids)
-    ends = (order[np.searchsorted(grid.ids, ids, sorter=order)] for ids in (breaks.node, breaks.neighbour))
-    outside = np.flatnonzero(np.logical_or(*(coarse[end] for end in ends)))
-    if len(outside):
-        first = outside[0]
-        row = int(order[np.searchsorted(grid.ids, breaks.node[first], sorter=order)])
-        warn(
-            model,
-            f"{len(outside) / len(breaks.step):.0%} of the broken bonds are outside the finest zone, where strength is"
-            f" down to {weakest.share:.2g} of that within; the first broke at step {breaks.step[first]},"
-            f' {named(model, row)}; widen the fine zone, or set material.coarse to "matched" or "unbreakable"',
-        )
+    rows, other_rows = (order[np.searchsorted(grid.ids, ids, sorter=order)] for ids in (breaks.node, breaks.neighbour))
+    for weakest in weakest_zone_of_each:
+        coarse = coarse_nodes(grid, weakest)
+        outside = np.flatnonzero(coarse[rows] | coarse[other_rows])
+        if len(outside):
+            first = outside[0]
+            warn(
+                model,
+                f"{len(outside) / len(breaks.step):.0%} of the broken bonds are outside the finest zone"
+                f"{of_body(weakest)}, where strength is down to {weakest.share:.2g} of that within; the first broke at"
+                f" step {breaks.step[first]}, {named(model, int(rows[first]))}; widen the fine zone, or set"
+                ' material.coarse to "matched" or "unbreakable"',
+            )

@@ -84,7 +84,7 @@ class Plan(NamedTuple):
     """Size, memory and time of a run."""
 
     nodes: int
-    bonds: int  # directed, at the start
+    bonds: int  # directed, at the start, those that pre-cracks cut left out
     steps: int
     time_step: float  # s
     stable_time_step: float  # s
@@ -95,6 +95,7 @@ class Plan(NamedTuple):
     in_jumps: bool = False  # steps are jumps of cycles, at most so many
     in_blocks: bool = True  # summed by the kernels of pairs on lattices; False: bond by bond
     finest: int | None = None  # nodes of the finest spacing, where the others are twice as far apart and come and go
+    cut: int = 0  # directed bonds that pre-cracks cut
     most: int | None = None  # nodes if all cells were to split, of which none has at the start
 
 
@@ -114,10 +115,12 @@ def estimate_run(model: Model, options: Options = DEFAULT) -> Plan:
     in_blocks = paired and model.grid.dimension == 2 and (moves or not model.swells)
     if prepared is not None and not moves:
         in_blocks |= paired and prepared.operator.name == "blocks"
-        count, bound = prepared.count, stable_time_step(model, prepared.operator)
+        count, family = prepared.count, prepared.family
+        bound = stable_time_step(model, prepared.operator)
         step = choose_time_step(model, bound)
     elif paired and not (moves or model.swells) and settings.run.solver != "static":
-        count, stiffness_bound, in_blocks = bond_counts_and_stiffness_bound(model, options, scheme)
+        counts, stiffness_bound, in_blocks = bond_counts_and_stiffness_bound(model, options, scheme)
+        count, family = counts.bonds, counts.family
         bound = largest_stable_step(stiffness_bound, model.rho)
         step = choose_time_step(model, bound)
     else:
@@ -126,7 +129,8 @@ def estimate_run(model: Model, options: Options = DEFAULT) -> Plan:
         if isinstance(system.stepper, Swelling) and system.load_steps is None:
             cycle = system.stepper.cycle
         in_blocks |= paired and system.operator.name == "blocks"
-        count, bound, step, settings = system.count, system.stable_time_step, system.time_step, system.model.settings
+        count, family, settings = system.count, system.family, system.model.settings
+        bound, step = system.stable_time_step, system.time_step
         along_path = isinstance(system.stepper, ArcLengthSteps | CrackLengthSteps | SofteningPathSteps)
         if along_path:
             run = msgspec.structs.replace(settings.run, steps=_estimate_path_steps(settings.run))
@@ -136,6 +140,7 @@ def estimate_run(model: Model, options: Options = DEFAULT) -> Plan:
     advise(model, np.flatnonzero(count == 0), scheme.partial_cells, scheme.symmetric)
     options = options._replace(threads=1) if moves else options
     plan = estimate_size(settings, options, len(model.grid), int(count.sum()), (step, bound), in_blocks)
+    plan = plan._replace(cut=int((family - count).sum()))
     if splits:
         plan = plan._replace(most=most, memory=plan.memory + round((SPLITTING - LISTED) * plan.bonds))
     if in_blocks and model.grid.dimension == 3 and not plan.at_rest:
@@ -186,6 +191,7 @@ def _estimate_diffusion(model: Model, options: Options) -> Plan:
         system.stable_time_step,
         round(memory),
         machine_slowdown() * (BEGIN + seconds),
+        cut=int((system.family - system.count).sum()),
     )
 
 

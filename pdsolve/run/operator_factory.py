@@ -160,19 +160,19 @@ def blocks_and_contact(operator: Operator) -> tuple[SimdLattice | None, PenaltyC
 
 def bond_counts_and_stiffness_bound(
     model: Model, options: Options, scheme: Scheme
-) -> tuple[NDArray[np.int64], NDArray[np.float64], bool]:
-    """Number (n,) of the bonds of a pair law, the bound (n,) of their stiffness, N/m^4, and whether blocks can have
+) -> tuple[Counted, NDArray[np.float64], bool]:
+    """Numbers (n,) of the bonds of a pair law, the bound (n,) of their stiffness, N/m^4, and whether blocks can have
     them."""
     tiles = _make_tiles(model, options, scheme, False)
     if tiles is not None:
         area = tiles.counted.area
-        return tiles.counted.bonds, tiles.stiffness_bound + _stiffness_bound_beside_bonds(model, area), True
+        return tiles.counted, tiles.stiffness_bound + _stiffness_bound_beside_bonds(model, area), True
     filling = scheme.fill(model)
     statistics = BondStatistics(filling, scheme.symmetric)
     for _ in statistics.parts():
         pass
     bound = statistics.stiffness_bound + _stiffness_bound_beside_bonds(model, filling.area)
-    return statistics.count, bound, model.grid.dimension == 2
+    return statistics.counted(filling.area), bound, model.grid.dimension == 2
 
 
 def _stiffness_bound_beside_bonds(model: Model, volume: NDArray[np.float64]) -> NDArray[np.float64]:

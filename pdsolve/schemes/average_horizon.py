@@ -149,12 +149,15 @@ def fill(model: Model, corrections: Corrections = ALL) -> BondSource:
     """Average-horizon bonds of the model. Raises GridError for an outline that encloses nothing."""
     rule, nodes, d = Rule(model, corrections), len(model.grid), model.grid.dimension
 
+    def looked(rows: NDArray[np.int64]) -> Paired:
+        return rule.looked(rule.neighbours.pairs(rows))
+
     @cache
     def surfaces() -> tuple[NDArray[np.float64], Paired | None]:
         """Corrections of all nodes, and all pairs where they are so few as to be found in one go."""
         lack, together = np.ones((nodes, d)), None
         for rows in row_chunks(nodes) if corrections.surfaces else ():
-            paired = rule.looked(rule.neighbours.pairs(rows))
+            paired = looked(rows)
             lack[rows] = rule.lack(rows, paired)
             together = paired if len(rows) == nodes else None
         return inside_edges(lack, model, rule.farthest), together
@@ -162,9 +165,9 @@ def fill(model: Model, corrections: Corrections = ALL) -> BondSource:
     def part(rows: NDArray[np.int64]) -> Part:
         lack, together = surfaces()
         paired = together if len(rows) == nodes else None
-        return rule.part(rows, paired or rule.looked(rule.neighbours.pairs(rows)), lack)
+        return rule.part(rows, paired or looked(rows), lack)
 
-    return BondSource(rule.area, part, rule.strength)
+    return BondSource(rule.area, part, looked, rule.strength)
 
 
 def _mean_of_ends(

@@ -115,19 +115,21 @@ def filled(model: Model, limits: Limit) -> BondSource:
         reach = (horizon[i] + horizon[j]) / 2
         return _counts(first, model.settings.horizon.ratio, length, reach, grid.delta[i], grid.delta[j])
 
-    def part(rows: NDArray[np.int64]) -> Part:
+    def looked(rows: NDArray[np.int64]) -> Paired:
         pairs = neighbours.pairs(rows)
         pairs = chosen(pairs, counts(pairs) > ROUND_OFF)
         pairs = chosen(pairs, sight.inside(pairs))
         reach = (horizon[pairs.source] + horizon[pairs.target]) / 2
         source_limit, target_limit = (limits(end, reach) for end in (pairs.source, pairs.target))
         limit = source_limit / 2 + target_limit / 2
-        part = counts(pairs._replace(length=sight.apart(pairs, first.detour, farthest)))
+        weight = counts(pairs._replace(length=sight.apart(pairs, first.detour, farthest)))
         nothing = np.zeros(len(limit))
-        paired = Paired(pairs, part > ROUND_OFF, nothing, limit, limit, part * area[pairs.target])
-        return part_of(grid.position, unbreakable_nodes, rows, paired)
+        return Paired(pairs, weight > ROUND_OFF, nothing, limit, limit, weight * area[pairs.target])
 
-    return BondSource(area, part, counts)
+    def part(rows: NDArray[np.int64]) -> Part:
+        return part_of(grid.position, unbreakable_nodes, rows, looked(rows))
+
+    return BondSource(area, part, looked, counts)
 
 
 def _limits(model: Model) -> Limit:

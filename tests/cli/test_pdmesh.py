@@ -141,7 +141,7 @@ def test_a_large_plate_is_said_to_be_in_metres(
 def test_info(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["build", DURAN, "-q"]) == 0
     found = said(capsys, "info", "duran50.json")
-    assert (found["nodes"], found["bonds_cut_by_cracks"], found["steps"]) == (2732, 2000, 1700)
+    assert (found["nodes"], found["bonds_cut_by_cracks"], found["steps"]) == (2732, 1796, 1700)
     assert found["area_of_nodes"] == pytest.approx(found["area_of_shape"], rel=1e-10)
     assert main(["info", "duran50.json"]) == 0
     assert "load 'top': 204 nodes" in capsys.readouterr().out
@@ -223,6 +223,7 @@ REFUSED = {
     "horizon of a script": (["build", SCRIPT, "--trust", "--set", "horizon=1e18"], "horizon is 1e+18"),
     "crack of words": (["build", DURAN, "--crack", "a,b,c,d"], "'a,b,c,d'"),
     "crack along the edge": (["build", DURAN, "--crack", "0,0.02,0.05,0.02"], "along the plate's edge from"),
+    "refine farther than the plate": (["build", DURAN, "--refine", "crack:4000"], "crack: distance is 4000 m; use"),
     "refine what": (["build", DURAN, "--refine", "edge:1"], "'edge:1'"),
     "refine how far": (["build", DURAN, "--refine", "crack"], "'crack'"),
     "refine no hole": (["build", DURAN, "--refine", "hole:1e-3"], "refine hole: the scene has none"),

@@ -308,6 +308,7 @@ def test_a_locked_file(
         (["crack", "--step", "61"], naming("--step", found="61", expected=("0", "60"))),
         (["crack", "--compare", "none.sqlite"], naming("none.sqlite", found="no such file")),
         (["crack", "--set", "cracked=2"], naming("--set", "cracked=2", expected=("cracked=", "0"))),
+        (["crack", "--set", "craked=0.3"], naming("--set", found="craked", expected="cracked")),
         (["balance", "--set", "nothing=2"], naming("nothing", "--set", found=("matplotlib", "setting"))),
         (["balance", "-o", "x.foo"], naming("x.foo", found="suffix '.foo'")),
     ],

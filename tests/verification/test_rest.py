@@ -134,7 +134,7 @@ def like_the_continuum(model: Model) -> BondSource:
         found = whole.part(rows)
         return found._replace(bonds=found.bonds._replace(stiffness=found.bonds.stiffness / c11))
 
-    return BondSource(whole.area, part)
+    return whole._replace(part=part)
 
 
 CORRECTED = CONSERVATIVE._replace(fill=like_the_continuum)

@@ -159,9 +159,35 @@ def test_strengths_are_those_of_each_body() -> None:
     assert beside.strength / fine.strength == pytest.approx(2 * 2**0.5)
     load = Load(name="pull", box=(77e-3, -1, 0.09, 1), traction=(1e6, 0.0))
     (said,) = remarks(grid, msgspec.structs.replace(settings, conditions=(load,)))
-    assert said.startswith("nodes of 0.002 m have 0.71 of the strength of those of 0.001 m")
+    assert said.startswith("nodes of 0.002 m of body 'plate' have 0.71 of the strength of those of 0.001 m")
     rigid = dataclasses.replace(grid, bodies=grid.bodies._replace(rigid=(1,)))
     assert [zone.body for zone in zone_strengths(rigid, settings, "conservative")] == ["plate", "plate"]
+
+
+def test_each_body_is_warned_of_with_its_own_weakest_zone() -> None:
+    """The chip has a zone of twice its finest spacing, the plate one of four times; each is pulled alone, and both."""
+    grid = with_a_finer_body_beside()
+    assert grid.bodies is not None
+    chip = grid.bodies.number == 1
+    delta = grid.delta.copy()
+    delta[chip & (grid.position[:, 0] > np.median(grid.position[chip, 0]))] *= 2
+    delta[~chip & (grid.delta > 1.5e-3)] = 4e-3
+    grid = dataclasses.replace(grid, delta=delta)
+    words = {
+        "plate": "nodes of 0.004 m of body 'plate' have 0.5 of the strength of those of 0.001 m",
+        "chip": f"nodes of {delta[chip].max():g} m of body 'chip' have 0.71 of the strength of those of"
+        f" {delta[chip].min():g} m",
+    }
+    for names in (["plate"], ["chip"], ["plate", "chip"]):
+        loads = tuple(
+            Load(name=f"pull {name}", nodes=tuple(grid.ids[chip == (name == "chip")].tolist()), traction=(1e6, 0.0))
+            for name in names
+        )
+        said = list(remarks(grid, plate(grid, 3.0, material=GLASS, conditions=loads).settings))
+        assert len(said) == len(names)
+        for warning, name in zip(said, names, strict=True):
+            assert warning.startswith(words[name])
+            assert f"and 'pull {name}' acts on" in warning
 
 
 def test_a_window_knows_the_finest_spacing_of_all() -> None:

@@ -2,13 +2,18 @@
 
 from __future__ import annotations
 
+import msgspec
 import numpy as np
 import pytest
 from matplotlib.collections import PolyCollection
 from matplotlib.figure import Figure
 from plates import square_grid
 
+from pdmesh import Scene
+from pdmesh.grid.lattice import build_grid
 from pdmesh.model.document import Displacement, Load
+from pdmesh.model.node_grid import Grid
+from pdmesh.model.selection import selected
 from pdmesh.reports.load_arrows import symbols, total
 
 GRID = square_grid(21, 11)  # 20 x 10 mm
@@ -35,6 +40,31 @@ def test_arrows_of_a_pull_begin_at_its_nodes_and_those_of_a_push_end_there(pull:
     assert np.abs(found[:, 4, 1] - found[:, 2, 1]) == pytest.approx(0.2 * 1.6)
     assert np.abs(found[:, 5, 1] - found[:, 1, 1]) == pytest.approx(0.05 * 1.6)
     assert np.unique(found[:, 3, 1].round(9)) == pytest.approx(np.unique(GRID.position[RIGHT, 1]) * 1e3)
+
+
+def test_arrows_of_one_traction_have_one_length_on_cells_of_several_sizes(plate: Scene) -> None:
+    """An edge that a fine zone meets, and one whose traction grows along it."""
+    plate = plate.crack([(0, 0.0105), (0.01, 0.0105)]).refine("crack", 2e-3).load("left", traction=(-1e6, 0))
+    grid, settings, _ = build_grid(plate)
+    (load,) = settings.conditions
+    assert isinstance(load, Load)
+    rows = np.flatnonzero(selected(grid, load.nodes, load.box))
+    assert len(np.unique(grid.delta[rows])) == 2
+    even, growing = (
+        lengths(msgspec.structs.replace(load, traction=(pull, 0.0)), grid, rows) for pull in (-1e6, "1e8 * y")
+    )
+    assert even == pytest.approx(0.08 * 40)
+    assert growing.max() == pytest.approx(0.08 * 40)
+    assert growing.min() < 0.05 * growing.max()
+
+
+def lengths(load: Load, grid: Grid, rows: np.ndarray) -> np.ndarray:
+    """The lengths, mm, of the arrows of a load along x."""
+    axes = Figure().add_subplot()
+    symbols(axes, load, grid, rows, "#d55e00")
+    (arrows,) = axes.collections
+    corners = np.array([path.vertices[:7] for path in arrows.get_paths()])
+    return np.abs(corners[:, 3, 0] - corners[:, 0, 0])
 
 
 def test_at_most_twelve_arrows_evenly_along_an_edge() -> None:

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import dataclasses
 from pathlib import Path
 
+import msgspec
 import pytest
 from messages import naming
 
@@ -12,6 +14,7 @@ from pdmesh.grid.bodies import build_body
 from pdmesh.grid.lattice import build_grid
 from pdmesh.model.node_grid import document_of
 from pdmesh.reports.preview import draw, save
+from pdmesh.reports.report import info
 from pdmesh.reports.style import marker
 from pdmesh.scene.solids import brick
 
@@ -49,6 +52,20 @@ def test_bonds_around_a_crack(scene: Scene) -> None:
     assert intact.endswith(" bonds")
     assert cut.endswith(" bonds cut by a crack")
     assert int(cut.split()[0]) > 50
+
+
+@pytest.mark.parametrize("micromodulus", ["conical", "constant"])
+def test_bonds_drawn_are_those_of_the_run(micromodulus: str, scene: Scene, monkeypatch: pytest.MonkeyPatch) -> None:
+    """In a window as large as the plate all bonds are drawn, and as many are cut as `info` says."""
+    monkeypatch.setattr("pdmesh.reports.preview.WINDOW", 1e3)
+    material = msgspec.structs.replace(scene.material, micromodulus=micromodulus)
+    scene = dataclasses.replace(scene, material=material)
+    grid, settings, _ = build_grid(scene)
+    found = info(document_of(grid, settings), "plate.json")
+    assert labels(scene, with_bonds=True)[:2] == [
+        f"{found['bonds']} bonds",
+        f"{found['bonds_cut_by_cracks']} bonds cut by a crack",
+    ]
 
 
 def test_bonds_without_a_crack_or_hole(plate: Scene) -> None:

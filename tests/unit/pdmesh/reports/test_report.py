@@ -19,7 +19,9 @@ from pdmesh.model.node_grid import document_of
 from pdmesh.reports.bonds_and_step import SURFACES, count, stable_step
 from pdmesh.reports.report import info, info_lines, plan, plan_lines
 from pdsolve.model import Model
+from pdsolve.options import Options
 from pdsolve.run.estimate import estimate_run as planned
+from pdsolve.run.prepare import prepare
 
 
 def document(scene: Scene) -> Document:
@@ -39,6 +41,29 @@ def test_why_a_model_is_refused_is_said_with_its_counts() -> None:
     found = info(document(pulled.pin(0.01, 0.0)), "x")
     assert found["refused"].startswith("$.conditions: the whole plate around (0.01, 0.005) m (node 1) can turn")
     assert any(found["refused"] in line for line in info_lines(found))
+
+
+def test_cut_bonds_are_those_of_the_run(plate: Scene) -> None:
+    """To the bond: conical ones as long as a horizon have no stiffness, and two spacings meet at the crack's tip."""
+    scene = plate.crack([(0, 0.0105), (0.0202, 0.0105)]).refine("crack", 2e-3)
+    scene = replace(scene, material=msgspec.structs.replace(GLASS, micromodulus="conical"))
+    grid, settings, _ = build_grid(scene)
+    for mode in ("thesis", "conservative"):
+        system = prepare(Model(grid, settings), Options(mode)).system
+        found = info(document_of(grid, settings), "plate.json", mode)
+        assert found["bonds"] == pair_count(system.bonds)
+        assert found["bonds_cut_by_cracks"] == pair_count(int((system.family - system.count).sum()))
+    assert found["bonds_cut_by_cracks"] != pair_count(count(grid, settings.horizon.ratio)[1])
+
+
+def test_a_path_has_no_time_step(plate: Scene) -> None:
+    """Its steps are not those of a time, so that none is named."""
+    soft = msgspec.structs.replace(GLASS, law="cohesive", f_t=3e6, shape="bilinear", micromodulus="constant")
+    run = Run(solver="static", static=Static())
+    scene = replace(plate.fix("bottom").fix("top", y=1e-5, profile=ramp(1)), run=run, material=soft)
+    lines = info_lines(info(document(scene), "plate.json"))
+    assert any(line.startswith("at rest: about ") and line.endswith(" along the equilibrium path") for line in lines)
+    assert not any(line.startswith("time step") for line in plan_lines(plan(scene)))
 
 
 def count_of(grid: Any, row: int) -> int:
@@ -187,7 +212,10 @@ def test_a_plan_at_rest_has_the_same_load_steps_on_one_scale(plate: Scene) -> No
     found = plan(replace(plate.fix("bottom").fix("top", y=1e-5, profile=ramp(1)), run=run))
     assert (found["scene"]["steps"], found["one_scale"]["steps"]) == (7, 7)
     assert found["scene"]["at_rest"]
-    assert "breaks" in plan_lines(found)[-1]
+    lines = plan_lines(found)
+    assert "breaks" in lines[-1]
+    assert not any(line.startswith("smallest stable step") for line in lines)
+    assert any(line.startswith("time step") for line in lines)
     assert "breaks" not in "".join(plan_lines(plan(plate)))
 
 

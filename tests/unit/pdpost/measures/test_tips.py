@@ -7,8 +7,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from drawn import at_steps, lattice, run
+from matplotlib.collections import LineCollection
+from matplotlib.colors import to_hex
 from mirrors import mirrored
 
+from pdpost.figures.charts import look
+from pdpost.figures.crack_figure import crack
+from pdpost.measures import crack_summary
+from pdpost.measures.tip_surroundings import tip_histories
 from pdpost.measures.tips import Branch, crack_branches, find_forks
 from pdsolve.results import Nodes
 
@@ -338,3 +344,24 @@ def test_time_never_falls_along_a_branch(seed: int) -> None:
         if stems:
             assert branch.time[0] >= min(stem.time[-1] for stem in stems) - 1e-15
         assert np.hypot(*branch.direction.T) == pytest.approx(1.0)
+
+
+def test_branches_have_one_order_of_colours() -> None:
+    """Those of `crack` and `sif` with one number have one colour, which the legend of `crack` names."""
+    glass = '{"material": {"E": 65e9, "rho": 2235, "G0": 204}, "horizon": {"ratio": 3}}'
+    results = run(lattice(40, 40), fork(), model=glass)
+    last = int(results.breaks().step.max())
+    branches, tips = crack_branches(results), tip_histories(results, last)
+    assert len(branches) == 3
+    assert [(tip.name, tip.number) for tip in tips[:3]] == [(f"branch {number}", number) for number in range(3)]
+    assert all(np.array_equal(tip.branch.place, branch.place) for tip, branch in zip(tips, branches, strict=False))
+    figure = crack(results, crack_summary.crack(results, last))
+    (legend,) = figure.legends
+    colour_of = {key.get_label(): key.get_color() for key in legend.legend_handles}
+    assert colour_of == {f"branch {number}": look(number)["color"] for number in range(3)}
+    ends = {tuple(np.round(branch.place[-1] * 1e3, 6)): number for number, branch in enumerate(branches)}
+    drawn_ways = [way for way in figure.axes[0].collections if isinstance(way, LineCollection) and way.get_segments()]
+    colours = {tuple(np.round(way.get_segments()[-1][-1], 6)): to_hex(way.get_color()[0]) for way in drawn_ways}
+    assert {ends[end]: colour for end, colour in colours.items() if end in ends} == {
+        number: to_hex(look(number)["color"]) for number in range(3)
+    }
