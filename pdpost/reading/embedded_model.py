@@ -84,7 +84,7 @@ def whole(results: Results) -> dict[str, Any]:
     except (ValueError, RecursionError) as error:
         raise ResultsError(f"{results.name} has no model to read ({error}); use results with a grid file") from None
     if not (model.get("medium") or model.get("material")):
-        raise ResultsError(f"{results.name}: model: neither $.material nor $.medium is there; use the file of a run")
+        raise ResultsError(f"{results.name}: model: $.material and $.medium are missing; use the file of a run")
     return model
 
 

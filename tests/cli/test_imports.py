@@ -30,6 +30,9 @@ class Row(NamedTuple):
 
 
 GROUND = (
+    "pdmesh.background_thread",
+    "pdmesh.messages",
+    "pdmesh.quantities",
     "pdmesh.spelling",
     "pdmesh.commandline",
     "pdmesh.compiled_watch",

@@ -84,7 +84,7 @@ for kernel in ("blocks", "listed"):
     problem = prepared(kernel)
     random = np.random.default_rng(3)
     problem.state.value[:] = 3e-7 * random.standard_normal(problem.state.value.shape)
-    problem.state.rate[:] = 3 * random.standard_normal(problem.state.value.shape)
+    problem.state.rate[:] = 5 * random.standard_normal(problem.state.value.shape)
     problem.march(1, 5)
     problem.march(5, 30)
     operator = problem.system.operator
@@ -110,7 +110,7 @@ print(json.dumps(counts | {"apart": apart, "breaks": gone == expected, "same": s
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("precision", "tight"), [("float64", 1e-12), ("float32", 3e-4)])  # measured 2.3e-13, 8.4e-5
+@pytest.mark.parametrize(("precision", "tight"), [("float64", 1e-12), ("float32", 3e-4)])  # measured 1.9e-13, 1.0e-4
 def test_a_law_that_is_curved_and_softens(precision: str, tight: float, tmp_path: Path) -> None:
     """Steps from random displacements: states, energies, what bonds remember, tangents, and what is restored."""
     for name, text in (("curved.py", LAW), ("run.py", RUN)):
@@ -123,6 +123,6 @@ def test_a_law_that_is_curved_and_softens(precision: str, tight: float, tmp_path
     found = json.loads(ran.stdout)
     assert found["breaks"]
     assert found["same"]
-    assert found["broken"] > 0  # measured 14
-    assert found["softened"] > 1000  # measured 1910
+    assert found["broken"] > 0  # measured 130
+    assert found["softened"] > 1000  # measured 4258
     assert max(found["apart"]) < tight

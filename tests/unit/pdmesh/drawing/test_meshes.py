@@ -77,7 +77,7 @@ def test_cells_become_nodes(tmp_path: Path) -> None:
     (load,) = settings.conditions
     assert isinstance(load, Load)
     assert load.length == pytest.approx(8e-3)
-    assert len(load.nodes or ()) == 4 + 2 * 4
+    assert len(load.nodes or ()) == 20  # as deep as a horizon
     assert notes == ("group 'glass': no material of its own (--set Materials/glass/E=... gives one)",)
 
 
