@@ -1,7 +1,7 @@
 """Explicit bond-based peridynamics with fracture: input is a node grid, output an SQLite database of results.
 
 For scripts: `read_model` reads a grid file with settings, `simulate` solves it; `read_study` and `solve_study` do so
-for many runs; `estimate_run` and `plan_study` estimate the cost.
+for many runs; `estimate_run` and `plan_study` estimate the cost; `bond_pairs` lists the bonds of a run.
 """
 
 from typing import TYPE_CHECKING
@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from pdsolve.run.estimate import Plan, estimate_run, estimate_size
     from pdsolve.run.progress import Watch
     from pdsolve.run.simulation import resume, simulate
+    from pdsolve.schemes import bond_pairs
     from pdsolve.study.description import Study, StudyError, read_study
     from pdsolve.study.dispatch import Crew, solve_study
     from pdsolve.study.plan import plan_study, study_plan_lines
@@ -37,6 +38,7 @@ else:
             "StudyWatch": "pdsolve.study.progress",
             "UnstableError": "pdsolve.errors",
             "Watch": "pdsolve.run.progress",
+            "bond_pairs": "pdsolve.schemes",
             "estimate_run": "pdsolve.run.estimate",
             "estimate_size": "pdsolve.run.estimate",
             "plan_study": "pdsolve.study.plan",
@@ -63,6 +65,7 @@ __all__ = [
     "StudyWatch",
     "UnstableError",
     "Watch",
+    "bond_pairs",
     "estimate_run",
     "estimate_size",
     "plan_study",

@@ -5,8 +5,8 @@ What the solver refuses, such as a grid without a material, has all pairs within
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from typing import TYPE_CHECKING, NamedTuple
+from collections.abc import Callable, Iterator
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,9 +14,6 @@ from numpy.typing import NDArray
 from pdmesh.model.document import Settings
 from pdmesh.model.node_grid import Grid
 from pdmesh.reports.bonds_and_step import CHUNK, bonds
-
-if TYPE_CHECKING:
-    from pdsolve.bonds.assembly import BondSource
 
 
 class DirectedBonds(NamedTuple):
@@ -29,22 +26,21 @@ class DirectedBonds(NamedTuple):
 
 def bonds_of_run(grid: Grid, settings: Settings, name: str, rows: NDArray[np.int64]) -> Iterator[DirectedBonds]:
     """Bonds of the nodes in `rows`, which increase, in the conservative mode, a chunk of nodes at a time."""
-    source = None if settings.material is None else _bond_source(grid, settings, name)
-    if source is None:
+    pairs_of = None if settings.material is None else _pairs_of_run(grid, settings, name)
+    if pairs_of is None:
         for part in bonds(grid, settings.horizon.ratio, rows):
             yield DirectedBonds(part.source[part.inside], part.target[part.inside], ~part.cut[part.inside])
         return
     for start in range(0, len(rows), CHUNK):
-        paired = source.looked(rows[start : start + CHUNK])
-        yield DirectedBonds(paired.pairs.source, paired.pairs.target, paired.intact)
+        pairs, intact, *_ = pairs_of(rows[start : start + CHUNK])
+        yield DirectedBonds(pairs.source, pairs.target, intact)
 
 
-def _bond_source(grid: Grid, settings: Settings, name: str) -> BondSource | None:
-    """How the solver makes the bonds of the model called `name`; None if it refuses the model."""
-    from pdsolve.model import Model, ModelError
-    from pdsolve.schemes import SCHEMES
+def _pairs_of_run(grid: Grid, settings: Settings, name: str) -> Callable[[NDArray[np.int64]], Any] | None:
+    """How the solver lists the bonds of the model called `name`; None if it refuses the model."""
+    from pdsolve import Model, ModelError, bond_pairs
 
     try:
-        return SCHEMES["conservative"].fill(Model(grid, settings, name))
+        return bond_pairs(Model(grid, settings, name))
     except ModelError:
         return None

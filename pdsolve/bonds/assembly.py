@@ -71,7 +71,7 @@ class BondSource(NamedTuple):
 
     area: NDArray[np.float64]  # (n,) m^2
     part: Callable[[NDArray[np.int64]], Part]  # the bonds of these consecutive rows
-    looked: Callable[[NDArray[np.int64]], Paired]  # the pairs of these rows, which increase, cut ones included
+    pairs: Callable[[NDArray[np.int64]], Paired]  # of these rows, which increase; cut ones included
     strength: Callable[[Pairs], NDArray[np.float64]] | None = None  # how weights and stiffness of bonds (b,) compare
     # that are as long as the pairs say; None where they do not go round cracks
 

@@ -2,8 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import NDArray
+
 from pdmesh.model.materials import KINDS
-from pdsolve.bonds.assembly import BondSource
+from pdsolve.bonds.assembly import BondSource, Paired
 from pdsolve.model import Model, ModelError
 from pdsolve.schemes import average_horizon, families, one_sided
 from pdsolve.schemes.gripped_edges import gripped
@@ -68,3 +73,30 @@ SCHEMES: dict[str, Scheme] = {
         ),
     )
 }
+
+
+def bond_pairs(model: Model) -> Callable[[NDArray[np.int64]], Paired]:
+    """How to list the directed bonds of some nodes, as a run in the conservative mode has them.
+
+    Parameters
+    ----------
+    model : Model
+        The grid and its settings, with a material.
+
+    Returns
+    -------
+    Callable
+        Takes rows of nodes, (k,), which increase; returns the pairs of those nodes and their neighbours: those that
+        a pre-crack cuts, which are not intact, too.
+
+    Raises
+    ------
+    ModelError
+        For a model that the scheme cannot make bonds of.
+
+    Examples
+    --------
+    >>> pairs, intact, *_ = bond_pairs(model)(np.arange(len(model.grid)))
+    >>> cut = np.count_nonzero(~intact) // 2
+    """
+    return SCHEMES["conservative"].fill(model).pairs

@@ -149,7 +149,7 @@ def fill(model: Model, corrections: Corrections = ALL) -> BondSource:
     """Average-horizon bonds of the model. Raises GridError for an outline that encloses nothing."""
     rule, nodes, d = Rule(model, corrections), len(model.grid), model.grid.dimension
 
-    def looked(rows: NDArray[np.int64]) -> Paired:
+    def paired_of(rows: NDArray[np.int64]) -> Paired:
         return rule.looked(rule.neighbours.pairs(rows))
 
     @cache
@@ -157,7 +157,7 @@ def fill(model: Model, corrections: Corrections = ALL) -> BondSource:
         """Corrections of all nodes, and all pairs where they are so few as to be found in one go."""
         lack, together = np.ones((nodes, d)), None
         for rows in row_chunks(nodes) if corrections.surfaces else ():
-            paired = looked(rows)
+            paired = paired_of(rows)
             lack[rows] = rule.lack(rows, paired)
             together = paired if len(rows) == nodes else None
         return inside_edges(lack, model, rule.farthest), together
@@ -165,9 +165,9 @@ def fill(model: Model, corrections: Corrections = ALL) -> BondSource:
     def part(rows: NDArray[np.int64]) -> Part:
         lack, together = surfaces()
         paired = together if len(rows) == nodes else None
-        return rule.part(rows, paired or looked(rows), lack)
+        return rule.part(rows, paired or paired_of(rows), lack)
 
-    return BondSource(rule.area, part, looked, rule.strength)
+    return BondSource(rule.area, part, paired_of, rule.strength)
 
 
 def _mean_of_ends(

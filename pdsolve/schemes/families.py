@@ -115,7 +115,7 @@ def filled(model: Model, limits: Limit) -> BondSource:
         reach = (horizon[i] + horizon[j]) / 2
         return _counts(first, model.settings.horizon.ratio, length, reach, grid.delta[i], grid.delta[j])
 
-    def looked(rows: NDArray[np.int64]) -> Paired:
+    def paired_of(rows: NDArray[np.int64]) -> Paired:
         pairs = neighbours.pairs(rows)
         pairs = chosen(pairs, counts(pairs) > ROUND_OFF)
         pairs = chosen(pairs, sight.inside(pairs))
@@ -127,9 +127,9 @@ def filled(model: Model, limits: Limit) -> BondSource:
         return Paired(pairs, weight > ROUND_OFF, nothing, limit, limit, weight * area[pairs.target])
 
     def part(rows: NDArray[np.int64]) -> Part:
-        return part_of(grid.position, unbreakable_nodes, rows, looked(rows))
+        return part_of(grid.position, unbreakable_nodes, rows, paired_of(rows))
 
-    return BondSource(area, part, looked, counts)
+    return BondSource(area, part, paired_of, counts)
 
 
 def _limits(model: Model) -> Limit:

@@ -62,15 +62,15 @@ def fill(model: Model) -> BondSource:
     """One-sided bonds of the model. Raises GridError for an outline that encloses nothing."""
     rule, lack = Rule(model), np.zeros(len(model.grid))
 
-    def looked(rows: NDArray[np.int64]) -> Paired:
+    def paired_of(rows: NDArray[np.int64]) -> Paired:
         return rule.looked(rule.neighbours.pairs(rows))
 
     def part(rows: NDArray[np.int64]) -> Part:
-        paired = looked(rows)
+        paired = paired_of(rows)
         lack[rows] = rule.lack(rows, paired)
         return rule.part(rows, paired, lack)
 
-    return BondSource(rule.area, part, looked)
+    return BondSource(rule.area, part, paired_of)
 
 
 def softening(full: int, actual: NDArray[np.int64]) -> NDArray[np.float64]:
