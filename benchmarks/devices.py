@@ -137,7 +137,7 @@ def measured(name: str, device: str) -> list[dict[str, Any]]:
             for k in range(ROUNDS + 1)
         ]
         own, other = (min(column) for column in zip(*times[1:], strict=True))  # the first compiles
-        bonds, nodes = float(here.system.bonds), len(model.grid)
+        bonds, nodes = float(here.system.directed_bond_count), len(model.grid)
         bandwidth, operations = roofline(session, precision, clock)
         each = taken(model.grid.dimension, precision, bonds / nodes)
         row = {"model": name, "nodes": nodes, "precision": precision, "device": session.about.words}

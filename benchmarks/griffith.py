@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from pdmesh.model.domain_integrals import Found
+from pdmesh.model.domain_integrals import FractureParameters
 from pdmesh.model.tip_fields import Elastic
 
 
@@ -36,10 +36,12 @@ class Griffith(NamedTuple):
         return np.array([[x, y], [-y, x]])
 
     @property
-    def tip(self) -> Found:
+    def tip(self) -> FractureParameters:
         """What its tip feels."""
         K2, K1 = (np.sqrt(np.pi) * self.far[1]).tolist()
-        return Found((K1**2 + K2**2) / self.plate.effective, K1, K2, float(self.far[0, 0] - self.far[1, 1]))
+        return FractureParameters(
+            (K1**2 + K2**2) / self.plate.effective_modulus, K1, K2, float(self.far[0, 0] - self.far[1, 1])
+        )
 
     def displacement(self, position: NDArray[np.float64]) -> NDArray[np.float64]:
         """Displacements (n, 2) at places (n, 2): 2 G (u + i v) = kappa phi - conj(omega) - (z - conj(z)) conj(phi')

@@ -141,7 +141,7 @@ def measured(ranks: Team, nodes: int) -> dict[str, Any]:
         "exchange_share": float(swaps.min()) / on_ranks,
         "same_bits": same,
         "memory": memory,
-        "bonds_per_second": many.system.bonds / on_ranks,
+        "bonds_per_second": many.system.directed_bond_count / on_ranks,
     }
 
 

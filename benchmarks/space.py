@@ -91,7 +91,7 @@ def measured(side: int, names: list[str]) -> dict[str, Any]:
     step = least({name: lambda problem=problem: problem.march(1, 2) for name, problem in takes.items()})
     assert not any(len(problem.system.operator.broken().step) for problem in problems.values())
     operators = {name: problem.system.operator.bytes() / nodes for name, problem in problems.items()}  # type: ignore[attr-defined]
-    bonds = problems["tiles, float64"].system.bonds / nodes
+    bonds = problems["tiles, float64"].system.directed_bond_count / nodes
     del problems, takes
     options = {name: VARIANTS[name] for name in names if "threads" not in name}
     preparing = least({name: lambda of=of: prepare(model, of) for name, of in options.items()})
@@ -111,7 +111,7 @@ def ordinary(side: int) -> dict[str, Any]:
         problems[name] = shaken(model, VARIANTS[name])
     step = least({name: lambda problem=problem: problem.march(1, 2) for name, problem in problems.items()})
     assert not any(len(problem.system.operator.broken().step) for problem in problems.values())
-    bonds = problems["tiles, float64"].system.bonds / side**3
+    bonds = problems["tiles, float64"].system.directed_bond_count / side**3
     return {
         "nodes": side**3,
         "bonds a node": bonds,

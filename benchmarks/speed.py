@@ -177,7 +177,7 @@ def measure(name: str, grid: Grid, law: str, mode: str, rounds: int, threads: in
     seconds = interleaved(variants, rounds)
     system = made["blocks float64"].system
     assert not len(system.operator.broken().step), "a bond broke: this is not the intact cost"
-    bonds = system.bonds
+    bonds = system.directed_bond_count
     ns = {key: 1e9 * value / bonds for key, value in seconds.items()}
     return {"grid": name, "nodes": len(grid), "bonds": bonds, "law": law, "mode": mode, "ns": ns, "ratios": ratios(ns)}
 
@@ -223,7 +223,7 @@ def growing(model: Model, mode: str, rounds: int) -> dict[str, Any]:
                 began = time.perf_counter()
                 problem.march(1, steps + 1)
                 seconds = time.perf_counter() - began
-            best[name] = min(best.get(name, np.inf), seconds / steps / problem.system.bonds * 1e9)
+            best[name] = min(best.get(name, np.inf), seconds / steps / problem.system.directed_bond_count * 1e9)
     ratios = {
         "growing / intact": best["growing"] / best["intact"],
         "with frames / without": best["with frames"] / best["growing"],

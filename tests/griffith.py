@@ -12,7 +12,7 @@ from plates import GLASS, plate, square_grid
 from systems import bonds_of, equilibrium
 
 from benchmarks.griffith import Griffith
-from pdmesh.model.domain_integrals import Found, Ring, Sampled, integrals
+from pdmesh.model.domain_integrals import FractureParameters, Ring, Sampled, integrals
 from pdmesh.model.gradients import Stiffness, green, hooke
 from pdmesh.model.material_constants import BONDS_NU
 from pdmesh.model.tip_fields import Elastic
@@ -28,7 +28,7 @@ class Lattice(NamedTuple):
     exact: Griffith
     sampled: Sampled
 
-    def feels(self, inner: float, outer: float) -> Found:
+    def feels(self, inner: float, outer: float) -> FractureParameters:
         """What the tip feels, by a ring."""
         return integrals(self.sampled, self.exact.way, self.exact.way, Ring(inner, outer), self.exact.plate)
 

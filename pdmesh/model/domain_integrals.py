@@ -53,7 +53,7 @@ class Ring(NamedTuple):
     outer: float
 
 
-class Found(NamedTuple):
+class FractureParameters(NamedTuple):
     """J, K1, K2 and the T-stress of a tip."""
 
     J: float  # J/m^2
@@ -77,7 +77,9 @@ def kink(K1: float, K2: float) -> float:
     return float(np.degrees(2 * np.arctan2(-2 * K2, K1 + np.hypot(K1, np.sqrt(8) * K2))))
 
 
-def integrals(at: Sampled, tip: NDArray[np.float64], way: NDArray[np.float64], ring: Ring, plate: Elastic) -> Found:
+def integrals(
+    at: Sampled, tip: NDArray[np.float64], way: NDArray[np.float64], ring: Ring, plate: Elastic
+) -> FractureParameters:
     """Fracture parameters of the tip at a place (2,), m, with the crack arriving along the unit vector `way` (2,)."""
     far = np.hypot(*(at.position - tip).T)
     in_ring = (far < ring.outer) & (far > AT_TIP * ring.outer)
@@ -88,14 +90,14 @@ def integrals(at: Sampled, tip: NDArray[np.float64], way: NDArray[np.float64], r
     z = fields.position[:, 0] + 1j * fields.position[:, 1]
     J = _own(fields, q, slope)
     K1, K2, T = (
-        plate.effective * share * _between(fields, field, q, slope)
+        plate.effective_modulus * share * _between(fields, field, q, slope)
         for field, share in (
             (intensities(z, plate, 1.0, 0.0), 0.5),
             (intensities(z, plate, 0.0, 1.0), 0.5),
             (pushed(z, plate, 1.0), 1.0),
         )
     )
-    return Found(J, K1, K2, T)
+    return FractureParameters(J, K1, K2, T)
 
 
 def weight(places: NDArray[np.float64], ring: Ring) -> tuple[NDArray[np.float64], NDArray[np.float64]]:

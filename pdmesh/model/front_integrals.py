@@ -92,7 +92,7 @@ def front_integrals(at: SampledInSpace, front_place: FrontPlace, tube: Tube, sol
     """J and stress intensities at a point of a front; `solid` is in plane strain."""
     around = _around(at, front_place, tube)
     J = _own(around) / tube.half
-    factors = (solid.effective / 2, solid.effective / 2, solid.shear)
+    factors = (solid.effective_modulus / 2, solid.effective_modulus / 2, solid.shear)
     K1, K2, K3 = (
         factor * _between(around, front_field(around.z, solid, *mode)) / tube.half
         for mode, factor in zip(UNITS.tolist(), factors, strict=True)

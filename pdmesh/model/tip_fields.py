@@ -29,7 +29,7 @@ class Elastic(NamedTuple):
     plane: str  # "stress" or "strain"
 
     @property
-    def effective(self) -> float:
+    def effective_modulus(self) -> float:
         """E' = E in plane stress, E / (1 - nu^2) in plane strain, Pa: J E' = K^2."""
         return self.E if self.plane == "stress" else self.E / (1 - self.nu**2)
 

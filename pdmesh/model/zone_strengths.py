@@ -69,7 +69,7 @@ def zone_strengths(grid: Grid, settings: Settings, mode: str) -> list[ZoneStreng
 
 
 def weakest_zones(grid: Grid, settings: Settings) -> list[ZoneStrength]:
-    """Of each body with zones that are weaker than its finest one, the weakest."""
+    """The weakest zone of each body whose zones differ in strength."""
     if settings.run.adapt != "none" or not any(grid.delta.strides):
         return []
     weakest: dict[str | None, ZoneStrength] = {}

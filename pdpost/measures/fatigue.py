@@ -156,7 +156,7 @@ def tip_growths(
             continue
         begins = series.front.tip_at(0.0)
         place = series.place[known_frames] if begins is None else np.vstack([begins.place, series.place[known_frames]])
-        K = np.sqrt(series.value["J"][known_frames] * series.last.effective)
+        K = np.sqrt(series.value["J"][known_frames] * series.last.effective_modulus)
         way = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(place, axis=0).T))])[-len(known_frames) :]
         least = SETTLED * model.horizon.ratio * float(results.nodes(int(steps[0])).delta.min())
         past_start = way[:-1] >= (least if model.run.cracks == "bonds" else 0.0)

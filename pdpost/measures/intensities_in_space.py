@@ -239,7 +239,7 @@ def _collect_intensities(
             tube_values = [float(getattr(tube, quantity)) for tube in tubes]
             columns[quantity][:, at] = tube_values[1], min(tube_values), max(tube_values)
         _, K1, K2, K3 = tubes[1]
-        of_K[at] = (K1**2 + K2**2) / solid.effective + K3**2 / (2 * solid.shear)
+        of_K[at] = (K1**2 + K2**2) / solid.effective_modulus + K3**2 / (2 * solid.shear)
     value, low, high = ({quantity: column[row] for quantity, column in columns.items()} for row in range(3))
     frames = np.array([front_place.frame for front_place in points.places])
     place, time = (

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from pdmesh.model.output_fields import CRACKED
 from pdpost.measures.cracks import DIRECTIONS
-from pdpost.measures.segments import distances_from_segments
+from pdpost.measures.segments import distances_to_nearest_segment
 from pdpost.measures.tips import crack_branches
 from pdsolve.results import Results
 
@@ -62,7 +62,7 @@ def _mean_and_largest_distance(lines: Sequence[Polyline], others: Sequence[Polyl
     points, weight = _sample_points(lines)
     start = np.concatenate([line[:-1] if len(line) > 1 else line for line in others])
     end = np.concatenate([line[1:] if len(line) > 1 else line for line in others])
-    nearest = distances_from_segments(points, start, end)
+    nearest = distances_to_nearest_segment(points, start, end)
     return float(np.average(nearest, weights=weight)), float(nearest.max())
 
 

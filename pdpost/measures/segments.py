@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 BLOCK = 256  # points at a time, so that memory stays small
 
 
-def distances_from_segments(
+def distances_to_nearest_segment(
     points: NDArray[np.float64], start: NDArray[np.float64], end: NDArray[np.float64]
 ) -> NDArray[np.float64]:
     """Distances (n,) of points (n, 2) from the nearest segment from `start` (k, 2) to `end` (k, 2), m."""

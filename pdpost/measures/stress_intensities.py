@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pdmesh.model.document import Horizon, Material
-from pdmesh.model.domain_integrals import Found, Motion, Ring, Sampled, integrals
+from pdmesh.model.domain_integrals import FractureParameters, Motion, Ring, Sampled, integrals
 from pdmesh.model.gradients import green
 from pdmesh.model.tip_fields import Elastic
 from pdpost.measures import fields
@@ -40,9 +40,9 @@ class RingIntegrals(NamedTuple):
 
     tip: Tip
     rings: tuple[Ring, ...]
-    ring_integrals: tuple[Found, ...]
-    effective: float  # Pa, E' of the plate there: E, or E / (1 - nu^2) in plane strain
-    flows: bool  # whether nodes of the plate have yielded: only J has a meaning then
+    ring_integrals: tuple[FractureParameters, ...]
+    effective_modulus: float  # Pa, E' of the plate there: E, or E / (1 - nu^2) in plane strain
+    has_yielded: bool  # whether nodes of the plate have yielded: only J has a meaning then
 
 
 class IntensityHistory(NamedTuple):
@@ -137,7 +137,7 @@ class FrameFields:
         every, near = elastic_constants(self._results, step), nearest_node(nodes, tip.place)
         elastic = Elastic(float(every.E[near]), float(every.nu[near]), every.plane)
         ring_integrals = tuple(integrals(self._sampled, tip.place, tip.way, ring, elastic) for ring in rings)
-        return RingIntegrals(tip, rings, ring_integrals, elastic.effective, self._sampled.work is not None)
+        return RingIntegrals(tip, rings, ring_integrals, elastic.effective_modulus, self._sampled.work is not None)
 
     def _sample_fields(self, step: int) -> Sampled:
         results, nodes = self._results, self._results.nodes(step)
@@ -215,10 +215,10 @@ def _collect_history(
         if rings is None:
             continue
         places[at] = rings.tip.place
-        for name in NAMES[:1] if rings.flows else NAMES:
+        for name in NAMES[:1] if rings.has_yielded else NAMES:
             ring_values = [float(getattr(integral, name)) for integral in rings.ring_integrals]
             columns[name][:, at] = ring_values[1], min(ring_values), max(ring_values)
-        of_K[at] = (columns["K1"][0, at] ** 2 + columns["K2"][0, at] ** 2) / rings.effective
+        of_K[at] = (columns["K1"][0, at] ** 2 + columns["K2"][0, at] ** 2) / rings.effective_modulus
     value, low, high = ({name: column[row] for name, column in columns.items()} for row in range(3))
     last = next((rings for rings in reversed(frame_integrals) if rings is not None), None)
     return IntensityHistory(front, steps, np.asarray(steps * time_step), places, value, low, high, last, refused, of_K)

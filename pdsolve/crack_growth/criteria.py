@@ -52,7 +52,9 @@ def by_intensity(
     share = hoop / toughness if np.isfinite(hoop) else 0.0
     total_intensity = np.hypot(parameters.K1, parameters.K2)
     released = (
-        hoop / total_intensity * np.sqrt(max(parameters.J, 0.0) * plate.effective) if total_intensity > 0 else 0.0
+        hoop / total_intensity * np.sqrt(max(parameters.J, 0.0) * plate.effective_modulus)
+        if total_intensity > 0
+        else 0.0
     )
     angles = (float(turn),) if np.isfinite(turn) else ()
     return Verdict(float(share), angles, parameters.K1, parameters.K2, float(released))
@@ -64,7 +66,7 @@ def by_release(
     """Decide by J, which a ring too narrow for the size of intensities also gives, against a toughness, Pa m^0.5; the
     angle is that of their ratio."""
     parameters = integrals(at, tip, way, ring, plate)
-    released = float(np.sqrt(max(parameters.J, 0.0) * plate.effective))
+    released = float(np.sqrt(max(parameters.J, 0.0) * plate.effective_modulus))
     turn = float(np.radians(kink(parameters.K1, parameters.K2)))
     return Verdict(released / toughness, (turn if np.isfinite(turn) else 0.0,), released=released)
 

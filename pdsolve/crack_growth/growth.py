@@ -79,7 +79,7 @@ class Growth:
         """Let cracks grow from a state, as of `step`; returns whether any did."""
         judged = self.judge_tips(state)
         due = [(tip, verdict) for tip, verdict in judged if verdict.share >= 1]
-        new = self.lengthen_tips(due, state, step)
+        new = self.add_crack_particles(due, state, step)
         if new and self.every is None:
             self._watch(max(verdict.share for _, verdict in judged), new, step)
         return new > 0
@@ -89,13 +89,13 @@ class Growth:
         tips = self.tips()
         return [(tip, self.judge(tip, tips, state)) for tip in tips]
 
-    def lengthen_tips(
-        self, tips: list[tuple[Tip, Verdict]], state: State, step: int, particle_share: float = 1.0
+    def add_crack_particles(
+        self, judged_tips: list[tuple[Tip, Verdict]], state: State, step: int, particle_share: float = 1.0
     ) -> int:
         """Let these tips grow by a particle each, of that share of its length, and cut the bonds; returns the number of
         new particles."""
         before = len(self.particles.place)
-        for tip, verdict in tips:
+        for tip, verdict in judged_tips:
             self._grow(tip, verdict, step, particle_share)
         new = len(self.particles.place) - before
         if new:
@@ -112,7 +112,7 @@ class Growth:
         """What the stress intensity of a tip must reach, Pa m^0.5."""
         row = self._near.nearest(tip.place)
         plate, G0 = self._near.plate(row), self._model.materials[self._model.material_of[row]].G0
-        return self.rules.toughness or float(np.sqrt(plate.effective * G0))
+        return self.rules.toughness or float(np.sqrt(plate.effective_modulus * G0))
 
     def judge(self, tip: Tip, tips: list[Tip], state: State) -> Verdict:
         """Decide about a tip, one of all `tips`, in a state."""

@@ -41,19 +41,19 @@ class CellSplitting:
     def change_nodes(self, system: System, state: State, step: int) -> NodeChange | None:
         """Split and merge cells after `step`; None if all stay."""
         operator, wanted = leaf_operator(system), self.settings
-        energy, before = operator.energies(state)[0], PastBonds(operator.list, operator.steps())
+        energy, before = operator.energies(state)[0], PastBonds(operator.list, operator.break_steps())
         if wanted.by == "energy":
             height = criteria.energy_shares(self.tree, operator.cells, energy, self._critical)
         else:
             height = criteria.relative_stretches(self.tree, operator.cells, operator.list, before.broken, state.value)
         model = system.model
         look = criteria.LeafStates(operator.cells, model.grid.position, model.horizons, height, before.hurt)
-        operator.memory = operator.memory._replace(
-            calm=np.where(look.height < wanted.merge, operator.memory.calm + 1, 0)
+        operator.history = operator.history._replace(
+            calm_checks=np.where(look.height < wanted.merge, operator.history.calm_checks + 1, 0)
         )
         splits = criteria.mask_leaves_to_split(self.tree, look, wanted.threshold)
         merged = criteria.list_cells_to_merge(
-            self.tree, look, operator.memory.calm >= wanted.hold, splits, wanted.threshold
+            self.tree, look, operator.history.calm_checks >= wanted.hold, splits, wanted.threshold
         )
         if not splits.any() and not len(merged.root):
             return None
@@ -76,7 +76,7 @@ class CellSplitting:
         operator = leaf_operator(new)
         broken = inherit_breaks(before, operator.list, transfer)
         assert not count_healed_bonds(before, operator.list, transfer, broken), f"step {step}: a bond has healed"
-        operator.put(broken)
+        operator.set_break_steps(broken)
         for values, moved_values in zip(
             begun, interpolate_state(state, transfer, old_operator.list, before.broken == 0), strict=True
         ):
@@ -87,8 +87,8 @@ class CellSplitting:
         created += kick_work(
             new, begun, force_densities(operator, begun._replace(dissipated=np.zeros_like(begun.dissipated)))
         )
-        calm = np.where(transfer.stays, old_operator.memory.calm[transfer.before[:, 0]], 0)
-        operator.memory = LeafHistory(calm, old_operator.memory.created + created)
+        calm = np.where(transfer.stays, old_operator.history.calm_checks[transfer.before[:, 0]], 0)
+        operator.history = LeafHistory(calm, old_operator.history.created_energy + created)
         return NodeChange(new, begun, self._previous_rows_with_same_bonds(system, new, transfer))
 
     def _prepare_cells(self, system: System, cells: Cells, transfer: LeafOrigins | None = None) -> Prepared:
@@ -137,7 +137,7 @@ class CellSplitting:
         if cells is None:
             raise CheckpointError("ids of cells are no whole plate; they must be those of its leaves in order")
         prepared = self._prepare_cells(system, cells)
-        leaf_operator(prepared.system).memory = memory
+        leaf_operator(prepared.system).history = memory
         return prepared
 
 

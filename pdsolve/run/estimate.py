@@ -178,7 +178,7 @@ def _estimate_path_time(system: System, plan: Plan) -> float:
 def _estimate_diffusion(model: Model, options: Options) -> Plan:
     """Cost of solving a model of diffusion, which is prepared for this."""
     system = prepare(model, options).system
-    bonds, run, nodes = system.bonds, system.model.settings.run, len(model.grid)
+    bonds, run, nodes = system.directed_bond_count, system.model.settings.run, len(model.grid)
     seconds = run.steps * (DIFFUSING_BOND * bonds + DIFFUSING_NODE * nodes) + run.steps / run.every * (
         FRAME + FRAME_NODE * nodes
     )

@@ -239,7 +239,7 @@ class Recorder:
     def close_rank_databases(self) -> None:
         """End the records."""
 
-    def is_split(self) -> bool:
+    def bodies_are_split(self) -> bool:
         """Whether there are more pieces than bodies."""
         return count_pieces(self.system) > count_bodies(self.system)
 
@@ -254,7 +254,7 @@ class Recorder:
 
     def bond_updates(self, step: int) -> int:
         """Number of directed bonds times steps until this step."""
-        return self._updates + self.system.bonds * (step - self._since)
+        return self._updates + self.system.directed_bond_count * (step - self._since)
 
     @property
     def last_break_step(self) -> int:
@@ -313,7 +313,7 @@ class Recorder:
                 *collect_born_nodes(self.system, new, rows, step),
                 died,
                 len(rows),
-                self.system.bonds,
+                self.system.directed_bond_count,
             )
         )
         self._rows, self._count = rows, self._count + len(new)

@@ -390,7 +390,7 @@ def _march_to_end(recorder: Recorder, writer: Behind, request: RunRequest) -> st
     """Step to the end, from event to event; returns "finished" or "interrupted"."""
     watch, adapt = request.watch, request.adaptation
     run, step = recorder.system.model.settings.run, recorder.frame_step
-    interrupted, done, looked, pace = False, False, step, Pace(recorder.system.bonds)
+    interrupted, done, looked, pace = False, False, step, Pace(recorder.system.directed_bond_count)
 
     def asked() -> bool:
         """Whether the watcher wants the run to stop."""
@@ -413,7 +413,7 @@ def _march_to_end(recorder: Recorder, writer: Behind, request: RunRequest) -> st
         if request.earlier_refinements:
             looks = min(looks, late_zones.refine_earlier(recorder.system, request.earlier_refinements, step, run.steps))
         chunk = pace.choose_step_count(
-            EVERY if recorder.system.hybrid else 1, int(PATIENCE / max(recorder.system.bonds, 1))
+            EVERY if recorder.system.hybrid else 1, int(PATIENCE / max(recorder.system.directed_bond_count, 1))
         )
         records = next_multiple(step, run.every), next_multiple(step, run.ledger or run.every), run.steps
         ends = (step + chunk, looks, *records)
@@ -471,7 +471,7 @@ def _stop_criterion_is_met(recorder: Recorder, step: int) -> bool:
     if isinstance(system.stepper, CycleOrPathSteps):
         return system.stepper.ended
     if run.until == "split":
-        return recorder.is_split()
+        return recorder.bodies_are_split()
     if run.until == "quiet":
         return latest > 0 and run.quiet is not None and (step - latest) * system.time_step >= run.quiet
     return False

@@ -49,7 +49,7 @@ def run_summary(recorder: Recorder, step: int, stopped_early: bool) -> dict[str,
     system, wall = recorder.system, recorder.wall_time()
     results: dict[str, Any] = {
         "nodes": len(system.model.grid),
-        "bonds": pair_count(system.bonds),
+        "bonds": pair_count(system.directed_bond_count),
         "steps": step,
         "time": step * system.time_step,
         "time_step": system.time_step,

@@ -122,7 +122,7 @@ class System:
         return np.flatnonzero(self.count == 0)
 
     @property
-    def bonds(self) -> int:
+    def directed_bond_count(self) -> int:
         """Number of directed bonds at the start."""
         return int(self.count.sum())
 

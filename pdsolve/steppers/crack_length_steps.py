@@ -126,7 +126,7 @@ class CrackLengthSteps(PathStepper):
             tips = [tip for tip in judged if tip[1].straight] or [
                 tip for tip, share in zip(judged, shares, strict=True) if share > (1 - ALIKE) * shares.max()
             ]
-            if not growth.lengthen_tips(tips, state, step):
+            if not growth.add_crack_particles(tips, state, step):
                 raise NoTipError("no crack goes on")
             cut = inside - force_densities(operator, state)  # forces of the bonds that are gone
             motion.expect_supports()

@@ -76,7 +76,7 @@ class DowndatedTangent:
 
     def solve(self, right: Array) -> Array:
         """The solution for a right side (k,)."""
-        solution = self._solve_by_columns(right)
+        solution = self._solve_with_removed_bonds(right)
         if not len(self._ways):
             return solution
         try:
@@ -85,7 +85,7 @@ class DowndatedTangent:
             return solution
         return np.asarray(solution + share @ self._columns)
 
-    def _solve_by_columns(self, right: Array) -> Array:
+    def _solve_with_removed_bonds(self, right: Array) -> Array:
         """The solution with all bonds, by the columns of those that broke last where the right side is of them."""
         if self._last:
             ways, columns = self._ways[-self._last :], self._columns[-self._last :]

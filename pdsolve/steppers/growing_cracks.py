@@ -21,7 +21,9 @@ class CrackGrowth(Protocol):
     def judge_tips(self, state: State) -> list[tuple[Any, Any]]:
         """All tips, and what is decided about them in a state."""
 
-    def lengthen_tips(self, tips: list[tuple[Any, Any]], state: State, step: int, particle_share: float = 1.0) -> int:
+    def add_crack_particles(
+        self, tips: list[tuple[Any, Any]], state: State, step: int, particle_share: float = 1.0
+    ) -> int:
         """Let these tips grow by a particle each, of that share of its length, and cut the bonds; returns the number of
         new particles."""
 

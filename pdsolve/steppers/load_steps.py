@@ -378,7 +378,7 @@ class LoadSteps:
         model, nodes = self._model, len(self._area)
         intact = np.ones(len(self._bonds), dtype=bool)
         intact[np.searchsorted(self._bonds, broken.source * nodes + broken.target)] = False
-        if self._braced is not None and self._braced.remain_supported(intact):
+        if self._braced is not None and self._braced.update_if_supported(intact):
             return
         intact_bonds = self._bonds[intact]
         loose_bodies = find_loose_bodies(

@@ -152,7 +152,7 @@ class ParisSteps(CycleSteps):
         """Let these tips grow and settle; their children remember their `growth_rate`. Without rest, life ends before
         that."""
         growth, before = self._growth, self._take_snapshot(state)
-        if not growth.lengthen_tips(tips, state, step, self._share):
+        if not growth.add_crack_particles(tips, state, step, self._share):
             self._end_life("no crack goes on")
             return None
         parent = growth.particles.parent.tolist()

@@ -52,7 +52,7 @@ def test_bonds_and_steps_are_those_of_the_run(name: str) -> None:
         found = planned(Model(grid, settings, name), Options(mode))
         system = prepare(Model(grid, settings, name), Options(mode)).system
         assert (found.bonds, found.time_step, found.stable_time_step) == (
-            system.bonds,
+            system.directed_bond_count,
             system.time_step,
             system.stable_time_step,
         )

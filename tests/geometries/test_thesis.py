@@ -73,7 +73,7 @@ def test_one_scale_and_two_agree(one: str, two: str, cache: Path) -> None:
 def test_table_5_bonds(cache: Path) -> None:
     """Two scales have 0.675 of the bonds of one."""
     two, one = (
-        prepare(built(by_name(name), cache), Options("thesis")).system.bonds
+        prepare(built(by_name(name), cache), Options("thesis")).system.directed_bond_count
         for name in ("duran50", "duran50_one_scale")
     )
     assert (two, one) == (127028, 188284)

@@ -158,7 +158,7 @@ def test_fragments_that_fly(failure: Callable[..., None]) -> None:
     failure(
         fails="A fragment in float32 flies 1.1 m and turns 18 times in 1e5 steps. Round-off breaks the first bond at "
         "step "
-        f"{first}, and {broken} of {pair_count(flying.system.bonds)} bonds until the end.",
+        f"{first}, and {broken} of {pair_count(flying.system.directed_bond_count)} bonds until the end.",
         noticed="By a warning, before the first bond breaks: as soon as the round-off of displacements exceeds 0.5 % "
         "of what "
         "breaks a bond.",

@@ -186,7 +186,7 @@ def test_a_jump_after_which_growth_is_too_fast_is_taken_back_and_halved(monkeypa
     halved, whole = (each.system.growth.particles for each in (taken, asked))  # type: ignore[union-attr]
     assert np.array_equal(halved.place, whole.place)
     assert np.array_equal(taken.state.value, asked.state.value)
-    assert taken.system.stepper.rested[-1].cycles == asked.system.stepper.rested[-1].cycles  # type: ignore[union-attr]
+    assert taken.system.stepper.step_results[-1].cycles == asked.system.stepper.step_results[-1].cycles  # type: ignore[union-attr]
 
 
 @pytest.mark.slow

@@ -54,7 +54,7 @@ def run(model: Model, mode: str, steps: int = 150) -> Prepared:
     problem = prepare(model, Options(mode, threads=1))
     problem.march(1, steps + 1)
     gone = len(broken(problem).step)
-    assert 50 < gone < problem.system.bonds / 2
+    assert 50 < gone < problem.system.directed_bond_count / 2
     return problem
 
 

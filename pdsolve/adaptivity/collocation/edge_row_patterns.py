@@ -54,13 +54,14 @@ def _distinct_rows(values: NDArray[np.generic]) -> tuple[NDArray[np.int64], NDAr
 def _store_stiffness(ground, rows, stiffness):  # type: ignore[no-untyped-def]
     """Store the stiffnesses of all bonds of these rows in `stiffness` (1, ...)."""
     for n in range(len(rows)):
-        _store_row_stiffness(ground, rows[n], n * len(ground.ways) * ROW, stiffness)
+        _store_bond_stiffness_of_row(ground, rows[n], n * len(ground.ways) * ROW, stiffness)
 
 
 @njit(**INNER)
-def _store_row_stiffness(ground, row, begin, stiffness):  # type: ignore[no-untyped-def]
-    for lane in range(0, ROW, across(stiffness)):
+def _store_bond_stiffness_of_row(ground, row, offset, bond_stiffness):  # type: ignore[no-untyped-def]
+    """Store the corrected stiffnesses of the bonds of a row of 16 nodes from `offset` on, slot by slot."""
+    for lane in range(0, ROW, across(bond_stiffness)):
         p = row * ROW + lane
         lack = beside(ground.lack, PLANE, p)
         for k in range(len(ground.ways)):
-            keep((corrected_stiffness(ground, p, k, lack),), stiffness, begin + k * ROW + lane)
+            keep((corrected_stiffness(ground, p, k, lack),), bond_stiffness, offset + k * ROW + lane)

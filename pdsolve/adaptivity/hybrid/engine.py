@@ -294,7 +294,7 @@ class HybridEngine:
     def back(self, checkpoint: Kept) -> None:
         """Restore a checkpoint. Raises CheckpointError."""
         zone, breaks, cells = self.zone, self._checkpoint_breaks(checkpoint), like(checkpoint, "cells", self.zone.cells)
-        self._check_cells(cells)
+        self._check_checkpoint_cells(cells)
         node, lost, (_, before, before_spring) = breaks.node, zone.lost, self.broken()
         for k in range(len(self.ground.ways) // 2):  # exactly these are broken, besides those missing at the start
             bit = np.uint64(1) << np.uint64(k)
@@ -330,7 +330,7 @@ class HybridEngine:
         _restore_damped(checkpoint, zone)
         self.zone = zone._replace(totals=arrays.Totals.of(like(checkpoint, "total", zone.totals.values())))
 
-    def _check_cells(self, cells: NDArray[np.uint8]) -> None:
+    def _check_checkpoint_cells(self, cells: NDArray[np.uint8]) -> None:
         """Raise CheckpointError for cells (c,) that those of the start do not become."""
         start = self.zone.cells
         may = (start == COARSE) & (cells == FINE)

@@ -241,7 +241,7 @@ def rebuild_lists(ground, zone):  # type: ignore[no-untyped-def]
             else:
                 coarse.touched[a // ROW] = coarse.touched[b // ROW] = True
     zone.counts.loads = _distribute_loads(ground.at, zone.cells, fine, coarse, zone.loads)
-    zone.counts.holds = _list_held_nodes(ground.at, fine, coarse, zone.holds)
+    zone.counts.holds = _list_prescribed_nodes(ground.at, fine, coarse, zone.holds)
 
 
 @njit(**INNER)
@@ -270,7 +270,7 @@ def _distribute_loads(at, cells, fine, coarse, loads):  # type: ignore[no-untype
 
 
 @njit(**INNER)
-def _list_held_nodes(at, fine, coarse, holds):  # type: ignore[no-untyped-def]
+def _list_prescribed_nodes(at, fine, coarse, holds):  # type: ignore[no-untyped-def]
     """List the moving nodes that are held."""
     count = 0
     for n in range(len(holds.entries)):

@@ -55,11 +55,11 @@ def map_leaves(tree: Tree, cells: Cells, splits: NDArray[np.bool_], merged: Cell
     way[kind == 0] = 0.0
     way[(kind == 2) & (np.abs(way).max(axis=1, initial=0.0) < SAME * tree.spacing)] = 0.0
     return new, LeafOrigins(
-        before, parts, kind == 1, kind == 2, way, _vectors_from_centre(tree, new, before[:, 0], kind == 1, way)
+        before, parts, kind == 1, kind == 2, way, _vectors_from_centre_of_mass(tree, new, before[:, 0], kind == 1, way)
     )
 
 
-def _vectors_from_centre(
+def _vectors_from_centre_of_mass(
     tree: Tree, new: Cells, parent_row: Rows, split: NDArray[np.bool_], away: NDArray[np.float64]
 ) -> NDArray[np.float64]:
     """Vectors (m, 2), m, from the centre of mass of four quarters to each; `parent_row` (m,) is their parent's."""

@@ -29,8 +29,8 @@ SURE = {"conservative": 0.9, "thesis": 0.6}
 class LeafHistory(NamedTuple):
     """History of n leaves."""
 
-    calm: NDArray[np.int64]  # (n,) looks that each has been calm for, the latest ones
-    created: float  # J/m: energy that splitting and merging have made so far
+    calm_checks: NDArray[np.int64]  # (n,) looks that each has been calm for, the latest ones
+    created_energy: float  # J/m: energy that splitting and merging have made so far
 
 
 class LeafOperator(BondList):
@@ -41,7 +41,7 @@ class LeafOperator(BondList):
         law = law_of(model, scheme.matches_work)
         super().__init__(law, model, filled.assembly.bonds, scheme.symmetric, "float64", threads)
         self.tree, self.cells, self.filled = tree, cells, filled
-        self.memory = LeafHistory(np.zeros(len(cells.root), dtype=np.int64), 0.0)
+        self.history = LeafHistory(np.zeros(len(cells.root), dtype=np.int64), 0.0)
         area = filled.assembly.area
         self._fine = float(area[cells.level > 0].sum() / area.sum())
 
@@ -50,21 +50,25 @@ class LeafOperator(BondList):
         """All bonds (b,), including broken ones."""
         return self.filled.assembly.bonds
 
-    def steps(self) -> NDArray[np.int32]:
+    def break_steps(self) -> NDArray[np.int32]:
         """The step (b,) in which each bond broke, 0 while intact."""
         return self._steps()
 
-    def put(self, steps: NDArray[np.int32]) -> None:
+    def set_break_steps(self, steps: NDArray[np.int32]) -> None:
         """Set the steps (b,) in which bonds broke; 0: intact."""
         self._steps()[:] = steps
 
     def zone_summary(self) -> ZoneSummary:
         """Summary of the finer cells."""
-        return ZoneSummary(self.memory.created, self._fine, 0.0)
+        return ZoneSummary(self.history.created_energy, self._fine, 0.0)
 
     def keep(self) -> Kept:
         """Bond history for a checkpoint, and for how long each cell has been calm."""
-        return {**super().keep(), "calm": self.memory.calm.copy(), "made": np.array([self.memory.created])}
+        return {
+            **super().keep(),
+            "calm": self.history.calm_checks.copy(),
+            "made": np.array([self.history.created_energy]),
+        }
 
 
 def read_history(checkpoint: Kept, leaves: int) -> LeafHistory:

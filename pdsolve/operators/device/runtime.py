@@ -29,7 +29,7 @@ UNKNOWN = "unknown target CPU"  # PoCL of processors that are newer than its com
 SPARE = 0.9  # of a device's memory that a run may take
 
 
-class Found(NamedTuple):
+class FoundDevice(NamedTuple):
     """A device of a platform."""
 
     number: int  # as `opencl:1` has it
@@ -49,12 +49,12 @@ class Found(NamedTuple):
         return f"opencl:{self.number}  {where}: {precision}, {self.memory / 1e9:.3g} GB, {self.units} compute units"
 
 
-def devices() -> list[Found]:
+def devices() -> list[FoundDevice]:
     """All devices of all platforms. Raises ModelError without the package or without a runtime."""
     return [_described(number, device) for number, device in enumerate(_all())]
 
 
-def chosen(name: str) -> tuple[Found, Any]:
+def chosen(name: str) -> tuple[FoundDevice, Any]:
     """The device of a name, `opencl` (the first GPU, else the first of all) or `opencl:1`. Raises ModelError."""
     every, (_, _, number) = _all(), name.partition(":")
     descriptions = [_described(at, device) for at, device in enumerate(every)]
@@ -225,10 +225,10 @@ def _library() -> Any:
     return pyopencl
 
 
-def _described(number: int, device: Any) -> Found:
+def _described(number: int, device: Any) -> FoundDevice:
     types = _library().device_type
     kind = "GPU" if device.type & types.GPU else "CPU" if device.type & types.CPU else "other"
-    return Found(
+    return FoundDevice(
         number,
         device.platform.name,
         device.name,

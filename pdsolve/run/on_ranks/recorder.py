@@ -56,7 +56,7 @@ class RecorderOnRanks(Recorder):
         """Record this step. Raises UnstableError."""
         self.physics_records.record_step(self.state, step, None)
 
-    def is_split(self) -> bool:
+    def bodies_are_split(self) -> bool:
         """Whether there are more pieces than bodies."""
         return split.count_pieces(self._team, len(self.system.model.grid)) > count_bodies(self.system)
 
@@ -111,7 +111,7 @@ class RecorderOnRanks(Recorder):
             start = start[first - begin : last - begin + 1]
             return Families(start - start[0], target[start[0] : start[-1]])
 
-        births = Births(len(grid), grid.dimension, system.bonds, nodes, families)
+        births = Births(len(grid), grid.dimension, system.directed_bond_count, nodes, families)
         if self._files:
             meta = {**meta, pieces.KEY: pieces.written([pieces.Pieces(0, self._files)])}
         return Writer.begin(output, births, grid.cracks, meta)

@@ -47,7 +47,7 @@ class SystemOnRanks(System):
         return self.unbonded_rows
 
     @property
-    def bonds(self) -> int:
+    def directed_bond_count(self) -> int:
         """Number of directed bonds of all ranks at the start."""
         return self.bond_count
 

@@ -78,7 +78,7 @@ def test_steps_from_anywhere(name: str, mode: str, law: str, precision: str) -> 
         problem.state.rate[:] = 3.0 * random.standard_normal(problem.state.value.shape)
         for first, last in ((1, 2), (2, 3), (3, 8), (8, 12)):
             problem.march(first, last)
-    assert 0 < len(broken(problems[0]).step) < 0.9 * problems[0].system.bonds
+    assert 0 < len(broken(problems[0]).step) < 0.9 * problems[0].system.directed_bond_count
     same(*problems)
 
 
@@ -91,7 +91,7 @@ def test_a_node_a_work_item(monkeypatch: pytest.MonkeyPatch) -> None:
     for problem in problems:
         problem.state.value[:] = 1e-6 * np.random.default_rng(3).standard_normal(problem.state.value.shape)
         problem.march(1, 8)
-    assert 0 < len(broken(problems[0]).step) < 0.9 * problems[0].system.bonds
+    assert 0 < len(broken(problems[0]).step) < 0.9 * problems[0].system.directed_bond_count
     same(*problems)
 
 

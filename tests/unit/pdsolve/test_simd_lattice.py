@@ -43,7 +43,7 @@ def test_one_step_from_anywhere(name: str, mode: str, law: str) -> None:
         problem.state.rate[:] = 3.0 * random.standard_normal(problem.state.value.shape)
         problem.march(1, 2)
         problem.march(2, 3)
-    assert 0 < len(broken(listed).step) < 0.9 * listed.system.bonds
+    assert 0 < len(broken(listed).step) < 0.9 * listed.system.directed_bond_count
     assert all(map(np.array_equal, broken(fast), broken(listed)))
     assert (worst(listed).max(initial=0.0) > 0) == (law == "bilinear")
     for field in ("value", "rate", "second", "dissipated"):

@@ -70,7 +70,7 @@ def test_a_stopped_run_goes_on_to_the_same_bits(small_plate: Model, tmp_path: Pa
     model = with_run(small_plate, every=15)
     monkey = pytest.MonkeyPatch()
     with monkey.context() as patch:  # look at the watcher every seven steps
-        bonds = prepare(model, options).system.bonds
+        bonds = prepare(model, options).system.directed_bond_count
         patch.setattr("pdsolve.run.simulation.PATIENCE", 7.0 * bonds)
         with simulate(model, path, options, watch=lambda progress: progress.step >= 36) as results:
             assert results.meta()["status"] == "interrupted"

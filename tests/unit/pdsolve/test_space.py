@@ -114,7 +114,7 @@ def test_what_is_said_of_a_run_is_what_it_does(model: str) -> None:
     found = Model(found.grid, msgspec.structs.replace(found.settings, material=material))
     said, system = estimate_run(found, ONE), prepare(found, ONE).system
     assert (said.bonds, said.time_step, said.stable_time_step) == (
-        system.bonds,
+        system.directed_bond_count,
         system.time_step,
         system.stable_time_step,
     )

@@ -51,7 +51,7 @@ def test_cut_bonds_are_those_of_the_run(plate: Scene) -> None:
     for mode in ("thesis", "conservative"):
         system = prepare(Model(grid, settings), Options(mode)).system
         found = info(document_of(grid, settings), "plate.json", mode)
-        assert found["bonds"] == pair_count(system.bonds)
+        assert found["bonds"] == pair_count(system.directed_bond_count)
         assert found["bonds_cut_by_cracks"] == pair_count(int((system.family - system.count).sum()))
     assert found["bonds_cut_by_cracks"] != pair_count(count(grid, settings.horizon.ratio)[1])
 
