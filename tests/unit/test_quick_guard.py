@@ -23,6 +23,11 @@ def shared():
 
 def test_short(shared): pass
 def test_long(): work({long})
+done = []
+def test_long_at_first():
+    if not done:
+        done.append(True)
+        work({long})
 @pytest.mark.slow
 def test_long_and_slow(): work({long})
 def test_process(): subprocess.run([sys.executable, "-c", ""])
@@ -37,7 +42,7 @@ MARKERS = ["slow", "breadth", "endurance", "process", "quick_cases(number)", "ti
 
 @pytest.mark.slow
 def test_quick_tests_that_are_not_quick_fail(tmp_path: Path) -> None:
-    """A long test and one that starts a process fail; a shared fixture and marked tests do not."""
+    """A long test and one that starts a process fail; a shared fixture, marked tests and what is long once do not."""
     (tmp_path / "test_some.py").write_text(
         TESTS.format(long=3.0 * quick_guard.LIMIT * max(1.0, quick_guard.slowness()))
     )
