@@ -106,16 +106,15 @@ def lines(zones: list[dict[str, Any]]) -> list[str]:
 
 def _words(zone: dict[str, Any]) -> str:
     body, spacing, _, share, critical, strength = zone.values()
-    of = "" if body is None else f" of body '{body}'"
     if share is None:
-        return f"no breaking bonds at {spacing:g} m{of}"
+        return f"no breaking bonds at {spacing:g} m{of_body(body)}"
     said = [
         f"{strength:.4g} Pa" if strength is not None else "",
         f"critical stretch {critical:.4g}" if critical is not None else "",
         f"{share:.3g} of the finest zone's" if share != 1 or strength is None else "",
     ]
     more = ", ".join(filter(None, said[1:]))
-    return f"{said[0]} at {spacing:g} m{of}".strip() + (f" ({more})" if more else "")
+    return f"{said[0]} at {spacing:g} m{of_body(body)}".strip() + (f" ({more})" if more else "")
 
 
 def described(zones: list[ZoneStrength]) -> list[dict[str, Any]]:
@@ -135,16 +134,16 @@ def remarks(grid: Grid, settings: Settings) -> Iterator[str]:
         if acting:
             verb = "acts" if len(acting) == 1 else "act"
             yield (
-                f"nodes of {weakest.spacing:g} m{of_body(weakest)} have {weakest.share:.2g} of the strength of those of"
-                f" {weakest.finest:g} m, as the critical stretch falls with the square root of the horizon, and"
-                f" {', '.join(acting)} {verb} on coarse nodes: cracks may start there or follow the"
+                f"nodes of {weakest.spacing:g} m{of_body(weakest.body)} have {weakest.share:.2g} of the strength of"
+                f" those of {weakest.finest:g} m, as the critical stretch falls with the square root of the horizon,"
+                f" and {', '.join(acting)} {verb} on coarse nodes: cracks may start there or follow the"
                 ' border of the zones; material.coarse = "matched" or "unbreakable" prevents it'
             )
 
 
-def of_body(zone: ZoneStrength) -> str:
-    """The body of a zone in words, " of body 'left'"; empty of a plate that is the only one."""
-    return "" if zone.body is None else f" of body '{zone.body}'"
+def of_body(body: str | None) -> str:
+    """A body in words, " of body 'left'"; empty without a name, of a plate that is the only one."""
+    return "" if body is None else f" of body '{body}'"
 
 
 def coarse_nodes(grid: Grid, zone: ZoneStrength) -> NDArray[np.bool_]:

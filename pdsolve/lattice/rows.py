@@ -102,7 +102,7 @@ def _relieve(eta, near, far, row):  # type: ignore[no-untyped-def]
     return lambda eta, near, far, row: relieved(eta, far + near, row)
 
 
-def _sum_of(factor: Any, reach: float) -> Any:
+def _make_row_sum(factor: Any, reach: float) -> Any:
     """The sum with the pull w e g(e), g a function valid up to |e| = `reach`.
 
     It returns 1 where an |e| is beyond, so that the sums are wrong, plus 2 where an e is above `limit`, or above its
@@ -130,9 +130,9 @@ def _sum_of(factor: Any, reach: float) -> Any:
 
 
 @njit(**IN_PLACE)
-def _half(e):  # type: ignore[no-untyped-def]
+def _factor_of_green(e):  # type: ignore[no-untyped-def]
     return 0.5
 
 
-sum_narrow, sum_wide = _sum_of(factor_near, NARROW), _sum_of(factor_wide, WIDE)
-sum_green = _sum_of(_half, np.inf)  # by Green's strain, force w e / 2 (xi + eta)
+sum_narrow, sum_wide = _make_row_sum(factor_near, NARROW), _make_row_sum(factor_wide, WIDE)
+sum_green = _make_row_sum(_factor_of_green, np.inf)  # by Green's strain, force w e / 2 (xi + eta)

@@ -25,7 +25,7 @@ def warn_of_coarse_breaks(model: Model, results: Results) -> None:
             warn(
                 model,
                 f"{len(outside) / len(breaks.step):.0%} of the broken bonds are outside the finest zone"
-                f"{of_body(weakest)}, where strength is down to {weakest.share:.2g} of that within; the first broke at"
-                f" step {breaks.step[first]}, {named(model, int(rows[first]))}; widen the fine zone, or set"
+                f"{of_body(weakest.body)}, where strength is down to {weakest.share:.2g} of that within; the first"
+                f" broke at step {breaks.step[first]}, {named(model, int(rows[first]))}; widen the fine zone, or set"
                 ' material.coarse to "matched" or "unbreakable"',
             )

@@ -93,7 +93,7 @@ def _sum_any_stretch(ground, fine, u, p0, count, s):  # type: ignore[no-untyped-
         s[p - p0], s[ROW + p - p0] = fx, fy
 
 
-def _of_entry(sum_row: Any) -> Any:
+def _make_fine_row_sum(sum_row: Any) -> Any:
     """The sum on some lanes of a fine row, whatever its entry has; `sum_row` is one of `pdsolve.lattice.rows`."""
 
     @njit(forceinline=True, **INNER)
@@ -110,7 +110,7 @@ def _of_entry(sum_row: Any) -> Any:
     return add
 
 
-sum_fine_narrow, sum_fine_wide = _of_entry(sum_narrow), _of_entry(sum_wide)
+sum_fine_narrow, sum_fine_wide = _make_fine_row_sum(sum_narrow), _make_fine_row_sum(sum_wide)
 
 
 @njit(**INNER)
