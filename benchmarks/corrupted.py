@@ -1,6 +1,7 @@
 """Files of every kind, something of each changed: refused in a line, or read as if nothing were.
 
-Most changes are those that the tests make (`tests/forged.py` and its like), so that this tries more of what they try.
+Most changes are those that the tests make (`tests/forged_databases.py` and its like), so that this tries more of what
+they try.
 """
 
 from __future__ import annotations
@@ -65,7 +66,7 @@ def _jobs(folder: Path) -> dict[str, Callable[[int], Tried]]:
     """By kind of file: what tries a batch of them, by its seed."""
     if str(ROOT / "tests") not in sys.path:
         sys.path.append(str(ROOT / "tests"))
-    forged = importlib.import_module("forged")
+    forged = importlib.import_module("forged_databases")
     own = {name: folder / name for name in ("finished", "stopped", "study", "grids")}
     for path in own.values():
         path.mkdir()

@@ -91,10 +91,10 @@ def corruptions(folder: Path, until: Until) -> Part:
 
 def forgeries(folder: Path, until: Until) -> Part:
     """Forged files beside databases, tables and folders of studies: one line or an answer, and no file of the user
-    touched; see `tests/forged_beside.py`."""
+    touched; see `tests/forged_side_files.py`."""
     if str(ROOT / "tests") not in sys.path:
         sys.path.append(str(ROOT / "tests"))
-    beside = importlib.import_module("forged_beside")
+    beside = importlib.import_module("forged_side_files")
     tried = Counter[str]()
     lost = traces = 0
     (folder / "sound").mkdir()

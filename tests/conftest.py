@@ -142,7 +142,7 @@ def small_results(small_results_once: Path, tmp_path: Path) -> Path:
 @pytest.fixture(scope="session")
 def hybrid_results(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The database of a struck plate that is peridynamic near its cracks alone, solved once a session."""
-    from zones import struck
+    from zoned_plates import struck
 
     from pdsolve.run.simulation import Options, simulate
 
@@ -154,7 +154,7 @@ def hybrid_results(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture(scope="session")
 def moving(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The database of a cracked plate with a fine zone that moves, solved once a session."""
-    from splitting import Moving, torn_plate
+    from splitting_clouds import Moving, torn_plate
 
     from pdsolve.run.simulation import Options, simulate
 

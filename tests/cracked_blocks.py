@@ -6,9 +6,9 @@ from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
-from atrest import settled
 from numpy.typing import NDArray
-from stored import results_of
+from prescribed_results import results_of
+from static_solution import settled
 
 from pdmesh.model.document import Horizon, Lattice, Material, Settings
 from pdmesh.model.lattice_calibration import calibration, lattice_ratios

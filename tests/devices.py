@@ -13,7 +13,7 @@ from typing import Any
 
 import msgspec
 import pytest
-from whole import contents
+from database_contents import contents
 
 from pdmesh import Body, Box
 from pdmesh.drawing.solids import meshed

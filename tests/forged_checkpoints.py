@@ -1,6 +1,6 @@
 """Databases of runs that were stopped, their checkpoints forged with checksums that agree; and `pdsolve --resume`.
 
-As `forged.py`, in a process of its own, as a checkpoint may break memory.
+As `forged_databases.py`, in a process of its own, as a checkpoint may break memory.
 """
 
 from __future__ import annotations
@@ -17,8 +17,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from forged import WITHIN, Change, damaged, end_of, outcome
-from tampered import tampered
+from forged_databases import WITHIN, Change, damaged, end_of, outcome
+from tampered_databases import tampered
 
 from pdsolve.model import Model
 from pdsolve.results import remove

@@ -1,6 +1,6 @@
 """Models and studies that are forged, and the commands that read them.
 
-As `forged.py`, in a process of its own.
+As `forged_databases.py`, in a process of its own.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import Any
 
-from forged import LONG, WILD_JSON, damaged, end_of, forged_json, outcome
+from forged_databases import LONG, WILD_JSON, damaged, end_of, forged_json, outcome
 
 from pdmesh.model.document import write_file
 from pdmesh.model.node_grid import document_of

@@ -9,7 +9,7 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 from plates import GLASS, plate, square_grid
-from systems import bonds_of, equilibrium
+from system_checks import bonds_of, equilibrium
 
 from benchmarks.griffith import Griffith
 from pdmesh.model.domain_integrals import FractureParameters, Ring, Sampled, integrals

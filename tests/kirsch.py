@@ -6,9 +6,9 @@ import dataclasses
 from typing import NamedTuple
 
 import numpy as np
-from atrest import settled
 from numpy.typing import NDArray
 from plates import plate, square_grid
+from static_solution import settled
 
 from pdmesh.model.document import Material
 from pdpost.measures.strain import fit_gradients

@@ -7,8 +7,8 @@ from contextlib import closing
 from pathlib import Path
 
 import pytest
+from database_contents import contents
 from messages import mentions
-from whole import contents
 
 from pdpost.__main__ import main as pdpost
 from pdsolve.__main__ import main

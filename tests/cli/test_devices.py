@@ -8,8 +8,8 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from beside import GRIDS, torn
 from devices import needs_opencl, without_runtime
+from kernel_comparison import GRIDS, torn
 
 from pdmesh.model.document import Run
 from pdsolve.__main__ import main

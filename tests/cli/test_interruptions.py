@@ -13,8 +13,8 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
+from database_contents import contents
 from messages import mentions
-from whole import contents
 
 from pdmesh import commandline
 from pdsolve.__main__ import main

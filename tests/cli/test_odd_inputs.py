@@ -16,10 +16,10 @@ from unittest.mock import Mock
 import numpy as np
 import pytest
 import shapely
-from forged import COMMANDS
+from forged_databases import COMMANDS
 from messages import mentions
 from plates import GLASS
-from tampered import tampered
+from tampered_databases import tampered
 
 from pdmesh import Scene, box
 from pdmesh.__main__ import main as pdmesh

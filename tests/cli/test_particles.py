@@ -8,9 +8,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from grown import pulled
+from crack_particle_strips import pulled
+from database_contents import contents, kill_when
 from messages import mentions, naming
-from whole import contents, kill_when
 
 from pdmesh.drawing import parameters
 from pdmesh.model.crack_particles import until

@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from messages import mentions, naming
-from tampered import tampered
+from tampered_databases import tampered
 
 from pdpost.__main__ import main
 from pdsolve.results import Results

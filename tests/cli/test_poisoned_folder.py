@@ -13,7 +13,7 @@ import sys
 from pathlib import Path
 
 import pytest
-from hostile import PLATE
+from hostile_drawings import PLATE
 
 from pdmesh.__main__ import parser as pdmesh
 from pdpost.__main__ import parser as pdpost

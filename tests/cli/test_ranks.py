@@ -15,13 +15,13 @@ from collections.abc import Iterator
 from importlib.util import find_spec
 from pathlib import Path
 
-import media
+import diffusion_models
 import msgspec
 import numpy as np
 import pytest
+from database_contents import contents
 from messages import mentions
 from plates import GLASS, STEEL, interface_grid, plate, square_grid, two_cubes
-from whole import contents
 
 from pdmesh.model.document import Absorb, Contact, Displacement, Lattice, Load, RigidBody, Run, Velocity
 from pdmesh.model.node_grid import Bodies, Grid, whole_lattice
@@ -151,8 +151,11 @@ CASES = {
 
 
 WET = {
-    "a disc that dissolves": (media.disc(0.1, 400), 3),
-    "a solid of two states": (media.disc(0.1, 400, msgspec.structs.replace(media.CORRODING, dissolution="kinetic")), 3),
+    "a disc that dissolves": (diffusion_models.disc(0.1, 400), 3),
+    "a solid of two states": (
+        diffusion_models.disc(0.1, 400, msgspec.structs.replace(diffusion_models.CORRODING, dissolution="kinetic")),
+        3,
+    ),
 }
 
 
@@ -387,7 +390,7 @@ def own_lines(said: str) -> list[str]:
     ],
 )
 def test_an_error_on_a_rank_is_one_line_and_ends_all(how: str, failing: str, code: int) -> None:
-    with started("-n", "3", sys.executable, "-m", "ranked", how, *failing) as child:
+    with started("-n", "3", sys.executable, "-m", "failing_ranks", how, *failing) as child:
         lines = own_lines(child.communicate(timeout=100)[1])
     assert (child.returncode, len(lines)) == (code, 1), lines
     if how == "memory":
@@ -401,7 +404,7 @@ def test_an_error_on_a_rank_is_one_line_and_ends_all(how: str, failing: str, cod
 @pytest.mark.parametrize("repetition", range(3))
 def test_eight_ranks_in_error_tell_one(repetition: int) -> None:
     """The one that does takes longer to end the others than they wait for rank 0."""
-    with started("-n", "8", sys.executable, "-m", "ranked", "slowly", *"1234567") as child:
+    with started("-n", "8", sys.executable, "-m", "failing_ranks", "slowly", *"1234567") as child:
         lines = own_lines(child.communicate(timeout=100)[1])
     assert (child.returncode, len(lines)) == (2, 1), lines
     assert mentions(lines[0], "rank ", "plate.json", "$.nodes", found=1, expected=2)

@@ -13,8 +13,8 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
+from database_contents import contents, newest
 from messages import mentions
-from whole import contents, newest
 
 from pdmesh import commandline
 from pdpost.__main__ import main as pdpost

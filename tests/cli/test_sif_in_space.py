@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from messages import mentions
-from stored import block, results_of
+from prescribed_results import block, results_of
 
 from pdmesh.model.front_fields import front_field
 from pdmesh.model.tip_fields import Elastic

@@ -8,7 +8,7 @@ import sys
 from collections.abc import Sequence
 
 import pytest
-from clouds import CASES, SLOW, Case, all_kernels
+from node_clouds import CASES, SLOW, Case, all_kernels
 
 SCRIPT = """
 import sys
@@ -27,7 +27,7 @@ class Compiled(event.Listener):
 
 event.register("numba:compile", Compiled())
 
-from clouds import CASES, all_kernels
+from node_clouds import CASES, all_kernels
 
 for case in (case for case in CASES if str(case) in sys.argv[1:]):
     Compiled.names.clear()

@@ -8,7 +8,7 @@ from typing import NamedTuple
 import msgspec
 import numpy as np
 import pytest
-from media import CORRODING, disc, lattice, model
+from diffusion_models import CORRODING, disc, lattice, model
 from scipy.sparse.linalg import eigs
 
 from pdmesh.model.document import Exchange

@@ -8,7 +8,7 @@ from typing import Any
 import numba
 import numpy as np
 import pytest
-from clouds import CASES, SLOW, Case, Cloud, cloud, turn
+from node_clouds import CASES, SLOW, Case, Cloud, cloud, turn
 from numpy.typing import NDArray
 from scipy.sparse.linalg import eigsh
 

@@ -11,13 +11,13 @@ from typing import Any, NamedTuple
 import msgspec
 import numpy as np
 import pytest
-from clouds import idle
-from collocated import cracked
-from media import disc
+from collocation_plates import cracked
+from diffusion_models import disc
+from node_clouds import idle
 from numpy.typing import NDArray
 from plates import GLASS, plate
 from scipy.sparse.linalg import eigs
-from zones import H, rectangle
+from zoned_plates import H, rectangle
 
 from pdmesh import Body, Box, build
 from pdmesh.model.document import Collocation, InitialVelocity, Region, Run, Split

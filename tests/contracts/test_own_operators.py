@@ -7,7 +7,7 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
-from clouds import idle
+from node_clouds import idle
 from numpy.typing import NDArray
 from plates import GLASS, plate, square_grid
 from scipy.sparse import csr_array, diags_array

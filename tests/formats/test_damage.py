@@ -13,9 +13,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from database_contents import contents
 from messages import naming
-from tampered import tampered
-from whole import contents
+from tampered_databases import tampered
 
 from pdsolve.model import Model
 from pdsolve.results import DamagedError, Results, ResultsError, remove

@@ -11,10 +11,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from database_contents import contents, kill_when, newest
 from messages import naming
 from numpy.typing import NDArray
-from splitting import Moving, marched, torn_plate
-from whole import contents, kill_when, newest
+from splitting_clouds import Moving, marched, torn_plate
 
 from pdpost.measures.bond_pairs import read_bond_pairs
 from pdpost.measures.cracked_nodes import separation_at
@@ -156,7 +156,7 @@ def test_a_killed_run_goes_on_to_the_same_tables(tmp_path: Path) -> None:
     program = f"""
 import sys; sys.path.insert(0, {str(TESTS)!r})
 from pathlib import Path
-from splitting import Moving, torn_plate
+from splitting_clouds import Moving, torn_plate
 from pdsolve.run.simulation import Options, simulate
 import pdsolve.run.simulation
 pdsolve.run.simulation.PATIENCE = 1.0

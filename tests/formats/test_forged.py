@@ -10,14 +10,14 @@ import tracemalloc
 import zlib
 from pathlib import Path
 
-import media
+import diffusion_models
 import numpy as np
 import pytest
-from forged import COMMANDS, apart
-from grown import pulled
+from crack_particle_strips import pulled
+from forged_databases import COMMANDS, apart
 from messages import mentions, naming
 from plates import plate, square_grid
-from tampered import tampered
+from tampered_databases import tampered
 
 from pdmesh.model.document import Load, ParticleRules, Run
 from pdpost.__main__ import main as pdpost
@@ -39,7 +39,7 @@ def whole(tmp_path_factory: pytest.TempPathFactory) -> Path:
     for name, model in (
         ("whole", plate(grid, conditions=ends, run=run)),
         ("grown", pulled(ParticleRules(criterion="stress", strength=2.5e7))),
-        ("disc", media.disc(0.5, 20)),
+        ("disc", diffusion_models.disc(0.5, 20)),
     ):
         simulate(model, folder / f"{name}.sqlite", Options(threads=1)).close()
     return folder

@@ -7,10 +7,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from forged import apart
 from forged_checkpoints import stopped
+from forged_databases import apart
 from messages import mentions
-from tampered import tampered
+from tampered_databases import tampered
 
 from benchmarks.kinds_of_run import KINDS
 from pdsolve.__main__ import main as pdsolve

@@ -6,7 +6,7 @@ import random
 from pathlib import Path
 
 import pytest
-from forged import apart
+from forged_databases import apart
 from forged_inputs import STUDY, forged_toml, models
 
 from benchmarks.kinds_of_run import KINDS

@@ -8,9 +8,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from database_contents import contents, kill_when
 from messages import naming
-from whole import contents, kill_when
-from zones import struck
+from zoned_plates import struck
 
 from pdpost.measures.cracked_nodes import separation_at
 from pdsolve.results import Results, writer
@@ -56,7 +56,7 @@ def test_a_killed_run_goes_on_to_the_same_tables(solved: tuple[Path, str], tmp_p
     program = f"""
 import sys, time; sys.path.insert(0, {str(TESTS)!r})
 from pathlib import Path
-from zones import struck
+from zoned_plates import struck
 from pdsolve.run.simulation import Options, simulate
 import pdsolve.run.simulation
 pdsolve.run.simulation.PATIENCE = 1e6

@@ -6,7 +6,7 @@ import json
 from pathlib import Path
 
 import pytest
-from tampered import tampered
+from tampered_databases import tampered
 
 from pdmesh.model.document import Hybrid, write_file
 from pdmesh.model.node_grid import document_of

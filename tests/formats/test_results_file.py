@@ -10,10 +10,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from database_contents import contents, kill_when
 from messages import naming
 from plates import plate, square_grid
-from systems import bonds_of
-from whole import contents, kill_when
+from system_checks import bonds_of
 
 from pdmesh.model.document import Run, write_file
 from pdmesh.model.node_grid import document_of

@@ -9,7 +9,7 @@ import msgspec
 import numpy as np
 import pytest
 from messages import mentions
-from mirrors import mirrored
+from mirror_images import mirrored
 from plates import shipped
 
 from pdpost.measures.crack_summary import Summary, crack, sentences

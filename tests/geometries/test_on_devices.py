@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from devices import needs_opencl
 from plates import shipped
-from systems import broken
+from system_checks import broken
 
 from benchmarks.compare import weakened
 from pdsolve.model import Model, ModelError, on_device

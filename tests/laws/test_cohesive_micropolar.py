@@ -8,10 +8,10 @@ from pathlib import Path
 import msgspec
 import numpy as np
 import pytest
-from atrest import strip
+from database_contents import contents
 from messages import naming
 from plates import plate, square_grid
-from whole import contents
+from static_solution import strip
 
 from pdmesh.model.cohesive_softening import AREA
 from pdmesh.model.document import Displacement, Material, Region, Run, Static

@@ -6,7 +6,7 @@ import msgspec
 import numpy as np
 import pytest
 from plates import GLASS, plate, square_grid
-from systems import bonds_of
+from system_checks import bonds_of
 
 from pdsolve.laws import ordinary
 from pdsolve.options import Options

@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 import msgspec
 import numpy as np
 import pytest
-from clouds import GLASS, cubic_grid
+from node_clouds import GLASS, cubic_grid
 from numba import njit
 from numpy.typing import NDArray
 from plates import plate, square_grid

@@ -6,7 +6,7 @@ import time
 from pathlib import Path
 
 import pytest
-from hostile import ATTACKS, BREAKING, PLATE, REAL, Attack
+from hostile_drawings import ATTACKS, BREAKING, PLATE, REAL, Attack
 
 pytest.importorskip("gmsh", exc_type=(ImportError, OSError))
 

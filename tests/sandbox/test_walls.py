@@ -11,7 +11,7 @@ import sys
 from pathlib import Path
 
 import pytest
-from hostile import ATTACKS, PLATE, REAL
+from hostile_drawings import ATTACKS, PLATE, REAL
 from messages import mentions
 from plates import MESH
 

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from failures import Said, cases, page, reason_of, theme_of
+from failure_cases import Said, cases, page, reason_of, theme_of
 
 from pdmesh.model.document import write_file
 from pdmesh.model.node_grid import document_of

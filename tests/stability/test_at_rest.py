@@ -11,7 +11,7 @@ from typing import Any
 import msgspec
 import numpy as np
 import pytest
-from failures import Said
+from failure_cases import Said
 from plates import plate, square_grid
 
 from pdmesh import Scene, box, build

@@ -11,12 +11,12 @@ import msgspec
 import numpy as np
 import pytest
 import shapely
-from failures import saying
+from failure_cases import saying
 from numpy.typing import NDArray
 from plates import plate, square_grid
 from scipy.sparse import csr_array, diags_array
 from scipy.sparse.linalg import LinearOperator, cg, gmres
-from softened import CONCRETE, bar, lean, load, spent, turned_beam
+from softening_bars import CONCRETE, bar, lean, load, spent, turned_beam
 
 from pdmesh import Material, Run, Scene, Static, box, ramp
 from pdmesh.grid.bodies_beside import build_scene

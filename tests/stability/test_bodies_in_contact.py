@@ -10,10 +10,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from failures import Said
+from contact_bars import UNIT, bar, grid_of, moving
+from failure_cases import Said
 from messages import mentions
 from shapely import Point
-from touching import UNIT, bar, grid_of, moving
 
 from pdmesh import Scene, box, build
 from pdmesh.model.contact import Contact

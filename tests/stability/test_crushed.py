@@ -9,7 +9,7 @@ from collections.abc import Callable
 
 import msgspec
 import numpy as np
-from failures import Said
+from failure_cases import Said
 from messages import mentions
 from plates import plate, square_grid
 

@@ -8,10 +8,10 @@ from collections.abc import Callable
 
 import msgspec
 import pytest
-from failures import Said
+from failure_cases import Said
 from messages import mentions
 from plates import plate
-from zones import again, rectangle, struck
+from zoned_plates import again, rectangle, struck
 
 from pdmesh.model.document import Horizon, Load, Run
 from pdmesh.model.node_grid import Grid

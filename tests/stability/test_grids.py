@@ -8,10 +8,10 @@ from collections.abc import Callable
 import msgspec
 import numpy as np
 import pytest
-from failures import Said, saying
+from failure_cases import Said, saying
 from messages import mentions
 from plates import GLASS, plate, square_grid
-from systems import bonds_of, matrix, sources
+from system_checks import bonds_of, matrix, sources
 
 from pdmesh import Scene, box
 from pdmesh.grid.lattice import build_grid

@@ -8,7 +8,7 @@ import msgspec
 import numpy as np
 import pytest
 from plates import GLASS, plate, square_grid
-from systems import bonds_of, stiffness
+from system_checks import bonds_of, stiffness
 
 from pdmesh.model.lattice_calibration import along_axes, calibration, full_family
 from pdsolve.options import Options

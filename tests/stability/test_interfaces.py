@@ -12,12 +12,12 @@ from typing import NamedTuple
 import msgspec
 import numpy as np
 import pytest
-from failures import saying
+from failure_cases import saying
 from numpy.typing import NDArray
-from periodic import joined
+from periodic_plates import joined
 from plates import GLASS, interface_grid, plate, square_grid
 from scipy.special import erf
-from systems import accelerate, at_step, bonds_of, broken, equilibrium, sources
+from system_checks import accelerate, at_step, bonds_of, broken, equilibrium, sources
 
 from pdmesh.model.document import Load, Material, Run
 from pdmesh.model.material_constants import critical_stretch

@@ -6,10 +6,10 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
-from failures import Said
-from periodic import joined
+from failure_cases import Said
+from periodic_plates import joined
 from plates import plate, square_grid
-from systems import bonds_of, equilibrium, sources
+from system_checks import bonds_of, equilibrium, sources
 
 from benchmarks.specimens import PULL, STATIC, edge_shape
 from pdmesh import Scene, box, build

@@ -8,11 +8,11 @@ from typing import NamedTuple
 import msgspec
 import numpy as np
 import pytest
-from failures import saying
-from periodic import joined
+from failure_cases import saying
+from periodic_plates import joined
 from plates import GLASS, plate, square_grid
 from scipy.sparse.linalg import spsolve
-from systems import at_step, matrix
+from system_checks import at_step, matrix
 
 from pdmesh.model.document import Region, Run
 from pdsolve.model import Model

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from messages import naming
 from plates import GLASS, plate, two_scale_grid
-from systems import matrix
+from system_checks import matrix
 
 from pdmesh.model.document import InitialVelocity, Run
 from pdsolve.options import Options

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import pytest
-from failures import cases, described, reason_of, theme_of
+from failure_cases import cases, described, reason_of, theme_of
 from plates import ROOT
 
 PAGE = (ROOT / "docs" / "verification" / "limitations.md").read_text(encoding="utf-8")

@@ -7,7 +7,7 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
-from failures import saying
+from failure_cases import saying
 from messages import mentions
 from plates import plate, square_grid
 

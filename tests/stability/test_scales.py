@@ -9,11 +9,11 @@ from typing import Literal
 import msgspec
 import numpy as np
 import pytest
-from failures import saying
+from failure_cases import saying
 from messages import mentions
 from numpy.typing import NDArray
 from plates import GLASS, plate, square_grid
-from systems import broken
+from system_checks import broken
 
 from pdmesh import Circle, Scene, SceneError, box
 from pdmesh.grid.lattice import build_grid

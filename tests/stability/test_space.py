@@ -7,8 +7,8 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 from messages import mentions
-from parted_blocks import parted
-from systems import equilibrium
+from separated_blocks import parted
+from system_checks import equilibrium
 
 from pdmesh import Body, Box, Material, SceneError, build
 from pdsolve.model import Model

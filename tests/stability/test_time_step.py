@@ -11,10 +11,10 @@ from collections.abc import Callable
 import msgspec
 import numpy as np
 import pytest
-from failures import saying
+from failure_cases import saying
 from messages import mentions
 from plates import GLASS, plate, square_grid
-from systems import true_limit
+from system_checks import true_limit
 
 from pdmesh.model.document import InitialVelocity, Material, Run
 from pdsolve.model import Model

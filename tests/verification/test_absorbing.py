@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-from periodic import joined
+from periodic_plates import joined
 from plates import GLASS, plate, square_grid
-from systems import accelerate, at_step
+from system_checks import accelerate, at_step
 
 from pdmesh.model.document import Absorb
 from pdmesh.scene.scene import DEEP

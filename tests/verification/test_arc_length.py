@@ -8,9 +8,9 @@ from typing import Any
 import msgspec
 import numpy as np
 import pytest
+from database_contents import contents
 from messages import naming
 from plates import plate
-from whole import contents
 
 from pdmesh.model.document import Displacement, Load, Material, Run, Static
 from pdmesh.model.node_grid import Grid

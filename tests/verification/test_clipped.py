@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 from plates import GLASS
-from zones import H, Zoned, pulse, slope, zoned
+from zoned_plates import H, Zoned, pulse, slope, zoned
 
 from pdmesh.model.document import Region
 

@@ -6,7 +6,18 @@ import re
 
 import numpy as np
 import pytest
-from collocated import STEEL, H, accelerations, activate, cracked, places, prepared, torn, with_material, with_run
+from collocation_plates import (
+    STEEL,
+    H,
+    accelerations,
+    activate,
+    cracked,
+    places,
+    prepared,
+    torn,
+    with_material,
+    with_run,
+)
 from messages import naming
 
 from pdmesh.model.document import Collocation, Run

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from plates import plate, two_scale_grid
-from systems import broken
+from system_checks import broken
 
 from pdmesh.model.document import Run
 from pdsolve.model import read_model

@@ -8,9 +8,9 @@ from typing import Literal
 import msgspec
 import numpy as np
 import pytest
+from contact_bars import UNIT, grid_of
 from messages import naming
 from numpy.typing import NDArray
-from touching import UNIT, grid_of
 
 from pdmesh import Run, Scene, Static, box, build, ramp
 from pdmesh.model.contact import Contact

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import msgspec
 import pytest
-from parted_blocks import parted
+from separated_blocks import parted
 
 from pdmesh import Material
 

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 from plates import GEOMETRIES, GLASS, plate, square_grid
-from systems import bonds_of, equilibrium, sources
+from system_checks import bonds_of, equilibrium, sources
 
 from pdmesh.model.node_grid import Grid
 from pdsolve.bonds.assembly import BondSource, Part

@@ -9,9 +9,9 @@ from typing import Any
 import msgspec
 import numpy as np
 import pytest
+from database_contents import contents
 from messages import naming
 from shapely import Point
-from whole import contents
 
 from pdmesh import Material, Run, Scene, Static, box, build, ramp
 from pdmesh.model.document import ParticleRules

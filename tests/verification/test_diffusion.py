@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from media import ids, lattice, model, row
+from diffusion_models import ids, lattice, model, row
 from numpy.typing import NDArray
 from scipy.optimize import brentq
 from scipy.special import erfc, j0, j1

@@ -7,10 +7,10 @@ import functools
 import msgspec
 import numpy as np
 import pytest
-from media import CORRODING, disc, ids, model, row
+from diffusion_models import CORRODING, disc, ids, model, row
+from dissolving_screws import screw
 from numpy.typing import NDArray
 from scipy.special import erf
-from screws import screw
 
 from pdmesh.model.document import Concentration, Run, Solid
 from pdmesh.model.medium import Medium

@@ -9,7 +9,7 @@ import msgspec
 import numpy as np
 import pytest
 from plates import GLASS, plate, square_grid, two_scale_grid
-from systems import at_step, broken, equilibrium
+from system_checks import at_step, broken, equilibrium
 
 from pdmesh.model.document import (
     Acceleration,

@@ -8,11 +8,11 @@ from __future__ import annotations
 import msgspec
 import numpy as np
 import pytest
-from atrest import strip
+from cracked_strips import torn
 from effective_length import LAWS, OVER, STRIP, length_of
 from kirsch import solved
 from plates import GLASS, plate, square_grid
-from strips import torn
+from static_solution import strip
 
 import pdsolve.laws
 from benchmarks import ties

@@ -9,8 +9,8 @@ from typing import Any
 import msgspec
 import numpy as np
 import pytest
+from database_contents import contents
 from plates import GLASS, plate, square_grid
-from whole import contents
 
 from pdmesh.model.document import Displacement, Run, Static
 from pdsolve.model import Model

@@ -8,10 +8,10 @@ from typing import Any
 import msgspec
 import numpy as np
 import pytest
+from database_contents import contents
 from numpy.typing import NDArray
 from plates import GLASS, plate
-from whole import contents
-from zones import H, pulse, rectangle, slope, zoned
+from zoned_plates import H, pulse, rectangle, slope, zoned
 
 from pdmesh.model.document import Load, Run
 from pdpost.measures.cracked_nodes import separation_at

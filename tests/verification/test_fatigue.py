@@ -9,8 +9,8 @@ from typing import Any
 
 import numpy as np
 import pytest
+from database_contents import contents
 from plates import plate, shipped, square_grid
-from whole import contents
 
 from pdmesh import Scene, box, build
 from pdmesh.model.document import Displacement, Fatigue, Load, Material, Run

@@ -9,10 +9,10 @@ from typing import Any
 import msgspec
 import numpy as np
 import pytest
+from database_contents import contents
 from messages import naming
 from numpy.typing import NDArray
 from plates import shipped
-from whole import contents
 
 from pdmesh import Circle, Fatigue, Material, Run, Scene, box, build
 from pdmesh.model.document import ParticleRules

@@ -6,7 +6,7 @@ import msgspec
 import numpy as np
 import pytest
 from plates import GLASS, plate, two_scale_grid
-from systems import broken, forces, worst
+from system_checks import broken, forces, worst
 
 from pdmesh.model.document import Run
 from pdsolve.options import Options

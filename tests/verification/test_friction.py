@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from touching import UNIT, grid_of
+from contact_bars import UNIT, grid_of
 
 from pdmesh.model.contact import Contact
 from pdmesh.model.document import Displacement, Load, Settings

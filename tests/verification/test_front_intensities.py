@@ -8,10 +8,10 @@ Kassir, G. C. Sih, J. Appl. Mech. 33 (1966) 601-611).
 from __future__ import annotations
 
 import numpy as np
-import pennies
+import penny_cracks
 import pytest
 import sneddon
-from stored import results_of
+from prescribed_results import results_of
 
 from pdmesh import Body, Box, Material, Run, build
 from pdpost.measures.intensities_in_space import FrontIntensities, front_intensities
@@ -22,7 +22,7 @@ from pdsolve.run.simulation import Options, simulate
 SMALL = 1e-6  # stress: strains are linear
 
 
-def front_of(penny: pennies.Penny) -> FrontIntensities:
+def front_of(penny: penny_cracks.Penny) -> FrontIntensities:
     """What is found along the front, for the stress `SMALL`."""
     count, h, bonds = len(penny.position), 1 / penny.nodes_of_radius, penny.whole.bonds
     cut = penny.whole.family - np.diff(bonds.start)
@@ -32,7 +32,7 @@ def front_of(penny: pennies.Penny) -> FrontIntensities:
     model = {"notch": [], "nodes": [], "version": 2, "run": {"solver": "static"}, "material": material}
     model |= {"horizon": {"ratio": 3.0}}
     families = Families(bonds.start.astype(np.int64), bonds.neighbour.astype(np.int64))
-    results = results_of(nodes, families, SMALL * penny.u, [], model, pennies.disc(256))
+    results = results_of(nodes, families, SMALL * penny.u, [], model, penny_cracks.disc(256))
     (front,) = front_intensities(results, 10)
     assert len(front.points_with_values) == len(front.along)
     return front
@@ -41,7 +41,7 @@ def front_of(penny: pennies.Penny) -> FrontIntensities:
 @pytest.mark.slow
 def test_a_penny_under_tension() -> None:
     """Eight spacings in radius, in a cube of twice its width whose outer layers are held as Sneddon has them."""
-    penny = pennies.opened(8, 2, lambda x, E, nu: sneddon.displacements(x, 1.0, E, nu))
+    penny = penny_cracks.opened(8, 2, lambda x, E, nu: sneddon.displacements(x, 1.0, E, nu))
     front, exact = front_of(penny), 2 * SMALL / np.sqrt(np.pi)
     assert front.value["K1"] / exact == pytest.approx(1.0, abs=0.03)  # measured 0.9995 to 1.0058
     assert front.value["K1"].mean() / exact == pytest.approx(1.0, abs=0.006)  # measured 1.0016
@@ -53,7 +53,7 @@ def test_a_penny_under_tension() -> None:
 @pytest.mark.slow
 def test_a_penny_under_shear() -> None:
     """Eight spacings in radius, in a cube of three times its width, held as without a crack, which lowers both."""
-    penny = pennies.opened(8, 3, pennies.sheared)
+    penny = penny_cracks.opened(8, 3, penny_cracks.sheared)
     front, exact = front_of(penny), 4 * SMALL / ((2 - penny.nu) * np.sqrt(np.pi))
     angle = np.arctan2(front.place[:, 1], front.place[:, 0])
     slid, torn = 2 * (front.value["K2"] * np.cos(angle)).mean(), 2 * (front.value["K3"] * np.sin(angle)).mean()
@@ -69,7 +69,7 @@ def test_a_suddenly_loaded_penny_settles_to_what_it_feels_at_rest() -> None:
     radius, half = 8.0, 24.0
     solid = Material(E=1.0, rho=1.0, G0=1e3, micromodulus="constant")
     body = Body(Box((-half,) * 3, (half,) * 3), 1.0, solid, run=Run(duration=300.0, every=40, damping=0.05))
-    body = body.crack((radius * pennies.disc(64)).reshape(-1, 3, 3))
+    body = body.crack((radius * penny_cracks.disc(64)).reshape(-1, 3, 3))
     for side, pull in (("top", SMALL), ("bottom", -SMALL)):
         body = body.load(side, traction=(0.0, 0.0, pull), profile=((0.0, 0.0), (12.0, 1.0)))
     found, exact = build(body), 2 * SMALL * np.sqrt(radius / np.pi)

@@ -8,7 +8,7 @@ import msgspec
 import numpy as np
 import pytest
 from plates import GLASS, plate, square_grid
-from systems import by_row_sum
+from system_checks import by_row_sum
 
 from pdmesh.model.document import Displacement, Run, Static
 from pdsolve.laws.higher_order_correspondence import fit

@@ -7,10 +7,10 @@ from pathlib import Path
 import msgspec
 import numpy as np
 import pytest
-from media import grid, ids
+from database_contents import contents
+from diffusion_models import grid, ids
 from messages import naming
 from numpy.typing import NDArray
-from whole import contents
 
 from pdmesh.model.document import (
     Concentration,

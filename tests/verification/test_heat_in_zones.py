@@ -8,8 +8,8 @@ from pathlib import Path
 import msgspec
 import numpy as np
 import pytest
+from database_contents import contents
 from numpy.typing import NDArray
-from whole import contents
 
 from pdmesh import Circle, Material, Medium, Run, Scene, box, build
 from pdsolve.adaptivity.hybrid.lattice import COARSE, FINE

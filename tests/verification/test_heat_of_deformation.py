@@ -7,9 +7,9 @@ from pathlib import Path
 import msgspec
 import numpy as np
 import pytest
-from media import grid, ids
+from database_contents import contents
+from diffusion_models import grid, ids
 from messages import naming
-from whole import contents
 
 from pdmesh import Heat, Scene, box, build
 from pdmesh.model.document import Displacement, Horizon, Load, Material, Run, Settings

@@ -13,8 +13,8 @@ import msgspec
 import numpy as np
 import pytest
 import shapely
+from contact_bars import UNIT
 from numpy.typing import NDArray
-from touching import UNIT
 
 from pdmesh import Body, Box, Material, Run, Scene, Sphere, Static, box, build
 from pdmesh.model.document import Displacement, Settings

@@ -9,7 +9,7 @@ import msgspec
 import numpy as np
 import pytest
 from plates import GLASS, plate
-from zones import again, rectangle, struck
+from zoned_plates import again, rectangle, struck
 
 from pdmesh.model.document import Absorb, Displacement, Run
 from pdsolve.adaptivity.hybrid.engine import HybridEngine

@@ -11,7 +11,7 @@ import msgspec
 import numpy as np
 import pytest
 from messages import naming
-from zones import side_by_side
+from zoned_plates import side_by_side
 
 from pdmesh import Circle, Material, Run, Scene, box, ramp
 from pdmesh.drawing.file_reading import read_scene

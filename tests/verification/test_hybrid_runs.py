@@ -6,7 +6,7 @@ import msgspec
 import numpy as np
 import pytest
 from plates import GLASS, plate
-from zones import STEEL, again, rectangle, struck
+from zoned_plates import STEEL, again, rectangle, struck
 
 from pdmesh.model.document import Displacement, InitialVelocity, Load, Run
 from pdsolve.adaptivity.hybrid.engine import HybridEngine

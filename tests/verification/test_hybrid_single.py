@@ -6,8 +6,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from whole import contents
-from zones import struck
+from database_contents import contents
+from zoned_plates import struck
 
 from pdsolve.options import Options
 from pdsolve.results import Results

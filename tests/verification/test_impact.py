@@ -13,7 +13,7 @@ from typing import Literal
 import msgspec
 import numpy as np
 import pytest
-from touching import bar, grid_of, moving, struck
+from contact_bars import bar, grid_of, moving, struck
 
 from pdmesh.model.contact import Contact
 from pdmesh.model.document import Displacement, Horizon, Material, RigidBody, Run

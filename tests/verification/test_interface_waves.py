@@ -6,10 +6,10 @@ import warnings
 
 import numpy as np
 import pytest
-from periodic import joined
+from periodic_plates import joined
 from plates import GLASS, interface_grid, plate
-from pulses import sent_back
-from systems import accelerate, at_step
+from pulse_reflections import sent_back
+from system_checks import accelerate, at_step
 
 from pdmesh.model.document import Collocation
 from pdsolve.model import ModelWarning

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 from plates import GLASS, plate, square_grid
-from systems import equilibrium
+from system_checks import equilibrium
 
 from pdmesh.model.document import Material
 from pdsolve.options import Options

@@ -6,7 +6,7 @@ import msgspec
 import numpy as np
 import pytest
 from plates import GLASS, plate, square_grid
-from systems import bonds_of, stiffness
+from system_checks import bonds_of, stiffness
 
 from pdmesh.model.lattice_calibration import calibration, full_family, lattice_ratios
 from pdsolve.options import Options

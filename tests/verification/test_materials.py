@@ -5,9 +5,9 @@ from __future__ import annotations
 import msgspec
 import numpy as np
 import pytest
-from periodic import joined
+from periodic_plates import joined
 from plates import GLASS, plate, square_grid
-from systems import bonds_of, equilibrium, matrix, sources
+from system_checks import bonds_of, equilibrium, matrix, sources
 
 from pdmesh.model.document import Material, Region
 from pdmesh.model.lattice_calibration import calibration

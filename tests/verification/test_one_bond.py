@@ -8,7 +8,7 @@ import msgspec
 import numpy as np
 import pytest
 from plates import GLASS, plate, square_grid
-from systems import bonds_of, broken, forces, worst
+from system_checks import bonds_of, broken, forces, worst
 
 from pdmesh.model.document import Displacement, Material, Run
 from pdsolve.options import Options

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 from plates import GLASS, interface_grid, plate, square_grid
-from systems import bonds_of, broken, matrix
+from system_checks import bonds_of, broken, matrix
 
 from pdsolve.options import Options
 from pdsolve.run.prepare import prepare

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from softened import beam, spent, steady_drive
+from softening_bars import beam, spent, steady_drive
 
 from pdsolve.run.simulation import Options, simulate
 

@@ -10,9 +10,9 @@ from pathlib import Path
 import msgspec
 import numpy as np
 import pytest
+from database_contents import contents
 from messages import naming
 from plates import plate, square_grid
-from whole import contents
 
 from pdmesh.model.document import Displacement, Gap, LoadCell, Material, Run, Static, write_file
 from pdmesh.model.node_grid import document_of

@@ -9,9 +9,9 @@ from typing import Any
 
 import msgspec
 import pytest
+from database_contents import contents, kill_when
 from messages import naming
-from softened import beam
-from whole import contents, kill_when
+from softening_bars import beam
 
 from pdmesh.model.document import write_file
 from pdmesh.model.node_grid import document_of

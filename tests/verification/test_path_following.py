@@ -10,12 +10,12 @@ from typing import Any
 import msgspec
 import numpy as np
 import pytest
+from database_contents import contents
 from messages import naming
 from numpy.typing import NDArray
 from plates import plate, square_grid
-from softened import PETERSSONS as CONCRETE
-from softened import beam
-from whole import contents
+from softening_bars import PETERSSONS as CONCRETE
+from softening_bars import beam
 
 from pdmesh.model.document import Spring
 from pdsolve.laws import law_of

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
-import pennies
+import penny_cracks
 import pytest
 
 
@@ -20,7 +20,7 @@ def test_a_penny_opens_as_it_should(
     radius: int, half: float, counts: tuple[int, int, int], opening: float, volume: float
 ) -> None:
     """The opening in its middle and the volume of the open crack over the exact ones; nodes, bonds and those cut."""
-    penny, h = pennies.opened(radius, half), 1 / radius
+    penny, h = penny_cracks.opened(radius, half), 1 / radius
     family, bonds = penny.whole.family, np.diff(penny.whole.bonds.start)
     assert (len(penny.position), int(family.sum()), int((family - bonds).sum())) == counts
     height = penny.position[:, 2]

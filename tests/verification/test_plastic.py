@@ -10,9 +10,9 @@ from pathlib import Path
 import msgspec
 import numpy as np
 import pytest
+from database_contents import contents
 from messages import mentions, naming
 from plates import GLASS, plate, square_grid
-from whole import contents
 
 from pdmesh.model.document import Displacement, Load, Run, Static
 from pdmesh.model.node_grid import Grid

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from plates import GLASS, plate, square_grid
 from scipy.sparse import csr_array, diags_array
 from scipy.sparse.linalg import eigsh, spsolve
-from systems import by_row_sum
+from system_checks import by_row_sum
 
 from pdmesh.model.document import Displacement, Load, Run, Static
 from pdmesh.model.lattice_calibration import lattice_ratios

@@ -11,8 +11,8 @@ import warnings
 import msgspec
 import numpy as np
 import pytest
+from contact_bars import UNIT
 from shapely import Point
-from touching import UNIT
 
 from pdmesh import Run, Scene, box, build
 from pdmesh.model.document import InitialVelocity, RigidBody

@@ -7,8 +7,8 @@ from pathlib import Path
 import msgspec
 import numpy as np
 import pytest
-from blocks import GLASS, block
-from whole import contents, kill_when
+from database_contents import contents, kill_when
+from zoned_blocks import GLASS, block
 
 from pdmesh import Body, Box, Run, build
 from pdmesh.model.document import InitialVelocity, Velocity, write_file

@@ -8,8 +8,8 @@ from pathlib import Path
 import msgspec
 import numpy as np
 import pytest
-from blocks import GLASS, HEIGHT, LENGTH, SMALL, WIDTH, H, blob, block, place
-from pulses_in_space import bonds_of, sent_back
+from pulse_reflections_3d import bonds_of, sent_back
+from zoned_blocks import GLASS, HEIGHT, LENGTH, SMALL, WIDTH, H, blob, block, place
 
 import pdmesh
 from pdmesh import Body, Box, Cylinder, Run, ramp

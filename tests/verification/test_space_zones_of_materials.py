@@ -6,7 +6,7 @@ import warnings
 
 import numpy as np
 import pytest
-from blocks import GLASS, SMALL, H, at_random, block, place
+from zoned_blocks import GLASS, SMALL, H, at_random, block, place
 
 import pdmesh
 from pdmesh import Body, Box, Material, Run

@@ -7,8 +7,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from database_contents import contents, kill_when
 from plates import plate, square_grid
-from whole import contents, kill_when
 
 from pdmesh.model.document import InitialVelocity, Load, Run, Split, write_file
 from pdmesh.model.node_grid import document_of

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 from plates import GLASS, interface_grid, plate, square_grid
-from systems import broken
+from system_checks import broken
 
 from pdmesh.model.document import Load, Material, Run
 from pdmesh.model.node_grid import Grid

@@ -8,7 +8,7 @@ import msgspec
 import numpy as np
 import pytest
 from plates import GLASS, plate, square_grid
-from systems import equilibrium
+from system_checks import equilibrium
 
 from pdmesh.model.document import Load
 from pdmesh.model.lattice_calibration import calibration

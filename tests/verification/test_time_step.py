@@ -7,10 +7,10 @@ import dataclasses
 import msgspec
 import numpy as np
 import pytest
-from periodic import joined
+from periodic_plates import joined
 from plates import GLASS, interface_grid, plate, square_grid
 from scipy.sparse.linalg import eigs
-from systems import accelerate, at_step, matrix, true_limit
+from system_checks import accelerate, at_step, matrix, true_limit
 
 from pdmesh.model.lattice_calibration import calibration
 from pdmesh.reports.bonds_and_step import SURFACES, stable_step

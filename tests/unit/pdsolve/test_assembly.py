@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from media import disc
+from diffusion_models import disc
 
 from pdsolve.options import Options
 from pdsolve.run.assembly import make_content_stepper

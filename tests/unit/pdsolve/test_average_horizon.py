@@ -8,7 +8,7 @@ import msgspec
 import numpy as np
 import pytest
 from plates import GLASS, plate, square_grid
-from systems import sources
+from system_checks import sources
 
 from pdmesh.model.lattice_calibration import hu_beta, offsets
 from pdmesh.model.node_grid import Grid

@@ -9,7 +9,7 @@ from types import SimpleNamespace
 import msgspec
 import numpy as np
 import pytest
-from failures import saying
+from failure_cases import saying
 from messages import mentions, naming
 from plates import GLASS, plate, square_grid, two_scale_grid
 

@@ -11,10 +11,10 @@ from typing import Any
 import msgspec
 import numpy as np
 import pytest
-from collocated import cracked, torn, with_material, with_run
+from collocation_plates import cracked, torn, with_material, with_run
+from database_contents import contents, kill_when
 from messages import naming
 from plates import STEEL
-from whole import contents, kill_when
 
 from pdmesh import Scene, box
 from pdmesh.__main__ import main as build_command

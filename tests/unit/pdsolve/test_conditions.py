@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from messages import naming
 from plates import GLASS, plate, square_grid
-from systems import bonds_of
+from system_checks import bonds_of
 
 from pdmesh.model.document import Absorb, Acceleration, AnyCondition, Displacement, InitialVelocity, Load, Run, Velocity
 from pdsolve.conditions import ABSORBED, apply_loads, damping, drive, put_loads, unbreakable

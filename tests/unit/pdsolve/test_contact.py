@@ -9,9 +9,9 @@ from typing import Any
 import msgspec
 import numpy as np
 import pytest
+from contact_bars import UNIT, bar, grid_of, moving
 from messages import naming
 from numpy.typing import NDArray
-from touching import UNIT, bar, grid_of, moving
 
 from pdmesh import Scene, box, build, ramp
 from pdmesh.model.contact import Contact

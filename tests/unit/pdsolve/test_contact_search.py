@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from touching import bar, grid_of, moving
+from contact_bars import bar, grid_of, moving
 
 from pdmesh.model.contact import Contact
 from pdsolve.operators.contact.candidates import candidates

@@ -10,9 +10,9 @@ from typing import Any
 import msgspec
 import numpy as np
 import pytest
-from grown import BY_STRESS, pulled
+from crack_particle_strips import BY_STRESS, pulled
+from database_contents import contents
 from messages import mentions, naming
-from whole import contents
 
 from pdmesh.model.crack_particles import arms, until
 from pdmesh.model.document import Displacement, Load, ParticleRules, Run, Static

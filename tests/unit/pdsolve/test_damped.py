@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 import pytest
+from database_contents import contents
 from plates import plate, square_grid
-from whole import contents
 
 from pdmesh.model.document import Absorb, InitialVelocity, Run, Velocity
 from pdsolve.model import Model

@@ -8,10 +8,10 @@ from typing import Any
 import msgspec
 import numpy as np
 import pytest
-from beside import GRIDS, torn
 from devices import alike, bar, needs_opencl
+from kernel_comparison import GRIDS, torn
 from plates import GLASS, plate
-from systems import broken, kept
+from system_checks import broken, kept
 
 from pdmesh.model.document import Absorb, Acceleration, Displacement, InitialVelocity, Run, Velocity
 from pdsolve.model import Model, on_device

@@ -10,9 +10,9 @@ from typing import Any
 import msgspec
 import numpy as np
 import pytest
-from beside import GRIDS, torn
 from devices import alike, bar, needs_opencl, without_runtime
-from media import disc
+from diffusion_models import disc
+from kernel_comparison import GRIDS, torn
 from messages import mentions, naming
 from plates import GLASS, plate, square_grid
 

@@ -8,7 +8,7 @@ from typing import Any
 import msgspec
 import numpy as np
 import pytest
-from beside import GRIDS, both, nearly, torn
+from kernel_comparison import GRIDS, both, nearly, torn
 from plates import GLASS, plate, square_grid
 
 from pdmesh.model.document import Material

@@ -15,7 +15,7 @@ import pytest
 from messages import mentions, naming
 from numpy.typing import NDArray
 from plates import GLASS, plate, square_grid
-from zones import rectangle
+from zoned_plates import rectangle
 
 from pdmesh import Medium, Scene, SceneError, box, build
 from pdmesh.__main__ import main as build_command

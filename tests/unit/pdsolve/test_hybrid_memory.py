@@ -8,7 +8,7 @@ import sys
 import numpy as np
 import pytest
 from plates import plate
-from zones import rectangle
+from zoned_plates import rectangle
 
 from pdmesh.model.document import Absorb, Lattice, Run
 from pdmesh.model.node_grid import whole_lattice

@@ -13,8 +13,8 @@ from pathlib import Path
 
 import msgspec
 import pytest
+from database_contents import contents, newest
 from messages import naming
-from whole import contents, newest
 
 from pdmesh.model.document import Displacement, Velocity
 from pdsolve.model import Model

@@ -7,7 +7,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 from plates import plate, square_grid, two_scale_grid
-from systems import bonds_of, forces
+from system_checks import bonds_of, forces
 
 from pdmesh.model.document import Run
 from pdsolve.bonds.assembly import Bonds, stiffness_bound

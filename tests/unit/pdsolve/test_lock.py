@@ -11,8 +11,8 @@ import sys
 from pathlib import Path
 
 import pytest
+from database_contents import contents, newest
 from messages import mentions, naming
-from whole import contents, newest
 
 from pdpost.__main__ import main as pdpost
 from pdsolve.__main__ import main as pdsolve

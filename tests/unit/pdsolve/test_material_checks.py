@@ -9,8 +9,8 @@ from typing import Any
 import msgspec
 import numpy as np
 import pytest
-from clouds import cubic_grid
 from messages import mentions, naming
+from node_clouds import cubic_grid
 from plates import GLASS, STEEL, plate, square_grid
 
 from pdmesh import Material, Scene, box, build

@@ -11,9 +11,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from database_contents import contents
 from messages import naming
 from plates import plate, square_grid
-from whole import contents
 
 from pdmesh.model.document import Load, Run, Velocity
 from pdsolve.errors import UnstableError

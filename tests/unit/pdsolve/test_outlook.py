@@ -9,10 +9,10 @@ from pathlib import Path
 import msgspec
 import numpy as np
 import pytest
+from database_contents import contents
 from messages import mentions, naming
 from plates import GLASS, plate, shipped, square_grid
-from whole import contents
-from zones import rectangle
+from zoned_plates import rectangle
 
 from pdmesh.drawing.additions import ADAPT
 from pdmesh.model.document import Acceleration, Hybrid, Load, Run, Velocity

@@ -9,7 +9,7 @@ import msgspec
 import numpy as np
 import pytest
 from plates import GLASS, plate, square_grid
-from systems import broken, forces
+from system_checks import broken, forces
 
 from pdsolve.codegen.pull import NARROW, WIDE, coefficients
 from pdsolve.options import Options

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from plates import GLASS, plate, square_grid
-from tampered import tampered
+from tampered_databases import tampered
 
 from pdmesh.model.document import Acceleration, AnyCondition, Displacement, InitialVelocity, Load, Run, Velocity
 from pdsolve.model import Model

@@ -13,8 +13,8 @@ from contextlib import closing, contextmanager
 from pathlib import Path
 
 import pytest
+from database_contents import contents, newest
 from messages import mentions, naming
-from whole import contents, newest
 
 from pdsolve.model import Model
 from pdsolve.results import BusyError, GoneError, Kind, Results, ResultsError, TakenError, Writer, state_of

@@ -9,9 +9,9 @@ from typing import Any
 import msgspec
 import numpy as np
 import pytest
+from contact_bars import UNIT
 from messages import naming
 from scipy.spatial.distance import pdist
-from touching import UNIT
 
 from pdmesh import Scene, SceneError, box, build
 from pdmesh.model.document import Displacement, Load, RigidBody, Run, Velocity

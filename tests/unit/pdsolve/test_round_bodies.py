@@ -8,9 +8,9 @@ from typing import Any
 
 import numpy as np
 import pytest
+from contact_bars import UNIT
 from messages import naming
 from shapely import Point
-from touching import UNIT
 
 from pdmesh import Body, Box, GridError, Material, Scene, Sphere, box, build
 from pdmesh.model.document import Run

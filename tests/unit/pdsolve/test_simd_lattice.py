@@ -9,10 +9,10 @@ import msgspec
 import numba
 import numpy as np
 import pytest
-from beside import GRIDS, both, cracked, nearly, torn
+from kernel_comparison import GRIDS, both, cracked, nearly, torn
 from messages import naming
 from plates import GLASS, plate, square_grid, two_scale_grid
-from systems import bonds_of, broken, kept, worst
+from system_checks import bonds_of, broken, kept, worst
 
 from pdmesh.model.document import Acceleration, Displacement, Run, Velocity
 from pdsolve.model import ModelError

@@ -13,8 +13,8 @@ import numpy as np
 import pytest
 from messages import naming
 from plates import plate, square_grid
-from systems import bonds_of, kept
-from tampered import tampered
+from system_checks import bonds_of, kept
+from tampered_databases import tampered
 
 from pdmesh.model.bond_counts import pair_count
 from pdmesh.model.document import Run

@@ -11,7 +11,7 @@ from pathlib import Path
 import meshio
 import numpy as np
 import pytest
-from hostile import model
+from hostile_drawings import model
 from messages import mentions, naming
 
 pytest.importorskip("gmsh", exc_type=(ImportError, OSError))

@@ -12,7 +12,7 @@ import meshio
 import numpy as np
 import pytest
 from messages import naming
-from tampered import tampered
+from tampered_databases import tampered
 
 from pdpost.__main__ import main
 from pdpost.exports import frame_files, node_sets

@@ -10,7 +10,7 @@ import shapely
 from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
-from zones import struck
+from zoned_plates import struck
 
 from pdpost.figures import animation, field_figure
 from pdsolve.results import Results

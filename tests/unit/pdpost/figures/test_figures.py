@@ -175,7 +175,7 @@ def test_a_film_names_the_largest_of_all_frames(small_results: Path) -> None:
 
 def torn_plate() -> tuple[Results, NDArray[np.float64]]:
     """A lattice that is stretched by 1e-4, and the ids of two of its nodes that hang by a few bonds and are far off."""
-    from drawn import at, lattice
+    from damaged_results import at, lattice
 
     nodes = lattice(12, 9)._replace(cut=np.zeros(108, dtype=np.int64))
     near = np.abs(nodes.position[:, None] - nodes.position).max(axis=2)
@@ -394,7 +394,7 @@ def test_the_nodes_by_level(small_results: Path, tmp_path: Path) -> None:
 
 def test_the_legend_of_a_crack_covers_no_branch(small_results: Path) -> None:
     """It stands below the plate, on which branches may run anywhere."""
-    from drawn import lattice, run
+    from damaged_results import lattice, run
 
     branches = crack_branches(run(lattice(), [(x, x, y) for x in range(5, 16) for y in (-1, 0, 1)]))
     wide = [replace(one, line=np.zeros_like(one.line)) for one in branches]

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from tampered import tampered
+from tampered_databases import tampered
 
 from pdpost.figures.crack_figure import crack
 from pdpost.figures.page import report

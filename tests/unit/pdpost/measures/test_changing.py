@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from drawn import alone
+from damaged_results import alone
 from numpy.typing import NDArray
 from plates import square_grid
 

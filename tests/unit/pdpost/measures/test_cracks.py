@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from drawn import alone, at, lattice, run
+from damaged_results import alone, at, lattice, run
 
 from pdpost.exports import csv_columns
 from pdpost.measures.bond_pairs import read_bond_pairs

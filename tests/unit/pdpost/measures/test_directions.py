@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from drawn import lattice, run
+from damaged_results import lattice, run
 
 from pdpost.measures.directions import CrackDirection, measure_directions
 from pdpost.measures.tips import crack_branches

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from messages import naming
-from stored import block, results_of
+from prescribed_results import block, results_of
 
 from pdpost.measures import fields, strain
 from pdpost.measures.lines import sample_line

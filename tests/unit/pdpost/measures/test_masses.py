@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from media import grid, row
+from diffusion_models import grid, row
 
 from pdmesh.model.document import Horizon, Run, Settings, Source
 from pdmesh.model.medium import Medium

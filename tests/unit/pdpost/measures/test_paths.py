@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from drawn import lattice, run
+from damaged_results import lattice, run
 from messages import naming
 
 from pdpost.measures.paths import PathError, crack_paths, main_direction, path_distances

@@ -6,7 +6,7 @@ import json
 
 import numpy as np
 import pytest
-from drawn import lattice, run
+from damaged_results import lattice, run
 
 from pdmesh.model.material_constants import rayleigh_ratio, rayleigh_speed
 from pdpost.measures.speed import TipSpeeds, averaging_window, tip_speeds

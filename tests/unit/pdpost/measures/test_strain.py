@@ -7,7 +7,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from messages import naming
-from stored import MODEL, plate, results_of
+from prescribed_results import MODEL, plate, results_of
 
 from pdmesh.model import gradients
 from pdmesh.model.document import Material

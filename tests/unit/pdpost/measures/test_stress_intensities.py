@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from stored import MODEL, plate, results_of
+from prescribed_results import MODEL, plate, results_of
 
 from pdpost.measures.cracked_nodes import damage_at
 from pdpost.measures.stress_intensities import FrameFields, _choose_rings

@@ -6,7 +6,7 @@ import json
 
 import numpy as np
 import pytest
-from drawn import lattice, run
+from damaged_results import lattice, run
 
 from pdpost.measures.tip_surroundings import Obstacles, Tip, tip_histories
 

@@ -6,10 +6,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from drawn import at_steps, lattice, run
+from damaged_results import at_steps, lattice, run
 from matplotlib.collections import LineCollection
 from matplotlib.colors import to_hex
-from mirrors import mirrored
+from mirror_images import mirrored
 
 from pdpost.figures.charts import look
 from pdpost.figures.crack_figure import crack

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from drawn import lattice, run
+from damaged_results import lattice, run
 from plates import GLASS
 
 from pdmesh import Run, Scene, Static, box, build

@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from messages import naming
-from tampered import tampered
+from tampered_databases import tampered
 
 import pdsolve.results.writer
 from pdmesh.model.document import write_file

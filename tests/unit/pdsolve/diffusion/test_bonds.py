@@ -8,8 +8,8 @@ from functools import partial
 import msgspec
 import numpy as np
 import pytest
-from media import lattice, model, row
-from screws import screw
+from diffusion_models import lattice, model, row
+from dissolving_screws import screw
 
 from pdmesh.model.document import MediumRegion
 from pdmesh.model.medium import Medium

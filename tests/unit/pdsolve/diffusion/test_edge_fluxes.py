@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 import shapely
-from media import ids, lattice, model
+from diffusion_models import ids, lattice, model
 from numpy.typing import NDArray
 from scipy.optimize import brentq
 

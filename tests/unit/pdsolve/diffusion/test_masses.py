@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from media import ids, lattice, model, row
+from diffusion_models import ids, lattice, model, row
 
 from pdmesh.model.document import Concentration, Exchange, InitialConcentration, Run, Solid, Source
 from pdmesh.model.medium import Medium

@@ -8,10 +8,10 @@ from pathlib import Path
 import msgspec
 import numpy as np
 import pytest
+from database_contents import contents
 from devices import needs_opencl
-from media import CORRODING, disc, ids, lattice, model, row
+from diffusion_models import CORRODING, disc, ids, lattice, model, row
 from messages import naming
-from whole import contents
 
 from pdmesh.model.document import Concentration, Exchange, MediumRegion, Run, Source
 from pdmesh.model.medium import Medium

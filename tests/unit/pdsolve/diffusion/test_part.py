@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import media
+import diffusion_models
 import msgspec
 import numpy as np
 import pytest
@@ -12,14 +12,14 @@ from pdmesh.model.medium import Medium
 from pdsolve.diffusion.system import prepare
 
 CORRECTED = Medium(D=1.0, surface_correction=True)
-KINETIC = msgspec.structs.replace(media.CORRODING, dissolution="kinetic")
+KINETIC = msgspec.structs.replace(diffusion_models.CORRODING, dissolution="kinetic")
 
 
 @pytest.mark.parametrize(("medium", "kernel"), [(CORRECTED, "lattice"), (CORRECTED, "listed"), (KINETIC, "listed")])
 def test_rows_of_a_part_have_the_rates_of_the_whole(medium: Medium, kernel: str) -> None:
-    position = media.lattice(0.05, 1.0, 2)
-    held = Concentration(nodes=media.ids(position[:, 0] > 0.8), value=0.1)
-    model = media.model(position, 0.05, medium, conditions=(held,), run=Run(steps=1))
+    position = diffusion_models.lattice(0.05, 1.0, 2)
+    held = Concentration(nodes=diffusion_models.ids(position[:, 0] > 0.8), value=0.1)
+    model = diffusion_models.model(position, 0.05, medium, conditions=(held,), run=Run(steps=1))
     transport, state = prepare(model, listed=kernel == "listed")
     whole = transport.operator
     assert whole.name == kernel

@@ -10,9 +10,9 @@ from pathlib import Path
 import msgspec
 import numpy as np
 import pytest
-from media import CORRODING, disc, ids, lattice, model
+from database_contents import contents, kill_when
+from diffusion_models import CORRODING, disc, ids, lattice, model
 from messages import naming
-from whole import contents, kill_when
 
 from pdmesh.model.document import Concentration, InitialConcentration, Load, Material, Run, Solid, Source
 from pdmesh.model.medium import Medium

@@ -6,7 +6,7 @@ import dataclasses
 
 import numpy as np
 import pytest
-from media import grid, ids, model
+from diffusion_models import grid, ids, model
 from messages import naming
 from numpy.typing import NDArray
 

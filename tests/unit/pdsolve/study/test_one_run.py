@@ -8,8 +8,8 @@ from contextlib import closing
 from pathlib import Path
 
 import pytest
+from database_contents import contents
 from messages import mentions
-from whole import contents
 
 from pdsolve.model import Model
 from pdsolve.results import Kind, Writer, remove, state_of, writing_to

@@ -1,4 +1,4 @@
-"""A program of many ranks whose work fails on some of them: mpiexec -n 3 python -m ranked HOW RANK ..."""
+"""A program of many ranks whose work fails on some of them: mpiexec -n 3 python -m failing_ranks HOW RANK ..."""
 
 from __future__ import annotations
 

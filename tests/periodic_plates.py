@@ -6,7 +6,7 @@ import dataclasses
 
 import numpy as np
 from scipy.spatial import cKDTree
-from systems import bonds_of
+from system_checks import bonds_of
 
 from pdmesh.model.node_grid import Grid
 from pdsolve.bonds.assembly import Assembly, Bonds, Part

@@ -6,8 +6,8 @@ from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
-from atrest import settled
 from numpy.typing import NDArray
+from static_solution import settled
 
 from pdmesh.model.document import Horizon, Material, Settings
 from pdmesh.model.lattice_calibration import lattice_ratios

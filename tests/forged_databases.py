@@ -27,7 +27,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
-from tampered import tampered
+from tampered_databases import tampered
 
 from pdsolve.results.checksums import Checksum, select_schema
 from pdsolve.results.schema import TABLES
@@ -352,7 +352,9 @@ def forged_runs(folder: Path, seed: int, count: int, each: int) -> list[dict[str
     return wrong
 
 
-def apart(call: str, folder: Path, *numbers: int, module: str = "forged", limit: float = 900) -> list[dict[str, str]]:
+def apart(
+    call: str, folder: Path, *numbers: int, module: str = "forged_databases", limit: float = 900
+) -> list[dict[str, str]]:
     """What such a function of a module finds in a process of its own; a signal that ends it is something wrong too."""
     words = [sys.executable, "-c", f"import sys; sys.path[:0] = {sys.path!r}; import json, {module} as f;"
              f" print(json.dumps(f.{call}(f.Path({str(folder)!r}), *{numbers!r})))"]  # fmt: skip

@@ -5,8 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
-from forged import apart
-from forged_beside import KINDS, forged_cases, prepare
+from forged_databases import apart
+from forged_side_files import KINDS, forged_cases, prepare
 
 
 @pytest.fixture(scope="module")
@@ -27,10 +27,10 @@ def test_some_forgeries(sound: Path, number: int) -> None:
 
 @pytest.mark.endurance
 def test_hundreds_of_forgeries(sound: Path) -> None:
-    assert apart("forged_cases", sound, 4, 300, module="forged_beside", limit=3000) == []
+    assert apart("forged_cases", sound, 4, 300, module="forged_side_files", limit=3000) == []
 
 
 def test_every_kind_has_its_turns() -> None:
-    from forged_beside import TURNS
+    from forged_side_files import TURNS
 
     assert set(TURNS) == set(KINDS)

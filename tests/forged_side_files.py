@@ -1,7 +1,7 @@
 """Forged files beside databases, tables of studies and folders of studies; and the commands that meet them.
 
 Each case has a folder of its own, beside one of marker files: files of a user, which forgeries name, link to or copy.
-A command ends in one line or an answer, and the markers stay as they are. Otherwise as `forged.py`.
+A command ends in one line or an answer, and the markers stay as they are. Otherwise as `forged_databases.py`.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 import msgspec
-from forged import EVIL, damaged, outcome
+from forged_databases import EVIL, damaged, outcome
 
 from benchmarks.kinds_of_run import KINDS as KINDS_OF_RUN
 from pdmesh.model.document import write_file
