@@ -83,22 +83,18 @@ def taken_out(text: bytes) -> tuple[bytes, NodeColumns] | None:
     start, end = text.find(BEGIN) + len(BEGIN), text.rfind(END)
     if start < len(BEGIN) or end <= start:
         return None
+    parts, at = [], start
     try:
-        parts = [columns_of(DECODER.decode(b"[%b]" % part)) for part in _parts(text, start, end)]
+        while at < end:  # some lines at a time
+            line_end = text.find(BETWEEN, at + READ, end)
+            stop = end if line_end < 0 else line_end
+            parts.append(columns_of(DECODER.decode(b"[%b]" % text[at:stop])))
+            at = stop + len(BETWEEN)
     except (msgspec.DecodeError, UnicodeDecodeError):
         return None
     names = [field.name for field in fields(NodeColumns)]
     every = (np.concatenate([getattr(part, name) for part in parts]) for name in names)
     return text[:start] + text[end:], NodeColumns(*every)
-
-
-def _parts(text: bytes, start: int, end: int) -> Iterator[bytes]:
-    """Some lines each of a text from `start` to `end`."""
-    while start < end:
-        line_end = text.find(BETWEEN, start + READ, end)
-        stop = end if line_end < 0 else line_end
-        yield text[start:stop]
-        start = stop + len(BETWEEN)
 
 
 def written(nodes: NodeColumns) -> Iterator[bytes]:
