@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from pdmesh import commandline
-from pdmesh.file_kinds import Kind
+from pdmesh.file_kinds import FileKind
 from pdmesh.printing import say
 from pdmesh.quantities import UNITS
 
@@ -322,8 +322,8 @@ def main(argv: Sequence[str] | None = None) -> int:
 
     def command() -> int:
         if args.command not in ("schema", "doctor"):
-            studies = (Kind.STUDY,) if args.command == "plan" else ()
-            commandline.expect(args.drawing, Kind.DRAWING, Kind.MODEL, *studies)
+            studies = (FileKind.STUDY,) if args.command == "plan" else ()
+            commandline.expect(args.drawing, FileKind.DRAWING, FileKind.MODEL, *studies)
             commandline.expect_other_outputs(args)
         from pdmesh.model.document import GridWarning
 
