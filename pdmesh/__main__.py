@@ -337,13 +337,8 @@ def _exits() -> dict[type[Exception], int]:
     from pdmesh.model.document import GridError
     from pdmesh.scene.shapes import SceneError
 
-    return dict.fromkeys((SceneError, GridError, *_solver_errors()), commandline.BAD_INPUT)
-
-
-def _solver_errors() -> tuple[type[Exception], ...]:
-    """Exceptions that a study, or settings of the solver, can raise, if their modules have been imported."""
-    errors: list[type[Exception]] = []
-    if "pdsolve.model" in sys.modules:
+    errors: list[type[Exception]] = [SceneError, GridError]
+    if "pdsolve.model" in sys.modules:  # else nothing has raised its errors
         from pdsolve import ModelError
 
         errors.append(ModelError)
@@ -351,7 +346,7 @@ def _solver_errors() -> tuple[type[Exception], ...]:
         from pdsolve import StudyError
 
         errors.append(StudyError)
-    return tuple(errors)
+    return dict.fromkeys(errors, commandline.BAD_INPUT)
 
 
 if __name__ == "__main__":

@@ -100,25 +100,20 @@ def taken_out(text: bytes) -> tuple[bytes, NodeColumns] | None:
 def written(nodes: NodeColumns) -> Iterator[bytes]:
     """The records, a line for each node, in pieces."""
     for at in range(0, len(nodes), WRITTEN):
-        yield (BETWEEN if at else b"") + _lines(nodes, slice(at, at + WRITTEN))
-
-
-def _lines(nodes: NodeColumns, rows: slice) -> bytes:
-    """Lines of some nodes; what is the same in all of them is put into words once."""
-    line, varying = b"{", list[list[bytes]]()
-    for before, column, after in (
-        (b'"id":', nodes.id, b""),
-        (b',"border":"', nodes.border, b'"'),
-        (b',"position":[', nodes.position, b"]"),
-        (b',"hole_id":', nodes.hole_id, b""),
-        (b',"delta":[', nodes.delta, b"]"),
-    ):
-        values = column[rows]
-        same = bool((values == values[0]).all())
-        text = msgspec.json.encode((values[:1] if same else values).tolist())
-        texts = text[1:-1].split(b",") if values.ndim == 1 else text[2:-2].split(b"],[")
-        line += before + (texts[0] if same else b"%b") + after
-        if not same:
-            varying.append(texts)
-    count = len(nodes.id[rows])
-    return BETWEEN.join([line + b"}"] * count) % tuple(chain.from_iterable(zip(*varying, strict=True)))
+        line, varying = b"{", list[list[bytes]]()  # what is the same in all nodes of a piece is put into words once
+        for before, column, after in (
+            (b'"id":', nodes.id, b""),
+            (b',"border":"', nodes.border, b'"'),
+            (b',"position":[', nodes.position, b"]"),
+            (b',"hole_id":', nodes.hole_id, b""),
+            (b',"delta":[', nodes.delta, b"]"),
+        ):
+            values = column[at : at + WRITTEN]
+            same = bool((values == values[0]).all())
+            text = msgspec.json.encode((values[:1] if same else values).tolist())
+            texts = text[1:-1].split(b",") if values.ndim == 1 else text[2:-2].split(b"],[")
+            line += before + (texts[0] if same else b"%b") + after
+            if not same:
+                varying.append(texts)
+        lines = BETWEEN.join([line + b"}"] * min(WRITTEN, len(nodes) - at))
+        yield (BETWEEN if at else b"") + lines % tuple(chain.from_iterable(zip(*varying, strict=True)))
