@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from pdmesh import commandline
-from pdmesh.file_kinds import Kind
+from pdmesh.file_kinds import FileKind
 from pdmesh.printing import say
 from pdmesh.quantities import UNITS
 
@@ -322,8 +322,8 @@ def main(argv: Sequence[str] | None = None) -> int:
 
     def command() -> int:
         if args.command not in ("schema", "doctor"):
-            studies = (Kind.STUDY,) if args.command == "plan" else ()
-            commandline.expect(args.drawing, Kind.DRAWING, Kind.MODEL, *studies)
+            studies = (FileKind.STUDY,) if args.command == "plan" else ()
+            commandline.expect(args.drawing, FileKind.DRAWING, FileKind.MODEL, *studies)
             commandline.expect_other_outputs(args)
         from pdmesh.model.document import GridWarning
 
@@ -337,13 +337,8 @@ def _exits() -> dict[type[Exception], int]:
     from pdmesh.model.document import GridError
     from pdmesh.scene.shapes import SceneError
 
-    return dict.fromkeys((SceneError, GridError, *_solver_errors()), commandline.BAD_INPUT)
-
-
-def _solver_errors() -> tuple[type[Exception], ...]:
-    """Exceptions that a study, or settings of the solver, can raise, if their modules have been imported."""
-    errors: list[type[Exception]] = []
-    if "pdsolve.model" in sys.modules:
+    errors: list[type[Exception]] = [SceneError, GridError]
+    if "pdsolve.model" in sys.modules:  # else nothing has raised its errors
         from pdsolve import ModelError
 
         errors.append(ModelError)
@@ -351,7 +346,7 @@ def _solver_errors() -> tuple[type[Exception], ...]:
         from pdsolve import StudyError
 
         errors.append(StudyError)
-    return tuple(errors)
+    return dict.fromkeys(errors, commandline.BAD_INPUT)
 
 
 if __name__ == "__main__":

@@ -17,7 +17,7 @@ from typing import Any, NoReturn
 
 from pdmesh import VERSION, stopping, trust
 from pdmesh.completion import Completion
-from pdmesh.file_kinds import Kind, mistaken
+from pdmesh.file_kinds import FileKind, mistaken
 from pdmesh.files import irregular
 from pdmesh.plain_text import for_line
 from pdmesh.printing import UnprintedError, leave_stdout, remark, say
@@ -197,7 +197,7 @@ def share(text: str) -> float:
     return fraction
 
 
-def expect(path: Path, *kinds: Kind) -> None:
+def expect(path: Path, *kinds: FileKind) -> None:
     """Raise UsageError for a file that is surely none of these kinds; the message names the command for it."""
     said = mistaken(path, *kinds)
     if said is not None:

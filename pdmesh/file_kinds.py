@@ -33,7 +33,7 @@ MESHES = (
 DATABASE = b"SQLite format 3\0"
 
 
-class Kind(Enum):
+class FileKind(Enum):
     """A kind of file, with its name in messages."""
 
     DRAWING = "a drawing"
@@ -43,28 +43,28 @@ class Kind(Enum):
 
 
 TAKEN = {  # by which command
-    Kind.DRAWING: "`pdmesh build {path}` makes a model of it, which pdsolve solves",
-    Kind.MODEL: "`pdsolve {path}` solves it",
-    Kind.RESULTS: "`pdpost report {path}` shows what is in it, `pdsolve --resume {path}` goes on with a run",
-    Kind.STUDY: "`pdsolve study {path}` solves it",
+    FileKind.DRAWING: "`pdmesh build {path}` makes a model of it, which pdsolve solves",
+    FileKind.MODEL: "`pdsolve {path}` solves it",
+    FileKind.RESULTS: "`pdpost report {path}` shows what is in it, `pdsolve --resume {path}` goes on with a run",
+    FileKind.STUDY: "`pdsolve study {path}` solves it",
 }
 
 
-def kind_of(path: Path) -> Kind | None:
+def kind_of(path: Path) -> FileKind | None:
     """The kind of the file at `path`; None if neither name nor content tells. Raises OSError."""
     with path.open("rb") as file:
         head = file.read(64)
     if head.startswith(DATABASE):
-        return Kind.RESULTS
+        return FileKind.RESULTS
     suffix = path.suffix.lower()
     if suffix == ".json" or head.lstrip().startswith(b"{"):
-        return Kind.MODEL
+        return FileKind.MODEL
     if suffix == ".toml":
-        return Kind.STUDY
-    return Kind.DRAWING if suffix in (".geo", ".py", *CAD, *MESHES) else None
+        return FileKind.STUDY
+    return FileKind.DRAWING if suffix in (".geo", ".py", *CAD, *MESHES) else None
 
 
-def mistaken(path: Path, *expected: Kind) -> str | None:
+def mistaken(path: Path, *expected: FileKind) -> str | None:
     """Message for a file that is surely of a kind not in `expected`; None if it may be one of them."""
     wanted = " or ".join(kind.value for kind in expected)
     try:
@@ -75,5 +75,5 @@ def mistaken(path: Path, *expected: Kind) -> str | None:
         return None  # whoever reads it says why it cannot be read
     if kind is None or kind in expected:
         return None
-    named = shlex.quote(str(path)) + " --trust" * (kind is Kind.DRAWING and path.suffix.lower() == ".py")
+    named = shlex.quote(str(path)) + " --trust" * (kind is FileKind.DRAWING and path.suffix.lower() == ".py")
     return f"{path} is {kind.value}, and {wanted} is needed; {TAKEN[kind].format(path=named)}"

@@ -211,15 +211,11 @@ def _is_private(folder: Path) -> bool:
     if stat.S_IMODE(status.st_mode) != 0o700:
         folder.chmod(0o700)
         if hasattr(os, "getuid") and status.st_mode & (stat.S_IWGRP | stat.S_IWOTH):
-            _empty(folder)
+            import shutil  # slow
+
+            for path in folder.iterdir():
+                if path.is_dir() and not path.is_symlink():
+                    shutil.rmtree(path)
+                else:
+                    path.unlink()
     return os.access(folder, os.R_OK | os.W_OK | os.X_OK)
-
-
-def _empty(folder: Path) -> None:
-    import shutil  # slow
-
-    for path in folder.iterdir():
-        if path.is_dir() and not path.is_symlink():
-            shutil.rmtree(path)
-        else:
-            path.unlink()

@@ -10,7 +10,7 @@ from contextlib import suppress
 from pathlib import Path
 
 from pdmesh import commandline
-from pdmesh.file_kinds import Kind
+from pdmesh.file_kinds import FileKind
 from pdmesh.spelling import meant
 from pdpost.commands import (
     animate_and_watch,
@@ -79,7 +79,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         commandline.expect_other_outputs(args)
         for name in ("results", "reference", "compare"):
             for path in commandline.paths_of(args, name):
-                commandline.expect(path, Kind.RESULTS)
+                commandline.expect(path, FileKind.RESULTS)
         from pdsolve.results import ResultsError, state_of
 
         for path in commandline.paths_of(args, "results"):

@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from pdmesh import commandline, stopping
-from pdmesh.file_kinds import Kind
+from pdmesh.file_kinds import FileKind
 from pdmesh.model.bond_counts import pair_count
 from pdmesh.plain_text import visible
 from pdmesh.printing import say
@@ -178,7 +178,7 @@ def _uncollected() -> Iterator[None]:
 
 
 def _solve(args: argparse.Namespace, ranks: Team | None) -> int:
-    commandline.expect(args.model, Kind.RESULTS if args.resume else Kind.MODEL)
+    commandline.expect(args.model, FileKind.RESULTS if args.resume else FileKind.MODEL)
     commandline.expect_other_outputs(args)
     launch.expect_room(ranks)
     with _uncollected():

@@ -13,12 +13,10 @@ from system_checks import bonds_of, equilibrium
 
 from benchmarks.griffith import Griffith
 from pdmesh.model.domain_integrals import FractureParameters, Ring, Sampled, integrals
-from pdmesh.model.gradients import Stiffness, green, hooke
+from pdmesh.model.gradients import Stiffness, gradients_of, green, hooke
 from pdmesh.model.material_constants import BONDS_NU
 from pdmesh.model.tip_fields import Elastic
-from pdpost.measures.strain import fit_gradients
 from pdsolve.options import Options
-from pdsolve.results import Families, Nodes
 from pdsolve.run.prepare import prepare
 
 
@@ -54,9 +52,8 @@ def on_lattice(
 def sampled(problem: Any, u: NDArray[np.float64], of: Elastic) -> Sampled:
     """Displacements (n, 2) of a prepared plate as the integrals take them."""
     bonds, grid, small = bonds_of(problem), problem.system.model.grid, 1e-6
-    none = np.zeros(len(u), dtype=np.int64)
-    nodes = Nodes(grid.ids, grid.position, grid.delta, problem.system.area, none, none)
-    gradient = fit_gradients(nodes, u, Families(bonds.start, bonds.neighbour))
+    area = problem.system.area
+    gradient = gradients_of(grid.position, area, u, bonds.start, bonds.neighbour)
     strain = green(small * gradient) / small
     stress = hooke(strain, Stiffness(np.full(len(u), of.E), np.full(len(u), of.nu), of.plane))
-    return Sampled(grid.position, nodes.area, gradient, strain, stress[:, :3])
+    return Sampled(grid.position, area, gradient, strain, stress[:, :3])

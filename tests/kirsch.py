@@ -11,9 +11,8 @@ from plates import plate, square_grid
 from static_solution import settled
 
 from pdmesh.model.document import Material
-from pdpost.measures.strain import fit_gradients
+from pdmesh.model.gradients import gradients_of
 from pdsolve.options import Options
-from pdsolve.results import Families, Nodes
 from pdsolve.run.prepare import prepare
 from pdsolve.run.system import Prepared
 
@@ -64,9 +63,7 @@ def solved(fineness: int, m: float, material: Material) -> Found:
     state.value[:] = settled(system.operator, system.area, held, exact)
     source, target = system.operator.bonds()
     start = np.searchsorted(source, np.arange(len(position) + 1))
-    nothing = np.zeros(len(position))
-    nodes = Nodes(system.model.grid.ids, position, nothing + delta, system.area, nothing, nothing)  # type: ignore[arg-type]
-    H = fit_gradients(nodes, state.value, Families(start, target))
+    H = gradients_of(position, system.area, state.value, start, target)
     xx, yy = H[:, 0, 0], H[:, 1, 1]
     if material.plane == "stress":
         stress = (xx + nu * yy) / (1 - nu**2)

@@ -347,7 +347,7 @@ RIGHT_ANSWERS = (
     ),
     Mutant(
         "pdmesh/scene/checks.py",
-        'raise SceneError(f"{place} is {value!r:.80}; use a number or a word") from None',
+        'raise SceneError(f"{place}: {name} is {value!r:.80}; use a number or a word") from None',
         'raise SceneError(f"{value!r:.80}; use a number or a word") from None',
         "tests/unit/pdmesh/scene/test_plain_numbers.py::test_what_is_no_number_is_named",
     ),

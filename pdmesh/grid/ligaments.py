@@ -8,7 +8,6 @@ single edge.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -96,15 +95,14 @@ def _between(faces: list[shapely.Polygon], cracks: shapely.Geometry, widest: flo
             yield _Gap(float(line.length), shapely.get_coordinates(middle))
 
 
-def _reached(face: shapely.Polygon, cracks: shapely.Geometry, radius: float) -> list[shapely.Polygon]:
-    """The regions that the centre of a disc can reach in the face without touching the cracks."""
-    middle = face.buffer(-radius, quad_segs=ROUND).difference(cracks.buffer(radius, quad_segs=ROUND))
-    return [part for part in parts(middle) if part.area > (EXACT * radius) ** 2]
-
-
 def _necks(face: shapely.Polygon, cracks: shapely.Geometry, radius: float) -> Iterator[_Gap]:
     """Necks of a face that a disc does not pass, although it or a smaller one fits on both sides."""
-    reached = partial(_reached, face, cracks)
+
+    def reached(disc: float) -> list[shapely.Polygon]:
+        """The regions that the centre of a disc can reach in the face without touching the cracks."""
+        middle = face.buffer(-disc, quad_segs=ROUND).difference(cracks.buffer(disc, quad_segs=ROUND))
+        return [part for part in parts(middle) if part.area > (EXACT * disc) ** 2]
+
     radii = radius * (1 - EXACT) * np.linspace(0, 1, STAGES + 1)
     stages = [[face], *(reached(stage_radius) for stage_radius in radii[1:].tolist())]
     if not stages[-1]:

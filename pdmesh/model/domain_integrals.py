@@ -33,11 +33,11 @@ class Sampled(NamedTuple):
     gradient: NDArray[np.float64]  # (n, 2, 2) du_a / dx_b
     strain: NDArray[np.float64]  # (n, 3) xx, yy, xy
     stress: NDArray[np.float64]  # (n, 3) Pa, likewise
-    motion: Motion | None = None  # None: at rest
+    motion: SampledMotion | None = None  # None: at rest
     work: NDArray[np.float64] | None = None  # (n,) of the stress, J/m^3; None: that of an elastic solid
 
 
-class Motion(NamedTuple):
+class SampledMotion(NamedTuple):
     """The inertia of n nodes: density, velocity, acceleration and velocity gradient."""
 
     density: float  # kg/m^3
@@ -118,7 +118,7 @@ def _turned(at: Sampled, rows: NDArray[np.int64], tip: NDArray[np.float64], turn
 
     motion = at.motion
     if motion is not None:
-        motion = Motion(
+        motion = SampledMotion(
             motion.density,
             motion.velocity[rows] @ turn.T,
             motion.acceleration[rows] @ turn.T,

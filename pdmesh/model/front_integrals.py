@@ -27,7 +27,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from pdmesh.model.domain_integrals import Motion, kink
+from pdmesh.model.domain_integrals import SampledMotion, kink
 from pdmesh.model.front_fields import FrontField, front_field
 from pdmesh.model.tip_fields import Elastic
 
@@ -60,7 +60,7 @@ class SampledInSpace(NamedTuple):
     gradient: NDArray[np.float64]  # (n, 3, 3) du_a / dx_b
     strain: NDArray[np.float64]  # (n, 3, 3)
     stress: NDArray[np.float64]  # (n, 3, 3) Pa
-    motion: Motion | None = None  # None: at rest
+    motion: SampledMotion | None = None  # None: at rest
     work: NDArray[np.float64] | None = None  # (n,) of the stress, J/m^3; None: that of an elastic solid
 
 
@@ -136,7 +136,7 @@ def _around(at: SampledInSpace, front_place: FrontPlace, tube: Tube) -> _Around:
 
     motion = at.motion
     if motion is not None:
-        motion = Motion(motion.density, way(motion.velocity), way(motion.acceleration), tensor(motion.rates))
+        motion = SampledMotion(motion.density, way(motion.velocity), way(motion.acceleration), tensor(motion.rates))
     gradient, strain, stress = (tensor(values) for values in (at.gradient, at.strain, at.stress))
     sampled = SampledInSpace(at.position[rows], at.volume[rows], gradient, strain, stress, motion)
     return _Around(x + 1j * y, front_place.curvature / far, f * g, slope, sampled)

@@ -83,8 +83,13 @@ def taken_out(text: bytes) -> tuple[bytes, NodeColumns] | None:
     start, end = text.find(BEGIN) + len(BEGIN), text.rfind(END)
     if start < len(BEGIN) or end <= start:
         return None
+    parts, at = [], start
     try:
-        parts = [columns_of(DECODER.decode(b"[%b]" % part)) for part in _parts(text, start, end)]
+        while at < end:  # some lines at a time
+            line_end = text.find(BETWEEN, at + READ, end)
+            stop = end if line_end < 0 else line_end
+            parts.append(columns_of(DECODER.decode(b"[%b]" % text[at:stop])))
+            at = stop + len(BETWEEN)
     except (msgspec.DecodeError, UnicodeDecodeError):
         return None
     names = [field.name for field in fields(NodeColumns)]
@@ -92,37 +97,23 @@ def taken_out(text: bytes) -> tuple[bytes, NodeColumns] | None:
     return text[:start] + text[end:], NodeColumns(*every)
 
 
-def _parts(text: bytes, start: int, end: int) -> Iterator[bytes]:
-    """Some lines each of a text from `start` to `end`."""
-    while start < end:
-        line_end = text.find(BETWEEN, start + READ, end)
-        stop = end if line_end < 0 else line_end
-        yield text[start:stop]
-        start = stop + len(BETWEEN)
-
-
 def written(nodes: NodeColumns) -> Iterator[bytes]:
     """The records, a line for each node, in pieces."""
     for at in range(0, len(nodes), WRITTEN):
-        yield (BETWEEN if at else b"") + _lines(nodes, slice(at, at + WRITTEN))
-
-
-def _lines(nodes: NodeColumns, rows: slice) -> bytes:
-    """Lines of some nodes; what is the same in all of them is put into words once."""
-    line, varying = b"{", list[list[bytes]]()
-    for before, column, after in (
-        (b'"id":', nodes.id, b""),
-        (b',"border":"', nodes.border, b'"'),
-        (b',"position":[', nodes.position, b"]"),
-        (b',"hole_id":', nodes.hole_id, b""),
-        (b',"delta":[', nodes.delta, b"]"),
-    ):
-        values = column[rows]
-        same = bool((values == values[0]).all())
-        text = msgspec.json.encode((values[:1] if same else values).tolist())
-        texts = text[1:-1].split(b",") if values.ndim == 1 else text[2:-2].split(b"],[")
-        line += before + (texts[0] if same else b"%b") + after
-        if not same:
-            varying.append(texts)
-    count = len(nodes.id[rows])
-    return BETWEEN.join([line + b"}"] * count) % tuple(chain.from_iterable(zip(*varying, strict=True)))
+        line, varying = b"{", list[list[bytes]]()  # what is the same in all nodes of a piece is put into words once
+        for before, column, after in (
+            (b'"id":', nodes.id, b""),
+            (b',"border":"', nodes.border, b'"'),
+            (b',"position":[', nodes.position, b"]"),
+            (b',"hole_id":', nodes.hole_id, b""),
+            (b',"delta":[', nodes.delta, b"]"),
+        ):
+            values = column[at : at + WRITTEN]
+            same = bool((values == values[0]).all())
+            text = msgspec.json.encode((values[:1] if same else values).tolist())
+            texts = text[1:-1].split(b",") if values.ndim == 1 else text[2:-2].split(b"],[")
+            line += before + (texts[0] if same else b"%b") + after
+            if not same:
+                varying.append(texts)
+        lines = BETWEEN.join([line + b"}"] * min(WRITTEN, len(nodes) - at))
+        yield (BETWEEN if at else b"") + lines % tuple(chain.from_iterable(zip(*varying, strict=True)))

@@ -8,7 +8,7 @@ here and nowhere else: default, bounds, unit, name in drawings, and whether it m
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import TYPE_CHECKING, Annotated, Any, Literal, NamedTuple, get_args, get_type_hints
+from typing import TYPE_CHECKING, Annotated, Literal, NamedTuple, get_args, get_type_hints
 
 import msgspec
 from msgspec import Meta
@@ -154,15 +154,12 @@ class Material(_Flat, frozen=True, forbid_unknown_fields=True, omit_defaults=Tru
         return self.gamma if self.sight == "diffraction" else None
 
 
-def _declared(struct: type[msgspec.Struct]) -> dict[str, Declared]:
-    hints: dict[str, Any] = get_type_hints(struct, include_extras=True)
-    return {
-        name: next((part for part in get_args(hints[name]) if isinstance(part, Declared)), Declared())
-        for name in struct.__struct_fields__
-    }
-
-
-DECLARED = {name: declared for struct in (Elastic, *CHOSEN) for name, declared in _declared(struct).items()}
+DECLARED: dict[str, Declared] = {
+    name: next((part for part in get_args(hint) if isinstance(part, Declared)), Declared())
+    for struct in (Elastic, *CHOSEN)
+    for name, hint in get_type_hints(struct, include_extras=True).items()
+    if name in struct.__struct_fields__
+}
 
 
 def switch_of(struct: type[msgspec.Struct]) -> tuple[str, str] | None:

@@ -42,14 +42,21 @@ class MaterialColumns:
             Material.__struct_fields__, zip(*map(msgspec.structs.astuple, materials), strict=True), strict=True
         )
         differing = {name: column for name, column in columns if column.count(column[0]) < len(column)}
-        words = ([None if _is_number(value) else (value,) for value in column] for column in differing.values())
+        words = (
+            [None if isinstance(value, float | int) and not isinstance(value, bool) else (value,) for value in column]
+            for column in differing.values()
+        )
         keys, numbers = [*zip(*words, strict=True)] or [()] * len(materials), dict[tuple[Any, ...], int]()
         self._group_of = np.array([numbers.setdefault(key, len(numbers)) for key in keys], dtype=np.int64)
         self._groups = []
         for number in range(len(numbers)):
             members = np.flatnonzero(self._group_of == number)
-            of_group = {name: _column(values, members) for name, values in differing.items()}
-            numeric = {name: column for name, column in of_group.items() if column is not None}
+            numeric = {}
+            for name, values in differing.items():
+                member_values = [values[member] for member in members]
+                if member_values.count(member_values[0]) < len(member_values):
+                    numeric[name] = np.full(len(values), np.nan)
+                    numeric[name][members] = member_values
             self._groups.append(MaterialGroup(materials[members[0]], numeric))
 
     def of(self, numbers: NDArray[np.int64]) -> Iterator[tuple[NDArray[np.int64] | slice, Material]]:
@@ -62,17 +69,3 @@ class MaterialColumns:
             places = np.flatnonzero(group_of == number)
             if len(places):
                 yield places, group.at(numbers[places])
-
-
-def _is_number(value: object) -> bool:
-    return isinstance(value, float | int) and not isinstance(value, bool)
-
-
-def _column(values: Sequence[Any], members: NDArray[np.int64]) -> NDArray[np.float64] | None:
-    """Numbers of all materials that the `members` of a group have, NaN of others; None if the members are alike."""
-    member_values = [values[member] for member in members]
-    if member_values.count(member_values[0]) == len(member_values):
-        return None
-    column = np.full(len(values), np.nan)
-    column[members] = member_values
-    return column

@@ -211,26 +211,21 @@ def _in_space(settings: Settings, every: Places) -> Iterator[Impossible]:
     if run.adapt not in ("none", "hybrid"):
         yield Impossible("$.run.adapt", f"'{run.adapt}'", "none or hybrid in a body in space")
     if run.adapt == "hybrid":
-        yield from _hybrid_in_space(settings, every)
+        why = ", as run.adapt is hybrid in a body in space"
+        if settings.physics != "mechanics":
+            yield Impossible("$.physics", settings.physics, f"mechanics{why}")
+        if run.damping:
+            yield Impossible("$.run.damping", f"{run.damping:g}", f"0{why}")
+        yield from of_kinds(settings, (Absorb,), f"a load, a displacement or a velocity{why}")
+        for place, material in every:
+            if material.law != USUAL_LAW:
+                yield Impossible(f"{place}.law", material.law, f"{USUAL_LAW}{why}")
     if run.cracks != "bonds":
         yield Impossible("$.run.cracks", run.cracks, "bonds in a body in space")
     if settings.area_rule == "eq19":
         yield Impossible("$.area_rule", "'eq19'", "cells or square in a body in space")
     for place, material in every:
         yield from _quoted(material, place, KINDS[material.model].in_space(material))
-
-
-def _hybrid_in_space(settings: Settings, every: Places) -> Iterator[Impossible]:
-    """Settings that moving fine zones support in plates alone."""
-    why = ", as run.adapt is hybrid in a body in space"
-    if settings.physics != "mechanics":
-        yield Impossible("$.physics", settings.physics, f"mechanics{why}")
-    if settings.run.damping:
-        yield Impossible("$.run.damping", f"{settings.run.damping:g}", f"0{why}")
-    yield from of_kinds(settings, (Absorb,), f"a load, a displacement or a velocity{why}")
-    for place, material in every:
-        if material.law != USUAL_LAW:
-            yield Impossible(f"{place}.law", material.law, f"{USUAL_LAW}{why}")
 
 
 def _at_rest(settings: Settings, every: Places) -> Iterator[Impossible]:

@@ -220,16 +220,12 @@ class Screen:
             count = self._tree.query_ball_point((p + q) / 2, near, return_length=True)
             part = np.cumsum(count) // AT_ONCE
             for which in np.split(alike, np.flatnonzero(np.diff(part)) + 1):
-                self._look_near(pairs, which, near, mask)
-
-    def _look_near(self, pairs: Pairs, which: NDArray[np.int64], near: float, crossing: NDArray[np.bool_]) -> None:
-        """Test some segments with the small triangles within `near`, m, of their middles."""
-        p, q = self._ends(pairs, which)
-        both = tree_of((p + q) / 2).sparse_distance_matrix(self._tree, near, output_type="ndarray")
-        beside = self._beside(p, q, both["i"], both["j"], both["v"])
-        own, number = both["i"][beside], both["j"][beside]
-        met = meets(p[own], q[own], self._small[number], self._small_normal[number])
-        crossing[which[own[met]]] = True
+                p, q = self._ends(pairs, which)
+                both = tree_of((p + q) / 2).sparse_distance_matrix(self._tree, near, output_type="ndarray")
+                beside = self._beside(p, q, both["i"], both["j"], both["v"])
+                own, number = both["i"][beside], both["j"][beside]
+                met = meets(p[own], q[own], self._small[number], self._small_normal[number])
+                mask[which[own[met]]] = True
 
     def _beside(
         self,

@@ -36,19 +36,16 @@ def with_tables(conditions: Sequence[C], folder: Path, dimension: int, place: st
     Raises PlaceError for a file that cannot be one of a model in the plane (2) or in space (3), whose message begins
     with the condition's place below `place`.
     """
-    return tuple(
-        _with_tables(condition, folder, dimension, f"{place}[{at}]") for at, condition in enumerate(conditions)
-    )
-
-
-def _with_tables(condition: C, folder: Path, dimension: int, place: str) -> C:
-    for name, at, value in list(varying(condition)):
-        if isinstance(value, str) and is_file(value):
-            try:
-                condition = replaced(condition, name, at, read_table(value, folder, dimension))
-            except PlaceError as error:
-                raise PlaceError(f"{place}.{named(name, at)}: {error}") from None
-    return condition
+    with_values = list(conditions)
+    for number, condition in enumerate(conditions):
+        for name, at, value in varying(condition):
+            if isinstance(value, str) and is_file(value):
+                try:
+                    table = read_table(value, folder, dimension)
+                except PlaceError as error:
+                    raise PlaceError(f"{place}[{number}].{named(name, at)}: {error}") from None
+                with_values[number] = replaced(with_values[number], name, at, table)
+    return tuple(with_values)
 
 
 def read_table(words: str, folder: Path, dimension: int) -> Table:

@@ -32,7 +32,7 @@ COVERED = 0.75  # spacings from the nearest node; the middle of a square of node
 CONVEX = 1e-9  # of its area: a plate this little smaller than its hull has no void that a bond could cross
 
 
-class Obstacles(Protocol):
+class BondObstacles(Protocol):
     """Edges, holes and cracks between the nodes of a grid."""
 
     @property
@@ -52,7 +52,7 @@ class Obstacles(Protocol):
         """Distances (b,), m, that determine the influence of pairs on each other; see `Sight.apart`."""
 
 
-def sight_of(grid: Grid, name: str = "grid") -> Obstacles:
+def sight_of(grid: Grid, name: str = "grid") -> BondObstacles:
     """The obstacles of the grid called `name`. Raises GridError for an invalid outline."""
     return Sight(grid, name) if grid.dimension == 2 else SightInSpace(grid)
 

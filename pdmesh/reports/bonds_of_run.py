@@ -5,8 +5,9 @@ What the solver refuses, such as a grid without a material, has all pairs within
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
-from typing import Any, NamedTuple
+from collections.abc import Iterator
+from contextlib import suppress
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,7 +27,12 @@ class DirectedBonds(NamedTuple):
 
 def bonds_of_run(grid: Grid, settings: Settings, name: str, rows: NDArray[np.int64]) -> Iterator[DirectedBonds]:
     """Bonds of the nodes in `rows`, which increase, in the conservative mode, a chunk of nodes at a time."""
-    pairs_of = None if settings.material is None else _pairs_of_run(grid, settings, name)
+    pairs_of = None
+    if settings.material is not None:
+        from pdsolve import Model, ModelError, bond_pairs
+
+        with suppress(ModelError):
+            pairs_of = bond_pairs(Model(grid, settings, name))
     if pairs_of is None:
         for part in bonds(grid, settings.horizon.ratio, rows):
             yield DirectedBonds(part.source[part.inside], part.target[part.inside], ~part.cut[part.inside])
@@ -34,13 +40,3 @@ def bonds_of_run(grid: Grid, settings: Settings, name: str, rows: NDArray[np.int
     for start in range(0, len(rows), CHUNK):
         pairs, intact, *_ = pairs_of(rows[start : start + CHUNK])
         yield DirectedBonds(pairs.source, pairs.target, intact)
-
-
-def _pairs_of_run(grid: Grid, settings: Settings, name: str) -> Callable[[NDArray[np.int64]], Any] | None:
-    """How the solver lists the bonds of the model called `name`; None if it refuses the model."""
-    from pdsolve import Model, ModelError, bond_pairs
-
-    try:
-        return bond_pairs(Model(grid, settings, name))
-    except ModelError:
-        return None

@@ -56,7 +56,17 @@ def findings() -> list[Finding]:
         for name, version in dependencies().items()
         if name != "gmsh"
     ]
-    return [python, *packages, _gmsh(), _walls(), _ffmpeg(), _cores(), _cache(), _devices(), *_extras()]
+    path = shutil.which("ffmpeg")
+    cure = "films are GIF; for .mp4: apt-get install ffmpeg, brew install ffmpeg, winget install ffmpeg"
+    ffmpeg = Finding("ffmpeg", path is not None, path or "not on the PATH", cure, needed=False)
+    may = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+    set_threads = os.environ.get("NUMBA_NUM_THREADS")
+    threads = f", {set_threads} are (NUMBA_NUM_THREADS)" if set_threads else ""
+    cores = Finding("cores", True, f"{may} of {os.cpu_count()} may be used{threads}")
+    place, stays = trust.private_folder()
+    cure = "each run compiles anew, some ten seconds: set NUMBA_CACHE_DIR to a folder that may be written to"
+    kernels = Finding("compiled kernels", stays, f"kept in {place}" if stays else "kept nowhere", cure, needed=False)
+    return [python, *packages, _gmsh(), _walls(), ffmpeg, cores, kernels, _devices(), *_extras()]
 
 
 def lines(findings: list[Finding]) -> list[str]:
@@ -88,29 +98,6 @@ def _walls() -> Finding:
     complete = {"landlock", "seccomp"} <= set(stand.split())
     cure = "drawings of others are read behind limits of memory and time alone (Linux on x86-64 has more)"
     return Finding("walls around drawings", complete and not ended, stand or ended or "none", cure, needed=False)
-
-
-def _ffmpeg() -> Finding:
-    path = shutil.which("ffmpeg")
-    cure = "films are GIF; for .mp4: apt-get install ffmpeg, brew install ffmpeg, winget install ffmpeg"
-    return Finding("ffmpeg", path is not None, path or "not on the PATH", cure, needed=False)
-
-
-def _cores() -> Finding:
-    may = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
-    thread_setting = os.environ.get("NUMBA_NUM_THREADS")
-    said = f"{may} of {os.cpu_count()} may be used" + (
-        f", {thread_setting} are (NUMBA_NUM_THREADS)" if thread_setting else ""
-    )
-    return Finding("cores", True, said)
-
-
-def _cache() -> Finding:
-    """Finding about the folder of compiled kernels."""
-    place, stays = trust.private_folder()
-    cure = "each run compiles anew, some ten seconds: set NUMBA_CACHE_DIR to a folder that may be written to"
-    said = f"kept in {place}" if stays else "kept nowhere"
-    return Finding("compiled kernels", stays, said, cure, needed=False)
 
 
 def _devices() -> Finding:

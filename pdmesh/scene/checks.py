@@ -120,22 +120,20 @@ def described(struct: Any, kind: type[msgspec.Struct], place: str) -> None:
     """Raise SceneError for an object of the wrong type, or with a value that the grid file does not allow."""
     if not isinstance(struct, kind):
         raise SceneError(f"{place} is {struct!r:.80}; use {kind.__name__}(...)")
+    fields: dict[str, Any] = {}
+    for name in kind.__struct_fields__:
+        value = getattr(struct, name)
+        try:
+            fields[name] = msgspec.to_builtins(value)
+        except TypeError:
+            raise SceneError(f"{place}: {name} is {value!r:.80}; use a number or a word") from None
     try:
-        fields = {name: _builtin(getattr(struct, name), f"{place}: {name}") for name in kind.__struct_fields__}
         msgspec.convert(fields, kind)
     except msgspec.ValidationError as error:
         raise SceneError(f"{place}: {explained(error, kind, lambda: fields)}") from None
     for name, value in fields.items():
         if isinstance(value, float | int) and not abs(value) <= MOST:
             raise SceneError(f"{place}: {name} is {value:g}; use at most {MOST:g} in SI units")
-
-
-def _builtin(value: Any, place: str) -> Any:
-    """A value as files hold it. Raises SceneError, beginning with `place`, for one that no file holds."""
-    try:
-        return msgspec.to_builtins(value)
-    except TypeError:
-        raise SceneError(f"{place} is {value!r:.80}; use a number or a word") from None
 
 
 def remarks(scene: Plate) -> tuple[str, ...]:

@@ -37,7 +37,18 @@ def _fatigue(args: argparse.Namespace) -> int:
             from pdpost.figures.fatigue_figure import fatigue as figure
 
             style.save(figure(runs), path)
-    run_results = [_told(run) for run in runs]
+    run_results = [
+        {
+            "name": run.name,
+            "cycles": run.cycles,
+            "cycles_error": run.error,
+            "first_break": run.first,
+            "first_range": run.range,
+            "line": None if run.line is None else run.line._asdict(),
+            "tips": [tip._asdict() for tip in run.growths],
+        }
+        for run in runs
+    ]
     result = {**run_results[0], "beside": run_results[1:]}
     lines = [line for run in runs for line in ([f"{run.name}:"] if args.beside else []) + _lines(run)]
     rows = (row for run in runs for row in _rows(run))
@@ -56,18 +67,6 @@ def _measured(args: argparse.Namespace, name: str) -> FatigueLife:
     with Results.open(Path(name)) as results:
         expect_mechanics(results)
         return fatigue.fatigue_life(results, chosen(results, chosen_stride(results, args)), counted(args, "summing"))
-
-
-def _told(run: FatigueLife) -> dict[str, Any]:
-    return {
-        "name": run.name,
-        "cycles": run.cycles,
-        "cycles_error": run.error,
-        "first_break": run.first,
-        "first_range": run.range,
-        "line": None if run.line is None else run.line._asdict(),
-        "tips": [tip._asdict() for tip in run.growths],
-    }
 
 
 def _lines(run: FatigueLife) -> list[str]:

@@ -39,7 +39,11 @@ def deliver_fronts(args: argparse.Namespace, results: Results, steps: list[int],
     result = {"steps": steps, "units": UNITS, "fronts": [_told(front) for front in front_states]}
     names = [f"{name}{end}, {unit}" for name, unit in UNITS.items() for end in ("", " at least", " at most")]
     header = ("front", "step", "time, s", "along, m", "x, m", "y, m", "z, m", *names)
-    rows = (row for front in front_states for row in _rows(front))
+    rows = []
+    for front in front_states:
+        columns = [side[name] for name in UNITS for side in (front.value, front.low, front.high)]
+        points = zip(front.along, *front.place.T, *columns, strict=True)
+        rows += [(front.name, front.step, front.time, *point) for point in points]
     return number_options.deliver(args, result, lines, header, rows, path)
 
 
@@ -58,12 +62,6 @@ def _told(front: FrontIntensities) -> dict[str, Any]:
         "at_most": front.high,
         "left_out": front.refused,
     }
-
-
-def _rows(front: FrontIntensities) -> Any:
-    columns = [side[name] for name in UNITS for side in (front.value, front.low, front.high)]
-    for row in zip(front.along, *front.place.T, *columns, strict=True):
-        yield (front.name, front.step, front.time, *row)
 
 
 def _words(front: FrontIntensities) -> str:

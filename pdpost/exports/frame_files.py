@@ -136,7 +136,7 @@ def xdmf(
     """
     times = _times(results)
 
-    def frames() -> Iterator[xdmf_file.Frame]:
+    def frames() -> Iterator[xdmf_file.XdmfFrame]:
         epoch, corners = None, 1
         for step in progress(steps):
             cloud = None
@@ -145,7 +145,7 @@ def xdmf(
                 corners = cells[1].shape[1]
                 same = node_data(results, step) | node_sets.columns(results, step)
                 cloud = xdmf_file.MeshPoints(points, cells, _each(same, corners))
-            yield xdmf_file.Frame(times[step], _each(point_data(results, step, also), corners), cloud)
+            yield xdmf_file.XdmfFrame(times[step], _each(point_data(results, step, also), corners), cloud)
 
     xdmf_file.write(path, frames(), inline)
 
@@ -162,13 +162,13 @@ def msh(
     times, lives = _times(results), results.lives()
     corners = np.arange(2**results.dimension if squares else 1)
 
-    def frames() -> Iterator[msh_file.Frame]:
+    def frames() -> Iterator[msh_file.MshFrame]:
         for number, step in enumerate(progress(steps)):
             rows = lives.at(results.nodes(step).ids, step)
             points = (rows[:, None] * len(corners) + corners).ravel()
             sets = {} if number else node_sets.columns(results, step)
             data = _each({**point_data(results, step, also), **sets}, len(corners))
-            yield msh_file.Frame(times[step], number, points, data)
+            yield msh_file.MshFrame(times[step], number, points, data)
 
     msh_file.write(path, *_placed(lives.nodes, squares), frames())
 

@@ -8,7 +8,6 @@ values only at its living nodes.
 from __future__ import annotations
 
 from collections.abc import Iterable
-from io import BufferedWriter
 from pathlib import Path
 from typing import NamedTuple
 
@@ -22,7 +21,7 @@ ELEMENTS = {"vertex": 15, "quad": 3, "hexahedron": 5}  # Gmsh's numbers
 TAGS = (0, 1)  # of each element: physical group, the plate's surface
 
 
-class Frame(NamedTuple):
+class MshFrame(NamedTuple):
     """Values at points at one time."""
 
     time: float  # s
@@ -32,7 +31,7 @@ class Frame(NamedTuple):
 
 
 def write(
-    path: Path, points: NDArray[np.float64], cells: tuple[str, NDArray[np.int64]], frames: Iterable[Frame]
+    path: Path, points: NDArray[np.float64], cells: tuple[str, NDArray[np.int64]], frames: Iterable[MshFrame]
 ) -> None:
     """Write points (p, 3), m, their cells (vertices, quads or hexahedra), and one view a field with all frames."""
     kind, corners = cells
@@ -48,14 +47,11 @@ def write(
         rows = np.column_stack([np.arange(1, len(corners) + 1), tags, corners + 1])
         file.write(rows.astype("<i4").tobytes() + b"\n$EndElements\n")
         for frame in frames:
-            for name, values in frame.data.items():
-                _view(file, name, frame, np.asarray(values, dtype=np.float64).reshape(len(frame.points), -1))
-
-
-def _view(file: BufferedWriter, name: str, frame: Frame, values: NDArray[np.float64]) -> None:
-    finite = np.isfinite(values).all(axis=1)
-    name = for_quotes(name)
-    head = f'$NodeData\n1\n"{name}"\n1\n{frame.time!r}\n3\n{frame.number}\n{values.shape[1]}\n{finite.sum()}\n'
-    rows = np.zeros(int(finite.sum()), dtype=[("number", "<i4"), ("values", "<f8", values.shape[1])])
-    rows["number"], rows["values"] = frame.points[finite] + 1, values[finite].reshape(rows["values"].shape)
-    file.write(head.encode() + rows.tobytes() + b"\n$EndNodeData\n")
+            for name, column in frame.data.items():
+                values = np.asarray(column, dtype=np.float64).reshape(len(frame.points), -1)
+                finite = np.isfinite(values).all(axis=1)
+                count, width = int(finite.sum()), values.shape[1]
+                head = f'1\n"{for_quotes(name)}"\n1\n{frame.time!r}\n3\n{frame.number}\n{width}\n{count}\n'
+                view = np.zeros(count, dtype=[("number", "<i4"), ("values", "<f8", width)])
+                view["number"], view["values"] = frame.points[finite] + 1, values[finite].reshape(view["values"].shape)
+                file.write(b"$NodeData\n" + head.encode() + view.tobytes() + b"\n$EndNodeData\n")

@@ -34,7 +34,7 @@ class MeshPoints(NamedTuple):
     data: Data  # that all of its frames have
 
 
-class Frame(NamedTuple):
+class XdmfFrame(NamedTuple):
     """Data at one time."""
 
     time: float  # s
@@ -42,7 +42,7 @@ class Frame(NamedTuple):
     cloud: MeshPoints | None  # None: as in the frame before
 
 
-def write(path: Path, frames: Iterable[Frame], inline: bool = False) -> None:
+def write(path: Path, frames: Iterable[XdmfFrame], inline: bool = False) -> None:
     """Write frames; the first must have a cloud. `inline`: numbers as text in the file itself."""
     root = Element("Xdmf", Version="3.0")
     series = SubElement(
@@ -57,7 +57,9 @@ def write(path: Path, frames: Iterable[Frame], inline: bool = False) -> None:
     write_atomically(path, ElementTree.tostring(root, encoding="utf-8", xml_declaration=True))
 
 
-def _describe(series: Element, frames: Iterable[Frame], store_array: Callable[[NDArray[np.generic]], Element]) -> None:
+def _describe(
+    series: Element, frames: Iterable[XdmfFrame], store_array: Callable[[NDArray[np.generic]], Element]
+) -> None:
     """Append a grid for each frame; `store_array` writes an array and returns the element that refers to it."""
     for time, data, cloud in frames:
         if cloud is not None:

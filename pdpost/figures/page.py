@@ -66,10 +66,11 @@ def report(results: Results, name: str) -> str:
     steps, _ = frames(results)
     model, meta, nodes = whole(results), results.meta(), results.nodes(0)
     shown, moves, flat = default_field_name(results, int(steps[0])), not diffuses(results), results.dimension == 2
+    film = gif(results, shown, every=max(1, -(-len(steps) // FRAMES)), dpi=80)
     scene_images = [_image(scene(results, model), "the plate, its grid and its conditions")] if flat else []
     sections = [
         *([("Crack", _crack(results))] if moves else []),
-        ("Animation", [_picture(_film(results, shown), "gif", f"{shown} over time")]),
+        ("Animation", [_picture(film, "gif", f"{shown} over time")]),
         (f"Fields at {moment(results, int(steps[-1]), 'µs')}", _fields(results, int(steps[-1]))),
         ("Balance", _balance(results) if moves else _masses(results)),
         ("Scene", [*scene_images, _conditions(nodes, model)]),
@@ -82,11 +83,6 @@ def report(results: Results, name: str) -> str:
         f'<!DOCTYPE html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n{VIEWPORT}'
         f"<title>{for_html(name)}</title>\n<style>{STYLE}</style>\n</head>\n<body>\n<h1>{for_html(name)}</h1>\n{body}\n</body>\n</html>\n"
     )
-
-
-def _film(results: Results, name: str) -> bytes:
-    """A film of a field in at most `FRAMES` frames, as HTML."""
-    return gif(results, name, every=max(1, -(-len(results.frames()[0]) // FRAMES)), dpi=80)
 
 
 def _grid(results: Results, nodes: Nodes) -> dict[str, str]:

@@ -18,6 +18,7 @@ from matplotlib.path import Path as Curve
 from numpy.typing import NDArray
 
 from pdmesh.model.crack_particles import arms, until
+from pdmesh.model.gradients import gradients_of
 from pdmesh.model.kd_trees import tree_of
 from pdmesh.plain_figure import Figure
 from pdpost.figures import raster
@@ -27,7 +28,7 @@ from pdpost.figures.raster import Box
 from pdpost.figures.style import BLACK, EDGE, GROWN, THICK, THIN, TORN, narrow
 from pdpost.measures import plate_geometry
 from pdpost.measures.plate_geometry import PlateGeometry, VoronoiCells, read_plate_geometry, voronoi_cells
-from pdpost.measures.strain import fit_gradients, remove_broken_bonds
+from pdpost.measures.strain import remove_broken_bonds
 from pdpost.reading.stored_fields import vector
 from pdsolve.results import Results
 
@@ -80,9 +81,8 @@ def shape(results: Results, step: int, scale: float, still: Shape | None = None)
     displacements = displacement(results, step)
     turned = None
     if still.cells is not None:
-        turned = np.eye(2) + scale * fit_gradients(
-            nodes, displacements, remove_broken_bonds(results, results.families(step), step)
-        )
+        families = remove_broken_bonds(results, results.families(step), step)
+        turned = np.eye(2) + scale * gradients_of(nodes.position, nodes.area, displacements, *families)
         turned[~np.isfinite(turned).all(axis=(1, 2)) | (np.abs(turned).max(axis=(1, 2)) > 2)] = np.eye(2)
     return still._replace(position=nodes.position + scale * displacements, turned=turned, scale=scale)
 

@@ -20,7 +20,7 @@ from pdpost.measures.tips import Branch, Fork, crack_branches, find_forks
 from pdpost.measures.waves import plate_rayleigh_speed
 from pdpost.reading.embedded_model import at_rest, moment
 from pdpost.reading.frame_steps import last_step
-from pdpost.reading.table_columns import Columns, columns_of
+from pdpost.reading.table_columns import TableColumns, columns_of
 from pdpost.reading.time_text import time_text
 from pdsolve.results import Results
 
@@ -123,7 +123,7 @@ def table(summary: Summary) -> tuple[tuple[str, ...], list[tuple[object, ...]]]:
     return ("branch", "time, s", "x, m", "y, m", "along, m", *speeds, *ways, "dD/da, J/m^2"), rows
 
 
-def crack_table(results: Results) -> Columns:
+def crack_table(results: Results) -> TableColumns:
     """Every point of a run's crack paths as columns: time, place, length, speed. Raises ResultsError."""
     return columns_of(*table(crack(results)))
 

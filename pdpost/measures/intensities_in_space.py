@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from pdmesh.model.document import Horizon, Material
-from pdmesh.model.domain_integrals import Motion
+from pdmesh.model.domain_integrals import SampledMotion
 from pdmesh.model.front_integrals import FoundInSpace, SampledInSpace, Tube, front_integrals
 from pdmesh.model.gradients import PAIRS, gradients_of, green, hooke
 from pdmesh.model.tip_fields import Elastic
@@ -191,11 +191,8 @@ def _sample_fields(results: Results, step: int, rows: NDArray[np.int64]) -> Samp
     count = np.diff(families.start)[rows]
     start = np.concatenate([[0], np.cumsum(count)])
     neighbour = families.neighbour[np.arange(start[-1]) + np.repeat(families.start[rows] - start[:-1], count)]
-
-    def fitted(values: NDArray[np.float64]) -> NDArray[np.float64]:
-        return gradients_of(nodes.position, nodes.area, values, start, neighbour, rows)
-
-    gradient = fitted(vector(results, "displacement", step))
+    displacements = vector(results, "displacement", step)
+    gradient = gradients_of(nodes.position, nodes.area, displacements, start, neighbour, rows)
     gradient[separation_at(results, step)[rows] > CRUMB] = np.nan
     strain = green(gradient)
     if "sxx" in results.stored(step):
@@ -207,7 +204,8 @@ def _sample_fields(results: Results, step: int, rows: NDArray[np.int64]) -> Samp
     if not at_rest(results):
         velocity, acceleration = (vector(results, name, step) for name in ("velocity", "acceleration"))
         density = read(results, _FractureKeys).material.rho
-        motion = Motion(density, velocity[rows], acceleration[rows], fitted(velocity))
+        rates = gradients_of(nodes.position, nodes.area, velocity, start, neighbour, rows)
+        motion = SampledMotion(density, velocity[rows], acceleration[rows], rates)
     work = stress_work(results, step)
     parts = _unpack_tensors(strain), _unpack_tensors(stress), motion, None if work is None else work[rows]
     return SampledInSpace(nodes.position[rows], nodes.area[rows], gradient, *parts)

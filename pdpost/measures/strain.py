@@ -22,7 +22,7 @@ from pdmesh.model.material_constants import poisson
 from pdmesh.model.selection import selected
 from pdpost.reading.embedded_model import physics_of, read
 from pdpost.reading.stored_fields import scalar, vector
-from pdsolve.results import Families, Nodes, Results, ResultsError
+from pdsolve.results import Families, Results, ResultsError
 
 
 class _MaterialKeys(msgspec.Struct):
@@ -40,13 +40,8 @@ def displacement_gradients(results: Results, step: int) -> NDArray[np.float64]:
     families = remove_broken_bonds(results, results.families(step), step)
     nodes, u = results.nodes(step), vector(results, "displacement", step)
     if physics_of(results) == "thermoelastic":
-        return curved_gradients_of(nodes.position, nodes.area, u, families.start, families.neighbour)
-    return fit_gradients(nodes, u, families)
-
-
-def fit_gradients(nodes: Nodes, values: NDArray[np.float64], families: Families) -> NDArray[np.float64]:
-    """The gradient (n, k, d) of nodal values (n, k), fitted to the bonds of `families`."""
-    return gradients_of(nodes.position, nodes.area, values, families.start, families.neighbour)
+        return curved_gradients_of(nodes.position, nodes.area, u, *families)
+    return gradients_of(nodes.position, nodes.area, u, *families)
 
 
 def remove_broken_bonds(results: Results, families: Families, step: int) -> Families:

@@ -17,13 +17,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pdmesh.model.document import Horizon, Material
-from pdmesh.model.domain_integrals import FractureParameters, Motion, Ring, Sampled, integrals
-from pdmesh.model.gradients import green
+from pdmesh.model.domain_integrals import FractureParameters, Ring, Sampled, SampledMotion, integrals
+from pdmesh.model.gradients import gradients_of, green
 from pdmesh.model.tip_fields import Elastic
 from pdpost.measures import fields
 from pdpost.measures.cracked_nodes import ROUND_OFF, separation_at
-from pdpost.measures.strain import elastic_constants, fit_gradients, remove_broken_bonds, stress_work
-from pdpost.measures.tip_surroundings import Obstacles, Tip, TipHistory, UndisturbedRoom, nearest_node, tip_histories
+from pdpost.measures.strain import elastic_constants, remove_broken_bonds, stress_work
+from pdpost.measures.tip_surroundings import Tip, TipHistory, TipObstacles, UndisturbedRoom, nearest_node, tip_histories
 from pdpost.reading.embedded_model import at_rest, read
 from pdpost.reading.stored_fields import vector
 from pdsolve.results import Results, ResultsError
@@ -96,7 +96,7 @@ def follow_tips(
     chosen = every if near is None else [_nearest_tip(every, steps, time_step, near)] if every else []
     if not chosen:
         raise ResultsError(f"{results.name}: no tip of a crack is inside the plate; use a frame with one")
-    obstacles = Obstacles(results, every)
+    obstacles = TipObstacles(results, every)
     state = FrameFields(results)
     got: list[list[RingIntegrals | None]] = [[] for _ in chosen]
     refused = [""] * len(chosen)
@@ -142,13 +142,13 @@ class FrameFields:
     def _sample_fields(self, step: int) -> Sampled:
         results, nodes = self._results, self._results.nodes(step)
         families = remove_broken_bonds(results, results.families(step), step)
-        gradient = fit_gradients(nodes, vector(results, "displacement", step), families)
+        gradient = gradients_of(nodes.position, nodes.area, vector(results, "displacement", step), *families)
         gradient[separation_at(results, step) > CRUMB] = np.nan
         motion = None
         if not self._rest:
             velocity, acceleration = (vector(results, name, step) for name in ("velocity", "acceleration"))
-            rates = fit_gradients(nodes, velocity, families)
-            motion = Motion(self._model.material.rho, velocity, acceleration, rates)
+            rates = gradients_of(nodes.position, nodes.area, velocity, *families)
+            motion = SampledMotion(self._model.material.rho, velocity, acceleration, rates)
         stress = fields.field_components(results, "stress", step)
         parts = np.column_stack([stress[part] for part in ("xx", "yy", "xy")])
         return Sampled(nodes.position, nodes.area, gradient, green(gradient), parts, motion, stress_work(results, step))

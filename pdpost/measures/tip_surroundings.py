@@ -134,7 +134,7 @@ def points_passed(branch: Branch, time: float) -> NDArray[np.float64]:
     return place
 
 
-class Obstacles:
+class TipObstacles:
     """Obstacles to the fields around a tip, in one run."""
 
     def __init__(self, results: Results, tips: Sequence[TipHistory]) -> None:

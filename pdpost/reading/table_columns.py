@@ -17,7 +17,7 @@ from pdsolve.study.table import Table
 SHOWN = 12  # rows
 
 
-class Columns(dict[str, NDArray[Any]]):
+class TableColumns(dict[str, NDArray[Any]]):
     """Arrays (k,) of equal length, by column name."""
 
     @property
@@ -36,13 +36,13 @@ class Columns(dict[str, NDArray[Any]]):
         return f"<table><thead><tr>{head}</tr></thead><tbody>{''.join(lines)}</tbody></table>{more}"
 
 
-def columns_of(header: Sequence[str], rows: Iterable[Sequence[Any]]) -> Columns:
+def columns_of(header: Sequence[str], rows: Iterable[Sequence[Any]]) -> TableColumns:
     """A table of rows as columns: numbers as floats with NaN where missing, anything else as objects."""
     listed = list(rows)
-    return Columns({name: _array([row[at] for row in listed]) for at, name in enumerate(header)})
+    return TableColumns({name: _array([row[at] for row in listed]) for at, name in enumerate(header)})
 
 
-def study_table(path: FilePath) -> Columns:
+def study_table(path: FilePath) -> TableColumns:
     """All runs of the study at `path`: number, status, repetition, parameters, measures.
 
     Raises StudyError.

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from pdmesh.model.domain_integrals import Motion, Sampled
+from pdmesh.model.domain_integrals import Sampled, SampledMotion
 from pdmesh.model.gradients import Stiffness, gradients_of, green, hooke
 from pdmesh.model.material_constants import poisson
 from pdmesh.model.neighbours import Pairs
@@ -66,5 +66,5 @@ class Surroundings:
         motion = None
         if not self._rest:
             rate, second = (values[rows, :2].astype(float) for values in (state.rate, state.second))
-            motion = Motion(float(self.model.rho[rows].mean()), rate, second, gradient(state.rate))
+            motion = SampledMotion(float(self.model.rho[rows].mean()), rate, second, gradient(state.rate))
         return Sampled(position[rows], self._area[rows], H, strain, hooke(strain, stiffness)[:, :3], motion)

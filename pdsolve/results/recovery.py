@@ -10,8 +10,7 @@ from enum import Enum
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from pdmesh.file_kinds import Kind as FileKind
-from pdmesh.file_kinds import kind_of
+from pdmesh.file_kinds import FileKind, kind_of
 from pdsolve.results.errors import EmptyError, ResultsError, explained
 from pdsolve.results.lock import holder
 from pdsolve.results.opening import Log, log_of, read_only

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from pdmesh import commandline, stopping
-from pdmesh.file_kinds import Kind
+from pdmesh.file_kinds import FileKind
 from pdmesh.printing import remark
 
 if TYPE_CHECKING:
@@ -62,7 +62,7 @@ def main(argv: Sequence[str]) -> int:
 
 
 def _study(args: argparse.Namespace) -> int:
-    commandline.expect(args.study, Kind.STUDY)
+    commandline.expect(args.study, FileKind.STUDY)
     from pdsolve.study.description import read_study
     from pdsolve.study.dispatch import Crew, solve_study
     from pdsolve.study.progress import StudyWatch

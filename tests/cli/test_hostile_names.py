@@ -153,7 +153,7 @@ def test_a_report_of_a_name_that_is_no_utf_8(results: Path, monkeypatch: pytest.
     from pdpost.figures import page
 
     monkeypatch.setattr(page, "_image", lambda *_: "")
-    monkeypatch.setattr(page, "_film", lambda *_: b"")
+    monkeypatch.setattr(page, "gif", lambda *_, **how: b"")
     shutil.copy(results, "b\udcff.sqlite")
     assert pdpost(["report", "b\udcff.sqlite"]) == 0
     text = Path("b\udcff.report.html").read_text(encoding="utf-8")

@@ -94,7 +94,16 @@ def _read(path: Path, job: dict[str, Any], limit: float, folder: Path | None) ->
             gmsh_output: dict[str, Any] = json.loads(result.read_bytes())
         except (OSError, ValueError):
             raise SceneError(f"{path}: Gmsh stopped before the end of the drawing: {last}") from None
-    _check_installed(gmsh_output)
+    if gmsh_output["missing"]:
+        raise SceneError(
+            f"Gmsh is not installed: Python finds no module '{gmsh_output['missing']}'; this installs it:"
+            " pip install gmsh"
+        )
+    if gmsh_output["library"]:
+        raise SceneError(
+            f"Gmsh cannot be loaded: {gmsh_output['library']}; on Debian and Ubuntu this installs what it needs:"
+            f" apt-get install {SYSTEM_LIBRARIES}"
+        )
     return gmsh_output
 
 
@@ -143,18 +152,6 @@ def _stage(said: Path) -> str:
     """What a reader said last that it does."""
     lines = said.read_bytes().decode(errors="replace").splitlines()
     return next((line.removeprefix(STAGE) for line in reversed(lines) if line.startswith(STAGE)), "reading")
-
-
-def _check_installed(output: Mapping[str, Any]) -> None:
-    if output["missing"]:
-        raise SceneError(
-            f"Gmsh is not installed: Python finds no module '{output['missing']}'; this installs it: pip install gmsh"
-        )
-    if output["library"]:
-        raise SceneError(
-            f"Gmsh cannot be loaded: {output['library']}; on Debian and Ubuntu this installs what it needs:"
-            f" apt-get install {SYSTEM_LIBRARIES}"
-        )
 
 
 def _in_originals(message: str, copies: Mapping[str, Copy]) -> str:

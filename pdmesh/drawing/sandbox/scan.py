@@ -207,24 +207,22 @@ def _prints(drawing: Drawing, place: int) -> bool:
     if drawing.text(place + 1) not in ("(", "[") or drawing.kind(place + 2) != "string":
         return False
     content = drawing.tokens[place + 2].content
-    if drawing.text(place + 3) in (
-        ")",
-        "]",
-    ):  # no numbers: Gmsh takes the text for the format of a message all the same
+    if drawing.text(place + 3) in (")", "]"):
+        # no numbers: Gmsh takes the text for the format of a message all the same
         return TEXT.fullmatch(content) is not None and len(content.encode()) <= LONGEST_STRING
     return drawing.text(place + 3) == "," and _is_short(_plain(content))
 
 
 def _plain(content: str) -> str:
     """A format with %g in place of %f."""
-    return PIECE.sub(_with_digits, content)
 
+    def with_digits(piece: re.Match[str]) -> str:
+        if piece["kind"] not in ("f", "F"):
+            return piece[0]
+        end = piece.end("kind") - piece.start()
+        return piece[0][: end - 1] + {"f": "g", "F": "G"}[piece["kind"]] + piece[0][end:]
 
-def _with_digits(piece: re.Match[str]) -> str:
-    if piece["kind"] not in ("f", "F"):
-        return piece[0]
-    end = piece.end("kind") - piece.start()
-    return piece[0][: end - 1] + {"f": "g", "F": "G"}[piece["kind"]] + piece[0][end:]
+    return PIECE.sub(with_digits, content)
 
 
 def _is_short(content: str) -> bool:

@@ -7,11 +7,11 @@ from functools import cache
 from pdmesh.model.material import DECLARED, Material
 from pdmesh.model.materials.bond import BOND
 from pdmesh.model.materials.correspondence import CORRESPONDENCE
-from pdmesh.model.materials.kind import Kind, Refusal, Refusals
+from pdmesh.model.materials.kind import MaterialKind, Refusal, Refusals
 from pdmesh.model.materials.micropolar import MICROPOLAR
 from pdmesh.model.materials.ordinary import ORDINARY
 
-KINDS: dict[str, Kind] = {kind.name: kind for kind in (ORDINARY, CORRESPONDENCE, MICROPOLAR, BOND)}
+KINDS: dict[str, MaterialKind] = {kind.name: kind for kind in (ORDINARY, CORRESPONDENCE, MICROPOLAR, BOND)}
 
 
 @cache
@@ -24,4 +24,4 @@ def refused_by(kind: str) -> tuple[tuple[str, object], ...]:
     return tuple((name, getattr(usual, name)) for name in others if DECLARED[name].refused)
 
 
-__all__ = ["KINDS", "Kind", "Refusal", "Refusals", "refused_by"]
+__all__ = ["KINDS", "MaterialKind", "Refusal", "Refusals", "refused_by"]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pdmesh.model.material import USUAL_LAW, Bilinear, BondLaw, Cohesive, Material
 from pdmesh.model.material_constants import BONDS_NU
-from pdmesh.model.materials.kind import Kind, Refusal, Refusals, softens
+from pdmesh.model.materials.kind import MaterialKind, Refusal, Refusals, softens
 
 FOLLOWED = (USUAL_LAW, "bilinear", "cohesive")  # laws whose bonds break at rest
 NEAR = 0.01  # Poisson's ratios this near are one
@@ -45,7 +45,7 @@ def adaptive(material: Material, first: Material, adapt: str) -> Refusals:
         yield Refusal("law", f"{USUAL_LAW}{why}")
 
 
-BOND = Kind(
+BOND = MaterialKind(
     name="bond",
     structs=(BondLaw, Bilinear, Cohesive),
     failures=("stretch",),

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pdmesh.model.material import Correspondence, Family, Material, Plastic, Silling, StressFailure
 from pdmesh.model.materials.kind import (
-    Kind,
+    MaterialKind,
     Refusal,
     Refusals,
     bonds_alone,
@@ -51,7 +51,7 @@ def with_particles(material: Material) -> Refusals:
         yield Refusal("solid", "linear or svk with cracks that are particles")
 
 
-CORRESPONDENCE = Kind(
+CORRESPONDENCE = MaterialKind(
     name="correspondence",
     structs=(Family, StressFailure, Correspondence, Silling, Plastic),
     failures=("stretch", "energy", "stress", "none"),

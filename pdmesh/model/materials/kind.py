@@ -53,7 +53,7 @@ def symmetric_alone(material: Material) -> Refusals:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Kind:
+class MaterialKind:
     """A kind of material, `Material.model`; each rule yields what is refused of one."""
 
     name: str

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pdmesh.model.material import USUAL_LAW, BondLaw, Cohesive, Material
 from pdmesh.model.material_constants import BONDS_NU
 from pdmesh.model.materials.kind import (
-    Kind,
+    MaterialKind,
     Refusal,
     Refusals,
     bonds_alone,
@@ -53,7 +53,7 @@ def at_rest(material: Material, breaks: bool) -> Refusals:
         yield Refusal("model", f"{OTHERS}, as the solver is static and cracks are particles: {NO_ROTATIONS}")
 
 
-MICROPOLAR = Kind(
+MICROPOLAR = MaterialKind(
     name="micropolar",
     structs=(BondLaw, Cohesive),
     failures=("stretch", "none"),

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from pdmesh.model.material import Family
-from pdmesh.model.materials.kind import Kind, bonds_alone, compressible, symmetric_alone
+from pdmesh.model.materials.kind import MaterialKind, bonds_alone, compressible, symmetric_alone
 
-ORDINARY = Kind(
+ORDINARY = MaterialKind(
     name="ordinary",
     structs=(Family,),
     failures=("stretch", "energy", "none"),

@@ -7,7 +7,7 @@ import pytest
 from numpy.typing import NDArray
 from plates import square_grid
 
-from pdmesh.model.domain_integrals import Motion, Ring, Sampled, integrals, kink, weight
+from pdmesh.model.domain_integrals import Ring, Sampled, SampledMotion, integrals, kink, weight
 from pdmesh.model.tip_fields import Elastic, TipField, intensities, pushed
 
 STRESS, STRAIN = Elastic(3.0, 0.3, "stress"), Elastic(3.0, 0.3, "strain")
@@ -95,7 +95,7 @@ def test_a_wave_has_no_j() -> None:
     u = np.sin(phase)
     gradient = np.stack([np.column_stack([exx, zero]), np.column_stack([zero, zero])], axis=1)
     stress = np.column_stack([c11 * exx, c11 * plate.nu / (1 - plate.nu) * exx, zero])
-    motion = Motion(
+    motion = SampledMotion(
         rho,
         np.column_stack([-omega * np.cos(phase), zero]),
         np.column_stack([-(omega**2) * u, zero]),
@@ -118,7 +118,7 @@ def test_a_standing_wave_beside_free_faces_has_no_intensity() -> None:
     gradient = np.stack([np.column_stack([zero, slope]), np.column_stack([zero, zero])], axis=1)
     strain = np.column_stack([zero, zero, slope / 2])
     swing = np.column_stack([-plate.shear * k**2 / rho * np.cos(k * y), zero])
-    motion = Motion(rho, np.zeros((len(y), 2)), swing, np.zeros((len(y), 2, 2)))
+    motion = SampledMotion(rho, np.zeros((len(y), 2)), swing, np.zeros((len(y), 2, 2)))
     at = Sampled(place, area, gradient, strain, 2 * plate.shear * strain)
     tip, way = np.zeros(2), np.array([1.0, 0.0])
     rest = integrals(at, tip, way, Ring(0.3, 0.9), plate)
@@ -135,7 +135,7 @@ def test_a_node_at_the_tip_does_no_harm() -> None:
     still = np.zeros((len(place) + 1, 2))
     more = [np.concatenate([column[:1], column]) for column in at[:5]]
     more[0][0] = 0.0
-    motion = Motion(1.0, still, still + 1e-9, np.zeros((len(still), 2, 2)))
+    motion = SampledMotion(1.0, still, still + 1e-9, np.zeros((len(still), 2, 2)))
     tip, way, ring = np.zeros(2), np.array([1.0, 0.0]), Ring(0.3, 0.9)
     with_it = integrals(Sampled(*more, motion), tip, way, ring, STRESS)
     assert with_it[:3] == pytest.approx(integrals(at, tip, way, ring, STRESS)[:3], rel=1e-6)

@@ -8,7 +8,7 @@ import sneddon
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from pdmesh.model.domain_integrals import Motion
+from pdmesh.model.domain_integrals import SampledMotion
 from pdmesh.model.front_fields import front_field
 from pdmesh.model.front_integrals import FoundInSpace, FrontPlace, SampledInSpace, Tube, front_integrals
 from pdmesh.model.gradients import PAIRS, Stiffness, gradients_of, hooke
@@ -111,7 +111,7 @@ def test_inertia_is_the_work_of_accelerations_on_a_front_that_moves_on() -> None
     zero = np.zeros_like(gradient)
     still = SampledInSpace(x, np.ones(len(x)), gradient, zero, zero)
     a = np.tile([0.0, 5.0, 0.0], (len(x), 1))
-    moving = still._replace(motion=Motion(7.0, 0 * a, a, zero))
+    moving = still._replace(motion=SampledMotion(7.0, 0 * a, a, zero))
     tube = Tube(2.0, 8.0, 4.0)
     here = FrontPlace(np.zeros(3), np.eye(3), 0.0)
     area = 2 * np.pi * sum(r * 0.01 * (1 - t * t * (3 - 2 * t)) for r in np.arange(0.005, 8, 0.01)

@@ -7,7 +7,8 @@ import pytest
 from messages import naming
 from prescribed_results import block, results_of
 
-from pdpost.measures import fields, strain
+from pdmesh.model.gradients import gradients_of
+from pdpost.measures import fields
 from pdpost.measures.lines import sample_line
 from pdsolve.results import Families, Nodes, ResultsError
 
@@ -34,7 +35,7 @@ def test_the_gradient_of_an_affine_field_is_exact_at_surfaces_too() -> None:
         assert np.abs(found[part] - exact[place]).max() < 1e-6  # of displacements in single precision; 2.5e-7
     ends = np.linalg.eigvalsh(exact)[[0, 2]]
     assert [found[part][0] for part in ("smallest", "largest")] == pytest.approx(ends, rel=1e-4)
-    fitted = strain.fit_gradients(nodes, nodes.position @ H.T, families)
+    fitted = gradients_of(nodes.position, nodes.area, nodes.position @ H.T, *families)
     assert np.abs(fitted - H).max() < 1e-12  # measured 7e-17
 
 
