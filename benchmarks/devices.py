@@ -96,7 +96,7 @@ def cube() -> Model:
 def marched(prepared: Prepared, clock: Callable[[], float], first: int) -> float:
     """Seconds of a step, of those from `first` on."""
     began = clock()
-    prepared.march(first, first + STEPS)
+    prepared.advance(first, first + STEPS)
     return (clock() - began) / STEPS
 
 

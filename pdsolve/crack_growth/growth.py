@@ -198,7 +198,7 @@ class Growth:
         strain_energy, pulled = operator.energies(state)[0], force_densities(operator, state)
         new_broken = Broken(np.full(len(cut), step), near.source[cut], near.target[cut])
         broken = Broken(*(np.concatenate(both) for both in zip(operator.broken(), new_broken, strict=True)))
-        operator.back(operator.keep(), broken)
+        operator.restore(operator.checkpoint_arrays(), broken)
         near.intact[cut] = False
         self._reweigh(share)
         state.dissipated[:] += strain_energy - operator.energies(state)[0]

@@ -18,7 +18,7 @@ from pdsolve.model import Model
 from pdsolve.numerics.thread_team import share
 from pdsolve.operators import bond_list_loops as loops
 from pdsolve.operators.family_stiffness_bound import resistance
-from pdsolve.operators.protocol import Kept
+from pdsolve.operators.protocol import CheckpointArrays
 from pdsolve.state import Broken, State, Unknown
 
 if TYPE_CHECKING:
@@ -82,7 +82,7 @@ class BondList:
         assert self.law.width is None
         self._summed, self._every = (first, last), np.arange(first, last)
 
-    def add(self, state: State, out: NDArray[Any], step: int, dt: float) -> None:
+    def accumulate_force(self, state: State, out: NDArray[Any], step: int, dt: float) -> None:
         """Add the force densities (n, w), N/m^3, to `out`; bonds over their limit break in this `step`, `dt` s long."""
         now = Now(state.value, state.rate, step, dt)
         between = self._between(now)
@@ -245,7 +245,7 @@ class BondList:
         which = np.flatnonzero(step > after)
         return Broken(step[which].astype(np.int64), *ends(self._bonds, which))
 
-    def keep(self) -> Kept:
+    def checkpoint_arrays(self) -> CheckpointArrays:
         """History of bonds for a checkpoint, by the rows of their nodes."""
         checkpoint: dict[str, NDArray[Any]] = {}
         for name in self._remembered():
@@ -255,7 +255,7 @@ class BondList:
             checkpoint |= {name: column[which], f"{name}_source": source, f"{name}_target": target}
         return checkpoint | {name: getattr(self.columns, name).copy() for name in self._remembered_by_nodes()}
 
-    def back(self, checkpoint: Kept, broken: Broken) -> None:
+    def restore(self, checkpoint: CheckpointArrays, broken: Broken) -> None:
         """Restore the history of bonds and the broken bonds of a checkpoint."""
         memory = {name: self._memory(checkpoint, name) for name in self._remembered()}
         for name, (values, source, target) in {"broken": broken, **memory}.items():
@@ -267,7 +267,9 @@ class BondList:
             column[:] = like(checkpoint, name, column)
         self._lose(np.flatnonzero(self._steps()), self._every)
 
-    def _memory(self, checkpoint: Kept, name: str) -> tuple[NDArray[Any], NDArray[np.int64], NDArray[np.int64]]:
+    def _memory(
+        self, checkpoint: CheckpointArrays, name: str
+    ) -> tuple[NDArray[Any], NDArray[np.int64], NDArray[np.int64]]:
         """History of bonds (k,) in a checkpoint, and the rows of their sources and targets."""
         values = entry(checkpoint, name, (None,), getattr(self.columns, name).dtype)
         source, target = (
@@ -292,7 +294,7 @@ class BondList:
         arrays = *self._bonds, *self._list.xi, self._list.length, *self.columns
         return sum(getattr(array, "nbytes", 0) for array in arrays)
 
-    def place(self, state: State) -> State:
+    def to_own_layout(self, state: State) -> State:
         """The state in this operator's own array layout."""
         return state
 

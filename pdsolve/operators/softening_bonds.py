@@ -82,7 +82,7 @@ class SofteningBonds:
         """Add spring supports and pins of this stiffness (n w, n w), N/m^2: symmetric, on n nodes."""
         self._ground = stiffness
 
-    def remember(self, checkpoint: Mapping[str, NDArray[Any]], broken: Broken) -> None:
+    def restore(self, checkpoint: Mapping[str, NDArray[Any]], broken: Broken) -> None:
         """Take the history of these bonds over from an operator."""
         key, self.kappa[:] = self.source * self._nodes + self.target, 0.0
         order = np.argsort(key)

@@ -50,7 +50,7 @@ def prepare_load_steps(model: Model, options: Options, scheme: Scheme, bonds_bre
     operator, contact = add_contact_at_rest(model, area, add_ground_supports(model, area, bonds))
     driven = drive(model, area, scheme.exact_load, np.float64)
     driven.force[:] = driven.before[:] = driven.held_force[:] = 0  # nothing acts before the first load step
-    state = operator.place(zero_state(*driven.force.shape))
+    state = operator.to_own_layout(zero_state(*driven.force.shape))
     flows = any(SOLIDS[material.solid].flows for material in model.materials)
     method: EquilibriumMethod
     if static.method == "relaxation":
@@ -93,7 +93,7 @@ def _prepare_path(model: Model, options: Options, scheme: Scheme) -> Prepared:
     driven = widened(drive(model, area, scheme.exact_load, np.float64), width)
     _refuse_large_body(model, driven)
     driven.force[:] = driven.before[:] = driven.held_force[:] = 0
-    state = operator.place(zero_state(*driven.force.shape))
+    state = operator.to_own_layout(zero_state(*driven.force.shape))
     bonds, ground = softening_of(model, filling.whole(), contact), supports_of(operator)
     if ground is not None:
         bonds.stand_on(np.repeat(area, width)[:, None] * ground.stiffness_matrix())

@@ -201,7 +201,7 @@ def _solve_new_run(recorder: Recorder, request: RunRequest) -> Results:
         start.clear()
         return writer
 
-    return _march_and_close(recorder, new, request)
+    return _advance_and_close(recorder, new, request)
 
 
 def _solve_motion_after(
@@ -315,7 +315,7 @@ def _resume_from_checkpoint(output: Path, request: RunRequest) -> Results:
             ranked = resuming.make_resumed_recorder(results, model, options, meta)
             make = partial(Writer.reopen, output, ranked.reopen_rank_databases(output, results.pieces))
             results.close()
-            return _march_and_close(ranked, make, request)
+            return _advance_and_close(ranked, make, request)
         initial_nodes, (step, checkpoint) = results.nodes(0), results.checkpoint()
         with stopping.patience(stopping.AT_ONCE):
             system, state = prepare(model, options)
@@ -351,7 +351,7 @@ def _resume_from_checkpoint(output: Path, request: RunRequest) -> Results:
         system = dataclasses.replace(system, broken_before=broken, initial_energy=energy)
         with gone_back(output):
             recorder = Recorder(system, state, past, _nodes_may_change(system, adapt))
-    return _march_and_close(
+    return _advance_and_close(
         recorder, partial(_reopen_writer, output, request.earlier_refinements), request._replace(adaptation=adapt)
     )
 
@@ -363,7 +363,7 @@ def _reopen_writer(output: Path, earlier_refinements: tuple[EarlierRefinement, .
     return writer
 
 
-def _march_and_close(recorder: Recorder, make_writer: Callable[[], Writer], request: RunRequest) -> Results:
+def _advance_and_close(recorder: Recorder, make_writer: Callable[[], Writer], request: RunRequest) -> Results:
     """March to the end from the state of the records; `make_writer` creates the writer, of a new file for a new run."""
     give_back()
     with behind(make_writer, recorder.is_new, request.output) as writer:
@@ -371,7 +371,7 @@ def _march_and_close(recorder: Recorder, make_writer: Callable[[], Writer], requ
             if recorder.is_new:
                 recorder.record_step(recorder.step)
                 writer.write(partial(recorder.make_frame, recorder.step, with_fields=True, with_checkpoint=True))
-            status = _march_to_end(recorder, writer, request)
+            status = _advance_to_end(recorder, writer, request)
         except BaseException as reason:
             error = explain_long_steps(reason, recorder.system.time_step, recorder.system.stable_time_step)
             ends = {UnstableError: "unstable", UnsettledError: "unsettled", KeyboardInterrupt: "interrupted"}
@@ -386,7 +386,7 @@ def _march_and_close(recorder: Recorder, make_writer: Callable[[], Writer], requ
     return results
 
 
-def _march_to_end(recorder: Recorder, writer: Behind, request: RunRequest) -> str:
+def _advance_to_end(recorder: Recorder, writer: Behind, request: RunRequest) -> str:
     """Step to the end, from event to event; returns "finished" or "interrupted"."""
     watch, adapt = request.watch, request.adaptation
     run, step = recorder.system.model.settings.run, recorder.frame_step
@@ -418,7 +418,7 @@ def _march_to_end(recorder: Recorder, writer: Behind, request: RunRequest) -> st
         records = next_multiple(step, run.every), next_multiple(step, run.ledger or run.every), run.steps
         ends = (step + chunk, looks, *records)
         began = running_time()
-        last = recorder.march(step + 1, min(ends) + 1)
+        last = recorder.advance(step + 1, min(ends) + 1)
         pace.record_duration(min(ends) - step, running_time() - began)
         step = last
         writer.look()

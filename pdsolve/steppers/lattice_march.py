@@ -119,7 +119,7 @@ class LatticeMarch:
             stop=np.zeros(1, dtype=np.int64),
         )
 
-    def march(self, state: State, first: int, last: int) -> None:
+    def advance(self, state: State, first: int, last: int) -> None:
         """Take the steps `first` to `last` - 1, in place."""
         site, tile_motion = self._operator.sites.site, self._course
         for axis in range(len(tile_motion.u[0])):

@@ -106,7 +106,7 @@ class LoadSteps:
                 raise ModelError(f"{model.name}: $.conditions: {error}") from None
         drive.force[:] = 0
 
-    def march(self, state: State, first: int, last: int) -> None:
+    def advance(self, state: State, first: int, last: int) -> None:
         """Take the load steps `first` to `last` - 1, in place. Raises UnsettledError."""
         for step in range(first, last):
             self._take_step(state, step)
@@ -238,12 +238,12 @@ class LoadSteps:
             end = 1.0 if done + part > 1 - self.method.smallest_part else done + part
             loads = [previous_load + share * (now - previous_load) for share in (done, (done + end) / 2, end)]
             places = [np.where(self.held, start + share * (at - start), 0.0) for share in ((done + end) / 2, end)]
-            value, operator_arrays = state.value.copy(), self._operator.keep()
+            value, operator_arrays = state.value.copy(), self._operator.checkpoint_arrays()
             try:
                 equilibrium = self._settle_one_part(state, loads, places, self._make_progress_report(step, iterations))
             except UnsettledError as error:
                 state.value[:], part = value, part / 2
-                self._operator.back(operator_arrays, self._operator.broken())
+                self._operator.restore(operator_arrays, self._operator.broken())
                 if part < self.method.smallest_part:
                     raise self._limit_load_error(error, state, done) from None
                 continue

@@ -43,7 +43,7 @@ class ThetaSteps:
         """Factor the equations anew, as the operator has changed."""
         self._factors = None
 
-    def march(self, state: State, first: int, last: int) -> None:
+    def advance(self, state: State, first: int, last: int) -> None:
         """Take the steps `first` to `last` - 1, in place. Raises UnstableError if the equations do not converge."""
         drive, dt, theta, free = self._drive, self._dt, self._theta, self._free
         content, source = state.value[:, 0], drive.force[:, 0]
@@ -65,7 +65,7 @@ class ThetaSteps:
     ) -> NDArray[np.float64]:
         """Rates (n,) at these contents (n,), of which a share of the step is booked, and so are the sources."""
         out, weight = np.zeros((len(content), 1)), step_share * self._dt
-        self._operator.add(state._replace(value=content[:, None]), out, step, weight)
+        self._operator.accumulate_force(state._replace(value=content[:, None]), out, step, weight)
         state.dissipated[:] += np.where(self._free, 0.0, weight * out[:, 0])
         state.work[:] += weight * self._drive.force[:, 0]
         return out[:, 0]

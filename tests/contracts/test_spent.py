@@ -73,7 +73,7 @@ def test_what_a_bond_spends_is_work_less_what_it_holds(law: str, precision: str,
         nonlocal step
         state.value[1, 0], step = stretch, step + 1
         out = np.zeros_like(state.value)
-        operator.add(state, out, step, 0.0)
+        operator.accumulate_force(state, out, step, 0.0)
         return float(out[0, 0])
 
     for low, high in itertools.pairwise(places):
@@ -141,7 +141,7 @@ def test_laws_of_the_same_columns_are_two(precision: str, tmp_path: Path) -> Non
         state = State(*np.zeros((3, 16, 2), dtype=precision), *np.zeros((3, 16)))
         state.value[:] = 1e-7 * model.grid.position[:, ::-1] / model.grid.position.max()
         out = np.zeros_like(state.value)
-        operator.add(state, out, 1, 0.0)
+        operator.accumulate_force(state, out, 1, 0.0)
         pulls.append((out, operator.energies(state)[0]))
     for one, other, again in zip(*pulls, strict=True):
         assert np.abs(one).max() > 0

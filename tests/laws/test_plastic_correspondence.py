@@ -70,7 +70,7 @@ class Body(NamedTuple):
     def forces(self, value: NDArray[np.float64]) -> NDArray[np.float64]:
         """Forces (n, d), N."""
         out = np.zeros_like(value)
-        self.operator.add(_state(value), out, 0, 0.0)
+        self.operator.accumulate_force(_state(value), out, 0, 0.0)
         return out * self.cell[:, None]
 
     def energy(self, value: NDArray[np.float64]) -> float:

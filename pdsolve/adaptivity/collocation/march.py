@@ -245,7 +245,7 @@ def _release(ground, zone, drive, work, rho, time):  # type: ignore[no-untyped-d
 
 
 @cached_njit(nogil=True, error_model="numpy")
-def march(ground, zone, drive, work, rho, kappa, every, first, last, where, thread, gate):  # type: ignore[no-untyped-def]
+def advance(ground, zone, drive, work, rho, kappa, every, first, last, where, thread, gate):  # type: ignore[no-untyped-def]
     """Take the steps `first` to `last` - 1, from stage `where` of the first; returns the end code and the step.
 
     All threads call this together.

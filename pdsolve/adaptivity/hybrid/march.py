@@ -134,7 +134,7 @@ def _drift_and_hold(ground, zone, profiles, now, step, starts, ends):  # type: i
 
 
 @cached_njit(nogil=True, error_model="numpy")
-def march(ground, zone, profiles, now, first, last, drifted, thread, gate):  # type: ignore[no-untyped-def]
+def advance(ground, zone, profiles, now, first, last, drifted, thread, gate):  # type: ignore[no-untyped-def]
     """Take the steps `first` to `last` - 1; returns the end code, the step, and the current displacement buffer.
 
     At the end, velocities are synchronous with displacements and all forces are kept. `drifted` continues a march that

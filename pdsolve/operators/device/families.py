@@ -20,7 +20,7 @@ from pdsolve.operators.device.padded import Padded
 from pdsolve.operators.device.runtime import Session
 from pdsolve.operators.device.source import text_of
 from pdsolve.operators.device.tracing import Code
-from pdsolve.operators.protocol import Kept
+from pdsolve.operators.protocol import CheckpointArrays
 from pdsolve.operators.simd_lattice.kernel import LANES
 from pdsolve.operators.simd_lattice.layout import Placed, Tables
 from pdsolve.operators.simd_lattice.passes import SAFE
@@ -169,9 +169,9 @@ class FamiliesOnDevice(Padded, Families):
         for row in (self._used + torn).tolist():
             self.session.write(self._rows, rows[row], row * rows[row].nbytes)
 
-    def back(self, checkpoint: Kept, broken: Broken) -> None:
+    def restore(self, checkpoint: CheckpointArrays, broken: Broken) -> None:
         """Restore the history of bonds and the broken bonds of a checkpoint."""
-        super().back(checkpoint, broken)
+        super().restore(checkpoint, broken)
         self.needs_upload = True
 
     def hand_over(self) -> None:

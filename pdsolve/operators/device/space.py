@@ -14,7 +14,7 @@ from pdsolve.laws.calls import functions_of
 from pdsolve.laws.law import Law
 from pdsolve.operators.device.runtime import Session
 from pdsolve.operators.device.source import body_functions, together
-from pdsolve.operators.protocol import Kept
+from pdsolve.operators.protocol import CheckpointArrays
 from pdsolve.operators.space_lattice import families, layout
 from pdsolve.operators.space_lattice.operator import SpaceLattice
 from pdsolve.operators.space_lattice.sites import Sites
@@ -101,9 +101,9 @@ class SpaceOnDevice(SpaceLattice):
         """Enter values (..., m) of the device in an array (n, ...) of the state."""
         state[:] = values[..., self.sites.site].T
 
-    def back(self, checkpoint: Kept, broken: Broken) -> None:
+    def restore(self, checkpoint: CheckpointArrays, broken: Broken) -> None:
         """Restore the history of bonds and the broken bonds of a checkpoint."""
-        super().back(checkpoint, broken)
+        super().restore(checkpoint, broken)
         self.needs_upload = True
 
     def hand_over(self) -> None:

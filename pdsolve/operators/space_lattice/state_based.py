@@ -17,7 +17,7 @@ from pdsolve.laws.law import Law
 from pdsolve.model import Model
 from pdsolve.numerics.thread_team import share
 from pdsolve.operators.bond_list import BondList
-from pdsolve.operators.protocol import Kept
+from pdsolve.operators.protocol import CheckpointArrays
 from pdsolve.operators.simd_lattice.layout import aligned
 from pdsolve.operators.space_lattice.passes import FamilyTiles, add_rows, exchange_tiles, gather_tiles
 from pdsolve.operators.space_lattice.sites import Sites, sites_of
@@ -79,10 +79,10 @@ class FamiliesInTiles(BondList):
         self._pulled = False  # whether the forces at the sites are theirs
         self._ready = True
 
-    def back(self, checkpoint: Kept, broken: Broken) -> None:
+    def restore(self, checkpoint: CheckpointArrays, broken: Broken) -> None:
         """Restore the history of bonds and the broken bonds of a checkpoint."""
         self.tiles.bits[:] = self._whole
-        super().back(checkpoint, broken)
+        super().restore(checkpoint, broken)
 
     def bytes(self) -> int:
         """Memory of all arrays, bytes."""

@@ -125,7 +125,7 @@ def test_a_plate_turned_inside_out_is_told_once() -> None:
     assert seen(moved([[0.1, 0.0], [0.0, 1.0]])) == []
     source, target = problem.system.operator.bonds()
     gone = Broken(np.ones_like(source), source, target)
-    problem.system.operator.back(problem.system.operator.keep(), gone)
+    problem.system.operator.restore(problem.system.operator.checkpoint_arrays(), gone)
     assert seen(problem) == []
 
 

@@ -54,8 +54,8 @@ def test_steps_from_anywhere(name: str, law: str) -> None:
         random = np.random.default_rng(3)
         problem.state.value[:] = 2e-7 * random.standard_normal(problem.state.value.shape)
         problem.state.rate[:] = 2.0 * random.standard_normal(problem.state.value.shape)
-        problem.march(1, 2)
-        problem.march(2, 3)
+        problem.advance(1, 2)
+        problem.advance(2, 3)
     fast, listed = problems
     assert isinstance(fast.system.operator, Families)
     assert 0 < len(gone(listed)) < 0.95 * listed.system.directed_bond_count
@@ -79,7 +79,7 @@ def test_a_whole_run(law: str) -> None:
     fast, listed = both(torn(GRIDS["cracked"], material=glass(law)), "conservative")
     for problem in (fast, listed):
         for first in range(1, 121, 8):
-            problem.march(first, first + 8)
+            problem.advance(first, first + 8)
     assert len(gone(listed)) > 0
     assert gone(fast) == gone(listed)
     for field in ("value", "rate", "work"):

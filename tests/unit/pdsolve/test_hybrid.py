@@ -261,7 +261,7 @@ def test_motion_may_be_prescribed_anywhere(condition: Velocity | InitialVelocity
         )
         system, state = prepare(model, Options())
         momentum.append(float((state.rate[:, 1] * system.model.rho * system.area).sum()))
-        system.stepper.march(state, 1, 41)
+        system.stepper.advance(state, 1, 41)
         work.append(compute_ledger_row(system, state, 40).work)
     np.testing.assert_allclose(*momentum, rtol=1e-12)
     np.testing.assert_allclose(*work, rtol=0.02)  # 0.009 at most

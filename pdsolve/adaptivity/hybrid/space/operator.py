@@ -40,7 +40,7 @@ from pdsolve.errors import CheckpointError, LateZoneError
 from pdsolve.lattice.sums import EMPTY, VOLUME, Tiles, hold_some, room_for, sum_some, sum_tiles
 from pdsolve.model import Model
 from pdsolve.numerics.thread_team import share
-from pdsolve.operators.protocol import Kept
+from pdsolve.operators.protocol import CheckpointArrays
 from pdsolve.operators.space_lattice import layout
 from pdsolve.operators.space_lattice.operator import ROOM
 from pdsolve.operators.space_lattice.sites import Sites
@@ -128,7 +128,7 @@ class HybridBodyOperator:
         mass = self._gather_to_nodes(node_masses(self.full_body.model, self.full_body.sites, self.full_body.fine))
         return MeanDensities(active_model.grid, active_model.settings, active_model.name, mass / self.volume)
 
-    def place(self, state: State) -> State:
+    def to_own_layout(self, state: State) -> State:
         """The state itself: its arrays are those of all nodes."""
         return state
 
@@ -138,7 +138,7 @@ class HybridBodyOperator:
         pieces.place_displacements(self._coarse, self._coarse_sites, value, zone.u_coarse)
         pieces.interpolate_border(margin + self._border, self._on, self._w, value, zone.u)
 
-    def add(self, state: State, out: NDArray[Any], step: int, dt: float) -> None:
+    def accumulate_force(self, state: State, out: NDArray[Any], step: int, dt: float) -> None:
         """Add the force densities (n, 3), N/m^3, to `out`; bonds over their limit break in this `step`, `dt` s long.
 
         Raises LateZoneError if a clipped bond exceeds its limit.
@@ -232,7 +232,7 @@ class HybridBodyOperator:
         """Forces (n, 3), N, at displacements (n, 3), m; nothing breaks."""
         nodes = len(value)
         state, out = State(value, *np.zeros((2, nodes, 3)), *np.zeros((3, nodes))), np.zeros((nodes, 3))
-        self.add(state, out, 0, 0.0)
+        self.accumulate_force(state, out, 0, 0.0)
         return out * self.volume[:, None]
 
     def energies(self, state: State) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
@@ -402,7 +402,7 @@ class HybridBodyOperator:
         after.counted = after._count_bonds(changed, np.where(changed, 0, self.counted.bonds[row]))
         return after
 
-    def restore_cells(self, checkpoint: Kept) -> HybridBodyOperator:
+    def restore_cells(self, checkpoint: CheckpointArrays) -> HybridBodyOperator:
         """The operator of a checkpoint's cells, some of which have become fine. Raises CheckpointError."""
         cells = like(checkpoint, "cells", self._zone.cells)
         new = (self._zone.cells == COARSE) & (cells == FINE)
@@ -446,12 +446,12 @@ class HybridBodyOperator:
         """All cells (c,)."""
         return self._zone.cells
 
-    def keep(self) -> Kept:
+    def checkpoint_arrays(self) -> CheckpointArrays:
         """The cells and books for a checkpoint."""
         books = np.array([self.history.refinement_energy, self.history.largest])
         return {"cells": self._zone.cells.copy(), "zone_books": books}
 
-    def back(self, checkpoint: Kept, broken: Broken) -> None:
+    def restore(self, checkpoint: CheckpointArrays, broken: Broken) -> None:
         """Restore the broken bonds and the books of a checkpoint of these cells."""
         if not np.array_equal(like(checkpoint, "cells", self._zone.cells), self._zone.cells):
             raise CheckpointError("cells are not those of the nodes")
