@@ -109,7 +109,7 @@ MUTANTS = (
     ),
     Mutant(
         "pdsolve/laws/calls.py",
-        "def _held_by_line(law, c, stretch, worst, peak, limit):  # type: ignore[no-untyped-def]\n    return c *",
+        "def _energy_by_line(law, c, stretch, worst, peak, limit):  # type: ignore[no-untyped-def]\n    return c *",
         "def _held_by_line(law, c, stretch, worst, peak, limit):  # type: ignore[no-untyped-def]\n    return 2 * c *",
         f"{CONTRACTS}::test_force_is_minus_the_slope_of_energy",
     ),

@@ -9,9 +9,9 @@ Layout:
     memory   of a tile, from when the first of its bonds has softened: what each was stretched to at most, and the
              share of its stiffness that is left
 
-Any pair law that is linear until it first softens, and then has a secant (`Pair.held` is None). A slot is looked at
-bond by bond only in steps in which one of its bonds is beyond the least of all peaks. Symbols as in pdsolve.laws.law;
-pdsolve.laws.pair says the same in a few lines and is what this is tested against.
+Any pair law that is linear until it first softens, and then has a secant (`Pair.bond_strain_energy` is None). A slot is
+looked at bond by bond only in steps in which one of its bonds is beyond the least of all peaks. Symbols as in
+pdsolve.laws.law; pdsolve.laws.pair says the same in a few lines and is what this is tested against.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ from pdsolve.lattice.bond import (
     where_weight,
     zeros,
 )
-from pdsolve.laws.calls import added_pull, broken_energy, held, pair_of, secant, spent
+from pdsolve.laws.calls import added_force, bond_strain_energy, broken_energy, dissipated_energy, pair_of, secant
 
 # Tiles: without a node; what their bonds' stiffnesses are made of; and the same of tiles with a memory
 EMPTY, ALIKE, CORRECTED, GENERAL, SOFT_ALIKE, SOFT_CORRECTED, SOFT_GENERAL = range(7)
@@ -231,7 +231,7 @@ def _age_slot(tiles, motion, pulls, dissipated, breaks, t, lane, slot):  # type:
         near, far = (place, place + offset) if motion.by_sites else (np.int64(i), np.int64(j))
         last = _stretch_before(row, u, rate, motion.dt, place, offset, near, far)
         w = stiffness(tiles, row, t, place, offset)
-        pull = added_pull(tiles.law, stretch, last, worst, peak, limit) * (w / (1 + stretch))
+        pull = added_force(tiles.law, stretch, last, worst, peak, limit) * (w / (1 + stretch))
         for axis in range(len(u)):
             pulls[axis, near] += pull * (row[axis] + (u[axis, place + offset] - u[axis, place]))
         if stretch <= limit:
@@ -351,9 +351,9 @@ def _hold_tile(tiles, u, own_held, own_spent, t, lanes):  # type: ignore[no-unty
                 pair, worst = pair_number(tiles, i, j), tiles.worst[row, slot, k] if row >= 0 else 0.0
                 peak, limit = tiles.peak[pair, slot], tiles.limit[pair, slot]
                 c = stiffness(tiles, field, t, place, offset) / field[where_inverse(len(u))] / 4
-                own_held[i] += held(tiles.law, c, _stretch(field, u, place, offset), worst, peak, limit)
+                own_held[i] += bond_strain_energy(tiles.law, c, _stretch(field, u, place, offset), worst, peak, limit)
                 if worst > 0:
-                    own_spent[i] += spent(tiles.law, c, worst, peak, limit)
+                    own_spent[i] += dissipated_energy(tiles.law, c, worst, peak, limit)
 
 
 @cached_njit(error_model="numpy")

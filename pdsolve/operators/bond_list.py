@@ -185,7 +185,7 @@ class BondList:
         dissipated[touched] += before - strain_energy[touched]
         return between
 
-    def remember(self, state: State) -> None:
+    def update_history(self, state: State) -> None:
         """Update the history of nodes at an equilibrium; no bond breaks."""
         if self._remembered_by_nodes():
             now = Now(state.value, state.rate, 0, 0.0)
@@ -300,7 +300,7 @@ class BondList:
 
     def _remembered(self) -> tuple[str, ...]:
         """Names of the columns that change, except `broken`."""
-        return self.law.memory
+        return self.law.bond_history
 
     def _remembered_by_nodes(self) -> tuple[str, ...]:
         """Names of the existing nodal columns that the law changes."""
@@ -331,8 +331,8 @@ class BondList:
 
     def _lose(self, bonds: NDArray[np.int64], rows: NDArray[np.int64]) -> None:
         """Remove these bonds (b,), which belong to the nodes (k,) that have failed."""
-        if self.law.mend is not None:
-            self.law.mend(self.columns, self._list, rows)
+        if self.law.update_after_breakage is not None:
+            self.law.update_after_breakage(self.columns, self._list, rows)
 
     def _share(self, loop: Callable[..., None], *arrays: Any) -> None:
         share(lambda first, last: loop(self._list, self.columns, *arrays, first, last), self._nodes, self._threads)

@@ -140,7 +140,7 @@ class SofteningBonds:
         secant[has_history] = (
             self._pair.secant(None, bond_drive[has_history], *at) if self._pair.secant is not None else 1.0
         )
-        curve[has_history] = self._softening.slope(None, *at)
+        curve[has_history] = self._softening.softening_slope(None, *at)
         secant[worst >= limit] = curve[worst >= limit] = 0.0
         on = grows & (worst < limit)
         kappa[k], omega[k], slope[k] = worst, secant, np.where(on, curve, secant)
@@ -152,10 +152,10 @@ class SofteningBonds:
         energy, k = np.zeros(len(kappa)), self.breaks[kappa[self.breaks] > 0]
         c, worst, peak, limit = self.stiffness[k] * self.length[k] / 2, kappa[k], self.peak[k], self.limit[k]
         is_broken = worst >= limit
-        energy[k] = np.where(is_broken, self._softening.total(None, c, peak, limit), 0.0)
+        energy[k] = np.where(is_broken, self._softening.total_dissipated_energy(None, c, peak, limit), 0.0)
         unbroken = ~is_broken
         at = c[unbroken], worst[unbroken], peak[unbroken], limit[unbroken]
-        energy[k[unbroken]] = self._softening.spent(None, *at)
+        energy[k[unbroken]] = self._softening.dissipated_energy(None, *at)
         return energy
 
     def forces(self, response: Response) -> Array:

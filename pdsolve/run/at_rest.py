@@ -63,7 +63,7 @@ def prepare_load_steps(model: Model, options: Options, scheme: Scheme, bonds_bre
         method = ContactMethod(method, operator, contact)
     breakable = no_fail.breakable() if bonds_break and law.pair is not None else None
     breaking = FamilyBonds(bonds) if of_families and isinstance(bonds, BondList) else breakable
-    remember = {"on_equilibrium": bonds.remember} if isinstance(bonds, BondList) else {}
+    remember = {"on_equilibrium": bonds.update_history} if isinstance(bonds, BondList) else {}
     growth = make_crack_growth(model, bonds, filling, driven, None) if grows else None
     fatigue, look = model.settings.run.fatigue, growth.look if growth and not follows_crack_length(model) else None
     stepper = LoadSteps(model, operator, driven, area, method, breaking, None if fatigue else look, **remember)

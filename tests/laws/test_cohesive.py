@@ -128,7 +128,7 @@ def test_the_slope_is_that_of_the_curve(shape: str) -> None:
     t, step = np.array([0.05, 0.2, 0.25, 0.6, 0.95]), 1e-9
     kappa = PEAK + t * (LIMIT - PEAK)
     low, high = (pair.secant(None, at, at, PEAK, LIMIT) * at for at in (kappa - step, kappa + step))
-    slope = pair.softening.slope(None, kappa, PEAK, LIMIT)
+    slope = pair.softening.softening_slope(None, kappa, PEAK, LIMIT)
     assert slope == pytest.approx((high - low) / (2 * step), rel=1e-6)
 
 

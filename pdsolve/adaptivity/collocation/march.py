@@ -24,7 +24,7 @@ from pdsolve.adaptivity.collocation.zone import COARSE, FINE
 from pdsolve.codegen.jit_cache import cached_njit
 from pdsolve.codegen.vector_code import ROW
 from pdsolve.conditions import apply_loads
-from pdsolve.laws.calls import added_pull, broken_energy
+from pdsolve.laws.calls import added_force, broken_energy
 from pdsolve.numerics.thread_team import meet
 from pdsolve.operators.simd_lattice.kernel import INNER
 from pdsolve.steppers.holds import accelerate_held_component, prescribe_component
@@ -164,7 +164,7 @@ def _add_matching_pull(ground, zone, p, k):  # type: ignore[no-untyped-def]
     """Add the pull that matches the work of bond k of node p, which has broken, to the forces on both its ends."""
     j, half = p + ground.ways[k], len(ground.ways) // 2
     stretch, before, limit = _stretches(ground, zone, p, k)
-    pull = added_pull(ground.law, stretch, before, 0.0, limit, limit) / (1 + stretch)
+    pull = added_force(ground.law, stretch, before, 0.0, limit, limit) / (1 + stretch)
     for axis in range(2):
         along = pull * (ground.table[k, axis] + zone.u[axis, j] - zone.u[axis, p])
         zone.f[axis, p] += stiffness(ground, p, k) * along

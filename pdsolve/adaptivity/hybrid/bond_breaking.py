@@ -9,7 +9,7 @@ from pdsolve.adaptivity.hybrid.clipped_bonds import own_entry, share_of, stretch
 from pdsolve.adaptivity.hybrid.energy import strain_e
 from pdsolve.adaptivity.hybrid.precracks import lasts, peak_and_limit
 from pdsolve.codegen.vector_code import ROW
-from pdsolve.laws.calls import added_pull, broken_energy
+from pdsolve.laws.calls import added_force, broken_energy
 from pdsolve.laws.pair_laws.bilinear import spent_share
 from pdsolve.operators.simd_lattice.kernel import INNER, displaced
 
@@ -104,7 +104,7 @@ def break_bonds(ground, zone, u, p0, count, step):  # type: ignore[no-untyped-de
                 _soften_on(ground, zone, p, entry, k, e, peak, limit)
             before, now = _stretch_before(ground, fine, p, j, k, eta_x, eta_y), stretch_of(e)
             worst, ends = stretch_of(past), (stretch_of(peak), stretch_of(limit))
-            pull = added_pull(ground.law, now, before, worst, *ends) / (1 + now) * full_stiffness
+            pull = added_force(ground.law, now, before, worst, *ends) / (1 + now) * full_stiffness
             fine.f[0, p] += pull * (ground.table[k, 0] + eta_x)
             fine.f[1, p] += pull * (ground.table[k, 1] + eta_y)
             if e <= limit:

@@ -44,15 +44,15 @@ def secant(law, stretch, worst, peak, limit):  # type: ignore[no-untyped-def]
     return peak * (limit - worst) / ((limit - peak) * worst)
 
 
-def spent(law, c, worst, peak, limit):  # type: ignore[no-untyped-def]
+def dissipated_energy(law, c, worst, peak, limit):  # type: ignore[no-untyped-def]
     return c * peak * limit * spent_share(worst, peak, limit)
 
 
-def total(law, c, peak, limit):  # type: ignore[no-untyped-def]
+def total_dissipated_energy(law, c, peak, limit):  # type: ignore[no-untyped-def]
     return c * (peak * limit)
 
 
-def slope(law, worst, peak, limit):  # type: ignore[no-untyped-def]
+def softening_slope(law, worst, peak, limit):  # type: ignore[no-untyped-def]
     return -peak / (limit - peak)
 
 
@@ -68,4 +68,9 @@ def spent_share(worst: float, peak: float, limit: float) -> float:
     return (worst - peak) / (limit - peak)
 
 
-LAW = pair_law(BilinearColumns, Pair(limits=limits, secant=secant, softening=Softening(spent, total, slope)))
+LAW = pair_law(
+    BilinearColumns,
+    Pair(
+        limits=limits, secant=secant, softening=Softening(dissipated_energy, total_dissipated_energy, softening_slope)
+    ),
+)

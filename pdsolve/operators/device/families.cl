@@ -1,7 +1,7 @@
 /* Two passes over families on lattices: pdsolve/operators/simd_lattice/passes in OpenCL C.
 
 A work item is a node, a work group a block of 64. Each product and each sum is rounded, as on the processor. What a law
-does with a bond is ACCUMULATE, FINISH, BOND_FORCE and NEARS, whose statements the host has written from the law.
+does with a bond is ACCUMULATE, FINISH, BOND_FORCE and MARGIN, whose statements the host has written from the law.
 Symbols as in `Slots`; m nodes in whole blocks; C numbers a bond; WIDTH numbers of a node between the passes.
 
     own       (., m) constants of nodes for the first pass        nodal   (WIDTH, m)
@@ -79,7 +79,7 @@ __kernel __attribute__((reqd_work_group_size(64, 1, 1))) void watch(FORCE_PARAME
   near[i] = 0;
   for (int slot = start[i / 64]; slot < start[i / 64 + 1]; ++slot)
     if (bond_of(slots, ids, vectors, kinds, rows, u, m, i, slot, c, &j, &bond)) {
-      NEARS
+      MARGIN
     }
 }
 

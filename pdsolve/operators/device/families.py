@@ -66,7 +66,7 @@ class FamiliesOnDevice(Padded, Families):
     def source(self) -> str:
         """What the bonds are in OpenCL C. Raises ModelError for a law that no device computes to the same bits."""
         said, law, wide = functions_of(self.law), self.columns, len(self._m)
-        sums = len(said["nothing"](law, (0.0,) * self.dimension, 0.0))  # of the first pass
+        sums = len(said["initial_sums"](law, (0.0,) * self.dimension, 0.0))  # of the first pass
         nodal_count, count = self._tabled.nodal_count, len(self._tabled.columns)
         lines = [f"#define C {count}", f"#define FIELDS {self.slots.vectors.shape[1]}", f"#define SUMS {sums}"]
         lines.append(f"#define WIDTH {wide}")
@@ -77,7 +77,7 @@ class FamiliesOnDevice(Padded, Families):
         lines.append(_macro("ACCUMULATE", code, [f"s[{k}] = {output.text};" for k, output in enumerate(outputs)]))
         code = Code("b")
         constants = tuple(code.named(f"own[{k} * m + i]") for k in range(len(self._own)))
-        outputs = code.call(said["finish"], law, tuple(code.named(f"s[{k}]") for k in range(sums)), constants)
+        outputs = code.call(said["finish_sums"], law, tuple(code.named(f"s[{k}]") for k in range(sums)), constants)
         lines.append(
             _macro("FINISH", code, [f"nodal[{k} * m + i] = {output.text};" for k, output in enumerate(outputs)])
         )
@@ -88,11 +88,11 @@ class FamiliesOnDevice(Padded, Families):
         )
         code = Code("d")
         if self._tabled.watched:
-            value, limit = code.call(said["nears"], law, *self._bond(code), *self._ends(code, nodal_count))
+            value, limit = code.call(said["margin"], law, *self._bond(code), *self._ends(code, nodal_count))
             most = limit * (1.0 - SAFE)
-            lines.append(_macro("NEARS", code, [f"if ({value.text} > {most.text}) flags[1] = near[i] = 1;"]))
+            lines.append(_macro("MARGIN", code, [f"if ({value.text} > {most.text}) flags[1] = near[i] = 1;"]))
         else:
-            lines.append("#define NEARS")
+            lines.append("#define MARGIN")
         return "\n".join([*lines, text_of("families.cl")])
 
     def _bond(self, code: Code) -> tuple[Bond, tuple[Any, ...]]:

@@ -41,7 +41,7 @@ class SpaceOnDevice(SpaceLattice):
         self._words, self._most = -(-len(tiles.offsets) // WORD), max(FEWEST, EACH * len(bound))
         self._most = min(self._most, int(families.counts(tiles.bits, sites).sum()))
         tables = (tiles.offsets, tiles.table, tiles.c, tiles.cells, tiles.kind, tiles.peak, tiles.limit)
-        self._remembers = bool(law.memory)
+        self._remembers = bool(law.bond_history)
         buffer_sizes = [self.room * size for size in (4 * self._words, 4, 1, 1, 8)]
         buffer_sizes += [4 * len(tiles.kind)] * 2
         buffer_sizes += [12 * self._most, self._remembered() * len(tiles.kind)]

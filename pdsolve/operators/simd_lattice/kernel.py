@@ -15,9 +15,9 @@ Layout, after the sliced ELL format of sparse matrices:
 Symbols as in pdsolve.laws.law; pdsolve.laws.pair computes the same in a few lines and is the reference in tests. A lane
 has an `edge`: an e up to which its bond does not change. It is the e of the limit or, for a softening law, of the peak
 and then of the largest stretch so far. All laws with straight lines are summed in one way, with their secant as
-stiffness; for other laws (`Pair.held`), the secant is computed in lanes. Where softened bonds have all their stiffness
-under compression, the blocks with one choose between the two in lanes. A slot is processed lane by lane only in steps
-in which one of its bonds exceeds its edge.
+stiffness; for other laws (`Pair.bond_strain_energy`), the secant is computed in lanes. Where softened bonds
+have all their stiffness under compression, the blocks with one choose between the two in lanes. A slot is processed
+lane by lane only in steps in which one of its bonds exceeds its edge.
 """
 
 from __future__ import annotations
@@ -55,7 +55,7 @@ from pdsolve.codegen.plane_slots import (
 )
 from pdsolve.codegen.pull import NARROW, coefficients, stretch_coefficients
 from pdsolve.codegen.vector_code import ROW
-from pdsolve.laws.calls import added_pull, broken_energy, held, pair_of, secant, spent
+from pdsolve.laws.calls import added_force, bond_strain_energy, broken_energy, dissipated_energy, pair_of, secant
 from pdsolve.laws.law import Pair
 
 LANES = 4 * ROW
@@ -134,7 +134,7 @@ def _sum_lanes(blocks, tracks, u, before, step, b, lane, s):  # type: ignore[no-
     pair = _pair(blocks)
     if pair.elastic_in_compression:
         return _sum_one_sided
-    return _sum_straight if pair.held is None else _sum_curved
+    return _sum_straight if pair.bond_strain_energy is None else _sum_curved
 
 
 def _pair(blocks: Any) -> Pair:
@@ -258,7 +258,7 @@ def _age(blocks, tracks, u, before, step, slot, b, first, s):  # type: ignore[no
                 last, worst = _stretch_before(blocks, tracks, before, slot, i, lane), 0.0
                 if blocks.softened[b]:  # else there may be no room for it
                     worst = worst_of(blocks.law, tracks.worst, slot, lane)
-                pull = added_pull(blocks.law, stretch, last, worst, peak, limit) / (1 + stretch)
+                pull = added_force(blocks.law, stretch, last, worst, peak, limit) / (1 + stretch)
                 _add_pull(blocks, tracks, u, slot, i, lane, pull, k, s)
                 if stretch > limit:
                     c = blocks.stiffness[blocks.whole[slot], lane] / blocks.vectors[blocks.slots[slot, VECTOR], 4] / 4
@@ -280,7 +280,7 @@ def _soften(blocks, tracks, slot, b, lane, stretch, peak, limit):  # type: ignor
     pair = _pair(blocks)
     if pair.softening is None:
         return lambda blocks, tracks, slot, b, lane, stretch, peak, limit: None
-    return _remember if pair.held is not None else _weaken
+    return _remember if pair.bond_strain_energy is not None else _weaken
 
 
 @register_jitable(**INNER)
@@ -399,7 +399,7 @@ def _holds(law, blocks, worst, slot, lane, c, stretch):  # type: ignore[no-untyp
     pair = pair_of(law)
     if pair.elastic_in_compression:
         return _holds_one_sided
-    if pair.held is None:
+    if pair.bond_strain_energy is None:
         return lambda law, blocks, worst, slot, lane, c, stretch: c * stretch * stretch
     return _holds_curved
 
@@ -414,7 +414,7 @@ def _holds_one_sided(law, blocks, worst, slot, lane, c, stretch):  # type: ignor
 def _holds_curved(law, blocks, worst, slot, lane, c, stretch):  # type: ignore[no-untyped-def]
     kind = blocks.slots[slot, LIMITS]
     peak, limit = blocks.peak[kind, lane], blocks.limit[kind, lane]
-    return held(law, c, stretch, worst_of(law, worst, slot, lane), peak, limit)
+    return bond_strain_energy(law, c, stretch, worst_of(law, worst, slot, lane), peak, limit)
 
 
 @njit(**INNER)
@@ -425,4 +425,4 @@ def _spent_of(blocks, worst, b, slot, out):  # type: ignore[no-untyped-def]
         if largest > 0 and blocks.near[blocks.slots[slot, BOUND], lane] < np.inf:
             peak, limit = blocks.peak[law, lane], blocks.limit[law, lane]
             full_stiffness = blocks.stiffness[blocks.whole[slot], lane] / inverse / 4
-            out[b * LANES + lane] += spent(blocks.law, full_stiffness, largest, peak, limit)
+            out[b * LANES + lane] += dissipated_energy(blocks.law, full_stiffness, largest, peak, limit)

@@ -149,7 +149,7 @@ class SpaceLattice:
 
     def checkpoint_arrays(self) -> CheckpointArrays:
         """History of bonds for a checkpoint, by the rows of their nodes: nothing of bonds that do not soften."""
-        if not self._law.memory:
+        if not self._law.bond_history:
             return {}
         tiles = self.tiles
         tile = np.flatnonzero(tiles.memory >= 0)
@@ -164,7 +164,7 @@ class SpaceLattice:
         """Restore the history of bonds and the broken bonds of a checkpoint."""
         bits, _ = self._whole(0, len(self._stiffness_bound))
         layout.cleared(self.sites, broken.source, broken.target, bits)
-        if self._law.memory:
+        if self._law.bond_history:
             self._recall(checkpoint, bits)
         self.tiles.bits[:] = bits
         self._broken, self._new = Broken(*(column.astype(np.int64) for column in broken)), []

@@ -32,26 +32,28 @@ def secant(law, stretch, worst, peak, limit):
     return 1 / ((1 + worst / limit) * np.sqrt(1 + share * share))
 
 
-def held(law, c, stretch, worst, peak, limit):
+def bond_strain_energy(law, c, stretch, worst, peak, limit):
     share = stretch / peak
     return 2 * c * stretch * stretch / ((1 + worst / limit) * (np.sqrt(1 + share * share) + 1))
 
 
-def spent(law, c, worst, peak, limit):
+def dissipated_energy(law, c, worst, peak, limit):
     return c * worst * worst
 
 
-def total(law, c, peak, limit):
+def total_dissipated_energy(law, c, peak, limit):
     return c * limit * limit
 
 
-def slope(law, worst, peak, limit):
+def softening_slope(law, worst, peak, limit):
     share = worst / peak
     weak, root = 1 + worst / limit, np.sqrt(1 + share * share)
     return (1 - share * share * worst / limit) / (weak * weak * root * root * root)
 
 
-LAW = pair_law(Curved, Pair(limits=limits, secant=secant, held=held, softening=Softening(spent, total, slope)))
+SOFTENING = Softening(dissipated_energy, total_dissipated_energy, softening_slope)
+FUNCTIONS = {"secant": secant, "bond_strain_energy": bond_strain_energy, "softening": SOFTENING}
+LAW = pair_law(Curved, Pair(limits=limits, **FUNCTIONS))
 """
 RUN = """
 import json
