@@ -115,7 +115,7 @@ MUTANTS = (
     ),
     Mutant(
         "pdsolve/laws/pair_laws/bilinear.py",
-        "    return c * peak * limit * spent_share(worst, peak, limit)",
+        "    return c * peak * limit * dissipated_share(worst, peak, limit)",
         "    return c * peak * peak * spent_share(worst, peak, limit)",
         "tests/contracts/test_spent.py::test_what_a_bond_spends_is_work_less_what_it_holds",
     ),

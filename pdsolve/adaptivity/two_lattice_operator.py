@@ -104,7 +104,7 @@ class TwoLatticeOperator(ABC, Generic[N]):
         """Accelerations (n, 2), m/s^2, from the most recent sum of forces."""
 
     @abstractmethod
-    def spent(self) -> NDArray[np.float64]:
+    def dissipated_energy(self) -> NDArray[np.float64]:
         """Energy density (n,), J/m^3, dissipated so far by the nodes' broken and softened bonds."""
 
     @abstractmethod
@@ -123,11 +123,11 @@ class TwoLatticeOperator(ABC, Generic[N]):
 
     def accumulate_force(self, state: State, out: NDArray[Any], step: int, dt: float) -> None:
         """Add force densities (n, 2), N/m^3, to `out`; bonds over their limit break; see `Operator`."""
-        before = self.spent()
+        before = self.dissipated_energy()
         self.set_nodes(state)
         self.engine.sum_forces(step, dt)
         out += self.model.rho[:, None] * self.accelerations()
-        state.dissipated[:] += self.spent() - before
+        state.dissipated[:] += self.dissipated_energy() - before
 
     def stiffness_bound(self) -> NDArray[np.float64]:
         """A bound (n,), N/m^4, from the row sums of the tangent at rest (Gershgorin's discs); see `Operator`."""

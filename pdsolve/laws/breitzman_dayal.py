@@ -26,7 +26,7 @@ from pdsolve.laws.bond_arrays import AnyList, left
 from pdsolve.laws.correspondence import ENERGY, STRESS, STRETCH
 from pdsolve.laws.largest_principal_stress import principal
 from pdsolve.laws.law import INLINE, Failure, IntermediatePass, Law, Passes
-from pdsolve.laws.materials.solid import SolidColumns, holds, respond
+from pdsolve.laws.materials.solid import SolidColumns, energies, respond
 from pdsolve.model import Model
 
 STIFFENS = 1.8  # largest eigenvalue of torn families over that of the start
@@ -222,7 +222,7 @@ def fails(law, bond, now, m, i, j, k):  # type: ignore[no-untyped-def]
 def energy(law, bond, now, m, i, j, k):  # type: ignore[no-untyped-def]
     if law.broken[k] != 0 or (law.inverse[i, 0] == 0 and law.inverse[j, 0] == 0):
         return 0.0, 0.0
-    node_energy = holds(law.solid, i, _gradient(law, bond, m, i, j), m[i, 0] * 0)[0]
+    node_energy = energies(law.solid, i, _gradient(law, bond, m, i, j), m[i, 0] * 0)[0]
     return law.weight[k] / law.total[i] * node_energy, 0.0
 
 

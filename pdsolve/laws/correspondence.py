@@ -47,10 +47,10 @@ from pdsolve.laws.materials.solid import (
     SolidColumns,
     dissipated,
     elastic,
-    holds,
-    keep,
+    energies,
     respond,
     solid_of,
+    update_history_of,
 )
 from pdsolve.laws.materials.tensors import det
 from pdsolve.laws.small_tensors import blank_square, mapped, product, square, summed, with_dyad
@@ -330,7 +330,7 @@ def by_lanes(law: Columns) -> bool:
 
 
 def finish_sums(law, sums, node_constants):  # type: ignore[no-untyped-def]
-    H, P, s, J = closed(law, sums, node_constants)
+    H, P, s, J = finish_sums_of(law, sums, node_constants)
     Z, A = node_constants[8], product(P, node_constants[:4])
     return (
         *(A[0] - Z * H[0], A[1] - Z * H[1], A[2] - Z * H[2], A[3] - Z * H[3]),
@@ -339,7 +339,7 @@ def finish_sums(law, sums, node_constants):  # type: ignore[no-untyped-def]
 
 
 @njit(**INLINE)
-def closed(law, sums, node_constants):  # type: ignore[no-untyped-def]
+def finish_sums_of(law, sums, node_constants):  # type: ignore[no-untyped-def]
     """Gradient of a node, P and stress, four components each, and J, from its sums and constants."""
     H, none, share, any_share = product(sums, node_constants[:4]), sums[0] * 0.0, node_constants[6], node_constants[7]
     h = (any_share * H[0], any_share * H[1], none, any_share * H[2], any_share * H[3], none, none, none, none)
@@ -404,7 +404,7 @@ def nodal_energy(law, i, m):  # type: ignore[no-untyped-def]
 def update_history_at(law, i, m, at, deviation_square):  # type: ignore[no-untyped-def]
     """Update the history of node i by the gradient in m[i] from `at` on; a node without stress has none."""
     if law.share[i] != 0:
-        keep(law.solid, i, lifted(m, i, at, law.d), deviation_square)
+        update_history_of(law.solid, i, lifted(m, i, at, law.d), deviation_square)
 
 
 @njit(**INNER)
@@ -412,7 +412,7 @@ def nodal_energy_at(law, i, m, at, deviation_square):  # type: ignore[no-untyped
     """Energy densities, J/m^3, that node i stores and has dissipated, with the gradient in m[i] from `at` on."""
     if law.share[i] == 0:
         return m[i, 0] * 0, m[i, 0] * 0 + dissipated(law.solid, i)
-    strain_energy, spent = holds(law.solid, i, lifted(m, i, at, law.d), deviation_square)
+    strain_energy, spent = energies(law.solid, i, lifted(m, i, at, law.d), deviation_square)
     return law.share[i] * strain_energy, spent
 
 

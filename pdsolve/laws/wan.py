@@ -21,9 +21,9 @@ from pdsolve.bonds.assembly import Bonds
 from pdsolve.laws import correspondence
 from pdsolve.laws.bond_arrays import AnyList, Tabled
 from pdsolve.laws.correspondence import (
-    closed,
     deviation,
     fails_at,
+    finish_sums_of,
     lifted,
     margin_of,
     nodal_energy_at,
@@ -190,7 +190,7 @@ def standing(law: Columns, rows: NDArray[np.int64]) -> NDArray[np.floating]:
 
 
 def finish_sums(law, sums, node_constants):  # type: ignore[no-untyped-def]
-    H, P, s, J = closed(law, sums[:4], node_constants)
+    H, P, s, J = finish_sums_of(law, sums[:4], node_constants)
     Z = node_constants[8:]
     if law.solid.kind[0] == SVK:
         P, Z = _turned_in_the_plane(sums, H, P, Z)

@@ -36,7 +36,7 @@ KERNEL: dict[str, Any] = {"nogil": True, "error_model": "numpy"}
 
 
 @cached_njit(**KERNEL)
-def gather_rows(bonds, law, now, m, rows, first, last):  # type: ignore[no-untyped-def]
+def first_pass_rows(bonds, law, now, m, rows, first, last):  # type: ignore[no-untyped-def]
     """Compute some rows of m."""
     for at in range(first, last):
         i = rows[at]
@@ -48,7 +48,7 @@ def gather_rows(bonds, law, now, m, rows, first, last):  # type: ignore[no-untyp
 
 
 @cached_njit(**KERNEL)
-def accumulate_rows(bonds, law, now, m, rows, first, last):  # type: ignore[no-untyped-def]
+def first_pass_rows_of_sums(bonds, law, now, m, rows, first, last):  # type: ignore[no-untyped-def]
     """Compute some rows of m, for a law whose passes are tuples."""
     start, neighbour, value, broken, none = bonds.start, bonds.neighbour, now.value, law.broken, m.dtype.type(0) * 1.0
     like = blank(bonds.xi, none)
@@ -67,7 +67,7 @@ def accumulate_rows(bonds, law, now, m, rows, first, last):  # type: ignore[no-u
 
 
 @cached_njit(**KERNEL)
-def close_rows(bonds, law, m, first, last):  # type: ignore[no-untyped-def]
+def finish_pass_rows(bonds, law, m, first, last):  # type: ignore[no-untyped-def]
     """Finish rows whose sums are in m."""
     for i in range(first, last):
         finish_pass(law, i, m)
@@ -92,7 +92,7 @@ def bond_force_rows(bonds, law, now, m, out, first, last):  # type: ignore[no-un
 
 
 @cached_njit(**KERNEL)
-def gather_rows_again(bonds, law, now, m, more, first, last):  # type: ignore[no-untyped-def]
+def intermediate_pass_rows(bonds, law, now, m, more, first, last):  # type: ignore[no-untyped-def]
     """Compute the rows `first` to `last` - 1 of `more`, given those of m."""
     for i in range(first, last):
         more[i] = 0
@@ -102,14 +102,14 @@ def gather_rows_again(bonds, law, now, m, more, first, last):  # type: ignore[no
 
 
 @cached_njit(**KERNEL)
-def close_rows_again(bonds, law, m, more, first, last):  # type: ignore[no-untyped-def]
+def finish_intermediate_pass_rows(bonds, law, m, more, first, last):  # type: ignore[no-untyped-def]
     """Finish the rows for the last pass."""
     for i in range(first, last):
         finish_intermediate_pass(law, i, m, more)
 
 
 @cached_njit(**KERNEL)
-def add_rows(bonds, law, now, m, out, spent, first, last):  # type: ignore[no-untyped-def]
+def update_rows(bonds, law, now, m, out, spent, first, last):  # type: ignore[no-untyped-def]
     """Add the forces and the dissipated energy of bonds to the rows of `out` and `spent`."""
     f = np.empty(out.shape[1], dtype=out.dtype)
     for i in range(first, last):
@@ -124,7 +124,7 @@ def add_rows(bonds, law, now, m, out, spent, first, last):  # type: ignore[no-un
 
 
 @cached_njit(**KERNEL)
-def pull_rows(bonds, law, now, m, out, first, last):  # type: ignore[no-untyped-def]
+def force_rows(bonds, law, now, m, out, first, last):  # type: ignore[no-untyped-def]
     """Add the forces of bonds without history to the rows of `out`.
 
     Values may be complex, which gives derivatives without cancellation.
@@ -153,7 +153,7 @@ def energy_rows(bonds, law, now, m, strain_energy, spent, rows, first, last):  #
 
 
 @cached_njit(**KERNEL)
-def alert_rows(bonds, law, m, near, first, last):  # type: ignore[no-untyped-def]
+def may_fail_rows(bonds, law, m, near, first, last):  # type: ignore[no-untyped-def]
     """Mark in `near` the nodes with a bond that may fail."""
     for i in range(first, last):
         if may_fail(law, i, m):
@@ -206,7 +206,7 @@ def match_rows(bonds, law, now, m, failing, out, spent, rows, first, last):  # t
 
 
 @cached_njit(**KERNEL)
-def remember_rows(bonds, law, now, m, first, last):  # type: ignore[no-untyped-def]
+def update_history_rows(bonds, law, now, m, first, last):  # type: ignore[no-untyped-def]
     """Update the history of the nodes `first` to `last` - 1."""
     for i in range(first, last):
         update_history(law, bonds, now, i, m)

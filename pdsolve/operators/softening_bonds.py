@@ -109,7 +109,7 @@ class SofteningBonds:
             pressed = self.breaks[(s < 0)[self.breaks] & (softened.kappa < self.limit)[self.breaks]]
             softened.omega[pressed] = softened.slope[pressed] = 1.0
         releases = c * self.length * softened.releases / 2
-        spent, along = float(self.spent(softened.kappa).sum()), y / now[:, None]
+        spent, along = float(self.dissipated_energy(softened.kappa).sum()), y / now[:, None]
         return Response(
             along,
             now,
@@ -147,7 +147,7 @@ class SofteningBonds:
         releases[k] = np.where(on, secant * worst - curve * worst, 0.0)
         return Softened(kappa, omega, slope, releases)
 
-    def spent(self, kappa: Array) -> Array:
+    def dissipated_energy(self, kappa: Array) -> Array:
         """Energy (b,), J/m, that bonds have spent at this history."""
         energy, k = np.zeros(len(kappa)), self.breaks[kappa[self.breaks] > 0]
         c, worst, peak, limit = self.stiffness[k] * self.length[k] / 2, kappa[k], self.peak[k], self.limit[k]

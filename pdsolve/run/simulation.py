@@ -14,12 +14,12 @@ import numpy as np
 
 from pdmesh import stopping
 from pdmesh.files import FilePath
+from pdsolve.adaptivity.hybrid.adaptivity_choice import choose_adaptivity, explain_long_steps
 from pdsolve.adaptivity.hybrid.arrays import EVERY
 from pdsolve.adaptivity.hybrid.engine import ZoneSummary
-from pdsolve.adaptivity.hybrid.outlook import choose_adaptivity, explain_long_steps
 from pdsolve.adaptivity.hybrid.space.operator import HybridBodyOperator
 from pdsolve.adaptivity.quadtree.operator import LeafOperator
-from pdsolve.checks import advise, advise_unused
+from pdsolve.checks import warn_of_model, warn_of_unused
 from pdsolve.codegen.compile_time import compile_seconds, running_time
 from pdsolve.codegen.processor import processor_kind
 from pdsolve.conditions import has_initial_displacement
@@ -64,7 +64,7 @@ class Progress(NamedTuple):
     steps: int
     broken: int  # directed bonds, as of the last ledger row
     balance: float  # likewise
-    words: str = ""  # energy balance
+    message: str = ""  # energy balance
     fine: ZoneSummary | None = None  # of a fine zone that moves
     going: LoadStepProgress | None = None  # of a load step that is being solved
 
@@ -154,10 +154,10 @@ def _prepare_recorder(model: Model, options: Options, request: RunRequest) -> tu
     if has_initial_displacement(model):
         prepared = apply_initial_displacements(prepared)
     system, state = start_at_rest(prepared) if model.settings.run.start == "static" else prepared
-    advise_unused(model)
+    warn_of_unused(model)
     warn_of_doubtful_conditions(system.model, system.time_step)
     if system.transport is None:
-        advise(system.model, system.unbonded, system.scheme.partial_cells, system.scheme.symmetric)
+        warn_of_model(system.model, system.unbonded, system.scheme.partial_cells, system.scheme.symmetric)
     return _make_recorder(system, state, request)
 
 
@@ -359,7 +359,7 @@ def _resume_from_checkpoint(output: Path, request: RunRequest) -> Results:
 def _reopen_writer(output: Path, earlier_refinements: tuple[EarlierRefinement, ...]) -> Writer:
     """The writer of a run that is continued."""
     writer = Writer.reopen(output)
-    writer.tell(late_zones.refinement_metadata(earlier_refinements) | {"processor": processor_kind()})
+    writer.write_meta(late_zones.refinement_metadata(earlier_refinements) | {"processor": processor_kind()})
     return writer
 
 
@@ -437,7 +437,7 @@ def _advance_to_end(recorder: Recorder, writer: Behind, request: RunRequest) -> 
             writer.write(partial(recorder.make_frame, step, with_fields, with_checkpoint))
     recorder.update_last_row(step)
     compiled = {"compile_time": compile_seconds() - request.compile_time_before}
-    writer.done().tell({"summary": json.dumps(run_summary(recorder, step, done) | compiled)})
+    writer.done().write_meta({"summary": json.dumps(run_summary(recorder, step, done) | compiled)})
     recorder.physics_records.warn_at_end()
     recorder.close_rank_databases()
     return "finished" if done or step == run.steps else "interrupted"

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from pdsolve.conditions import Drive, hold_values, put_loads
+from pdsolve.conditions import Drive, prescribe_values, put_loads
 from pdsolve.operators.protocol import Operator
 from pdsolve.state import State
 from pdsolve.steppers.ghosts import Ghosts
@@ -37,7 +37,7 @@ class Euler:
                 state.work[:] += dt * source
                 rate += source
             value += np.multiply(rate, dt, out=self._change)
-            hold_values(drive, value, step * dt)
+            prescribe_values(drive, value, step * dt)
 
 
 def stable_time_step(operator: Operator, free: NDArray[np.bool_]) -> float:

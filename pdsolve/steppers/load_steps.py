@@ -172,7 +172,7 @@ class LoadSteps:
         before = self._drive.force.astype(float) if self.step_results else np.zeros(self._drive.force.shape)
         put_loads(self._drive, step * self._dt)
         self.method.reset_history()
-        start, spent = self._load_size(state, before), self._spent_energy(state)
+        start, spent = self._load_size(state, before), self._dissipated_energy(state)
         try:
             self._check_load_balance("")
             equilibrium = self._settle_in_parts(state, before, step, step * self._dt)
@@ -205,7 +205,7 @@ class LoadSteps:
     ) -> None:
         """Report, once, a crack that grew a long way at a smaller load than that of the step before."""
         model = self._model
-        cost = self._spent_energy(state) - spent_before
+        cost = self._dissipated_energy(state) - spent_before
         crack_area = float(model.horizons.max()) ** (model.grid.dimension - 1)
         least_cost = crack_area * min(material.G0 for material in model.materials)
         if step > 1 and load_is_smaller and cost > JUMP * least_cost and not self._warned:
@@ -218,7 +218,7 @@ class LoadSteps:
                 stacklevel=2,
             )
 
-    def _spent_energy(self, state: State) -> float:
+    def _dissipated_energy(self, state: State) -> float:
         """Energy, J/m, dissipated by broken bonds and released by the plate on its way to rest."""
         return float(np.sum(self._area * (state.dissipated + state.damped)))
 

@@ -300,7 +300,7 @@ class SofteningPathSteps(PathStepper):
             np.concatenate([bonds.target[k], bonds.source[k]]),
         )
         was_broken = np.isin(source * len(self._area) + target, old.source * len(self._area) + old.target)
-        half = np.tile(bonds.spent(bonds.kappa)[k], 2) / 2
+        half = np.tile(bonds.dissipated_energy(bonds.kappa)[k], 2) / 2
         new = ~was_broken
         state.dissipated[:] += np.bincount(source[new], half[new] / self._area[source[new]], len(self._area))
         broken = Broken(

@@ -12,7 +12,7 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
-from pdsolve.conditions import Drive, held, hold_values, put_loads
+from pdsolve.conditions import Drive, constrained_components, prescribe_values, put_loads
 from pdsolve.errors import UnstableError
 from pdsolve.operators.protocol import FluxOperator
 from pdsolve.state import State
@@ -35,7 +35,7 @@ class ThetaSteps:
         """
         self._operator, self._drive, self._dt, self._theta = operator, drive, time_step, theta
         self.name = "backward Euler" if theta == 1 else f"implicit steps (theta {theta:g})"
-        self._free, self._factored = ~held(drive)[:, 0], factor_once
+        self._free, self._factored = ~constrained_components(drive)[:, 0], factor_once
         self._factors: Solve | None = None
         self._out = np.zeros(len(self._free))
 
@@ -54,7 +54,7 @@ class ThetaSteps:
             fixed = before + dt * (1 - theta) * (rate + source)
             put_loads(drive, step * dt)
             fixed += dt * theta * source
-            hold_values(drive, content, step * dt)
+            prescribe_values(drive, content, step * dt)
             end_content = self._solve_end_content(state, fixed, step)
             rate = self._book_and_return_rates(state, end_content, theta, step)
             content[free] = (fixed + dt * theta * rate)[free]

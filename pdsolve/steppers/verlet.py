@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pdsolve.codegen.jit_cache import cached_njit
-from pdsolve.conditions import Drive, apply_loads, held
+from pdsolve.conditions import Drive, apply_loads, constrained_components
 from pdsolve.operators.protocol import Operator
 from pdsolve.state import State
 from pdsolve.steppers.ghosts import Ghosts
@@ -37,7 +37,7 @@ class Verlet:
         self._operator, self._drive, self._rho, self._dt = operator, drive, rho, dt
         self._ghosts = ghosts
         self._damping = damping if damping is not None and damping.any() else None
-        self._held = held(drive) if self._damping is not None else None
+        self._held = constrained_components(drive) if self._damping is not None else None
 
     def advance(self, state: State, first: int, last: int) -> None:
         """Take the steps `first` to `last` - 1, in place."""

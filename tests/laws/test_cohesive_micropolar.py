@@ -183,7 +183,7 @@ def crossing(prepared: Prepared) -> float:
     bonds = SofteningShear(law_of(system.model), SCHEMES["conservative"].fill(system.model).whole(), system.model)
     bonds.restore(kept, broken)
     x = system.model.grid.position[:, 0] - 0.1
-    return float(bonds.spent(bonds.kappa)[x[bonds.source] * x[bonds.target] < 0].sum())
+    return float(bonds.dissipated_energy(bonds.kappa)[x[bonds.source] * x[bonds.target] < 0].sum())
 
 
 FINE = [

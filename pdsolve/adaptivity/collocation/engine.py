@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pdsolve.adaptivity.collocation.layout import CollocationPlate, LatticeConstants
-from pdsolve.adaptivity.collocation.march import BEGIN, DONE, FORCES, ROOM, SUM, advance, held
+from pdsolve.adaptivity.collocation.march import BEGIN, DONE, FORCES, ROOM, SUM, advance, store_strain_energies
 from pdsolve.adaptivity.collocation.zone import (
     COARSE,
     FINE,
@@ -143,7 +143,7 @@ class CollocationEngine:
     def _energies_of_rows(self, rows: NDArray[np.int64]) -> NDArray[np.float64]:
         """Energy densities (places,), J/m^3, of the fine nodes in these rows and of active coarse nodes."""
         densities = np.zeros((1, self.ground.at.places))
-        held(self.ground, self.zone, rows, densities)
+        store_strain_energies(self.ground, self.zone, rows, densities)
         return np.asarray(densities[0])
 
     def energy_densities(self) -> NDArray[np.float64]:

@@ -149,7 +149,7 @@ def _sum_again(ground, zone, already):  # type: ignore[no-untyped-def]
             _add(ground, zone, row)
     zone.again[:] = 0
     for n in range(already, zone.counts.broken_bonds):
-        _add_matching_pull(ground, zone, zone.breaks.node[n], zone.breaks.spring[n])
+        _add_matching_force(ground, zone, zone.breaks.node[n], zone.breaks.spring[n])
 
 
 @njit(**INNER)
@@ -160,7 +160,7 @@ def _stretches(ground, zone, p, k):  # type: ignore[no-untyped-def]
 
 
 @njit(**INNER)
-def _add_matching_pull(ground, zone, p, k):  # type: ignore[no-untyped-def]
+def _add_matching_force(ground, zone, p, k):  # type: ignore[no-untyped-def]
     """Add the pull that matches the work of bond k of node p, which has broken, to the forces on both its ends."""
     j, half = p + ground.ways[k], len(ground.ways) // 2
     stretch, before, limit = _stretches(ground, zone, p, k)
@@ -282,7 +282,7 @@ def advance(ground, zone, drive, work, rho, kappa, every, first, last, where, th
 
 
 @cached_njit(error_model="numpy")
-def held(ground, zone, rows, densities):  # type: ignore[no-untyped-def]
+def store_strain_energies(ground, zone, rows, densities):  # type: ignore[no-untyped-def]
     """Store energy densities, J/m^3, of nodes in these rows and of active coarse nodes in `densities` (1, places).
 
     Those of coarse nodes are also half of each pair's, with the stencil as springs: the energy that motion conserves.

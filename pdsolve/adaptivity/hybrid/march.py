@@ -11,7 +11,7 @@ from pdsolve.adaptivity.hybrid.arrays import AHEAD, EVERY
 from pdsolve.adaptivity.hybrid.energy import strain_e
 from pdsolve.adaptivity.hybrid.far_cells import divide_far_cells
 from pdsolve.adaptivity.hybrid.forces import interpolate_border_nodes, reset_turns, sum_and_move
-from pdsolve.adaptivity.hybrid.kicks_and_holds import (
+from pdsolve.adaptivity.hybrid.kicks_and_prescribed_velocities import (
     hold_components,
     kick_and_drift_all,
     restore_held_velocities,

@@ -262,7 +262,7 @@ class HybridOperator(TwoLatticeOperator[HybridEngine]):
         zone = self.engine.zone
         self._gather_values(zone.fine.f, zone.coarse.f, zone.far.f, out, over_mass=True)
 
-    def spent(self) -> NDArray[np.float64]:
+    def dissipated_energy(self) -> NDArray[np.float64]:
         """Energy density (n,), J/m^3, dissipated so far by the nodes' broken and softened bonds."""
         return np.asarray(self.engine.zone.spent[self.places] / self.area)
 

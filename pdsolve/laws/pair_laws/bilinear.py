@@ -45,7 +45,7 @@ def secant(law, stretch, worst, peak, limit):  # type: ignore[no-untyped-def]
 
 
 def dissipated_energy(law, c, worst, peak, limit):  # type: ignore[no-untyped-def]
-    return c * peak * limit * spent_share(worst, peak, limit)
+    return c * peak * limit * dissipated_share(worst, peak, limit)
 
 
 def total_dissipated_energy(law, c, peak, limit):  # type: ignore[no-untyped-def]
@@ -63,7 +63,7 @@ def intact_share(worst, peak, limit):  # type: ignore[no-untyped-def]
 
 
 @register_jitable(**INNER)
-def spent_share(worst: float, peak: float, limit: float) -> float:
+def dissipated_share(worst: float, peak: float, limit: float) -> float:
     """Dissipated share of a bond's energy c xi s_p s_0 / 2 after the stretch `worst`."""
     return (worst - peak) / (limit - peak)
 

@@ -58,7 +58,7 @@ inline bool bond_of(__global const int *slots, __global const int *ids, __global
 }
 
 /* Numbers of nodes between the passes */
-__kernel __attribute__((reqd_work_group_size(64, 1, 1))) void gather(FORCE_PARAMETERS, __global const REAL *u, int m) {
+__kernel __attribute__((reqd_work_group_size(64, 1, 1))) void first_pass(FORCE_PARAMETERS, __global const REAL *u, int m) {
   int i = get_global_id(0), j;
   REAL s[SUMS], c[C];
   Bond bond;
@@ -99,7 +99,7 @@ inline void exchanged(FORCE_PARAMETERS, __global const REAL *u, int m, int i, SU
 }
 
 /* Forces of all nodes, for a step in which bonds fail */
-__kernel __attribute__((reqd_work_group_size(64, 1, 1))) void pull(FORCE_PARAMETERS, __global const REAL *u, int m) {
+__kernel __attribute__((reqd_work_group_size(64, 1, 1))) void bond_forces(FORCE_PARAMETERS, __global const REAL *u, int m) {
   int i = get_global_id(0);
   SUM force[DIM];
   exchanged(FORCE_ARGUMENTS, u, m, i, force);

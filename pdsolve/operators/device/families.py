@@ -111,11 +111,11 @@ class FamiliesOnDevice(Padded, Families):
 
     def take_passes(self, program: Any) -> None:
         """Keep the kernels of the passes."""
-        self._gather, self._watch, self._last_pass = program.gather, program.watch, program.pull
+        self._first_pass, self._watch, self._last_pass = program.first_pass, program.watch, program.bond_forces
 
     def sum_families(self, u: Any) -> bool:
         """Sum the first pass at these displacements of the device; returns whether a bond may fail."""
-        self._launch(self._gather, u)
+        self._launch(self._first_pass, u)
         if not self._tabled.watched:
             return False
         flags = np.zeros(2, dtype=np.int32)
@@ -134,18 +134,18 @@ class FamiliesOnDevice(Padded, Families):
         self._share(loops.fail_rows, now, between, near[:nodes] > 0, self._failing, torn)
         if not torn.any():
             return
-        before, rows, released = self._pulled(u, nodes), np.flatnonzero(torn), np.zeros(nodes)
+        before, rows, released = self._bond_forces(u, nodes), np.flatnonzero(torn), np.zeros(nodes)
         matched, spent = self._match_work(now, between, rows)
         self._fail(now, between, rows, released)
         self._write_torn()
         write(self._nodal, self._m)
-        pulls = self._pulled(u, nodes)
+        pulls = self._bond_forces(u, nodes)
         self._book(state, dt, before - pulls, matched, released, spent)
         write(self._given, self.spread(pulls + matched))
         write(self.dissipated, self.spread(state.dissipated))
         write(self._flags, np.array([1, 0], dtype=np.int32))
 
-    def _pulled(self, u: Any, nodes: int) -> NDArray[np.float64]:
+    def _bond_forces(self, u: Any, nodes: int) -> NDArray[np.float64]:
         """Force densities (n, d), N/m^3, from what nodes have between the passes; the next step has them."""
         self._launch(self._last_pass, u)
         forces = np.empty((self.dimension, self.room))

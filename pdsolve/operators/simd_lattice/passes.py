@@ -110,7 +110,7 @@ def _bond_in_space(slots, slot, c, u, displacement, at, lane):  # type: ignore[n
 
 
 @cached_njit(nogil=True, error_model="numpy")
-def gather_blocks(slots, law, u, constants, m, likes, by_lanes, first, last):  # type: ignore[no-untyped-def]
+def first_pass_blocks(slots, law, u, constants, m, likes, by_lanes, first, last):  # type: ignore[no-untyped-def]
     """Fill m (w, n) in some blocks with nodal numbers between the passes or, without `by_lanes`, with their sums."""
     none = same(u, 0.0)
     for b in range(first, last):

@@ -19,7 +19,7 @@ from pdsolve.operators.protocol import CheckpointArrays
 from pdsolve.operators.simd_lattice import layout
 from pdsolve.operators.simd_lattice.kernel import LANES
 from pdsolve.operators.simd_lattice.layout import SAME_STIFFNESS, Distinct, Placed, aligned
-from pdsolve.operators.simd_lattice.passes import KIND, Slots, exchange_blocks, gather_blocks, watch_blocks
+from pdsolve.operators.simd_lattice.passes import KIND, Slots, exchange_blocks, first_pass_blocks, watch_blocks
 from pdsolve.state import Broken, State
 
 
@@ -107,15 +107,15 @@ class Families(BondList):
         if not self._takes(now):
             return super()._between(now)
         u = self._displacements(now)
-        self._share_blocks(gather_blocks, u, self._own, self._m, self._likes, self._by_lanes)
+        self._share_blocks(first_pass_blocks, u, self._own, self._m, self._likes, self._by_lanes)
         between = self._m[:, : self._nodes].T
         if not self._by_lanes:
-            self._share(loops.close_rows, between)
+            self._share(loops.finish_pass_rows, between)
         return between
 
-    def _pull(self, now: Now, between: NDArray[Any], out: NDArray[Any]) -> None:
+    def _accumulate_bond_forces(self, now: Now, between: NDArray[Any], out: NDArray[Any]) -> None:
         if not self._takes(now):
-            return super()._pull(now, between, out)
+            return super()._accumulate_bond_forces(now, between, out)
         self._share_blocks(exchange_blocks, self._displacements(now), self._m, self._f, self._likes)
         out += self._f[:, : self._nodes].T
         return None

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from pdsolve.checkpoint_validation import entry
 from pdsolve.codegen.vector_code import ROW
-from pdsolve.lattice.sums import Tiles, hold_tiles, place_rows, recall, room_for, sum_tiles
+from pdsolve.lattice.sums import Tiles, place_rows, recall, room_for, sum_energies_of_tiles, sum_tiles
 from pdsolve.laws.calls import bind
 from pdsolve.laws.law import Law
 from pdsolve.numerics.thread_team import share
@@ -100,7 +100,7 @@ class SpaceLattice:
         self._place(state.value)
         strain_energy, spent = np.zeros((2, len(self._stiffness_bound)))
         tiles, u = self.tiles, self.u
-        self._share(lambda first, last: hold_tiles(tiles, u, strain_energy, spent, first, last))
+        self._share(lambda first, last: sum_energies_of_tiles(tiles, u, strain_energy, spent, first, last))
         return strain_energy, spent
 
     def fields(self, state: State) -> dict[str, NDArray[np.float64]]:

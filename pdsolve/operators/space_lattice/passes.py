@@ -110,7 +110,7 @@ def _bond(tiles, t, slot, lane, u, displacement):  # type: ignore[no-untyped-def
 
 
 @cached_njit(nogil=True, error_model="numpy")
-def gather_tiles(tiles, law, u, constants, m, likes, first, last):  # type: ignore[no-untyped-def]
+def first_pass_tiles(tiles, law, u, constants, m, likes, first, last):  # type: ignore[no-untyped-def]
     """Fill m (w, m) in some tiles with nodal numbers between the passes."""
     none = same(u, 0.0)
     for t in range(first, last):

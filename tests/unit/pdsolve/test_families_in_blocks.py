@@ -108,7 +108,7 @@ def test_both_ends_of_a_bond_pull_alike_to_the_bit(law: str) -> None:
     lost = np.array([k for k, pair in enumerate(ends) if pair not in kept])
     operator._lose(lost, np.zeros(0, dtype=np.int64))
     force = np.zeros(state.value.shape)
-    operator._pull(now, between, force)
+    operator._accumulate_bond_forces(now, between, force)
     one, other = np.array(pairs).T
     assert len(one) > 500
     assert (force[one] != 0).all()

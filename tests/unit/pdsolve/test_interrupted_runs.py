@@ -226,7 +226,7 @@ def test_a_run_that_fails_keeps_its_cause(probed: Model, tmp_path: Path, monkeyp
 
     def fail(progress: Progress) -> bool:
         if progress.step == 33:
-            monkeypatch.setattr(Writer, "tell", no_more)
+            monkeypatch.setattr(Writer, "write_meta", no_more)
             raise RuntimeError("the cause")
         return False
 

@@ -37,7 +37,7 @@ from pdsolve.bonds.assembly import Counted
 from pdsolve.checkpoint_validation import entry, like
 from pdsolve.codegen.vector_code import ROW
 from pdsolve.errors import CheckpointError, LateZoneError
-from pdsolve.lattice.sums import EMPTY, VOLUME, Tiles, hold_some, room_for, sum_some, sum_tiles
+from pdsolve.lattice.sums import EMPTY, VOLUME, Tiles, room_for, sum_some, sum_some_energies, sum_tiles
 from pdsolve.model import Model
 from pdsolve.numerics.thread_team import share
 from pdsolve.operators.protocol import CheckpointArrays
@@ -78,7 +78,7 @@ class HybridBodyOperator:
         tiles, springs = self._number_tiles(zone.tiles), zone.springs
         springs.node[:] = -1
         springs.node[self._coarse_sites_at(self.sites[self._coarse])] = self._coarse
-        springs = springs._replace(held=np.ones(nodes, np.bool_), material=np.zeros(nodes, np.uint8))
+        springs = springs._replace(unbreakable=np.ones(nodes, np.bool_), material=np.zeros(nodes, np.uint8))
         self._zone = zone._replace(tiles=tiles, springs=springs)
         self._coarse_sites = self.full_body.coarse_sites.margin + self._coarse_sites_at(self.sites[self._coarse])
         self._force, self._density = np.zeros((nodes, 3)), np.zeros((nodes + border, 3))
@@ -109,9 +109,9 @@ class HybridBodyOperator:
         has_node = (tiles.node.reshape(-1, ROW) >= 0).any(axis=1)
         tiles.kind[:] = np.where(has_node, full_tiles.kind, EMPTY)
         every = np.concatenate([self.rows, full_tiles.node[self._border]])
-        unbreakable = full_tiles.held[every]
+        unbreakable = full_tiles.unbreakable[every]
         unbreakable[nodes:] = True
-        return tiles._replace(held=unbreakable, material=full_tiles.material[every])
+        return tiles._replace(unbreakable=unbreakable, material=full_tiles.material[every])
 
     @cached_property
     def model(self) -> Model:
@@ -262,7 +262,7 @@ class HybridBodyOperator:
         self._set_displacements(state.value)
         zone, nodes, node_energy = self._zone, len(self.sites), np.zeros(len(self.sites))
         bond_density, nothing = np.zeros((2, len(self._density)))
-        hold_some(zone.tiles, zone.u, bond_density, nothing, site_mask)
+        sum_some_energies(zone.tiles, zone.u, bond_density, nothing, site_mask)
         coarse_springs.add_spring_energies(
             zone.springs, zone.u_coarse, node_energy, np.flatnonzero(above.reshape(-1, ROW).any(axis=1))
         )
@@ -380,7 +380,7 @@ class HybridBodyOperator:
         zone, box, fine = self._zone, self.full_body.fine.box, self.full_body.fine
         sites = np.unique(self.sites[self.broken(after_step).source])
         hot_sites = np.zeros(26 * max(len(self._coarse), 1), dtype=np.int64)
-        unbreakable = fine.tiles.held[self.rows]
+        unbreakable = fine.tiles.unbreakable[self.rows]
         count = coarse_springs.list_stretched_nodes(
             box, zone.springs, unbreakable, zone.u_coarse, self.full_body.stretch_limit, hot_sites
         )
