@@ -69,7 +69,7 @@ class Case(NamedTuple):
     @property
     def softens(self) -> bool:
         """Whether bonds remember how far they were stretched."""
-        return "worst" in EVERY[self.law].memory
+        return "worst" in EVERY[self.law].bond_history
 
     @property
     def kinked(self) -> bool:
