@@ -133,7 +133,7 @@ def solved(
         change = splits.change_nodes(system, state, done) if splits else None
         system, state = (system, state) if change is None else (change.system, change.state)
         last = min(done + (splits.every if splits else LOOK), steps)
-        system.stepper.march(state, done + 1, last + 1)
+        system.stepper.advance(state, done + 1, last + 1)
         done = last
     cpu = time.thread_time() - began
     change = find_zone_change(system) if system.hybrid else None

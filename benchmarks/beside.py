@@ -57,7 +57,7 @@ def _steps(job: Job) -> Callable[[], float]:
     def take(steps: int) -> float:
         nonlocal at
         began = time.perf_counter()
-        problem.march(at, at + steps)
+        problem.advance(at, at + steps)
         at += steps
         return (time.perf_counter() - began) / steps
 
@@ -70,7 +70,7 @@ def _whole(job: Job) -> Callable[[], float]:
     def run() -> float:
         problem, steps = _prepared(job), _model(job).settings.run.steps
         began = time.perf_counter()
-        problem.march(1, steps + 1)
+        problem.advance(1, steps + 1)
         return (time.perf_counter() - began) / steps
 
     run()

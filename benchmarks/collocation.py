@@ -104,7 +104,7 @@ def _solved(deck: Deck) -> Generator[None, None, Found]:
     noted: list[tuple[float, float, float]] = []
     for look in range(LOOKS):
         began = time.thread_time()
-        system.stepper.march(state, look * steps // LOOKS + 1, (look + 1) * steps // LOOKS + 1)
+        system.stepper.advance(state, look * steps // LOOKS + 1, (look + 1) * steps // LOOKS + 1)
         cpu += time.thread_time() - began
         change = find_zone_change(system)
         if change is not None:

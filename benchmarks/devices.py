@@ -96,7 +96,7 @@ def cube() -> Model:
 def marched(prepared: Prepared, clock: Callable[[], float], first: int) -> float:
     """Seconds of a step, of those from `first` on."""
     began = clock()
-    prepared.march(first, first + STEPS)
+    prepared.advance(first, first + STEPS)
     return (clock() - began) / STEPS
 
 
@@ -140,7 +140,7 @@ def measured(name: str, device: str) -> list[dict[str, Any]]:
         bonds, nodes = float(here.system.directed_bond_count), len(model.grid)
         bandwidth, operations = roofline(session, precision, clock)
         each = taken(model.grid.dimension, precision, bonds / nodes)
-        row = {"model": name, "nodes": nodes, "precision": precision, "device": session.about.words}
+        row = {"model": name, "nodes": nodes, "precision": precision, "device": session.about.summary}
         row |= {"bonds": bonds, "processor": bonds / own, "on the device": bonds / other}
         row |= {"bytes a second": bandwidth, "operations a second": operations, **each._asdict()}
         row["roofline"] = min(bandwidth / each.bytes, operations / each.operations)

@@ -39,7 +39,7 @@ def large(folder: Path, until: Until) -> Part:
     heard, begun, state, late = time.monotonic() - began, output.exists(), state_of(output), used[-WRITTEN:]
     said = (
         f"{max(used) / 1e9:.2f} GB at most, in the end {late[-1] / late[0]:.2f} times what it is at the first frame;"
-        f" Ctrl-C heard in {heard:.1f} s; {state.words}"
+        f" Ctrl-C heard in {heard:.1f} s; {state.message}"
     )
     right = code == 130 and (state.kind is Kind.STOPPED or not begun)
     return Part(int(begun), 1, int(not right), said=said)

@@ -112,7 +112,7 @@ def peak(ranks: Team | None) -> float:
 def marched(prepared: Prepared, first: int) -> float:
     """Seconds of a step, of those from `first` on."""
     began = time.perf_counter()
-    prepared.march(first, first + STEPS)
+    prepared.advance(first, first + STEPS)
     return (time.perf_counter() - began) / STEPS
 
 
@@ -157,13 +157,13 @@ def step_alone(ranks: Team | None, nodes: int) -> dict[str, float]:
     alone = Options(threads=1)
     prepared = prepare(plate(nodes), alone) if ranks is None else start.prepare_ranks(plate(nodes), alone, ranks)
     found, nodes = [], len(prepared.system.model.grid)
-    prepared.march(1, 2)
+    prepared.advance(1, 2)
     for first in range(2, 2 + 6 * REPEATS * STEPS, STEPS):
         if ranks is not None:
             found.append(max(ranks.everywhere(worked, first, first + STEPS)) / STEPS)
             continue
         began = time.process_time()
-        prepared.march(first, first + STEPS)
+        prepared.advance(first, first + STEPS)
         found.append((time.process_time() - began) / STEPS)
     swap = 0.0 if ranks is None else float(np.max(ranks.everywhere(exchanges, 200), axis=0).min())
     return {"nodes": nodes, "step": min(found) + swap, "exchange": swap}
@@ -180,7 +180,7 @@ def worked(ranks: Team, first: int, last: int) -> float:
         waited[0] += time.process_time() - began
 
     ghosts.fill, began = timed, time.process_time()
-    start.march_rank(ranks, first, last)
+    start.advance_rank(ranks, first, last)
     spent = time.process_time() - began
     del ghosts.fill
     return spent - waited[0]

@@ -47,7 +47,7 @@ def followed(model: Model) -> list[str]:
     def called(frame: FrameType, event: str, _: object) -> None:
         if event == "call":
             files.add(frame.f_code.co_filename)
-            if frame.f_code is VerletBlocks.march.__code__ and frame.f_locals["last"] > frame.f_locals["first"]:
+            if frame.f_code is VerletBlocks.advance.__code__ and frame.f_locals["last"] > frame.f_locals["first"]:
                 raise FirstStep
 
     threading.setprofile(called)

@@ -66,7 +66,7 @@ def shaken(model: Model, options: Options) -> Prepared:
     """A body in small random motion that breaks nothing."""
     problem = prepare(model, options)
     problem.state.value[:] = 1e-10 * np.random.default_rng(0).standard_normal(problem.state.value.shape)
-    problem.march(1, 2)
+    problem.advance(1, 2)
     return problem
 
 
@@ -88,7 +88,7 @@ def measured(side: int, names: list[str]) -> dict[str, Any]:
     problems = {name: shaken(model, VARIANTS[name]) for name in names}
     clocked = {"tiles, float64, 1 of 2 threads": "tiles, float64"} if "tiles, float64, 2 threads" in names else {}
     takes = {name: problems[clocked.get(name, name)] for name in (*names, *clocked)}
-    step = least({name: lambda problem=problem: problem.march(1, 2) for name, problem in takes.items()})
+    step = least({name: lambda problem=problem: problem.advance(1, 2) for name, problem in takes.items()})
     assert not any(len(problem.system.operator.broken().step) for problem in problems.values())
     operators = {name: problem.system.operator.bytes() / nodes for name, problem in problems.items()}  # type: ignore[attr-defined]
     bonds = problems["tiles, float64"].system.directed_bond_count / nodes
@@ -109,7 +109,7 @@ def ordinary(side: int) -> dict[str, Any]:
     model, problems = cube(side, msgspec.structs.replace(GLASS, model="ordinary", nu=0.25)), {}
     for name in ("list, float64", "tiles, float64", "tiles, float32"):
         problems[name] = shaken(model, VARIANTS[name])
-    step = least({name: lambda problem=problem: problem.march(1, 2) for name, problem in problems.items()})
+    step = least({name: lambda problem=problem: problem.advance(1, 2) for name, problem in problems.items()})
     assert not any(len(problem.system.operator.broken().step) for problem in problems.values())
     bonds = problems["tiles, float64"].system.directed_bond_count / side**3
     return {
@@ -226,7 +226,7 @@ def main() -> None:
     asked = parser.parse_args()
     if asked.peak:
         large_arrays_apart()
-        prepare(cube(asked.peak), Options(precision=asked.precision, threads=1)).march(1, 11)
+        prepare(cube(asked.peak), Options(precision=asked.precision, threads=1)).advance(1, 11)
         print(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024)
         return
     if asked.ordinary:

@@ -132,7 +132,7 @@ def stepper(problem: Prepared) -> Callable[[int], None]:
 
     def take(steps: int) -> None:
         nonlocal at
-        problem.march(at, at + steps)
+        problem.advance(at, at + steps)
         at += steps
 
     return take
@@ -221,7 +221,7 @@ def growing(model: Model, mode: str, rounds: int) -> dict[str, Any]:
                 seconds = _written(model, mode)
             else:
                 began = time.perf_counter()
-                problem.march(1, steps + 1)
+                problem.advance(1, steps + 1)
                 seconds = time.perf_counter() - began
             best[name] = min(best.get(name, np.inf), seconds / steps / problem.system.directed_bond_count * 1e9)
     ratios = {

@@ -112,7 +112,7 @@ def cut(model: Model, speed: float, options: Options, area: float) -> Cut:
         return float(0.5 * mass @ (state.rate.astype(float) ** 2).sum(axis=1))
 
     start, momentum = energy(), mass @ state.rate
-    problem.march(1, round(TIME / system.time_step) + 1)
+    problem.advance(1, round(TIME / system.time_step) + 1)
     strain, softened = system.operator.energies(state)
     cost = model.materials[0].G0 * area
     taken, booked = start - energy() - system.area @ strain, system.area @ (state.dissipated + softened)
@@ -148,7 +148,7 @@ def steps_times(model: Model, matches_work: bool) -> tuple[NDArray[np.float64], 
     times = []
     for first in range(1, min(model.settings.run.steps or MOST_STEPS, MOST_STEPS) + 1, CHUNK):
         start = time.process_time()
-        prepared.march(first, first + CHUNK)
+        prepared.advance(first, first + CHUNK)
         times.append(time.process_time() - start)
     return np.array(times), len(prepared.system.operator.broken().step) // 2
 

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 from pdmesh import commandline
 from pdmesh.file_kinds import FileKind
-from pdmesh.printing import say
+from pdmesh.printing import print_text
 from pdmesh.quantities import UNITS
 
 if TYPE_CHECKING:
@@ -300,7 +300,7 @@ def _schema(args: argparse.Namespace) -> int:
 
     text = json.dumps(schema(), indent=2) + "\n"
     if args.output is None:
-        say(text, end="")
+        print_text(text, end="")
     else:
         write_atomically(commandline.output_path(args.output, Path("grid"), ".json", args.force), text.encode())
     return commandline.OK

@@ -20,7 +20,7 @@ from pdmesh.completion import Completion
 from pdmesh.file_kinds import FileKind, mistaken
 from pdmesh.files import irregular
 from pdmesh.plain_text import for_line
-from pdmesh.printing import UnprintedError, leave_stdout, remark, say
+from pdmesh.printing import UnprintedError, leave_stdout, print_text, print_to_stderr
 from pdmesh.spelling import meant
 
 LIBRARIES = tuple(["gmsh", "matplotlib", "meshio", "msgspec", "numba", "numpy", "pillow", "scipy", "shapely", "tqdm"])
@@ -87,7 +87,7 @@ class Parser(argparse.ArgumentParser):
 
     def _print_message(self, message: str, file: Any = None) -> None:
         with suppress(UnprintedError):
-            say(message, file or sys.stderr, end="")
+            print_text(message, file or sys.stderr, end="")
 
     def parse_args(self, args: Any = None, namespace: Any = None) -> Any:  # argparse types it in two ways
         arguments, surplus = self.parse_known_args(args, namespace)
@@ -122,7 +122,7 @@ class _Version(argparse.Action):
     def __call__(self, parser: argparse.ArgumentParser, *_: object) -> NoReturn:
         libraries = (f"{name} {version or 'missing'}" for name, version in dependencies().items())
         python = ".".join(map(str, sys.version_info[:3]))
-        say(f"{parser.prog} {VERSION}\nPython {python}, {', '.join(libraries)}")
+        print_text(f"{parser.prog} {VERSION}\nPython {python}, {', '.join(libraries)}")
         parser.exit(OK)
 
 
@@ -260,20 +260,20 @@ def output_path(named_path: Path | None, source: Path, suffix: str, force: bool,
 def report(result: dict[str, Any], lines: Sequence[str], args: argparse.Namespace) -> None:
     """Print a command's result on stdout: as JSON, as lines for a reader, or not at all."""
     if args.json:
-        say(json.dumps(result, indent=2, allow_nan=False))
+        print_text(json.dumps(result, indent=2, allow_nan=False))
     elif not args.quiet:
-        say("\n".join(map(for_line, lines)))
+        print_text("\n".join(map(for_line, lines)))
 
 
 def note(message: str, args: argparse.Namespace) -> None:
     """Print a message on stderr, unless --quiet. One that a result may be wrong is for `warn`."""
     if not args.quiet:
-        remark(message)
+        print_to_stderr(message)
 
 
 def warn(message: str) -> None:
     """Print a message on stderr that a result may be wrong or lacks something, also with --quiet."""
-    remark(message)
+    print_to_stderr(message)
 
 
 @contextmanager
@@ -296,7 +296,7 @@ def _shown_once(name: str, quiet: bool = False) -> Callable[..., None]:
     def show(message: Warning | str, *_: Any, **__: Any) -> None:
         if not (quiet and getattr(message, "informs", False)) and str(message) not in said:
             said.add(str(message))
-            remark(f"{name}: warning: {message}")
+            print_to_stderr(f"{name}: warning: {message}")
 
     return show
 
@@ -342,7 +342,7 @@ def run(name: str, command: Callable[[], int], exits: Callable[[], dict[type[Exc
             code, message = _stopped(stop.number)
         except KeyboardInterrupt:
             code, message = _stopped(*interrupts[:1])
-    remark(f"{name}: {' '.join(message.split())}")
+    print_to_stderr(f"{name}: {' '.join(message.split())}")
     return code
 
 

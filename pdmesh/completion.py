@@ -6,7 +6,7 @@ import argparse
 from pathlib import Path
 from typing import Any, NoReturn
 
-from pdmesh.printing import say
+from pdmesh.printing import print_text
 
 
 class Completion(argparse.Action):
@@ -25,7 +25,7 @@ class Completion(argparse.Action):
                 if not set(action.option_strings) & set(parser._option_string_actions):
                     parser._add_action(action)
         _complete_files(parser, shtab, str(shell))
-        say(shtab.complete(parser, shell=str(shell)))
+        print_text(shtab.complete(parser, shell=str(shell)))
         parser.exit()
 
 

@@ -18,7 +18,7 @@ class UnprintedError(Exception):
         self.is_closed = isinstance(error, BrokenPipeError)  # by one who has seen enough, such as head
 
 
-def say(text: str, file: TextIO | None = None, end: str = "\n") -> None:
+def print_text(text: str, file: TextIO | None = None, end: str = "\n") -> None:
     """Print on stdout, or another stream. Raises UnprintedError."""
     stream = sys.stdout if file is None else file
     encoding = getattr(stream, "encoding", None) or "utf-8"
@@ -29,10 +29,10 @@ def say(text: str, file: TextIO | None = None, end: str = "\n") -> None:
         raise UnprintedError(error) from None
 
 
-def remark(message: str) -> None:
+def print_to_stderr(message: str) -> None:
     """Print a line on stderr; errors in writing are ignored."""
     with suppress(UnprintedError):
-        say(for_line(message), sys.stderr)
+        print_text(for_line(message), sys.stderr)
 
 
 def leave_stdout() -> None:

@@ -16,7 +16,7 @@ from pdmesh import commandline, stopping
 from pdmesh.file_kinds import FileKind
 from pdmesh.model.bond_counts import pair_count
 from pdmesh.plain_text import visible
-from pdmesh.printing import say
+from pdmesh.printing import print_text
 from pdmesh.spelling import ALIKE, nearest
 from pdsolve.ranks import launch
 from pdsolve.run.progress import Watch
@@ -147,14 +147,14 @@ class _HelpSettings(argparse.Action):
     def __call__(self, parser: argparse.ArgumentParser, *_: object) -> None:
         from pdmesh.model.settings_table import markdown, settings
 
-        say("\n".join(markdown(settings())))
+        print_text("\n".join(markdown(settings())))
         parser.exit(commandline.OK)
 
 
 def _list_devices() -> int:
     from pdsolve.operators.device.runtime import devices
 
-    say("\n".join(["cpu  the processor: float64 and float32", *(device.words for device in devices())]))
+    print_text("\n".join(["cpu  the processor: float64 and float32", *(device.summary for device in devices())]))
     return commandline.OK
 
 
@@ -366,7 +366,7 @@ def _show_what_is_left(path: Path, args: argparse.Namespace) -> int:
     from pdsolve.run.simulation import options_from_metadata
 
     state = state_of(path)
-    lines = [f"{path}: {state.words}"]
+    lines = [f"{path}: {state.message}"]
     report: dict[str, Any] = {"output": str(path), "state": state.kind.name.lower(), "step": state.step, "left": 0}
     if state.kind not in (Kind.RUNNING, Kind.FINISHED):
         with Results.open(path) as results:

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from pdmesh.model import unused_settings
 from pdmesh.model.cohesive_softening import COARSE, characteristic_length, largest_horizon
-from pdmesh.model.damping import MUCH, remark
+from pdmesh.model.damping import MUCH, damping_warning
 from pdmesh.model.document import MOST, Displacement
 from pdmesh.model.kd_trees import tree_of
 from pdmesh.model.lattice_calibration import along_axes, lattice_ratios
@@ -112,7 +112,7 @@ def refuse_fields(model: Model, operator: Operator, state: State) -> None:
             raise ModelError(f"{model.name}: $.run.fields has '{name}'; use one of {expected}")
 
 
-def advise(model: Model, unbonded: NDArray[np.int64], partial_cells: bool, symmetric: bool) -> None:
+def warn_of_model(model: Model, unbonded: NDArray[np.int64], partial_cells: bool, symmetric: bool) -> None:
     """Warn of models that can be solved but are probably not intended.
 
     `unbonded` (k,) are the rows of nodes without bonds, the other two arguments are as in `refuse` and `closing`.
@@ -211,7 +211,7 @@ def _smooth_edges(model: Model) -> None:
         )
 
 
-def advise_unused(model: Model) -> None:
+def warn_of_unused(model: Model) -> None:
     """Warns of settings that the run does not use."""
     for said in unused_settings.remarks(model.settings):
         warn(model, said)
@@ -366,14 +366,14 @@ def _shapes(model: Model) -> None:
         )
 
 
-def advise_damped(model: Model, damped: float, put_in: float) -> None:
+def warn_of_damping(model: Model, damped: float, put_in: float) -> None:
     """Warn, at the end of a run in time, if damping took much of the supplied energy `put_in`, J/m."""
-    said = remark(model.settings.run, model.settings.conditions, model.settings.contact, damped, put_in)
+    said = damping_warning(model.settings.run, model.settings.conditions, model.settings.contact, damped, put_in)
     if said is not None and model.settings.run.solver != "static":  # at rest every crack gives some up
         warn(model, said)
 
 
-def advise_made(model: Model, gain: float, put_in: float) -> None:
+def warn_of_created_energy(model: Model, gain: float, put_in: float) -> None:
     """Warn, at the end of a run with a moving fine zone, if changes of cells gained or lost much energy (`gain`, J/m),
     compared with the supplied energy `put_in`."""
     if model.settings.run.adapt != "hybrid" or put_in <= 0 or abs(gain) <= MADE * put_in:
@@ -385,7 +385,7 @@ def advise_made(model: Model, gain: float, put_in: float) -> None:
     )
 
 
-def advise_spent(model: Model, created: float, put_in: float, spent: float) -> None:
+def warn_of_missing_dissipation(model: Model, created: float, put_in: float, spent: float) -> None:
     """Warn, at the end of a run on nodes that do not change, if its bonds took less than they have booked as `spent`.
 
     `created`, J/m, is the error of the balance, `put_in` the energy that was supplied.

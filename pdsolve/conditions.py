@@ -287,14 +287,14 @@ def widened(driven: Drive, width: int) -> Drive:
     )
 
 
-def held(drive: Drive) -> NDArray[np.bool_]:
+def constrained_components(drive: Drive) -> NDArray[np.bool_]:
     """Mask (n, w) of the components with a prescribed motion or value."""
     mask = np.zeros(drive.force.shape, dtype=np.bool_)
     mask[drive.holds.node, drive.holds.axis] = True
     return mask
 
 
-def hold_values(drive: Drive, value: NDArray[np.float64], time: float) -> None:
+def prescribe_values(drive: Drive, value: NDArray[np.float64], time: float) -> None:
     """Set the held nodes of a `value` (n,) of one component to what is prescribed at `time`, s."""
     holds = drive.holds
     value[holds.node] = holds.value * factors_at(drive.profiles, time)[holds.profile]

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 from pdsolve.numerics.team import Team
-from pdsolve.numerics.thread_team import crew
+from pdsolve.numerics.thread_team import useful_threads
 
 # Nodes in blocks that are worth a thread. On two cores all shipped scenes, of 2700 to 13 000 nodes, took 1.0 to 2 times
 # as long on two threads, which wait for each other at each step and leave no core to what writes their frames.
@@ -27,4 +27,4 @@ def threads_of(options: Options, nodes: int, fast: bool) -> int:
     """Number of threads for so many nodes; `fast`: for the block kernel, whose steps are shorter."""
     if options.team is not None:
         return options.threads or 1
-    return options.threads or (crew(nodes, WORTH) if fast else crew(nodes))
+    return options.threads or (useful_threads(nodes, WORTH) if fast else useful_threads(nodes))

@@ -19,8 +19,8 @@ class Unknown(NamedTuple):
 class State(NamedTuple):
     """The state of n nodes with w components of all unknowns, in the order of the operator's `unknowns`.
 
-    Bonds have their own history (`Operator.keep`); nothing else changes. Conserved quantities, energy or substance, are
-    booked by node.
+    Bonds have their own history (`Operator.checkpoint_arrays`); nothing else changes. Conserved quantities, energy or
+    substance, are booked by node.
     """
 
     value: NDArray[Any]  # (n, w) displacement, m; content, mol/m^3

@@ -83,7 +83,7 @@ def struck(model: Model, duration: float, threads: int = 1) -> Impact:
     mass, number = system.area * model.rho, model.grid.bodies.number
     first, drift, time, force, velocity = compute_ledger_row(system, state, 0), 0.0, [], [], []
     for step in range(1, int(duration / system.time_step) + 1):
-        prepared.march(step, step + 1)
+        prepared.advance(step, step + 1)
         time.append(step * system.time_step)
         pull = mass * state.second[:, 0]
         force.append(float(pull[number == number.max()].sum()))

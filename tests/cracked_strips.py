@@ -47,7 +47,7 @@ def torn(material: Material, ratio: float = 3.0, columns: int = 60, rows: int = 
     model = plate(grid, ratio, material=material, conditions=ends, run=Run())
     system, state = prepare(model, Options(threads=1))
     steps = int((slow + 2.5 * columns * delta / np.sqrt(material.E / 2 / material.rho)) / system.time_step)
-    system.stepper.march(state, 1, steps)
+    system.stepper.advance(state, 1, steps)
     found, broken = compute_ledger_row(system, state, steps), system.operator.broken()
     y = grid.position[:, 1]
     crosses = y[broken.source] * y[broken.target] < 0

@@ -69,7 +69,7 @@ class Case(NamedTuple):
     @property
     def softens(self) -> bool:
         """Whether bonds remember how far they were stretched."""
-        return "worst" in EVERY[self.law].memory
+        return "worst" in EVERY[self.law].bond_history
 
     @property
     def kinked(self) -> bool:
@@ -80,7 +80,7 @@ class Case(NamedTuple):
     def curved(self) -> bool:
         """Whether the force of an intact bond is no straight line."""
         pair = EVERY[self.law].pair
-        return pair is not None and pair.held is not None
+        return pair is not None and pair.bond_strain_energy is not None
 
     def __str__(self) -> str:
         return f"{self.law}-{self.operator}-{self.dimension}D-{self.precision}"
@@ -130,17 +130,17 @@ class Cloud(NamedTuple):
     def forces(self, step: int = 2, dt: float = 1e-12) -> NDArray[np.float64]:
         """Force densities (n, d) of the state as it is."""
         out = np.zeros(self.position.shape)
-        self.operator.add(self.state, out, step, dt)
+        self.operator.accumulate_force(self.state, out, step, dt)
         return out
 
     def energy(self) -> float:
         """Held by all bonds, J."""
         return float(np.sum(self.cell * self.operator.energies(self.state)[0]))
 
-    def march(self, first: int, last: int) -> None:
+    def advance(self, first: int, last: int) -> None:
         """Take the steps `first` to `last` - 1 at half the bound, free of loads."""
         nodes, dimension = self.position.shape
-        Verlet(self.operator, idle(nodes, dimension), self.rho, self.bound / 2).march(self.state, first, last)
+        Verlet(self.operator, idle(nodes, dimension), self.rho, self.bound / 2).advance(self.state, first, last)
 
     def shake(self, size: float, seed: int = 3) -> None:
         """Random displacements of this size, m, at rest."""
@@ -221,7 +221,7 @@ def in_space(case: Case, side: int, order: NDArray[np.int64] | None, threads: in
 def all_kernels(case: Case) -> None:
     """Call all that is compiled for a case."""
     made = cloud(case, 6)
-    made.march(1, 3)
+    made.advance(1, 3)
     made.energy()
     if not case.single:
         made.operator.tangent(made.state)

@@ -48,7 +48,7 @@ class Marching(NamedTuple):
     """A plate on which a pulse is put."""
 
     put: Callable[[Field, Field, Field], None]  # displacements, velocities at the start and half a step later
-    march: Callable[[int, int], None]
+    advance: Callable[[int, int], None]
     seen: Callable[[], tuple[NDArray[np.float64], NDArray[np.float64]]]  # places and velocities (n, 2) of fine nodes
 
 
@@ -81,7 +81,7 @@ def _sent_back(adapt: str, drawn: bool, collocation: Collocation, width: int) ->
         return float(np.abs(velocity[own, 0]).max())
 
     sent = largest()
-    plate.march(1, round(2 * start * H / SPEED / step) + 1)
+    plate.advance(1, round(2 * start * H / SPEED / step) + 1)
     return largest() / sent
 
 
@@ -113,7 +113,7 @@ def _bonds(problem: Prepared) -> Marching:
     def put(shape: Field, _: Field, rate: Field) -> None:  # forces are not known yet: half a kick is left out
         state.value[:, 0], state.rate[:, 0] = shape(place[:, 0]), rate(place[:, 0])
 
-    return Marching(put, problem.march, lambda: (place, state.rate))
+    return Marching(put, problem.advance, lambda: (place, state.rate))
 
 
 def split_where(problem: Prepared, where: Callable[[NDArray[np.float64]], NDArray[np.bool_]]) -> Prepared:
@@ -142,7 +142,7 @@ def _collocation(engine: CollocationEngine, seam: float) -> Marching:
         own = engine.zone.node[plate.place] == BONDED
         return place[own], engine.zone.v[:, plate.place[own]].T
 
-    return Marching(put, engine.march, seen)
+    return Marching(put, engine.advance, seen)
 
 
 def _hybrid(hybrid: HybridEngine, model: Model, seam: float) -> Marching:
@@ -176,4 +176,4 @@ def _hybrid(hybrid: HybridEngine, model: Model, seam: float) -> Marching:
         nodes, own, place = free()[0]
         return place, nodes.v[:, own].T  # type: ignore[attr-defined]
 
-    return Marching(put, hybrid.march, seen)
+    return Marching(put, hybrid.advance, seen)

@@ -44,7 +44,10 @@ def spent(model: Model, results: Results) -> Spent:
         bonds.kappa[:] = bonds.respond(value).kappa
     x = model.grid.position[:, 0]
     cross = x[bonds.source] * x[bonds.target] < 0
-    energy, all_of_it = bonds.spent(bonds.kappa), bonds.spent(np.where(np.isfinite(bonds.limit), bonds.limit, 0.0))
+    energy, all_of_it = (
+        bonds.dissipated_energy(bonds.kappa),
+        bonds.dissipated_energy(np.where(np.isfinite(bonds.limit), bonds.limit, 0.0)),
+    )
     return Spent(*(float(part.sum()) for part in (energy[cross], energy[~cross], (all_of_it - energy)[cross])))
 
 

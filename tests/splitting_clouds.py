@@ -13,7 +13,7 @@ from plates import plate, square_grid
 from pdmesh.model.document import Load, Run
 from pdmesh.model.node_grid import Grid
 from pdsolve.model import Model
-from pdsolve.operators.protocol import Kept
+from pdsolve.operators.protocol import CheckpointArrays
 from pdsolve.options import Options
 from pdsolve.run.assembly import assemble_motion
 from pdsolve.run.node_changes import NodeChange
@@ -77,7 +77,7 @@ class Moving:
             hole_id=np.full(len(ids), -1),
         )
 
-    def restore_system(self, system: System, kept: Kept) -> Prepared:
+    def restore_system(self, system: System, kept: CheckpointArrays) -> Prepared:
         """As in `NodeAdaptation`."""
         model = dataclasses.replace(system.model, grid=self.grid(kept["ids"]))
         return assemble_motion(model, system.options, system.scheme)
@@ -99,7 +99,11 @@ class Moving:
         """A checkpoint for the new cloud: parts have what the whole had, wholes the mean of their parts."""
         ids, known, area = new.model.grid.ids, system.model.grid.ids, system.area
         count = len(self.coarse)
-        kept: dict[str, NDArray[Any]] = {"ids": ids, "held_force": new.drive.held_force, **new.operator.keep()}
+        kept: dict[str, NDArray[Any]] = {
+            "ids": ids,
+            "held_force": new.drive.held_force,
+            **new.operator.checkpoint_arrays(),
+        }
         place = {node: row for row, node in enumerate(known.tolist())}
         for name, values in state._asdict().items():
             whole = np.zeros((count, *values.shape[1:]))
@@ -134,7 +138,7 @@ def marched(model: Model, adapt: Moving, options: Options) -> Iterator[tuple[int
         change = adapt.change_nodes(system, state, step - 1) if (step - 1) % adapt.every == 0 else None
         if change is not None:
             system, state, _ = change
-        system.stepper.march(state, step, step + 1)
+        system.stepper.advance(state, step, step + 1)
     yield step, system, state
 
 

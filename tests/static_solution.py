@@ -35,7 +35,7 @@ def settled(
             return np.zeros_like(value)
         state = State(value * (SMALL / size), *np.zeros((2, nodes, width)), *np.zeros((3, nodes)))
         out = np.zeros((nodes, width))
-        operator.add(state, out, 0, 0.0)
+        operator.accumulate_force(state, out, 0, 0.0)
         return weight * out * (size / SMALL)
 
     free = ~held

@@ -41,7 +41,7 @@ def bonds_of(problem: Prepared) -> Bonds:
 def forces(problem: Prepared, step: int = 1, dt: float = 1e-8) -> NDArray[np.float64]:
     """Force densities (n, w), N/m^3, of the state as it is; what is over its limit breaks in this `step` of `dt`, s."""
     out = np.zeros(problem.state.value.shape)
-    problem.system.operator.add(problem.state, out, step, dt)
+    problem.system.operator.accumulate_force(problem.state, out, step, dt)
     return out
 
 
@@ -54,7 +54,7 @@ def broken(problem: Prepared, after: int = 0) -> Broken:
 
 def worst(problem: Prepared) -> NDArray[np.floating]:
     """The largest stretches that softened bonds remember, in the order of sources and targets."""
-    kept = problem.system.operator.keep()
+    kept = problem.system.operator.checkpoint_arrays()
     return kept["worst"][np.lexsort((kept["worst_target"], kept["worst_source"]))] if "worst" in kept else np.zeros(0)
 
 

@@ -73,13 +73,13 @@ class Zoned(NamedTuple):
         node, end, w, _ = (column[: self.zone.counts.tied_nodes] for column in self.zone.tied)
         u = self.zone.far.u[0]
         self.zone.coarse.u[0][:, node] = (1 - w) * u[:, end[:, 0]] + w * u[:, end[:, 1]]
-        self.march(1, 1)
+        self.advance(1, 1)
 
-    def march(self, first: int, last: int) -> None:
+    def advance(self, first: int, last: int) -> None:
         """Take steps; none with last = first, which computes the forces."""
         if first == last:
             self.hybrid.recompute_forces()
-        self.hybrid.march(first, last)
+        self.hybrid.advance(first, last)
         if self.hybrid.now == 1:
             self.hybrid.now = 0
             for nodes in (self.zone.fine, self.zone.coarse, self.zone.far):
@@ -200,7 +200,7 @@ def side_by_side(model: Model, steps: int | None = None) -> tuple[Solved, Solved
         run = msgspec.structs.replace(model.settings.run, adapt=adapt)
         settings = msgspec.structs.replace(model.settings, run=run)
         problem = prepare(dataclasses.replace(model, settings=settings), Options(threads=1))
-        problem.march(1, steps + 1)
+        problem.advance(1, steps + 1)
         change = find_zone_change(problem.system) if adapt == "hybrid" else None
         system, state = (problem.system, problem.state) if change is None else (change.system, change.state)
         broken, ledger = system.operator.broken(), compute_ledger_row(system, state, steps)

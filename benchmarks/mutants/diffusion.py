@@ -61,7 +61,7 @@ DIFFUSION = (
     ),
     Mutant(
         "pdsolve/steppers/euler.py",
-        "hold_values(drive, value, step * dt)",
+        "prescribe_values(drive, value, step * dt)",
         "hold_values(drive, value, (step - 1) * dt)",
         "tests/unit/pdsolve/diffusion/test_masses.py",
     ),

@@ -187,7 +187,7 @@ RIGHT_ANSWERS = (
     ),
     Mutant(
         "pdsolve/run/initial_displacements.py",
-        "    state.second[:] += np.where(held(system.drive), 0.0, pull / model.rho[:, None])\n",
+        "    state.second[:] += np.where(constrained_components(system.drive), 0.0, pull / model.rho[:, None])\n",
         "",
         "tests/unit/pdsolve/test_conditions_of_place.py::test_a_displaced_run_begins_with_its_forces_and_with_what_is_prescribed",
     ),

@@ -109,13 +109,13 @@ MUTANTS = (
     ),
     Mutant(
         "pdsolve/laws/calls.py",
-        "def _held_by_line(law, c, stretch, worst, peak, limit):  # type: ignore[no-untyped-def]\n    return c *",
+        "def _energy_by_line(law, c, stretch, worst, peak, limit):  # type: ignore[no-untyped-def]\n    return c *",
         "def _held_by_line(law, c, stretch, worst, peak, limit):  # type: ignore[no-untyped-def]\n    return 2 * c *",
         f"{CONTRACTS}::test_force_is_minus_the_slope_of_energy",
     ),
     Mutant(
         "pdsolve/laws/pair_laws/bilinear.py",
-        "    return c * peak * limit * spent_share(worst, peak, limit)",
+        "    return c * peak * limit * dissipated_share(worst, peak, limit)",
         "    return c * peak * peak * spent_share(worst, peak, limit)",
         "tests/contracts/test_spent.py::test_what_a_bond_spends_is_work_less_what_it_holds",
     ),

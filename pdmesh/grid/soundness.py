@@ -28,7 +28,7 @@ class _Piece(NamedTuple):
     rows: NDArray[np.int64]
     face: int  # of the plate, that it is in
 
-    def words(self, grid: Grid) -> str:
+    def describe(self, grid: Grid) -> str:
         x, y = grid.position[self.rows].mean(axis=0)
         return f"{len(self.rows)} node{'s' * (len(self.rows) > 1)} around ({x:.6g}, {y:.6g}) m"
 
@@ -46,14 +46,14 @@ def remarks(grid: Grid, settings: Settings) -> tuple[str, ...]:
     piece_list = _pieces(grid, settings, faces)
     said = [*_loose(grid, settings, piece_list, thin), *_bare(grid, piece_list, faces)]
     if len(faces) > len(shapely.get_parts(plate)):  # which may be intended
-        parts = "; ".join(piece.words(grid) for piece in _largest(piece_list).values())
+        parts = "; ".join(piece.describe(grid) for piece in _largest(piece_list).values())
         said.append(f"the cracks cut the plate into pieces: {parts}")
     number = np.zeros(len(grid), dtype=np.int64)
     for at, piece in enumerate(piece_list):
         number[piece.rows] = at
     said += [
-        f"warning: {force:.3g} N/m on {piece_list[at].words(grid)} act without supports and without balance, and they"
-        " fly off or turn; add a fix, a move or an opposite load"
+        f"warning: {force:.3g} N/m on {piece_list[at].describe(grid)} act without supports and without balance, and"
+        " they fly off or turn; add a fix, a move or an opposite load"
         for at, force in unheld(grid, settings, number)
     ]
     said += [
@@ -96,7 +96,7 @@ def _loose(grid: Grid, settings: Settings, pieces: list[_Piece], thin: list[Liga
     for piece in pieces:
         if piece is largest[piece.face]:
             continue
-        said = f"no bond joins {piece.words(grid)} to the rest of the plate, {_where(grid, piece, thin)}"
+        said = f"no bond joins {piece.describe(grid)} to the rest of the plate, {_where(grid, piece, thin)}"
         if len(piece.rows) >= CRUMB or acted_on[piece.rows].any():
             raise SceneError(f"plate: {said}")
         warnings.append(f"warning: {said}")

@@ -9,7 +9,7 @@ from pdmesh.model.document import Absorb, AnyCondition, Contact, Run
 MUCH = 0.02  # of what was put in
 
 
-def remark(
+def damping_warning(
     run: Run, conditions: Sequence[AnyCondition], contact: Contact | None, damped: float, put_in: float
 ) -> str | None:
     """A remark on the energy `damped`, of all that was `put_in`, if its share is large; else None."""

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from pdmesh import commandline
-from pdmesh.printing import say
+from pdmesh.printing import print_text
 
 if TYPE_CHECKING:
     from pdpost.figures.field_figure import Shown
@@ -364,7 +364,7 @@ def write_csv(args: argparse.Namespace, table: bytes) -> None:
     from pdmesh.files import write_atomically
 
     if args.csv == "-":
-        say(table.decode(), end="")
+        print_text(table.decode(), end="")
     else:
         write_atomically(Path(args.csv), table)
 

@@ -34,7 +34,7 @@ class Colours(NamedTuple):
     ends: str = ""  # what the field reaches beyond the colours, in words
 
     @property
-    def words(self) -> str:
+    def full_label(self) -> str:
         """The label of a bar: of what the colours are, and what the field reaches where they end before."""
         return f"{self.label}\n({self.ends})" if self.ends else self.label
 

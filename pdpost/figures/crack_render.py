@@ -55,7 +55,7 @@ def cut_open(
     if cracks is not None:
         _add_surface(pyvista, plotter, cracks)
     pixels = taken(plotter, (nodes.position.min(axis=0) + nodes.position.max(axis=0)) / 2, uncropped)
-    return framed(pixels, written, mappable(shown), shown.label if uncropped else shown.words, shown.beyond)
+    return framed(pixels, written, mappable(shown), shown.label if uncropped else shown.full_label, shown.beyond)
 
 
 def frame_cut_open(

@@ -88,7 +88,7 @@ def bar(on: Sheet, shown: Colours) -> ScalarMappable:
     """Put a colour bar beside the plate; returns the mappable from numbers, in the label's unit, to colours."""
     painted = mappable(shown)
     arrow = 0.1 / (on.axes.get_position().height * on.figure.get_figheight())
-    label = shown.words.replace(", ", ",\n") if narrow() else shown.words
+    label = shown.full_label.replace(", ", ",\n") if narrow() else shown.full_label
     on.figure.colorbar(painted, cax=beside(on), label=label, extend=shown.beyond, extendfrac=arrow)
     return painted
 

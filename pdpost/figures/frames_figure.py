@@ -86,7 +86,9 @@ def panels(
         if number + columns < len(panels):
             on.axes.set_xlabel("")
             on.axes.tick_params(labelbottom=False)
-    figure.colorbar(mappable, ax=panel_axes, label=range_of.words, extend=range_of.beyond, fraction=0.05, aspect=25)
+    figure.colorbar(
+        mappable, ax=panel_axes, label=range_of.full_label, extend=range_of.beyond, fraction=0.05, aspect=25
+    )
     handles, _ = panel_axes[0].get_legend_handles_labels()
     patches = [(colour, words.split(":")[0]) for shot in shots for colour, words in field_figure.explained(shot)]
     handles += [Patch(color=colour, label=words) for colour, words in dict.fromkeys(patches)]

@@ -41,7 +41,7 @@ def render(
     plotter = plotter_of(pyvista)
     add_body(pyvista, plotter, nodes, values, shown, level, plane)
     pixels = taken(plotter, nodes.position.mean(axis=0))
-    return framed(pixels, title, mappable(shown) if level is None else None, shown.words, shown.beyond)
+    return framed(pixels, title, mappable(shown) if level is None else None, shown.full_label, shown.beyond)
 
 
 def framed(

@@ -39,7 +39,7 @@ def plane(results: Results, section: PlaneCut, name: str, part: str, step: int, 
     _paint(axes, section, range_of, painted, metre)
     axes.autoscale_view()
     axes.margins(0.01)
-    figure.colorbar(painted, ax=axes, label=range_of.words, extend=range_of.beyond)
+    figure.colorbar(painted, ax=axes, label=range_of.full_label, extend=range_of.beyond)
     _named(axes, section, metres)
     axes.set_title(f"{caption(name, part)} at {_place(section, metre, metres)} {at(results, step)}")
     return figure
@@ -67,7 +67,7 @@ class Sections:
         rest.set_axis_off()
         self._colours = mappable(range_of)
         self.figure.colorbar(
-            self._colours, ax=rest, location="top", fraction=0.2, label=range_of.words, extend=range_of.beyond
+            self._colours, ax=rest, location="top", fraction=0.2, label=range_of.full_label, extend=range_of.beyond
         )
 
     def draw(self, step: int, shown: NDArray[np.float64]) -> list[Artist]:

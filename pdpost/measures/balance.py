@@ -8,7 +8,7 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from pdmesh.model.damping import remark
+from pdmesh.model.damping import damping_warning
 from pdmesh.model.document import AnyCondition, Contact, Run
 from pdpost.reading.embedded_model import expect_mechanics, read
 from pdsolve.results import Results, ResultsError
@@ -64,7 +64,7 @@ def energy_remarks(results: Results) -> list[str]:
     ledger, model = results.history(), read(results, _BalanceKeys)
     energy_input = largest_energy_supplied(ledger, float(results.meta()["initial_energy"]))
     damped = float(np.nan_to_num(damped_energy(ledger))[-1] + friction_heat(ledger)[-1])
-    said = remark(model.run, model.conditions, model.contact, damped, energy_input)
+    said = damping_warning(model.run, model.conditions, model.contact, damped, energy_input)
     return [] if said is None else [said]
 
 

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pdsolve.model import Model
-from pdsolve.operators.protocol import Kept
+from pdsolve.operators.protocol import CheckpointArrays
 from pdsolve.state import Broken, State, Unknown, zero_state
 
 if TYPE_CHECKING:
@@ -32,16 +32,16 @@ class LedgerTotals(NamedTuple):
 class TwoLatticeEngine(Protocol):
     """The fine and coarse nodes."""
 
-    def march(self, first: int, last: int) -> None:
+    def advance(self, first: int, last: int) -> None:
         """Take the steps `first` to `last` - 1. Raises UnstableError."""
 
     def sum_forces(self, step: int, dt: float) -> None:
         """Sum the forces at the displacements there are, those of loads left out; bonds over their limit break."""
 
-    def keep(self) -> Kept:
+    def checkpoint_arrays(self) -> CheckpointArrays:
         """Arrays for a checkpoint."""
 
-    def back(self, checkpoint: Kept) -> None:
+    def restore(self, checkpoint: CheckpointArrays) -> None:
         """Restore a checkpoint."""
 
     def bytes(self) -> int:
@@ -104,7 +104,7 @@ class TwoLatticeOperator(ABC, Generic[N]):
         """Accelerations (n, 2), m/s^2, from the most recent sum of forces."""
 
     @abstractmethod
-    def spent(self) -> NDArray[np.float64]:
+    def dissipated_energy(self) -> NDArray[np.float64]:
         """Energy density (n,), J/m^3, dissipated so far by the nodes' broken and softened bonds."""
 
     @abstractmethod
@@ -117,17 +117,17 @@ class TwoLatticeOperator(ABC, Generic[N]):
         self.copy_to(state)
         return state
 
-    def place(self, state: State) -> State:
+    def to_own_layout(self, state: State) -> State:
         """The state unchanged: the arrays of the two lattices are the operator's own."""
         return state
 
-    def add(self, state: State, out: NDArray[Any], step: int, dt: float) -> None:
+    def accumulate_force(self, state: State, out: NDArray[Any], step: int, dt: float) -> None:
         """Add force densities (n, 2), N/m^3, to `out`; bonds over their limit break; see `Operator`."""
-        before = self.spent()
+        before = self.dissipated_energy()
         self.set_nodes(state)
         self.engine.sum_forces(step, dt)
         out += self.model.rho[:, None] * self.accelerations()
-        state.dissipated[:] += self.spent() - before
+        state.dissipated[:] += self.dissipated_energy() - before
 
     def stiffness_bound(self) -> NDArray[np.float64]:
         """A bound (n,), N/m^4, from the row sums of the tangent at rest (Gershgorin's discs); see `Operator`."""
@@ -135,13 +135,13 @@ class TwoLatticeOperator(ABC, Generic[N]):
         rows = abs(self.tangent(zero_state(nodes, 2))).sum(axis=1)
         return np.asarray(rows.reshape(nodes, 2).max(axis=1) / 2, dtype=np.float64)
 
-    def keep(self) -> Kept:
+    def checkpoint_arrays(self) -> CheckpointArrays:
         """Arrays of the two lattices for a checkpoint."""
-        return self.engine.keep()
+        return self.engine.checkpoint_arrays()
 
-    def back(self, checkpoint: Kept, broken: Broken) -> None:
+    def restore(self, checkpoint: CheckpointArrays, broken: Broken) -> None:
         """Restore a checkpoint, which contains the broken bonds; see `operator_if_changed` for other nodes."""
-        self.engine.back(checkpoint)
+        self.engine.restore(checkpoint)
 
     def fields(self, state: State) -> dict[str, NDArray[np.float64]]:
         """Empty: the two lattices store no fields besides their displacements."""
@@ -158,15 +158,15 @@ class FusedMarch:
     def __init__(self, operator: TwoLatticeOperator[Any]) -> None:
         self._operator = operator
 
-    def march(self, state: State, first: int, last: int) -> None:
+    def advance(self, state: State, first: int, last: int) -> None:
         """Take the steps `first` to `last` - 1; the state is updated as long as the nodes are those of the operator.
 
         Raises UnstableError.
         """
-        self.march_engine(first, last)
+        self.advance_engine(first, last)
         if self._operator.is_current:
             self._operator.copy_to(state)
 
-    def march_engine(self, first: int, last: int) -> None:
+    def advance_engine(self, first: int, last: int) -> None:
         """Take the steps `first` to `last` - 1, after which the operator has the state. Raises UnstableError."""
-        self._operator.engine.march(first, last)
+        self._operator.engine.advance(first, last)

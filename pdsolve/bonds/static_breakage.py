@@ -86,7 +86,7 @@ class Breakable(NamedTuple):
         self.intact[which] = False
         new = Broken(np.full(len(which), step), self.source[which], self.target[which])
         broken = Broken(*(np.concatenate(both) for both in zip(operator.broken(), new, strict=True)))
-        operator.back(operator.keep(), broken)
+        operator.restore(operator.checkpoint_arrays(), broken)
 
     def restore(self, broken: Broken) -> None:
         """Mark the others intact."""

@@ -58,12 +58,12 @@ class _Listener(event.Listener):
 
     def __init__(self, say: Callable[[str], None]) -> None:
         self._said, self._say, self._depth = False, say, 0
-        self._timer = threading.Timer(PATIENCE, self._tell)
+        self._timer = threading.Timer(PATIENCE, self._report)
 
     def on_start(self, event: Any) -> None:
         self._depth += 1
         if self._depth == 1 and not self._said:
-            self._timer = threading.Timer(PATIENCE, self._tell)
+            self._timer = threading.Timer(PATIENCE, self._report)
             self._timer.daemon = True
             self._timer.start()
 
@@ -72,7 +72,7 @@ class _Listener(event.Listener):
         if self._depth == 0:
             self._timer.cancel()
 
-    def _tell(self) -> None:
+    def _report(self) -> None:
         self._said = True
         self._say("compiling kernels for this processor, once")
 

@@ -24,7 +24,7 @@ from pdmesh.model.timed_selection import MOST_STEPS
 from pdmesh.model.visibility import Sight
 from pdsolve.bonds.assembly import BondSource
 from pdsolve.checkpoint_validation import entry
-from pdsolve.conditions import Drive, held, unbreakable
+from pdsolve.conditions import Drive, constrained_components, unbreakable
 from pdsolve.crack_growth.criteria import AHEAD, Verdict, by_intensity, by_release, by_stress
 from pdsolve.crack_growth.obstacles import ACTED_ON, Obstacles
 from pdsolve.crack_growth.tip_bond_weights import Round
@@ -55,7 +55,7 @@ class Growth:
         """
         self.every, self.rules = every, model.settings.run.particles
         self._model, self._operator, self._no_fail = model, operator, unbreakable(model)
-        self._held = held(drive)
+        self._held = constrained_components(drive)
         self._ground, self._sight = Obstacles(model), Sight(model.grid, model.name)
         self._near = Surroundings(model, operator, filling.area, every is None)
         self.particles = of_segments(model.grid.cracks, self._ground.slack)
@@ -198,7 +198,7 @@ class Growth:
         strain_energy, pulled = operator.energies(state)[0], force_densities(operator, state)
         new_broken = Broken(np.full(len(cut), step), near.source[cut], near.target[cut])
         broken = Broken(*(np.concatenate(both) for both in zip(operator.broken(), new_broken, strict=True)))
-        operator.back(operator.keep(), broken)
+        operator.restore(operator.checkpoint_arrays(), broken)
         near.intact[cut] = False
         self._reweigh(share)
         state.dissipated[:] += strain_energy - operator.energies(state)[0]

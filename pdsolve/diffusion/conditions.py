@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from pdmesh.model.document import Concentration, Exchange, InitialConcentration, Solid, Source
 from pdmesh.model.values_of_place import Value
-from pdsolve.conditions import Drive, Entries, chosen, drive_of, entries, held, hold_values
+from pdsolve.conditions import Drive, Entries, chosen, constrained_components, drive_of, entries, prescribe_values
 from pdsolve.diffusion.edge_fluxes import Cloud, beside_edge, over_cells
 from pdsolve.diffusion.exchange_faces import ON_EDGE, extent_of, outer_faces, ways_to_edge
 from pdsolve.diffusion.families import extended
@@ -169,7 +169,7 @@ def _possible(model: Model, place: str, value: float) -> None:
 def begin(model: Model, drive: Drive) -> tuple[NDArray[np.float64], NDArray[np.uint8]]:
     """Contents (n,) at time 0, mol/m^3, and a mask (n,) of solid nodes. Raises ModelError."""
     content, solid = np.zeros(len(model.grid)), np.zeros(len(model.grid), dtype=np.uint8)
-    medium, free = model.settings.medium, ~held(drive)[:, 0]
+    medium, free = model.settings.medium, ~constrained_components(drive)[:, 0]
     assert medium is not None
     for number, condition in enumerate(model.settings.conditions):
         place = f"$.conditions[{number}]"
@@ -193,5 +193,5 @@ def begin(model: Model, drive: Drive) -> tuple[NDArray[np.float64], NDArray[np.u
                     " one of them"
                 )
             content[rows], solid[rows] = medium.C_solid, 1
-    hold_values(drive, content, 0.0)
+    prescribe_values(drive, content, 0.0)
     return content, solid

@@ -61,7 +61,7 @@ class EulerOnDevice:
         self._acting = [*_entries(drive.loads, nodes, session), *_entries(drive.holds, nodes, session)]
         self._factors = Factors(session, drive.profiles, dt, ((-1, 0.0), (0, 0.0)))
 
-    def march(self, state: State, first: int, last: int) -> None:
+    def advance(self, state: State, first: int, last: int) -> None:
         """Take the steps `first` to `last` - 1. Raises DeviceLostError."""
         if last <= first:
             return

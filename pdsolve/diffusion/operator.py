@@ -15,7 +15,7 @@ from pdsolve.diffusion.lattice import OnLattice
 from pdsolve.diffusion.listed import BondList, ChangedBonds
 from pdsolve.diffusion.walls import Bonds
 from pdsolve.model import ModelError
-from pdsolve.operators.protocol import Kept
+from pdsolve.operators.protocol import CheckpointArrays
 from pdsolve.state import Broken, State, Unknown
 
 if TYPE_CHECKING:
@@ -87,11 +87,11 @@ class Fick:
         part.solid = self.solid[begin:end].copy()
         return part
 
-    def place(self, state: State) -> State:
+    def to_own_layout(self, state: State) -> State:
         """The state unchanged: it already has the layout of this operator."""
         return state
 
-    def add(self, state: State, out: NDArray[Any], step: int, dt: float) -> None:
+    def accumulate_force(self, state: State, out: NDArray[Any], step: int, dt: float) -> None:
         """Add the fluxes into each node to `out` (n, 1), mol/(m^3 s); those from outside are booked as supplied."""
         content = state.value[:, 0]
         potential = self.potential(content)
@@ -173,11 +173,11 @@ class Fick:
         """Empty: bonds do not break."""
         return Broken(*np.zeros((3, 0), dtype=np.int64))
 
-    def keep(self) -> Kept:
+    def checkpoint_arrays(self) -> CheckpointArrays:
         """The solid nodes of a kinetic dissolution, for a checkpoint."""
         return {"solid": self.solid.copy()} if self.kinetic else {}
 
-    def back(self, checkpoint: Kept, broken: Broken) -> None:
+    def restore(self, checkpoint: CheckpointArrays, broken: Broken) -> None:
         """Restore a checkpoint."""
         if self.kinetic:
             self.solid = entry(checkpoint, "solid", self.solid.shape, self.solid.dtype, 0, 1).copy()

@@ -88,13 +88,13 @@ class Swelling:
         state.value[:] = now  # blocks have one place for displacements
         return strain_energy
 
-    def march(self, state: State, first: int, last: int) -> None:
+    def advance(self, state: State, first: int, last: int) -> None:
         """Take the steps `first` to `last` - 1 of both, in place; `state` is that of the motion."""
         step, strain_energy = first, None
         while step < last:
             until = min(last, step + (self.cycle // 2 + 1 - step) % self.cycle)
             if until > step:
-                self.motion.march(state, step, until)
+                self.motion.advance(state, step, until)
                 step, strain_energy = until, None
                 continue
             strain_energy = self._heat(state, step, strain_energy)
@@ -118,7 +118,7 @@ class Swelling:
             change = np.where(self._free, self._T0 * self._alpha / self._capacity * slope_change, 0.0)
             self._h.value[:, 0] += change
             self._h.work[:] += change
-        self._content.march(self._h, (step - 1) // self.cycle + 1, (step - 1) // self.cycle + 2)
+        self._content.advance(self._h, (step - 1) // self.cycle + 1, (step - 1) // self.cycle + 2)
         strain = self._strain()
         state.work[:] += (self._held(state, strain) - strain_energy) / 2
 
@@ -129,9 +129,9 @@ class Swelling:
 
         if isinstance(self.motion, LoadSteps):  # whose bonds break afterwards
             self.motion.swell_bonds(strain, state, loaded)
-            self.motion.march(state, step, step + 1)
+            self.motion.advance(state, step, step + 1)
             return None
-        self.motion.march(state, step, step + 1)
+        self.motion.advance(state, step, step + 1)
         return loaded(state)
 
     def _strain(self) -> NDArray[np.float64]:

@@ -23,7 +23,7 @@ from pdsolve.diffusion.listed import BondList, ChangedBonds
 from pdsolve.diffusion.operator import Exchange, Fick
 from pdsolve.diffusion.walls import Bonds
 from pdsolve.model import Model, ModelError, counted
-from pdsolve.numerics.thread_team import crew
+from pdsolve.numerics.thread_team import useful_threads
 from pdsolve.options import Options
 from pdsolve.state import State
 from pdsolve.steppers.euler import Euler, stable_time_step
@@ -56,7 +56,7 @@ def prepare(model: Model, threads: int | None = None, listed: bool = False) -> t
         raise ModelError(f"{model.name}: {wrong}")
     medium, run = model.settings.medium, model.settings.run
     assert medium is not None
-    threads = threads or crew(len(model.grid))
+    threads = threads or useful_threads(len(model.grid))
     volume = areas(model, "cells")
     done = boundary_conditions(model, volume)
     stored = _stored(model, volume, done.free, threads, listed)

@@ -9,9 +9,9 @@ Layout:
     memory   of a tile, from when the first of its bonds has softened: what each was stretched to at most, and the
              share of its stiffness that is left
 
-Any pair law that is linear until it first softens, and then has a secant (`Pair.held` is None). A slot is looked at
-bond by bond only in steps in which one of its bonds is beyond the least of all peaks. Symbols as in pdsolve.laws.law;
-pdsolve.laws.pair says the same in a few lines and is what this is tested against.
+Any pair law that is linear until it first softens, and then has a secant (`Pair.bond_strain_energy` is None). A slot is
+looked at bond by bond only in steps in which one of its bonds is beyond the least of all peaks. Symbols as in
+pdsolve.laws.law; pdsolve.laws.pair says the same in a few lines and is what this is tested against.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ from pdsolve.lattice.bond import (
     where_weight,
     zeros,
 )
-from pdsolve.laws.calls import added_pull, broken_energy, held, pair_of, secant, spent
+from pdsolve.laws.calls import added_force, bond_strain_energy, broken_energy, dissipated_energy, pair_of, secant
 
 # Tiles: without a node; what their bonds' stiffnesses are made of; and the same of tiles with a memory
 EMPTY, ALIKE, CORRECTED, GENERAL, SOFT_ALIKE, SOFT_CORRECTED, SOFT_GENERAL = range(7)
@@ -64,7 +64,7 @@ class Tiles(NamedTuple):
     cells: NDArray[np.floating]  # (2, m) cell over h^3; half of the modulus over E
     kind: NDArray[np.uint8]  # (t,) EMPTY to SOFT_GENERAL
     node: NDArray[np.int32]  # (16 t,) row of a site's node, or -1
-    held: NDArray[np.bool_]  # (n,) whose bonds must not break
+    unbreakable: NDArray[np.bool_]  # (n,) whose bonds must not break
     material: NDArray[np.uint8]  # (n,)
     peak: NDArray[np.float64]  # (p, k) stretch above which bonds soften; of materials i and j in row i sqrt(p) + j
     limit: NDArray[np.float64]  # (p, k) stretch above which they are gone
@@ -168,7 +168,7 @@ def sum_lanes(tiles, motion, pulls, dissipated, breaks, t, lane):  # type: ignor
         slot, f = _add(tiles, motion.u, t, lane, slot, aged, f)
         if slot == len(tiles.offsets):
             return UNAGED if aged < 0 else AGED, f
-        if motion.step > 0 and not _age_slot(tiles, motion, pulls, dissipated, breaks, t, lane, slot):
+        if motion.step > 0 and not _update_slot(tiles, motion, pulls, dissipated, breaks, t, lane, slot):
             return UNDONE, f
         aged = slot
 
@@ -211,7 +211,7 @@ def _add(tiles, u, t, lane, first, aged, f):  # type: ignore[no-untyped-def]
 
 
 @njit(**INNER)
-def _age_slot(tiles, motion, pulls, dissipated, breaks, t, lane, slot):  # type: ignore[no-untyped-def]
+def _update_slot(tiles, motion, pulls, dissipated, breaks, t, lane, slot):  # type: ignore[no-untyped-def]
     """Take out the bonds of a slot that are over their limit, and book what they have spent; soften those over their
     peak. False if there is no memory for it."""
     row, offset, word, memory = tiles.table[slot], tiles.offsets[slot], tiles.bits[t, slot], np.int64(tiles.memory[t])
@@ -224,14 +224,14 @@ def _age_slot(tiles, motion, pulls, dissipated, breaks, t, lane, slot):  # type:
         place, pair = tiles.margin + site, pair_number(tiles, i, j)
         peak, limit = tiles.peak[pair, slot], tiles.limit[pair, slot]
         stretch, worst = _stretch(row, u, place, offset), tiles.worst[memory, slot, k] if memory >= 0 else 0.0
-        if stretch <= peak or stretch <= worst or tiles.held[i] or tiles.held[j]:
+        if stretch <= peak or stretch <= worst or tiles.unbreakable[i] or tiles.unbreakable[j]:
             continue
         if stretch <= limit and not soften(tiles, t, slot, k, stretch, peak, limit):
             return False
         near, far = (place, place + offset) if motion.by_sites else (np.int64(i), np.int64(j))
         last = _stretch_before(row, u, rate, motion.dt, place, offset, near, far)
         w = stiffness(tiles, row, t, place, offset)
-        pull = added_pull(tiles.law, stretch, last, worst, peak, limit) * (w / (1 + stretch))
+        pull = added_force(tiles.law, stretch, last, worst, peak, limit) * (w / (1 + stretch))
         for axis in range(len(u)):
             pulls[axis, near] += pull * (row[axis] + (u[axis, place + offset] - u[axis, place]))
         if stretch <= limit:
@@ -318,27 +318,27 @@ def stiffness(tiles, row, t, place, offset):  # type: ignore[no-untyped-def]
 
 
 @cached_njit(nogil=True, error_model="numpy")
-def hold_tiles(tiles, u, own_held, own_spent, first, last):  # type: ignore[no-untyped-def]
+def sum_energies_of_tiles(tiles, u, own_strain_energy, own_dissipated, first, last):  # type: ignore[no-untyped-def]
     """Add the energy densities, J/m^3, that the bonds of nodes in the tiles `first` to `last` - 1 hold and that their
     softening has spent, to arrays (n,)."""
     for t in range(first, last):
-        _hold_tile(tiles, u, own_held, own_spent, t, np.uint16(EVERY))
+        _sum_energies_of_tile(tiles, u, own_strain_energy, own_dissipated, t, np.uint16(EVERY))
 
 
 @cached_njit(nogil=True, error_model="numpy")
-def hold_some(tiles, u, own_held, own_spent, site_mask):  # type: ignore[no-untyped-def]
-    """`hold_tiles` of the nodes at `site_mask` sites (16 t,) alone."""
+def sum_some_energies(tiles, u, own_strain_energy, own_dissipated, site_mask):  # type: ignore[no-untyped-def]
+    """`sum_energies_of_tiles` of the nodes at `site_mask` sites (16 t,) alone."""
     for t in range(len(tiles.kind)):
         lanes = np.uint16(0)
         for k in range(ROW):
             if site_mask[t * ROW + k]:
                 lanes |= np.uint16(1) << np.uint16(k)
         if lanes != 0:
-            _hold_tile(tiles, u, own_held, own_spent, t, lanes)
+            _sum_energies_of_tile(tiles, u, own_strain_energy, own_dissipated, t, lanes)
 
 
 @njit(**INNER)
-def _hold_tile(tiles, u, own_held, own_spent, t, lanes):  # type: ignore[no-untyped-def]
+def _sum_energies_of_tile(tiles, u, own_strain_energy, own_dissipated, t, lanes):  # type: ignore[no-untyped-def]
     """Add the energy densities that the bonds of some lanes of a tile hold and have spent."""
     row = tiles.memory[t]
     for slot in range(len(tiles.offsets)):
@@ -351,9 +351,11 @@ def _hold_tile(tiles, u, own_held, own_spent, t, lanes):  # type: ignore[no-unty
                 pair, worst = pair_number(tiles, i, j), tiles.worst[row, slot, k] if row >= 0 else 0.0
                 peak, limit = tiles.peak[pair, slot], tiles.limit[pair, slot]
                 c = stiffness(tiles, field, t, place, offset) / field[where_inverse(len(u))] / 4
-                own_held[i] += held(tiles.law, c, _stretch(field, u, place, offset), worst, peak, limit)
+                own_strain_energy[i] += bond_strain_energy(
+                    tiles.law, c, _stretch(field, u, place, offset), worst, peak, limit
+                )
                 if worst > 0:
-                    own_spent[i] += spent(tiles.law, c, worst, peak, limit)
+                    own_dissipated[i] += dissipated_energy(tiles.law, c, worst, peak, limit)
 
 
 @cached_njit(error_model="numpy")

@@ -79,10 +79,10 @@ def shapes(bonds: AnyList, intact_bonds: Left, nodes: int) -> NDArray[np.float64
 class Tabled(NamedTuple):
     """Data of b bonds for the block kernels."""
 
-    columns: tuple[NDArray[np.floating], ...]  # (b,) each, those of `numbers` and what `nears` wants more
+    columns: tuple[NDArray[np.floating], ...]  # (b,) each, those of `numbers` and what `margin` wants more
     alike: tuple[int, ...]  # columns of one number here are quantities of one kind: bonds have each other's
     nodal_count: int  # how many `nodal_numbers` a node has
-    watched: bool  # whether `nears` has to be looked at
+    watched: bool  # whether `margin` has to be looked at
 
 
 class Now(NamedTuple):

@@ -25,8 +25,8 @@ from pdsolve.laws import correspondence
 from pdsolve.laws.bond_arrays import AnyList, left
 from pdsolve.laws.correspondence import ENERGY, STRESS, STRETCH
 from pdsolve.laws.largest_principal_stress import principal
-from pdsolve.laws.law import INLINE, Again, Failure, Law, Passes
-from pdsolve.laws.materials.solid import SolidColumns, holds, respond
+from pdsolve.laws.law import INLINE, Failure, IntermediatePass, Law, Passes
+from pdsolve.laws.materials.solid import SolidColumns, energies, respond
 from pdsolve.model import Model
 
 STIFFENS = 1.8  # largest eigenvalue of torn families over that of the start
@@ -58,9 +58,9 @@ def columns(model: Model, bonds: Bonds) -> Columns:
     return Columns(total=total, **shared)
 
 
-def mend(law: Columns, bonds: AnyList, rows: NDArray[np.int64]) -> None:
+def update_after_breakage(law: Columns, bonds: AnyList, rows: NDArray[np.int64]) -> None:
     """Recompute K^-1 and w of these nodes (k,) from the intact bonds; nodes of torn, stiffer families have no K^-1."""
-    correspondence.mend(law, bonds, rows)  # type: ignore[arg-type]
+    correspondence.update_after_breakage(law, bonds, rows)  # type: ignore[arg-type]
     law.inverse[rows[law.share[rows] < 1]] = 0
     intact_bonds = left(bonds, law.weight, law.broken, rows)
     initial_total = np.bincount(intact_bonds.own, law.weight[intact_bonds.which], minlength=len(rows))
@@ -84,7 +84,7 @@ def fields(law: Columns, value: NDArray[np.floating], m: NDArray[np.floating]) -
     return correspondence.shown(law.d, law.solid, m, law.d * law.d)
 
 
-def gather(law, bond, now, i, j, k, m):  # type: ignore[no-untyped-def]
+def first_pass(law, bond, now, i, j, k, m):  # type: ignore[no-untyped-def]
     if law.broken[k] == 0:
         d = len(bond.xi)
         for a in range(d):
@@ -92,7 +92,7 @@ def gather(law, bond, now, i, j, k, m):  # type: ignore[no-untyped-def]
                 m[i, d * a + b] += law.weight[k] * bond.eta[a] * bond.xi[b]
 
 
-def close(law, i, m):  # type: ignore[no-untyped-def]
+def finish_pass(law, i, m):  # type: ignore[no-untyped-def]
     d = law.d
     for a in range(d):
         for b in range(d):
@@ -103,7 +103,7 @@ def close(law, i, m):  # type: ignore[no-untyped-def]
     correspondence.answer(law, i, m, d * d)
 
 
-def gather_again(law, bond, now, i, j, k, m, more):  # type: ignore[no-untyped-def]
+def intermediate_pass(law, bond, now, i, j, k, m, more):  # type: ignore[no-untyped-def]
     if law.broken[k] != 0 or law.inverse[i, 0] == 0:
         return
     d, share = len(bond.xi), _share(law, i, j)
@@ -116,7 +116,7 @@ def gather_again(law, bond, now, i, j, k, m, more):  # type: ignore[no-untyped-d
             more[i, d * a + b] += law.weight[k] * share * (P[3 * a + b] - along * bond.xi[b])
 
 
-def close_again(law, i, m, more):  # type: ignore[no-untyped-def]
+def finish_intermediate_pass(law, i, m, more):  # type: ignore[no-untyped-def]
     d = law.d
     for a in range(d):
         for b in range(d):
@@ -193,15 +193,15 @@ def _component(law, bond, P, m, i, j, k, a):  # type: ignore[no-untyped-def]
     return law.weight[k] * f
 
 
-def pull(law, bond, now, m, i, j, k, f):  # type: ignore[no-untyped-def]
+def accumulate_bond_force(law, bond, now, m, i, j, k, f):  # type: ignore[no-untyped-def]
     if law.broken[k] == 0:
         P = _stress(law, bond, m, i, j)
         for a in range(len(bond.xi)):
             f[a] += _component(law, bond, P, m, i, j, k, a)
 
 
-def alert(law, i, m):  # type: ignore[no-untyped-def]
-    return correspondence.may_fail(law, i, m, 2 * law.d * law.d)
+def may_fail(law, i, m):  # type: ignore[no-untyped-def]
+    return correspondence.may_fail_at(law, i, m, 2 * law.d * law.d)
 
 
 def fails(law, bond, now, m, i, j, k):  # type: ignore[no-untyped-def]
@@ -222,20 +222,20 @@ def fails(law, bond, now, m, i, j, k):  # type: ignore[no-untyped-def]
 def energy(law, bond, now, m, i, j, k):  # type: ignore[no-untyped-def]
     if law.broken[k] != 0 or (law.inverse[i, 0] == 0 and law.inverse[j, 0] == 0):
         return 0.0, 0.0
-    node_energy = holds(law.solid, i, _gradient(law, bond, m, i, j), m[i, 0] * 0)[0]
+    node_energy = energies(law.solid, i, _gradient(law, bond, m, i, j), m[i, 0] * 0)[0]
     return law.weight[k] / law.total[i] * node_energy, 0.0
 
 
 LAW = Law(
     Columns=Columns,
     columns=columns,
-    passes=Passes(pull, gather, close),
+    passes=Passes(accumulate_bond_force, first_pass, finish_pass),
     energy=energy,
     width=rows,
     scale=correspondence.scale,
-    failure=Failure(alert, fails),
-    again=Again(gather_again, close_again),
-    mend=mend,
+    failure=Failure(may_fail, fails),
+    again=IntermediatePass(intermediate_pass, finish_intermediate_pass),
+    update_after_breakage=update_after_breakage,
     torn_stiffness=torn_stiffness,
     fields=fields,
 )

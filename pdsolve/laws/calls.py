@@ -12,12 +12,12 @@ from numba.extending import overload, register_jitable
 from numpy.typing import NDArray
 
 from pdsolve.laws.bond_arrays import INLINE, INNER, AnyList, Bond, Now
-from pdsolve.laws.law import Again, Failure, Function, Law, NodeMemory, Pair, Passes, Softening
+from pdsolve.laws.law import Failure, Function, IntermediatePass, Law, NodeHistory, Pair, Passes, Softening
 
 
-def gather(law: Any, bond: Bond, now: Now, i: int, j: int, k: int, m: NDArray[Any]) -> None:
+def first_pass(law: Any, bond: Bond, now: Now, i: int, j: int, k: int, m: NDArray[Any]) -> None:
     """Add the contribution of bond k to the family sums m[i] of node i."""
-    _bound[type(law)]["gather"](law, bond, now, i, j, k, m)
+    _bound[type(law)]["first_pass"](law, bond, now, i, j, k, m)
 
 
 def numbers(law: Any, i: Any, j: Any, k: Any) -> tuple[Any, ...]:
@@ -25,9 +25,9 @@ def numbers(law: Any, i: Any, j: Any, k: Any) -> tuple[Any, ...]:
     return tuple(_bound[type(law)]["numbers"](law, i, j, k))
 
 
-def nothing(law: Any, xi: tuple[Any, ...], none: Any) -> tuple[Any, ...]:
+def initial_sums(law: Any, xi: tuple[Any, ...], none: Any) -> tuple[Any, ...]:
     """Initial sums; `none` is the zero they consist of."""
-    return tuple(_bound[type(law)]["nothing"](law, xi, none))
+    return tuple(_bound[type(law)]["initial_sums"](law, xi, none))
 
 
 def accumulate(law: Any, bond: Bond, c: tuple[Any, ...], sums: tuple[Any, ...]) -> tuple[Any, ...]:
@@ -47,33 +47,35 @@ def bond_force(
     return tuple(_bound[type(law)]["bond_force"](law, bond, c, node_numbers, neighbour_numbers))
 
 
-def finish(law: Any, sums: tuple[Any, ...], node_constants: tuple[Any, ...]) -> tuple[Any, ...]:
+def finish_sums(law: Any, sums: tuple[Any, ...], node_constants: tuple[Any, ...]) -> tuple[Any, ...]:
     """Nodal numbers between the passes, from the sums."""
-    return tuple(_bound[type(law)]["finish"](law, sums, node_constants))
+    return tuple(_bound[type(law)]["finish_sums"](law, sums, node_constants))
 
 
-def nears(
+def margin(
     law: Any, bond: Bond, c: tuple[Any, ...], node_numbers: tuple[Any, ...], neighbour_numbers: tuple[Any, ...]
 ) -> tuple[Any, Any]:
     """A quantity of a bond and its limit, for failure."""
-    failure_measure, limit = _bound[type(law)]["nears"](law, bond, c, node_numbers, neighbour_numbers)
+    failure_measure, limit = _bound[type(law)]["margin"](law, bond, c, node_numbers, neighbour_numbers)
     return failure_measure, limit
 
 
-def close(law: Any, i: int, m: NDArray[Any]) -> None:
+def finish_pass(law: Any, i: int, m: NDArray[Any]) -> None:
     """Convert the sums m[i] to the numbers of the second pass."""
-    _bound[type(law)]["close"](law, i, m)
+    _bound[type(law)]["finish_pass"](law, i, m)
 
 
-def age(law: Any, bond: Bond, now: Now, m: NDArray[Any], i: int, j: int, k: int, f: NDArray[Any]) -> float:
+def update_bond(law: Any, bond: Bond, now: Now, m: NDArray[Any], i: int, j: int, k: int, f: NDArray[Any]) -> float:
     """Update the history of bond k, and add to f (w,) the force density, N/m^3, with which it breaks; returns the
     energy dissipated at node i, J/m^3."""
-    return float(_bound[type(law)]["age"](law, bond, now, m, i, j, k, f))
+    return float(_bound[type(law)]["update_bond"](law, bond, now, m, i, j, k, f))
 
 
-def pull(law: Any, bond: Bond, now: Now, m: NDArray[Any], i: int, j: int, k: int, f: NDArray[Any]) -> None:
+def accumulate_bond_force(
+    law: Any, bond: Bond, now: Now, m: NDArray[Any], i: int, j: int, k: int, f: NDArray[Any]
+) -> None:
     """Add the force density of bond k on node i to f (w,), N/m^3."""
-    _bound[type(law)]["pull"](law, bond, now, m, i, j, k, f)
+    _bound[type(law)]["accumulate_bond_force"](law, bond, now, m, i, j, k, f)
 
 
 def energy(law: Any, bond: Bond, now: Now, m: NDArray[Any], i: int, j: int, k: int) -> tuple[float, float]:
@@ -82,19 +84,21 @@ def energy(law: Any, bond: Bond, now: Now, m: NDArray[Any], i: int, j: int, k: i
     return strain_energy, dissipated
 
 
-def gather_again(law: Any, bond: Bond, now: Now, i: int, j: int, k: int, m: NDArray[Any], more: NDArray[Any]) -> None:
+def intermediate_pass(
+    law: Any, bond: Bond, now: Now, i: int, j: int, k: int, m: NDArray[Any], more: NDArray[Any]
+) -> None:
     """Add to more[i] the contribution of bond k after the first pass of both its nodes."""
-    _bound[type(law)]["gather_again"](law, bond, now, i, j, k, m, more)
+    _bound[type(law)]["intermediate_pass"](law, bond, now, i, j, k, m, more)
 
 
-def close_again(law: Any, i: int, m: NDArray[Any], more: NDArray[Any]) -> None:
+def finish_intermediate_pass(law: Any, i: int, m: NDArray[Any], more: NDArray[Any]) -> None:
     """Convert m[i] and more[i] to the numbers of the last pass, in m[i]."""
-    _bound[type(law)]["close_again"](law, i, m, more)
+    _bound[type(law)]["finish_intermediate_pass"](law, i, m, more)
 
 
-def alert(law: Any, i: int, m: NDArray[Any]) -> bool:
+def may_fail(law: Any, i: int, m: NDArray[Any]) -> bool:
     """Whether a bond of node i may fail."""
-    return bool(_bound[type(law)]["alert"](law, i, m))
+    return bool(_bound[type(law)]["may_fail"](law, i, m))
 
 
 def fails(law: Any, bond: Bond, now: Now, m: NDArray[Any], i: int, j: int, k: int) -> bool:
@@ -102,19 +106,19 @@ def fails(law: Any, bond: Bond, now: Now, m: NDArray[Any], i: int, j: int, k: in
     return bool(_bound[type(law)]["fails"](law, bond, now, m, i, j, k))
 
 
-def threshold(law: Any, bond: Bond, now: Now, m: NDArray[Any], i: int, j: int, k: int) -> float:
+def failure_stretch(law: Any, bond: Bond, now: Now, m: NDArray[Any], i: int, j: int, k: int) -> float:
     """The stretch at which bond k, which fails now, would have failed if all stretches were scaled; -1 if unknown."""
-    return float(_bound[type(law)]["threshold"](law, bond, now, m, i, j, k))
+    return float(_bound[type(law)]["failure_stretch"](law, bond, now, m, i, j, k))
 
 
-def remember(law: Any, bonds: AnyList, now: Now, i: int, m: NDArray[Any]) -> None:
+def update_history(law: Any, bonds: AnyList, now: Now, i: int, m: NDArray[Any]) -> None:
     """Update the history of node i and its bonds."""
-    _bound[type(law)]["remember"](law, bonds, now, i, m)
+    _bound[type(law)]["update_history"](law, bonds, now, i, m)
 
 
-def hold(law: Any, i: int, m: NDArray[Any]) -> tuple[float, float]:
+def nodal_energy(law: Any, i: int, m: NDArray[Any]) -> tuple[float, float]:
     """Energy densities of node i itself, J/m^3: stored, and dissipated so far."""
-    strain_energy, dissipated = _bound[type(law)]["hold"](law, i, m)
+    strain_energy, dissipated = _bound[type(law)]["nodal_energy"](law, i, m)
     return strain_energy, dissipated
 
 
@@ -123,37 +127,37 @@ def secant(law: Any, stretch: Any, worst: Any, peak: Any, limit: Any) -> Any:
     return _bound[type(law)]["secant"](law, stretch, worst, peak, limit)
 
 
-def held(law: Any, c: Any, stretch: Any, worst: Any, peak: Any, limit: Any) -> Any:
+def bond_strain_energy(law: Any, c: Any, stretch: Any, worst: Any, peak: Any, limit: Any) -> Any:
     """Stored energy of a bond, J/m^3."""
-    return _bound[type(law)]["held"](law, c, stretch, worst, peak, limit)
+    return _bound[type(law)]["bond_strain_energy"](law, c, stretch, worst, peak, limit)
 
 
-def spent(law: Any, c: Any, worst: Any, peak: Any, limit: Any) -> Any:
+def dissipated_energy(law: Any, c: Any, worst: Any, peak: Any, limit: Any) -> Any:
     """Energy dissipated by softening of a bond that was stretched to `worst`, J/m^3."""
-    return _bound[type(law)]["spent"](law, c, worst, peak, limit)
+    return _bound[type(law)]["dissipated_energy"](law, c, worst, peak, limit)
 
 
-def total(law: Any, c: Any, peak: Any, limit: Any) -> Any:
+def total_dissipated_energy(law: Any, c: Any, peak: Any, limit: Any) -> Any:
     """Energy dissipated by a fully softened bond, J/m^3."""
-    return _bound[type(law)]["total"](law, c, peak, limit)
+    return _bound[type(law)]["total_dissipated_energy"](law, c, peak, limit)
 
 
-def slope(law: Any, worst: Any, peak: Any, limit: Any) -> Any:
+def softening_slope(law: Any, worst: Any, peak: Any, limit: Any) -> Any:
     """Slope of a bond's force over its stiffness while `worst` grows with its stretch."""
-    return _bound[type(law)]["slope"](law, worst, peak, limit)
+    return _bound[type(law)]["softening_slope"](law, worst, peak, limit)
 
 
-def released(law: Any, c: Any, stretch: Any, before: Any, peak: Any, limit: Any) -> Any:
+def dissipated_at_break(law: Any, c: Any, stretch: Any, before: Any, peak: Any, limit: Any) -> Any:
     """Total energy dissipated by a bond that is gone at a stretch and last pulled at `before`, J/m^3."""
-    return _bound[type(law)]["released"](law, c, stretch, before, peak, limit)
+    return _bound[type(law)]["dissipated_at_break"](law, c, stretch, before, peak, limit)
 
 
-def tension(law: Any, stretch: Any, worst: Any, peak: Any, limit: Any) -> Any:
+def force_over_stiffness(law: Any, stretch: Any, worst: Any, peak: Any, limit: Any) -> Any:
     """Force of a bond over its stiffness."""
-    return _bound[type(law)]["tension"](law, stretch, worst, peak, limit)
+    return _bound[type(law)]["force_over_stiffness"](law, stretch, worst, peak, limit)
 
 
-def matching_pull(law: Any, stretch: Any, before: Any, worst: Any, peak: Any, limit: Any) -> Any:
+def matching_force(law: Any, stretch: Any, before: Any, worst: Any, peak: Any, limit: Any) -> Any:
     """Force over stiffness that a bond adds to the step in which it softens or breaks: dW / ds - (f_n + f_(n+1)) / 2.
 
     dW is the area below the law's curve, over stiffness, from the stretch `before` one step ago to the stretch of now
@@ -163,65 +167,65 @@ def matching_pull(law: Any, stretch: Any, before: Any, worst: Any, peak: Any, li
     peak stands for a larger `before`. The force is 0 for a bond that was over its limit one step ago already, or has
     not grown.
     """
-    return _bound[type(law)]["matching_pull"](law, stretch, before, worst, peak, limit)
+    return _bound[type(law)]["matching_force"](law, stretch, before, worst, peak, limit)
 
 
 @register_jitable(**INNER)
-def added_pull(law, stretch, before, worst, peak, limit):  # type: ignore[no-untyped-def]
+def added_force(law, stretch, before, worst, peak, limit):  # type: ignore[no-untyped-def]
     """Force over stiffness that a bond adds as it softens or breaks at a stretch, the largest it has had.
 
     It is 0 for laws whose work is not matched.
     """
     if law.matches_work:  # in double precision, as small differences of energies are divided by small growths
-        return matching_pull(law, 1.0 * stretch, 1.0 * before, 1.0 * worst, 1.0 * peak, 1.0 * limit)
+        return matching_force(law, 1.0 * stretch, 1.0 * before, 1.0 * worst, 1.0 * peak, 1.0 * limit)
     return 0.0
 
 
 @register_jitable(**INNER)
 def broken_energy(law, c, stretch, before, peak, limit):  # type: ignore[no-untyped-def]
-    """Energy dissipated by a bond that breaks at a stretch, J/m^3, with its `added_pull`."""
+    """Energy dissipated by a bond that breaks at a stretch, J/m^3, with its `added_force`."""
     if law.matches_work and before < limit:
-        return total(law, c, peak, limit)
-    return released(law, c, stretch, before, peak, limit)
+        return total_dissipated_energy(law, c, peak, limit)
+    return dissipated_at_break(law, c, stretch, before, peak, limit)
 
 
-def _gather_nothing(law, bond, now, i, j, k, m):  # type: ignore[no-untyped-def]
+def _no_first_pass(law, bond, now, i, j, k, m):  # type: ignore[no-untyped-def]
     pass
 
 
-def _close_nothing(law, i, m):  # type: ignore[no-untyped-def]
+def _finish_nothing(law, i, m):  # type: ignore[no-untyped-def]
     pass
 
 
-def _remember_nothing(law, bond, now, m, i, j, k, f):  # type: ignore[no-untyped-def]
+def _update_no_bond(law, bond, now, m, i, j, k, f):  # type: ignore[no-untyped-def]
     return 0.0
 
 
-def _gather_nothing_again(law, bond, now, i, j, k, m, more):  # type: ignore[no-untyped-def]
+def _no_intermediate_pass(law, bond, now, i, j, k, m, more):  # type: ignore[no-untyped-def]
     pass
 
 
-def _close_nothing_again(law, i, m, more):  # type: ignore[no-untyped-def]
+def _finish_no_intermediate_pass(law, i, m, more):  # type: ignore[no-untyped-def]
     pass
 
 
-def _never_alert(law, i, m):  # type: ignore[no-untyped-def]
+def _no_bond_may_fail(law, i, m):  # type: ignore[no-untyped-def]
     return False
 
 
-def _fail_never(law, bond, now, m, i, j, k):  # type: ignore[no-untyped-def]
+def _never_fails(law, bond, now, m, i, j, k):  # type: ignore[no-untyped-def]
     return False
 
 
-def _no_threshold(law, bond, now, m, i, j, k):  # type: ignore[no-untyped-def]
+def _no_failure_stretch(law, bond, now, m, i, j, k):  # type: ignore[no-untyped-def]
     return -1.0
 
 
-def _remember_no_node(law, bonds, now, i, m):  # type: ignore[no-untyped-def]
+def _update_no_history(law, bonds, now, i, m):  # type: ignore[no-untyped-def]
     pass
 
 
-def _hold_nothing(law, i, m):  # type: ignore[no-untyped-def]
+def _no_nodal_energy(law, i, m):  # type: ignore[no-untyped-def]
     return 0.0, 0.0
 
 
@@ -256,42 +260,56 @@ def bind(law: Law) -> None:
 def functions_of(law: Law) -> dict[str, Function]:
     """The functions of a law by the names of this file, with defaults for those it does not have."""
     passes = law.passes
-    functions: dict[str, Function] = {"energy": law.energy, "age": law.age or _remember_nothing}
+    functions: dict[str, Function] = {"energy": law.energy, "update_bond": law.update_bond or _update_no_bond}
     if isinstance(passes, Passes):
-        functions |= {"pull": passes.pull, "gather": passes.gather or _gather_nothing}
-        functions["close"] = passes.close or _close_nothing
+        functions |= {
+            "accumulate_bond_force": passes.accumulate_bond_force,
+            "first_pass": passes.first_pass or _no_first_pass,
+        }
+        functions["finish_pass"] = passes.finish_pass or _finish_nothing
     else:
-        functions |= vars(passes) | {"pull": _pull_by_numbers, "gather": _gather_nothing}
-    again = law.again or Again(_gather_nothing_again, _close_nothing_again)
-    functions |= {"gather_again": again.gather, "close_again": again.close}
-    failure = law.failure or Failure(_never_alert, _fail_never)
-    functions |= vars(failure) | {"threshold": failure.threshold or _no_threshold}
-    functions |= vars(law.nodes or NodeMemory((), _remember_no_node, _hold_nothing))
+        functions |= vars(passes) | {"accumulate_bond_force": _accumulate_by_numbers, "first_pass": _no_first_pass}
+    again = law.again or IntermediatePass(_no_intermediate_pass, _finish_no_intermediate_pass)
+    functions |= {
+        "intermediate_pass": again.intermediate_pass,
+        "finish_intermediate_pass": again.finish_intermediate_pass,
+    }
+    failure = law.failure or Failure(_no_bond_may_fail, _never_fails)
+    functions |= vars(failure) | {"failure_stretch": failure.failure_stretch or _no_failure_stretch}
+    functions |= vars(law.nodes or NodeHistory((), _update_no_history, _no_nodal_energy))
     curve = law.pair or law.curve
     if curve is not None:
         functions |= _of_pair(curve)
     if law.lanes is not None:
-        functions |= {"finish": law.lanes.finish, "nears": law.lanes.nears}
+        functions |= {"finish_sums": law.lanes.finish_sums, "margin": law.lanes.margin}
     return functions
 
 
 def _of_pair(pair: Pair) -> dict[str, Function]:
     """The functions of a pair law."""
     softens = pair.softening is not None
-    by_secant = _held_by_secant_of_tension if pair.elastic_in_compression else _held_by_secant
-    straight = by_secant if softens else _held_by_line
-    functions: dict[str, Function] = {"secant": pair.secant or _one, "held": pair.held or straight}
-    functions |= vars(pair.softening or Softening(_spend_nothing, _held_at_limit, _never_soften))
-    line = _tension_if_stretched if pair.elastic_in_compression else _tension_by_secant
-    functions |= {"matching_pull": _match_work, "tension": line if pair.held is None else _tension_of_curve}
+    by_secant = _energy_by_secant_of_tension if pair.elastic_in_compression else _energy_by_secant
+    straight = by_secant if softens else _energy_by_line
+    functions: dict[str, Function] = {
+        "secant": pair.secant or _one,
+        "bond_strain_energy": pair.bond_strain_energy or straight,
+    }
+    functions |= vars(pair.softening or Softening(_dissipate_nothing, _energy_at_limit, _slope_without_softening))
+    line = _force_if_stretched if pair.elastic_in_compression else _force_by_secant
+    functions |= {
+        "matching_force": _match_work,
+        "force_over_stiffness": line if pair.bond_strain_energy is None else _force_of_curve,
+    }
     if softens:
-        functions["released"] = _released_softly
+        functions["dissipated_at_break"] = _dissipated_softly
     else:
-        functions["released"] = _released_by_line if pair.held is None else _released_at_once
+        functions["dissipated_at_break"] = (
+            _dissipated_by_line if pair.bond_strain_energy is None else _dissipated_at_once
+        )
     return functions
 
 
-def _pull_by_numbers(law, bond, now, m, i, j, k, f):  # type: ignore[no-untyped-def]
+def _accumulate_by_numbers(law, bond, now, m, i, j, k, f):  # type: ignore[no-untyped-def]
     node_numbers, neighbour_numbers = nodal_numbers(law, bond.xi, m, i), nodal_numbers(law, bond.xi, m, j)
     force = bond_force(law, bond, numbers(law, i, j, k), node_numbers, neighbour_numbers)
     for a in range(len(force)):
@@ -302,64 +320,64 @@ def _one(law, stretch, worst, peak, limit):  # type: ignore[no-untyped-def]
     return 1.0
 
 
-def _held_by_line(law, c, stretch, worst, peak, limit):  # type: ignore[no-untyped-def]
+def _energy_by_line(law, c, stretch, worst, peak, limit):  # type: ignore[no-untyped-def]
     return c * stretch * stretch
 
 
-def _held_by_secant(law, c, stretch, worst, peak, limit):  # type: ignore[no-untyped-def]
+def _energy_by_secant(law, c, stretch, worst, peak, limit):  # type: ignore[no-untyped-def]
     if worst > 0:
         c *= secant(law, stretch, worst, peak, limit)
     return c * stretch * stretch
 
 
-def _held_by_secant_of_tension(law, c, stretch, worst, peak, limit):  # type: ignore[no-untyped-def]
+def _energy_by_secant_of_tension(law, c, stretch, worst, peak, limit):  # type: ignore[no-untyped-def]
     if worst > 0 and stretch > 0:
         c *= secant(law, stretch, worst, peak, limit)
     return c * stretch * stretch
 
 
-def _spend_nothing(law, c, worst, peak, limit):  # type: ignore[no-untyped-def]
+def _dissipate_nothing(law, c, worst, peak, limit):  # type: ignore[no-untyped-def]
     return 0.0
 
 
-def _held_at_limit(law, c, peak, limit):  # type: ignore[no-untyped-def]
-    return held(law, c, limit, 0.0, peak, limit)
+def _energy_at_limit(law, c, peak, limit):  # type: ignore[no-untyped-def]
+    return bond_strain_energy(law, c, limit, 0.0, peak, limit)
 
 
-def _never_soften(law, worst, peak, limit):  # type: ignore[no-untyped-def]
+def _slope_without_softening(law, worst, peak, limit):  # type: ignore[no-untyped-def]
     return 1.0
 
 
-def _released_by_line(law, c, stretch, before, peak, limit):  # type: ignore[no-untyped-def]
+def _dissipated_by_line(law, c, stretch, before, peak, limit):  # type: ignore[no-untyped-def]
     return c * (stretch * before)
 
 
-def _released_at_once(law, c, stretch, before, peak, limit):  # type: ignore[no-untyped-def]
+def _dissipated_at_once(law, c, stretch, before, peak, limit):  # type: ignore[no-untyped-def]
     pulled = before * secant(law, before, 0.0, peak, limit)  # for half a step more
-    return held(law, c, before, 0.0, peak, limit) + c * pulled * (stretch - before)
+    return bond_strain_energy(law, c, before, 0.0, peak, limit) + c * pulled * (stretch - before)
 
 
-def _released_softly(law, c, stretch, before, peak, limit):  # type: ignore[no-untyped-def]
+def _dissipated_softly(law, c, stretch, before, peak, limit):  # type: ignore[no-untyped-def]
     if peak < limit:
-        return total(law, c, peak, limit)
+        return total_dissipated_energy(law, c, peak, limit)
     return c * (stretch * before)
 
 
-def _tension_by_secant(law, stretch, worst, peak, limit):  # type: ignore[no-untyped-def]
+def _force_by_secant(law, stretch, worst, peak, limit):  # type: ignore[no-untyped-def]
     force = stretch
     if worst > 0:
         force *= secant(law, stretch, worst, peak, limit)
     return force
 
 
-def _tension_if_stretched(law, stretch, worst, peak, limit):  # type: ignore[no-untyped-def]
+def _force_if_stretched(law, stretch, worst, peak, limit):  # type: ignore[no-untyped-def]
     force = stretch
     if worst > 0 and stretch > 0:
         force *= secant(law, stretch, worst, peak, limit)
     return force
 
 
-def _tension_of_curve(law, stretch, worst, peak, limit):  # type: ignore[no-untyped-def]
+def _force_of_curve(law, stretch, worst, peak, limit):  # type: ignore[no-untyped-def]
     return stretch * secant(law, stretch, worst, peak, limit)
 
 
@@ -371,22 +389,25 @@ def _match_work(law, stretch, before, worst, peak, limit):  # type: ignore[no-un
         softened = worst
     if before > softened:  # motion brought the bond no further: more is round-off or was given
         before = softened
-    work = total(law, 0.5, peak, limit)
-    force = tension(law, before, worst, peak, limit)
+    work = total_dissipated_energy(law, 0.5, peak, limit)
+    force = force_over_stiffness(law, before, worst, peak, limit)
     if stretch <= limit:
-        force += tension(law, stretch, stretch, peak, limit)
-        work = held(law, 0.5, stretch, stretch, peak, limit) + spent(law, 0.5, stretch, peak, limit)
-    work -= held(law, 0.5, before, worst, peak, limit)
+        force += force_over_stiffness(law, stretch, stretch, peak, limit)
+        work = bond_strain_energy(law, 0.5, stretch, stretch, peak, limit) + dissipated_energy(
+            law, 0.5, stretch, peak, limit
+        )
+    work -= bond_strain_energy(law, 0.5, before, worst, peak, limit)
     if worst > 0:
-        work -= spent(law, 0.5, worst, peak, limit)
+        work -= dissipated_energy(law, 0.5, worst, peak, limit)
     return work / (stretch - before) - force / 2
 
 
 _DISPATCHED = (  # each by the type of the law, with options of compilation
-    (INLINE, (gather, pull, gather_again, fails, secant, numbers, nothing, accumulate, nodal_numbers, bond_force)),
-    (INLINE, (finish, nears)),
-    (INNER, (close, age, energy, close_again, alert, remember, hold, held, spent, total, slope, released)),
-    (INNER, (tension, matching_pull, threshold)),
+    (INLINE, (first_pass, accumulate_bond_force, intermediate_pass, fails, secant, numbers, initial_sums, accumulate)),
+    (INLINE, (nodal_numbers, bond_force, finish_sums, margin)),
+    (INNER, (finish_pass, update_bond, energy, finish_intermediate_pass, may_fail, update_history, nodal_energy)),
+    (INNER, (bond_strain_energy, dissipated_energy, total_dissipated_energy, softening_slope, dissipated_at_break)),
+    (INNER, (force_over_stiffness, matching_force, failure_stretch)),
 )
 
 

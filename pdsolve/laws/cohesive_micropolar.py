@@ -26,7 +26,7 @@ from numpy.typing import NDArray
 
 from pdmesh.model.lattice_calibration import sheared
 from pdsolve.bonds.assembly import Bonds
-from pdsolve.laws.calls import released, secant, spent
+from pdsolve.laws.calls import dissipated_at_break, dissipated_energy, secant
 from pdsolve.laws.law import INLINE, Law, Passes
 from pdsolve.laws.micropolar import fields, unknowns
 from pdsolve.laws.pair_laws import cohesive
@@ -99,20 +99,20 @@ def _strains(law, bond, now, i, j):  # type: ignore[no-untyped-def]
     return x, y, s, (x * bond.eta[1] - y * bond.eta[0]) / bond.length - turned
 
 
-def age(law, bond, now, m, i, j, k, f):  # type: ignore[no-untyped-def]
+def update_bond(law, bond, now, m, i, j, k, f):  # type: ignore[no-untyped-def]
     if law.broken[k] != 0:
         return 0.0
     _, _, s, gamma = _strains(law, bond, now, i, j)
     drive = np.sqrt(max(s, 0.0) ** 2 + law.ratio[k] * gamma * gamma)
     if drive > law.limit[k]:
         law.broken[k] = now.step
-        return released(law, law.stiffness[k] * bond.length / 4, drive, drive, law.peak[k], law.limit[k])
+        return dissipated_at_break(law, law.stiffness[k] * bond.length / 4, drive, drive, law.peak[k], law.limit[k])
     if drive > law.peak[k] and drive > law.worst[k]:
         law.worst[k] = drive
     return 0.0
 
 
-def pull(law, bond, now, m, i, j, k, f):  # type: ignore[no-untyped-def]
+def accumulate_bond_force(law, bond, now, m, i, j, k, f):  # type: ignore[no-untyped-def]
     if law.broken[k] == 0:
         x, y, s, gamma = _strains(law, bond, now, i, j)
         n, q = law.stiffness[k] * s, law.stiffness[k] * law.ratio[k] * gamma
@@ -134,7 +134,7 @@ def energy(law, bond, now, m, i, j, k):  # type: ignore[no-untyped-def]
     along, across = c * s * s, c * law.ratio[k] * gamma * gamma
     if law.worst[k] > 0:
         omega = secant(law, law.worst[k], law.worst[k], law.peak[k], law.limit[k])
-        dissipated = spent(law, c, law.worst[k], law.peak[k], law.limit[k])
+        dissipated = dissipated_energy(law, c, law.worst[k], law.peak[k], law.limit[k])
         across *= omega
         if s > 0:
             along *= omega
@@ -145,13 +145,13 @@ def _law(kind: type[Any], shape: str) -> Law:
     return Law(
         Columns=kind,
         columns=columns_of(kind),
-        passes=Passes(pull),
+        passes=Passes(accumulate_bond_force),
         energy=energy,
         scale=scale,
         fields=fields,
         unknowns=unknowns,
-        age=age,
-        memory=("worst",),
+        update_bond=update_bond,
+        bond_history=("worst",),
         curve=cohesive.LAWS[shape].pair,
     )
 

@@ -37,7 +37,7 @@ from pdsolve.laws.calls import bond_force as force_of
 from pdsolve.laws.calls import nodal_numbers as nodal_numbers_of
 from pdsolve.laws.calls import numbers as numbers_of
 from pdsolve.laws.largest_principal_stress import principal
-from pdsolve.laws.law import INLINE, INNER, Failure, Lanes, Law, NodeMemory, Sums
+from pdsolve.laws.law import INLINE, INNER, Failure, Lanes, Law, NodeHistory, Sums
 from pdsolve.laws.materials.solid import (
     ALPHA_RATE,
     ALPHA_TOTAL,
@@ -47,10 +47,10 @@ from pdsolve.laws.materials.solid import (
     SolidColumns,
     dissipated,
     elastic,
-    holds,
-    keep,
+    energies,
     respond,
     solid_of,
+    update_history_of,
 )
 from pdsolve.laws.materials.tensors import det
 from pdsolve.laws.small_tensors import blank_square, mapped, product, square, summed, with_dyad
@@ -108,7 +108,7 @@ def columns(model: Model, bonds: Bonds) -> Columns:
         stiffest=np.full(1, np.inf),
     )
     every, listed = np.arange(nodes), list_of(bonds)
-    mend(law, listed, every)
+    update_after_breakage(law, listed, every)
     law.stiffest[0] = _largest_stiffness(law, listed) * (1 + ROUND)
     return law
 
@@ -123,7 +123,7 @@ def silling(model: Model, total: NDArray[np.float64], d: int) -> NDArray[np.floa
     return np.divide(G * strength, total, out=np.zeros(len(total)), where=total > 0)
 
 
-def mend(law: Columns, bonds: AnyList, rows: NDArray[np.int64]) -> None:
+def update_after_breakage(law: Columns, bonds: AnyList, rows: NDArray[np.int64]) -> None:
     """Recompute K^-1 and the share of the stress of these nodes (k,) from the intact bonds."""
     intact_bonds = left(bonds, law.weight, law.broken, rows)
     K = shapes(bonds, intact_bonds, len(rows))
@@ -223,7 +223,7 @@ def numbers(law, i, j, k):  # type: ignore[no-untyped-def]
     return law.weight[k], law.control[i] + law.control[j]
 
 
-def nothing(law, xi, none):  # type: ignore[no-untyped-def]
+def initial_sums(law, xi, none):  # type: ignore[no-untyped-def]
     return blank_square(xi, none)
 
 
@@ -231,7 +231,7 @@ def accumulate(law, bond, c, sums):  # type: ignore[no-untyped-def]
     return with_dyad(sums, c[0], bond.eta, bond.xi)
 
 
-def close(law, i, m):  # type: ignore[no-untyped-def]
+def finish_pass(law, i, m):  # type: ignore[no-untyped-def]
     P, d = stressed(law, i, m, law.d * law.d), law.d
     for a in range(d):
         for b in range(d):
@@ -301,13 +301,13 @@ def watched(law: Columns, columns: tuple[NDArray[np.floating], ...], nodal_count
     return Tabled((*columns, limit), tuple(range(len(columns) + 1)), nodal_count, True)
 
 
-def nears(law, bond, c, node_numbers, neighbour_numbers):  # type: ignore[no-untyped-def]
-    return looked_at(law, bond, c, node_numbers, neighbour_numbers)
+def margin(law, bond, c, node_numbers, neighbour_numbers):  # type: ignore[no-untyped-def]
+    return margin_of(law, bond, c, node_numbers, neighbour_numbers)
 
 
 @njit(**INLINE)
-def looked_at(law, bond, c, node_numbers, neighbour_numbers):  # type: ignore[no-untyped-def]
-    """The stretch or energy of a bond and its limit; see `nears`."""
+def margin_of(law, bond, c, node_numbers, neighbour_numbers):  # type: ignore[no-untyped-def]
+    """The stretch or energy of a bond and its limit; see `margin`."""
     f = force_of(law, bond, c, node_numbers, neighbour_numbers)
     along = f[0] * (bond.xi[0] + bond.eta[0]) + f[1] * (bond.xi[1] + bond.eta[1])
     failure_measure = along * bond.elongation * bond.inverse
@@ -317,7 +317,7 @@ def looked_at(law, bond, c, node_numbers, neighbour_numbers):  # type: ignore[no
 
 
 def standing(law: Columns, rows: NDArray[np.int64]) -> NDArray[np.floating]:
-    """Nodal constants for `finish`: K^-1, lambda, mu, the share of the stress, whether it is above 0, Z."""
+    """Nodal constants for `finish_sums`: K^-1, lambda, mu, the share of the stress, whether it is above 0, Z."""
     share = law.share[rows]
     scalar_rows = law.solid.first[rows], law.solid.shear[rows], share, np.ceil(share), law.control[rows]
     return np.vstack([law.inverse[rows].T, *scalar_rows])
@@ -329,8 +329,8 @@ def by_lanes(law: Columns) -> bool:
     return not law.solid.rate and bool((kind == kind[0]).all()) and kind[0] in (LINEAR, SVK)
 
 
-def finish(law, sums, node_constants):  # type: ignore[no-untyped-def]
-    H, P, s, J = closed(law, sums, node_constants)
+def finish_sums(law, sums, node_constants):  # type: ignore[no-untyped-def]
+    H, P, s, J = finish_sums_of(law, sums, node_constants)
     Z, A = node_constants[8], product(P, node_constants[:4])
     return (
         *(A[0] - Z * H[0], A[1] - Z * H[1], A[2] - Z * H[2], A[3] - Z * H[3]),
@@ -339,7 +339,7 @@ def finish(law, sums, node_constants):  # type: ignore[no-untyped-def]
 
 
 @njit(**INLINE)
-def closed(law, sums, node_constants):  # type: ignore[no-untyped-def]
+def finish_sums_of(law, sums, node_constants):  # type: ignore[no-untyped-def]
     """Gradient of a node, P and stress, four components each, and J, from its sums and constants."""
     H, none, share, any_share = product(sums, node_constants[:4]), sums[0] * 0.0, node_constants[6], node_constants[7]
     h = (any_share * H[0], any_share * H[1], none, any_share * H[2], any_share * H[3], none, none, none, none)
@@ -357,12 +357,12 @@ def bond_force(law, bond, c, node_numbers, neighbour_numbers):  # type: ignore[n
     return mapped(c[0], summed(node_numbers, neighbour_numbers), bond.xi, c[1], bond.eta)
 
 
-def alert(law, i, m):  # type: ignore[no-untyped-def]
-    return may_fail(law, i, m, 2 * law.d * law.d)
+def may_fail(law, i, m):  # type: ignore[no-untyped-def]
+    return may_fail_at(law, i, m, 2 * law.d * law.d)
 
 
 @njit(**INNER)
-def may_fail(law, i, m, at):  # type: ignore[no-untyped-def]
+def may_fail_at(law, i, m, at):  # type: ignore[no-untyped-def]
     """Whether a bond of node i may fail, given its stress in m from `at` on."""
     if law.failure == STRESS:  # the largest principal value is convex: of a mean, one end has no less
         return principal(law, m, i, i, at) > law.least
@@ -370,11 +370,11 @@ def may_fail(law, i, m, at):  # type: ignore[no-untyped-def]
 
 
 def fails(law, bond, now, m, i, j, k):  # type: ignore[no-untyped-def]
-    return failing(law, bond, m, i, j, k, 2 * law.d * law.d)
+    return fails_at(law, bond, m, i, j, k, 2 * law.d * law.d)
 
 
 @njit(**INLINE)
-def failing(law, bond, m, i, j, k, at):  # type: ignore[no-untyped-def]
+def fails_at(law, bond, m, i, j, k, at):  # type: ignore[no-untyped-def]
     """Whether a bond fails, given the stresses in m from `at` on."""
     if law.broken[k] != 0:
         return False
@@ -392,27 +392,27 @@ def failing(law, bond, m, i, j, k, at):  # type: ignore[no-untyped-def]
     return along * bond.stretch / bond.q > 2 * law.weight[k] * law.limit[k]
 
 
-def remember(law, bonds, now, i, m):  # type: ignore[no-untyped-def]
-    remembered(law, i, m, law.d * law.d, m[i, 0] * 0)
+def update_history(law, bonds, now, i, m):  # type: ignore[no-untyped-def]
+    update_history_at(law, i, m, law.d * law.d, m[i, 0] * 0)
 
 
-def hold(law, i, m):  # type: ignore[no-untyped-def]
-    return held_by(law, i, m, law.d * law.d, m[i, 0] * 0)
+def nodal_energy(law, i, m):  # type: ignore[no-untyped-def]
+    return nodal_energy_at(law, i, m, law.d * law.d, m[i, 0] * 0)
 
 
 @njit(**INNER)
-def remembered(law, i, m, at, deviation_square):  # type: ignore[no-untyped-def]
+def update_history_at(law, i, m, at, deviation_square):  # type: ignore[no-untyped-def]
     """Update the history of node i by the gradient in m[i] from `at` on; a node without stress has none."""
     if law.share[i] != 0:
-        keep(law.solid, i, lifted(m, i, at, law.d), deviation_square)
+        update_history_of(law.solid, i, lifted(m, i, at, law.d), deviation_square)
 
 
 @njit(**INNER)
-def held_by(law, i, m, at, deviation_square):  # type: ignore[no-untyped-def]
+def nodal_energy_at(law, i, m, at, deviation_square):  # type: ignore[no-untyped-def]
     """Energy densities, J/m^3, that node i stores and has dissipated, with the gradient in m[i] from `at` on."""
     if law.share[i] == 0:
         return m[i, 0] * 0, m[i, 0] * 0 + dissipated(law.solid, i)
-    strain_energy, spent = holds(law.solid, i, lifted(m, i, at, law.d), deviation_square)
+    strain_energy, spent = energies(law.solid, i, lifted(m, i, at, law.d), deviation_square)
     return law.share[i] * strain_energy, spent
 
 
@@ -438,14 +438,14 @@ def deviation(bond, m, i, at, a):  # type: ignore[no-untyped-def]
 LAW = Law(
     Columns=Columns,
     columns=columns,
-    passes=Sums(numbers, nothing, accumulate, close, nodal_numbers, bond_force),
+    passes=Sums(numbers, initial_sums, accumulate, finish_pass, nodal_numbers, bond_force),
     energy=energy,
     width=rows,
     scale=scale,
-    failure=Failure(alert, fails),
-    nodes=NodeMemory(("history",), remember, hold),
-    lanes=Lanes(finish, nears, tabled, standing, by_lanes),
-    mend=mend,
+    failure=Failure(may_fail, fails),
+    nodes=NodeHistory(("history",), update_history, nodal_energy),
+    lanes=Lanes(finish_sums, margin, tabled, standing, by_lanes),
+    update_after_breakage=update_after_breakage,
     torn_stiffness=torn_stiffness,
     fields=fields,
 )

@@ -28,7 +28,7 @@ from pdsolve.laws import correspondence
 from pdsolve.laws.bond_arrays import AnyList, list_of
 from pdsolve.laws.correspondence import BESIDE, FAILURES, NEVER, POWER, ROUND, STRESS, STRETCH
 from pdsolve.laws.largest_principal_stress import principal
-from pdsolve.laws.law import INLINE, INNER, Failure, Law, NodeMemory, Passes
+from pdsolve.laws.law import INLINE, INNER, Failure, Law, NodeHistory, Passes
 from pdsolve.laws.materials.solid import SolidColumns, solid_of
 from pdsolve.model import Model, ModelError
 
@@ -142,7 +142,7 @@ def fit(
     return Q, t, 0
 
 
-def mend(law: Columns, bonds: AnyList, rows: NDArray[np.int64]) -> None:
+def update_after_breakage(law: Columns, bonds: AnyList, rows: NDArray[np.int64]) -> None:
     """Refit these nodes (k,) to the intact bonds."""
     _refit(law, bonds, rows)
 
@@ -200,7 +200,7 @@ def fields(law: Columns, value: NDArray[np.floating], m: NDArray[np.floating]) -
     return correspondence.shown(law.d, law.solid, m, 2 * law.d * law.q.shape[1])
 
 
-def gather(law, bond, now, i, j, k, m):  # type: ignore[no-untyped-def]
+def first_pass(law, bond, now, i, j, k, m):  # type: ignore[no-untyped-def]
     if law.broken[k] == 0:
         d, p = len(bond.xi), law.q.shape[1]
         for r in range(p):
@@ -209,7 +209,7 @@ def gather(law, bond, now, i, j, k, m):  # type: ignore[no-untyped-def]
                 m[i, d * (p + r) + a] += w * bond.eta[a]
 
 
-def close(law, i, m):  # type: ignore[no-untyped-def]
+def finish_pass(law, i, m):  # type: ignore[no-untyped-def]
     d, p = law.d, law.q.shape[1]
     at = 2 * d * p
     for a in range(d):
@@ -241,13 +241,13 @@ def _component(law, bond, m, i, j, k, a):  # type: ignore[no-untyped-def]
     return law.root[k] * f + z - w / v * law.root[reverse_bond] * g
 
 
-def pull(law, bond, now, m, i, j, k, f):  # type: ignore[no-untyped-def]
+def accumulate_bond_force(law, bond, now, m, i, j, k, f):  # type: ignore[no-untyped-def]
     if law.broken[k] == 0:
         for a in range(len(bond.xi)):
             f[a] += _component(law, bond, m, i, j, k, a)
 
 
-def alert(law, i, m):  # type: ignore[no-untyped-def]
+def may_fail(law, i, m):  # type: ignore[no-untyped-def]
     if law.failure == STRESS:
         return principal(law, m, i, i, _stresses(law)) > law.least
     return law.failure != NEVER
@@ -274,12 +274,12 @@ def _stresses(law):  # type: ignore[no-untyped-def]
     return 2 * law.d * law.q.shape[1] + law.d * law.d
 
 
-def remember(law, bonds, now, i, m):  # type: ignore[no-untyped-def]
-    correspondence.remembered(law, i, m, _stresses(law) - law.d * law.d, m[i, 0] * 0)
+def update_history(law, bonds, now, i, m):  # type: ignore[no-untyped-def]
+    correspondence.update_history_at(law, i, m, _stresses(law) - law.d * law.d, m[i, 0] * 0)
 
 
-def hold(law, i, m):  # type: ignore[no-untyped-def]
-    strain_energy, spent = correspondence.held_by(law, i, m, _stresses(law) - law.d * law.d, m[i, 0] * 0)
+def nodal_energy(law, i, m):  # type: ignore[no-untyped-def]
+    strain_energy, spent = correspondence.nodal_energy_at(law, i, m, _stresses(law) - law.d * law.d, m[i, 0] * 0)
     if law.itself[i] > 0:
         for a in range(law.d):
             missed = _missed(law, m, i, law.own[i], law.itself[i], strain_energy * 0, a)
@@ -310,13 +310,13 @@ def energy(law, bond, now, m, i, j, k):  # type: ignore[no-untyped-def]
 LAW = Law(
     Columns=Columns,
     columns=columns,
-    passes=Passes(pull, gather, close),
+    passes=Passes(accumulate_bond_force, first_pass, finish_pass),
     energy=energy,
     width=rows,
     scale=scale,
-    failure=Failure(alert, fails),
-    nodes=NodeMemory(("history",), remember, hold),
-    mend=mend,
+    failure=Failure(may_fail, fails),
+    nodes=NodeHistory(("history",), update_history, nodal_energy),
+    update_after_breakage=update_after_breakage,
     torn_stiffness=correspondence.torn_stiffness,
     fields=fields,
 )

@@ -4,13 +4,14 @@ The functions see one bond or one node and never a loop. `pdsolve.laws.calls.bin
 type of the law's columns, so that one compiled loop serves every law and a second process finds it compiled. The loops
 (`pdsolve.operators.bond_list`) call them in this order:
 
-    gather, close, gather_again, close_again    what nodes have between the passes (`Passes` or `Sums`, then `Again`)
-    alert, fails                                which bonds fail now (`Failure`)
-    age                                         what bonds remember, and how they break, of pair laws, which have no
-                                                first pass
-    pull                                        the force density of a bond on its node, N/m^3
-    remember                                    what nodes remember (`NodeMemory`)
-    energy, hold                                the energy densities of bonds and nodes, J/m^3
+    first_pass, finish_pass             what nodes have between the passes (`Passes` or `Sums`)
+    intermediate_pass,                  the same, from what both ends of bonds have (`IntermediatePass`)
+        finish_intermediate_pass
+    may_fail, fails                     which bonds fail now (`Failure`)
+    update_bond                         history of bonds, and how they break, of pair laws, which have no first pass
+    accumulate_bond_force               the force density of a bond on its node, N/m^3
+    update_history                      history of nodes (`NodeHistory`)
+    energy, nodal_energy                the energy densities of bonds and nodes, J/m^3
 
 Symbols, for the bond k from node i to node j:
     xi      x_j - x_i, reference vector, m              eta      u_j - u_i, m
@@ -46,9 +47,9 @@ Array = NDArray[np.floating]
 class Softening:
     """Energy dissipated by softening of a bond, J/m^3; symbols as in `Pair`."""
 
-    spent: Function  # (law, c, worst, peak, limit) once it was stretched to `worst`, which is above the peak
-    total: Function  # (law, c, peak, limit) once it is gone
-    slope: Function  # (law, worst, peak, limit) of force / stiffness by the stretch while `worst` grows with it
+    dissipated_energy: Function  # (law, c, worst, peak, limit) once it was stretched to `worst`, above the peak
+    total_dissipated_energy: Function  # (law, c, peak, limit) once it is gone
+    softening_slope: Function  # (law, worst, peak, limit) of force / stiffness by the stretch, as `worst` grows with it
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -66,9 +67,9 @@ class Pair:
 
     limits: Callable[[Material, Sizes], Limits]
     secant: Function | None = None  # (law, stretch, worst, peak, limit), at most 1; None: 1
-    held: Function | None = None  # (law, c, stretch, worst, peak, limit), J/m^3, of a bond that is no straight line;
-    # None: it is one, through the origin
-    softening: Softening | None = None  # None: a bond remembers nothing until it is gone
+    bond_strain_energy: Function | None = None  # (law, c, stretch, worst, peak, limit), J/m^3, of a bond that is no
+    # straight line; None: it is one, through the origin
+    softening: Softening | None = None  # None: a bond has no history until it is gone
     elastic_in_compression: bool = False  # a softened bond has its secant under tension, all its stiffness else
 
 
@@ -76,9 +77,9 @@ class Pair:
 class Passes:
     """The passes of a law in terms of bond and node indices."""
 
-    pull: Function  # (law, bond, now, m, i, j, k, f) adds the force density on node i to f (w,)
-    gather: Function | None = None  # (law, bond, now, i, j, k, m) adds to m[i] what bond k says of node i's family
-    close: Function | None = None  # (law, i, m) turns m[i] into what `pull` wants
+    accumulate_bond_force: Function  # (law, bond, now, m, i, j, k, f) adds the force density on node i to f (w,)
+    first_pass: Function | None = None  # (law, bond, now, i, j, k, m) adds to m[i] what bond k says of node i's family
+    finish_pass: Function | None = None  # (law, i, m) turns m[i] into what `accumulate_bond_force` wants
 
 
 @dataclass(frozen=True)
@@ -86,53 +87,53 @@ class Sums:
     """The passes of a law without indices, on tuples that stay in registers."""
 
     numbers: Function  # (law, i, j, k) what the columns have of bond k
-    nothing: Function  # (law, xi, none) what a node's sums begin with; `none` is the 0 they are made of
+    initial_sums: Function  # (law, xi, none) what a node's sums begin with; `none` is the 0 they are made of
     accumulate: Function  # (law, bond, c, sums) those sums plus the contribution of a bond with the numbers c
-    close: Function  # (law, i, m) turns the sums in m[i] into what `nodal_numbers` reads
+    finish_pass: Function  # (law, i, m) turns the sums in m[i] into what `nodal_numbers` reads
     nodal_numbers: Function  # (law, xi, m, i) what the bonds of node i, from both their ends, need of it
     bond_force: Function  # (law, bond, c, node_numbers, neighbour_numbers): N/m^3
     # on a bond's node, from the nodal numbers of both ends
 
 
 @dataclass(frozen=True)
-class Again:
+class IntermediatePass:
     """An intermediate pass, which uses the results of the first pass at both ends."""
 
-    gather: Function  # (law, bond, now, i, j, k, m, more) adds to more[i]
-    close: Function  # (law, i, m, more) puts into m[i] what the last pass wants
+    intermediate_pass: Function  # (law, bond, now, i, j, k, m, more) adds to more[i]
+    finish_intermediate_pass: Function  # (law, i, m, more) puts into m[i] what the last pass wants
 
 
 @dataclass(frozen=True)
 class Failure:
     """Failure of bonds, for laws with a first pass: all bonds that fail in a step do so before any pulls."""
 
-    alert: Function  # (law, i, m) whether a bond of node i may fail; one of which neither end is alert does not
+    may_fail: Function  # (law, i, m) whether a bond of node i may fail; none fails of which neither end may
     fails: Function  # (law, bond, now, m, i, j, k) whether bond k does; the same from both its ends
-    threshold: Function | None = None  # likewise: the stretch at which a bond that fails would have failed, were all
-    # stretches of now scaled alike: it then pulls in the step in which it breaks; None: it is gone at once
+    failure_stretch: Function | None = None  # likewise: the stretch at which a bond that fails would have failed,
+    # were all stretches of now scaled alike: it then pulls in the step in which it breaks; None: it is gone at once
 
 
 @dataclass(frozen=True)
-class NodeMemory:
+class NodeHistory:
     """History of nodes, and of bonds that only their own node changes."""
 
-    columns: tuple[str, ...]  # that `remember` changes; those without an entry are not there
-    remember: Function  # (law, bonds, now, i, m), of the bonds as loops have them
-    hold: Function  # (law, i, m) what node i itself adds to its energy density, J/m^3: held, and spent so far
+    columns: tuple[str, ...]  # that `update_history` changes; those without an entry are not there
+    update_history: Function  # (law, bonds, now, i, m), of the bonds as loops have them
+    nodal_energy: Function  # (law, i, m) what node i itself adds to its energies, J/m^3: stored, and dissipated
 
 
 @dataclass(frozen=True)
 class Lanes:
     """Additional functions of a law of `Sums` for blocks, where a number stands for many lanes."""
 
-    finish: Function  # (law, sums, node_constants) what a node has between the passes, as `close`,
+    finish_sums: Function  # (law, sums, node_constants) what a node has between the passes, as `finish_pass`,
     # from what `standing` has of it
-    nears: Function  # (law, bond, c, node_numbers, neighbour_numbers) what of a bond must not be above what
+    margin: Function  # (law, bond, c, node_numbers, neighbour_numbers) a quantity of a bond and its limit
     tabled: Callable[[Any, Bonds], Tabled]  # the numbers of all bonds, the first never 0
-    standing: Callable[[Any, NDArray[np.int64]], Array]  # (., k) what `finish` wants of nodes (k,)
-    by_lanes: Callable[[Any], bool]  # whether `finish` can stand for `close`
+    standing: Callable[[Any, NDArray[np.int64]], Array]  # (., k) what `finish_sums` wants of nodes (k,)
+    by_lanes: Callable[[Any], bool]  # whether `finish_sums` can stand for `finish_pass`
     in_space: bool = (
-        False  # whether `finish` is written for three dimensions too; numbers of bonds then are pairs: one,
+        False  # whether `finish_sums` is written for three dimensions too; numbers of bonds then are pairs: one,
     )
     # and that of the bond the other way, times V_j / V_i
 
@@ -149,22 +150,22 @@ class Law:
     Columns: type[Any]  # a NamedTuple of its own
     columns: Callable[[Model, Bonds], Any]
     passes: Passes | Sums
-    energy: Function  # (law, bond, now, m, i, j, k) what bond k adds to node i, J/m^3: held, and spent on softening
+    energy: Function  # (law, bond, now, m, i, j, k) what bond k adds to node i, J/m^3: stored, and dissipated
     width: Callable[[Any, int], int] | None = None  # of m, by columns and dimension; None: no first pass
     scale: Callable[[Any, Bonds], NDArray[np.float64]] | None = (
         None  # how the resistance of nodes (n,) compares, N/m^4; likewise
     )
     failure: Failure | None = None
-    again: Again | None = None
-    nodes: NodeMemory | None = None
+    again: IntermediatePass | None = None
+    nodes: NodeHistory | None = None
     lanes: Lanes | None = None
-    mend: Callable[[Any, AnyList, NDArray[np.int64]], None] | None = None  # columns of nodes (k,) that have lost bonds
+    update_after_breakage: Callable[[Any, AnyList, NDArray[np.int64]], None] | None = None  # (law, bonds, rows)
     torn_stiffness: Callable[[Any, NDArray[np.float64]], NDArray[np.float64]] | None = None  # bound (n,) of nodes that
     # have lost bonds, N/m^4, from the bound at the start; None: they are no stiffer
     fields: Callable[[Any, Array, Array], Mapping[str, NDArray[np.float64]]] | None = None  # (columns, value, m), SI
     unknowns: Callable[[int], tuple[Unknown, ...]] = displacement
-    age: Function | None = None  # (law, bond, now, m, i, j, k, f) of pair laws; returns what node i spends, J/m^3
-    memory: tuple[str, ...] = ()  # columns of bonds that `age` changes, but for `broken`
+    update_bond: Function | None = None  # (law, bond, now, m, i, j, k, f) of pair laws; J/m^3 that node i dissipates
+    bond_history: tuple[str, ...] = ()  # columns of bonds that `update_bond` changes, but for `broken`
     pair: Pair | None = None  # of a law of bonds that know nothing of others; see `pdsolve.laws.pair.pair_law`
-    matches_work: bool = True  # of pair laws: bonds that soften or break in a step add `calls.matching_pull` to it
+    matches_work: bool = True  # of pair laws: bonds that soften or break in a step add `calls.matching_force` to it
     curve: Pair | None = None  # how bonds that are not of `pair` soften by their drive, an equivalent stretch

@@ -116,7 +116,7 @@ def _beam(law, bond, now, i, j):  # type: ignore[no-untyped-def]
     return x, y, e, w, rotation_j - rotation_i
 
 
-def alert(law, i, m):  # type: ignore[no-untyped-def]
+def may_fail(law, i, m):  # type: ignore[no-untyped-def]
     return law.breaks
 
 
@@ -124,7 +124,7 @@ def fails(law, bond, now, m, i, j, k):  # type: ignore[no-untyped-def]
     return law.broken[k] == 0 and bond.stretch > law.limit[k]
 
 
-def pull(law, bond, now, m, i, j, k, f):  # type: ignore[no-untyped-def]
+def accumulate_bond_force(law, bond, now, m, i, j, k, f):  # type: ignore[no-untyped-def]
     if law.broken[k] == 0:
         x, y, e, w, bent = _beam(law, bond, now, i, j)
         n, q = law.along[k] * e, law.across[k] * w
@@ -143,11 +143,11 @@ def energy(law, bond, now, m, i, j, k):  # type: ignore[no-untyped-def]
 LAW = Law(
     Columns=Columns,
     columns=columns,
-    passes=Passes(pull),
+    passes=Passes(accumulate_bond_force),
     energy=energy,
     width=rows,
     scale=scale,
-    failure=Failure(alert, fails),
+    failure=Failure(may_fail, fails),
     fields=fields,
     unknowns=unknowns,
 )

@@ -198,7 +198,7 @@ def numbers(law, i, j, k):  # type: ignore[no-untyped-def]
     )
 
 
-def nothing(law, xi, none):  # type: ignore[no-untyped-def]
+def initial_sums(law, xi, none):  # type: ignore[no-untyped-def]
     return none, none, none
 
 
@@ -207,7 +207,7 @@ def accumulate(law, bond, c, sums):  # type: ignore[no-untyped-def]
     return sums[0] + c[2] * e, sums[1] + moment * e, sums[2] + moment * bond.length
 
 
-def close(law, i, m):  # type: ignore[no-untyped-def]
+def finish_pass(law, i, m):  # type: ignore[no-untyped-def]
     m[i, 1] = pressure(law.bulk[i], law.d, m[i, 0], m[i, 1], m[i, 2])
 
 
@@ -227,7 +227,7 @@ def tabled(law: Columns, bonds: Bonds) -> Tabled:
 
 
 def standing(law: Columns, rows: NDArray[np.int64]) -> NDArray[np.floating]:
-    """Nodal constants for `finish`: K."""
+    """Nodal constants for `finish_sums`: K."""
     return law.bulk[None, rows]
 
 
@@ -236,11 +236,11 @@ def by_lanes(law: Columns) -> bool:
     return True
 
 
-def finish(law, sums, node_constants):  # type: ignore[no-untyped-def]
+def finish_sums(law, sums, node_constants):  # type: ignore[no-untyped-def]
     return sums[0], pressure(node_constants[0], law.d, sums[0], sums[1], sums[2]), sums[2]
 
 
-def nears(law, bond, c, node_numbers, neighbour_numbers):  # type: ignore[no-untyped-def]
+def margin(law, bond, c, node_numbers, neighbour_numbers):  # type: ignore[no-untyped-def]
     failure_measure = both(law, bond, c, node_numbers, neighbour_numbers) * bond.elongation
     if law.failure == STRETCH:
         failure_measure = bond.stretch
@@ -265,7 +265,7 @@ def both(law, bond, c, node_numbers, neighbour_numbers):  # type: ignore[no-unty
     return t_i + t_j
 
 
-def alert(law, i, m):  # type: ignore[no-untyped-def]
+def may_fail(law, i, m):  # type: ignore[no-untyped-def]
     return law.failure != NEVER
 
 
@@ -279,7 +279,7 @@ def fails(law, bond, now, m, i, j, k):  # type: ignore[no-untyped-def]
     return t * bond.elongation > 2 * law.weight[k] * law.limit[k]
 
 
-def threshold(law, bond, now, m, i, j, k):  # type: ignore[no-untyped-def]
+def failure_stretch(law, bond, now, m, i, j, k):  # type: ignore[no-untyped-def]
     if law.failure == STRETCH:
         return law.limit[k]
     c = numbers_of(law, i, j, k)
@@ -299,10 +299,10 @@ def energy(law, bond, now, m, i, j, k):  # type: ignore[no-untyped-def]
 LAW = Law(
     Columns=Columns,
     columns=columns,
-    passes=Sums(numbers, nothing, accumulate, close, nodal_numbers, bond_force),
+    passes=Sums(numbers, initial_sums, accumulate, finish_pass, nodal_numbers, bond_force),
     energy=energy,
     width=rows,
     scale=scale,
-    failure=Failure(alert, fails, threshold),
-    lanes=Lanes(finish, nears, tabled, standing, by_lanes, in_space=True),
+    failure=Failure(may_fail, fails, failure_stretch),
+    lanes=Lanes(finish_sums, margin, tabled, standing, by_lanes, in_space=True),
 )

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from pdsolve.bonds.assembly import Bonds
 from pdsolve.laws.bond_arrays import INNER, stretch_before
-from pdsolve.laws.calls import added_pull, broken_energy, held, secant, spent
+from pdsolve.laws.calls import added_force, bond_strain_energy, broken_energy, dissipated_energy, secant
 from pdsolve.laws.law import Law, Pair, Passes
 from pdsolve.model import Model
 
@@ -23,7 +23,7 @@ class PairColumns(NamedTuple):
     limit: NDArray[np.floating]  # (b,) stretch above which it is gone; both infinite where it must not break
     worst: NDArray[np.floating]  # (b,) the largest stretch above the peak, 0 if never there; (0,) if bonds are linear
     broken: NDArray[np.int32]  # (b,) step in which the bond broke, 0 while intact
-    matches_work: bool = True  # whether bonds that soften or break in a step add `matching_pull` to it
+    matches_work: bool = True  # whether bonds that soften or break in a step add `matching_force` to it
 
 
 def no_bonds(law: Law) -> PairColumns:
@@ -44,26 +44,26 @@ def pair_law(kind: type[Any], pair: Pair) -> Law:
         worst = np.zeros(0 if linear else count, precision)
         return kind(bonds.stiffness, bonds.peak, bonds.limit, worst, np.zeros(count, np.int32))
 
-    straight = _pull_one_sided if pair.elastic_in_compression else _pull_straight
-    curve = straight if pair.held is None else _pull_curved
+    straight = _accumulate_one_sided if pair.elastic_in_compression else _accumulate_straight
+    curve = straight if pair.bond_strain_energy is None else _accumulate_curved
     return Law(
         Columns=kind,
         columns=columns,
-        passes=Passes(_pull_linear if linear else curve),
+        passes=Passes(_accumulate_linear if linear else curve),
         energy=_energy_linear if linear else _energy,
-        age=_age_softening if softens else _age_elastic,
-        memory=("worst",) if softens else (),
+        update_bond=_update_softening_bond if softens else _update_elastic_bond,
+        bond_history=("worst",) if softens else (),
         pair=pair,
     )
 
 
-def _age_elastic(law, bond, now, m, i, j, k, f):  # type: ignore[no-untyped-def]
+def _update_elastic_bond(law, bond, now, m, i, j, k, f):  # type: ignore[no-untyped-def]
     if law.broken[k] != 0 or bond.stretch <= law.limit[k]:
         return 0.0
     return _break(law, bond, now, i, j, k, 0.0, f)
 
 
-def _age_softening(law, bond, now, m, i, j, k, f):  # type: ignore[no-untyped-def]
+def _update_softening_bond(law, bond, now, m, i, j, k, f):  # type: ignore[no-untyped-def]
     if law.broken[k] != 0:
         return 0.0
     if bond.stretch > law.limit[k]:
@@ -86,19 +86,19 @@ def _break(law, bond, now, i, j, k, worst, f):  # type: ignore[no-untyped-def]
 @njit(**INNER)
 def _match_work(law, bond, before, worst, k, f):  # type: ignore[no-untyped-def]
     """Add the pull of bond k that matches its work, N/m^3, to f (w,)."""
-    pull = law.stiffness[k] * added_pull(law, bond.stretch, before, worst, law.peak[k], law.limit[k])
+    pull = law.stiffness[k] * added_force(law, bond.stretch, before, worst, law.peak[k], law.limit[k])
     for a in range(len(bond.xi)):
         f[a] += pull * ((bond.xi[a] + bond.eta[a]) / (bond.length * bond.q))
 
 
-def _pull_linear(law, bond, now, m, i, j, k, f):  # type: ignore[no-untyped-def]
+def _accumulate_linear(law, bond, now, m, i, j, k, f):  # type: ignore[no-untyped-def]
     if law.broken[k] == 0:
         force = law.stiffness[k] * bond.stretch
         for a in range(len(bond.xi)):
             f[a] += force * ((bond.xi[a] + bond.eta[a]) / (bond.length * bond.q))
 
 
-def _pull_straight(law, bond, now, m, i, j, k, f):  # type: ignore[no-untyped-def]
+def _accumulate_straight(law, bond, now, m, i, j, k, f):  # type: ignore[no-untyped-def]
     if law.broken[k] == 0:
         force = law.stiffness[k] * bond.stretch
         if law.worst[k] > 0:
@@ -107,7 +107,7 @@ def _pull_straight(law, bond, now, m, i, j, k, f):  # type: ignore[no-untyped-de
             f[a] += force * ((bond.xi[a] + bond.eta[a]) / (bond.length * bond.q))
 
 
-def _pull_one_sided(law, bond, now, m, i, j, k, f):  # type: ignore[no-untyped-def]
+def _accumulate_one_sided(law, bond, now, m, i, j, k, f):  # type: ignore[no-untyped-def]
     if law.broken[k] == 0:
         force = law.stiffness[k] * bond.stretch
         if law.worst[k] > 0 and bond.stretch.real > 0:
@@ -116,7 +116,7 @@ def _pull_one_sided(law, bond, now, m, i, j, k, f):  # type: ignore[no-untyped-d
             f[a] += force * ((bond.xi[a] + bond.eta[a]) / (bond.length * bond.q))
 
 
-def _pull_curved(law, bond, now, m, i, j, k, f):  # type: ignore[no-untyped-def]
+def _accumulate_curved(law, bond, now, m, i, j, k, f):  # type: ignore[no-untyped-def]
     if law.broken[k] == 0:
         force = law.stiffness[k] * bond.stretch
         force *= secant(law, bond.stretch, law.worst[k], law.peak[k], law.limit[k])
@@ -128,7 +128,7 @@ def _energy_linear(law, bond, now, m, i, j, k):  # type: ignore[no-untyped-def]
     if law.broken[k] != 0:
         return 0.0, 0.0
     c = law.stiffness[k] * bond.length / 4
-    return held(law, c, bond.stretch, 0.0, law.peak[k], law.limit[k]), 0.0
+    return bond_strain_energy(law, c, bond.stretch, 0.0, law.peak[k], law.limit[k]), 0.0
 
 
 def _energy(law, bond, now, m, i, j, k):  # type: ignore[no-untyped-def]
@@ -136,5 +136,5 @@ def _energy(law, bond, now, m, i, j, k):  # type: ignore[no-untyped-def]
         return 0.0, 0.0
     c, dissipated, worst = law.stiffness[k] * bond.length / 4, 0.0, law.worst[k]
     if worst > 0:
-        dissipated = spent(law, c, worst, law.peak[k], law.limit[k])
-    return held(law, c, bond.stretch, worst, law.peak[k], law.limit[k]), dissipated
+        dissipated = dissipated_energy(law, c, worst, law.peak[k], law.limit[k])
+    return bond_strain_energy(law, c, bond.stretch, worst, law.peak[k], law.limit[k]), dissipated

@@ -24,8 +24,8 @@ from numpy.typing import NDArray
 from pdsolve.bonds.assembly import Bonds, find
 from pdsolve.laws import correspondence
 from pdsolve.laws.bond_arrays import AnyList, deformed, left, reference
-from pdsolve.laws.correspondence import failing, held_by, lifted, remembered
-from pdsolve.laws.law import INNER, Failure, Law, NodeMemory, Sums
+from pdsolve.laws.correspondence import fails_at, lifted, nodal_energy_at, update_history_at
+from pdsolve.laws.law import INNER, Failure, Law, NodeHistory, Sums
 from pdsolve.laws.materials.solid import NEO_HOOKE, SVK, SolidColumns, respond
 from pdsolve.laws.materials.tensors import (
     contracted,
@@ -104,9 +104,9 @@ def _control(model: Model, law: correspondence.Columns) -> NDArray[np.floating]:
     return np.asarray(trace[:, None] * unit + twice[:, None] * law.inverse, law.control.dtype)
 
 
-def mend(law: Columns, bonds: AnyList, rows: NDArray[np.int64]) -> None:
+def update_after_breakage(law: Columns, bonds: AnyList, rows: NDArray[np.int64]) -> None:
     """Recompute K^-1 and Z of these nodes (k,) from the intact bonds, and what of p has no linear part of theirs."""
-    correspondence.mend(law, bonds, rows)  # type: ignore[arg-type]
+    correspondence.update_after_breakage(law, bonds, rows)  # type: ignore[arg-type]
     intact_bonds, d = left(bonds, law.weight, law.broken, rows), law.d
     torn = np.bincount(intact_bonds.own, law.broken[intact_bonds.which] != 0, minlength=len(rows)) > 0
     without = rows[torn & (law.share[rows] == 0)]
@@ -140,7 +140,7 @@ def numbers(law, i, j, k):  # type: ignore[no-untyped-def]
     return law.weight[k], reference(law.slips, k), reference(law.slips, law.back[k])
 
 
-def nothing(law, xi, none):  # type: ignore[no-untyped-def]
+def initial_sums(law, xi, none):  # type: ignore[no-untyped-def]
     return blank_moments(xi, none)
 
 
@@ -148,7 +148,7 @@ def accumulate(law, bond, c, sums):  # type: ignore[no-untyped-def]
     return with_moments(sums, c[0], bond.eta, bond.xi, c[1])
 
 
-def close(law, i, m):  # type: ignore[no-untyped-def]
+def finish_pass(law, i, m):  # type: ignore[no-untyped-def]
     d = law.d
     g = d * d
     back, Z = lifted(law.inverse, i, 0, d), lifted(law.control, i, 0, d)
@@ -256,12 +256,12 @@ def bond_force(law, bond, c, node_numbers, neighbour_numbers):  # type: ignore[n
     return summed(f, summed(mapped(-w, node_numbers[2], p, w * 0, p), mapped(w, neighbour_numbers[2], q, w * 0, q)))
 
 
-def alert(law, i, m):  # type: ignore[no-untyped-def]
-    return correspondence.may_fail(law, i, m, 4 * law.d * law.d)
+def may_fail(law, i, m):  # type: ignore[no-untyped-def]
+    return correspondence.may_fail_at(law, i, m, 4 * law.d * law.d)
 
 
 def fails(law, bond, now, m, i, j, k):  # type: ignore[no-untyped-def]
-    return failing(law, bond, m, i, j, k, 4 * law.d * law.d)
+    return fails_at(law, bond, m, i, j, k, 4 * law.d * law.d)
 
 
 @njit(**INNER)
@@ -270,7 +270,7 @@ def _behind(law):  # type: ignore[no-untyped-def]
     return 4 * law.d * law.d + (5 if law.d == 2 else 7)
 
 
-def remember(law, bonds, now, i, m):  # type: ignore[no-untyped-def]
+def update_history(law, bonds, now, i, m):  # type: ignore[no-untyped-def]
     d, at = law.d, _behind(law)
     h = lifted(m, i, 3 * d * d, d)
     if m[i, at] < 1:
@@ -285,11 +285,11 @@ def remember(law, bonds, now, i, m):  # type: ignore[no-untyped-def]
                         z -= h[3 * b + c] * bond.xi[c]
                     y += back[3 * a + b] * z
                 law.slip[a, k] += (1 - m[i, at]) * y
-    remembered(law, i, m, 3 * d * d, m[i, at + 1])
+    update_history_at(law, i, m, 3 * d * d, m[i, at + 1])
 
 
-def hold(law, i, m):  # type: ignore[no-untyped-def]
-    return held_by(law, i, m, 3 * law.d * law.d, m[i, _behind(law) + 1])
+def nodal_energy(law, i, m):  # type: ignore[no-untyped-def]
+    return nodal_energy_at(law, i, m, 3 * law.d * law.d, m[i, _behind(law) + 1])
 
 
 def energy(law, bond, now, m, i, j, k):  # type: ignore[no-untyped-def]
@@ -309,13 +309,13 @@ def energy(law, bond, now, m, i, j, k):  # type: ignore[no-untyped-def]
 LAW = Law(
     Columns=Columns,
     columns=columns,
-    passes=Sums(numbers, nothing, accumulate, close, nodal_numbers, bond_force),
+    passes=Sums(numbers, initial_sums, accumulate, finish_pass, nodal_numbers, bond_force),
     energy=energy,
     width=width,
     scale=correspondence.scale,
-    failure=Failure(alert, fails),
-    nodes=NodeMemory(("history", "slip"), remember, hold),
-    mend=mend,
+    failure=Failure(may_fail, fails),
+    nodes=NodeHistory(("history", "slip"), update_history, nodal_energy),
+    update_after_breakage=update_after_breakage,
     torn_stiffness=correspondence.torn_stiffness,
     fields=fields,
 )

@@ -21,16 +21,16 @@ from pdsolve.bonds.assembly import Bonds
 from pdsolve.laws import correspondence
 from pdsolve.laws.bond_arrays import AnyList, Tabled
 from pdsolve.laws.correspondence import (
-    closed,
     deviation,
-    failing,
-    held_by,
+    fails_at,
+    finish_sums_of,
     lifted,
-    looked_at,
-    remembered,
+    margin_of,
+    nodal_energy_at,
     stressed,
+    update_history_at,
 )
-from pdsolve.laws.law import INLINE, INNER, Failure, Lanes, Law, NodeMemory, Sums
+from pdsolve.laws.law import INLINE, INNER, Failure, Lanes, Law, NodeHistory, Sums
 from pdsolve.laws.materials.solid import NEO_HOOKE, SVK
 from pdsolve.laws.materials.tensors import (
     difference,
@@ -65,9 +65,9 @@ def columns(model: Model, bonds: Bonds) -> Columns:
     return Columns(*law._replace(control=law.inverse.copy()))
 
 
-def mend(law: Columns, bonds: AnyList, rows: NDArray[np.int64]) -> None:
+def update_after_breakage(law: Columns, bonds: AnyList, rows: NDArray[np.int64]) -> None:
     """Recompute K^-1 and the share of the stress of these nodes (k,); those without a share have no gradient."""
-    correspondence.mend(law, bonds, rows)
+    correspondence.update_after_breakage(law, bonds, rows)
     law.inverse[rows[law.share[rows] == 0]] = 0
 
 
@@ -85,7 +85,7 @@ def numbers(law, i, j, k):  # type: ignore[no-untyped-def]
     return (law.weight[k],)
 
 
-def nothing(law, xi, none):  # type: ignore[no-untyped-def]
+def initial_sums(law, xi, none):  # type: ignore[no-untyped-def]
     return blank_square(xi, none) + blank_symmetric(xi, none)
 
 
@@ -94,7 +94,7 @@ def accumulate(law, bond, c, sums):  # type: ignore[no-untyped-def]
     return with_dyad(A, c[0], bond.eta, bond.xi) + B
 
 
-def close(law, i, m):  # type: ignore[no-untyped-def]
+def finish_pass(law, i, m):  # type: ignore[no-untyped-def]
     d = law.d
     g = d * d
     P, Z = stressed(law, i, m, 2 * g), _control(law, i, m)
@@ -180,7 +180,7 @@ def tabled(law: Columns, bonds: Bonds) -> Tabled:
 
 
 def standing(law: Columns, rows: NDArray[np.int64]) -> NDArray[np.floating]:
-    """Nodal constants for `finish`: K^-1, lambda, mu, the share of the stress, whether it is above 0, and Z."""
+    """Nodal constants for `finish_sums`: K^-1, lambda, mu, the share of the stress, whether it is above 0, and Z."""
     first, shear, share = law.solid.first[rows], law.solid.shear[rows], law.share[rows]
     flat = first * (2 * shear / (first + 2 * shear)) if law.solid.plane_stress else first
     K = np.where(share > 0, law.control[rows].T, 0)
@@ -189,8 +189,8 @@ def standing(law: Columns, rows: NDArray[np.int64]) -> NDArray[np.floating]:
     return np.vstack([law.inverse[rows].T, first, shear, share, np.ceil(share), *Z])
 
 
-def finish(law, sums, node_constants):  # type: ignore[no-untyped-def]
-    H, P, s, J = closed(law, sums[:4], node_constants)
+def finish_sums(law, sums, node_constants):  # type: ignore[no-untyped-def]
+    H, P, s, J = finish_sums_of(law, sums[:4], node_constants)
     Z = node_constants[8:]
     if law.solid.kind[0] == SVK:
         P, Z = _turned_in_the_plane(sums, H, P, Z)
@@ -201,8 +201,8 @@ def finish(law, sums, node_constants):  # type: ignore[no-untyped-def]
     )
 
 
-def nears(law, bond, c, node_numbers, neighbour_numbers):  # type: ignore[no-untyped-def]
-    return looked_at(law, bond, c, node_numbers, neighbour_numbers)
+def margin(law, bond, c, node_numbers, neighbour_numbers):  # type: ignore[no-untyped-def]
+    return margin_of(law, bond, c, node_numbers, neighbour_numbers)
 
 
 def nodal_numbers(law, xi, m, i):  # type: ignore[no-untyped-def]
@@ -215,20 +215,20 @@ def bond_force(law, bond, c, node_numbers, neighbour_numbers):  # type: ignore[n
     return mapped_both(c[0], summed(A, B), bond.xi, summed(Z, Y), bond.eta)
 
 
-def alert(law, i, m):  # type: ignore[no-untyped-def]
-    return correspondence.may_fail(law, i, m, 3 * law.d * law.d)
+def may_fail(law, i, m):  # type: ignore[no-untyped-def]
+    return correspondence.may_fail_at(law, i, m, 3 * law.d * law.d)
 
 
 def fails(law, bond, now, m, i, j, k):  # type: ignore[no-untyped-def]
-    return failing(law, bond, m, i, j, k, 3 * law.d * law.d)
+    return fails_at(law, bond, m, i, j, k, 3 * law.d * law.d)
 
 
-def remember(law, bonds, now, i, m):  # type: ignore[no-untyped-def]
-    remembered(law, i, m, 2 * law.d * law.d, m[i, 0] * 0)
+def update_history(law, bonds, now, i, m):  # type: ignore[no-untyped-def]
+    update_history_at(law, i, m, 2 * law.d * law.d, m[i, 0] * 0)
 
 
-def hold(law, i, m):  # type: ignore[no-untyped-def]
-    return held_by(law, i, m, 2 * law.d * law.d, m[i, 0] * 0)
+def nodal_energy(law, i, m):  # type: ignore[no-untyped-def]
+    return nodal_energy_at(law, i, m, 2 * law.d * law.d, m[i, 0] * 0)
 
 
 def energy(law, bond, now, m, i, j, k):  # type: ignore[no-untyped-def]
@@ -245,14 +245,14 @@ def energy(law, bond, now, m, i, j, k):  # type: ignore[no-untyped-def]
 LAW = Law(
     Columns=Columns,
     columns=columns,
-    passes=Sums(numbers, nothing, accumulate, close, nodal_numbers, bond_force),
+    passes=Sums(numbers, initial_sums, accumulate, finish_pass, nodal_numbers, bond_force),
     energy=energy,
     width=rows,
     scale=correspondence.scale,
-    failure=Failure(alert, fails),
-    nodes=NodeMemory(("history",), remember, hold),
-    lanes=Lanes(finish, nears, tabled, standing, correspondence.by_lanes),
-    mend=mend,
+    failure=Failure(may_fail, fails),
+    nodes=NodeHistory(("history",), update_history, nodal_energy),
+    lanes=Lanes(finish_sums, margin, tabled, standing, correspondence.by_lanes),
+    update_after_breakage=update_after_breakage,
     torn_stiffness=correspondence.torn_stiffness,
     fields=fields,
 )

@@ -43,7 +43,7 @@ def cores() -> int:
     return int(numba.config.NUMBA_NUM_THREADS)
 
 
-def crew(rows: int, least: int = LEAST) -> int:
+def useful_threads(rows: int, least: int = LEAST) -> int:
     """Number of threads worth using for `rows` rows, with at least `least` rows each."""
     return max(1, min(cores(), rows // least))
 

@@ -18,7 +18,7 @@ from pdsolve.model import Model
 from pdsolve.numerics.thread_team import share
 from pdsolve.operators import bond_list_loops as loops
 from pdsolve.operators.family_stiffness_bound import resistance
-from pdsolve.operators.protocol import Kept
+from pdsolve.operators.protocol import CheckpointArrays
 from pdsolve.state import Broken, State, Unknown
 
 if TYPE_CHECKING:
@@ -42,7 +42,11 @@ class BondList:
         """The model's law for bonds in double precision, to be summed in this `precision`."""
         bind(law)
         sums = isinstance(law.passes, Sums)
-        self._loops = (loops.accumulate_rows, loops.bond_force_rows) if sums else (loops.gather_rows, loops.pull_rows)
+        self._loops = (
+            (loops.first_pass_rows_of_sums, loops.bond_force_rows)
+            if sums
+            else (loops.first_pass_rows, loops.force_rows)
+        )
         bonds = in_precision(exact, precision)
         self.symmetric, self._threads = symmetric, threads
         self._nodes, self._every = len(bonds.start) - 1, np.arange(len(bonds.start) - 1)
@@ -70,7 +74,7 @@ class BondList:
         def pulls(value: NDArray[np.float64]) -> NDArray[np.float64]:
             out = np.zeros_like(value)
             now = Now(value, np.zeros_like(value), 0, 0.0)
-            self._pull(now, self._between(now), out)
+            self._accumulate_bond_forces(now, self._between(now), out)
             return out
 
         width = sum(unknown.width for unknown in self.unknowns)
@@ -82,26 +86,26 @@ class BondList:
         assert self.law.width is None
         self._summed, self._every = (first, last), np.arange(first, last)
 
-    def add(self, state: State, out: NDArray[Any], step: int, dt: float) -> None:
+    def accumulate_force(self, state: State, out: NDArray[Any], step: int, dt: float) -> None:
         """Add the force densities (n, w), N/m^3, to `out`; bonds over their limit break in this `step`, `dt` s long."""
         now = Now(state.value, state.rate, step, dt)
         between = self._between(now)
         if not between.shape[1]:
             begin, end = self._summed
-            add = partial(loops.add_rows, self._list, self.columns, now, between, out, state.dissipated)
+            add = partial(loops.update_rows, self._list, self.columns, now, between, out, state.dissipated)
             share(lambda first, last: add(begin + first, begin + last), end - begin, self._threads)
             return
         torn = self._torn(now, between) if step > 0 else None
         if torn is not None:
             before = np.zeros_like(out)
-            self._pull(now, between, before)
+            self._accumulate_bond_forces(now, between, before)
             matched, share_spent = self._match_work(now, between, torn)
             released = np.zeros(self._nodes)
             between = self._fail(now, between, torn, released)
         pulls = out if torn is None else np.zeros_like(out)
-        self._pull(now, between, pulls)
-        if step > 0 and self._remembered_by_nodes():  # after forces, which are those of the history so far
-            self._share(loops.remember_rows, now, between)
+        self._accumulate_bond_forces(now, between, pulls)
+        if step > 0 and self._node_history_names():  # after forces, which are those of the history so far
+            self._share(loops.update_history_rows, now, between)
         if torn is not None:
             self._book(state, dt, before - pulls, matched, released, share_spent)
             out += pulls + matched
@@ -157,7 +161,7 @@ class BondList:
     def _near(self, now: Now, between: NDArray[Any]) -> NDArray[np.bool_]:
         """Mask (n,) of nodes whose bonds must be checked."""
         near = np.zeros(self._nodes, dtype=np.bool_)
-        self._share(loops.alert_rows, between, near)
+        self._share(loops.may_fail_rows, between, near)
         return near
 
     def _fail(
@@ -185,11 +189,11 @@ class BondList:
         dissipated[touched] += before - strain_energy[touched]
         return between
 
-    def remember(self, state: State) -> None:
+    def update_history(self, state: State) -> None:
         """Update the history of nodes at an equilibrium; no bond breaks."""
-        if self._remembered_by_nodes():
+        if self._node_history_names():
             now = Now(state.value, state.rate, 0, 0.0)
-            self._share(loops.remember_rows, now, self._between(now))
+            self._share(loops.update_history_rows, now, self._between(now))
 
     def energies(self, state: State) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Energy densities (n,), J/m^3: stored, and dissipated by softening so far."""
@@ -223,7 +227,7 @@ class BondList:
 
         def pulls(value: NDArray[np.complex128]) -> NDArray[np.complex128]:
             now, out = Now(value, value, 0, 0.0), np.zeros_like(value)
-            self._pull(now, self._between(now), out)
+            self._accumulate_bond_forces(now, self._between(now), out)
             return out
 
         value = state.value.astype(np.complex128)
@@ -245,29 +249,31 @@ class BondList:
         which = np.flatnonzero(step > after)
         return Broken(step[which].astype(np.int64), *ends(self._bonds, which))
 
-    def keep(self) -> Kept:
+    def checkpoint_arrays(self) -> CheckpointArrays:
         """History of bonds for a checkpoint, by the rows of their nodes."""
         checkpoint: dict[str, NDArray[Any]] = {}
-        for name in self._remembered():
+        for name in self._bond_history_names():
             column = getattr(self.columns, name)
             which = np.flatnonzero(column)
             source, target = ends(self._bonds, which)
             checkpoint |= {name: column[which], f"{name}_source": source, f"{name}_target": target}
-        return checkpoint | {name: getattr(self.columns, name).copy() for name in self._remembered_by_nodes()}
+        return checkpoint | {name: getattr(self.columns, name).copy() for name in self._node_history_names()}
 
-    def back(self, checkpoint: Kept, broken: Broken) -> None:
+    def restore(self, checkpoint: CheckpointArrays, broken: Broken) -> None:
         """Restore the history of bonds and the broken bonds of a checkpoint."""
-        memory = {name: self._memory(checkpoint, name) for name in self._remembered()}
+        memory = {name: self._memory(checkpoint, name) for name in self._bond_history_names()}
         for name, (values, source, target) in {"broken": broken, **memory}.items():
             column, bonds = getattr(self.columns, name), find(self._bonds, source, target)
             column[:] = 0
             column[bonds] = values
-        for name in self._remembered_by_nodes():
+        for name in self._node_history_names():
             column = getattr(self.columns, name)
             column[:] = like(checkpoint, name, column)
         self._lose(np.flatnonzero(self._steps()), self._every)
 
-    def _memory(self, checkpoint: Kept, name: str) -> tuple[NDArray[Any], NDArray[np.int64], NDArray[np.int64]]:
+    def _memory(
+        self, checkpoint: CheckpointArrays, name: str
+    ) -> tuple[NDArray[Any], NDArray[np.int64], NDArray[np.int64]]:
         """History of bonds (k,) in a checkpoint, and the rows of their sources and targets."""
         values = entry(checkpoint, name, (None,), getattr(self.columns, name).dtype)
         source, target = (
@@ -278,7 +284,7 @@ class BondList:
 
     def reweigh(self, share: NDArray[np.float64]) -> None:
         """Set each bond to a share (b,) of its initial weight, or stiffness; broken bonds and other history stay."""
-        names = *self._remembered(), *self._remembered_by_nodes(), "broken"
+        names = *self._bond_history_names(), *self._node_history_names(), "broken"
         history = {name: getattr(self.columns, name).copy() for name in names}
         share = share.astype(self._bonds.xi.dtype)
         bonds = self._bonds._replace(weight=self._bonds.weight * share, stiffness=self._bonds.stiffness * share)
@@ -292,15 +298,15 @@ class BondList:
         arrays = *self._bonds, *self._list.xi, self._list.length, *self.columns
         return sum(getattr(array, "nbytes", 0) for array in arrays)
 
-    def place(self, state: State) -> State:
+    def to_own_layout(self, state: State) -> State:
         """The state in this operator's own array layout."""
         return state
 
-    def _remembered(self) -> tuple[str, ...]:
+    def _bond_history_names(self) -> tuple[str, ...]:
         """Names of the columns that change, except `broken`."""
-        return self.law.memory
+        return self.law.bond_history
 
-    def _remembered_by_nodes(self) -> tuple[str, ...]:
+    def _node_history_names(self) -> tuple[str, ...]:
         """Names of the existing nodal columns that the law changes."""
         names = self.law.nodes.columns if self.law.nodes is not None else ()
         return tuple(name for name in names if getattr(self.columns, name).size)
@@ -319,18 +325,18 @@ class BondList:
             self._share_some(self._loops[0], self._every, now, between)
         if law.again is not None:
             more = np.empty((self._nodes, dimension * dimension), dtype=now.value.dtype)
-            self._share(loops.gather_rows_again, now, between, more)
-            self._share(loops.close_rows_again, between, more)
+            self._share(loops.intermediate_pass_rows, now, between, more)
+            self._share(loops.finish_intermediate_pass_rows, between, more)
         return between
 
-    def _pull(self, now: Now, between: NDArray[Any], out: NDArray[Any]) -> None:
+    def _accumulate_bond_forces(self, now: Now, between: NDArray[Any], out: NDArray[Any]) -> None:
         """Add the forces of bonds, given the nodal numbers between the passes."""
         self._share(self._loops[1], now, between, out)
 
     def _lose(self, bonds: NDArray[np.int64], rows: NDArray[np.int64]) -> None:
         """Remove these bonds (b,), which belong to the nodes (k,) that have failed."""
-        if self.law.mend is not None:
-            self.law.mend(self.columns, self._list, rows)
+        if self.law.update_after_breakage is not None:
+            self.law.update_after_breakage(self.columns, self._list, rows)
 
     def _share(self, loop: Callable[..., None], *arrays: Any) -> None:
         share(lambda first, last: loop(self._list, self.columns, *arrays, first, last), self._nodes, self._threads)

@@ -13,22 +13,22 @@ from pdsolve.codegen.jit_cache import cached_njit
 from pdsolve.laws.bond_arrays import deformed, stretch_before
 from pdsolve.laws.calls import (
     accumulate,
-    age,
-    alert,
+    accumulate_bond_force,
     bond_force,
-    close,
-    close_again,
     energy,
     fails,
-    gather,
-    gather_again,
-    hold,
+    failure_stretch,
+    finish_intermediate_pass,
+    finish_pass,
+    first_pass,
+    initial_sums,
+    intermediate_pass,
+    may_fail,
+    nodal_energy,
     nodal_numbers,
-    nothing,
     numbers,
-    pull,
-    remember,
-    threshold,
+    update_bond,
+    update_history,
 )
 from pdsolve.laws.small_tensors import blank, summed
 
@@ -36,26 +36,26 @@ KERNEL: dict[str, Any] = {"nogil": True, "error_model": "numpy"}
 
 
 @cached_njit(**KERNEL)
-def gather_rows(bonds, law, now, m, rows, first, last):  # type: ignore[no-untyped-def]
+def first_pass_rows(bonds, law, now, m, rows, first, last):  # type: ignore[no-untyped-def]
     """Compute some rows of m."""
     for at in range(first, last):
         i = rows[at]
         m[i] = 0
         for k in range(bonds.start[i], bonds.start[i + 1]):
             j = bonds.neighbour[k]
-            gather(law, deformed(bonds, now.value, i, j, k), now, i, j, k, m)
-        close(law, i, m)
+            first_pass(law, deformed(bonds, now.value, i, j, k), now, i, j, k, m)
+        finish_pass(law, i, m)
 
 
 @cached_njit(**KERNEL)
-def accumulate_rows(bonds, law, now, m, rows, first, last):  # type: ignore[no-untyped-def]
+def first_pass_rows_of_sums(bonds, law, now, m, rows, first, last):  # type: ignore[no-untyped-def]
     """Compute some rows of m, for a law whose passes are tuples."""
     start, neighbour, value, broken, none = bonds.start, bonds.neighbour, now.value, law.broken, m.dtype.type(0) * 1.0
     like = blank(bonds.xi, none)
     for at in range(first, last):
         row = rows[at]
         i = np.uint64(row)
-        sums = nothing(law, like, none)
+        sums = initial_sums(law, like, none)
         for place in range(start[i], start[i + 1]):
             k = np.uint64(place)
             if broken[k] == 0:
@@ -63,14 +63,14 @@ def accumulate_rows(bonds, law, now, m, rows, first, last):  # type: ignore[no-u
                 sums = accumulate(law, deformed(bonds, value, i, j, k), numbers(law, i, j, k), sums)
         for a in range(len(sums)):
             m[row, a] = sums[a]
-        close(law, row, m)
+        finish_pass(law, row, m)
 
 
 @cached_njit(**KERNEL)
-def close_rows(bonds, law, m, first, last):  # type: ignore[no-untyped-def]
+def finish_pass_rows(bonds, law, m, first, last):  # type: ignore[no-untyped-def]
     """Finish rows whose sums are in m."""
     for i in range(first, last):
-        close(law, i, m)
+        finish_pass(law, i, m)
 
 
 @cached_njit(**KERNEL)
@@ -92,24 +92,24 @@ def bond_force_rows(bonds, law, now, m, out, first, last):  # type: ignore[no-un
 
 
 @cached_njit(**KERNEL)
-def gather_rows_again(bonds, law, now, m, more, first, last):  # type: ignore[no-untyped-def]
+def intermediate_pass_rows(bonds, law, now, m, more, first, last):  # type: ignore[no-untyped-def]
     """Compute the rows `first` to `last` - 1 of `more`, given those of m."""
     for i in range(first, last):
         more[i] = 0
         for k in range(bonds.start[i], bonds.start[i + 1]):
             j = bonds.neighbour[k]
-            gather_again(law, deformed(bonds, now.value, i, j, k), now, i, j, k, m, more)
+            intermediate_pass(law, deformed(bonds, now.value, i, j, k), now, i, j, k, m, more)
 
 
 @cached_njit(**KERNEL)
-def close_rows_again(bonds, law, m, more, first, last):  # type: ignore[no-untyped-def]
+def finish_intermediate_pass_rows(bonds, law, m, more, first, last):  # type: ignore[no-untyped-def]
     """Finish the rows for the last pass."""
     for i in range(first, last):
-        close_again(law, i, m, more)
+        finish_intermediate_pass(law, i, m, more)
 
 
 @cached_njit(**KERNEL)
-def add_rows(bonds, law, now, m, out, spent, first, last):  # type: ignore[no-untyped-def]
+def update_rows(bonds, law, now, m, out, spent, first, last):  # type: ignore[no-untyped-def]
     """Add the forces and the dissipated energy of bonds to the rows of `out` and `spent`."""
     f = np.empty(out.shape[1], dtype=out.dtype)
     for i in range(first, last):
@@ -117,14 +117,14 @@ def add_rows(bonds, law, now, m, out, spent, first, last):  # type: ignore[no-un
         for k in range(bonds.start[i], bonds.start[i + 1]):
             j = bonds.neighbour[k]
             bond = deformed(bonds, now.value, i, j, k)
-            spent[i] += age(law, bond, now, m, i, j, k, f)
-            pull(law, bond, now, m, i, j, k, f)
+            spent[i] += update_bond(law, bond, now, m, i, j, k, f)
+            accumulate_bond_force(law, bond, now, m, i, j, k, f)
         for a in range(len(f)):
             out[i, a] += f[a]
 
 
 @cached_njit(**KERNEL)
-def pull_rows(bonds, law, now, m, out, first, last):  # type: ignore[no-untyped-def]
+def force_rows(bonds, law, now, m, out, first, last):  # type: ignore[no-untyped-def]
     """Add the forces of bonds without history to the rows of `out`.
 
     Values may be complex, which gives derivatives without cancellation.
@@ -134,7 +134,7 @@ def pull_rows(bonds, law, now, m, out, first, last):  # type: ignore[no-untyped-
         f[:] = 0
         for k in range(bonds.start[i], bonds.start[i + 1]):
             j = bonds.neighbour[k]
-            pull(law, deformed(bonds, now.value, i, j, k), now, m, i, j, k, f)
+            accumulate_bond_force(law, deformed(bonds, now.value, i, j, k), now, m, i, j, k, f)
         for a in range(len(f)):
             out[i, a] += f[a]
 
@@ -144,7 +144,7 @@ def energy_rows(bonds, law, now, m, strain_energy, spent, rows, first, last):  #
     """Compute stored and dissipated energy of some rows of nodes and their bonds."""
     for at in range(first, last):
         i = rows[at]
-        strain_energy[i], spent[i] = hold(law, i, m)
+        strain_energy[i], spent[i] = nodal_energy(law, i, m)
         for k in range(bonds.start[i], bonds.start[i + 1]):
             j = bonds.neighbour[k]
             bond_energy = energy(law, deformed(bonds, now.value, i, j, k), now, m, i, j, k)
@@ -153,10 +153,10 @@ def energy_rows(bonds, law, now, m, strain_energy, spent, rows, first, last):  #
 
 
 @cached_njit(**KERNEL)
-def alert_rows(bonds, law, m, near, first, last):  # type: ignore[no-untyped-def]
+def may_fail_rows(bonds, law, m, near, first, last):  # type: ignore[no-untyped-def]
     """Mark in `near` the nodes with a bond that may fail."""
     for i in range(first, last):
-        if alert(law, i, m):
+        if may_fail(law, i, m):
             near[i] = True
             for k in range(bonds.start[i], bonds.start[i + 1]):
                 near[bonds.neighbour[k]] = True
@@ -175,8 +175,8 @@ def fail_rows(bonds, law, now, m, near, failing, torn, first, last):  # type: ig
 
 @cached_njit(**KERNEL)
 def match_rows(bonds, law, now, m, failing, out, spent, rows, first, last):  # type: ignore[no-untyped-def]
-    """Add to the rows of `out` the forces of failing bonds that match their work, as `calls.added_pull`; set in `spent`
-    which share of the energy that bonds release now they have spent at their thresholds, -1 if one has none.
+    """Add to the rows of `out` the forces of failing bonds that match their work, as `calls.added_force`; set in
+    `spent` which share of the energy that bonds release now they have spent at their thresholds, -1 if one has none.
 
     They are shares of the forces of now, which grow with the stretch s from s_n to s_(n+1): with the threshold s0 they
     are (s0^2 - s_n s_(n+1)) / (2 s_(n+1) (s_(n+1) - s_n)).
@@ -189,12 +189,12 @@ def match_rows(bonds, law, now, m, failing, out, spent, rows, first, last):  # t
                 continue
             j = bonds.neighbour[k]
             bond = deformed(bonds, now.value, i, j, k)
-            before, limit = stretch_before(bond, now, i, j), threshold(law, bond, now, m, i, j, k)
+            before, limit = stretch_before(bond, now, i, j), failure_stretch(law, bond, now, m, i, j, k)
             if before >= limit:
                 threshold_work = -np.inf
                 continue
             f[:] = 0
-            pull(law, bond, now, m, i, j, k, f)
+            accumulate_bond_force(law, bond, now, m, i, j, k, f)
             share = (limit * limit - bond.stretch * before) / (2 * bond.stretch * (bond.stretch - before))
             along = 0.0
             for a in range(len(bond.xi)):
@@ -206,7 +206,7 @@ def match_rows(bonds, law, now, m, failing, out, spent, rows, first, last):  # t
 
 
 @cached_njit(**KERNEL)
-def remember_rows(bonds, law, now, m, first, last):  # type: ignore[no-untyped-def]
+def update_history_rows(bonds, law, now, m, first, last):  # type: ignore[no-untyped-def]
     """Update the history of the nodes `first` to `last` - 1."""
     for i in range(first, last):
-        remember(law, bonds, now, i, m)
+        update_history(law, bonds, now, i, m)

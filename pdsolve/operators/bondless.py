@@ -13,7 +13,7 @@ from pdsolve.state import Broken, State
 class Bondless:
     """An operator that has forces and energies but no bonds; see `Operator`."""
 
-    def place(self, state: State) -> State:
+    def to_own_layout(self, state: State) -> State:
         """The state itself: its arrays are those of all nodes."""
         return state
 

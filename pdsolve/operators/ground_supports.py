@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from pdmesh.model.document import Pin, Spring
 from pdsolve.model import Model
 from pdsolve.operators.bondless import Bondless
-from pdsolve.operators.protocol import Kept, Operator
+from pdsolve.operators.protocol import CheckpointArrays, Operator
 from pdsolve.operators.together import Together
 from pdsolve.state import Broken, State, Unknown
 
@@ -58,7 +58,7 @@ class GroundSupports(Bondless):
                 self._rings.append(_ring(condition, model, volume))
         self._rows = np.flatnonzero(self._k.any(axis=1))
 
-    def add(self, state: State, out: NDArray[Any], step: int, dt: float) -> None:
+    def accumulate_force(self, state: State, out: NDArray[Any], step: int, dt: float) -> None:
         """Add the force densities, N/m^3, to `out` (n, w)."""
         u = state.value
         out[self._rows, : self._d] -= self._k[self._rows] * u[self._rows, : self._d]
@@ -76,7 +76,7 @@ class GroundSupports(Bondless):
     def forces_of(self, rows: NDArray[np.int64], volume: Array, state: State) -> Array:
         """The force (d,), N/m or N, of all supports on these nodes."""
         out = np.zeros((self._nodes, self._width))
-        self.add(state, out, 0, 0.0)
+        self.accumulate_force(state, out, 0, 0.0)
         return np.asarray(volume[rows] @ out[rows, : self._d])
 
     def stiffness_bound(self) -> Array:
@@ -109,11 +109,11 @@ class GroundSupports(Bondless):
         matrix: csr_array = coo_array((np.concatenate(values), ends_of), shape=(size, size)).tocsr()
         return matrix
 
-    def keep(self) -> Kept:
+    def checkpoint_arrays(self) -> CheckpointArrays:
         """Nothing: supports have no history."""
         return {}
 
-    def back(self, checkpoint: Kept, broken: Broken) -> None:
+    def restore(self, checkpoint: CheckpointArrays, broken: Broken) -> None:
         """Nothing to restore."""
 
     def bytes(self) -> int:

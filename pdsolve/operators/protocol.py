@@ -17,7 +17,7 @@ from pdsolve.state import Broken, State, Unknown
 if TYPE_CHECKING:
     from scipy.sparse import csr_array
 
-Kept = Mapping[str, NDArray[Any]]  # what an operator puts into a checkpoint
+CheckpointArrays = Mapping[str, NDArray[Any]]  # what an operator puts into a checkpoint
 
 
 class Operator(Protocol):
@@ -27,10 +27,10 @@ class Operator(Protocol):
     unknowns: tuple[Unknown, ...]
     symmetric: bool  # energy and momentum are conserved
 
-    def place(self, state: State) -> State:
+    def to_own_layout(self, state: State) -> State:
         """The state in the operator's own array layout."""
 
-    def add(self, state: State, out: NDArray[Any], step: int, dt: float) -> None:
+    def accumulate_force(self, state: State, out: NDArray[Any], step: int, dt: float) -> None:
         """Add the force densities (n, w) at a state, N/m^3, to `out`; bonds over their limit break in this `step`.
 
         `dt` is the time since the last step, s, 0 at rest. Dissipated energy is booked in the state.
@@ -62,10 +62,10 @@ class Operator(Protocol):
     def broken(self, after: int = 0) -> Broken:
         """The bonds broken after a step."""
 
-    def keep(self) -> Kept:
+    def checkpoint_arrays(self) -> CheckpointArrays:
         """History of bonds for a checkpoint, by the rows of their nodes, except which are broken."""
 
-    def back(self, checkpoint: Kept, broken: Broken) -> None:
+    def restore(self, checkpoint: CheckpointArrays, broken: Broken) -> None:
         """Restore a checkpoint with these broken bonds."""
 
     def bytes(self) -> int:

@@ -82,7 +82,7 @@ class SofteningBonds:
         """Add spring supports and pins of this stiffness (n w, n w), N/m^2: symmetric, on n nodes."""
         self._ground = stiffness
 
-    def remember(self, checkpoint: Mapping[str, NDArray[Any]], broken: Broken) -> None:
+    def restore(self, checkpoint: Mapping[str, NDArray[Any]], broken: Broken) -> None:
         """Take the history of these bonds over from an operator."""
         key, self.kappa[:] = self.source * self._nodes + self.target, 0.0
         order = np.argsort(key)
@@ -109,7 +109,7 @@ class SofteningBonds:
             pressed = self.breaks[(s < 0)[self.breaks] & (softened.kappa < self.limit)[self.breaks]]
             softened.omega[pressed] = softened.slope[pressed] = 1.0
         releases = c * self.length * softened.releases / 2
-        spent, along = float(self.spent(softened.kappa).sum()), y / now[:, None]
+        spent, along = float(self.dissipated_energy(softened.kappa).sum()), y / now[:, None]
         return Response(
             along,
             now,
@@ -140,22 +140,22 @@ class SofteningBonds:
         secant[has_history] = (
             self._pair.secant(None, bond_drive[has_history], *at) if self._pair.secant is not None else 1.0
         )
-        curve[has_history] = self._softening.slope(None, *at)
+        curve[has_history] = self._softening.softening_slope(None, *at)
         secant[worst >= limit] = curve[worst >= limit] = 0.0
         on = grows & (worst < limit)
         kappa[k], omega[k], slope[k] = worst, secant, np.where(on, curve, secant)
         releases[k] = np.where(on, secant * worst - curve * worst, 0.0)
         return Softened(kappa, omega, slope, releases)
 
-    def spent(self, kappa: Array) -> Array:
+    def dissipated_energy(self, kappa: Array) -> Array:
         """Energy (b,), J/m, that bonds have spent at this history."""
         energy, k = np.zeros(len(kappa)), self.breaks[kappa[self.breaks] > 0]
         c, worst, peak, limit = self.stiffness[k] * self.length[k] / 2, kappa[k], self.peak[k], self.limit[k]
         is_broken = worst >= limit
-        energy[k] = np.where(is_broken, self._softening.total(None, c, peak, limit), 0.0)
+        energy[k] = np.where(is_broken, self._softening.total_dissipated_energy(None, c, peak, limit), 0.0)
         unbroken = ~is_broken
         at = c[unbroken], worst[unbroken], peak[unbroken], limit[unbroken]
-        energy[k[unbroken]] = self._softening.spent(None, *at)
+        energy[k[unbroken]] = self._softening.dissipated_energy(None, *at)
         return energy
 
     def forces(self, response: Response) -> Array:

@@ -16,7 +16,7 @@ from scipy.sparse import coo_array, csr_array, eye_array
 
 from pdsolve.codegen.jit_cache import cached_njit
 from pdsolve.laws.bond_arrays import AnyList, Now, deformed
-from pdsolve.laws.calls import pull
+from pdsolve.laws.calls import accumulate_bond_force
 
 STEP = 1e-30  # m; its square is lost beside any length
 
@@ -129,7 +129,7 @@ def _slope(bonds, law, now, m, step, i, j, k, node, a, f, slope):  # type: ignor
     before = now.value[node, a]
     now.value[node, a] = before + 1j * step
     f[:] = 0
-    pull(law, deformed(bonds, now.value, i, j, k), now, m, i, j, k, f)
+    accumulate_bond_force(law, deformed(bonds, now.value, i, j, k), now, m, i, j, k, f)
     now.value[node, a] = before
     for c in range(len(f)):
         slope[k, c, a] = f[c].imag / step

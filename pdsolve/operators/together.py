@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pdsolve.checkpoint_validation import expect_found
-from pdsolve.operators.protocol import Kept, Operator
+from pdsolve.operators.protocol import CheckpointArrays, Operator
 from pdsolve.state import Broken, State, Unknown
 
 if TYPE_CHECKING:
@@ -27,16 +27,16 @@ class Together:
             if part.unknowns != self.unknowns:
                 raise ValueError(f"{part.name} has unknowns {part.unknowns}; use {self.unknowns}")
 
-    def place(self, state: State) -> State:
+    def to_own_layout(self, state: State) -> State:
         """The state in the layout of the last part; the others copy it."""
         for part in self.parts:
-            state = part.place(state)
+            state = part.to_own_layout(state)
         return state
 
-    def add(self, state: State, out: NDArray[Any], step: int, dt: float) -> None:
+    def accumulate_force(self, state: State, out: NDArray[Any], step: int, dt: float) -> None:
         """Add the force densities (n, w) of all parts to `out`; bonds over their limit break in this `step`."""
         for part in self.parts:
-            part.add(state, out, step, dt)
+            part.accumulate_force(state, out, step, dt)
 
     def energies(self, state: State) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Energy densities (n,), J/m^3: stored, and dissipated by softening so far."""
@@ -72,11 +72,15 @@ class Together:
         column_lists = zip(*(part.broken(after) for part in self.parts), strict=True)
         return Broken(*(np.concatenate(columns) for columns in column_lists))
 
-    def keep(self) -> Kept:
+    def checkpoint_arrays(self) -> CheckpointArrays:
         """History of all parts for a checkpoint; names begin with the number of the part."""
-        return {f"{k}_{name}": values for k, part in enumerate(self.parts) for name, values in part.keep().items()}
+        return {
+            f"{k}_{name}": values
+            for k, part in enumerate(self.parts)
+            for name, values in part.checkpoint_arrays().items()
+        }
 
-    def back(self, checkpoint: Kept, broken: Broken) -> None:
+    def restore(self, checkpoint: CheckpointArrays, broken: Broken) -> None:
         """Restore a checkpoint; each part takes the broken bonds that it began with. Raises CheckpointError."""
         nodes, is_found = len(self.stiffness_bound()), np.zeros(len(broken.step), dtype=np.bool_)
         broken_keys = broken.source * nodes + broken.target
@@ -86,7 +90,7 @@ class Together:
             mine = {
                 name.removeprefix(f"{k}_"): values for name, values in checkpoint.items() if name.startswith(f"{k}_")
             }
-            part.back(mine, Broken(*(column[of_part] for column in broken)))
+            part.restore(mine, Broken(*(column[of_part] for column in broken)))
             is_found |= of_part
         expect_found(is_found, broken.source, broken.target)
 

@@ -14,7 +14,7 @@ from contextlib import suppress
 
 from pdmesh import commandline, stopping
 from pdmesh.commandline import BAD_INPUT, FAILURE
-from pdmesh.printing import remark
+from pdmesh.printing import print_to_stderr
 from pdsolve.numerics.team import NUMBERS, Floor, Team, is_first, is_one_of_many, team
 
 MISSING = "ranks need MPI for Python; install it: pip install 'pdsuite[mpi]'"
@@ -37,7 +37,7 @@ def together(command: Callable[[Team | None], int], exits: Exits) -> int:
         ranks = team()
     except (ImportError, RuntimeError):  # the library is looked for when the package is imported
         if is_first():
-            remark(f"pdsolve: {MISSING}")
+            print_to_stderr(f"pdsolve: {MISSING}")
         return BAD_INPUT
     if ranks is None:
         return command(None)
@@ -92,7 +92,7 @@ def alone(name: str, command: Callable[[], int]) -> int:
     if not is_one_of_many():
         return command()
     if is_first():
-        remark(f"{name} runs on many ranks; use one process: pdsolve alone is for mpiexec")
+        print_to_stderr(f"{name} runs on many ranks; use one process: pdsolve alone is for mpiexec")
     return BAD_INPUT
 
 
@@ -121,7 +121,7 @@ def _served(ranks: Team, exits: Exits, witness: tuple[str, int]) -> int:
     except BaseException as error:
         code, said = _said(error, exits)
         if ranks.tells():
-            remark(f"pdsolve: rank {ranks.rank}: {' '.join(said.split())}")
+            print_to_stderr(f"pdsolve: rank {ranks.rank}: {' '.join(said.split())}")
             sys.stderr.flush()
             _silence(witness)
             ranks.comm.Abort(code)

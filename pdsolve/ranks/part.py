@@ -17,7 +17,7 @@ from pdsolve.model import Model
 from pdsolve.numerics.ordered_sums import branches, total
 from pdsolve.numerics.team import Team
 from pdsolve.operators.bond_list import BondList
-from pdsolve.operators.protocol import Kept, Operator
+from pdsolve.operators.protocol import CheckpointArrays, Operator
 from pdsolve.operators.simd_lattice.operator import SimdLattice
 from pdsolve.operators.space_lattice.operator import SpaceLattice
 from pdsolve.options import Options
@@ -145,10 +145,10 @@ def bonds(team: Team, first: int, last: int) -> NDArray[np.int64]:
     return part.operator.bonds(first - slab.begin, last - slab.begin, True)[1] + slab.begin
 
 
-def keep(part: Part) -> Kept:
+def checkpoint_arrays(part: Part) -> CheckpointArrays:
     """History of own nodes and of their bonds, by rows of the whole grid."""
     slab = part.slab
-    window_history, own_history = part.operator.keep(), {}
+    window_history, own_history = part.operator.checkpoint_arrays(), {}
     for name, values in window_history.items():
         source = _ends(window_history, name, "source")
         if source is None:
@@ -159,18 +159,18 @@ def keep(part: Part) -> Kept:
     return own_history
 
 
-def _ends(history: Kept, name: str, end: str) -> NDArray[np.int64] | None:
+def _ends(history: CheckpointArrays, name: str, end: str) -> NDArray[np.int64] | None:
     """The sources, or targets, of the bonds that a column of a history is of; None if it is of nodes."""
     stem = name.removesuffix("_edge").removesuffix("_source").removesuffix("_target")
     return history.get(f"{stem}_{end}")
 
 
-def is_of_bonds(history: Kept, name: str) -> bool:
+def is_of_bonds(history: CheckpointArrays, name: str) -> bool:
     """Whether a column of a history is of bonds, not of nodes."""
     return _ends(history, name, "source") is not None
 
 
-def back(part: Part, history: Kept, broken: Broken) -> None:
+def restore(part: Part, history: CheckpointArrays, broken: Broken) -> None:
     """Restore the history of a window from that of all nodes; in blocks only own nodes have bonds."""
     slab, alone = part.slab, isinstance(part.operator, SimdLattice)
     first, last = (slab.first, slab.last) if alone else (slab.begin, slab.end)
@@ -185,4 +185,4 @@ def back(part: Part, history: Kept, broken: Broken) -> None:
             continue
         in_window = (source >= first) & (source < last) & (target >= slab.begin) & (target < slab.end)
         window_history[name] = values[in_window] - slab.begin if name.endswith(ENDS) else values[in_window]
-    part.operator.back(window_history, past)
+    part.operator.restore(window_history, past)

@@ -44,7 +44,7 @@ class State(NamedTuple):
     log: Log = Log()
 
     @property
-    def words(self) -> str:
+    def message(self) -> str:
         """The state in a line, without the name of the file."""
         said = str(self.kind.value)
         if self.kind is Kind.RUNNING:

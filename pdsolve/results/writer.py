@@ -113,7 +113,7 @@ class Writer:
                 writer._append("epoch", [(0, births.total, births.bonds)])
                 writer._append("crack" if cracks.shape[1] == 4 else "crack_face", cracks.tolist())
                 created = datetime.now(UTC).isoformat(timespec="seconds")
-                writer._tell({**meta, "created": created, **writer._running()})
+                writer._write_meta({**meta, "created": created, **writer._running()})
         except BaseException:
             writer.discard()
             raise
@@ -140,18 +140,18 @@ class Writer:
                 if connection.execute(f"DELETE FROM {table} WHERE {where}").rowcount:
                     writer._add_up(table)
             writer._token = Token.of(writer._place)
-            writer._tell(writer._running())
+            writer._write_meta(writer._running())
             if pieces:
-                writer._tell({KEY_OF_PIECES: written((*pieces, Pieces(step, files)))})
+                writer._write_meta({KEY_OF_PIECES: written((*pieces, Pieces(step, files)))})
         return writer
 
     def _running(self) -> dict[str, str]:
         return {"status": "running"} | ({} if self._token is None else {KEY: self._token.text})
 
-    def tell(self, meta: Mapping[str, Any]) -> None:
+    def write_meta(self, meta: Mapping[str, Any]) -> None:
         """Set keys of the table `meta`. Raises WriteError."""
         with self._transaction():
-            self._tell(meta)
+            self._write_meta(meta)
 
     def write(self, frame: Frame) -> None:
         """Write a frame in one transaction. Raises WriteError, for instance on a full disk."""
@@ -172,7 +172,7 @@ class Writer:
             self._append("crack_particle", frame.particles)
             if frame.checkpoint is not None:
                 self._write_checkpoint(frame.step, frame.checkpoint, frame.keeps)
-                self._tell({"wall_time": frame.wall_time})
+                self._write_meta({"wall_time": frame.wall_time})
 
     def close(self, status: str) -> None:
         """Close the database as a single file with `status`; SQLite's log stays if another program is reading.
@@ -180,12 +180,12 @@ class Writer:
         One in memory stays open. Raises WriteError.
         """
         if self.path is None:
-            self.tell({"status": status})
+            self.write_meta({"status": status})
             return
         try:
             with self._transaction() as connection:
                 connection.execute("DELETE FROM meta WHERE key = ?", (KEY,))
-                self._tell({"status": status})
+                self._write_meta({"status": status})
             with explained(self.path, WriteError):
                 deadline = time.monotonic() + READERS
                 while not self._alone() and time.monotonic() < deadline:
@@ -208,7 +208,7 @@ class Writer:
         with suppress(ResultsError, sqlite3.Error):
             with self._transaction() as connection:
                 connection.execute("DELETE FROM meta WHERE key = ?", (KEY,))
-                self._tell({"status": status})
+                self._write_meta({"status": status})
             self.connection.execute("PRAGMA wal_checkpoint(TRUNCATE)")
             if not self._place.exists():
                 remove(self._place)  # what SQLite kept beside it
@@ -284,7 +284,7 @@ class Writer:
         """Compute the checksum from the existing rows."""
         self._checksums[table] = Checksum().of(table, self.connection.execute(select(table, columns=checked(table))))
 
-    def _tell(self, meta: Mapping[str, Any]) -> None:
+    def _write_meta(self, meta: Mapping[str, Any]) -> None:
         rows = [with_crc("meta", (key, stored(value))) for key, value in meta.items()]
         self._insert("INSERT OR REPLACE", "meta", rows)
         self._add_up("meta")

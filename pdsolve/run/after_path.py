@@ -15,7 +15,7 @@ import msgspec
 import numpy as np
 
 from pdmesh.model.document import Condition
-from pdsolve.conditions import factors, held
+from pdsolve.conditions import constrained_components, factors
 from pdsolve.model import Model, model_of
 from pdsolve.options import Options
 from pdsolve.results import Results
@@ -78,4 +78,4 @@ def _with_run_settings(model: Model, **settings: Any) -> Model:
 def _set_first_accelerations(system: System, state: State) -> None:
     """Set the accelerations (n, w), m/s^2, with which a body begins to move."""
     acceleration = (force_densities(system.operator, state) + system.drive.force) / system.model.rho[:, None]
-    state.second[:] = np.where(held(system.drive), 0.0, acceleration)
+    state.second[:] = np.where(constrained_components(system.drive), 0.0, acceleration)

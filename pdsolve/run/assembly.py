@@ -100,13 +100,13 @@ def assemble_system(
     velocity, nodes = initial_velocity(model, width), len(model.grid)
     u, v = np.zeros((2, nodes, width), dtype=kind)
     state = State(u, v, initial_acceleration(conditions, rho), *np.zeros((3, nodes)))
-    state, damped = operator.place(state), damping(model) if rank_coupling is None else rank_coupling.damping
+    state, damped = operator.to_own_layout(state), damping(model) if rank_coupling is None else rank_coupling.damping
     set_initial_motion(state, velocity, damped, conditions)
     stepper, conditions = make_stepper(operator, state, conditions, rho, step, damped, rank_coupling)
     energy = float(np.sum(model.rho / 2 * counted.area * (velocity**2).sum(axis=1))) if velocity.any() else 0.0
     refuse_fields(model, operator, state)
     system = System(model, options, scheme, operator, stepper, conditions, *counted, step, bound, energy)
-    stepper.march(state, 1, 1)  # no step: compiles before the clock runs
+    stepper.advance(state, 1, 1)  # no step: compiles before the clock runs
     return Prepared(system, state)
 
 

@@ -50,7 +50,7 @@ def prepare_load_steps(model: Model, options: Options, scheme: Scheme, bonds_bre
     operator, contact = add_contact_at_rest(model, area, add_ground_supports(model, area, bonds))
     driven = drive(model, area, scheme.exact_load, np.float64)
     driven.force[:] = driven.before[:] = driven.held_force[:] = 0  # nothing acts before the first load step
-    state = operator.place(zero_state(*driven.force.shape))
+    state = operator.to_own_layout(zero_state(*driven.force.shape))
     flows = any(SOLIDS[material.solid].flows for material in model.materials)
     method: EquilibriumMethod
     if static.method == "relaxation":
@@ -63,7 +63,7 @@ def prepare_load_steps(model: Model, options: Options, scheme: Scheme, bonds_bre
         method = ContactMethod(method, operator, contact)
     breakable = no_fail.breakable() if bonds_break and law.pair is not None else None
     breaking = FamilyBonds(bonds) if of_families and isinstance(bonds, BondList) else breakable
-    remember = {"on_equilibrium": bonds.remember} if isinstance(bonds, BondList) else {}
+    remember = {"on_equilibrium": bonds.update_history} if isinstance(bonds, BondList) else {}
     growth = make_crack_growth(model, bonds, filling, driven, None) if grows else None
     fatigue, look = model.settings.run.fatigue, growth.look if growth and not follows_crack_length(model) else None
     stepper = LoadSteps(model, operator, driven, area, method, breaking, None if fatigue else look, **remember)
@@ -93,7 +93,7 @@ def _prepare_path(model: Model, options: Options, scheme: Scheme) -> Prepared:
     driven = widened(drive(model, area, scheme.exact_load, np.float64), width)
     _refuse_large_body(model, driven)
     driven.force[:] = driven.before[:] = driven.held_force[:] = 0
-    state = operator.place(zero_state(*driven.force.shape))
+    state = operator.to_own_layout(zero_state(*driven.force.shape))
     bonds, ground = softening_of(model, filling.whole(), contact), supports_of(operator)
     if ground is not None:
         bonds.stand_on(np.repeat(area, width)[:, None] * ground.stiffness_matrix())

@@ -11,7 +11,7 @@ from pdsolve.adaptivity.hybrid.arrays import EVERY
 from pdsolve.adaptivity.hybrid.space.operator import HybridBodyOperator
 from pdsolve.adaptivity.hybrid.space.prepare import create_current_drive
 from pdsolve.errors import CheckpointError
-from pdsolve.operators.protocol import Kept
+from pdsolve.operators.protocol import CheckpointArrays
 from pdsolve.run.assembly import assemble_system
 from pdsolve.run.energy_steps import conserved_energy, kick_work
 from pdsolve.run.node_changes import NodeChange
@@ -45,7 +45,7 @@ class BodyRefinement:
         after.history = after.history._replace(refinement_energy=after.history.refinement_energy + energy_created)
         return NodeChange(fresh, new_state, _previous_rows_with_same_bonds(system, fresh, rows))
 
-    def restore_system(self, system: System, checkpoint: Kept) -> Prepared:
+    def restore_system(self, system: System, checkpoint: CheckpointArrays) -> Prepared:
         """The system of a checkpoint's cells. Raises CheckpointError for cells that no run from here can have."""
         after = zone_operator(system).restore_cells(checkpoint)
         if not np.array_equal(after.model.grid.ids, checkpoint["ids"]):

@@ -17,7 +17,7 @@ from pdsolve.adaptivity.quadtree.tree import Cells
 from pdsolve.checkpoint_validation import entry
 from pdsolve.conditions import put_loads
 from pdsolve.errors import CheckpointError, UnstableError
-from pdsolve.operators.protocol import Kept
+from pdsolve.operators.protocol import CheckpointArrays
 from pdsolve.run.assembly import assemble_system
 from pdsolve.run.energy_steps import conserved_energy as energy_of
 from pdsolve.run.energy_steps import kick_work
@@ -130,7 +130,7 @@ class CellSplitting:
         same = transfer.stays & ~changed & ~lost[origin] & (old_system.family[origin] == new_system.family)
         return np.where(same, origin, -1)
 
-    def restore_system(self, system: System, checkpoint: Kept) -> Prepared:
+    def restore_system(self, system: System, checkpoint: CheckpointArrays) -> Prepared:
         """The system of a checkpoint's cells. Raises CheckpointError for ids that are no set of leaves."""
         ids = entry(checkpoint, "ids", (None,), np.int64)
         memory, cells = read_history(checkpoint, len(ids)), self.tree.leaves(ids)

@@ -16,8 +16,8 @@ import numpy as np
 
 from pdmesh.model.document import ON_ONE_LATTICE, Absorb, Load, Run, Settings
 from pdmesh.model.monitors import ARC
-from pdsolve.adaptivity.hybrid.outlook import choose_adaptivity
-from pdsolve.checks import advise
+from pdsolve.adaptivity.hybrid.adaptivity_choice import choose_adaptivity
+from pdsolve.checks import warn_of_model
 from pdsolve.diffusion.swelling import Swelling
 from pdsolve.laws import law_of
 from pdsolve.model import Model, counted
@@ -137,7 +137,7 @@ def estimate_run(model: Model, options: Options = DEFAULT) -> Plan:
             settings = msgspec.structs.replace(settings, run=run)
             model = dataclasses.replace(model, settings=settings)
     settings = counted(model, step).settings
-    advise(model, np.flatnonzero(count == 0), scheme.partial_cells, scheme.symmetric)
+    warn_of_model(model, np.flatnonzero(count == 0), scheme.partial_cells, scheme.symmetric)
     options = options._replace(threads=1) if moves else options
     plan = estimate_size(settings, options, len(model.grid), int(count.sum()), (step, bound), in_blocks)
     plan = plan._replace(cut=int((family - count).sum()))

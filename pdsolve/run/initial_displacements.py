@@ -6,7 +6,7 @@ import dataclasses
 
 import numpy as np
 
-from pdsolve.conditions import held, initial_displacement
+from pdsolve.conditions import constrained_components, initial_displacement
 from pdsolve.model import on_device
 from pdsolve.run.prepare import prepare
 from pdsolve.run.system import Prepared
@@ -27,7 +27,7 @@ def apply_initial_displacements(prepared: Prepared) -> Prepared:
         operator = host_system.operator
         on_processor.value[:] = state.value
     pull = force_densities(operator, on_processor)
-    state.second[:] += np.where(held(system.drive), 0.0, pull / model.rho[:, None])
+    state.second[:] += np.where(constrained_components(system.drive), 0.0, pull / model.rho[:, None])
     holds = system.drive.holds
     system.drive.held_force[:] += pull[holds.node, holds.axis]
     strain = float(np.sum(system.area * (operator.energies(on_processor)[0] + on_processor.dissipated)))

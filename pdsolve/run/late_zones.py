@@ -12,9 +12,9 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
 
+from pdsolve.adaptivity.hybrid.adaptivity_choice import kappa_of, widen_zone, with_kappa
 from pdsolve.adaptivity.hybrid.arrays import EVERY
 from pdsolve.adaptivity.hybrid.operator import HybridOperator
-from pdsolve.adaptivity.hybrid.outlook import kappa_of, widen_zone, with_kappa
 from pdsolve.errors import LateZoneError
 from pdsolve.model import Model, ModelWarning
 from pdsolve.results import Results, ResultsError

@@ -9,7 +9,7 @@ import numpy as np
 
 from pdmesh.model.bond_counts import pair_count
 from pdmesh.model.broken_area import broken_area
-from pdsolve.checks import advise_damped, advise_made, advise_spent, closing
+from pdsolve.checks import closing, warn_of_created_energy, warn_of_damping, warn_of_missing_dissipation
 from pdsolve.diffusion.swelling import Swelling
 from pdsolve.errors import UnstableError
 from pdsolve.laws.material_checks import negative_secants
@@ -180,9 +180,9 @@ class MechanicsRecords:
         put_in = last.energy_scale(system.initial_energy, self._largest_work)
         closing(system.model, self.balance_error, last.dissipated, system.scheme.symmetric)
         if system.scheme.symmetric and not self._nodes_changed:
-            advise_spent(system.model, self.balance_error * put_in, put_in, last.dissipated)
-        advise_made(system.model, last.refinement, put_in)
-        advise_damped(system.model, last.damped + last.friction, put_in)
+            warn_of_missing_dissipation(system.model, self.balance_error * put_in, put_in, last.dissipated)
+        warn_of_created_energy(system.model, last.refinement, put_in)
+        warn_of_damping(system.model, last.damped + last.friction, put_in)
 
 
 def motion_values(state: State, row: int, dimension: int) -> list[float]:

@@ -11,7 +11,7 @@ from typing import NamedTuple, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from pdsolve.operators.protocol import Kept
+from pdsolve.operators.protocol import CheckpointArrays
 from pdsolve.run.system import Prepared, System, with_moved_zone
 from pdsolve.state import State, zero_state
 
@@ -32,7 +32,7 @@ class NodeAdaptation(Protocol):
     def change_nodes(self, system: System, state: State, step: int) -> NodeChange | None:
         """The nodes after `step`, a multiple of `every`; None if they stay."""
 
-    def restore_system(self, system: System, checkpoint: Kept) -> Prepared:
+    def restore_system(self, system: System, checkpoint: CheckpointArrays) -> Prepared:
         """The system of a checkpoint with the nodes `checkpoint["ids"]`, in that order.
 
         `system` is that of the start. The caller restores state, loads and broken bonds.
@@ -55,9 +55,9 @@ def find_zone_change(system: System, with_state: bool = True) -> NodeChange | No
     )
 
 
-def restore_zone_system(system: System, checkpoint: Kept) -> Prepared:
+def restore_zone_system(system: System, checkpoint: CheckpointArrays) -> Prepared:
     """The system of a checkpoint, for a run that began as `system`."""
     assert system.hybrid is not None
-    system.hybrid.back(checkpoint, system.hybrid.broken())
+    system.hybrid.restore(checkpoint, system.hybrid.broken())
     change = find_zone_change(system)
     return Prepared(system, system.hybrid.state()) if change is None else Prepared(change.system, change.state)

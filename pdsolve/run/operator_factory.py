@@ -84,7 +84,7 @@ def _make_device_operator(
             raise ModelError(f"{model.name}: $.run.device: nodes are on no lattice; use cpu, or nodes on one")
         of = law, model, bonds, scheme.symmetric, options.precision, *where
         return FamiliesOnDevice(*of, Session(model.settings.run.device)), statistics.counted(bond_source.area)
-    if law.pair is None or law.pair.held is not None:
+    if law.pair is None or law.pair.bond_strain_energy is not None:
         raise ModelError(f"{model.name}: $.run.device: the law is no straight line; use cpu for such a law")
     session, kind = Session(model.settings.run.device), np.dtype(options.precision).type
     if model.grid.dimension == 3:
@@ -134,7 +134,7 @@ def options_for_swelling(model: Model, options: Options) -> Options:
     Raises ModelError where the options exclude it.
     """
     pair, run = law_of(model).pair, model.settings.run
-    straight = pair is not None and pair.held is None and not pair.elastic_in_compression
+    straight = pair is not None and pair.bond_strain_energy is None and not pair.elastic_in_compression
     fast = straight and model.grid.dimension == 2 and run.solver == "explicit"
     expected = (None, "listed", "blocks") if fast else (None, "listed")
     if options.kernel not in expected:

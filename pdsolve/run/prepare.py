@@ -8,16 +8,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pdsolve.adaptivity.factory import create_zone_operator
+from pdsolve.adaptivity.hybrid.adaptivity_choice import choose_adaptivity
 from pdsolve.adaptivity.hybrid.operator import HybridOperator
-from pdsolve.adaptivity.hybrid.outlook import choose_adaptivity
 from pdsolve.adaptivity.hybrid.space.prepare import create_body_operator, create_current_drive
 from pdsolve.adaptivity.quadtree.incremental_bonds import create_leaf_bonds
 from pdsolve.adaptivity.quadtree.operator import SURE, LeafOperator, create_tree
 from pdsolve.adaptivity.two_lattice_operator import FusedMarch
 from pdsolve.checks import refuse, refuse_on_ranks
 from pdsolve.conditions import (
+    constrained_components,
     damping,
-    held,
     initial_velocity,
     refuse_layers,
 )
@@ -25,7 +25,7 @@ from pdsolve.diffusion import system as diffusion
 from pdsolve.diffusion.broken_bonds import BrokenBonds
 from pdsolve.diffusion.swelling import Swelling, cycle_of
 from pdsolve.model import Model, ModelError, counted
-from pdsolve.numerics.thread_team import cores, crew
+from pdsolve.numerics.thread_team import cores, useful_threads
 from pdsolve.operators.bond_list import BondList
 from pdsolve.operators.simd_lattice.operator import SimdLattice
 from pdsolve.options import Options, threads_of
@@ -150,7 +150,7 @@ def _prepare_swelling(model: Model, options: Options, scheme: Scheme) -> Prepare
     stepper = Swelling(marches, content.state, system.stepper, bonds, model, cycle, broken, transport.free)
     if not rests:  # the first half step goes with what the strains of time 0 pull
         pull = force_densities(system.operator, state) / system.model.rho[:, None]
-        state.second[:] += np.where(held(system.drive), 0.0, pull)
+        state.second[:] += np.where(constrained_components(system.drive), 0.0, pull)
         stepper.begin(state)
     energy = system.initial_energy + float(np.sum(system.area * system.operator.energies(state)[0]))
     return Prepared(
@@ -177,7 +177,7 @@ def _prepare_swelling_zone(model: Model, options: Options, scheme: Scheme) -> Pr
 
 def _prepare_plate_zone(model: Model, options: Options, scheme: Scheme) -> Prepared:
     """A prepared model with a moving fine zone. Raises ModelError for an unsupported one."""
-    threads = options.threads or crew(len(model.grid), WORTH_HYBRID)
+    threads = options.threads or useful_threads(len(model.grid), WORTH_HYBRID)
     shown, bound = create_zone_operator(model, options.mode, options.precision, choose_time_step, threads)
     state = shown.state()
     system = System(

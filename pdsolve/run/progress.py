@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 from pdmesh import stopping
 from pdmesh.commandline import STOPS
-from pdmesh.printing import remark
+from pdmesh.printing import print_to_stderr
 
 if TYPE_CHECKING:
     from pdsolve.run.simulation import Progress
@@ -94,7 +94,7 @@ class Watch:
             self._bar.start_t += compiled - self._compiled
             self._bar.last_print_t += compiled - self._compiled
         self._compiled = compiled
-        text = progress.words
+        text = progress.message
         if progress.going is not None:
             text = f"{progress.going.iterations} iterations, residual {progress.going.residual:.1e}, {text}"
         if self._bar is not None:
@@ -104,5 +104,5 @@ class Watch:
             self._bar.update(progress.step - self._bar.n)
         elif not self._quiet and time.monotonic() - self._said > LINE_EVERY:
             self._said = time.monotonic()
-            remark(f"step {progress.step} of {progress.steps}, {text}")
+            print_to_stderr(f"step {progress.step} of {progress.steps}, {text}")
         return self.signal is not None

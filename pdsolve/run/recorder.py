@@ -97,7 +97,7 @@ def _broken_until(step: int, broken: Broken) -> Broken:
 
 def make_checkpoint(system: System, state: State) -> dict[str, NDArray[Any]]:
     """A copy of everything a resumed run needs to continue bit by bit, except the broken bonds."""
-    of_bonds = dict(system.operator.keep())  # before the state, which it may bring up to date
+    of_bonds = dict(system.operator.checkpoint_arrays())  # before the state, which it may bring up to date
     arrays = {"held_force": system.drive.held_force}
     if system.hybrid is None:  # whose operator has the state
         arrays |= state._asdict()
@@ -149,7 +149,7 @@ def restore_state(
         past = Broken(broken.step[before], source, target)
     expect_broken(past, step, nodes)
     if system.hybrid is None:  # whose nodes are not known before it has gone back
-        system.operator.back(checkpoint, past)
+        system.operator.restore(checkpoint, past)
     if system.load_steps is not None:
         load_step_rows = entry(checkpoint, "rested", (step, len(LoadStepResult._fields)), float)
         if not np.array_equal(load_step_rows[:, 0], np.arange(1, step + 1)):
@@ -261,7 +261,7 @@ class Recorder:
         """Step of the last broken bond known at the last record; 0 without any."""
         return int(self.bond_state.broken.step.max(initial=self._latest))
 
-    def march(self, first: int, last: int) -> int:
+    def advance(self, first: int, last: int) -> int:
         """Take the steps `first` to `last` - 1; with a moving fine zone there is no state before it is asked for.
 
         Returns the last step that is there: the one before, where a path ended as a step was taken back.
@@ -269,9 +269,9 @@ class Recorder:
         stepper = self.system.stepper
         if isinstance(stepper, FusedMarch):
             self.drop_state()
-            stepper.march_engine(first, last)
+            stepper.advance_engine(first, last)
         else:
-            stepper.march(self.state, first, last)
+            stepper.advance(self.state, first, last)
         return stepper.step_results[-1].step if isinstance(stepper, PathStepper) else last - 1
 
     def drop_state(self) -> None:

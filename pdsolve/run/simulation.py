@@ -14,12 +14,12 @@ import numpy as np
 
 from pdmesh import stopping
 from pdmesh.files import FilePath
+from pdsolve.adaptivity.hybrid.adaptivity_choice import choose_adaptivity, explain_long_steps
 from pdsolve.adaptivity.hybrid.arrays import EVERY
 from pdsolve.adaptivity.hybrid.engine import ZoneSummary
-from pdsolve.adaptivity.hybrid.outlook import choose_adaptivity, explain_long_steps
 from pdsolve.adaptivity.hybrid.space.operator import HybridBodyOperator
 from pdsolve.adaptivity.quadtree.operator import LeafOperator
-from pdsolve.checks import advise, advise_unused
+from pdsolve.checks import warn_of_model, warn_of_unused
 from pdsolve.codegen.compile_time import compile_seconds, running_time
 from pdsolve.codegen.processor import processor_kind
 from pdsolve.conditions import has_initial_displacement
@@ -64,7 +64,7 @@ class Progress(NamedTuple):
     steps: int
     broken: int  # directed bonds, as of the last ledger row
     balance: float  # likewise
-    words: str = ""  # energy balance
+    message: str = ""  # energy balance
     fine: ZoneSummary | None = None  # of a fine zone that moves
     going: LoadStepProgress | None = None  # of a load step that is being solved
 
@@ -154,10 +154,10 @@ def _prepare_recorder(model: Model, options: Options, request: RunRequest) -> tu
     if has_initial_displacement(model):
         prepared = apply_initial_displacements(prepared)
     system, state = start_at_rest(prepared) if model.settings.run.start == "static" else prepared
-    advise_unused(model)
+    warn_of_unused(model)
     warn_of_doubtful_conditions(system.model, system.time_step)
     if system.transport is None:
-        advise(system.model, system.unbonded, system.scheme.partial_cells, system.scheme.symmetric)
+        warn_of_model(system.model, system.unbonded, system.scheme.partial_cells, system.scheme.symmetric)
     return _make_recorder(system, state, request)
 
 
@@ -201,7 +201,7 @@ def _solve_new_run(recorder: Recorder, request: RunRequest) -> Results:
         start.clear()
         return writer
 
-    return _march_and_close(recorder, new, request)
+    return _advance_and_close(recorder, new, request)
 
 
 def _solve_motion_after(
@@ -315,7 +315,7 @@ def _resume_from_checkpoint(output: Path, request: RunRequest) -> Results:
             ranked = resuming.make_resumed_recorder(results, model, options, meta)
             make = partial(Writer.reopen, output, ranked.reopen_rank_databases(output, results.pieces))
             results.close()
-            return _march_and_close(ranked, make, request)
+            return _advance_and_close(ranked, make, request)
         initial_nodes, (step, checkpoint) = results.nodes(0), results.checkpoint()
         with stopping.patience(stopping.AT_ONCE):
             system, state = prepare(model, options)
@@ -351,7 +351,7 @@ def _resume_from_checkpoint(output: Path, request: RunRequest) -> Results:
         system = dataclasses.replace(system, broken_before=broken, initial_energy=energy)
         with gone_back(output):
             recorder = Recorder(system, state, past, _nodes_may_change(system, adapt))
-    return _march_and_close(
+    return _advance_and_close(
         recorder, partial(_reopen_writer, output, request.earlier_refinements), request._replace(adaptation=adapt)
     )
 
@@ -359,11 +359,11 @@ def _resume_from_checkpoint(output: Path, request: RunRequest) -> Results:
 def _reopen_writer(output: Path, earlier_refinements: tuple[EarlierRefinement, ...]) -> Writer:
     """The writer of a run that is continued."""
     writer = Writer.reopen(output)
-    writer.tell(late_zones.refinement_metadata(earlier_refinements) | {"processor": processor_kind()})
+    writer.write_meta(late_zones.refinement_metadata(earlier_refinements) | {"processor": processor_kind()})
     return writer
 
 
-def _march_and_close(recorder: Recorder, make_writer: Callable[[], Writer], request: RunRequest) -> Results:
+def _advance_and_close(recorder: Recorder, make_writer: Callable[[], Writer], request: RunRequest) -> Results:
     """March to the end from the state of the records; `make_writer` creates the writer, of a new file for a new run."""
     give_back()
     with behind(make_writer, recorder.is_new, request.output) as writer:
@@ -371,7 +371,7 @@ def _march_and_close(recorder: Recorder, make_writer: Callable[[], Writer], requ
             if recorder.is_new:
                 recorder.record_step(recorder.step)
                 writer.write(partial(recorder.make_frame, recorder.step, with_fields=True, with_checkpoint=True))
-            status = _march_to_end(recorder, writer, request)
+            status = _advance_to_end(recorder, writer, request)
         except BaseException as reason:
             error = explain_long_steps(reason, recorder.system.time_step, recorder.system.stable_time_step)
             ends = {UnstableError: "unstable", UnsettledError: "unsettled", KeyboardInterrupt: "interrupted"}
@@ -386,7 +386,7 @@ def _march_and_close(recorder: Recorder, make_writer: Callable[[], Writer], requ
     return results
 
 
-def _march_to_end(recorder: Recorder, writer: Behind, request: RunRequest) -> str:
+def _advance_to_end(recorder: Recorder, writer: Behind, request: RunRequest) -> str:
     """Step to the end, from event to event; returns "finished" or "interrupted"."""
     watch, adapt = request.watch, request.adaptation
     run, step = recorder.system.model.settings.run, recorder.frame_step
@@ -418,7 +418,7 @@ def _march_to_end(recorder: Recorder, writer: Behind, request: RunRequest) -> st
         records = next_multiple(step, run.every), next_multiple(step, run.ledger or run.every), run.steps
         ends = (step + chunk, looks, *records)
         began = running_time()
-        last = recorder.march(step + 1, min(ends) + 1)
+        last = recorder.advance(step + 1, min(ends) + 1)
         pace.record_duration(min(ends) - step, running_time() - began)
         step = last
         writer.look()
@@ -437,7 +437,7 @@ def _march_to_end(recorder: Recorder, writer: Behind, request: RunRequest) -> st
             writer.write(partial(recorder.make_frame, step, with_fields, with_checkpoint))
     recorder.update_last_row(step)
     compiled = {"compile_time": compile_seconds() - request.compile_time_before}
-    writer.done().tell({"summary": json.dumps(run_summary(recorder, step, done) | compiled)})
+    writer.done().write_meta({"summary": json.dumps(run_summary(recorder, step, done) | compiled)})
     recorder.physics_records.warn_at_end()
     recorder.close_rank_databases()
     return "finished" if done or step == run.steps else "interrupted"

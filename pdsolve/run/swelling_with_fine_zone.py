@@ -67,7 +67,7 @@ class SwellingZone(Swelling):
         density = (ground.springs / ground.table[:, 4]).sum(axis=1) / 4 / ground.h**2  # by material, at a stretch of 1
         return np.asarray(density[plate.model.material_of[rows]] * self._strain()[rows] ** 2)
 
-    def march(self, state: State, first: int, last: int) -> None:
+    def advance(self, state: State, first: int, last: int) -> None:
         """Take the steps `first` to `last` - 1 of both; the state is updated as long as its nodes are the current ones.
 
         Raises UnstableError.
@@ -75,7 +75,7 @@ class SwellingZone(Swelling):
         hybrid, step = self._operator.engine, first
         while step < last:
             until = min(last, step + (self.cycle // 2 + 1 - step) % self.cycle)
-            hybrid.march(step, until)
+            hybrid.advance(step, until)
             if until < last:
                 self._take_coupled_step(until)
             step = until + 1
@@ -88,8 +88,8 @@ class SwellingZone(Swelling):
         if self._broken is not None:
             self._broken.update(self._content)
         before, energy_before = hybrid.copy_strains(), hybrid.strain_energy()
-        self._content.march(self._h, (step - 1) // self.cycle + 1, (step - 1) // self.cycle + 2)
+        self._content.advance(self._h, (step - 1) // self.cycle + 1, (step - 1) // self.cycle + 2)
         hybrid.swell(self._strain())
         hybrid.book_work((hybrid.strain_energy() - energy_before) / 2)
-        hybrid.march(step, step + 1)
+        hybrid.advance(step, step + 1)
         hybrid.book_work((hybrid.strain_energy() - hybrid.strain_energy_at(before)) / 2)

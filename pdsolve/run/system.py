@@ -133,9 +133,9 @@ class Prepared(NamedTuple):
     system: System
     state: State
 
-    def march(self, first: int, last: int) -> None:
+    def advance(self, first: int, last: int) -> None:
         """Take the steps `first` to `last` - 1, in place."""
-        self.system.stepper.march(self.state, first, last)
+        self.system.stepper.advance(self.state, first, last)
         self.system.fetch_state()
 
 

@@ -40,7 +40,7 @@ class Tiled(NamedTuple):
 def tiled(model: Model, kind: type[np.floating], unbreakable: bool = False) -> Tiled | None:
     """The bonds of a body in precision `kind`; None where tiles cannot be."""
     law = law_of(model)
-    if law.pair is None or law.pair.held is not None:
+    if law.pair is None or law.pair.bond_strain_energy is not None:
         return None
     if model.materials[0].detour is not None and len(model.grid.cracks):
         return None

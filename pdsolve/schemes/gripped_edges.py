@@ -48,7 +48,7 @@ class _Ends(NamedTuple):
 
 def gripped(filling: BondSource, model: Model) -> BondSource:
     """The filling whose bonds to corrected grips of the model make up for what the edge lacks."""
-    constrained = _held(model)
+    constrained = _constrained(model)
     if not constrained.any():
         return filling
 
@@ -83,7 +83,7 @@ def gripped(filling: BondSource, model: Model) -> BondSource:
 
 def inside_edges(lack: NDArray[np.float64], model: Model, reach: float) -> NDArray[np.float64]:
     """Surface corrections (n, d), those of nodes within `reach`, m, of a corrected edge taken from farther inside."""
-    edge = np.asarray(_held(model).any(axis=1))
+    edge = np.asarray(_constrained(model).any(axis=1))
     for condition in model.settings.conditions if is_corrected(model) else ():
         if isinstance(condition, Load) and condition.shares is not None:
             rows = model.selected(condition)
@@ -106,7 +106,7 @@ def inside_edges(lack: NDArray[np.float64], model: Model, reach: float) -> NDArr
     return corrections
 
 
-def _held(model: Model) -> NDArray[np.bool_]:
+def _constrained(model: Model) -> NDArray[np.bool_]:
     """Mask (n, d) of the components that a corrected grip holds."""
     constrained = np.zeros((len(model.grid), model.grid.dimension), dtype=np.bool_)
     for condition in model.settings.conditions if is_corrected(model) else ():

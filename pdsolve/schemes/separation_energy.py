@@ -73,7 +73,7 @@ def cost(law: Law, model: Model, bonds: Bonds) -> float:
     crossing, opening = int((middle[source] & (upper[source] != upper[target])).sum()), FIRST
     for look in range(1, MOST):
         state.value[upper, across] = opening
-        operator.add(state, np.zeros_like(state.value), look, 0.0)
+        operator.accumulate_force(state, np.zeros_like(state.value), look, 0.0)
         broken = operator.broken()
         if int((middle[broken.source] & (upper[broken.source] != upper[broken.target])).sum()) == crossing:
             break

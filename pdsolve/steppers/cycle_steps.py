@@ -39,13 +39,13 @@ class CycleSteps:
     def watch(self, watch: Callable[[LoadStepProgress], None] | None) -> None:
         self._motion.watch = watch
 
-    def march(self, state: State, first: int, last: int) -> None:
+    def advance(self, state: State, first: int, last: int) -> None:
         """Take the steps `first` to `last` - 1, in place, unless life has ended. Raises UnsettledError."""
         for step in range(first, last):
             if self.ended:
                 return
             if step == 1:
-                self._motion.march(state, 1, 2)
+                self._motion.advance(state, 1, 2)
             self._motion.method.reset_history()
             equilibrium = self._take_step(state, step, Equilibrium(0, self._motion.step_results[-1].residual))
             broken = len(self._operator.broken().step)

@@ -68,7 +68,7 @@ class EquilibriumMethod(Protocol):
 def force_densities(operator: Operator, state: State) -> NDArray[np.float64]:
     """Force densities (n, w) of neighbours at a state whose bonds do not break, N/m^3."""
     out: NDArray[Any] = np.zeros(state.value.shape)
-    operator.add(state, out, 0, 0.0)
+    operator.accumulate_force(state, out, 0, 0.0)
     return out
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from pdsolve.conditions import Drive, hold_values, put_loads
+from pdsolve.conditions import Drive, prescribe_values, put_loads
 from pdsolve.operators.protocol import Operator
 from pdsolve.state import State
 from pdsolve.steppers.ghosts import Ghosts
@@ -21,7 +21,7 @@ class Euler:
         self._operator, self._drive, self._dt, self._ghosts = operator, drive, dt, ghosts
         self._change = np.zeros(len(drive.force))
 
-    def march(self, state: State, first: int, last: int) -> None:
+    def advance(self, state: State, first: int, last: int) -> None:
         """Take the steps `first` to `last` - 1, in place."""
         drive, dt, constrained_nodes = self._drive, self._dt, self._drive.holds.node
         value, rate, source = state.value[:, 0], state.rate[:, 0], drive.force[:, 0]
@@ -29,7 +29,7 @@ class Euler:
             if self._ghosts is not None:
                 self._ghosts.fill(state.value.T)
             rate[:] = 0
-            self._operator.add(state, state.rate, step, dt)
+            self._operator.accumulate_force(state, state.rate, step, dt)
             state.dissipated[constrained_nodes] += dt * rate[constrained_nodes]
             if drive.varies:
                 put_loads(drive, (step - 1) * dt)
@@ -37,7 +37,7 @@ class Euler:
                 state.work[:] += dt * source
                 rate += source
             value += np.multiply(rate, dt, out=self._change)
-            hold_values(drive, value, step * dt)
+            prescribe_values(drive, value, step * dt)
 
 
 def stable_time_step(operator: Operator, free: NDArray[np.bool_]) -> float:

@@ -101,7 +101,7 @@ class FatigueSteps(CycleSteps):
             for part, value in zip(state, values, strict=True):
                 part[:] = value
             bonds.intact[:] = intact
-            self._operator.back(self._operator.keep(), broken)
+            self._operator.restore(self._operator.checkpoint_arrays(), broken)
             self._end_life("what was left could not bear the largest loads")
             return previous
 

@@ -59,7 +59,7 @@ class CrackedBodySnapshot(NamedTuple):
         """Set all back, in place."""
         for part, value in zip(state, self.values, strict=True):
             part[:] = value
-        operator.back(operator.keep(), self.broken)
+        operator.restore(operator.checkpoint_arrays(), self.broken)
         growth.restore(self.cracks, self.broken)
 
 

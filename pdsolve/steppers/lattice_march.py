@@ -17,7 +17,7 @@ from pdsolve.codegen.inner_functions import INNER
 from pdsolve.codegen.jit_cache import cached_njit
 from pdsolve.codegen.lanes import across, beside, keep, same
 from pdsolve.codegen.vector_code import ROW
-from pdsolve.conditions import Drive, apply_loads, held
+from pdsolve.conditions import Drive, apply_loads, constrained_components
 from pdsolve.lattice.bond import IN_PLACE, advanced, divided, zeros
 from pdsolve.lattice.sums import EMPTY, UNAGED, UNDONE, Breaks, Motion, has_room, room_for, sum_lanes
 from pdsolve.numerics.thread_team import gate_of, meet, side_by_side
@@ -111,7 +111,7 @@ class LatticeMarch:
             pulled=np.zeros(count, dtype=np.bool_),
             rho=aligned(spread_rho),
             damping=damping,
-            constrained=held(drive),
+            constrained=constrained_components(drive),
             plain=plain,
             held=np.argsort(tile, kind="stable"),
             held_start=np.searchsorted(np.sort(tile), np.arange(count + 1)),
@@ -119,7 +119,7 @@ class LatticeMarch:
             stop=np.zeros(1, dtype=np.int64),
         )
 
-    def march(self, state: State, first: int, last: int) -> None:
+    def advance(self, state: State, first: int, last: int) -> None:
         """Take the steps `first` to `last` - 1, in place."""
         site, tile_motion = self._operator.sites.site, self._course
         for axis in range(len(tile_motion.u[0])):
@@ -242,12 +242,12 @@ def _sum_tile_forces(tiles, tile_motion, sweep_state, buffers, tile):  # type: i
         if status == UNDONE:
             return NO_MEMORY
     if tile_motion.pulled[tile]:
-        _add_failure_pulls(tiles, tile_motion, pulls, buffers.force, tile)
+        _add_failure_forces(tiles, tile_motion, pulls, buffers.force, tile)
     return READY
 
 
 @njit(**INNER)
-def _add_failure_pulls(tiles, tile_motion, pulls, force, tile):  # type: ignore[no-untyped-def]
+def _add_failure_forces(tiles, tile_motion, pulls, force, tile):  # type: ignore[no-untyped-def]
     """Add the pulls of bonds that softened or broke to the force densities (d, 16) of a tile."""
     tile_motion.pulled[tile] = False
     for axis in range(len(force)):

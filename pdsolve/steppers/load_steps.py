@@ -106,7 +106,7 @@ class LoadSteps:
                 raise ModelError(f"{model.name}: $.conditions: {error}") from None
         drive.force[:] = 0
 
-    def march(self, state: State, first: int, last: int) -> None:
+    def advance(self, state: State, first: int, last: int) -> None:
         """Take the load steps `first` to `last` - 1, in place. Raises UnsettledError."""
         for step in range(first, last):
             self._take_step(state, step)
@@ -172,7 +172,7 @@ class LoadSteps:
         before = self._drive.force.astype(float) if self.step_results else np.zeros(self._drive.force.shape)
         put_loads(self._drive, step * self._dt)
         self.method.reset_history()
-        start, spent = self._load_size(state, before), self._spent_energy(state)
+        start, spent = self._load_size(state, before), self._dissipated_energy(state)
         try:
             self._check_load_balance("")
             equilibrium = self._settle_in_parts(state, before, step, step * self._dt)
@@ -205,7 +205,7 @@ class LoadSteps:
     ) -> None:
         """Report, once, a crack that grew a long way at a smaller load than that of the step before."""
         model = self._model
-        cost = self._spent_energy(state) - spent_before
+        cost = self._dissipated_energy(state) - spent_before
         crack_area = float(model.horizons.max()) ** (model.grid.dimension - 1)
         least_cost = crack_area * min(material.G0 for material in model.materials)
         if step > 1 and load_is_smaller and cost > JUMP * least_cost and not self._warned:
@@ -218,7 +218,7 @@ class LoadSteps:
                 stacklevel=2,
             )
 
-    def _spent_energy(self, state: State) -> float:
+    def _dissipated_energy(self, state: State) -> float:
         """Energy, J/m, dissipated by broken bonds and released by the plate on its way to rest."""
         return float(np.sum(self._area * (state.dissipated + state.damped)))
 
@@ -238,12 +238,12 @@ class LoadSteps:
             end = 1.0 if done + part > 1 - self.method.smallest_part else done + part
             loads = [previous_load + share * (now - previous_load) for share in (done, (done + end) / 2, end)]
             places = [np.where(self.held, start + share * (at - start), 0.0) for share in ((done + end) / 2, end)]
-            value, operator_arrays = state.value.copy(), self._operator.keep()
+            value, operator_arrays = state.value.copy(), self._operator.checkpoint_arrays()
             try:
                 equilibrium = self._settle_one_part(state, loads, places, self._make_progress_report(step, iterations))
             except UnsettledError as error:
                 state.value[:], part = value, part / 2
-                self._operator.back(operator_arrays, self._operator.broken())
+                self._operator.restore(operator_arrays, self._operator.broken())
                 if part < self.method.smallest_part:
                     raise self._limit_load_error(error, state, done) from None
                 continue

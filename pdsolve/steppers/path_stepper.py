@@ -64,7 +64,7 @@ class PathStepper:
         """The factor of loads and prescribed displacements now: the time of their profiles, s."""
         return self.step_results[-1].factor if self.step_results else 0.0
 
-    def march(self, state: State, first: int, last: int) -> None:
+    def advance(self, state: State, first: int, last: int) -> None:
         """Take the steps `first` to `last` - 1, in place, unless the path has ended. Raises UnsettledError."""
         self._began = self._began or (clock.monotonic(), self._finished_share())
         for step in range(first, last):

@@ -118,7 +118,7 @@ class SofteningPathSteps(PathStepper):
             checkpoint, "path_numbers", (6,), float
         ).tolist()
         self._last, self._before = PathPoint(value.copy(), factor, spent), PathPoint(before.copy(), earlier, less)
-        self._bonds.remember(self._operator.keep(), self._operator.broken())
+        self._bonds.restore(self._operator.checkpoint_arrays(), self._operator.broken())
 
     def _finished_share(self) -> float:
         """How much of the path is done: of the factor, or of the control until a crack is through, the larger."""
@@ -300,7 +300,7 @@ class SofteningPathSteps(PathStepper):
             np.concatenate([bonds.target[k], bonds.source[k]]),
         )
         was_broken = np.isin(source * len(self._area) + target, old.source * len(self._area) + old.target)
-        half = np.tile(bonds.spent(bonds.kappa)[k], 2) / 2
+        half = np.tile(bonds.dissipated_energy(bonds.kappa)[k], 2) / 2
         new = ~was_broken
         state.dissipated[:] += np.bincount(source[new], half[new] / self._area[source[new]], len(self._area))
         broken = Broken(
@@ -314,7 +314,7 @@ class SofteningPathSteps(PathStepper):
             "worst_source": np.concatenate([bonds.source[soft], bonds.target[soft]]),
             "worst_target": np.concatenate([bonds.target[soft], bonds.source[soft]]),
         }
-        self._operator.back(worst, broken)
+        self._operator.restore(worst, broken)
 
     def _make_progress_report(self, step: int) -> Callable[[int, float], None]:
         def tell(iterations: int, residual: float) -> None:

@@ -10,5 +10,5 @@ from pdsolve.state import State
 class Stepper(Protocol):
     """A time integration of the state of a system."""
 
-    def march(self, state: State, first: int, last: int) -> None:
+    def advance(self, state: State, first: int, last: int) -> None:
         """Take the steps `first` to `last` - 1, in place."""

@@ -12,7 +12,7 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
-from pdsolve.conditions import Drive, held, hold_values, put_loads
+from pdsolve.conditions import Drive, constrained_components, prescribe_values, put_loads
 from pdsolve.errors import UnstableError
 from pdsolve.operators.protocol import FluxOperator
 from pdsolve.state import State
@@ -35,7 +35,7 @@ class ThetaSteps:
         """
         self._operator, self._drive, self._dt, self._theta = operator, drive, time_step, theta
         self.name = "backward Euler" if theta == 1 else f"implicit steps (theta {theta:g})"
-        self._free, self._factored = ~held(drive)[:, 0], factor_once
+        self._free, self._factored = ~constrained_components(drive)[:, 0], factor_once
         self._factors: Solve | None = None
         self._out = np.zeros(len(self._free))
 
@@ -43,7 +43,7 @@ class ThetaSteps:
         """Factor the equations anew, as the operator has changed."""
         self._factors = None
 
-    def march(self, state: State, first: int, last: int) -> None:
+    def advance(self, state: State, first: int, last: int) -> None:
         """Take the steps `first` to `last` - 1, in place. Raises UnstableError if the equations do not converge."""
         drive, dt, theta, free = self._drive, self._dt, self._theta, self._free
         content, source = state.value[:, 0], drive.force[:, 0]
@@ -54,7 +54,7 @@ class ThetaSteps:
             fixed = before + dt * (1 - theta) * (rate + source)
             put_loads(drive, step * dt)
             fixed += dt * theta * source
-            hold_values(drive, content, step * dt)
+            prescribe_values(drive, content, step * dt)
             end_content = self._solve_end_content(state, fixed, step)
             rate = self._book_and_return_rates(state, end_content, theta, step)
             content[free] = (fixed + dt * theta * rate)[free]
@@ -65,7 +65,7 @@ class ThetaSteps:
     ) -> NDArray[np.float64]:
         """Rates (n,) at these contents (n,), of which a share of the step is booked, and so are the sources."""
         out, weight = np.zeros((len(content), 1)), step_share * self._dt
-        self._operator.add(state._replace(value=content[:, None]), out, step, weight)
+        self._operator.accumulate_force(state._replace(value=content[:, None]), out, step, weight)
         state.dissipated[:] += np.where(self._free, 0.0, weight * out[:, 0])
         state.work[:] += weight * self._drive.force[:, 0]
         return out[:, 0]

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pdsolve.codegen.jit_cache import cached_njit
-from pdsolve.conditions import Drive, apply_loads, held
+from pdsolve.conditions import Drive, apply_loads, constrained_components
 from pdsolve.operators.protocol import Operator
 from pdsolve.state import State
 from pdsolve.steppers.ghosts import Ghosts
@@ -37,9 +37,9 @@ class Verlet:
         self._operator, self._drive, self._rho, self._dt = operator, drive, rho, dt
         self._ghosts = ghosts
         self._damping = damping if damping is not None and damping.any() else None
-        self._held = held(drive) if self._damping is not None else None
+        self._held = constrained_components(drive) if self._damping is not None else None
 
-    def march(self, state: State, first: int, last: int) -> None:
+    def advance(self, state: State, first: int, last: int) -> None:
         """Take the steps `first` to `last` - 1, in place."""
         drive, dt = self._drive, self._dt
         # forces take the place of the accelerations that they become, where those are as precise
@@ -51,7 +51,7 @@ class Verlet:
                 self._ghosts.fill(state.rate.T)  # with which some operators know where nodes were a step ago
             before = None if self._damping is None else state.rate - dt / 2 * state.second
             out[:] = 0
-            self._operator.add(state, out, step, dt)
+            self._operator.accumulate_force(state, out, step, dt)
             if before is not None:
                 _accelerate_and_kick(state, drive, out, self._rho, dt, step * dt)
                 _damp_step(state, before, self._rho, self._held, self._damping, dt)

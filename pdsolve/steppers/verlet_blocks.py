@@ -90,7 +90,7 @@ class VerletBlocks:
         nodes = len(rho)
         self.drive = drive._replace(force=self._course.force[:, :nodes].T, before=self._course.before[:, :nodes].T)
 
-    def march(self, state: State, first: int, last: int) -> None:
+    def advance(self, state: State, first: int, last: int) -> None:
         """Take the steps `first` to `last` - 1, in place."""
         sweep, ends = 0, last - first + 1 if last > first else 0
         while sweep < ends:

@@ -89,7 +89,7 @@ class VerletOnDevice:
         )
         self._factors = Factors(self.session, drive.profiles, self._dt, ((0, 0.0), (1, 0.0), (1, self._dt / 2)))
 
-    def march(self, state: State, first: int, last: int) -> None:
+    def advance(self, state: State, first: int, last: int) -> None:
         """Take the steps `first` to `last` - 1. Raises DeviceLostError."""
         if last <= first:
             return

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 from pdmesh import commandline, stopping
 from pdmesh.file_kinds import FileKind
-from pdmesh.printing import remark
+from pdmesh.printing import print_to_stderr
 
 if TYPE_CHECKING:
     from pdsolve.study.table import Row
@@ -87,10 +87,10 @@ def _report(path: Path, rows: list[Row], args: argparse.Namespace) -> int:
     failed = [row for row in rows if row.status == "failed"]
     lines = [f"{path}: {len(rows)} runs, {len(rows) - len(failed)} finished, {len(failed)} failed"]
     for row in failed[:LISTED]:  # said to who wants nothing but errors too
-        remark(f"pdsolve study: run {row.number} failed: {row.error}")
+        print_to_stderr(f"pdsolve study: run {row.number} failed: {row.error}")
     if len(failed) > LISTED:
         more = "(SELECT number, error FROM run WHERE status = 'failed')"
-        remark(f"pdsolve study: and {len(failed) - LISTED} more runs failed {more}")
+        print_to_stderr(f"pdsolve study: and {len(failed) - LISTED} more runs failed {more}")
     runs = [
         {"number": row.number, "status": row.status, "error": row.error, "file": str(row.file)}
         | {"repetition": row.repetition, **row.values}

@@ -23,7 +23,7 @@ from pdsolve.study.table import FAILED, FINISHED, Row, Table, runs_of
 from pdsolve.study.workers import solved_here
 
 
-class Going(NamedTuple):
+class StudyProgress(NamedTuple):
     """The progress of a study."""
 
     runs: int
@@ -49,7 +49,7 @@ def solve_study(
     study: Study,
     output: FilePath,
     crew: Crew = ALONE,
-    watch: Callable[[Going], None] | None = None,
+    watch: Callable[[StudyProgress], None] | None = None,
     again: bool = False,
     force: bool = False,
 ) -> list[Row]:
@@ -79,17 +79,19 @@ def solve_study(
             tasks = [Task(number, drawing, case, files[number], *how, number in bad) for number, case in cases]
             failed = len(bad - waiting)
             holders = {task.number: name for task in tasks if (name := holder(task.output)) is not None}
-            progress = Going(len(rows), len(rows) - len(tasks) - failed, failed, None, holders)
-            _tell(watch, progress)
+            progress = StudyProgress(len(rows), len(rows) - len(tasks) - failed, failed, None, holders)
+            _report_progress(watch, progress)
             for outcome in _solved(tasks, crew):
                 table.finish(*outcome)
                 ended = outcome.error is not None
-                progress = Going(progress.runs, progress.finished + (not ended), progress.failed + ended, outcome)
-                _tell(watch, progress)
+                progress = StudyProgress(
+                    progress.runs, progress.finished + (not ended), progress.failed + ended, outcome
+                )
+                _report_progress(watch, progress)
             return table.rows(numbers.values())
 
 
-def _tell(watch: Callable[[Going], None] | None, progress: Going) -> None:
+def _report_progress(watch: Callable[[StudyProgress], None] | None, progress: StudyProgress) -> None:
     if watch is not None:
         watch(progress)
 

@@ -5,12 +5,12 @@ from __future__ import annotations
 import time
 from typing import TYPE_CHECKING, Any
 
-from pdmesh.printing import remark
+from pdmesh.printing import print_to_stderr
 from pdsolve.run.progress import LINE_EVERY, progress_bar
 from pdsolve.study.one_run import PATIENCE
 
 if TYPE_CHECKING:
-    from pdsolve.study.dispatch import Going
+    from pdsolve.study.dispatch import StudyProgress
 
 
 class StudyWatch:
@@ -31,10 +31,12 @@ class StudyWatch:
         if self._bar is not None:
             self._bar.close()
 
-    def __call__(self, progress: Going) -> None:
+    def __call__(self, progress: StudyProgress) -> None:
         done, text = progress.finished + progress.failed, f"{progress.failed} failed"
         for number, name in progress.held.items():
-            remark(f"pdsolve study: run {number} waits up to {PATIENCE:g} s for {name}, which writes to its database")
+            print_to_stderr(
+                f"pdsolve study: run {number} waits up to {PATIENCE:g} s for {name}, which writes to its database"
+            )
         if self._quiet:
             return
         if self._bar is None:
@@ -44,4 +46,4 @@ class StudyWatch:
             self._bar.update(done - self._bar.n)
         elif time.monotonic() - self._said > LINE_EVERY:
             self._said = time.monotonic()
-            remark(f"run {done} of {progress.runs}, {text}")
+            print_to_stderr(f"run {done} of {progress.runs}, {text}")

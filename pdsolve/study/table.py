@@ -85,7 +85,7 @@ class Table:
                 table._make()
             elif not table_checksums.has(table.connection):
                 table_checksums.begin(table.connection)
-            table._tell(study, version)
+            table._store_study(study, version)
             table_checksums.seal(table.connection)
         return table
 
@@ -130,7 +130,7 @@ class Table:
             self.connection.execute(statement)
         table_checksums.begin(self.connection)
 
-    def _tell(self, study: Study, version: str) -> None:
+    def _store_study(self, study: Study, version: str) -> None:
         """Store the study and its drawing. Raises StudyError if the table is of another drawing."""
         mark = study.digest
         stored_mark = self.about().get("drawing_sha256", mark)

@@ -114,7 +114,7 @@ def test_between_two_entries_of_the_ledger(
     model: Path, probed: Model, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     stepper = type(prepare(probed, Options()).system.stepper)
-    march = stepper.march
+    march = stepper.advance
 
     def interrupted(own: Stepper, state: State, first: int, last: int) -> None:
         march(own, state, first, last)
@@ -122,7 +122,7 @@ def test_between_two_entries_of_the_ledger(
             signal.raise_signal(signal.SIGINT)
 
     with monkeypatch.context() as patch:
-        patch.setattr(stepper, "march", interrupted)
+        patch.setattr(stepper, "advance", interrupted)
         assert main([str(model)]) == 130
     out, err = capsys.readouterr()
     assert out.startswith("interrupted; to go on: pdsolve --resume plate.sqlite\n")

@@ -50,7 +50,7 @@ def model(here: Path, probed: Model, monkeypatch: pytest.MonkeyPatch) -> Path:
 def signalled(probed: Model, number: signal.Signals, times: int, patch: pytest.MonkeyPatch) -> None:
     """Let the steps from 33 on of each run send a signal to it so many times."""
     stepper = type(prepare(probed, Options()).system.stepper)
-    march, sent = stepper.march, []
+    march, sent = stepper.advance, []
 
     def send(own: Stepper, state: State, first: int, last: int) -> None:
         march(own, state, first, last)
@@ -58,7 +58,7 @@ def signalled(probed: Model, number: signal.Signals, times: int, patch: pytest.M
             sent.append(first)
             signal.raise_signal(number)
 
-    patch.setattr(stepper, "march", send)
+    patch.setattr(stepper, "advance", send)
 
 
 @pytest.mark.quick_cases(1)
@@ -142,7 +142,7 @@ def test_another_run_has_begun_to_write(
     path = Path("plate.sqlite")
     monkeypatch.setattr(Token, "is_alive", lambda *_: False)  # as of one on another machine
     stepper = type(prepare(probed, Options()).system.stepper)
-    march, others = stepper.march, []
+    march, others = stepper.advance, []
 
     def resumed(own: Stepper, state: State, first: int, last: int) -> None:
         march(own, state, first, last)
@@ -153,7 +153,7 @@ def test_another_run_has_begun_to_write(
             resume(path).close()
 
     with monkeypatch.context() as patch:
-        patch.setattr(stepper, "march", resumed)
+        patch.setattr(stepper, "advance", resumed)
         assert main([str(model), "-q"]) == 1
     out, err = capsys.readouterr()
     assert (out, err.count("\n")) == ("", 1)

@@ -72,8 +72,8 @@ def test_rates_are_added_and_only_what_is_outside_is_booked(name: str) -> None:
     operator, state = fresh(name)
     before = State(*(one.copy() for one in state))
     out, twice = np.full((len(state.value), 1), 7.0), np.zeros((len(state.value), 1))
-    operator.add(state, out, 0, 0.25)
-    operator.add(before._replace(work=np.zeros(len(twice))), twice, 0, 0.0)
+    operator.accumulate_force(state, out, 0, 0.25)
+    operator.accumulate_force(before._replace(work=np.zeros(len(twice))), twice, 0, 0.0)
     assert out - 7.0 == pytest.approx(twice, abs=1e-13 * np.abs(twice).max())
     given = -operator.outside * operator.potential(state.value[:, 0])
     assert bool(given.any()) == CASES[name].outside
@@ -89,12 +89,12 @@ def test_rates_follow_from_the_potential_and_the_tangent_is_their_slope(name: st
     operator, state = fresh(name)
     content = state.value[:, 0]
     found, other, by_potential = np.zeros((3, len(state.value), 1))
-    operator.add(state, found, 0, 0.0)
+    operator.accumulate_force(state, found, 0, 0.0)
     operator.rates(operator.potential(content), by_potential[:, 0])
     assert np.array_equal(found, by_potential)
     way = 1e-3 * np.random.default_rng(8).uniform(-1, 1, len(content))
     way[operator.follows(content + way) != operator.follows(content)] = 0.0
-    operator.add(state._replace(value=state.value + way[:, None]), other, 0, 0.0)
+    operator.accumulate_force(state._replace(value=state.value + way[:, None]), other, 0, 0.0)
     slope = -(operator.tangent(state) @ way)
     assert (other - found)[:, 0] == pytest.approx(slope, abs=1e-11 * np.abs(slope).max())
 
@@ -129,10 +129,10 @@ def test_what_is_kept_goes_on_alike(name: str) -> None:
     """To the same bits; a kinetic solid that has once been liquid stays so."""
     operator, state = fresh(name)
     once, again, other = np.zeros((3, len(state.value), 1))
-    operator.add(state, once, 0, 0.0)
+    operator.accumulate_force(state, once, 0, 0.0)
     state.value[:] += 1.0
     twin, _ = fresh(name)
-    twin.back(operator.keep(), operator.broken())
-    operator.add(state, again, 0, 0.0)
-    twin.add(state, other, 0, 0.0)
+    twin.restore(operator.checkpoint_arrays(), operator.broken())
+    operator.accumulate_force(state, again, 0, 0.0)
+    twin.accumulate_force(state, other, 0, 0.0)
     assert np.array_equal(again, other)

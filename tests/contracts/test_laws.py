@@ -49,7 +49,7 @@ def torn(case: Case) -> Cloud:
     made.tear()
     bonds, gone = len(made.operator.bonds()[0]), len(made.operator.broken().step)
     assert 0 < gone < bonds
-    assert case.softens == (made.operator.keep().get("worst", np.zeros(0)).max(initial=0.0) > 0)
+    assert case.softens == (made.operator.checkpoint_arrays().get("worst", np.zeros(0)).max(initial=0.0) > 0)
     return made
 
 
@@ -174,7 +174,7 @@ def everything(made: Cloud) -> list[bytes]:
     """All that a cloud knows, bit by bit."""
     gone = made.operator.broken()
     order = np.lexsort((gone.target, gone.source, gone.step))
-    kept = [np.sort(values) for values in made.operator.keep().values()]
+    kept = [np.sort(values) for values in made.operator.checkpoint_arrays().values()]
     return [np.ascontiguousarray(column).tobytes() for column in (*made.state, *(c[order] for c in gone), *kept)]
 
 
@@ -183,18 +183,21 @@ def test_what_was_kept_goes_on_to_the_same_bits(case: Case) -> None:
     """In a new operator, and in the one that has gone on since."""
     side = SIDE[case.dimension]
     made, again = flying(case, side), cloud(case, side)
-    made.march(1, 9)
+    made.advance(1, 9)
     state = [column.copy() for column in made.state]
-    kept, gone = {name: values.copy() for name, values in made.operator.keep().items()}, made.operator.broken()
+    kept, gone = (
+        {name: values.copy() for name, values in made.operator.checkpoint_arrays().items()},
+        made.operator.broken(),
+    )
     assert len(gone.step) > 0
-    made.march(9, 17)
+    made.advance(9, 17)
     expected = everything(made)
     assert len(made.operator.broken().step) > len(gone.step)
     for one in (again, made):
         for column, values in zip(one.state, state, strict=True):
             column[:] = values
-        one.operator.back(kept, gone)
-        one.march(9, 17)
+        one.operator.restore(kept, gone)
+        one.advance(9, 17)
         assert everything(one) == expected
 
 
@@ -206,7 +209,7 @@ def test_one_thread_and_two_give_the_same_bits(case: Case) -> None:
     found = []
     for threads in (1, 2):
         made = flying(case, 50 if case.dimension == 2 else 14, threads)
-        made.march(1, 9)
+        made.advance(1, 9)
         found.append(everything(made))
     assert found[0] == found[1]
 

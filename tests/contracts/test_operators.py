@@ -142,7 +142,7 @@ def in_parts(model: Model) -> Prepared:
     """A model whose bonds are in two operators."""
     (system, state), operator = prepare(model, Options(kernel="listed", threads=1)), halves(model)
     stepper = Verlet(operator, system.drive, model.rho, system.time_step)
-    return Prepared(dataclasses.replace(system, operator=operator, stepper=stepper), operator.place(state))
+    return Prepared(dataclasses.replace(system, operator=operator, stepper=stepper), operator.to_own_layout(state))
 
 
 @cache
@@ -174,7 +174,7 @@ def state_of(value: NDArray[np.float64], kind: type[np.floating]) -> State:
 def forces(operator: Operator, state: State) -> NDArray[np.float64]:
     """Force densities (n, w), N/m^3, that are added to nothing."""
     out = np.zeros(state.value.shape, dtype=state.value.dtype)
-    operator.add(operator.place(state), out, 1, 0.0)
+    operator.accumulate_force(operator.to_own_layout(state), out, 1, 0.0)
     return out.astype(np.float64)
 
 
@@ -199,7 +199,7 @@ def marched(system: Any, state: State, steps: int) -> State:
     drive = idle(nodes, width)
     drive = drive._replace(force=drive.force.astype(kind), before=drive.before.astype(kind))
     rho = system.model.rho.astype(kind)
-    Verlet(operator, drive, rho, system.time_step, damping).march(state, 1, steps + 1)
+    Verlet(operator, drive, rho, system.time_step, damping).advance(state, 1, steps + 1)
     return state
 
 
@@ -216,9 +216,9 @@ def nearly(digits: float, expected: NDArray[np.float64]) -> Any:
 @pytest.mark.parametrize("name", marked(CASES))
 def test_forces_are_added_and_nothing_else_changes(name: str) -> None:
     system, _ = prepared(name)
-    state = system.operator.place(at(system, 1e-5))
+    state = system.operator.to_own_layout(at(system, 1e-5))
     before, out = copied(state), np.full(state.value.shape, 7.0, dtype=state.value.dtype)
-    system.operator.add(state, out, 0, 0.0)
+    system.operator.accumulate_force(state, out, 0, 0.0)
     found = forces(system.operator, before)
     assert np.abs(found).max() > 0
     assert out - 7.0 == nearly(max(CASES[name].digits, 1e-12), found)
@@ -285,7 +285,7 @@ def test_verlet_marches_it_as_its_own_stepper_does(name: str) -> None:
     other = marched(system, copied(state), 20)
     found = compute_ledger_row(system, other, 20)
     again, start = fresh(name)
-    again.stepper.march(start, 1, 21)
+    again.stepper.advance(start, 1, 21)
     for field in ("value", "rate", "second"):
         assert getattr(other, field) == nearly(CASES[name].digits, getattr(start, field))
     assert found.kinetic + found.strain == pytest.approx(
@@ -297,7 +297,7 @@ def torn(name: str) -> tuple[Prepared, State, NDArray[np.float64]]:
     """A case in which a node at the tip of the crack was moved so far that bonds broke; what was held before, J/m."""
     problem = fresh(name)
     system, x = problem.system, problem.system.model.grid.position
-    state = problem.system.operator.place(at(system, 1e-7))
+    state = problem.system.operator.to_own_layout(at(system, 1e-7))
     held = system.area * system.operator.energies(state)[0]
     tip = TIPS[x.max() > 0.05] if x.shape[1] == 2 else IN_SPACE
     state.value[np.argmin(np.linalg.norm(x - tip, axis=1)), 1] += 0.05 * H
@@ -336,9 +336,9 @@ def test_what_is_kept_goes_on_alike(name: str) -> None:
     problem, state, _ = torn(name)
     operator = problem.system.operator
     forces(operator, state)
-    kept = {key: np.array(value) for key, value in operator.keep().items()}
+    kept = {key: np.array(value) for key, value in operator.checkpoint_arrays().items()}
     other = fresh(name).system.operator
-    other.back(kept, operator.broken())
+    other.restore(kept, operator.broken())
     assert np.array_equal(forces(other, state), forces(operator, state))
     for one, two in zip(other.broken(), operator.broken(), strict=True):
         assert sorted(one) == sorted(two)
@@ -365,7 +365,7 @@ def test_a_body_in_tiles_is_the_one_in_a_list(law: str, precision: str, digits: 
         found = [forces(each.system.operator, at(each.system, strain)) for each in (listed, tiled)]
         energies = [each.system.operator.energies(at(each.system, strain)) for each in (listed, tiled)]
         broken = [each.system.operator.broken() for each in (listed, tiled)]
-        kept = [each.system.operator.keep() for each in (listed, tiled)]
+        kept = [each.system.operator.checkpoint_arrays() for each in (listed, tiled)]
         assert found[1] == nearly(digits, found[0])
         for one, other in zip(*energies, strict=True):
             assert one == nearly(digits, other)
@@ -386,8 +386,8 @@ def test_softened_tiles_are_kept_to_the_same_bits() -> None:
         system = prepare(model, Options(threads=threads)).system
         forces(system.operator, at(system, 1e-3))
         other = prepare(model, Options(threads=threads)).system
-        other.operator.back(system.operator.keep(), system.operator.broken())
-        assert len(system.operator.keep()["worst"]) > 100
+        other.operator.restore(system.operator.checkpoint_arrays(), system.operator.broken())
+        assert len(system.operator.checkpoint_arrays()["worst"]) > 100
         found += [forces(each.operator, at(each, 5e-4)) for each in (system, other)]
     for one in found[1:]:
         assert np.array_equal(one, found[0])
@@ -425,4 +425,4 @@ def test_contents_and_displacements_do_not_add_up() -> None:
 def test_a_broken_bond_of_no_part_is_refused() -> None:
     operator = fresh("together").system.operator
     with pytest.raises(CheckpointError, match=r"row 0 to row 900"):
-        operator.back(operator.keep(), Broken(*np.array([[1], [0], [900]])))
+        operator.restore(operator.checkpoint_arrays(), Broken(*np.array([[1], [0], [900]])))

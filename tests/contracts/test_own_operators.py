@@ -14,7 +14,7 @@ from scipy.sparse import csr_array, diags_array
 
 from pdmesh.model.document import InitialVelocity
 from pdsolve.conditions import drive_of, entries
-from pdsolve.operators.protocol import Kept
+from pdsolve.operators.protocol import CheckpointArrays
 from pdsolve.operators.together import Together
 from pdsolve.options import Options
 from pdsolve.run.measures import compute_ledger_row, count_pieces, damage
@@ -39,10 +39,10 @@ class Grounded:
         self.unknowns: tuple[Unknown, ...] = (Unknown("u", width, 2),)
         self._stiffness = stiffness[:, None]
 
-    def place(self, state: State) -> State:
+    def to_own_layout(self, state: State) -> State:
         return state
 
-    def add(self, state: State, out: NDArray[np.float64], step: int, dt: float) -> None:
+    def accumulate_force(self, state: State, out: NDArray[np.float64], step: int, dt: float) -> None:
         out -= self._stiffness * state.value
 
     def energies(self, state: State) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
@@ -66,10 +66,10 @@ class Grounded:
     def broken(self, after: int = 0) -> Broken:
         return Broken(NOTHING, NOTHING, NOTHING)
 
-    def keep(self) -> Kept:
+    def checkpoint_arrays(self) -> CheckpointArrays:
         return {}
 
-    def back(self, kept: Kept, broken: Broken) -> None:
+    def restore(self, kept: CheckpointArrays, broken: Broken) -> None:
         assert not len(broken.step)
 
     def bytes(self) -> int:
@@ -114,7 +114,7 @@ def test_what_leaks_from_nodes_dies_out_as_its_stepper_has_it(theta: float, fact
     stepper = ThetaSteps(operator, drive, DT, theta, factored) if theta else euler
     state = State(np.ones((4, 1)), np.zeros((4, 1)), np.zeros((4, 0)), *np.zeros((3, 4)))
     state.value[0] = 0.0
-    stepper.march(state, 1, STEPS + 1)
+    stepper.advance(state, 1, STEPS + 1)
     factor = (1 - (1 - theta) * DT * PACE) / (1 + theta * DT * PACE)
     rest = np.array([0.0, SUPPLIED, SUPPLIED, 0.0]) / PACE
     expected = rest + (1 - rest) * factor**STEPS
@@ -146,7 +146,9 @@ def test_nodes_on_springs_swing_as_verlet_has_it(dimension: int) -> None:
     verlet = Verlet(operator, idle(3, dimension), rho, dt)
     for node in range(3):
         state.value[:], state.rate[:], state.second[:] = 1e-3, 0, -(stiffness / rho)[:, None] * 1e-3
-        found = seen(lambda first, last: verlet.march(state, first, last), lambda i=node: float(state.value[i, 0]), 200)
+        found = seen(
+            lambda first, last: verlet.advance(state, first, last), lambda i=node: float(state.value[i, 0]), 200
+        )
         expected = 2 * np.arcsin(np.sqrt(stiffness[node] / 1e3) * dt / 2)
         assert found == pytest.approx(expected, rel=1e-12)  # measured 4e-16
 
@@ -159,7 +161,9 @@ def on_the_ground(kernel: str, share: float) -> Prepared:
     both = Together(system.operator, ground)
     dt = 0.5 * float(np.sqrt(2 * GLASS.rho / both.stiffness_bound().max()))
     stepper = Verlet(both, system.drive, system.model.rho, dt)
-    return Prepared(dataclasses.replace(system, operator=both, stepper=stepper, time_step=dt), both.place(state))
+    return Prepared(
+        dataclasses.replace(system, operator=both, stepper=stepper, time_step=dt), both.to_own_layout(state)
+    )
 
 
 @pytest.mark.slow
@@ -173,7 +177,7 @@ def test_a_plate_on_the_ground_swings_as_one(kernel: str) -> None:
     verlet = Verlet(both, system.drive, system.model.rho, dt)
     state.value[:] = 1e-6
     state.second[:] = -pull / GLASS.rho * state.value
-    found = seen(lambda first, last: verlet.march(state, first, last), lambda: float(state.value[50, 1]), 300)
+    found = seen(lambda first, last: verlet.advance(state, first, last), lambda: float(state.value[50, 1]), 300)
     assert found == pytest.approx(2 * np.arcsin(np.sqrt(pull / GLASS.rho) * dt / 2), rel=1e-10)  # measured 4e-13
 
 
@@ -183,7 +187,7 @@ def test_measures_take_two_operators_for_one(kernel: str) -> None:
     prepared = on_the_ground(kernel, 0.3)
     system, state = prepared
     start = compute_ledger_row(system, state, 0)
-    prepared.march(1, 401)
+    prepared.advance(1, 401)
     end = compute_ledger_row(system, state, 400)
     assert end.kinetic < 0.9 * start.kinetic  # measured 0.67
     assert end.kinetic + end.strain + end.dissipated == pytest.approx(

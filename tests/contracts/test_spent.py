@@ -18,7 +18,7 @@ from pdmesh.model.node_grid import Grid
 from pdsolve.bonds.assembly import Bonds
 from pdsolve.laws import LAWS, law_of, limits
 from pdsolve.laws.bond_limits import Sizes
-from pdsolve.laws.calls import added_pull, bind, broken_energy, tension, total
+from pdsolve.laws.calls import added_force, bind, broken_energy, force_over_stiffness, total_dissipated_energy
 from pdsolve.laws.law import Law
 from pdsolve.laws.pair import no_bonds
 from pdsolve.model import Model
@@ -73,7 +73,7 @@ def test_what_a_bond_spends_is_work_less_what_it_holds(law: str, precision: str,
         nonlocal step
         state.value[1, 0], step = stretch, step + 1
         out = np.zeros_like(state.value)
-        operator.add(state, out, step, 0.0)
+        operator.accumulate_force(state, out, step, 0.0)
         return float(out[0, 0])
 
     for low, high in itertools.pairwise(places):
@@ -107,11 +107,11 @@ def secant(law, stretch, worst, peak, limit):
     return FACTOR
 
 
-def held(law, c, stretch, worst, peak, limit):
+def bond_strain_energy(law, c, stretch, worst, peak, limit):
     return FACTOR * c * stretch * stretch
 
 
-LAW = pair_law(Stiffer, Pair(limits=brittle.limits, secant=secant, held=held))
+LAW = pair_law(Stiffer, Pair(limits=brittle.limits, secant=secant, bond_strain_energy=bond_strain_energy))
 """
 
 
@@ -141,7 +141,7 @@ def test_laws_of_the_same_columns_are_two(precision: str, tmp_path: Path) -> Non
         state = State(*np.zeros((3, 16, 2), dtype=precision), *np.zeros((3, 16)))
         state.value[:] = 1e-7 * model.grid.position[:, ::-1] / model.grid.position.max()
         out = np.zeros_like(state.value)
-        operator.add(state, out, 1, 0.0)
+        operator.accumulate_force(state, out, 1, 0.0)
         pulls.append((out, operator.energies(state)[0]))
     for one, other, again in zip(*pulls, strict=True):
         assert np.abs(one).max() > 0
@@ -186,7 +186,7 @@ def test_what_a_bond_pulls_once_more_makes_the_work_of_its_step_the_area_below_i
     def force(stretch: float, worst: float) -> float:
         """Over stiffness."""
         worst = max(worst, stretch) if max(worst, stretch) > peak else 0.0
-        return float(tension(columns, stretch, worst, peak, limit)) if worst <= limit else 0.0
+        return float(force_over_stiffness(columns, stretch, worst, peak, limit)) if worst <= limit else 0.0
 
     for before, worst, stretch in (
         (-peak / 2, 0.0, 3 * limit),
@@ -204,10 +204,10 @@ def test_what_a_bond_pulls_once_more_makes_the_work_of_its_step_the_area_below_i
             half = (high - low) / 2
             area += half * sum(weight * force(low + half * (1 + at), worst) for at, weight in RULE)
         taken = (force(before, worst) + force(stretch, worst)) / 2
-        taken += added_pull(columns, stretch, before, worst, peak, limit)
+        taken += added_force(columns, stretch, before, worst, peak, limit)
         assert taken * (stretch - before) == pytest.approx(area, rel=1e-9, abs=0)
         if stretch > limit:
-            whole = total(columns, STIFFNESS, peak, limit)
+            whole = total_dissipated_energy(columns, STIFFNESS, peak, limit)
             assert broken_energy(columns, STIFFNESS, stretch, before, peak, limit) == whole
-    assert added_pull(columns, 3 * limit, 2 * limit, 0.0, peak, limit) == 0
-    assert added_pull(columns, 1.2 * peak, 1.2 * peak, 0.0, peak, limit) == 0
+    assert added_force(columns, 3 * limit, 2 * limit, 0.0, peak, limit) == 0
+    assert added_force(columns, 1.2 * peak, 1.2 * peak, 0.0, peak, limit) == 0

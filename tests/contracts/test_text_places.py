@@ -69,7 +69,7 @@ def offences(text: str, name: str) -> Iterator[str]:
 def _calls(node: ast.Call, name: str) -> Iterator[str]:
     called = ast.unparse(node.func) if getattr(node.func, "attr", getattr(node.func, "id", "")) in CALLS else ""
     if called == "print" or called in {f"{stream}.{verb}" for stream in STREAMS for verb in ("write", "writelines")}:
-        yield f"{called}, not printing.say"
+        yield f"{called}, not printing.print_text"
     if called.endswith((".get_supported_filetypes", ".print_figure")) and name not in GATES["matplotlib.figure"]:
         yield f"{called}, not plain_figure.formats"
     labels = re.search(r"\.set_[xyz]tick(s|labels)$", called)

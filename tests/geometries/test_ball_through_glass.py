@@ -21,7 +21,7 @@ def test_a_ball_goes_through_a_smaller_plate() -> None:
     ball, mass = built.grid.bodies.number == 1, system.area * system.model.rho
     before = mass @ state.rate[:, 2]
     steps = int(30e-6 / system.time_step)
-    both.march(1, steps + 1)
+    both.advance(1, steps + 1)
     assert state.rate[ball, 2].mean() == pytest.approx(-22.6, abs=0.7)  # measured 22.58; 10 us later 22.48
     assert mass @ state.rate[:, 2] == pytest.approx(before, rel=1e-9)
     assert abs(compute_ledger_row(system, state, steps).balance_error(system.initial_energy)) < 0.03  # measured 0.011

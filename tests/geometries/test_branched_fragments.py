@@ -20,7 +20,7 @@ def test_fragments_of_a_branched_crack_push_each_other_apart_as_mirror_images() 
     system, state = both = prepare(Model(built.grid, built.settings), Options(threads=1))
     position, own = system.model.grid.position, system.model.grid.bodies.number == 0  # type: ignore[union-attr]
     last = int(160e-6 / system.time_step)
-    both.march(1, last)
+    both.advance(1, last)
     source, target = system.operator.bonds()
     joined = csr_array((np.ones(len(source)), (source, target)), (len(position),) * 2)
     number = connected_components(joined, directed=False)[1]

@@ -20,7 +20,7 @@ def test_fragments_exchange_velocities_and_make_no_energy() -> None:
 
     def speeds(step: int, to: float) -> tuple[float, float, int]:
         last = int(to / system.time_step)
-        both.march(step, last)
+        both.advance(step, last)
         return state.rate[own & (x < 0), 0].mean(), state.rate[own & (x > 0), 0].mean(), last
 
     left, right, step = speeds(1, 0.55e-3)  # back from the walls

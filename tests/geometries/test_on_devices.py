@@ -44,8 +44,8 @@ def test_a_scene(scene: str, precision: str) -> None:
         random = np.random.default_rng(1)
         shape = problem.state.value.shape
         problem.state.value[:] = SHAKEN * model.grid.delta[:, None] * random.standard_normal(shape)
-        problem.march(1, 2)
-        problem.march(2, 12)
+        problem.advance(1, 2)
+        problem.advance(2, 12)
     assert there.system.device != "cpu"
     assert (len(broken(here).step) > 0) == (scene not in TOUGH)
     assert all(map(np.array_equal, here.state, there.state))
@@ -70,5 +70,5 @@ def test_a_disc_that_dissolves_in_equilibrium() -> None:
     model = Model(built.grid, built.settings)
     here, there = (prepare(one, Options(threads=1)) for one in (model, on_device(model, "opencl")))
     for problem in (here, there):
-        problem.march(1, 11)
+        problem.advance(1, 11)
     assert all(map(np.array_equal, here.state, there.state))

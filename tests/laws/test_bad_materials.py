@@ -75,7 +75,7 @@ def test_families_that_become_singular_hold_nothing(control: str) -> None:
     grid = dataclasses.replace(grid, cracks=np.array([[-1.0, 4.5e-3, 5e-3, 4.5e-3]]))
     model = plate(grid, 2, material=msgspec.structs.replace(GLASS, **solid), conditions=ends)
     system, state = prepare(model, Options(threads=1))
-    system.stepper.march(state, 1, 300)
+    system.stepper.advance(state, 1, 300)
     left = system.count - np.bincount(system.operator.broken().source, minlength=len(grid))
     assert left.min() <= 2 < system.count.min()
     assert all(np.isfinite(column).all() for column in state)

@@ -15,7 +15,7 @@ from pdmesh.model.lattice_calibration import lattice_ratios, offsets
 from pdmesh.model.material_constants import critical_stretch, micromodulus
 from pdsolve.laws import limits
 from pdsolve.laws.bond_limits import Sizes
-from pdsolve.laws.pair_laws.bilinear import intact_share, spent_share
+from pdsolve.laws.pair_laws.bilinear import dissipated_share, intact_share
 
 MARAGING = Material(E=191e9, rho=8000.0, G0=1e4, law="bilinear", kr=1.638, keep_G0=False)
 
@@ -79,7 +79,7 @@ def test_softening_goes_one_way(law: tuple[float, float], a: float, b: float) ->
     less, more = (peak + share * (limit - peak) for share in sorted((a, b)))
     kept, spent = (
         [intact_share(w, peak, limit) for w in (less, more)],
-        [spent_share(w, peak, limit) for w in (less, more)],
+        [dissipated_share(w, peak, limit) for w in (less, more)],
     )
     assert -1e-12 <= kept[1] <= kept[0] <= 1 + 1e-12
     assert -1e-12 <= spent[0] <= spent[1] <= 1 + 1e-12
@@ -90,8 +90,8 @@ def test_the_branches_meet(law: tuple[float, float]) -> None:
     peak, limit = law
     assert intact_share(peak, peak, limit) == pytest.approx(1, rel=1e-12)
     assert intact_share(limit, peak, limit) == 0
-    assert spent_share(peak, peak, limit) == 0
-    assert spent_share(limit, peak, limit) == 1
+    assert dissipated_share(peak, peak, limit) == 0
+    assert dissipated_share(limit, peak, limit) == 1
 
 
 @given(LAWS, SHARES)
@@ -102,7 +102,7 @@ def test_energy_is_the_area_below_the_curve(law: tuple[float, float], share: flo
     pull = peak * (limit - worst) / (limit - peak)
     area = peak * peak / 2 + (peak + pull) / 2 * (worst - peak)
     held = intact_share(worst, peak, limit) * worst**2 / 2
-    spent = peak * limit / 2 * spent_share(worst, peak, limit)
+    spent = peak * limit / 2 * dissipated_share(worst, peak, limit)
     assert held + spent == pytest.approx(area, rel=1e-9)
 
 

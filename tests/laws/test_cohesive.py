@@ -95,7 +95,7 @@ def one_bond(shape: str) -> tuple[BondList, State]:
 def pulled(operator: BondList, state: State, stretch: float) -> float:
     """Force over stiffness at a stretch, which the bond remembers."""
     state.value[1, 0], out = stretch, np.zeros((2, 2))
-    operator.add(state, out, 1, 0.0)
+    operator.accumulate_force(state, out, 1, 0.0)
     return float(out[0, 0]) / STIFFNESS
 
 
@@ -128,7 +128,7 @@ def test_the_slope_is_that_of_the_curve(shape: str) -> None:
     t, step = np.array([0.05, 0.2, 0.25, 0.6, 0.95]), 1e-9
     kappa = PEAK + t * (LIMIT - PEAK)
     low, high = (pair.secant(None, at, at, PEAK, LIMIT) * at for at in (kappa - step, kappa + step))
-    slope = pair.softening.slope(None, kappa, PEAK, LIMIT)
+    slope = pair.softening.softening_slope(None, kappa, PEAK, LIMIT)
     assert slope == pytest.approx((high - low) / (2 * step), rel=1e-6)
 
 
@@ -151,8 +151,8 @@ def shaken(kernel: str, shape: str) -> tuple[list[NDArray[np.float64]], list[tup
     random = np.random.default_rng(3)
     state.value[:] = 5e-7 * random.standard_normal(state.value.shape)
     state.rate[:] = 12 * random.standard_normal(state.value.shape)
-    problem.march(1, 30)
-    broken, worst = system.operator.broken(), np.sort(system.operator.keep()["worst"])
+    problem.advance(1, 30)
+    broken, worst = system.operator.broken(), np.sort(system.operator.checkpoint_arrays()["worst"])
     arrays = [*state[:4], *system.operator.energies(state), worst, system.operator.tangent(state).toarray()]
     return arrays, sorted(zip(*(column.tolist() for column in broken), strict=True))
 

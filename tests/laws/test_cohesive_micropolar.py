@@ -47,12 +47,12 @@ def test_forces_and_moments_are_minus_the_slope_of_energy_and_the_tangent_theirs
     system, state = made(shape)
     random, area = np.random.default_rng(3), system.area[:, None]
     state.value[:] = 6e-5 * random.standard_normal(state.value.shape)
-    system.operator.add(state, np.zeros_like(state.value), 1, 0.0)
+    system.operator.accumulate_force(state, np.zeros_like(state.value), 1, 0.0)
     assert min(len(system.operator.broken().step), len(system.operator.bonds()[0])) > 20
-    assert len(system.operator.keep()["worst"]) > 20
+    assert len(system.operator.checkpoint_arrays()["worst"]) > 20
     state.value[:] *= 0.5
     out = np.zeros_like(state.value)
-    system.operator.add(state, out, 2, 0.0)
+    system.operator.accumulate_force(state, out, 2, 0.0)
     way, start, slope = random.standard_normal(out.shape), state.value.copy(), 0.0
     for side in (1, -1):
         state.value[:] = start + side * 1e-10 * way
@@ -63,7 +63,7 @@ def test_forces_and_moments_are_minus_the_slope_of_energy_and_the_tangent_theirs
     ends = []
     for side in (1, -1):
         state.value[:] = start + side * size * way
-        system.operator.add(state, after := np.zeros_like(way), 0, 0.0)
+        system.operator.accumulate_force(state, after := np.zeros_like(way), 0, 0.0)
         ends.append(after)
     found = (ends[1] - ends[0]).ravel() / (2 * size)
     assert K @ way.ravel() == pytest.approx(found, rel=1e-6, abs=1e-6 * np.abs(found).max())
@@ -110,7 +110,7 @@ def test_at_rest_and_in_motion_bonds_pull_and_spend_the_same() -> None:
     for size, step in ((2e-5, 1), (1e-5, 2)):
         state.value[:] = size * random.standard_normal(state.value.shape)
         out = np.zeros_like(state.value)
-        system.operator.add(state, out, step, 0.0)
+        system.operator.accumulate_force(state, out, step, 0.0)
         found = bonds.respond(state.value)
         bonds.kappa[:] = found.kappa
         pull = bonds.forces(found) / system.area[:, None]
@@ -147,7 +147,7 @@ def test_a_marching_plate_keeps_its_energy() -> None:
         system, state = prepare(model, Options(threads=1))
         state.rate[model.grid.position[:, 0] < 0.05, 0] = 0.01
         start = float(np.sum(model.rho / 2 * system.area * (state.rate**2).sum(axis=1)))
-        system.stepper.march(state, 1, steps)
+        system.stepper.advance(state, 1, steps)
         lost.append(abs(compute_ledger_row(system, state, steps - 1).balance_error(start)))
     assert lost[0] <= 2e-2
     assert lost[1] <= lost[0] / 3
@@ -172,18 +172,18 @@ def pulled(model: Model) -> tuple[SofteningPathSteps, Prepared]:
     prepared = prepare(model, Options(threads=1))
     stepper = prepared.system.stepper
     assert isinstance(stepper, SofteningPathSteps)
-    prepared.march(1, 300)
+    prepared.advance(1, 300)
     return stepper, prepared
 
 
 def crossing(prepared: Prepared) -> float:
     """Spent by bonds that cross the middle of a bar, J/m."""
     system = prepared.system
-    kept, broken = system.operator.keep(), system.operator.broken()
+    kept, broken = system.operator.checkpoint_arrays(), system.operator.broken()
     bonds = SofteningShear(law_of(system.model), SCHEMES["conservative"].fill(system.model).whole(), system.model)
-    bonds.remember(kept, broken)
+    bonds.restore(kept, broken)
     x = system.model.grid.position[:, 0] - 0.1
-    return float(bonds.spent(bonds.kappa)[x[bonds.source] * x[bonds.target] < 0].sum())
+    return float(bonds.dissipated_energy(bonds.kappa)[x[bonds.source] * x[bonds.target] < 0].sum())
 
 
 FINE = [

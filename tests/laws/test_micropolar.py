@@ -30,7 +30,7 @@ def test_forces_and_moments_are_minus_the_slope_of_energy_and_the_tangent_theirs
     random, area = np.random.default_rng(3), system.area[:, None]
     state.value[:] = 2e-6 * random.standard_normal(state.value.shape)
     out = np.zeros_like(state.value)
-    system.operator.add(state, out, 1, 0.0)
+    system.operator.accumulate_force(state, out, 1, 0.0)
     assert len(system.operator.broken().step) > 0
     way, start, slope = random.standard_normal(out.shape), state.value.copy(), 0.0
     for side in (1, -1):
@@ -39,7 +39,7 @@ def test_forces_and_moments_are_minus_the_slope_of_energy_and_the_tangent_theirs
     assert slope == pytest.approx(-float(np.sum(area * out * way)), rel=1e-9)  # energy is a square
     state.value[:] = way
     K = system.operator.tangent(state)
-    system.operator.add(state, out := np.zeros_like(way), 0, 0.0)
+    system.operator.accumulate_force(state, out := np.zeros_like(way), 0, 0.0)
     assert K @ way.ravel() == pytest.approx(-out.ravel(), rel=1e-9, abs=1e-9 * np.abs(out).max())
 
 
@@ -60,7 +60,7 @@ def test_a_marching_plate_keeps_its_energy() -> None:
     start, lost = InitialVelocity(box=(-1.0, -1.0, 5e-3, 1.0), x=0.1), []
     for steps, dt in ((400, 1e-7), (800, 5e-8)):
         system, state = made(start, dt=dt)
-        system.stepper.march(state, 1, steps)
+        system.stepper.advance(state, 1, steps)
         found = compute_ledger_row(system, state, steps - 1)
         lost.append(abs(found.balance_error(system.initial_energy)))
         assert found.strain > 0

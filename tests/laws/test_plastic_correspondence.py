@@ -70,7 +70,7 @@ class Body(NamedTuple):
     def forces(self, value: NDArray[np.float64]) -> NDArray[np.float64]:
         """Forces (n, d), N."""
         out = np.zeros_like(value)
-        self.operator.add(_state(value), out, 0, 0.0)
+        self.operator.accumulate_force(_state(value), out, 0, 0.0)
         return out * self.cell[:, None]
 
     def energy(self, value: NDArray[np.float64]) -> float:
@@ -94,7 +94,7 @@ def flowing(plane: str, **settings: str) -> Body:
     x, random = grid.position, np.random.default_rng(3)
     way = np.array([[1.0, 0.3, 0.1], [-0.2, -0.5, 0.2], [0.0, 0.3, -0.4]])[:extent, :extent]
     first, second = (4e-3 * x @ way.T + 2e-6 * random.standard_normal(x.shape) for _ in range(2))
-    operator.remember(_state(first))
+    operator.update_history(_state(first))
     assert np.abs(operator.columns.slip).max() > 1e-7
     return Body(operator, x, assembled.area, first + second)
 
@@ -135,7 +135,7 @@ def test_a_turned_body_has_turned_forces() -> None:
     """In the form of rates, what has flowed turns with its node."""
     for control in ("silling", "wan"):
         body, turn = flowing("strain", control=control, form="rate"), np.array([[0.6, -0.8], [0.8, 0.6]])
-        body.operator.remember(_state(body.value))  # as a step that turns and stretches is not exact
+        body.operator.update_history(_state(body.value))  # as a step that turns and stretches is not exact
         force = body.forces(body.value)
         turned = (body.position + body.value) @ turn.T - body.position
         assert body.forces(turned) == pytest.approx(force @ turn.T, abs=1e-9 * np.abs(force).max())
@@ -147,7 +147,7 @@ def test_what_has_flowed_stays_without_a_gradient_where_bonds_break() -> None:
     body = flowing("strain", control="silling")
     law, bonds = body.operator.columns, body.operator._list
     law.broken[np.flatnonzero(bonds.neighbour % 5 == 0)] = 1
-    body.operator.law.mend(law, bonds, np.arange(36))
+    body.operator.law.update_after_breakage(law, bonds, np.arange(36))
     own = np.repeat(np.arange(36), np.diff(bonds.start))
     w = np.where(law.broken == 0, law.weight, 0.0)
     sums = np.array([np.bincount(own, w * p * x, minlength=36) for p in law.slips for x in bonds.xi])

@@ -40,7 +40,7 @@ def _respond(solid: Any, h: Any) -> Any:
 
 @njit
 def _keep(solid: Any, h: Any) -> None:
-    solids.keep(solid, 0, h, 0.0)
+    solids.update_history_of(solid, 0, h, 0.0)
 
 
 def response(solid: SolidColumns, h: NDArray[np.float64]) -> Response:

@@ -35,7 +35,7 @@ def bars(stiffness: float, run: Run) -> Model:
 def passed(stiffness: float) -> float:
     """Mean velocity of the struck bar after two seconds over that of the striking one."""
     prepared = prepare(bars(stiffness, Run()), Options(threads=1))
-    prepared.march(1, 1 + int(4 / prepared.system.time_step))
+    prepared.advance(1, 1 + int(4 / prepared.system.time_step))
     struck = prepared.system.model.grid.bodies.number == 1  # type: ignore[union-attr]
     return float(prepared.state.rate[struck, 0].mean() / V)
 
@@ -98,7 +98,7 @@ def shear(slope: float, outlined: bool = False) -> float:
     for way in np.linspace(0, 2, 21):
         out = np.zeros_like(state.value)
         state.value[own] = H * (way * along - 0.05 * across)
-        system.contact.add(state, out, 1, 1e-9)
+        system.contact.accumulate_force(state, out, 1, 1e-9)
         found.append((out * system.area[:, None])[own].sum(axis=0) @ np.column_stack([along, across]))
     drag, normal = np.abs(found).T
     return float(drag.max() / normal.mean())
@@ -133,7 +133,7 @@ def spun(shape: object, radius: float | None = None, outlined: bool = True) -> f
     built = build(scene)
     grid = built.grid if outlined else replace(built.grid, outline=())
     system, state = prepare(Model(grid, built.settings), Options(threads=1))
-    Prepared(system, state).march(1, 1201)
+    Prepared(system, state).advance(1, 1201)
     own = system.model.grid.bodies.number == 2  # type: ignore[union-attr]
     place, rate = system.model.grid.position[own] + state.value[own], state.rate[own]
     assert rate[:, 1].mean() > 0  # it has bounced

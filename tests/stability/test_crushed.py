@@ -42,13 +42,13 @@ def test_velocities_that_crush(failure: Callable[..., None], pdsolve: Callable[.
     assert len(said.err) == 1
     assert mentions(said.err[0], "inside out", "intact")
     work = prepare(pressed(1000.0, steps=200), Options(threads=1))
-    work.march(1, 61)
+    work.advance(1, 61)
     gap = np.diff(work.state.value.reshape(8, 12, 2)[..., 0].mean(axis=0)) / DELTA + 1
     assert gap.min() < 0  # measured -7.8: a column has passed its neighbour
     pushed = pressed(1000.0, steps=200)
     settings = msgspec.structs.replace(pushed.settings, contact=Contact())
     contact = prepare(Model(pushed.grid, settings), Options(threads=1))
-    contact.march(1, 61)
+    contact.advance(1, 61)
     touched = np.diff(contact.state.value.reshape(8, 12, 2)[..., 0].mean(axis=0)) / DELTA + 1
     assert touched.min() < 0  # -6.5: contact does not act where bonds are intact
     energy = compute_ledger_row(*work, 60)

@@ -32,7 +32,7 @@ def first_break(adapt: str, tips: bool = True) -> tuple[int, float]:
         shown.engine.zone.cells[shown.engine.zone.cells == FINE] = COARSE
         again(shown.engine)
     for step in range(1, 170, 8):
-        problem.march(step, step + 8)
+        problem.advance(step, step + 8)
         broken = problem.system.operator.broken().step
         if len(broken):
             _, work, made = shown.engine.energy_totals if shown is not None else (0.0, 1.0, 0.0)

@@ -36,7 +36,7 @@ class Torn(NamedTuple):
 def torn(clamped: bool, material: Material = STEEL) -> dict[str, Torn]:
     """Solve the struck plate and look at each of PLACES."""
     problem = prepare(struck_plate(clamped=clamped, material=material), Options(threads=1))
-    problem.march(1, round(DURATION / problem.system.time_step) + 1)
+    problem.advance(1, round(DURATION / problem.system.time_step) + 1)
     broke = breaks_since(problem.system, 0)
     x, y = problem.system.model.grid.position[broke.node - 1].T
     off = np.abs(y - MIDDLE)

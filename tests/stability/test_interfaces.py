@@ -55,7 +55,7 @@ def torn(mode: str, strain: float, coarse: int = 30) -> int:
     problem = at_step(problem, 0.5 * problem.system.stable_time_step)
     s = (problem.system.model.grid.position[:, 0] + 40e-3) / 8e-3
     begin(problem, strain * 8e-3 * np.sqrt(np.pi) / 2 * erf(s), -SPEED * strain * np.exp(-(s**2)))
-    problem.march(1, int(60e-3 / SPEED / problem.system.time_step) + 1)
+    problem.advance(1, int(60e-3 / SPEED / problem.system.time_step) + 1)
     return len(broken(problem).step)
 
 
@@ -137,7 +137,7 @@ def crossed(mode: str, stress: float, scales: int) -> Crossing:
         Load(box=(-1.0, -1.0, 1.0, 3.6e-3), body_force=(0.0, -pull)),
     )
     problem = prepare(plate(grid, 4, conditions=loads, run=Run(time_step=5e-8)), Options(mode, threads=1))
-    problem.march(1, 1201)
+    problem.advance(1, 1201)
     x, y = grid.position.T
     off = np.abs(y - middle)
     on_path = (damage(problem.system) > 0.35) & (off < 3e-3)
@@ -197,7 +197,7 @@ def sent_back(spacings: tuple[int, ...], lengths: tuple[int, ...], width: float)
     begin(problem, 1e-6 * np.exp(-(s**2)), 1e-6 * SPEED * 2 * s / width * np.exp(-(s**2)))
     sent = np.abs(problem.state.rate).max()
     way = first + 2e-3 * sum(lengths[1:-1])
-    problem.march(1, round(way / SPEED / problem.system.time_step) + 1)
+    problem.advance(1, round(way / SPEED / problem.system.time_step) + 1)
     return float(np.abs(problem.state.rate[x < first - 10e-3, 0]).max() / sent)
 
 

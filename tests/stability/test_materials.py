@@ -68,7 +68,7 @@ def growth(mode: str, contrast: float) -> float:
     problem = at_step(problem, share * problem.system.stable_time_step)
     problem.state.rate[:] = 1e-4 * np.random.default_rng(1).standard_normal(problem.state.rate.shape)
     start = compute_ledger_row(*problem, 0).kinetic
-    problem.march(1, 20_001)
+    problem.advance(1, 20_001)
     found = compute_ledger_row(*problem, 20_000)
     return (found.kinetic + found.strain) / start
 

@@ -43,7 +43,7 @@ def energies(problem: Prepared) -> list[float]:
     """Energy over that of the start, after each 10^4 of 10^5 steps."""
     start, found = compute_ledger_row(*problem, 0), []
     for part in range(10):
-        problem.march(part * PART + 1, (part + 1) * PART + 1)
+        problem.advance(part * PART + 1, (part + 1) * PART + 1)
         now = compute_ledger_row(*problem, (part + 1) * PART)
         found.append((now.kinetic + now.strain) / (start.kinetic + start.strain))
     return found
@@ -108,7 +108,7 @@ def test_momentum_from_nowhere(failure: Callable[..., None]) -> None:
         x = problem.system.model.grid.position
         state.rate[:, 1] = np.exp(-((x - [4e-3, 5e-3]) ** 2).sum(axis=1) / (2e-3) ** 2)
         before = (mass * state.rate).sum(axis=0)
-        problem.march(1, 2001)
+        problem.advance(1, 2001)
         drift[mode] = float(np.abs((mass * state.rate).sum(axis=0) - before).max() / np.abs(mass * state.rate).sum())
     assert drift["thesis"] > 0.01  # measured 0.20
     assert drift["conservative"] < 1e-14  # measured 2e-16

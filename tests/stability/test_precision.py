@@ -55,9 +55,9 @@ def test_float32_and_mirrors(failure: Callable[..., None]) -> None:
     found = {}
     for precision in ("float64", "float32"):
         problem = prepare(duran(pull=13e9), Options(precision=precision, threads=1))
-        problem.march(1, 801)
+        problem.advance(1, 801)
         early = asymmetry(problem)
-        problem.march(801, 1801)
+        problem.advance(801, 1801)
         found[precision] = (early, asymmetry(problem))
     assert found["float64"][0] < (1e-13, 1)  # measured 3.7e-14
     assert found["float64"][1] < (1e-11, 1)  # measured 1.6e-12: a breaking bond divides by its growth
@@ -95,7 +95,7 @@ def test_the_tip_of_a_crack(failure: Callable[..., None], monkeypatch: pytest.Mo
     lost = (exact.system.family - exact.system.count).reshape(ROWS, COLUMNS)
     nodes = int((lost != lost[::-1]).sum())
     assert nodes == 4
-    exact.march(1, 1801)
+    exact.advance(1, 1801)
     halves, _ = asymmetry(exact)
     assert halves > 0.1  # measured 0.36
     failure(
@@ -136,7 +136,7 @@ def test_fragments_that_fly(failure: Callable[..., None]) -> None:
     Displacements grow without end but have a fixed number of digits, and stretches are differences of displacements.
     """
     flying = spinning("float64")
-    flying.march(1, 100_001)
+    flying.advance(1, 100_001)
     found = compute_ledger_row(*flying, 100_000)
     assert found.broken == 0
     error, balance = shape_error(flying), abs(found.balance_error(flying.system.initial_energy))

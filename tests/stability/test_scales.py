@@ -45,7 +45,7 @@ def cracked(delta: float) -> Model:
 def torn(delta: float) -> tuple[NDArray[np.float64], Broken, float]:
     """Displacements over the spacing, bonds that broke, and the stable step over the spacing."""
     problem = prepare(cracked(delta), Options(threads=1))
-    problem.march(1, 301)
+    problem.advance(1, 301)
     return problem.state.value / delta, broken(problem), problem.system.stable_time_step / delta
 
 

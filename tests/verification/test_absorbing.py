@@ -53,7 +53,7 @@ def straight_back(kind: str, deep: float) -> float:
     problem = at_step(problem, 0.5 * problem.system.stable_time_step)
     send(problem, kind, np.array([1.0, 0.0]), np.array([edge / 2, 0.0]), np.inf)
     sent = energy(problem, edge)
-    problem.march(1, round((edge + 2 * deep) / SPEED[kind] / problem.system.time_step) + 1)
+    problem.advance(1, round((edge + 2 * deep) / SPEED[kind] / problem.system.time_step) + 1)
     return energy(problem, edge) / sent
 
 
@@ -80,7 +80,7 @@ def slantwise(kind: str, deep: float) -> float:
     problem = at_step(problem, 0.6 * problem.system.stable_time_step)
     send(problem, kind, np.sqrt([0.5, 0.5]), np.array([edge - 0.9 * reach, 1.05 * reach]), across)
     sent = energy(problem, edge)
-    problem.march(1, round(3.2 * 0.9 * reach * np.sqrt(2) / SPEED[kind] / problem.system.time_step) + 1)
+    problem.advance(1, round(3.2 * 0.9 * reach * np.sqrt(2) / SPEED[kind] / problem.system.time_step) + 1)
     return energy(problem, edge) / sent
 
 

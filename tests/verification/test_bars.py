@@ -56,7 +56,7 @@ def pulled(columns: int, **material: object) -> Pulled:
     x, steps = grid.position[:, 0], round(4 / (PART * delta))
     middle, end, fields = [], [], []
     for step in range(1, steps + 1):
-        system.stepper.march(state, step, step + 1)
+        system.stepper.advance(state, step, step + 1)
         u, time = state.value[:, 0] / SMALL, step * PART * delta
         middle.append(u[np.abs(x - 0.5) < delta].mean())
         end.append(u[x > 1 - delta].mean())

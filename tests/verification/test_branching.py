@@ -56,7 +56,7 @@ def branched(delta: float, ratio: float, seed: int | None = None, **material: ob
     system, state = prepare(model, Options(threads=1))
     (x, y), done, far = grid.position.T, 0, np.nan
     while done * step < 65e-6:
-        system.stepper.march(state, done + 1, done + 21)
+        system.stepper.advance(state, done + 1, done + 21)
         done += 20
         cracked = damage(system) > CRACKED
         if cracked.any() and x[cracked].max() > 0.1 - 1.6 * delta:

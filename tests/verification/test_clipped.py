@@ -137,7 +137,7 @@ def test_noise_vibrates_on_for_long(cracked: bool) -> None:
     plate.put(velocity=noise(1e-3))
     start, found = plate.conserved(), []
     for first in range(1, 4001, 100):
-        plate.march(first, first + 100)
+        plate.advance(first, first + 100)
         found.append(plate.conserved() / start - 1)
     assert np.abs(found).max() < 1e-4  # measured 3e-8
 
@@ -162,7 +162,7 @@ def test_a_pulse_that_leaves_the_fine_zone(width: int, published: float) -> None
     shape = pulse(H * (middle - start), H * width)
     plate.put(lambda x, y: np.array([shape(x), 0 * x]), lambda x, y: np.array([slope(shape, x, speed), 0 * x]))
     sent = largest(plate, H * middle, rows)
-    plate.march(1, round(2 * start * H / speed / plate.ground.dt) + 1)
+    plate.advance(1, round(2 * start * H / speed / plate.ground.dt) + 1)
     back = largest(plate, H * (middle - 1.5 * 8), rows)
     assert back / sent == pytest.approx(published, rel=0.2)
 

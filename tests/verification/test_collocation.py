@@ -43,8 +43,8 @@ def test_where_all_is_fine_it_is_the_uniform_run(profile: str) -> None:
     problem, engine = prepared(with_material(torn("collocation"), micromodulus=profile))
     assert problem.system.stable_time_step == pytest.approx(uniform.system.stable_time_step, rel=1e-12)
     activate(engine, np.zeros(engine.ground.at.places, dtype=bool))
-    uniform.march(1, 121)
-    problem.march(1, 121)
+    uniform.advance(1, 121)
+    problem.advance(1, 121)
     value, own = uniform.state.value, engine.plate.place
     assert np.abs(engine.zone.u[:, own].T - value).max() < 1e-12 * np.abs(value).max()  # measured 1.5e-13
     broken = uniform.system.operator.broken()
@@ -122,7 +122,7 @@ def vibrating(ratio: float, side: int, units: float, damping: float | None) -> l
     steps, found, begins = int(units * unit / engine.ground.dt), [], 0.0
     for part in range(9):
         if part:
-            problem.march((part - 1) * steps // 8 + 1, part * steps // 8 + 1)
+            problem.advance((part - 1) * steps // 8 + 1, part * steps // 8 + 1)
         own, held = engine.active_places(), engine.energy_densities()
         energy = engine.ground.rho / 2 * (engine.zone.v[:, own] ** 2).sum(axis=0) + held[own]
         found.append(float((energy * engine.area[own]).sum()))
@@ -162,7 +162,7 @@ def test_a_crack_takes_fine_nodes_with_it() -> None:
     problem, engine = prepared(model)
     share, cut = engine.zone_summary().fine_share, engine.zone.cut.copy()
     for last in range(10, 151, 10):
-        problem.march(last - 9, last + 1)
+        problem.advance(last - 9, last + 1)
         assert np.all(engine.zone.cut & cut == cut)
         cut = engine.zone.cut.copy()
     told = engine.zone_summary()
@@ -185,7 +185,7 @@ def test_fine_nodes_that_come_too_late_are_an_error() -> None:
     active, limit = engine.active_places(), np.sqrt(1 + engine.ground.limit) - 1
     engine.zone.u[0, active] = 1.2 * limit * H * places(engine)[0, active]
     with pytest.raises(UnstableError, match=naming(found=("coarse", re.compile(r"1\.2\d*")))):
-        problem.march(1, 10)
+        problem.advance(1, 10)
 
 
 @pytest.mark.slow

@@ -21,7 +21,7 @@ def momentum_drift(mode: str) -> float:
     v[:, 1] = np.exp(-((x - [4e-3, 5e-3]) ** 2).sum(axis=1) / (2e-3) ** 2)
     mass = (problem.system.model.rho * problem.system.area)[:, None]
     before = (mass * v).sum(axis=0)
-    problem.march(1, 2001)
+    problem.advance(1, 2001)
     assert len(broken(problem).step) < problem.system.directed_bond_count / 2
     return float(np.abs((mass * v).sum(axis=0) - before).max() / np.abs(mass * v).sum())
 

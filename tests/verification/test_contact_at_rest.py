@@ -47,7 +47,7 @@ def taken(model: Model) -> tuple[Prepared, Array, LedgerRow]:
     """A model after its load steps, the forces of its conditions (c, 3), N/m, in space N, and its ledger."""
     system, state = prepared = prepare(model, Options(threads=1))
     steps = system.model.settings.run.steps
-    prepared.march(1, steps + 1)
+    prepared.advance(1, steps + 1)
     found = compute_reactions(acting_conditions(system), system, state, steps, 1.0)
     return (
         prepared,
@@ -166,7 +166,7 @@ def test_bodies_that_soften_rest_alike_before_they_do(friction: float) -> None:
             model.settings, material=material, conditions=(*model.settings.conditions, press)
         )
         system, state = prepared = prepare(Model(grid, settings), Options(threads=1))
-        prepared.march(1, 2)
+        prepared.advance(1, 2)
         pushed = compute_reactions(acting_conditions(system), system, state, 1, 1.0)[0].force_y
         found.append((pushed, *state.value[32:40, 1].tolist(), compute_ledger_row(system, state, 1).balance_error(0.0)))
     assert found[0][0] > 1e-4

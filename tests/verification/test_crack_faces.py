@@ -213,7 +213,7 @@ def test_the_notches_of_kalthoff_and_winkler_hold(faces: Faces, first: float) ->
 
     grid, settings, _ = build_grid(read_geo(GEOMETRIES / "kalthoff_winkler.geo"))
     problem = with_faces(Model(grid, settings), faces)
-    problem.march(1, round(22e-6 / problem.system.time_step))
+    problem.advance(1, round(22e-6 / problem.system.time_step))
     broke = breaks_since(problem.system, 0)
     x, y = (1e3 * grid.position[np.searchsorted(grid.ids, broke.node)]).T
     time = broke.step * problem.system.time_step

@@ -32,7 +32,7 @@ def test_waves_die_out_by_the_symbol_of_the_lattice(power: int) -> None:
     symbol = float((g * (1 - np.cos(k * xi))).sum())
     assert symbol == pytest.approx(k**2, rel=5e-3)
     state.value[:, 0][:] = np.cos(k * x)
-    system.stepper.march(state, 1, steps + 1)
+    system.stepper.advance(state, 1, steps + 1)
     expected = (1 - system.time_step * symbol) ** steps * np.cos(k * x)
     assert state.value[:, 0][inside] == pytest.approx(expected[inside], rel=1e-13)
     continuum = np.exp(-(k**2) * steps * system.time_step) * np.cos(k * x)
@@ -47,7 +47,7 @@ def half_space(spacing: float, corrected: bool) -> float:
     steps = round(0.01 / (0.4 * spacing**2))
     run = Run(time_step=0.01 / steps, steps=steps)
     system, state = prepare(model(position, spacing, medium, conditions=(held,), run=run), 1)
-    system.stepper.march(state, 1, steps + 1)
+    system.stepper.advance(state, 1, steps + 1)
     x, C = position[4:, 0], state.value[:, 0][4:]
     return float(np.sqrt(np.mean((C - erfc(x / 0.2)) ** 2)))
 
@@ -72,7 +72,7 @@ def ring(spacing: float, corrected: bool) -> tuple[float, float]:
     held = Concentration(nodes=ids(r < 0.3), value=1.0), Concentration(nodes=ids(r >= 1), value=0.0)
     run, medium = Run(solver="implicit", time_step=1e4, steps=3), Medium(D=1.0, surface_correction=corrected)
     system, state = prepare(model(position, spacing, medium, conditions=held, run=run), 1)
-    system.stepper.march(state, 1, 4)
+    system.stepper.advance(state, 1, 4)
     out = np.zeros(len(r))
     system.operator.rates(state.value[:, 0], out)
     off = (state.value[:, 0] - np.log(r) / np.log(0.3))[system.free]
@@ -107,7 +107,7 @@ def test_a_disc_gives_off_heat_through_its_edge() -> None:
     system, state = prepare(model(position, spacing, UNIT, conditions=(edge, begun), run=run), 1)
     left, b = [], roots(30, Bi)
     for step in range(1, 101):
-        system.stepper.march(state, step, step + 1)
+        system.stepper.advance(state, step, step + 1)
         left.append(state.value[:, 0].mean())
     t = 0.01 * np.arange(1, 101)
     series = (4 * Bi**2 / (b**2 * (Bi**2 + b**2)) * np.exp(-np.outer(t, b**2))).sum(axis=1)
@@ -130,7 +130,7 @@ def test_a_sphere_gives_off_heat_through_its_surface() -> None:
     system, state = prepare(model(position, spacing, UNIT, conditions=(edge, begun), run=run), 1)
     left = []
     for step in range(1, 61):
-        system.stepper.march(state, step, step + 1)
+        system.stepper.advance(state, step, step + 1)
         left.append(state.value[:, 0].mean())
     b = np.pi * (np.arange(30) + 0.5)  # of b cot b = 1 - Bi
     t = 0.01 * np.arange(1, 61)
@@ -152,6 +152,6 @@ def test_implicit_steps_converge(theta: float, order: int) -> None:
         run = Run(solver="implicit", theta=theta, time_step=8.0 / steps, steps=steps)
         system, state = prepare(model(position, 1.0, UNIT, conditions=(begun,), run=run), 1)
         exact = expm_multiply(-8.0 * system.operator.tangent(state), state.value[:, 0])
-        system.stepper.march(state, 1, steps + 1)
+        system.stepper.advance(state, 1, steps + 1)
         off.append(float(np.abs(state.value[:, 0] - exact).max()))
     assert np.log2(off[0] / off[1]) == pytest.approx(order, abs=0.25)

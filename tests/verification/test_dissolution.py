@@ -34,7 +34,7 @@ def front(spacing: float, ratio: float, **how: object) -> float:
     state.value[:, 0][between] = erf(x[between] / (2 * np.sqrt(begin))) / erf(lam) / ratio
     off, length = [], x[-1] + spacing / 2
     for step in range(1, steps + 1):
-        system.stepper.march(state, step, step + 1)
+        system.stepper.advance(state, step, step + 1)
         if step % (steps // 40) == 0:
             left = masses(system, state, 0, None).solid / spacing  # a bar is as thick as its cells are long
             off.append(length - left - 2 * lam * np.sqrt(begin + step * run.time_step))
@@ -62,7 +62,7 @@ def test_a_front_from_the_edge_of_a_plate_keeps_up(corrected: bool, off: float) 
     system, state = prepare(Model(*build_grid(scene)[:2]), 1)
     lag = []
     for step in range(20, 301, 20):
-        system.stepper.march(state, step - 19, step + 1)
+        system.stepper.advance(state, step - 19, step + 1)
         gone = 1 - masses(system, state, step, None).solid / 0.3
         lag.append((2 * lam * np.sqrt(step * run.time_step) - gone) / h)
     assert np.abs(lag).max() == pytest.approx(off, rel=0.02)
@@ -93,7 +93,7 @@ def dissolved(spacing: float, **how: object) -> tuple[NDArray[np.float64], NDArr
     system, state = prepare(disc(spacing, steps, medium), 1)
     start, time, share = masses(system, state, 0, None), [], []
     for part in range(50):
-        system.stepper.march(state, steps * part // 50 + 1, steps * (part + 1) // 50 + 1)
+        system.stepper.advance(state, steps * part // 50 + 1, steps * (part + 1) // 50 + 1)
         now = masses(system, state, steps * (part + 1) // 50, start.solid)
         time.append(now.time)
         share.append(now.dissolved / start.solid)
@@ -152,7 +152,7 @@ def test_a_screw_by_enthalpy() -> None:
     assert system.operator.name == "lattice"
     start, time, share = masses(system, state, 0, None), [0.0], [0.0]
     for step in range(2, 81, 2):
-        system.stepper.march(state, step - 1, step + 1)
+        system.stepper.advance(state, step - 1, step + 1)
         now = masses(system, state, step, start.solid)
         time.append(now.time)
         share.append(now.dissolved / start.solid)
@@ -173,7 +173,7 @@ def test_a_screw_with_collocation_outside_a_cylinder() -> None:
     for step in range(10, 81, 10):
         shares = []
         for (system, state), start in zip((uniform, coarse), starts, strict=True):
-            system.stepper.march(state, step - 9, step + 1)
+            system.stepper.advance(state, step - 9, step + 1)
             now = masses(system, state, step, start.solid)
             assert abs(now.balance(start)) < 1e-12
             shares.append(now.dissolved / start.solid)

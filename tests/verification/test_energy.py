@@ -78,7 +78,7 @@ def missing_of(problem: Prepared) -> tuple[float, int]:
     looks = np.rint(np.linspace(0, 7e-6, 15) / problem.system.time_step).astype(int)
     amiss = []
     for last, step in pairwise(looks.tolist()):
-        problem.march(last + 1, step + 1)
+        problem.advance(last + 1, step + 1)
         found = compute_ledger_row(*problem, step)
         amiss.append(found.kinetic + found.strain + found.dissipated - found.work - problem.system.initial_energy)
     return float(np.abs(amiss).max()) / max(abs(found.work), problem.system.initial_energy), found.broken
@@ -117,7 +117,7 @@ def test_a_slow_pull_stores_the_work_it_takes() -> None:
     model = plate(square_grid(21, 20, y0=-9.5e-3), 3, conditions=pull)
     problem = prepare(model, Options(threads=1))
     steps = round(120e-6 / problem.system.time_step)
-    problem.march(1, steps + 1)
+    problem.advance(1, steps + 1)
     found = compute_ledger_row(*problem, steps)
     held, at = np.zeros((420, 2), dtype=bool), np.zeros((420, 2))
     for condition in pull:
@@ -147,6 +147,6 @@ def test_momentum_and_angular_momentum_of_a_free_plate() -> None:
     before = momenta()
     speed = np.hypot(*state.rate.T)
     scale = np.array([1, 1, np.hypot(*position.T).max()]) * (mass * speed).sum()
-    problem.march(1, 2001)
+    problem.advance(1, 2001)
     assert 0 < len(broken(problem).step) < problem.system.directed_bond_count
     assert np.abs((momenta() - before) / scale).max() <= 1e-12  # measured 1.3e-16

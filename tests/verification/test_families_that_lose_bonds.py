@@ -58,7 +58,7 @@ def test_torn_families_are_no_stiffer_than_straight_faces() -> None:
     in_line = (xi[:, 0] > 1.5e-3) & (xi[:, 1] > -1e-4) & (xi[:, 1] < 1.5e-3)
     for left, share in ((xi[:, 0] > -1e-4, 1.0), (in_line, 0.0)):
         law.broken[first : first + len(xi)] = ~left
-        operator.law.mend(law, operator._list, np.array([node]))
+        operator.law.update_after_breakage(law, operator._list, np.array([node]))
         assert law.share[node] == pytest.approx(share, abs=0.01), left.sum()
         assert law.inverse[node].any()
 
@@ -75,7 +75,7 @@ def test_torn_families_with_a_history_have_all_of_their_stress_or_none(settings:
     first, xi = bonds.start[node], bonds.xi[bonds.start[node] : bonds.start[node + 1]]
     left = (xi[:, 0] > -1e-4) & (xi[:, 1] > -1e-4) & (xi[:, 1] < 2.5e-3)
     law.broken[first : first + len(xi)] = ~left
-    operator.law.mend(law, operator._list, np.array([node]))
+    operator.law.update_after_breakage(law, operator._list, np.array([node]))
     assert law.share[node] == pytest.approx(share, abs=0.001)
 
 

@@ -79,7 +79,7 @@ def test_noise_vibrates_on_for_long() -> None:
     field.put(velocity=noise(1e-3))
     start, found = field.conserved(), []
     for first in range(1, 4001, 100):
-        field.march(first, first + 100)
+        field.advance(first, first + 100)
         found.append(field.conserved() / start - 1)
     assert np.abs(found).max() < 1e-4  # measured 2e-8
 
@@ -103,7 +103,7 @@ def test_far_cells_that_are_stretched_become_coarse() -> None:
         np.count_nonzero(field.zone.cells == FAR),
     )
     for first in range(1, 42, 8):
-        field.march(first, first + 8)
+        field.advance(first, first + 8)
         left = np.count_nonzero(field.zone.cells == FAR)
         assert left < far
         assert field.hybrid.kinetic_and_momentum()[1:] == pytest.approx(momentum, rel=1e-14)  # measured 3e-16
@@ -132,7 +132,7 @@ def test_a_pulse_that_comes_to_far_cells(width: int, published: float) -> None:
         return float(np.abs(nodes.v[0, chosen]).max())
 
     sent = largest(H * middle)
-    field.march(1, round(2 * start * H / speed / field.ground.dt) + 1)
+    field.advance(1, round(2 * start * H / speed / field.ground.dt) + 1)
     assert largest(H * (middle - 12)) / sent == pytest.approx(published, rel=0.2)
 
 
@@ -162,7 +162,7 @@ def test_a_crack_runs_as_without_far_cells(monkeypatch: pytest.MonkeyPatch) -> N
         monkeypatch.setattr(far_cells, "WORTH_FAR", worth)
         problem = prepare(pulled(), Options(threads=1))
         nodes = len(problem.system.family)
-        problem.march(1, 281)
+        problem.advance(1, 281)
         change = find_zone_change(problem.system)
         assert change is not None
         entry = compute_ledger_row(change.system, change.state, 280)
@@ -191,7 +191,7 @@ def test_the_tangent_is_that_of_the_forces() -> None:
     for sign in (1.0, -1.0):
         state.value[:] = at + sign * away
         out = np.zeros_like(at)
-        operator.add(state, out, 1, 0.0)
+        operator.accumulate_force(state, out, 1, 0.0)
         found.append(out)
     state.value[:] = at
     slope = -(operator.tangent(state) @ away.ravel()).reshape(at.shape)
@@ -206,11 +206,11 @@ def test_threads_do_not_show() -> None:
     found = []
     for threads in (1, 2):
         problem = prepare(pulled(), Options(threads=threads))
-        problem.march(1, 101)
-        problem.march(101, 221)
+        problem.advance(1, 101)
+        problem.advance(101, 221)
         operator = problem.system.hybrid
         assert operator is not None
-        found.append(operator.engine.keep())
+        found.append(operator.engine.checkpoint_arrays())
     assert len(found[0]["break_step"]) > 100
     assert found[0].keys() == found[1].keys()
     for name, values in found[0].items():

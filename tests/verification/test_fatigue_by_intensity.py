@@ -156,7 +156,7 @@ def test_what_breaks_in_two_keeps_the_last_state_that_rested(monkeypatch: pytest
     state, stepper, cracks = prepared.state, prepared.system.stepper, prepared.system.growth
     assert isinstance(stepper, ParisSteps)
     assert cracks is not None
-    stepper.march(state, 1, 2)
+    stepper.advance(state, 1, 2)
     before, value, broken = cracks.checkpoint_arrays(), state.value.copy(), prepared.system.operator.broken()
 
     def parted(*_: object) -> None:
@@ -164,7 +164,7 @@ def test_what_breaks_in_two_keeps_the_last_state_that_rested(monkeypatch: pytest
         raise UnsettledError
 
     monkeypatch.setattr(LoadSteps, "settle_after_breakage", parted)
-    stepper.march(state, 2, 4)
+    stepper.advance(state, 2, 4)
     assert stepper.ended
     assert len(stepper.step_results) == 2
     assert np.array_equal(state.value, value)
@@ -182,7 +182,7 @@ def test_a_jump_after_which_growth_is_too_fast_is_taken_back_and_halved(monkeypa
             "_largest_rate_ratios",
             lambda self, _, most=accepted: (1.0 if self._share <= most else 3.0, 1.0),
         )
-        each.system.stepper.march(each.state, 1, 2)
+        each.system.stepper.advance(each.state, 1, 2)
     halved, whole = (each.system.growth.particles for each in (taken, asked))  # type: ignore[union-attr]
     assert np.array_equal(halved.place, whole.place)
     assert np.array_equal(taken.state.value, asked.state.value)

@@ -26,7 +26,7 @@ def deformed(law: str, profile: str, plane: str) -> Prepared:
     state, random = problem.state, np.random.default_rng(3)
     state.value[:] = 1.2e-6 * random.standard_normal(state.value.shape)
     state.rate[:] = 0
-    problem.march(1, 2)  # breaks and softens
+    problem.advance(1, 2)  # breaks and softens
     state.value[:] = 0.4 * state.value  # below every bond's worst stretch
     return problem
 

@@ -34,7 +34,7 @@ def slid(mu: float, angle: float) -> tuple[float, float, LedgerRow]:
     settings = Settings(material=UNIT, conditions=conditions, contact=Contact(friction=mu, restitution=0.5))
     system, state = prepared = prepare(Model(grid, settings), Options(threads=1))
     steps = int(DURATION / system.time_step)
-    prepared.march(1, steps + 1)
+    prepared.advance(1, steps + 1)
     assert system.contact is not None
     return float(state.value[240:, 0].mean()), system.contact.friction(state), compute_ledger_row(system, state, steps)
 

@@ -82,9 +82,9 @@ def clamped(columns: int) -> Model:
 def reaction(columns: int) -> float:
     """What holds it, at rest."""
     system, state = prepare(clamped(columns), Options(threads=1))
-    system.stepper.march(state, 1, system.model.settings.run.steps + 1)
+    system.stepper.advance(state, 1, system.model.settings.run.steps + 1)
     out = np.zeros_like(state.value)
-    system.operator.add(state, out, 0, 0.0)
+    system.operator.accumulate_force(state, out, 0, 0.0)
     return float(-out[system.model.grid.position[:, 0] > 1 - 0.1 / columns, 0].sum() / columns**2)
 
 
@@ -129,5 +129,5 @@ def test_relaxation_of_a_rubber_block(columns: int, known: tuple[int, ...]) -> N
     assert found[0] == pytest.approx(known[0], rel=0.25)
     relaxed = state.value.copy()
     state.value[:] = 0
-    system.stepper.march(state, 1, system.model.settings.run.steps + 1)
+    system.stepper.advance(state, 1, system.model.settings.run.steps + 1)
     assert np.linalg.norm(relaxed - state.value) <= 1e-6 * np.linalg.norm(state.value)

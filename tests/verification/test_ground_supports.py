@@ -123,10 +123,10 @@ def test_a_pinned_plate_turns_as_a_rigid_body_without_any_force() -> None:
     arm = model.grid.position - np.array(pin.centre)
     turn = 1e-3 * np.column_stack([-arm[:, 1], arm[:, 0]])
     rows, out = model.selected(pin), np.zeros_like(turn)
-    operator.add(moved(turn), out, 0, 0.0)
+    operator.accumulate_force(moved(turn), out, 0, 0.0)
     assert np.abs(out[rows]).max() < 1e-12 * 4 * GLASS.E / H**2 * np.abs(turn[rows]).max()
     out[:] = 0.0
-    operator.add(moved(np.full_like(turn, 1e-6)), out, 0, 0.0)
+    operator.accumulate_force(moved(np.full_like(turn, 1e-6)), out, 0, 0.0)
     assert (out[rows] < 0).all()  # a shift is held
 
 
@@ -144,10 +144,10 @@ def test_forces_are_the_slope_of_the_energy_and_give_the_tangent() -> None:
         return float(volume @ operator.energies(moved(u + share * way))[0])
 
     out, pull = np.zeros_like(u), np.zeros_like(u)
-    operator.add(moved(u), out, 0, 0.0)
+    operator.accumulate_force(moved(u), out, 0, 0.0)
     slope = (energy(0.5) - energy(-0.5)) / 1.0  # of a parabola: exact
     assert slope == pytest.approx(-float((volume[:, None] * out * way).sum()), rel=1e-9)
-    operator.add(moved(way), pull, 0, 0.0)
+    operator.accumulate_force(moved(way), pull, 0, 0.0)
     tangent = operator.tangent(moved(u))
     assert -(tangent @ way.ravel()) == pytest.approx(pull.ravel(), rel=1e-9, abs=1e-9 * np.abs(pull).max())
     assert np.linalg.eigvalsh(tangent.toarray()[-42:, -42:]).max() <= 2 * operator.stiffness_bound().max() * (1 + 1e-12)

@@ -90,10 +90,10 @@ def test_a_free_body_that_swells_evenly_is_free_of_stress(name: str) -> None:
     material, counts = LAWS[name]
     system, state = prepare(heated(DT, material=material, counts=counts), ONE)
     d, held = len(counts), np.zeros(state.value.shape)
-    system.operator.add(state, held, 0, 0.0)
+    system.operator.accumulate_force(state, held, 0, 0.0)
     state.value[:, :d] = STEEL.alpha * DT * system.model.grid.position  # type: ignore[operator]
     free = np.zeros(state.value.shape)
-    system.operator.add(state, free, 0, 0.0)
+    system.operator.accumulate_force(state, free, 0, 0.0)
     assert np.abs(held).max() > 1e9
     # measured: 4.0e-15 of bonds, 1.7e-15 ordinary, 1.9e-15 correspondence, 2.7e-15 micropolar, 3e-16 in space
     assert np.abs(free).max() < 1e-12 * np.abs(held).max()
@@ -186,7 +186,7 @@ def test_blocks_and_the_list_swell_alike(name: str, G0: float) -> None:
         assert isinstance(system.stepper, Swelling)
         system.stepper.swell()
         held = system.stepper.clamped_energy(state)
-        run.march(1, 201)
+        run.advance(1, 201)
         assert system.kernel == kernel
         found.append((held, state.value, *system.operator.energies(state), state.work, state.dissipated))
         steps = np.sort(system.operator.broken().step)

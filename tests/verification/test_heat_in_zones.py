@@ -52,7 +52,7 @@ def pulled(plate: Prepared, T: NDArray[np.float64] | float, u: NDArray[np.float6
     plate.system.coupled[0].state.value[:, 0] = T0 + T
     stepper.swell()
     plate.state.value[:] = u
-    plate.system.operator.add(plate.state, found, 1, 0.0)
+    plate.system.operator.accumulate_force(plate.state, found, 1, 0.0)
     return found
 
 
@@ -177,7 +177,7 @@ def test_threads_do_not_show_and_broken_bonds_are_known(small: Model) -> None:
     found = []
     for threads in (1, 2):
         problem = prepare(small, Options(threads=threads))
-        problem.march(1, 281)
+        problem.advance(1, 281)
         change = find_zone_change(problem.system)
         assert change is not None
         found.append(change)

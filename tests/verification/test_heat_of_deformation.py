@@ -51,7 +51,7 @@ def test_a_stretched_body_is_colder(counts: tuple[int, ...], kernel: str | None,
     material = msgspec.structs.replace(STEEL, plane=plane) if len(counts) == 2 else STEEL
     found = prepare(body(counts=counts, material=material, time_step=1e-10, steps=10), ONE._replace(kernel=kernel))
     found.state.value[:] = stretch * found.system.model.grid.position
-    found.march(1, 12)
+    found.advance(1, 12)
     T = found.system.coupled[0].state.value[:, 0].reshape(counts[::-1])[middle]
     trace = {"stress": 2 * E / (1 - 1 / 3), "strain": 2 * E * (1 + 1 / 4) / ((1 + 1 / 4) * (1 - 2 / 4))}[plane]
     trace = 3 * E / (1 - 2 / 4) if len(counts) == 3 else trace

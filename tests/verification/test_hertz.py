@@ -72,7 +72,7 @@ def touches(model: Model) -> list[Touch]:
     assert isinstance(contact, RestingContact)
     assert grid.bodies is not None
     for step in range(1, system.model.settings.run.steps + 1):
-        motion.march(step, step + 1)
+        motion.advance(step, step + 1)
         push = contact._stiffness * contact._touch(state.value).depth
         i, j = contact._pairs.i, contact._pairs.j
         across = (grid.position[i] + grid.position[j])[:, :-1] / 2

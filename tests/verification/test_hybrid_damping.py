@@ -57,7 +57,7 @@ def test_fine_everywhere_it_is_the_uniform_plate() -> None:
     run.zone.cells[run.zone.cells == COARSE] = FINE
     run.start(initial_velocity(damped("hybrid")))
     for problem in (one, other):
-        problem.march(1, 31)
+        problem.advance(1, 31)
     place = run.plate.fine_places
     scale = np.abs(other.state.rate).max()
     assert np.abs(run.zone.fine.v[:, place].T - other.state.rate).max() < 1e-12 * scale  # 1.6e-14
@@ -73,7 +73,7 @@ def test_the_books_balance() -> None:
     found = {}
     for adapt in ("none", "hybrid"):
         problem = prepare(damped(adapt), Options(threads=1))
-        problem.march(1, 121)  # before a crossed cell becomes fine, which costs some tenths of a per cent
+        problem.advance(1, 121)  # before a crossed cell becomes fine, which costs some tenths of a per cent
         found[adapt] = ledger(problem, 120)
     one, other = found["hybrid"], found["none"]
     assert one.damped > 0.2 * one.work
@@ -97,7 +97,7 @@ def returned(*conditions: Any) -> float:
 
     shown.put(*(lambda x, y, n=n: np.array([shape(x, n), 0 * x]) for n in (0, 1)))
     sent = shown.energy()
-    shown.march(1, round(0.17 / speed / shown.ground.dt) + 1)
+    shown.advance(1, round(0.17 / speed / shown.ground.dt) + 1)
     return shown.energy() / sent
 
 
@@ -113,13 +113,13 @@ def test_a_layer_absorbs_a_pulse() -> None:
 def test_it_goes_on_to_the_same_bits() -> None:
     """From a checkpoint, and whether or not a march is interrupted between."""
     whole = prepare(damped("hybrid"), Options(threads=1))
-    whole.march(1, 91)
-    kept = hybrid(whole).keep()
-    whole.march(91, 101)
-    whole.march(101, 131)
+    whole.advance(1, 91)
+    kept = hybrid(whole).checkpoint_arrays()
+    whole.advance(91, 101)
+    whole.advance(101, 131)
     resumed = prepare(damped("hybrid"), Options(threads=1))
-    hybrid(resumed).back(kept)
-    hybrid(resumed).march(91, 131)
+    hybrid(resumed).restore(kept)
+    hybrid(resumed).advance(91, 131)
     same(hybrid(whole), hybrid(resumed))
 
 
@@ -130,15 +130,15 @@ def test_threads_do_not_show() -> None:
     runs = []
     for threads in (1, 2):
         problem = prepare(damped("hybrid"), Options(threads=threads))
-        problem.march(1, 101)
-        problem.march(101, 131)
+        problem.advance(1, 101)
+        problem.advance(101, 131)
         runs.append(hybrid(problem))
     same(*runs)
 
 
 def same(one: HybridEngine, other: HybridEngine) -> None:
     """Assert that all that a checkpoint has is the same, to the bit."""
-    found, kept = one.keep(), other.keep()
+    found, kept = one.checkpoint_arrays(), other.checkpoint_arrays()
     assert len(found["fine_damped"]) > 0
     assert len(found["coarse_damped"]) > 0
     assert found.keys() == kept.keys()

@@ -66,7 +66,7 @@ def test_fine_everywhere_it_is_the_uniform_plate() -> None:
     run.recompute_forces()
     other.state.value[:] = rough
     out = np.zeros_like(rough)
-    other.system.operator.add(other.state, out, 1, 0.0)
+    other.system.operator.accumulate_force(other.state, out, 1, 0.0)
     state = change.state
     nodes.copy_to(state)
     held, _ = nodes.energies(state)
@@ -98,7 +98,7 @@ def test_fine_everywhere_a_cut_costs_what_it_does_in_the_uniform_plate(law: str)
     run.zone.cells[run.zone.cells == COARSE] = FINE
     run.start(initial_velocity(models[0]))
     for problem in (one, other):
-        problem.march(1, 301)
+        problem.advance(1, 301)
     fine, uniform = ledger(one, 300), ledger(other, 300)
     assert uniform.broken > 100
     rate = other.state.rate
@@ -116,7 +116,7 @@ def test_a_struck_plate_breaks_as_the_uniform_one() -> None:
         problem = prepare(struck(adapt), Options(threads=1))
         seen = None
         for step in range(1, 171, 10):
-            problem.march(step, step + 10)
+            problem.advance(step, step + 10)
             if adapt == "hybrid":
                 lost = hybrid(problem).zone.lost.copy()
                 assert seen is None or not (seen & ~lost).any()
@@ -142,9 +142,9 @@ def test_a_pulled_plate_cracks_as_the_uniform_one() -> None:
     found = {}
     for adapt in ("none", "hybrid"):
         problem = prepare(pulled(adapt), Options(threads=1))
-        problem.march(1, 101)
+        problem.advance(1, 101)
         early = ledger(problem, 100)
-        problem.march(101, 261)
+        problem.advance(101, 261)
         found[adapt] = early, ledger(problem, 260), int(problem.system.operator.broken().step.min())
     for one, other in zip(found["hybrid"][:2], found["none"][:2], strict=True):
         assert one.work == pytest.approx(other.work, rel=0.02)
@@ -164,9 +164,9 @@ def test_threads_do_not_show(law: str) -> None:
     found = []
     for threads in (1, 2):
         problem = prepare(struck("hybrid", law=law), Options(threads=threads))
-        problem.march(1, 101)
-        problem.march(101, 151)
-        found.append(hybrid(problem).keep())
+        problem.advance(1, 101)
+        problem.advance(101, 151)
+        found.append(hybrid(problem).checkpoint_arrays())
     assert len(found[0]["break_step"]) > 100
     assert found[0].keys() == found[1].keys()
     for name, values in found[0].items():

@@ -42,7 +42,7 @@ def reflected(mode: str, width: float) -> float:
     state.rate[:, 0] = 1e-6 * SPEED * 2 * s / width * np.exp(-(s**2))
     accelerate(problem)
     sent = np.abs(state.rate).max()
-    problem.march(1, round(-2 * start / SPEED / problem.system.time_step) + 1)
+    problem.advance(1, round(-2 * start / SPEED / problem.system.time_step) + 1)
     return float(np.abs(state.rate[x < -1.5 * REACH, 0]).max() / sent)
 
 

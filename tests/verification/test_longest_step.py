@@ -36,7 +36,7 @@ def missed(material: dict[str, object], share: float, steps: int = 1500) -> tupl
     system, state = prepare(dataclasses.replace(model, settings=settings), Options(threads=1, kernel="listed"))
     whole, half = [], []
     for step in range(5, steps + 1, 5):
-        system.stepper.march(state, step - 4, step + 1)
+        system.stepper.advance(state, step - 4, step + 1)
         now = compute_ledger_row(system, state, step)
         less = system.model.rho * system.area * ((share * bound / 2 * state.second) ** 2).sum(axis=1) / 2
         whole.append(now.kinetic + now.strain - now.work)

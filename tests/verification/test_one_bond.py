@@ -54,7 +54,7 @@ def test_the_envelope(mode: str, keep: bool) -> None:
     peak, limit = bonds.peak[0], bonds.limit[0]
     assert limit / peak == pytest.approx(KR, rel=1e-14)
     for step in range(1, 1001, 10):
-        problem.march(step, step + 10)
+        problem.advance(step, step + 10)
         stretch, found = force(problem)
         expected = np.interp(stretch, [0, peak, limit], [0, peak, 0])
         assert found == pytest.approx(expected, abs=1e-12 * peak)  # measured 6e-13
@@ -69,14 +69,14 @@ def test_unloading_goes_to_the_origin_and_on_into_compression() -> None:
     worst = float(np.sqrt(peak * limit))  # s_c, where the path turns
     secant = peak * (limit - worst) / (limit - peak) / worst
     assert 0.2 < secant < 0.8
-    problem.march(1, 1001)
+    problem.advance(1, 1001)
     assert force(problem) == pytest.approx((worst, secant * worst), rel=1e-12)
     for step in range(1001, 3001, 50):  # down to -s_c and up again
-        problem.march(step, step + 50)
+        problem.advance(step, step + 50)
         stretch, found = force(problem)
         assert found == pytest.approx(secant * stretch, abs=1e-12 * peak)  # measured 6e-16
     for step in range(3001, 4001, 50):
-        problem.march(step, step + 50)
+        problem.advance(step, step + 50)
         stretch, found = force(problem)
         assert found == pytest.approx(peak * (limit - stretch) / (limit - peak), rel=1e-10)  # measured 9e-16
     assert len(broken(problem).step) == 0
@@ -84,7 +84,7 @@ def test_unloading_goes_to_the_origin_and_on_into_compression() -> None:
 
 def test_below_the_peak_nothing_is_spent() -> None:
     problem = led(BILINEAR, "conservative", (0.0, 0.6, -3.0, 0.6, 0.0))
-    problem.march(1, 4001)
+    problem.advance(1, 4001)
     found = compute_ledger_row(*problem, 4000)
     assert found.dissipated == 0
     assert not worst(problem).any()
@@ -104,7 +104,7 @@ def test_a_bond_spends_half_c_xi_peak_limit(mode: str, keep: bool) -> None:
     expected = c * DELTA * bonds.peak[0] * bonds.limit[0] / 2 * area[0] * area[1]
     spent = []
     for first, last in pairwise(range(0, 5001, 50)):
-        problem.march(first + 1, last + 1)
+        problem.advance(first + 1, last + 1)
         spent.append(compute_ledger_row(*problem, last).dissipated)
     assert len(broken(problem).step) == problem.system.directed_bond_count == 2
     assert spent[-1] == pytest.approx(expected, rel=1e-12)  # measured 2e-16
@@ -118,14 +118,14 @@ def test_a_bond_spends_half_c_xi_peak_limit(mode: str, keep: bool) -> None:
 def test_the_work_of_the_hold_is_what_the_bond_took(law: str) -> None:
     """Half the way to its end and then all of it: reaction work = held + spent, of second order in the step."""
     problem = led(BRITTLE if law == "brittle" else BILINEAR, "conservative", (0.0, 0.5, 2.0))
-    problem.march(1, 1001)
+    problem.advance(1, 1001)
     bonds, area, u = bonds_of(problem), problem.system.area, problem.state.value
     mass, stretch = GLASS.rho * area[1], (u[1, 0] - u[0, 0]) / DELTA
     found = compute_ledger_row(*problem, 1000)
     held = float(np.sum(area * bonds.stiffness * DELTA / 4 * stretch**2))
     assert found.strain == pytest.approx(held, rel=1e-12)  # measured 4e-16
     assert found.work == pytest.approx(found.strain + found.dissipated + found.kinetic, rel=1e-9)  # measured 6e-16
-    problem.march(1001, 2001)
+    problem.advance(1001, 2001)
     found = compute_ledger_row(*problem, 2000)
     kinetic = mass / 2 * problem.state.rate[1, 0] ** 2
     assert found.kinetic == pytest.approx(kinetic, rel=1e-12)
@@ -137,6 +137,6 @@ def test_a_material_of_kr_1_breaks_like_the_brittle_one() -> None:
     runs = []
     for material in (BRITTLE, msgspec.structs.replace(BILINEAR, kr=1.0)):
         problem = led(material, "conservative", (0.0, 1.2))
-        problem.march(1, 1001)
+        problem.advance(1, 1001)
         runs.append([column.tobytes() for column in (*problem.state, *broken(problem))])
     assert runs[0] == runs[1]

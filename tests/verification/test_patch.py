@@ -43,7 +43,7 @@ def test_no_force_inside_one_scale(mode: str, profile: str, m: int) -> None:
 def marched(problem: Prepared, u: NDArray[np.float64]) -> NDArray[np.float64]:
     """Force densities (n, 2) by the kernel that marches: of one step from rest, in which nothing moves yet."""
     problem.state.value[:] = u
-    problem.march(1, 2)
+    problem.advance(1, 2)
     assert np.array_equal(problem.state.value, u)
     assert not len(broken(problem).step)
     return np.asarray(problem.system.model.rho[:, None] * problem.state.second)

@@ -46,7 +46,7 @@ def test_convergence_is_quadratic(law: dict[str, Any], monkeypatch: pytest.Monke
     stepper = prepared.system.stepper
     assert isinstance(stepper, SofteningPathSteps)
     stepper.watch = lambda going: found.setdefault(going.step, []).append(going.residual)
-    prepared.march(1, 12)
+    prepared.advance(1, 12)
     decided = [residuals for step, residuals in found.items() if step > 1 and len(residuals) <= FEW]
     near = [(before, after) for one in decided for before, after in pairwise(one) if before < 1e-3]
     assert len(near) > 8

@@ -49,7 +49,7 @@ def moments(layers: int, most: int) -> tuple[list[float], float]:
     system, state = prepare(model_in_load_steps(model, "float64"), Options(threads=1))
     found: list[float] = []
     for step in range(1, 4 * most + 1):
-        system.stepper.march(state, step, step + 1)
+        system.stepper.advance(state, step, step + 1)
         if step % 4 == 0:
             stress = system.operator.fields(state)["sxx"]
             found.append(float((stress * y)[middle].sum() * delta / 2 / MOMENT))
@@ -119,9 +119,9 @@ def pulled_bar(strain: float, steps: int, **settings: object) -> tuple[float, fl
     run = Run(solver="static", static=Static(load_steps=steps), steps=steps)
     model = plate(grid, 3, material=msgspec.structs.replace(STEEL, **settings), conditions=conditions, run=run)
     system, state = prepare(model_in_load_steps(model, "float64"), Options(threads=1))
-    system.stepper.march(state, 1, steps)
+    system.stepper.advance(state, 1, steps)
     before = compute_ledger_row(system, state, steps - 1)
-    system.stepper.march(state, steps, steps + 1)
+    system.stepper.advance(state, steps, steps + 1)
     after = compute_ledger_row(system, state, steps)
     force = -force_densities(system.operator, state)[np.array(right) - 1, 0].sum() * 1e-6
     booked = after.strain + after.dissipated - before.strain - before.dissipated
@@ -172,12 +172,12 @@ def test_a_ring_flows_as_far_as_a_thick_tube_and_collapses_as_one() -> None:
     Measured: c = 1.4945 at 0.9 of the collapse (1.4987); collapse at 1.005 of 2 k ln 2.
     """
     (system, state), inner = ring(0.9, 3)
-    system.stepper.march(state, 1, 4)
+    system.stepper.advance(state, 1, 4)
     flowed = (system.operator.fields(state)["plastic"] > 0).sum() * 1e-6
     assert np.sqrt(1 + flowed / (np.pi * inner**2)) == pytest.approx(1.4987, rel=0.03)
     (system, state), _ = ring(1.1, 2)
     with pytest.raises(UnsettledError, match=naming(found="limit load", expected="hardening")) as error:
-        system.stepper.march(state, 1, 3)
+        system.stepper.advance(state, 1, 3)
     assert "supports" not in str(error.value)
     share = float(re.search(r"above ([\d.]+) of this load step", str(error.value))[1])  # type: ignore[index]
     assert 0.97 <= 0.55 * (1 + share) <= 1.03

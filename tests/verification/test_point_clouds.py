@@ -52,7 +52,7 @@ def moved(u: NDArray[np.float64]) -> State:
 def forces(cloud: System, u: NDArray[np.float64]) -> NDArray[np.float64]:
     """Densities (n, 3) at displacements (n, 3)."""
     out = np.zeros_like(u)
-    cloud.operator.add(moved(u), out, 0, 0.0)
+    cloud.operator.accumulate_force(moved(u), out, 0, 0.0)
     return out
 
 

@@ -44,7 +44,7 @@ class Linear:
     def __init__(self, matrix: csr_array) -> None:
         self._matrix = matrix
 
-    def add(self, state: State, out: NDArray[Any], step: int, dt: float) -> None:
+    def accumulate_force(self, state: State, out: NDArray[Any], step: int, dt: float) -> None:
         out -= (self._matrix @ state.value.ravel()).reshape(out.shape)
 
 
@@ -158,7 +158,7 @@ def bent(rows: int, m: float, scheme: Scheme) -> float:
     run = Run(solver="static", static=Static())
     model = plate(grid, m, material=UNIT, conditions=conditions, run=run)
     problem = prepare_load_steps(model_in_load_steps(model, "float64"), ONE, scheme)
-    problem.march(1, 2)
+    problem.advance(1, 2)
     inertia, shear = 0.1**3 / 12, 1 / (2 * (1 + 1 / 3))
     return float(-problem.state.value[middle, 1] / (force / (48 * inertia) + force / (4 * 5 / 6 * shear * 0.1)))
 

@@ -41,7 +41,7 @@ def rebound(e: float) -> float:
     system, state = motion = prepare(disc_on_wall(e, Run()), Options(threads=1))
     bodies = system.model.grid.bodies
     assert bodies is not None
-    motion.march(1, 1 + int(3 / system.time_step))
+    motion.advance(1, 1 + int(3 / system.time_step))
     assert system.contact is not None
     assert not system.contact.touching(state)
     own = bodies.number == 0

@@ -66,10 +66,10 @@ def pulled(h: float, m: float, shape: str, plane: str = "stress") -> Curve:
     right, each = grid.position[:, 0] > LENGTH / 2, round(until / LOOKS / system.time_step)
     stress, missing, work, step = [0.0], [0.0], 0.0, 1
     while max(stress) < 0.5 or stress[-1] > 0.5 * max(stress):
-        system.stepper.march(state, step, step + each)
+        system.stepper.advance(state, step, step + each)
         step += each
         out = np.zeros(state.value.shape)
-        system.operator.add(state, out, step - 1, 0.0)
+        system.operator.accumulate_force(state, out, step - 1, 0.0)
         stress.append(-float((system.area[right] * out[right, 0]).sum()) / HEIGHT ** (grid.dimension - 1) / F_T)
         found = compute_ledger_row(system, state, step - 1)
         missing.append(found.balance_error(0.0) * found.energy_scale(0.0))

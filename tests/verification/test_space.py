@@ -46,7 +46,7 @@ class Solid(NamedTuple):
     def forces(self, u: NDArray[np.float64]) -> NDArray[np.float64]:
         """Densities (n, 3) at displacements (n, 3)."""
         out = np.zeros_like(u)
-        self.operator.add(self.state(u), out, 0, 0.0)
+        self.operator.accumulate_force(self.state(u), out, 0, 0.0)
         return out
 
     def energies(self, u: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -44,7 +44,7 @@ def test_motion_may_be_prescribed_anywhere(name: str) -> None:
         model = Model(built.grid, msgspec.structs.replace(built.settings, run=run, conditions=(MOTIONS[name],)))
         system, state = prepare(model, Options(threads=1))
         momentum.append(float((state.rate[:, 2] * system.model.rho * system.area).sum()))
-        system.stepper.march(state, 1, 61)
+        system.stepper.advance(state, 1, 61)
         found = compute_ledger_row(system, state, 60)
         end.append((found.work, found.momentum_z, found.kinetic))
     np.testing.assert_allclose(*momentum, rtol=1e-12)

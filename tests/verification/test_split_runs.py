@@ -55,7 +55,7 @@ def test_momentum_and_energy_are_booked_to_the_last(levels: int) -> None:
             assert after[6:8] == pytest.approx(before[6:8], abs=1e-15)
             assert system.area.sum() == pytest.approx(280e-6, rel=1e-13)
         counts.append(len(system.model.grid))
-        system.stepper.march(state, step + 1, step + adapt.every + 1)
+        system.stepper.advance(state, step + 1, step + adapt.every + 1)
         level = leaf_operator(system).cells.level
         assert np.array_equal(system.model.horizons, 3 * 1e-3 / 2.0**level)
     found = compute_ledger_row(system, state, 120)
@@ -75,7 +75,7 @@ def test_what_damping_takes_is_not_what_splitting_loses() -> None:
         change = adapt.change_nodes(system, state, step)
         if change is not None:
             system, state, _ = change
-        system.stepper.march(state, step + 1, step + adapt.every + 1)
+        system.stepper.advance(state, step + 1, step + adapt.every + 1)
     found = compute_ledger_row(system, state, 120)
     assert found.damped > 0.2 * initial
     assert found.dissipated == 0

@@ -32,7 +32,7 @@ def eigenvalues(problem: Prepared, kx: int, ky: int) -> list[float]:
         state.value[:] = 0
         state.value[:, axis] = 1e-8 * (-1.0) ** (kx * i + ky * j)
         out = np.zeros_like(state.value)
-        system.operator.add(state, out, 0, 0.0)
+        system.operator.accumulate_force(state, out, 0, 0.0)
         found.append(float(-out[middle, axis] / state.value[middle, axis]))
     return sorted(found)
 
@@ -72,7 +72,7 @@ def test_uniform_strain_meets_nothing_inside(control: str) -> None:
     gradient = 1e-6 * np.array([[1.0, 0.3], [-0.7, 0.4]])
     state.value[:] = system.model.grid.position @ gradient.T
     out = np.zeros_like(state.value)
-    system.operator.add(state, out, 0, 0.0)
+    system.operator.accumulate_force(state, out, 0, 0.0)
     inside = np.abs(out).reshape(SIDE, SIDE, 2)[9:12, 9:12]
     assert inside.max() <= 1e-12 * np.abs(out).max()  # measured 2e-15
     e, nu = (gradient + gradient.T) / 2, 0.45

@@ -52,7 +52,7 @@ def cracked(turn: NDArray[np.float64], order: NDArray[np.int64] | None, material
 def run(model: Model, mode: str, steps: int = 150) -> Prepared:
     """The problem after some steps, with bonds broken and bonds left."""
     problem = prepare(model, Options(mode, threads=1))
-    problem.march(1, steps + 1)
+    problem.advance(1, steps + 1)
     gone = len(broken(problem).step)
     assert 50 < gone < problem.system.directed_bond_count / 2
     return problem

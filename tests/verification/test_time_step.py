@@ -30,7 +30,7 @@ def growth(problem: Prepared, time_step: float, steps: int) -> float:
     state.rate[:] = 0
     accelerate(problem)
     start = np.abs(state.value).max()
-    problem.march(1, steps + 1)
+    problem.advance(1, steps + 1)
     return float(np.abs(state.value).max() / start)
 
 

@@ -66,7 +66,7 @@ def frequency(problem: Prepared, waves: int, axis: int, periods: float, share: f
     seen = []
     steps = round(periods * 2 * np.pi / guess / problem.system.time_step)
     for step in range(1, steps + 1):
-        problem.march(step, step + 1)
+        problem.advance(step, step + 1)
         seen.append(float(state.value[:, axis] @ shape) / float(shape @ shape) / 1e-12)
     # cos((n + 1) w dt) + cos((n - 1) w dt) = 2 cos(w dt) cos(n w dt), by least squares
     c = np.array([1.0, *seen])

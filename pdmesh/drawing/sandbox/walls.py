@@ -18,7 +18,7 @@ import warnings
 from collections.abc import Collection
 from pathlib import Path
 
-from pdmesh.printing import remark
+from pdmesh.printing import print_to_stderr
 from pdmesh.trust import TrustWarning
 
 MEMORY = 2**31  # bytes, where nothing else is said
@@ -71,7 +71,7 @@ def limit_time(seconds: float) -> None:
 
 def say_stage(doing: str) -> None:
     """Say on stderr what this process does from now on, for a message if it never ends."""
-    remark(f"{STAGE}{doing}")
+    print_to_stderr(f"{STAGE}{doing}")
 
 
 def _limit(seconds: float, memory: int = MEMORY) -> bool:

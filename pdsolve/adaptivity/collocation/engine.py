@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pdsolve.adaptivity.collocation.layout import CollocationPlate, LatticeConstants
-from pdsolve.adaptivity.collocation.march import BEGIN, DONE, FORCES, ROOM, SUM, held, march
+from pdsolve.adaptivity.collocation.march import BEGIN, DONE, FORCES, ROOM, SUM, advance, store_strain_energies
 from pdsolve.adaptivity.collocation.zone import (
     COARSE,
     FINE,
@@ -27,7 +27,7 @@ from pdsolve.codegen.vector_code import ROW
 from pdsolve.conditions import Drive
 from pdsolve.errors import CheckpointError, UnstableError
 from pdsolve.numerics.thread_team import gate_of, side_by_side
-from pdsolve.operators.protocol import Kept
+from pdsolve.operators.protocol import CheckpointArrays
 
 
 class CollocationSettings(NamedTuple):
@@ -55,7 +55,7 @@ class CollocationEngine:
         self.work = np.zeros(ground.at.places)  # J/m^3
         self._rho = np.full(ground.at.places, ground.rho)
         self.area = active_areas(ground, plate, zone.node)
-        self._march(1, 1)  # compiles before the clock runs
+        self._advance(1, 1)  # compiles before the clock runs
 
     def start(self, velocity: NDArray[np.float64]) -> None:
         """Set the velocities (n, 2), m/s, of all nodes, and the accelerations of an undeformed plate."""
@@ -66,9 +66,9 @@ class CollocationEngine:
         holds = self.drive.holds
         self.zone.a[holds.axis, holds.node] = 0.0
 
-    def march(self, first: int, last: int) -> None:
+    def advance(self, first: int, last: int) -> None:
         """Take the steps `first` to `last` - 1. Raises UnstableError if a coarse pair exceeds its limit."""
-        self._march(first, last)
+        self._advance(first, last)
 
     def sum_forces(self, step: int, dt: float) -> None:
         """Sum the forces at the current displacements, without loads; bonds over their limit break in this step.
@@ -78,7 +78,7 @@ class CollocationEngine:
         """
         ground, self.ground = self.ground, self.ground._replace(dt=dt)
         try:
-            while self._march_on_threads(step, step + 1, SUM)[0] != DONE:
+            while self._advance_on_threads(step, step + 1, SUM)[0] != DONE:
                 self._enlarge_breaks()
         finally:
             self.ground = ground
@@ -88,10 +88,10 @@ class CollocationEngine:
         if self.zone.hot.any():
             self._refine_marked()
 
-    def _march(self, first: int, last: int) -> None:
+    def _advance(self, first: int, last: int) -> None:
         where = BEGIN
         while True:
-            how, step = self._march_on_threads(first, last, where)
+            how, step = self._advance_on_threads(first, last, where)
             if how == DONE:
                 return
             if how == ROOM:
@@ -106,14 +106,14 @@ class CollocationEngine:
                 self._refine_marked()
             first, where = step, FORCES
 
-    def _march_on_threads(self, first: int, last: int, where: int) -> tuple[int, int]:
+    def _advance_on_threads(self, first: int, last: int, where: int) -> tuple[int, int]:
         """Run the compiled march on all threads until it ends; returns its end code and step."""
         end, gate = (DONE, 0), gate_of(self.settings.threads)
         how = self.drive, self.work, self._rho, self.settings.kappa, self.settings.every, first, last, where
 
         def work(thread: int) -> None:
             nonlocal end
-            end = march(self.ground, self.zone, *how, thread, gate)
+            end = advance(self.ground, self.zone, *how, thread, gate)
 
         side_by_side(work, self.settings.threads)
         return end
@@ -143,7 +143,7 @@ class CollocationEngine:
     def _energies_of_rows(self, rows: NDArray[np.int64]) -> NDArray[np.float64]:
         """Energy densities (places,), J/m^3, of the fine nodes in these rows and of active coarse nodes."""
         densities = np.zeros((1, self.ground.at.places))
-        held(self.ground, self.zone, rows, densities)
+        store_strain_energies(self.ground, self.zone, rows, densities)
         return np.asarray(densities[0])
 
     def energy_densities(self) -> NDArray[np.float64]:
@@ -191,7 +191,7 @@ class CollocationEngine:
         """Energy taken by damping since the last switch of nodes, J/m."""
         return float((self.zone.damped * self.area).sum())
 
-    def keep(self) -> Kept:
+    def checkpoint_arrays(self) -> CheckpointArrays:
         """Arrays for a checkpoint, from which a run continues bit by bit."""
         zone, places = self.zone, self.active_places()
         checkpoint = {f"break_{name}": column.copy() for name, column in self.broken()._asdict().items()}
@@ -204,7 +204,7 @@ class CollocationEngine:
         checkpoint |= {"spent": zone.spent[places].copy(), "damped": zone.damped[places].copy()}
         return checkpoint | {"places": places, "own_work": self.work[places].copy()}
 
-    def back(self, checkpoint: Kept) -> None:
+    def restore(self, checkpoint: CheckpointArrays) -> None:
         """Restore a checkpoint, beginning with the initial state. Raises CheckpointError."""
         ground, active = self.ground, np.zeros(self.ground.at.places, dtype=np.bool_)
         coarse = entry(checkpoint, "coarse", (None,), np.int64)
@@ -239,7 +239,7 @@ class CollocationEngine:
         for name, field in (("own_work", self.work), ("damped", self.zone.damped), ("spent", self.zone.spent)):
             field[places] = entry(checkpoint, name, places.shape, float)
 
-    def _checkpoint_breaks(self, checkpoint: Kept) -> BreakEvents:
+    def _checkpoint_breaks(self, checkpoint: CheckpointArrays) -> BreakEvents:
         """Broken bonds of a checkpoint, checked to exist at the start and to have broken once.
 
         Raises CheckpointError.

@@ -24,7 +24,7 @@ from pdsolve.adaptivity.collocation.zone import COARSE, FINE
 from pdsolve.codegen.jit_cache import cached_njit
 from pdsolve.codegen.vector_code import ROW
 from pdsolve.conditions import apply_loads
-from pdsolve.laws.calls import added_pull, broken_energy
+from pdsolve.laws.calls import added_force, broken_energy
 from pdsolve.numerics.thread_team import meet
 from pdsolve.operators.simd_lattice.kernel import INNER
 from pdsolve.steppers.holds import accelerate_held_component, prescribe_component
@@ -149,7 +149,7 @@ def _sum_again(ground, zone, already):  # type: ignore[no-untyped-def]
             _add(ground, zone, row)
     zone.again[:] = 0
     for n in range(already, zone.counts.broken_bonds):
-        _add_matching_pull(ground, zone, zone.breaks.node[n], zone.breaks.spring[n])
+        _add_matching_force(ground, zone, zone.breaks.node[n], zone.breaks.spring[n])
 
 
 @njit(**INNER)
@@ -160,11 +160,11 @@ def _stretches(ground, zone, p, k):  # type: ignore[no-untyped-def]
 
 
 @njit(**INNER)
-def _add_matching_pull(ground, zone, p, k):  # type: ignore[no-untyped-def]
+def _add_matching_force(ground, zone, p, k):  # type: ignore[no-untyped-def]
     """Add the pull that matches the work of bond k of node p, which has broken, to the forces on both its ends."""
     j, half = p + ground.ways[k], len(ground.ways) // 2
     stretch, before, limit = _stretches(ground, zone, p, k)
-    pull = added_pull(ground.law, stretch, before, 0.0, limit, limit) / (1 + stretch)
+    pull = added_force(ground.law, stretch, before, 0.0, limit, limit) / (1 + stretch)
     for axis in range(2):
         along = pull * (ground.table[k, axis] + zone.u[axis, j] - zone.u[axis, p])
         zone.f[axis, p] += stiffness(ground, p, k) * along
@@ -245,7 +245,7 @@ def _release(ground, zone, drive, work, rho, time):  # type: ignore[no-untyped-d
 
 
 @cached_njit(nogil=True, error_model="numpy")
-def march(ground, zone, drive, work, rho, kappa, every, first, last, where, thread, gate):  # type: ignore[no-untyped-def]
+def advance(ground, zone, drive, work, rho, kappa, every, first, last, where, thread, gate):  # type: ignore[no-untyped-def]
     """Take the steps `first` to `last` - 1, from stage `where` of the first; returns the end code and the step.
 
     All threads call this together.
@@ -282,7 +282,7 @@ def march(ground, zone, drive, work, rho, kappa, every, first, last, where, thre
 
 
 @cached_njit(error_model="numpy")
-def held(ground, zone, rows, densities):  # type: ignore[no-untyped-def]
+def store_strain_energies(ground, zone, rows, densities):  # type: ignore[no-untyped-def]
     """Store energy densities, J/m^3, of nodes in these rows and of active coarse nodes in `densities` (1, places).
 
     Those of coarse nodes are also half of each pair's, with the stencil as springs: the energy that motion conserves.

@@ -92,7 +92,11 @@ class CollocationOperator(TwoLatticeOperator[CollocationEngine]):
         zone = engine.zone
         for field, out in ((zone.u, state.value), (zone.v, state.rate), (zone.a, state.second)):
             out[:] = field[:, places].T
-        state.dissipated[:], state.work[:], state.damped[:] = self.spent(), engine.work[places], zone.damped[places]
+        state.dissipated[:], state.work[:], state.damped[:] = (
+            self.dissipated_energy(),
+            engine.work[places],
+            zone.damped[places],
+        )
 
     def accelerations(self) -> NDArray[np.float64]:
         """Accelerations (n, 2), m/s^2, from the most recent sum of forces."""
@@ -100,7 +104,7 @@ class CollocationOperator(TwoLatticeOperator[CollocationEngine]):
         acceleration[self._kind[self.places] == FINE] /= ground.rho * ground.h**2  # coarse ones have accelerations
         return acceleration
 
-    def spent(self) -> NDArray[np.float64]:
+    def dissipated_energy(self) -> NDArray[np.float64]:
         """Energy density (n,), J/m^3, dissipated so far by the nodes' broken bonds."""
         return np.asarray(self.engine.zone.spent[self.places] / self.area)
 

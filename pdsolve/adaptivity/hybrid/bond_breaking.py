@@ -9,8 +9,8 @@ from pdsolve.adaptivity.hybrid.clipped_bonds import own_entry, share_of, stretch
 from pdsolve.adaptivity.hybrid.energy import strain_e
 from pdsolve.adaptivity.hybrid.precracks import lasts, peak_and_limit
 from pdsolve.codegen.vector_code import ROW
-from pdsolve.laws.calls import added_pull, broken_energy
-from pdsolve.laws.pair_laws.bilinear import spent_share
+from pdsolve.laws.calls import added_force, broken_energy
+from pdsolve.laws.pair_laws.bilinear import dissipated_share
 from pdsolve.operators.simd_lattice.kernel import INNER, displaced
 
 
@@ -28,8 +28,8 @@ def _soften_on(ground, zone, p, entry, k, e, peak, limit):  # type: ignore[no-un
     past, now = edge[entry, k, lane], min(e, limit)
     peak_stretch, limit_stretch = stretch_of(peak), stretch_of(limit)
     full_stiffness = row_stiffness[entry, k, lane] / share_of(past, peak, limit)
-    spent = spent_share(stretch_of(now), peak_stretch, limit_stretch)
-    spent -= spent_share(stretch_of(max(past, peak)), peak_stretch, limit_stretch)
+    spent = dissipated_share(stretch_of(now), peak_stretch, limit_stretch)
+    spent -= dissipated_share(stretch_of(max(past, peak)), peak_stretch, limit_stretch)
     _book(zone, p, full_stiffness / ground.table[k, 4] * peak_stretch * limit_stretch * spent / 4)
     row_stiffness[entry, k, lane] = full_stiffness * share_of(now, peak, limit)
     edge[entry, k, lane] = now
@@ -104,7 +104,7 @@ def break_bonds(ground, zone, u, p0, count, step):  # type: ignore[no-untyped-de
                 _soften_on(ground, zone, p, entry, k, e, peak, limit)
             before, now = _stretch_before(ground, fine, p, j, k, eta_x, eta_y), stretch_of(e)
             worst, ends = stretch_of(past), (stretch_of(peak), stretch_of(limit))
-            pull = added_pull(ground.law, now, before, worst, *ends) / (1 + now) * full_stiffness
+            pull = added_force(ground.law, now, before, worst, *ends) / (1 + now) * full_stiffness
             fine.f[0, p] += pull * (ground.table[k, 0] + eta_x)
             fine.f[1, p] += pull * (ground.table[k, 1] + eta_y)
             if e <= limit:

@@ -15,7 +15,7 @@ from pdsolve.adaptivity.hybrid.clipped_bonds import stretch_of
 from pdsolve.adaptivity.hybrid.coarse_cells import HybridPlate, count_squares_in_cells
 from pdsolve.adaptivity.hybrid.energy import fill_strain_energies
 from pdsolve.adaptivity.hybrid.lattice import BELOW, BELOW_COARSE, COARSE, FAR, FINE, FREE, IDLE, LEFT
-from pdsolve.adaptivity.hybrid.march import CLIP, DONE, march
+from pdsolve.adaptivity.hybrid.march import CLIP, DONE, advance
 from pdsolve.adaptivity.hybrid.node_rows import are_bonds_intact
 from pdsolve.adaptivity.hybrid.springs import e_of_stretch
 from pdsolve.adaptivity.hybrid.swelling import average_to_coarse, set_all_reliefs, total_strain_energy
@@ -24,7 +24,7 @@ from pdsolve.codegen.vector_code import ROW
 from pdsolve.conditions import Drive
 from pdsolve.errors import CheckpointError, LateZoneError
 from pdsolve.numerics.thread_team import gate_of, side_by_side
-from pdsolve.operators.protocol import Kept
+from pdsolve.operators.protocol import CheckpointArrays
 
 TOGETHER = 2**14  # rows whose motion is added up together
 _stretch = getattr(stretch_of, "py_func", stretch_of)
@@ -72,7 +72,7 @@ class HybridEngine:
 
     def recompute_forces(self) -> None:
         """Recompute the forces at the start."""
-        self._march(1, 1)
+        self._advance(1, 1)
 
     def number_nodes(self) -> None:
         """Derive all nodes from the cells, whatever they were before."""
@@ -104,10 +104,10 @@ class HybridEngine:
         y, x = np.divmod(far, at.far_stride)
         return np.asarray((4 * (y - BELOW_COARSE) + BELOW) * at.stride + LEFT + 4 * (x - LEFT))
 
-    def march(self, first: int, last: int) -> None:
+    def advance(self, first: int, last: int) -> None:
         """Take the steps `first` to `last` - 1. Raises LateZoneError if a clipped bond exceeds its limit."""
         if first < last:
-            self._march(first, last)
+            self._advance(first, last)
 
     def sum_forces(self, step: int, dt: float) -> None:
         """Sum the forces at the current displacements, of bonds alone; bonds over their limit break in this step.
@@ -120,7 +120,7 @@ class HybridEngine:
         counts.loads, counts.holds, self.ground = 0, 0, ground._replace(dt=dt)
         try:
             self._set_damping(None, None)
-            self._march(step + 1, step + 1)
+            self._advance(step + 1, step + 1)
         finally:
             counts.loads, counts.holds, self.ground = loads, holds, ground
             self._set_damping(*slowing)
@@ -130,11 +130,11 @@ class HybridEngine:
         zone = self.zone
         self.zone = zone._replace(fine=zone.fine._replace(damping=fine), coarse=zone.coarse._replace(damping=coarse))
 
-    def _march(self, first: int, last: int) -> None:
+    def _advance(self, first: int, last: int) -> None:
         """Take the steps `first` to `last` - 1; with `last` = `first`, only finish the previous step."""
         drifted = False
         while True:
-            how, step, self.now = self._march_on_threads(first, last, drifted)
+            how, step, self.now = self._advance_on_threads(first, last, drifted)
             if how == DONE:
                 return
             if how == CLIP:
@@ -147,14 +147,14 @@ class HybridEngine:
             if first < last:
                 first, drifted = step, True
 
-    def _march_on_threads(self, *steps: int) -> tuple[int, int, int]:
+    def _advance_on_threads(self, *steps: int) -> tuple[int, int, int]:
         """Run the compiled march on all threads until it ends; returns its end code, step and buffer."""
         threads, end = len(self.zone.s), (0, 0, 0)
         arguments, gate = (self.ground, self.zone, self.drive.profiles, self.now, *steps), gate_of(threads)
 
         def work(thread: int) -> None:
             nonlocal end
-            end = march(*arguments, thread, gate)
+            end = advance(*arguments, thread, gate)
 
         side_by_side(work, threads)
         return end
@@ -264,7 +264,7 @@ class HybridEngine:
         lattices = self.zone.fine, self.zone.coarse
         return sum((float(nodes.damped.sum()) for nodes in lattices if nodes.damped is not None), 0.0)
 
-    def keep(self) -> Kept:
+    def checkpoint_arrays(self) -> CheckpointArrays:
         """Arrays for a checkpoint, from which a run continues bit by bit."""
         zone, broken = self.zone, self.zone.counts.broken_bonds
         checkpoint = {f"break_{name}": column[:broken].copy() for name, column in zone.breaks._asdict().items()}
@@ -291,7 +291,7 @@ class HybridEngine:
         number = zone.counts.values()[:STORED]  # the others say where rows are, and what changed last
         return checkpoint | {"cells": zone.cells.copy(), "total": zone.totals.values(), "number": number}
 
-    def back(self, checkpoint: Kept) -> None:
+    def restore(self, checkpoint: CheckpointArrays) -> None:
         """Restore a checkpoint. Raises CheckpointError."""
         zone, breaks, cells = self.zone, self._checkpoint_breaks(checkpoint), like(checkpoint, "cells", self.zone.cells)
         self._check_checkpoint_cells(cells)
@@ -338,7 +338,7 @@ class HybridEngine:
         if not ((cells == start) | may).all():
             raise CheckpointError("cells are not those of the start; coarse ones may only become fine")
 
-    def _checkpoint_breaks(self, checkpoint: Kept) -> arrays.BreakEvents:
+    def _checkpoint_breaks(self, checkpoint: CheckpointArrays) -> arrays.BreakEvents:
         """Broken bonds of a checkpoint, checked to exist at the start and to have broken once in each direction."""
         ground, plate = self.ground, self.plate
         step = entry(checkpoint, "break_step", (None,), np.int32, 1)
@@ -353,7 +353,7 @@ class HybridEngine:
             raise CheckpointError("a broken bond is none of the plate, or there twice")
         return arrays.BreakEvents(step, node, spring)
 
-    def _restore_counts(self, checkpoint: Kept, node: NDArray[np.int64], spring: NDArray[np.int32]) -> None:
+    def _restore_counts(self, checkpoint: CheckpointArrays, node: NDArray[np.int64], spring: NDArray[np.int32]) -> None:
         """Restore the counts of a checkpoint with these broken bonds, and the nodes with softened or broken bonds."""
         zone, numbers = self.zone, entry(checkpoint, "number", (None,), np.int64)
         if len(numbers) < STORED:
@@ -387,13 +387,13 @@ def _hold_columns(zone: PlateZone) -> NDArray[np.float64]:
     return np.column_stack([zone.holds.entries[name] for name in HOLD_COLUMNS])
 
 
-def _restore_holds(checkpoint: Kept, zone: PlateZone) -> None:
+def _restore_holds(checkpoint: CheckpointArrays, zone: PlateZone) -> None:
     """Restore values, velocities and forces of all held components."""
     for name, column in zip(HOLD_COLUMNS, like(checkpoint, "holds", _hold_columns(zone)).T, strict=True):
         zone.holds.entries[name] = column
 
 
-def _restore_damped(checkpoint: Kept, zone: PlateZone) -> None:
+def _restore_damped(checkpoint: CheckpointArrays, zone: PlateZone) -> None:
     """Restore the energies that damping has taken from nodes."""
     for name, damped in (("fine", zone.fine.damped), ("coarse", zone.coarse.damped)):
         if damped is not None:

@@ -11,7 +11,7 @@ from pdsolve.adaptivity.hybrid.arrays import AHEAD, EVERY
 from pdsolve.adaptivity.hybrid.energy import strain_e
 from pdsolve.adaptivity.hybrid.far_cells import divide_far_cells
 from pdsolve.adaptivity.hybrid.forces import interpolate_border_nodes, reset_turns, sum_and_move
-from pdsolve.adaptivity.hybrid.kicks_and_holds import (
+from pdsolve.adaptivity.hybrid.kicks_and_prescribed_velocities import (
     hold_components,
     kick_and_drift_all,
     restore_held_velocities,
@@ -134,7 +134,7 @@ def _drift_and_hold(ground, zone, profiles, now, step, starts, ends):  # type: i
 
 
 @cached_njit(nogil=True, error_model="numpy")
-def march(ground, zone, profiles, now, first, last, drifted, thread, gate):  # type: ignore[no-untyped-def]
+def advance(ground, zone, profiles, now, first, last, drifted, thread, gate):  # type: ignore[no-untyped-def]
     """Take the steps `first` to `last` - 1; returns the end code, the step, and the current displacement buffer.
 
     At the end, velocities are synchronous with displacements and all forces are kept. `drifted` continues a march that

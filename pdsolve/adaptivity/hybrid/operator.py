@@ -32,7 +32,7 @@ from pdsolve.adaptivity.hybrid.node_rows import are_bonds_intact, values_at_node
 from pdsolve.adaptivity.two_lattice_operator import LedgerTotals, TwoLatticeOperator
 from pdsolve.codegen.vector_code import ROW
 from pdsolve.model import Model
-from pdsolve.operators.protocol import Kept
+from pdsolve.operators.protocol import CheckpointArrays
 from pdsolve.state import Broken, State
 
 if TYPE_CHECKING:
@@ -196,10 +196,10 @@ class HybridOperator(TwoLatticeOperator[HybridEngine]):
         """The operator on the current nodes if they have changed, else None."""
         return None if self.is_current else HybridOperator(self.engine, self._cut)
 
-    def back(self, checkpoint: Kept, broken: Broken) -> None:
+    def restore(self, checkpoint: CheckpointArrays, broken: Broken) -> None:
         """Restore a checkpoint; see `TwoLatticeOperator`."""
         self._broken, self._looked = NOTHING, 0
-        super().back(checkpoint, broken)
+        super().restore(checkpoint, broken)
 
     def _gather_values(
         self,
@@ -262,7 +262,7 @@ class HybridOperator(TwoLatticeOperator[HybridEngine]):
         zone = self.engine.zone
         self._gather_values(zone.fine.f, zone.coarse.f, zone.far.f, out, over_mass=True)
 
-    def spent(self) -> NDArray[np.float64]:
+    def dissipated_energy(self) -> NDArray[np.float64]:
         """Energy density (n,), J/m^3, dissipated so far by the nodes' broken and softened bonds."""
         return np.asarray(self.engine.zone.spent[self.places] / self.area)
 

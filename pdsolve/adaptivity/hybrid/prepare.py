@@ -10,12 +10,12 @@ from numpy.typing import NDArray
 
 from pdmesh.model.document import Concentration, Exchange, InitialVelocity, Source, Velocity
 from pdsolve import conditions
-from pdsolve.adaptivity.hybrid.alike_rows import create_node_rows
 from pdsolve.adaptivity.hybrid.arrays import Entry, LatticeConstants, ZoneEntries, create_plate_zone
 from pdsolve.adaptivity.hybrid.coarse_cells import CellAreas, HybridPlate, create_plate, initial_cells
 from pdsolve.adaptivity.hybrid.engine import HybridEngine
 from pdsolve.adaptivity.hybrid.far_cells import add_far_cells
 from pdsolve.adaptivity.hybrid.irregular_bonds import IrregularBonds, find_irregular_bonds
+from pdsolve.adaptivity.hybrid.irregular_rows import create_node_rows
 from pdsolve.adaptivity.hybrid.lattice import AROUND, BELOW, FINE, LEFT
 from pdsolve.adaptivity.hybrid.operator import HybridOperator
 from pdsolve.adaptivity.hybrid.precracks import cut_coarse_bonds, lengthen_cracks

@@ -17,7 +17,7 @@ from pdsolve.checkpoint_validation import entry
 from pdsolve.laws import law_of
 from pdsolve.model import Model, ModelError
 from pdsolve.operators.bond_list import BondList
-from pdsolve.operators.protocol import Kept
+from pdsolve.operators.protocol import CheckpointArrays
 from pdsolve.schemes.scheme import Scheme
 
 ON = 1e-6  # of a spacing: a pre-crack this near to a node passes through it
@@ -62,17 +62,17 @@ class LeafOperator(BondList):
         """Summary of the finer cells."""
         return ZoneSummary(self.history.created_energy, self._fine, 0.0)
 
-    def keep(self) -> Kept:
+    def checkpoint_arrays(self) -> CheckpointArrays:
         """Bond history for a checkpoint, and for how long each cell has been calm."""
         return {
-            **super().keep(),
+            **super().checkpoint_arrays(),
             "calm": self.history.calm_checks.copy(),
             "made": np.array([self.history.created_energy]),
         }
 
 
-def read_history(checkpoint: Kept, leaves: int) -> LeafHistory:
-    """The history stored by `Leaves.keep` for so many leaves. Raises CheckpointError."""
+def read_history(checkpoint: CheckpointArrays, leaves: int) -> LeafHistory:
+    """The history stored by `Leaves.checkpoint_arrays` for so many leaves. Raises CheckpointError."""
     return LeafHistory(
         entry(checkpoint, "calm", (leaves,), np.int64, 0).copy(), float(entry(checkpoint, "made", (1,), float)[0])
     )

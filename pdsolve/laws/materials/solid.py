@@ -124,7 +124,7 @@ def elastic(kind, h, first, shear, plane_stress):  # type: ignore[no-untyped-def
 
 
 @njit(**INNER)
-def holds(solid, i, h, deviation_square):  # type: ignore[no-untyped-def]
+def energies(solid, i, h, deviation_square):  # type: ignore[no-untyped-def]
     """Energy densities of node i, J/m^3: stored, and dissipated by plastic flow so far."""
     first, shear, kind = solid.first[i], solid.shear[i], solid.kind[i]
     if solid.rate or kind == J2:
@@ -156,7 +156,7 @@ def dissipated(solid, i):  # type: ignore[no-untyped-def]
 
 
 @njit(**INNER)
-def keep(solid, i, h, deviation_square):  # type: ignore[no-untyped-def]
+def update_history_of(solid, i, h, deviation_square):  # type: ignore[no-untyped-def]
     """Update the history of node i after the gradient h."""
     response, past = respond(solid, i, h, deviation_square), solid.history[i]
     if solid.rate:

@@ -44,15 +44,15 @@ def secant(law, stretch, worst, peak, limit):  # type: ignore[no-untyped-def]
     return peak * (limit - worst) / ((limit - peak) * worst)
 
 
-def spent(law, c, worst, peak, limit):  # type: ignore[no-untyped-def]
-    return c * peak * limit * spent_share(worst, peak, limit)
+def dissipated_energy(law, c, worst, peak, limit):  # type: ignore[no-untyped-def]
+    return c * peak * limit * dissipated_share(worst, peak, limit)
 
 
-def total(law, c, peak, limit):  # type: ignore[no-untyped-def]
+def total_dissipated_energy(law, c, peak, limit):  # type: ignore[no-untyped-def]
     return c * (peak * limit)
 
 
-def slope(law, worst, peak, limit):  # type: ignore[no-untyped-def]
+def softening_slope(law, worst, peak, limit):  # type: ignore[no-untyped-def]
     return -peak / (limit - peak)
 
 
@@ -63,9 +63,14 @@ def intact_share(worst, peak, limit):  # type: ignore[no-untyped-def]
 
 
 @register_jitable(**INNER)
-def spent_share(worst: float, peak: float, limit: float) -> float:
+def dissipated_share(worst: float, peak: float, limit: float) -> float:
     """Dissipated share of a bond's energy c xi s_p s_0 / 2 after the stretch `worst`."""
     return (worst - peak) / (limit - peak)
 
 
-LAW = pair_law(BilinearColumns, Pair(limits=limits, secant=secant, softening=Softening(spent, total, slope)))
+LAW = pair_law(
+    BilinearColumns,
+    Pair(
+        limits=limits, secant=secant, softening=Softening(dissipated_energy, total_dissipated_energy, softening_slope)
+    ),
+)

@@ -72,7 +72,7 @@ def secant_linear(law, stretch, worst, peak, limit):  # type: ignore[no-untyped-
     return peak * (1 - share(worst, peak, limit)) / worst
 
 
-def spent_linear(law, c, worst, peak, limit):  # type: ignore[no-untyped-def]
+def dissipated_linear(law, c, worst, peak, limit):  # type: ignore[no-untyped-def]
     return c * peak * limit * share(worst, peak, limit)
 
 
@@ -93,7 +93,7 @@ def secant_bilinear(law, stretch, worst, peak, limit):  # type: ignore[no-untype
     return peak * two_lines(share(worst, peak, limit)) / worst
 
 
-def spent_bilinear(law, c, worst, peak, limit):  # type: ignore[no-untyped-def]
+def dissipated_bilinear(law, c, worst, peak, limit):  # type: ignore[no-untyped-def]
     t = share(worst, peak, limit)
     steep = np.minimum(t, KINK)
     area = steep - 1.5 * steep * steep + 3 / 14 * ((1 - steep) * (1 - steep) - (1 - t) * (1 - t))
@@ -117,7 +117,7 @@ def secant_exponential(law, stretch, worst, peak, limit):  # type: ignore[no-unt
     return peak * decaying(share(worst, peak, limit)) / worst
 
 
-def spent_exponential(law, c, worst, peak, limit):  # type: ignore[no-untyped-def]
+def dissipated_exponential(law, c, worst, peak, limit):  # type: ignore[no-untyped-def]
     t = share(worst, peak, limit)
     area = ((1 - exponential(-DECAYS * t)) / DECAYS - LEFT * t) / (1 - LEFT)
     return dissipated(c, worst, peak, limit, decaying(t), area)
@@ -136,9 +136,9 @@ def _law(kind: type[PairColumns], secant: Function, softening: Softening) -> Law
 
 
 LAWS: dict[str, Law] = {  # by `Material.shape`
-    "linear": _law(Linear, secant_linear, Softening(spent_linear, total_linear, slope_linear)),
-    "bilinear": _law(Bilinear, secant_bilinear, Softening(spent_bilinear, total_bilinear, slope_bilinear)),
+    "linear": _law(Linear, secant_linear, Softening(dissipated_linear, total_linear, slope_linear)),
+    "bilinear": _law(Bilinear, secant_bilinear, Softening(dissipated_bilinear, total_bilinear, slope_bilinear)),
     "exponential": _law(
-        Exponential, secant_exponential, Softening(spent_exponential, total_exponential, slope_exponential)
+        Exponential, secant_exponential, Softening(dissipated_exponential, total_exponential, slope_exponential)
     ),
 }

@@ -23,7 +23,7 @@ from pdsolve.operators.contact.contact_widths import Pressed, Width, round_width
 from pdsolve.operators.contact.kernel import PairList, geometry
 from pdsolve.operators.contact.operator import SKIN, PenaltyContact
 from pdsolve.operators.contact.pair_matrix import pair_matrix
-from pdsolve.operators.protocol import Kept, Operator
+from pdsolve.operators.protocol import CheckpointArrays, Operator
 from pdsolve.state import Broken, State
 
 if TYPE_CHECKING:
@@ -168,7 +168,7 @@ class RestingContact(PenaltyContact):
             slip *= cut[:, None]
         return Touch(depth, slip, cut)
 
-    def add(self, state: State, out: NDArray[Any], step: int, dt: float) -> None:
+    def accumulate_force(self, state: State, out: NDArray[Any], step: int, dt: float) -> None:
         """Add the force densities (n, d), N/m^3, to `out`."""
         out += self.forces(state.value) / self._volume[:, None]
 
@@ -220,12 +220,12 @@ class RestingContact(PenaltyContact):
         block *= self._stiffness[near_pairs, None, None]
         return pair_matrix(pairs.i[near_pairs], pairs.j[near_pairs], block, len(self._volume))
 
-    def keep(self) -> Kept:
+    def checkpoint_arrays(self) -> CheckpointArrays:
         """Friction's springs, and the displacements of the last equilibrium and of the last look, for a checkpoint."""
-        return {**super().keep(), "at": self._at.copy(), "seen": self.seen.copy()}
+        return {**super().checkpoint_arrays(), "at": self._at.copy(), "seen": self.seen.copy()}
 
-    def back(self, checkpoint: Kept, broken: Broken) -> None:
+    def restore(self, checkpoint: CheckpointArrays, broken: Broken) -> None:
         """Restore a checkpoint. Raises CheckpointError."""
-        super().back(checkpoint, broken)
+        super().restore(checkpoint, broken)
         self._at = entry(checkpoint, "at", self._at.shape, np.float64).copy()
         self.see(entry(checkpoint, "seen", self.seen.shape, np.float64).copy())

@@ -23,7 +23,7 @@ from pdsolve.operators.contact.kernel import WIDE, PairList, Pushes, add_forces,
 from pdsolve.operators.contact.pair_matrix import pair_matrix
 from pdsolve.operators.contact.rigid_motion import RigidMotion
 from pdsolve.operators.contact.round_bodies import RoundBodies
-from pdsolve.operators.protocol import Kept, Operator
+from pdsolve.operators.protocol import CheckpointArrays, Operator
 from pdsolve.state import Broken, State, Unknown
 
 if TYPE_CHECKING:
@@ -70,7 +70,7 @@ class PenaltyContact(Bondless):
         """The largest stiffness of two equal nodes in touch over the volumes of both, N/m^(2 d + 1)."""
         return float(self._k.max())
 
-    def add(self, state: State, out: NDArray[Any], step: int, dt: float) -> None:
+    def accumulate_force(self, state: State, out: NDArray[Any], step: int, dt: float) -> None:
         """Add the force densities (n, w), N/m^3, to `out`; friction's springs go on by `dt` s."""
         self._follow(state, step)
         self.push(state, out, step, dt)
@@ -240,7 +240,7 @@ class PenaltyContact(Bondless):
         block = pair_state[pressed_rows, 0, None, None] * n[:, :, None] * n[:, None, :]
         return pair_matrix(pairs.i[pressed_rows], pairs.j[pressed_rows], block, len(self._volume))
 
-    def keep(self) -> Kept:
+    def checkpoint_arrays(self) -> CheckpointArrays:
         """The pairs and their springs for a checkpoint, where nodes were at the last search, and the heat booked."""
         self._relearn()
         pairs = self._pairs
@@ -256,11 +256,11 @@ class PenaltyContact(Bondless):
             "followed": np.array([self._joined.until, self._joined.wait]),
             "rubbed": self._spent.copy(),
             "lost": self._lost.copy(),
-            **self.rigid.keep(),
-            **self.round.keep(),
+            **self.rigid.checkpoint_arrays(),
+            **self.round.checkpoint_arrays(),
         }
 
-    def back(self, checkpoint: Kept, broken: Broken) -> None:
+    def restore(self, checkpoint: CheckpointArrays, broken: Broken) -> None:
         """Restore a checkpoint. Raises CheckpointError."""
         nodes, d = len(self._volume), self.unknowns[0].width
         slip = entry(checkpoint, "slip", (None, d), np.float64)
@@ -274,8 +274,8 @@ class PenaltyContact(Bondless):
         self._lost[:] = entry(checkpoint, "lost", (nodes,), np.float64)
         self._before = entry(checkpoint, "searched", (None, d), np.float64).copy()
         self._kept_until, self._kept_wait = map(int, entry(checkpoint, "followed", (2,), np.int64))
-        self.rigid.back(checkpoint)
-        self.round.back(checkpoint)
+        self.rigid.restore(checkpoint)
+        self.round.restore(checkpoint)
         self._pairs = self._listed(i, j)._replace(
             slip=slip.copy(), drag=drag.copy(), touch=touch.copy(), most=most.copy(), short=short.copy()
         )

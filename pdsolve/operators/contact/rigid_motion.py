@@ -19,7 +19,7 @@ from pdmesh.model.rigid_bodies import rigid_bodies, spin_of, wide
 from pdsolve.checkpoint_validation import entry
 from pdsolve.conditions import Drive, Driving, factor_now
 from pdsolve.model import Model
-from pdsolve.operators.protocol import Kept
+from pdsolve.operators.protocol import CheckpointArrays
 from pdsolve.state import State
 
 Array = NDArray[np.float64]
@@ -143,11 +143,11 @@ class RigidMotion:
             motion.turn[b] = _turned(before, dt * self.spin(b))
         return np.asarray(motion.way[b] + body.arm @ _matrix(motion.turn[b]).T - body.arm)
 
-    def keep(self) -> Kept:
+    def checkpoint_arrays(self) -> CheckpointArrays:
         """Their motion for a checkpoint."""
         return {f"rigid_{name}": values.copy() for name, values in self.motion._asdict().items()}
 
-    def back(self, checkpoint: Kept) -> None:
+    def restore(self, checkpoint: CheckpointArrays) -> None:
         """Restore a checkpoint. Raises CheckpointError."""
         for name, values in self.motion._asdict().items():
             values[:] = entry(checkpoint, f"rigid_{name}", values.shape, np.float64)

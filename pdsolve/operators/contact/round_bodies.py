@@ -20,7 +20,7 @@ from pdsolve.model import Model, ModelError
 from pdsolve.operators.contact.candidates import Joined
 from pdsolve.operators.contact.kernel import facing_to
 from pdsolve.operators.contact.rigid_motion import RigidMotion
-from pdsolve.operators.protocol import Kept
+from pdsolve.operators.protocol import CheckpointArrays
 from pdsolve.state import State
 
 Array = NDArray[np.float64]
@@ -167,12 +167,12 @@ class RoundBodies:
         touching_rows = (near.rows[self._pressed(number, u).depth > 0] for number, near in enumerate(self._near))
         return np.unique(np.concatenate([np.zeros(0, dtype=np.int64), *touching_rows]))
 
-    def keep(self) -> Kept:
+    def checkpoint_arrays(self) -> CheckpointArrays:
         """What is near, for a checkpoint."""
         every = ((f"round_{number}", near._asdict()) for number, near in enumerate(self._near))
         return {f"{body}_{name}": values.copy() for body, near in every for name, values in near.items()}
 
-    def back(self, checkpoint: Kept) -> None:
+    def restore(self, checkpoint: CheckpointArrays) -> None:
         """Restore a checkpoint. Raises CheckpointError."""
         for number in range(len(self._near)):
             rows = entry(checkpoint, f"round_{number}_rows", (None,), np.int64, 0, len(self._k) - 1).copy()

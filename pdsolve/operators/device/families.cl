@@ -1,7 +1,7 @@
 /* Two passes over families on lattices: pdsolve/operators/simd_lattice/passes in OpenCL C.
 
 A work item is a node, a work group a block of 64. Each product and each sum is rounded, as on the processor. What a law
-does with a bond is ACCUMULATE, FINISH, BOND_FORCE and NEARS, whose statements the host has written from the law.
+does with a bond is ACCUMULATE, FINISH, BOND_FORCE and MARGIN, whose statements the host has written from the law.
 Symbols as in `Slots`; m nodes in whole blocks; C numbers a bond; WIDTH numbers of a node between the passes.
 
     own       (., m) constants of nodes for the first pass        nodal   (WIDTH, m)
@@ -58,7 +58,7 @@ inline bool bond_of(__global const int *slots, __global const int *ids, __global
 }
 
 /* Numbers of nodes between the passes */
-__kernel __attribute__((reqd_work_group_size(64, 1, 1))) void gather(FORCE_PARAMETERS, __global const REAL *u, int m) {
+__kernel __attribute__((reqd_work_group_size(64, 1, 1))) void first_pass(FORCE_PARAMETERS, __global const REAL *u, int m) {
   int i = get_global_id(0), j;
   REAL s[SUMS], c[C];
   Bond bond;
@@ -79,7 +79,7 @@ __kernel __attribute__((reqd_work_group_size(64, 1, 1))) void watch(FORCE_PARAME
   near[i] = 0;
   for (int slot = start[i / 64]; slot < start[i / 64 + 1]; ++slot)
     if (bond_of(slots, ids, vectors, kinds, rows, u, m, i, slot, c, &j, &bond)) {
-      NEARS
+      MARGIN
     }
 }
 
@@ -99,7 +99,7 @@ inline void exchanged(FORCE_PARAMETERS, __global const REAL *u, int m, int i, SU
 }
 
 /* Forces of all nodes, for a step in which bonds fail */
-__kernel __attribute__((reqd_work_group_size(64, 1, 1))) void pull(FORCE_PARAMETERS, __global const REAL *u, int m) {
+__kernel __attribute__((reqd_work_group_size(64, 1, 1))) void bond_forces(FORCE_PARAMETERS, __global const REAL *u, int m) {
   int i = get_global_id(0);
   SUM force[DIM];
   exchanged(FORCE_ARGUMENTS, u, m, i, force);

@@ -20,7 +20,7 @@ from pdsolve.operators.device.padded import Padded
 from pdsolve.operators.device.runtime import Session
 from pdsolve.operators.device.source import text_of
 from pdsolve.operators.device.tracing import Code
-from pdsolve.operators.protocol import Kept
+from pdsolve.operators.protocol import CheckpointArrays
 from pdsolve.operators.simd_lattice.kernel import LANES
 from pdsolve.operators.simd_lattice.layout import Placed, Tables
 from pdsolve.operators.simd_lattice.passes import SAFE
@@ -66,7 +66,7 @@ class FamiliesOnDevice(Padded, Families):
     def source(self) -> str:
         """What the bonds are in OpenCL C. Raises ModelError for a law that no device computes to the same bits."""
         said, law, wide = functions_of(self.law), self.columns, len(self._m)
-        sums = len(said["nothing"](law, (0.0,) * self.dimension, 0.0))  # of the first pass
+        sums = len(said["initial_sums"](law, (0.0,) * self.dimension, 0.0))  # of the first pass
         nodal_count, count = self._tabled.nodal_count, len(self._tabled.columns)
         lines = [f"#define C {count}", f"#define FIELDS {self.slots.vectors.shape[1]}", f"#define SUMS {sums}"]
         lines.append(f"#define WIDTH {wide}")
@@ -77,7 +77,7 @@ class FamiliesOnDevice(Padded, Families):
         lines.append(_macro("ACCUMULATE", code, [f"s[{k}] = {output.text};" for k, output in enumerate(outputs)]))
         code = Code("b")
         constants = tuple(code.named(f"own[{k} * m + i]") for k in range(len(self._own)))
-        outputs = code.call(said["finish"], law, tuple(code.named(f"s[{k}]") for k in range(sums)), constants)
+        outputs = code.call(said["finish_sums"], law, tuple(code.named(f"s[{k}]") for k in range(sums)), constants)
         lines.append(
             _macro("FINISH", code, [f"nodal[{k} * m + i] = {output.text};" for k, output in enumerate(outputs)])
         )
@@ -88,11 +88,11 @@ class FamiliesOnDevice(Padded, Families):
         )
         code = Code("d")
         if self._tabled.watched:
-            value, limit = code.call(said["nears"], law, *self._bond(code), *self._ends(code, nodal_count))
+            value, limit = code.call(said["margin"], law, *self._bond(code), *self._ends(code, nodal_count))
             most = limit * (1.0 - SAFE)
-            lines.append(_macro("NEARS", code, [f"if ({value.text} > {most.text}) flags[1] = near[i] = 1;"]))
+            lines.append(_macro("MARGIN", code, [f"if ({value.text} > {most.text}) flags[1] = near[i] = 1;"]))
         else:
-            lines.append("#define NEARS")
+            lines.append("#define MARGIN")
         return "\n".join([*lines, text_of("families.cl")])
 
     def _bond(self, code: Code) -> tuple[Bond, tuple[Any, ...]]:
@@ -111,11 +111,11 @@ class FamiliesOnDevice(Padded, Families):
 
     def take_passes(self, program: Any) -> None:
         """Keep the kernels of the passes."""
-        self._gather, self._watch, self._last_pass = program.gather, program.watch, program.pull
+        self._first_pass, self._watch, self._last_pass = program.first_pass, program.watch, program.bond_forces
 
     def sum_families(self, u: Any) -> bool:
         """Sum the first pass at these displacements of the device; returns whether a bond may fail."""
-        self._launch(self._gather, u)
+        self._launch(self._first_pass, u)
         if not self._tabled.watched:
             return False
         flags = np.zeros(2, dtype=np.int32)
@@ -134,18 +134,18 @@ class FamiliesOnDevice(Padded, Families):
         self._share(loops.fail_rows, now, between, near[:nodes] > 0, self._failing, torn)
         if not torn.any():
             return
-        before, rows, released = self._pulled(u, nodes), np.flatnonzero(torn), np.zeros(nodes)
+        before, rows, released = self._bond_forces(u, nodes), np.flatnonzero(torn), np.zeros(nodes)
         matched, spent = self._match_work(now, between, rows)
         self._fail(now, between, rows, released)
         self._write_torn()
         write(self._nodal, self._m)
-        pulls = self._pulled(u, nodes)
+        pulls = self._bond_forces(u, nodes)
         self._book(state, dt, before - pulls, matched, released, spent)
         write(self._given, self.spread(pulls + matched))
         write(self.dissipated, self.spread(state.dissipated))
         write(self._flags, np.array([1, 0], dtype=np.int32))
 
-    def _pulled(self, u: Any, nodes: int) -> NDArray[np.float64]:
+    def _bond_forces(self, u: Any, nodes: int) -> NDArray[np.float64]:
         """Force densities (n, d), N/m^3, from what nodes have between the passes; the next step has them."""
         self._launch(self._last_pass, u)
         forces = np.empty((self.dimension, self.room))
@@ -169,9 +169,9 @@ class FamiliesOnDevice(Padded, Families):
         for row in (self._used + torn).tolist():
             self.session.write(self._rows, rows[row], row * rows[row].nbytes)
 
-    def back(self, checkpoint: Kept, broken: Broken) -> None:
+    def restore(self, checkpoint: CheckpointArrays, broken: Broken) -> None:
         """Restore the history of bonds and the broken bonds of a checkpoint."""
-        super().back(checkpoint, broken)
+        super().restore(checkpoint, broken)
         self.needs_upload = True
 
     def hand_over(self) -> None:

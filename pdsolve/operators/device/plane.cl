@@ -86,21 +86,21 @@ inline void sum_bonds(FORCE_PARAMETERS, __global const REAL *before, __global co
 #else
       double largest = 0;
 #endif
-#ifdef MATCHING_PULL
+#ifdef MATCHING_FORCE
       if (stretch > (double)highest) {
-        double more = MATCHING_PULL(stretch, last, largest, highest, end) / (1.0 + stretch) * (double)whole;
+        double more = MATCHING_FORCE(stretch, last, largest, highest, end) / (1.0 + stretch) * (double)whole;
         fx = (REAL)((double)fx + more * (double)(REAL)(v[0] + x));
         fy = (REAL)((double)fy + more * (double)(REAL)(v[1] + y));
       }
 #endif
       if (stretch > (double)end) {
         double c = (double)(REAL)(whole / v[4]) / 4.0;
-#ifdef MATCHING_PULL
+#ifdef MATCHING_FORCE
         if (last < (double)end)
-          dissipated[i] += TOTAL(c, highest, end);
+          dissipated[i] += TOTAL_DISSIPATED(c, highest, end);
         else
 #endif
-          dissipated[i] += RELEASED(c, stretch, last, highest, end);
+          dissipated[i] += DISSIPATED_AT_BREAK(c, stretch, last, highest, end);
         broken[own] = step;
         gone[place] |= bit;
         torn[b] = 1;

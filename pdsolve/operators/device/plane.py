@@ -13,7 +13,7 @@ from pdsolve.laws.law import Law
 from pdsolve.operators.device.padded import Padded
 from pdsolve.operators.device.runtime import Session
 from pdsolve.operators.device.source import pair_functions, together
-from pdsolve.operators.protocol import Kept
+from pdsolve.operators.protocol import CheckpointArrays
 from pdsolve.operators.simd_lattice import layout
 from pdsolve.operators.simd_lattice.kernel import LANES, LIMITS, Blocks
 from pdsolve.operators.simd_lattice.operator import SimdLattice
@@ -81,9 +81,9 @@ class PlaneOnDevice(Padded, SimdLattice):
         of = self._remembers, self._pair.elastic_in_compression, self._law.matches_work
         return pair_functions(functions_of(self._law), *of, "plane.cl")
 
-    def back(self, checkpoint: Kept, broken: Broken) -> None:
+    def restore(self, checkpoint: CheckpointArrays, broken: Broken) -> None:
         """Restore the history of bonds and the broken bonds of a checkpoint."""
-        super().back(checkpoint, broken)
+        super().restore(checkpoint, broken)
         self.needs_upload = True
 
     def hand_over(self) -> None:

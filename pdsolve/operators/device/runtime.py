@@ -42,7 +42,7 @@ class FoundDevice(NamedTuple):
     units: int  # compute units
 
     @property
-    def words(self) -> str:
+    def summary(self) -> str:
         """One line of a list of devices."""
         precision = "float64 and float32" if self.double else "float32 alone"
         where = f"{self.name.strip()} ({self.kind}, {self.platform.strip()})"

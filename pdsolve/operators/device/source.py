@@ -25,9 +25,12 @@ def pair_functions(
     """A pair law, and the file that sums its bonds; `remembers`: whether some bonds soften, `one_sided`: in tension
     alone, `matches_work`: whether bonds that soften or break add a pull. Raises ModelError."""
     law = Translation(functions)
-    defined = {"RELEASED": law.add("released", (DOUBLE,) * 5)}
+    defined = {"DISSIPATED_AT_BREAK": law.add("dissipated_at_break", (DOUBLE,) * 5)}
     if matches_work:
-        defined |= {"TOTAL": law.add("total", (DOUBLE,) * 3), "MATCHING_PULL": law.add("matching_pull", (DOUBLE,) * 5)}
+        defined |= {
+            "TOTAL_DISSIPATED": law.add("total_dissipated_energy", (DOUBLE,) * 3),
+            "MATCHING_FORCE": law.add("matching_force", (DOUBLE,) * 5),
+        }
     if remembers:
         defined |= {"SOFTENS": "", "SECANT": law.add("secant", (DOUBLE, DOUBLE, DOUBLE, DOUBLE))}
     if one_sided:
@@ -40,7 +43,11 @@ def body_functions(functions: Mapping[str, Function], numbers: Mapping[str, int 
     """A pair law whose bonds break in double precision, constants, and what sums bonds in space; `remembers` as above.
     Raises ModelError."""
     law, file = Translation(functions), "space.cl"
-    ruptures = {"RELEASED": ("released", 5), "TOTAL": ("total", 3), "MATCHING_PULL": ("matching_pull", 5)}
+    ruptures = {
+        "DISSIPATED_AT_BREAK": ("dissipated_at_break", 5),
+        "TOTAL_DISSIPATED": ("total_dissipated_energy", 3),
+        "MATCHING_FORCE": ("matching_force", 5),
+    }
     defined = {name: law.add(function, (DOUBLE,) * count) for name, (function, count) in ruptures.items()}
     defined |= {name: str(value) for name, value in numbers.items()}
     if remembers:

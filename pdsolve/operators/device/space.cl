@@ -94,7 +94,7 @@ inline void sum_bonds(FORCE_PARAMETERS, __global const REAL *before, __global co
         whole = whole_stiffness(row, c, cells, of, m, i, j);
         ago = stretched_before(row, last[0], last[1], last[2]);
         if (stretch > largest) {
-          double more = MATCHING_PULL(stretch, ago, largest, highest, most) * (whole / (1.0 + stretch));
+          double more = MATCHING_FORCE(stretch, ago, largest, highest, most) * (whole / (1.0 + stretch));
           for (int axis = 0; axis < 3; ++axis)
             pulled[axis] += more * (double)(REAL)(row[axis] + eta[axis]);
         }
@@ -102,9 +102,9 @@ inline void sum_bonds(FORCE_PARAMETERS, __global const REAL *before, __global co
       if (ages && stretch > most) {
         double stiffness = whole / (double)row[INVERSE] / 4.0;
         if (ago < most)
-          dissipated[i] += TOTAL(stiffness, highest, most);
+          dissipated[i] += TOTAL_DISSIPATED(stiffness, highest, most);
         else
-          dissipated[i] += RELEASED(stiffness, stretch, ago, highest, most);
+          dissipated[i] += DISSIPATED_AT_BREAK(stiffness, stretch, ago, highest, most);
         intact[place] &= ~bit;
         int at = atomic_inc(used);
         if (at < ROOM) {

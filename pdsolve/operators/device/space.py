@@ -14,7 +14,7 @@ from pdsolve.laws.calls import functions_of
 from pdsolve.laws.law import Law
 from pdsolve.operators.device.runtime import Session
 from pdsolve.operators.device.source import body_functions, together
-from pdsolve.operators.protocol import Kept
+from pdsolve.operators.protocol import CheckpointArrays
 from pdsolve.operators.space_lattice import families, layout
 from pdsolve.operators.space_lattice.operator import SpaceLattice
 from pdsolve.operators.space_lattice.sites import Sites
@@ -41,10 +41,10 @@ class SpaceOnDevice(SpaceLattice):
         self._words, self._most = -(-len(tiles.offsets) // WORD), max(FEWEST, EACH * len(bound))
         self._most = min(self._most, int(families.counts(tiles.bits, sites).sum()))
         tables = (tiles.offsets, tiles.table, tiles.c, tiles.cells, tiles.kind, tiles.peak, tiles.limit)
-        self._remembers = bool(law.memory)
+        self._remembers = bool(law.bond_history)
         buffer_sizes = [self.room * size for size in (4 * self._words, 4, 1, 1, 8)]
         buffer_sizes += [4 * len(tiles.kind)] * 2
-        buffer_sizes += [12 * self._most, self._remembered() * len(tiles.kind)]
+        buffer_sizes += [12 * self._most, self._history_bytes() * len(tiles.kind)]
         session.room_for(*(table.nbytes for table in tables), *buffer_sizes)
         self._make()
 
@@ -54,16 +54,16 @@ class SpaceOnDevice(SpaceLattice):
         node = np.full(self.room, -1, dtype=np.int32)
         node[site] = np.arange(len(site))
         wide = [np.pad(array, ((0, 0), (0, self.room - array.shape[1]))) for array in (tiles.c, tiles.cells)]
-        of_nodes = [self.spread(values.astype(np.uint8)) for values in (tiles.held, tiles.material)]
+        of_nodes = [self.spread(values.astype(np.uint8)) for values in (tiles.unbreakable, tiles.material)]
         tables = tiles.offsets, tiles.table, *wide, tiles.kind, node, *of_nodes, tiles.peak, tiles.limit
         self._tables = [upload(table) for table in tables]
         self._intact = upload(np.zeros((self._words, self.room), dtype=np.uint32))
         self._breaks, self._used = self.session.zeros(12 * self._most), upload(np.zeros(2, dtype=np.int32))
         self.dissipated = upload(np.zeros(self.room))
         self._memory, self._torn = (upload(np.zeros(len(tiles.kind), dtype=np.int32)) for _ in range(2))
-        self._worst = self.session.zeros(self._remembered() * len(tiles.kind))
+        self._worst = self.session.zeros(self._history_bytes() * len(tiles.kind))
 
-    def _remembered(self) -> int:
+    def _history_bytes(self) -> int:
         """Memory of what the bonds of a tile remember, bytes."""
         return 8 * ROW * len(self.tiles.offsets) if self._remembers else 0
 
@@ -101,9 +101,9 @@ class SpaceOnDevice(SpaceLattice):
         """Enter values (..., m) of the device in an array (n, ...) of the state."""
         state[:] = values[..., self.sites.site].T
 
-    def back(self, checkpoint: Kept, broken: Broken) -> None:
+    def restore(self, checkpoint: CheckpointArrays, broken: Broken) -> None:
         """Restore the history of bonds and the broken bonds of a checkpoint."""
-        super().back(checkpoint, broken)
+        super().restore(checkpoint, broken)
         self.needs_upload = True
 
     def hand_over(self) -> None:
@@ -123,7 +123,7 @@ class SpaceOnDevice(SpaceLattice):
             self.session.write(self._memory, (tiles.memory >= 0).astype(np.int32))
             self.session.write(self._torn, np.zeros(len(tiles.kind), dtype=np.int32))
             for tile in np.flatnonzero(tiles.memory >= 0).tolist():
-                self.session.write(self._worst, tiles.worst[tiles.memory[tile]], tile * self._remembered())
+                self.session.write(self._worst, tiles.worst[tiles.memory[tile]], tile * self._history_bytes())
         self.needs_upload = False
 
     def _fetch_memory(self) -> None:
@@ -135,7 +135,7 @@ class SpaceOnDevice(SpaceLattice):
             return
         worst = np.empty((len(torn_tiles), len(self.tiles.offsets), ROW))
         for number, tile in enumerate(torn_tiles.tolist()):
-            self.session.read(self._worst, worst[number], tile * self._remembered())
+            self.session.read(self._worst, worst[number], tile * self._history_bytes())
         with self.breaking:
             self.tiles = layout.extended(self.tiles, torn_tiles[self.tiles.memory[torn_tiles] < 0])
             which, slot, lane = np.nonzero(worst)

@@ -15,9 +15,9 @@ Layout, after the sliced ELL format of sparse matrices:
 Symbols as in pdsolve.laws.law; pdsolve.laws.pair computes the same in a few lines and is the reference in tests. A lane
 has an `edge`: an e up to which its bond does not change. It is the e of the limit or, for a softening law, of the peak
 and then of the largest stretch so far. All laws with straight lines are summed in one way, with their secant as
-stiffness; for other laws (`Pair.held`), the secant is computed in lanes. Where softened bonds have all their stiffness
-under compression, the blocks with one choose between the two in lanes. A slot is processed lane by lane only in steps
-in which one of its bonds exceeds its edge.
+stiffness; for other laws (`Pair.bond_strain_energy`), the secant is computed in lanes. Where softened bonds
+have all their stiffness under compression, the blocks with one choose between the two in lanes. A slot is processed
+lane by lane only in steps in which one of its bonds exceeds its edge.
 """
 
 from __future__ import annotations
@@ -55,7 +55,7 @@ from pdsolve.codegen.plane_slots import (
 )
 from pdsolve.codegen.pull import NARROW, coefficients, stretch_coefficients
 from pdsolve.codegen.vector_code import ROW
-from pdsolve.laws.calls import added_pull, broken_energy, held, pair_of, secant, spent
+from pdsolve.laws.calls import added_force, bond_strain_energy, broken_energy, dissipated_energy, pair_of, secant
 from pdsolve.laws.law import Pair
 
 LANES = 4 * ROW
@@ -134,7 +134,7 @@ def _sum_lanes(blocks, tracks, u, before, step, b, lane, s):  # type: ignore[no-
     pair = _pair(blocks)
     if pair.elastic_in_compression:
         return _sum_one_sided
-    return _sum_straight if pair.held is None else _sum_curved
+    return _sum_straight if pair.bond_strain_energy is None else _sum_curved
 
 
 def _pair(blocks: Any) -> Pair:
@@ -151,7 +151,7 @@ def _sum_straight(blocks, tracks, u, before, step, b, lane, s):  # type: ignore[
     slot = add_slots(*table, shrink, slot, last, node, lane, s)
     while slot < last:
         slot = add_any(*table, shrink, slot, last, node, lane, s)
-        if slot < last and not _age(blocks, tracks, u, before, step, slot, b, lane, s):
+        if slot < last and not _update_bonds(blocks, tracks, u, before, step, slot, b, lane, s):
             slot = add_far(*table, shrink, slot, slot + 1, node, lane, s)
 
 
@@ -166,7 +166,7 @@ def _sum_one_sided(blocks, tracks, u, before, step, b, lane, s):  # type: ignore
         s[k] = 0
     while slot < last:
         slot = add_any_one_sided(*table, shrink, slot, last, node, lane, s)
-        if slot < last and not _age(blocks, tracks, u, before, step, slot, b, lane, s):
+        if slot < last and not _update_bonds(blocks, tracks, u, before, step, slot, b, lane, s):
             slot = add_far_one_sided(*table, shrink, slot, slot + 1, node, lane, s)
 
 
@@ -187,7 +187,7 @@ def _sum_curved(blocks, tracks, u, before, step, b, lane, s):  # type: ignore[no
             keep((e,), s, _E)
             keep((fx,), s, 0)
             keep((fy,), s, ROW)
-            _age(blocks, tracks, u, before, step, slot, b, lane, s)
+            _update_bonds(blocks, tracks, u, before, step, slot, b, lane, s)
             fx, fy = beside(s, ONE, 0)[0], beside(s, ONE, ROW)[0]
             w = row_of(blocks.stiffness, blocks.slots[slot, PULL], lane)
             e = unless_none(w, e, none)
@@ -242,7 +242,7 @@ def _worst_of(law, worst, slot, lane):  # type: ignore[no-untyped-def]
 
 
 @njit(forceinline=True, **INNER)
-def _age(blocks, tracks, u, before, step, slot, b, first, s):  # type: ignore[no-untyped-def]
+def _update_bonds(blocks, tracks, u, before, step, slot, b, first, s):  # type: ignore[no-untyped-def]
     """Break or soften the bonds of a slot beyond their edge, add the pulls that match their work to the sums in s, and
     book the dissipated energy.
 
@@ -258,8 +258,8 @@ def _age(blocks, tracks, u, before, step, slot, b, first, s):  # type: ignore[no
                 last, worst = _stretch_before(blocks, tracks, before, slot, i, lane), 0.0
                 if blocks.softened[b]:  # else there may be no room for it
                     worst = worst_of(blocks.law, tracks.worst, slot, lane)
-                pull = added_pull(blocks.law, stretch, last, worst, peak, limit) / (1 + stretch)
-                _add_pull(blocks, tracks, u, slot, i, lane, pull, k, s)
+                pull = added_force(blocks.law, stretch, last, worst, peak, limit) / (1 + stretch)
+                _add_force(blocks, tracks, u, slot, i, lane, pull, k, s)
                 if stretch > limit:
                     c = blocks.stiffness[blocks.whole[slot], lane] / blocks.vectors[blocks.slots[slot, VECTOR], 4] / 4
                     tracks.dissipated[i] += broken_energy(blocks.law, c, stretch, last, peak, limit)
@@ -280,17 +280,17 @@ def _soften(blocks, tracks, slot, b, lane, stretch, peak, limit):  # type: ignor
     pair = _pair(blocks)
     if pair.softening is None:
         return lambda blocks, tracks, slot, b, lane, stretch, peak, limit: None
-    return _remember if pair.held is not None else _weaken
+    return _update_history if pair.bond_strain_energy is not None else _weaken
 
 
 @register_jitable(**INNER)
-def _remember(blocks, tracks, slot, b, lane, stretch, peak, limit):  # type: ignore[no-untyped-def]
+def _update_history(blocks, tracks, slot, b, lane, stretch, peak, limit):  # type: ignore[no-untyped-def]
     blocks.softened[b] = True
     tracks.worst[slot, lane] = stretch  # whose digits are all that a checkpoint has
 
 
 def _weaken(blocks, tracks, slot, b, lane, stretch, peak, limit):  # type: ignore[no-untyped-def]
-    _remember(blocks, tracks, slot, b, lane, stretch, peak, limit)
+    _update_history(blocks, tracks, slot, b, lane, stretch, peak, limit)
     share = secant(blocks.law, stretch, np.float64(tracks.worst[slot, lane]), peak, limit)
     blocks.stiffness[blocks.slots[slot, PULL], lane] = share * blocks.stiffness[blocks.whole[slot], lane]
 
@@ -306,7 +306,7 @@ def _stretch_before(blocks, tracks, before, slot, i, lane):  # type: ignore[no-u
 
 
 @njit(**INNER)
-def _add_pull(blocks, tracks, u, slot, i, lane, pull, k, s):  # type: ignore[no-untyped-def]
+def _add_force(blocks, tracks, u, slot, i, lane, pull, k, s):  # type: ignore[no-untyped-def]
     """Add the pull of a bond of node i, over stiffness and length ratio, to the sums of lane k in s."""
     vector = blocks.vectors[blocks.slots[slot, VECTOR]]
     x, y = vector[0], vector[1]
@@ -369,7 +369,7 @@ def energy_densities(blocks, worst, u, shrink, strain_energy, dissipated):  # ty
         for slot in range(blocks.start[b], blocks.start[b + 1]):
             _energies_of(blocks, worst, u, shrink, b, slot, strain_energy)
             if blocks.softened[b]:
-                _spent_of(blocks, worst, b, slot, dissipated)
+                _sum_dissipated(blocks, worst, b, slot, dissipated)
 
 
 @njit(**INNER)
@@ -386,43 +386,43 @@ def _energies_of(blocks, worst, u, shrink, b, slot, out):  # type: ignore[no-unt
             e = inverse * (2 * (x * eta_x + y * eta_y) + eta_x * eta_x + eta_y * eta_y)
             stretch = e / (np.sqrt(1 + e) + 1)
             lane = row * ROW + k
-            out[i] += holds(blocks.law, blocks, worst, slot, lane, stiffness[lane] / inverse / 4, stretch)
+            out[i] += strain_energy_of(blocks.law, blocks, worst, slot, lane, stiffness[lane] / inverse / 4, stretch)
 
 
-def holds(law: Any, blocks: Any, worst: Any, slot: Any, lane: Any, c: Any, stretch: Any) -> Any:
+def strain_energy_of(law: Any, blocks: Any, worst: Any, slot: Any, lane: Any, c: Any, stretch: Any) -> Any:
     """Stored energy of the bond in a lane, J/m^3; c as in `pdsolve.laws.law.Pair`, with the secant for straight
     lines."""
 
 
-@overload(holds, jit_options=INNER)
-def _holds(law, blocks, worst, slot, lane, c, stretch):  # type: ignore[no-untyped-def]
+@overload(strain_energy_of, jit_options=INNER)
+def _strain_energy_of(law, blocks, worst, slot, lane, c, stretch):  # type: ignore[no-untyped-def]
     pair = pair_of(law)
     if pair.elastic_in_compression:
-        return _holds_one_sided
-    if pair.held is None:
+        return _strain_energy_one_sided
+    if pair.bond_strain_energy is None:
         return lambda law, blocks, worst, slot, lane, c, stretch: c * stretch * stretch
-    return _holds_curved
+    return _strain_energy_curved
 
 
-def _holds_one_sided(law, blocks, worst, slot, lane, c, stretch):  # type: ignore[no-untyped-def]
+def _strain_energy_one_sided(law, blocks, worst, slot, lane, c, stretch):  # type: ignore[no-untyped-def]
     if stretch < 0 and c > 0:
         inverse = blocks.vectors[blocks.slots[slot, VECTOR], 4]
         c = blocks.stiffness[blocks.whole[slot], lane] / inverse / 4
     return c * stretch * stretch
 
 
-def _holds_curved(law, blocks, worst, slot, lane, c, stretch):  # type: ignore[no-untyped-def]
+def _strain_energy_curved(law, blocks, worst, slot, lane, c, stretch):  # type: ignore[no-untyped-def]
     kind = blocks.slots[slot, LIMITS]
     peak, limit = blocks.peak[kind, lane], blocks.limit[kind, lane]
-    return held(law, c, stretch, worst_of(law, worst, slot, lane), peak, limit)
+    return bond_strain_energy(law, c, stretch, worst_of(law, worst, slot, lane), peak, limit)
 
 
 @njit(**INNER)
-def _spent_of(blocks, worst, b, slot, out):  # type: ignore[no-untyped-def]
+def _sum_dissipated(blocks, worst, b, slot, out):  # type: ignore[no-untyped-def]
     law, inverse = blocks.slots[slot, LIMITS], blocks.vectors[blocks.slots[slot, VECTOR], 4]
     for lane in range(LANES):
         largest = worst[slot, lane]
         if largest > 0 and blocks.near[blocks.slots[slot, BOUND], lane] < np.inf:
             peak, limit = blocks.peak[law, lane], blocks.limit[law, lane]
             full_stiffness = blocks.stiffness[blocks.whole[slot], lane] / inverse / 4
-            out[b * LANES + lane] += spent(blocks.law, full_stiffness, largest, peak, limit)
+            out[b * LANES + lane] += dissipated_energy(blocks.law, full_stiffness, largest, peak, limit)

@@ -12,7 +12,7 @@ from pdsolve.codegen.plane_slots import BOUND
 from pdsolve.laws.bond_arrays import List, Now
 from pdsolve.laws.calls import bind
 from pdsolve.laws.law import Law
-from pdsolve.operators.protocol import Kept
+from pdsolve.operators.protocol import CheckpointArrays
 from pdsolve.operators.simd_lattice import layout
 from pdsolve.operators.simd_lattice.kernel import LANES, LIMITS, Blocks, Tracks, energy_densities, sum_blocks
 from pdsolve.operators.simd_lattice.layout import aligned
@@ -33,7 +33,7 @@ class SimdLattice:
         bind(law)
         assert law.pair is not None
         self._law, self._pair = law, law.pair
-        remembers = law.pair.softening is not None and (softens or law.pair.held is not None)
+        remembers = law.pair.softening is not None and (softens or law.pair.bond_strain_energy is not None)
         self.blocks, self.symmetric = blocks, symmetric
         self._stiffness_bound, self._whole = bound, blocks.mask.copy()
         none = np.zeros(0, dtype=np.int64)
@@ -50,7 +50,7 @@ class SimdLattice:
             worst=np.zeros(lanes if remembers else (0, LANES), dtype=kind),
         )
 
-    def place(self, state: State) -> State:
+    def to_own_layout(self, state: State) -> State:
         """The state in this operator's own array layout."""
         nodes, tracks = len(self._stiffness_bound), self.tracks
         u, v, a = (array[:, :nodes].T for array in (tracks.u[0], tracks.v, tracks.a))
@@ -60,9 +60,9 @@ class SimdLattice:
                 local_values[:] = values
         return local_state
 
-    def add(self, state: State, out: NDArray[Any], step: int, dt: float) -> None:
+    def accumulate_force(self, state: State, out: NDArray[Any], step: int, dt: float) -> None:
         """Add the force densities (n, w), N/m^3, to `out`; bonds over their limit break in this `step`, `dt` s long."""
-        local_state = self.place(state)
+        local_state = self.to_own_layout(state)
         before = self.tracks.u[0] - self.tracks.v.dtype.type(dt) * self.tracks.v
         blocks = self.blocks
         if step == 0 and self.tracks.shrink is not None:  # of what is strained from the start none breaks yet
@@ -78,7 +78,7 @@ class SimdLattice:
 
     def energies(self, state: State) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Energy densities (n,), J/m^3: stored, and dissipated by softening so far."""
-        self.place(state)
+        self.to_own_layout(state)
         strain_energy, spent = np.zeros_like(self.tracks.work), np.zeros_like(self.tracks.work)
         energy_densities(self.blocks, self.tracks.worst, self.tracks.u[0], self.tracks.shrink, strain_energy, spent)
         return strain_energy[: len(self._stiffness_bound)], spent[: len(self._stiffness_bound)]
@@ -96,7 +96,7 @@ class SimdLattice:
         from pdsolve.operators.tangent import of_springs  # SciPy takes as long to import as numba, and few runs ask
 
         numbers = layout.there(self.blocks.mask)
-        if self._pair.held is not None:
+        if self._pair.bond_strain_energy is not None:
             return self._curved_tangent(numbers, state)
         (source, target), (xi, pull) = self._ends(numbers), layout.springs(self.blocks, numbers)
         if self._pair.elastic_in_compression:
@@ -147,7 +147,7 @@ class SimdLattice:
         later = self._broken.step > after
         return Broken(*(column[later] for column in self._broken))
 
-    def keep(self) -> Kept:
+    def checkpoint_arrays(self) -> CheckpointArrays:
         """History of bonds for a checkpoint, by the rows of their nodes."""
         worst, rows = self.tracks.worst.ravel(), self.blocks.slots[:, BOUND]
         softened = np.flatnonzero(worst)
@@ -156,7 +156,7 @@ class SimdLattice:
         edge = self.blocks.edge[rows[slot], lane]
         return {"worst": worst[softened], "worst_edge": edge, "worst_source": source, "worst_target": target}
 
-    def back(self, checkpoint: Kept, broken: Broken) -> None:
+    def restore(self, checkpoint: CheckpointArrays, broken: Broken) -> None:
         """Restore the history of bonds and the broken bonds of a checkpoint."""
         steps, worst, edge = self.tracks.broken.ravel(), self.tracks.worst.ravel(), np.zeros_like(self.tracks.worst)
         torn = self._find(broken.source, broken.target)

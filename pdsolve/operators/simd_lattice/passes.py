@@ -30,7 +30,7 @@ from pdsolve.codegen.lanes import (
 from pdsolve.codegen.plane_slots import FAR, VECTOR
 from pdsolve.codegen.vector_code import ROW
 from pdsolve.laws.bond_arrays import Bond
-from pdsolve.laws.calls import accumulate, bond_force, finish, nears, nothing
+from pdsolve.laws.calls import accumulate, bond_force, finish_sums, initial_sums, margin
 from pdsolve.laws.small_tensors import blank, summed
 from pdsolve.operators.simd_lattice.kernel import INNER, LANES
 
@@ -110,18 +110,18 @@ def _bond_in_space(slots, slot, c, u, displacement, at, lane):  # type: ignore[n
 
 
 @cached_njit(nogil=True, error_model="numpy")
-def gather_blocks(slots, law, u, constants, m, likes, by_lanes, first, last):  # type: ignore[no-untyped-def]
+def first_pass_blocks(slots, law, u, constants, m, likes, by_lanes, first, last):  # type: ignore[no-untyped-def]
     """Fill m (w, n) in some blocks with nodal numbers between the passes or, without `by_lanes`, with their sums."""
     none = same(u, 0.0)
     for b in range(first, last):
         for lane in range(0, LANES, across(u)):
             at = b * LANES + lane
-            displacement, sums = beside(u, likes[VECTORS], at), nothing(law, likes[VECTORS], none)
+            displacement, sums = beside(u, likes[VECTORS], at), initial_sums(law, likes[VECTORS], none)
             for slot in range(slots.start[b], slots.start[b + 1]):
                 c = _numbers(slots, slot, likes[COLUMNS], lane)
                 sums = accumulate(law, _bond(slots, slot, c, u, displacement, at, lane), c, sums)
             if by_lanes:
-                keep(finish(law, sums, beside(constants, likes[OWN], at)), m, at)
+                keep(finish_sums(law, sums, beside(constants, likes[OWN], at)), m, at)
             else:
                 keep(sums, m, at)
 
@@ -154,7 +154,7 @@ def watch_blocks(slots, law, u, m, near, likes, first, last):  # type: ignore[no
             for slot in range(slots.start[b], slots.start[b + 1]):
                 c = _numbers(slots, slot, likes[COLUMNS], lane)
                 neighbour_nodal = _there(slots, slot, m, likes[NODAL], at, lane)
-                value, limit = nears(law, _bond(slots, slot, c, u, displacement, at, lane), c, nodal, neighbour_nodal)
+                value, limit = margin(law, _bond(slots, slot, c, u, displacement, at, lane), c, nodal, neighbour_nodal)
                 if which_above(value, limit * (1.0 - SAFE)) != 0:
                     for k in range(across(u)):
                         near[at + k] = True

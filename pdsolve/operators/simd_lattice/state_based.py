@@ -15,11 +15,11 @@ from pdsolve.model import Model
 from pdsolve.numerics.thread_team import share
 from pdsolve.operators import bond_list_loops as loops
 from pdsolve.operators.bond_list import BondList
-from pdsolve.operators.protocol import Kept
+from pdsolve.operators.protocol import CheckpointArrays
 from pdsolve.operators.simd_lattice import layout
 from pdsolve.operators.simd_lattice.kernel import LANES
 from pdsolve.operators.simd_lattice.layout import SAME_STIFFNESS, Distinct, Placed, aligned
-from pdsolve.operators.simd_lattice.passes import KIND, Slots, exchange_blocks, gather_blocks, watch_blocks
+from pdsolve.operators.simd_lattice.passes import KIND, Slots, exchange_blocks, first_pass_blocks, watch_blocks
 from pdsolve.state import Broken, State
 
 
@@ -83,7 +83,7 @@ class Families(BondList):
         self._by_lanes = law.lanes.by_lanes(self.columns)
         self._ready = True
 
-    def place(self, state: State) -> State:
+    def to_own_layout(self, state: State) -> State:
         """The state in this operator's own array layout."""
         u, v, a = (array[:, : self._nodes].T for array in (self._u, self._v, self._a))
         local_state = State(u, v, a, self._dissipated, self._work, state.damped)
@@ -92,10 +92,10 @@ class Families(BondList):
                 local_values[:] = values
         return local_state
 
-    def back(self, checkpoint: Kept, broken: Broken) -> None:
+    def restore(self, checkpoint: CheckpointArrays, broken: Broken) -> None:
         """Restore the history of bonds and the broken bonds of a checkpoint."""
         self.slots.slots[:, KIND] = self._whole
-        super().back(checkpoint, broken)
+        super().restore(checkpoint, broken)
 
     def bytes(self) -> int:
         """Memory of all arrays, bytes, without the rows that slots get as their bonds break."""
@@ -107,15 +107,15 @@ class Families(BondList):
         if not self._takes(now):
             return super()._between(now)
         u = self._displacements(now)
-        self._share_blocks(gather_blocks, u, self._own, self._m, self._likes, self._by_lanes)
+        self._share_blocks(first_pass_blocks, u, self._own, self._m, self._likes, self._by_lanes)
         between = self._m[:, : self._nodes].T
         if not self._by_lanes:
-            self._share(loops.close_rows, between)
+            self._share(loops.finish_pass_rows, between)
         return between
 
-    def _pull(self, now: Now, between: NDArray[Any], out: NDArray[Any]) -> None:
+    def _accumulate_bond_forces(self, now: Now, between: NDArray[Any], out: NDArray[Any]) -> None:
         if not self._takes(now):
-            return super()._pull(now, between, out)
+            return super()._accumulate_bond_forces(now, between, out)
         self._share_blocks(exchange_blocks, self._displacements(now), self._m, self._f, self._likes)
         out += self._f[:, : self._nodes].T
         return None

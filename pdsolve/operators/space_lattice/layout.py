@@ -52,7 +52,7 @@ def tiles_of(law: Law, sites: Sites, bits: NDArray[np.uint16], springs: Springs)
         cells=cells,
         kind=np.zeros(sites.tiles, dtype=np.uint8),
         node=sites.node,
-        held=springs.held,
+        unbreakable=springs.held,
         material=springs.material,
         peak=springs.peak,
         limit=springs.limit,

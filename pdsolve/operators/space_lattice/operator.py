@@ -11,11 +11,11 @@ from numpy.typing import NDArray
 
 from pdsolve.checkpoint_validation import entry
 from pdsolve.codegen.vector_code import ROW
-from pdsolve.lattice.sums import Tiles, hold_tiles, place_rows, recall, room_for, sum_tiles
+from pdsolve.lattice.sums import Tiles, place_rows, recall, room_for, sum_energies_of_tiles, sum_tiles
 from pdsolve.laws.calls import bind
 from pdsolve.laws.law import Law
 from pdsolve.numerics.thread_team import share
-from pdsolve.operators.protocol import Kept
+from pdsolve.operators.protocol import CheckpointArrays
 from pdsolve.operators.simd_lattice.layout import aligned
 from pdsolve.operators.space_lattice import layout
 from pdsolve.operators.space_lattice.sites import Sites
@@ -47,7 +47,7 @@ class SpaceLattice:
         self._new: list[Broken] = []
         self.breaking = RLock()  # held while bits and broken bonds disagree: results ask for both during a march
 
-    def place(self, state: State) -> State:
+    def to_own_layout(self, state: State) -> State:
         """The state itself: its arrays are those of all nodes."""
         return state
 
@@ -57,7 +57,7 @@ class SpaceLattice:
         tiles = np.flatnonzero(in_range.reshape(-1, ROW).any(axis=1))
         self._summed = int(tiles[0]), int(tiles[-1]) + 1
 
-    def add(self, state: State, out: NDArray[Any], step: int, dt: float) -> None:
+    def accumulate_force(self, state: State, out: NDArray[Any], step: int, dt: float) -> None:
         """Add the force densities (n, w), N/m^3, to `out`; bonds over their limit break in this `step`, `dt` s long."""
         with self.breaking:
             self._add(state, out, step, dt)
@@ -100,7 +100,7 @@ class SpaceLattice:
         self._place(state.value)
         strain_energy, spent = np.zeros((2, len(self._stiffness_bound)))
         tiles, u = self.tiles, self.u
-        self._share(lambda first, last: hold_tiles(tiles, u, strain_energy, spent, first, last))
+        self._share(lambda first, last: sum_energies_of_tiles(tiles, u, strain_energy, spent, first, last))
         return strain_energy, spent
 
     def fields(self, state: State) -> dict[str, NDArray[np.float64]]:
@@ -147,9 +147,9 @@ class SpaceLattice:
         later = self._broken.step > after
         return Broken(*(column[later] for column in self._broken))
 
-    def keep(self) -> Kept:
+    def checkpoint_arrays(self) -> CheckpointArrays:
         """History of bonds for a checkpoint, by the rows of their nodes: nothing of bonds that do not soften."""
-        if not self._law.memory:
+        if not self._law.bond_history:
             return {}
         tiles = self.tiles
         tile = np.flatnonzero(tiles.memory >= 0)
@@ -160,16 +160,16 @@ class SpaceLattice:
         source, target = (tiles.node[at].astype(np.int64) for at in (site, site + tiles.offsets[slot]))
         return {"worst": worst[which, slot, lane], "worst_source": source, "worst_target": target}
 
-    def back(self, checkpoint: Kept, broken: Broken) -> None:
+    def restore(self, checkpoint: CheckpointArrays, broken: Broken) -> None:
         """Restore the history of bonds and the broken bonds of a checkpoint."""
         bits, _ = self._whole(0, len(self._stiffness_bound))
         layout.cleared(self.sites, broken.source, broken.target, bits)
-        if self._law.memory:
+        if self._law.bond_history:
             self._recall(checkpoint, bits)
         self.tiles.bits[:] = bits
         self._broken, self._new = Broken(*(column.astype(np.int64) for column in broken)), []
 
-    def _recall(self, checkpoint: Kept, bits: NDArray[np.uint16]) -> None:
+    def _recall(self, checkpoint: CheckpointArrays, bits: NDArray[np.uint16]) -> None:
         """Restore what the bonds in the bits (t, k) remember."""
         worst = entry(checkpoint, "worst", (None,), np.float64)
         nodes = len(self._stiffness_bound) - 1

@@ -20,7 +20,7 @@ from pdsolve.codegen.pull import NARROW
 from pdsolve.codegen.tile_lanes import bonded, fused, magnitude, stretched
 from pdsolve.codegen.vector_code import ROW
 from pdsolve.laws.bond_arrays import Bond
-from pdsolve.laws.calls import accumulate, bond_force, finish, nears, nothing
+from pdsolve.laws.calls import accumulate, bond_force, finish_sums, initial_sums, margin
 from pdsolve.laws.small_tensors import blank, summed
 from pdsolve.operators.simd_lattice.kernel import INNER
 from pdsolve.operators.simd_lattice.passes import COLUMNS, NODAL, OWN, SAFE, VECTORS
@@ -110,7 +110,7 @@ def _bond(tiles, t, slot, lane, u, displacement):  # type: ignore[no-untyped-def
 
 
 @cached_njit(nogil=True, error_model="numpy")
-def gather_tiles(tiles, law, u, constants, m, likes, first, last):  # type: ignore[no-untyped-def]
+def first_pass_tiles(tiles, law, u, constants, m, likes, first, last):  # type: ignore[no-untyped-def]
     """Fill m (w, m) in some tiles with nodal numbers between the passes."""
     none = same(u, 0.0)
     for t in range(first, last):
@@ -118,12 +118,12 @@ def gather_tiles(tiles, law, u, constants, m, likes, first, last):  # type: igno
             continue
         for lane in range(0, ROW, across(u)):
             at = tiles.margin + t * ROW + lane
-            displacement, sums = beside(u, likes[VECTORS], at), nothing(law, likes[VECTORS], none)
+            displacement, sums = beside(u, likes[VECTORS], at), initial_sums(law, likes[VECTORS], none)
             for slot in range(len(tiles.offsets)):
                 if tiles.bits[t, slot] != 0:
                     c = _numbers(tiles, t, slot, lane, u, likes[COLUMNS])
                     sums = accumulate(law, _bond(tiles, t, slot, lane, u, displacement), c, sums)
-            keep(finish(law, sums, beside(constants, likes[OWN], at)), m, at)
+            keep(finish_sums(law, sums, beside(constants, likes[OWN], at)), m, at)
 
 
 @cached_njit(nogil=True, error_model="numpy")
@@ -145,7 +145,7 @@ def exchange_tiles(tiles, law, u, m, f, near, likes, first, last):  # type: igno
                     bond = _bond(tiles, t, slot, lane, u, displacement)
                     pull = summed(pull, bond_force(law, bond, c, nodal, neighbour_nodal))
                     if near is not None:
-                        value, limit = nears(law, bond, c, nodal, neighbour_nodal)
+                        value, limit = margin(law, bond, c, nodal, neighbour_nodal)
                         over |= which_above(value, limit * (1.0 - SAFE))
             keep(pull, f, at)
             if near is not None:

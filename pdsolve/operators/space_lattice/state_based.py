@@ -17,9 +17,9 @@ from pdsolve.laws.law import Law
 from pdsolve.model import Model
 from pdsolve.numerics.thread_team import share
 from pdsolve.operators.bond_list import BondList
-from pdsolve.operators.protocol import Kept
+from pdsolve.operators.protocol import CheckpointArrays
 from pdsolve.operators.simd_lattice.layout import aligned
-from pdsolve.operators.space_lattice.passes import FamilyTiles, add_rows, exchange_tiles, gather_tiles
+from pdsolve.operators.space_lattice.passes import FamilyTiles, add_rows, exchange_tiles, first_pass_tiles
 from pdsolve.operators.space_lattice.sites import Sites, sites_of
 from pdsolve.state import Broken
 
@@ -79,10 +79,10 @@ class FamiliesInTiles(BondList):
         self._pulled = False  # whether the forces at the sites are theirs
         self._ready = True
 
-    def back(self, checkpoint: Kept, broken: Broken) -> None:
+    def restore(self, checkpoint: CheckpointArrays, broken: Broken) -> None:
         """Restore the history of bonds and the broken bonds of a checkpoint."""
         self.tiles.bits[:] = self._whole
-        super().back(checkpoint, broken)
+        super().restore(checkpoint, broken)
 
     def bytes(self) -> int:
         """Memory of all arrays, bytes."""
@@ -94,14 +94,14 @@ class FamiliesInTiles(BondList):
             return super()._between(now)
         site = self._sites.site
         share(lambda first, last: place_rows(site, now.value, self._u, first, last), self._nodes, self._threads)
-        self._share_tiles(gather_tiles, self._u, self._own, self._m, self._likes)
+        self._share_tiles(first_pass_tiles, self._u, self._own, self._m, self._likes)
         self._found, self._pulled = np.zeros((self._nodes, len(self._m)), dtype=now.value.dtype), False
         self._add_rows(self._m, self._found)
         return self._found
 
-    def _pull(self, now: Now, between: NDArray[Any], out: NDArray[Any]) -> None:
+    def _accumulate_bond_forces(self, now: Now, between: NDArray[Any], out: NDArray[Any]) -> None:
         if not self._takes(now):
-            return super()._pull(now, between, out)
+            return super()._accumulate_bond_forces(now, between, out)
         if between is not self._found:
             self._m[:, self._sites.site] = between.T
             self._pulled = False

@@ -86,7 +86,7 @@ def send_frame(
 def _rank_checkpoint(part: Part) -> dict[str, Columns]:
     """A copy of what a resumed run needs of own nodes; of held components by condition and axis."""
     subdomain: RankSystem = part.now
-    operator_arrays = dict(parts.keep(part))  # before the state, which it may bring up to date
+    operator_arrays = dict(parts.checkpoint_arrays(part))  # before the state, which it may bring up to date
     local_arrays = {name: [values[part.own].copy()] for name, values in subdomain.state._asdict().items()}
     local_arrays[HELD] = [subdomain.system.drive.held_force[rows] for rows in held_component_rows(subdomain)]
     return local_arrays | {name: [np.array(values)] for name, values in operator_arrays.items()}

@@ -19,7 +19,7 @@ from pdsolve.conditions import put_loads
 from pdsolve.errors import CheckpointError
 from pdsolve.model import Model
 from pdsolve.numerics.team import Team
-from pdsolve.operators.protocol import Kept
+from pdsolve.operators.protocol import CheckpointArrays
 from pdsolve.options import Options
 from pdsolve.ranks import part as parts
 from pdsolve.ranks.part import Part
@@ -124,7 +124,7 @@ def restore_ranks(system: SystemOnRanks, state: State, step: int, results: Resul
     team.everywhere(_restore_rank, _read_checkpoint_arrays(results, of_bonds), broken, step, items=shared)
 
 
-def _read_checkpoint_arrays(results: Results, names: Iterable[str]) -> Kept:
+def _read_checkpoint_arrays(results: Results, names: Iterable[str]) -> CheckpointArrays:
     """Arrays of the last checkpoint, as far as they are there."""
     pieces_by_name = {name: list(results.entries(name)) for name in sorted(names)}
     return {name: np.concatenate(parts) for name, parts in pieces_by_name.items() if parts}
@@ -193,15 +193,17 @@ def _set_held_forces(team: Team, forces_by_condition: list[NDArray[np.float64]])
 
 def _checkpoint_names(team: Team) -> tuple[list[str], list[str]]:
     """The names of what this rank's operator keeps of bonds, and of nodes."""
-    operator_arrays = parts.keep(team.part)
+    operator_arrays = parts.checkpoint_arrays(team.part)
     of_bonds = [name for name in operator_arrays if parts.is_of_bonds(operator_arrays, name)]
     return of_bonds, [name for name in operator_arrays if name not in of_bonds]
 
 
-def _restore_rank(team: Team, bond_arrays: Kept, broken: Broken, step: int, node_arrays: Kept) -> None:
+def _restore_rank(
+    team: Team, bond_arrays: CheckpointArrays, broken: Broken, step: int, node_arrays: CheckpointArrays
+) -> None:
     """Take over the history of bonds, and broken ones; then all is as after the step."""
     part: Part = team.part
     subdomain: RankSystem = part.now
-    parts.back(part, {**bond_arrays, **node_arrays}, broken)
+    parts.restore(part, {**bond_arrays, **node_arrays}, broken)
     put_loads(subdomain.system.drive, subdomain.system.profile_time(step))
     subdomain.bond_state_step = -1  # nothing has been asked of this state

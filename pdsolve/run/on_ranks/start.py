@@ -58,9 +58,9 @@ class StepperOnRanks:
     def __init__(self, team: Team) -> None:
         self._team = team
 
-    def march(self, state: State, first: int, last: int) -> None:
+    def advance(self, state: State, first: int, last: int) -> None:
         """Take the steps `first` to `last` - 1 on all ranks; `state` is that of this rank."""
-        self._team.everywhere(march_rank, first, last)
+        self._team.everywhere(advance_rank, first, last)
 
 
 class RankSystem:
@@ -144,10 +144,10 @@ def start_rank(
     return RankStart(branches(kinetic, slab.first, slab.nodes), not velocity[part.own].any())
 
 
-def march_rank(team: Team, first: int, last: int) -> None:
+def advance_rank(team: Team, first: int, last: int) -> None:
     """Take the steps `first` to `last` - 1."""
     subdomain: RankSystem = team.part.now
-    subdomain.system.stepper.march(subdomain.state, first, last)
+    subdomain.system.stepper.advance(subdomain.state, first, last)
 
 
 def _own_rows(rows: NDArray[np.int64], local_rows: slice) -> NDArray[np.int64]:

@@ -94,9 +94,9 @@ def test_two_step_files_are_two_bodies_that_bounce(tmp_path: Path, drawn: bool) 
     assert (of.names, np.bincount(of.number).tolist()) == (("plate", "upper"), [600, 216])
     system, state = motion = prepare(Model(built.grid, built.settings), Options(threads=1))
     assert system.contact is not None
-    motion.march(1, 5)
+    motion.advance(1, 5)
     assert system.contact.touching(state) >= 72  # 116: both faces of 6 x 6 nodes, and those beside
-    motion.march(5, 61)
+    motion.advance(5, 61)
     assert system.contact.touching(state) == 0
     low, up = (state.rate[of.number == number, 2].mean() for number in (0, 1))
     assert up > 0 > low
@@ -147,7 +147,7 @@ def test_equal_blocks_in_space_change_velocities() -> None:
     """Two blocks of ten spacings: some of the motion stays in their vibrations."""
     block = Body(Box((0, 0, 0), (1, 0.3, 0.3)), H, UNIT)
     system, state = both = prepared(block.body(Box((1, 0, 0), (2, 0.3, 0.3)), "other", velocity=(-1e-3, 0.0, 0.0)))
-    both.march(1, 1 + int(3 / system.time_step))
+    both.advance(1, 1 + int(3 / system.time_step))
     assert system.model.grid.bodies is not None
     first, other = (state.rate[system.model.grid.bodies.number == number, 0].mean() for number in (0, 1))
     assert (first, other) == (pytest.approx(-1e-3, rel=0.05), pytest.approx(0, abs=5e-5))
@@ -160,7 +160,7 @@ def test_a_rigid_ball_bounces_from_a_plate() -> None:
     ball = plate().rigid(Sphere((0.5, 0.5, 0.5), 0.2), "ball", 0.05, (0.0, 0.0, -1e-3), (0.0, 0.1, 0.0), spacing=0.05)
     (system, state), steps, pushed = prepared(ball), 120, 0.0
     for step in range(1, steps + 1):
-        Prepared(system, state).march(step, step + 1)
+        Prepared(system, state).advance(step, step + 1)
         (found,) = compute_reactions(acting_conditions(system), system, state, step, step * system.time_step)
         pushed -= found.force_z * system.time_step
     rows = system.model.grid.rigid
@@ -186,7 +186,7 @@ def test_a_box_that_tumbles_keeps_its_angular_momentum_and_its_energy() -> None:
         return np.asarray(mass[rows] @ np.cross(arm, state.rate[rows]))
 
     before = angular()
-    Prepared(system, state).march(1, steps + 1)
+    Prepared(system, state).advance(1, steps + 1)
     assert angular() == pytest.approx(before, rel=2e-3)  # of steps that turn it by .05
     assert abs(compute_ledger_row(system, state, steps).balance_error(system.initial_energy)) < 2e-3
     turned = state.value[rows] - state.value[rows].mean(axis=0)
@@ -213,7 +213,7 @@ def test_contact_of_a_ball_on_a_plate_has_the_constants_of_lammps() -> None:
 @pytest.mark.slow
 def test_a_ball_breaks_a_plate_into_mirror_symmetric_quarters() -> None:
     system, state = both = struck()
-    both.march(1, 81)
+    both.advance(1, 81)
     of, x = damage(system), system.model.grid.position
     assert of.max() > 0.3
     order = np.lexsort(np.round(x, 7).T)

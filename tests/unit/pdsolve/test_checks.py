@@ -16,7 +16,7 @@ from plates import GLASS, plate, square_grid, two_scale_grid
 from pdmesh.model.contact import Contact
 from pdmesh.model.document import Lattice, Region, Run
 from pdmesh.model.node_grid import Grid, whole_lattice
-from pdsolve.checks import advise, advise_spent, closing, nearest, refuse
+from pdsolve.checks import closing, nearest, refuse, warn_of_missing_dissipation, warn_of_model
 from pdsolve.model import Model, ModelError
 from pdsolve.options import Options
 from pdsolve.run.inversion_checks import MotionChecks
@@ -38,7 +38,7 @@ def test_plates_that_are_plates_are_not_spoken_of(grid: object) -> None:
     model = plate(grid)  # type: ignore[arg-type]
     with saying() as lines:
         refuse(model, True)
-        advise(model, np.flatnonzero(bonds(model) == 0), True, True)
+        warn_of_model(model, np.flatnonzero(bonds(model) == 0), True, True)
     assert lines == []
 
 
@@ -77,7 +77,7 @@ def test_a_crack_between_nodes_is_not_spoken_of_and_one_through_them_is() -> Non
     cracks = np.array([[0.0, 3.5e-3, 4e-3, 3.5e-3], [5e-3, 1e-3, 5e-3, 2.5e-3]])
     model = plate(dataclasses.replace(square_grid(9, 8), cracks=cracks))
     with saying() as lines:
-        advise(model, np.flatnonzero(bonds(model) == 0), True, True)
+        warn_of_model(model, np.flatnonzero(bonds(model) == 0), True, True)
     assert len(lines) == 1
     assert mentions(lines[0], "$.notch[1]", found=("2 nodes", "node 15", "(0.005, 0.001) m"))
 
@@ -125,7 +125,7 @@ def test_a_plate_turned_inside_out_is_told_once() -> None:
     assert seen(moved([[0.1, 0.0], [0.0, 1.0]])) == []
     source, target = problem.system.operator.bonds()
     gone = Broken(np.ones_like(source), source, target)
-    problem.system.operator.back(problem.system.operator.keep(), gone)
+    problem.system.operator.restore(problem.system.operator.checkpoint_arrays(), gone)
     assert seen(problem) == []
 
 
@@ -151,7 +151,7 @@ def test_bonds_that_take_too_little_are_said(created: float, told: int) -> None:
     """Of 1 J/m that is booked; of more, the error of the balance is small beside what was put in."""
     for put_in, count in ((5.0, told), (500.0, 0)):
         with saying() as lines:
-            advise_spent(plate(square_grid(9, 8)), created, put_in, 1.0)
+            warn_of_missing_dissipation(plate(square_grid(9, 8)), created, put_in, 1.0)
         assert len(lines) == count
 
 
@@ -160,7 +160,7 @@ def test_bonds_are_not_blamed_for_energy_that_contact_or_a_zone_may_have_made() 
         model = plate(square_grid(9, 8))
         model = dataclasses.replace(model, settings=msgspec.structs.replace(model.settings, **changes))
         with saying() as lines:
-            advise_spent(model, 0.3, 5.0, 1.0)
+            warn_of_missing_dissipation(model, 0.3, 5.0, 1.0)
         assert len(lines) == (not changes)
 
 

@@ -49,7 +49,7 @@ def test_bonds_of_the_start_stay_as_they_are_while_others_march(monkeypatch: pyt
 
     def listed_while_bonds_break(*arguments: Any) -> Any:
         found = listed(*arguments)
-        problem.march(1, 91)
+        problem.advance(1, 91)
         return found
 
     monkeypatch.setattr(operator_module, "_list_intact_bonds", listed_while_bonds_break)

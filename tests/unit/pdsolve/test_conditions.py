@@ -44,14 +44,14 @@ def test_a_held_displacement_follows_its_profile() -> None:
     problem = driven(Displacement(box=LEFT, x=1e-7, profile=RAMP), Displacement(box=RIGHT, x=0.0, y=0.0))
     for step in (1, 20, 41, 70, 80, 120):
         problem = driven(Displacement(box=LEFT, x=1e-7, profile=RAMP), Displacement(box=RIGHT, x=0.0, y=0.0))
-        problem.march(1, step + 1)
+        problem.advance(1, step + 1)
         assert problem.state.value[left(problem), 0] == pytest.approx(1e-7 * factor(step), abs=1e-22)
     assert np.abs(problem.state.value[left(problem), 1]).max() > 0  # free along y
 
 
 def test_a_held_velocity_is_held() -> None:
     problem = driven(Velocity(box=LEFT, x=1.0))
-    problem.march(1, 31)
+    problem.advance(1, 31)
     assert problem.state.rate[left(problem), 0].tolist() == [1.0] * 6
     assert problem.state.value[left(problem), 0] == pytest.approx(30 * DT, rel=1e-14)
 
@@ -63,7 +63,7 @@ def test_a_held_velocity_follows_its_profile(kernel: str) -> None:
     problem = prepare(model, Options(kernel=kernel))
     corners = np.array(RAMP)
     for first, last in itertools.pairwise((0, 1, 20, 40, 41, 60, 70, 80, 120)):
-        problem.march(first + 1, last + 1)
+        problem.advance(first + 1, last + 1)
         time = np.union1d(corners[corners[:, 0] < last * DT, 0], [0.0, last * DT])
         way = np.trapezoid(np.interp(time, *corners.T), time)
         assert problem.state.value[left(problem), 0] == pytest.approx(2 * way, rel=1e-12, abs=1e-22)  # measured 7e-16
@@ -73,14 +73,14 @@ def test_a_held_velocity_follows_its_profile(kernel: str) -> None:
 def test_an_initial_velocity_is_not() -> None:
     problem = driven(InitialVelocity(box=LEFT, x=1.0))
     assert problem.state.rate[left(problem), 0].tolist() == [1.0] * 6
-    problem.march(1, 31)
+    problem.advance(1, 31)
     assert problem.state.rate[left(problem), 0].max() < 0.5
     assert not unbreakable(problem.system.model).any()
 
 
 def test_a_held_acceleration_is_held() -> None:
     problem = driven(Acceleration(box=LEFT, x=1e6))
-    problem.march(1, 31)
+    problem.advance(1, 31)
     time = 30 * DT
     assert problem.state.rate[left(problem), 0] == pytest.approx(1e6 * time, rel=1e-12)
     assert problem.state.value[left(problem), 0] == pytest.approx(1e6 * time**2 / 2, rel=1e-12)
@@ -89,7 +89,7 @@ def test_a_held_acceleration_is_held() -> None:
 def test_momentum_is_the_impulse_of_the_loads() -> None:
     """A free plate pushed by a profile: momentum = area * force * integral of the factor, to second order."""
     problem = driven(Load(box=LEFT, body_force=(1e9, -2e9), profile=RAMP))
-    problem.march(1, 101)
+    problem.advance(1, 101)
     found = compute_ledger_row(*problem, 100)
     time = np.linspace(0, 100 * DT, 20001)
     impulse = np.trapezoid(np.interp(time, *np.array(RAMP).T), time) * problem.system.area[left(problem)].sum()
@@ -113,7 +113,7 @@ def test_the_books_balance_whatever_is_held(conditions: tuple[AnyCondition, ...]
     missing = []
     for parts in (1, 2):
         problem = driven(*conditions, time_step=DT / parts)
-        problem.march(1, 300 * parts + 1)
+        problem.advance(1, 300 * parts + 1)
         found = compute_ledger_row(*problem, 300 * parts)
         assert found.broken == 0
         assert found.strain > 0

@@ -45,7 +45,7 @@ def pressed(prepared: Prepared, shift: NDArray[np.float64]) -> tuple[NDArray[np.
     u = np.where(system.model.grid.bodies.number[:, None] == 1, shift, 0.0)
     state = State(u, np.zeros_like(u), np.zeros_like(u), *np.zeros((3, len(u))))
     out = np.zeros_like(u)
-    system.contact.add(state, out, 1, 1e-9)
+    system.contact.accumulate_force(state, out, 1, 1e-9)
     return out * system.area[:, None], state
 
 
@@ -121,7 +121,7 @@ def closed(crack: bool, contact: bool, side: int = 40) -> tuple[float, Prepared]
     built = build(scene.contact() if contact else scene)
     prepared = prepare(Model(built.grid, built.settings), Options(threads=1))
     steps = int(12 / prepared.system.time_step)
-    prepared.march(1, steps + 1)
+    prepared.advance(1, steps + 1)
     return compute_reactions(acting_conditions(prepared.system), *prepared, steps, 12.0)[1].force_y, prepared
 
 
@@ -195,7 +195,7 @@ def test_a_mirror_image_stays_one(G0: float, rigid: bool) -> None:
     material = msgspec.structs.replace(UNIT, G0=G0)
     settings = Settings(material=material, conditions=(moves,), contact=Contact(friction=0.3, restitution=0.9))
     system, state = prepared = prepare(Model(grid, settings), Options(threads=1))
-    prepared.march(1, 101)
+    prepared.advance(1, 101)
     x, y = np.round(grid.position / h * 2).astype(int).T
     order, other, of = np.lexsort((y, x)), np.lexsort((-y, x)), damage(system)
     assert (of.max() > 0.5) == (G0 < 1)

@@ -211,7 +211,7 @@ def test_bonds_go_round_the_tips_of_cracks_that_grow(law: str, tmp_path: Path, m
     assert growth is not None
     assert isinstance(operator, BondList)
     for step in range(1, 101):
-        prepared.march(step, step + 1)
+        prepared.advance(step, step + 1)
         if step % 4 == 0:
             growth.look(prepared.state, step + 1)
     assert len(growth.particles.place) > 8

@@ -39,7 +39,7 @@ def test_tiles_have_the_bonds_of_the_list(name: str) -> None:
         assert np.array_equal(one, other)
     assert np.abs(found.stiffness_bound / stiffness_bound(bonds, bonds.stiffness, True) - 1).max() < 1e-12
     tiles = found.tiles
-    held, number = tiles.held[source] | tiles.held[target], model.material_of
+    held, number = tiles.unbreakable[source] | tiles.unbreakable[target], model.material_of
     pair = number[source] * len(model.materials) + number[target]
     for table, column in ((tiles.peak, bonds.peak), (tiles.limit, bonds.limit)):
         assert np.allclose(np.where(held, np.inf, table[pair, slot]), column, rtol=1e-12, atol=0)

@@ -77,7 +77,7 @@ def test_steps_from_anywhere(name: str, mode: str, law: str, precision: str) -> 
         problem.state.value[:] = FAR.get(law, 3e-7) * random.standard_normal(problem.state.value.shape)
         problem.state.rate[:] = 3.0 * random.standard_normal(problem.state.value.shape)
         for first, last in ((1, 2), (2, 3), (3, 8), (8, 12)):
-            problem.march(first, last)
+            problem.advance(first, last)
     assert 0 < len(broken(problems[0]).step) < 0.9 * problems[0].system.directed_bond_count
     same(*problems)
 
@@ -90,7 +90,7 @@ def test_a_node_a_work_item(monkeypatch: pytest.MonkeyPatch) -> None:
     problems = two(plate(GRIDS["two scales"], material=MATERIALS["bilinear"]))
     for problem in problems:
         problem.state.value[:] = 1e-6 * np.random.default_rng(3).standard_normal(problem.state.value.shape)
-        problem.march(1, 8)
+        problem.advance(1, 8)
     assert 0 < len(broken(problems[0]).step) < 0.9 * problems[0].system.directed_bond_count
     same(*problems)
 
@@ -104,7 +104,7 @@ def test_short_bonds_are_summed_in_vectors(monkeypatch: pytest.MonkeyPatch) -> N
     for size, equal in ((1e-9, True), (5e-6, False)):
         for problem in (here, there):
             problem.state.value[:] = size * np.random.default_rng(3).standard_normal(problem.state.value.shape)
-            problem.march(1, 3)
+            problem.advance(1, 3)
         assert np.array_equal(here.state.rate, there.state.rate) == equal
 
 
@@ -137,7 +137,7 @@ def test_conditions(how: str, precision: str) -> None:
     problems = two(torn(GRIDS["cracked"], **DRIVEN[how]), "conservative", precision)
     for problem in problems:
         for first, last in ((1, 40), (40, 41), (41, 400)):  # factors of profiles are sent 256 steps at a time
-            problem.march(first, last)
+            problem.advance(first, last)
     assert len(broken(problems[0]).step) > 0
     same(*problems)
 
@@ -190,7 +190,7 @@ def test_bodies(how: str, precision: str) -> None:
     problems = two(bar(**BENT[how]), "conservative", precision)
     for problem in problems:
         for first, last in ((1, 2), (2, 30), (30, 200)):
-            problem.march(first, last)
+            problem.advance(first, last)
     assert len(broken(problems[0]).step) > 100
     same(*problems)
 
@@ -209,7 +209,7 @@ def test_bodies_that_soften(law: dict[str, Any], precision: str) -> None:
     problems = two(bar(law, **BENT["loads"]), "conservative", precision)
     for problem in problems:
         for first, last in ((1, 60), (60, 61), (61, 260)):
-            problem.march(first, last)
+            problem.advance(first, last)
     assert len(broken(problems[0]).step) > 100
     assert len(kept(problems[0])["worst"]) > 100
     same(*problems)
@@ -251,7 +251,7 @@ def test_ordinary_families(name: str, failure: str, precision: str) -> None:
         problem.state.value[:] = 2e-7 * random.standard_normal(problem.state.value.shape)
         problem.state.rate[:] = 2.0 * random.standard_normal(problem.state.value.shape)
         for first, last in ((1, 2), (2, 4), (4, 60)):
-            problem.march(first, last)
+            problem.advance(first, last)
     assert (len(broken(problems[0]).step) > 0) == (failure != "for ever")
     same(*problems)
 
@@ -278,12 +278,12 @@ def test_ordinary_bodies(how: str, precision: str, monkeypatch: pytest.MonkeyPat
     measured under loads."""
     model = bar({"model": "ordinary", "nu": 0.3}, **BENT[how])
     tiles = prepare(model, Options("conservative", precision, threads=1))
-    tiles.march(1, 200)
+    tiles.advance(1, 200)
     monkeypatch.setattr(operator_factory.families_in_tiles, "placed", lambda *of: None)
     problems = two(model, "conservative", precision)
     for problem in problems:
         for first, last in ((1, 2), (2, 30), (30, 200)):
-            problem.march(first, last)
+            problem.advance(first, last)
     same(*problems)
     u, other = (np.asarray(one.state.value, dtype=float) for one in (tiles, problems[0]))
     assert np.abs(u - other).max() < {"float64": 1e-12, "float32": 1e-5}[precision] * np.abs(other).max()

@@ -54,8 +54,8 @@ def test_steps_from_anywhere(name: str, law: str) -> None:
         random = np.random.default_rng(3)
         problem.state.value[:] = 2e-7 * random.standard_normal(problem.state.value.shape)
         problem.state.rate[:] = 2.0 * random.standard_normal(problem.state.value.shape)
-        problem.march(1, 2)
-        problem.march(2, 3)
+        problem.advance(1, 2)
+        problem.advance(2, 3)
     fast, listed = problems
     assert isinstance(fast.system.operator, Families)
     assert 0 < len(gone(listed)) < 0.95 * listed.system.directed_bond_count
@@ -79,7 +79,7 @@ def test_a_whole_run(law: str) -> None:
     fast, listed = both(torn(GRIDS["cracked"], material=glass(law)), "conservative")
     for problem in (fast, listed):
         for first in range(1, 121, 8):
-            problem.march(first, first + 8)
+            problem.advance(first, first + 8)
     assert len(gone(listed)) > 0
     assert gone(fast) == gone(listed)
     for field in ("value", "rate", "work"):
@@ -108,7 +108,7 @@ def test_both_ends_of_a_bond_pull_alike_to_the_bit(law: str) -> None:
     lost = np.array([k for k, pair in enumerate(ends) if pair not in kept])
     operator._lose(lost, np.zeros(0, dtype=np.int64))
     force = np.zeros(state.value.shape)
-    operator._pull(now, between, force)
+    operator._accumulate_bond_forces(now, between, force)
     one, other = np.array(pairs).T
     assert len(one) > 500
     assert (force[one] != 0).all()

@@ -51,7 +51,7 @@ def forces(of: Prepared, u: NDArray[np.float64]) -> NDArray[np.float64]:
     """Force densities (n, 3) at displacements u (n, 3), N/m^3; nothing breaks."""
     kind, operator = of.state.value.dtype, of.system.operator
     out = np.zeros(u.shape, kind)
-    operator.add(of.state._replace(value=u.astype(kind)), out, 0, 0.0)
+    operator.accumulate_force(of.state._replace(value=u.astype(kind)), out, 0, 0.0)
     return out.astype(float)
 
 
@@ -84,7 +84,7 @@ def test_in_single_precision(pair: tuple[Prepared, Prepared]) -> None:
 
 
 def marched(of: Prepared, steps: int) -> tuple[NDArray[np.int64], ...]:
-    of.march(1, steps + 1)
+    of.advance(1, steps + 1)
     return tuple(of.system.operator.broken())
 
 
@@ -101,7 +101,7 @@ def test_the_same_bonds_break(failure: str) -> None:
     spent = [one.state.dissipated for one in of]
     assert np.abs(spent[0] - spent[1]).max() < 1e-12 * spent[0].max()
     again: Any = prepared(None, failure=failure).system.operator
-    again.back(of[1].system.operator.keep(), of[1].system.operator.broken())
+    again.restore(of[1].system.operator.checkpoint_arrays(), of[1].system.operator.broken())
     assert np.array_equal(again.tiles.bits, of[1].system.operator.tiles.bits)  # type: ignore[attr-defined]
 
 

@@ -41,7 +41,7 @@ from pdsolve.adaptivity.hybrid.coarse_cells import create_plate, initial_cells
 from pdsolve.adaptivity.hybrid.lattice import AROUND, COARSE, FINE
 from pdsolve.adaptivity.hybrid.prepare import rows_of_steep_content
 from pdsolve.adaptivity.hybrid.springs import coarse_springs, divide_bonds, fine_springs
-from pdsolve.checks import advise_made
+from pdsolve.checks import warn_of_created_energy
 from pdsolve.model import Model, ModelError, ModelWarning
 from pdsolve.options import Options
 from pdsolve.run.measures import compute_ledger_row
@@ -261,7 +261,7 @@ def test_motion_may_be_prescribed_anywhere(condition: Velocity | InitialVelocity
         )
         system, state = prepare(model, Options())
         momentum.append(float((state.rate[:, 1] * system.model.rho * system.area).sum()))
-        system.stepper.march(state, 1, 41)
+        system.stepper.advance(state, 1, 41)
         work.append(compute_ledger_row(system, state, 40).work)
     np.testing.assert_allclose(*momentum, rtol=1e-12)
     np.testing.assert_allclose(*work, rtol=0.02)  # 0.009 at most
@@ -292,9 +292,9 @@ def test_a_run_warns_of_much_energy_made_by_changes_of_cells() -> None:
     """Once it is more than a twentieth of the energy put in, with what helps."""
     model = plate(cracked(), 4, run=Run(adapt="hybrid"))
     with pytest.warns(ModelWarning, match=r"changes of cells made \+6 % .* run\.hybrid\.kappa"):
-        advise_made(model, 6.0, 100.0)
+        warn_of_created_energy(model, 6.0, 100.0)
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        advise_made(model, -4.9, 100.0)
-        advise_made(model, 1e-30, 0.0)
-        advise_made(plate(cracked(), 4, run=Run(adapt="split")), -50.0, 100.0)
+        warn_of_created_energy(model, -4.9, 100.0)
+        warn_of_created_energy(model, 1e-30, 0.0)
+        warn_of_created_energy(plate(cracked(), 4, run=Run(adapt="split")), -50.0, 100.0)

@@ -125,7 +125,7 @@ def test_an_interrupt_in_the_middle_of_writing(
     monkeypatch.setattr(Writer, "_append", interrupted)
     before = 10**9
     with monkeypatch.context() as patch:  # how many there are before the first frame
-        patch.setattr("pdsolve.run.simulation._march_to_end", lambda *_: "finished")
+        patch.setattr("pdsolve.run.simulation._advance_to_end", lambda *_: "finished")
         simulate(probed, path).close()
     before = len(calls)
     calls.clear()
@@ -152,7 +152,7 @@ def test_an_interrupt_before_the_first_frame_leaves_nothing(
         assert list(tmp_path.iterdir()) == []
 
 
-@pytest.mark.parametrize("place", ["pdsolve.run.simulation.prepare", "pdsolve.run.simulation._march_and_close"])
+@pytest.mark.parametrize("place", ["pdsolve.run.simulation.prepare", "pdsolve.run.simulation._advance_and_close"])
 def test_old_results_stay_until_a_run_is_prepared(
     small_plate: Model, small_results: Path, monkeypatch: pytest.MonkeyPatch, place: str
 ) -> None:
@@ -226,7 +226,7 @@ def test_a_run_that_fails_keeps_its_cause(probed: Model, tmp_path: Path, monkeyp
 
     def fail(progress: Progress) -> bool:
         if progress.step == 33:
-            monkeypatch.setattr(Writer, "tell", no_more)
+            monkeypatch.setattr(Writer, "write_meta", no_more)
             raise RuntimeError("the cause")
         return False
 

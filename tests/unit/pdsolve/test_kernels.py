@@ -85,7 +85,7 @@ def test_a_breaking_bond_takes_its_energy_along(dt: float) -> None:
     """What is booked, c xi s0^2 / 2, is what the motion loses, but for the square of the time step."""
     operator, verlet, state = two_nodes(1e12, dt)
     start = 1e3 / 2 * float((state.rate**2).sum())
-    verlet.march(state, 1, round(4e-6 / dt) + 1)
+    verlet.advance(state, 1, round(4e-6 / dt) + 1)
     assert len(set(operator.broken().step)) == 1
     spent = float(state.dissipated.sum())
     assert spent == pytest.approx(1e12 * 1e-3 * 1e-3**2 / 2, rel=1e-12)
@@ -95,7 +95,7 @@ def test_a_breaking_bond_takes_its_energy_along(dt: float) -> None:
 
 def test_a_bond_breaks_in_the_first_step_over_its_limit() -> None:
     operator, verlet, state = two_nodes(0.0, 0.95e-7)
-    verlet.march(state, 1, 20)
+    verlet.advance(state, 1, 20)
     assert operator.broken().step.tolist() == [6, 6]  # the stretch grows by 1.9e-4 a step
 
 

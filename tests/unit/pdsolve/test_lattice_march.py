@@ -51,7 +51,7 @@ def outcome(prepared: Prepared) -> list[np.ndarray]:
     operator, state = prepared.system.operator, prepared.state
     broken = operator.broken()
     order = np.lexsort((broken.target, broken.source, broken.step))
-    history = operator.keep().values()
+    history = operator.checkpoint_arrays().values()
     return [*state, *operator.energies(state), *(column[order] for column in broken), *history]
 
 
@@ -59,7 +59,7 @@ def of_verlet(model: Model) -> list[np.ndarray]:
     prepared = started(model)
     system = prepared.system
     assert isinstance(system.stepper, LatticeMarch)
-    Verlet(system.operator, system.drive, model.rho, system.time_step, damping(system.model)).march(
+    Verlet(system.operator, system.drive, model.rho, system.time_step, damping(system.model)).advance(
         prepared.state, 1, STEPS + 1
     )
     return outcome(prepared)
@@ -83,6 +83,6 @@ def compare(model: Model, threads: int, ends: tuple[int, ...]) -> None:
     expected, prepared = of_verlet(model), started(model, threads)
     assert len(expected[-4]) > 100  # bonds break: measured 3 000 to 200 000
     for first, last in pairwise(ends):
-        prepared.march(first, last)
+        prepared.advance(first, last)
     for one, other in zip(outcome(prepared), expected, strict=True):
         assert np.array_equal(one, other)

@@ -32,26 +32,28 @@ def secant(law, stretch, worst, peak, limit):
     return 1 / ((1 + worst / limit) * np.sqrt(1 + share * share))
 
 
-def held(law, c, stretch, worst, peak, limit):
+def bond_strain_energy(law, c, stretch, worst, peak, limit):
     share = stretch / peak
     return 2 * c * stretch * stretch / ((1 + worst / limit) * (np.sqrt(1 + share * share) + 1))
 
 
-def spent(law, c, worst, peak, limit):
+def dissipated_energy(law, c, worst, peak, limit):
     return c * worst * worst
 
 
-def total(law, c, peak, limit):
+def total_dissipated_energy(law, c, peak, limit):
     return c * limit * limit
 
 
-def slope(law, worst, peak, limit):
+def softening_slope(law, worst, peak, limit):
     share = worst / peak
     weak, root = 1 + worst / limit, np.sqrt(1 + share * share)
     return (1 - share * share * worst / limit) / (weak * weak * root * root * root)
 
 
-LAW = pair_law(Curved, Pair(limits=limits, secant=secant, held=held, softening=Softening(spent, total, slope)))
+SOFTENING = Softening(dissipated_energy, total_dissipated_energy, softening_slope)
+FUNCTIONS = {"secant": secant, "bond_strain_energy": bond_strain_energy, "softening": SOFTENING}
+LAW = pair_law(Curved, Pair(limits=limits, **FUNCTIONS))
 """
 RUN = """
 import json
@@ -85,22 +87,22 @@ for kernel in ("blocks", "listed"):
     random = np.random.default_rng(3)
     problem.state.value[:] = 3e-7 * random.standard_normal(problem.state.value.shape)
     problem.state.rate[:] = 5 * random.standard_normal(problem.state.value.shape)
-    problem.march(1, 5)
-    problem.march(5, 30)
+    problem.advance(1, 5)
+    problem.advance(5, 30)
     operator = problem.system.operator
-    broken, kept = operator.broken(), operator.keep()
+    broken, kept = operator.broken(), operator.checkpoint_arrays()
     arrays = [*problem.state[:4], *operator.energies(problem.state), np.sort(kept["worst"])]
     if precision == "float64":
         arrays.append(operator.tangent(problem.state).toarray())
     found.append((arrays, sorted(zip(*(column.tolist() for column in broken), strict=True))))
     if kernel == "blocks":
         again = prepared(kernel)
-        again.system.operator.back(kept, broken)
+        again.system.operator.restore(kept, broken)
         for own, values in zip(again.state, problem.state, strict=True):
             own[:] = values
         out = [np.zeros(problem.state.value.shape) for _ in range(2)]
         for one, force in zip((problem, again), out, strict=True):
-            one.system.operator.add(one.state, force, 30, 0.0)
+            one.system.operator.accumulate_force(one.state, force, 30, 0.0)
         same = out[0].tobytes() == out[1].tobytes()
 (fast, gone), (listed, expected) = found
 apart = [float(np.abs(a - b).max() / np.abs(b).max()) for a, b in zip(fast, listed, strict=True)]

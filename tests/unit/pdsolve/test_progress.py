@@ -13,7 +13,7 @@ from pdsolve.run import progress
 from pdsolve.run.progress import Watch
 from pdsolve.run.simulation import Progress
 from pdsolve.study import progress as of_studies
-from pdsolve.study.dispatch import Going
+from pdsolve.study.dispatch import StudyProgress
 from pdsolve.study.progress import StudyWatch
 
 
@@ -81,7 +81,7 @@ def test_a_study_counts_what_failed_as_done(
     monkeypatch.setattr(of_studies, "progress_bar", new)
     with StudyWatch() as watch:
         for finished, failed in ((3, 1), (5, 1), (5, 4)):
-            watch(Going(20, finished, failed))
+            watch(StudyProgress(20, finished, failed))
             assert bars[0].n == finished + failed
     assert bars[0].texts == ["1 failed", "1 failed", "4 failed", "closed"]
     now = [1000.0]
@@ -90,7 +90,7 @@ def test_a_study_counts_what_failed_as_done(
     with StudyWatch() as watch:
         for seconds, finished in ((9.0, 1), (11.0, 2), (12.0, 3), (22.0, 4)):
             now[0] = 1000.0 + seconds
-            watch(Going(20, finished, 2))
+            watch(StudyProgress(20, finished, 2))
     assert capsys.readouterr().err == "run 4 of 20, 2 failed\nrun 6 of 20, 2 failed\n"
 
 

@@ -86,7 +86,7 @@ def test_nothing_there_and_nothing_in_it(tmp_path: Path) -> None:
 def test_stopped_and_finished(stopped: Path) -> None:
     state = state_of(stopped)
     assert (state.kind, state.step, state.frame, state.meta["status"]) == (Kind.STOPPED, 33, 30, "interrupted")
-    assert state.words.endswith("at step 33")
+    assert state.message.endswith("at step 33")
     resume(stopped).close()
     assert state_of(stopped).kind is Kind.FINISHED
     with closing(sqlite3.connect(stopped)) as connection:

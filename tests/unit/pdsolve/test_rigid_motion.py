@@ -53,7 +53,7 @@ def test_a_rigid_block_that_turns_and_hits_a_beam_conserves_momentum_and_energy(
     prepared = prepare(falling(spin=0.2, friction=friction), Options(threads=1, kernel=kernel))
     (system, state), before = prepared, momentum(prepared)
     rows = system.model.grid.bodies.number == 1  # type: ignore[union-attr]
-    prepared.march(1, 501)
+    prepared.advance(1, 501)
     assert state.rate[rows, 1].mean() > 0
     assert np.abs(momentum(prepared) - before)[:2].max() < 1e-13 * MASS * V
     assert abs(momentum(prepared) - before)[2] < 2e-3 * MASS * V  # .0012: friction acts across the gap
@@ -67,7 +67,7 @@ def test_a_rigid_body_alone_flies_on_and_turns_about_its_centre() -> None:
     w, v = 0.7, (3e-3, 2e-2)
     prepared = prepare(falling(gap=0.3, velocity=v, spin=w), Options(threads=1))
     (system, state), steps = prepared, 400
-    prepared.march(1, steps + 1)
+    prepared.advance(1, steps + 1)
     t = steps * system.time_step
     rows = np.flatnonzero(system.model.grid.bodies.number == 1)  # type: ignore[union-attr]
     arm = system.model.grid.position[rows] - system.model.grid.position[rows].mean(axis=0)
@@ -88,7 +88,7 @@ def test_a_rigid_body_falls_and_turns_under_loads() -> None:
     settings = msgspec.structs.replace(model.settings, conditions=(*model.settings.conditions, load))
     prepared = prepare(replace(model, settings=settings), Options(threads=1))
     system, state = prepared
-    prepared.march(1, 201)
+    prepared.advance(1, 201)
     t, rows = 200 * system.time_step, np.flatnonzero(model.grid.bodies.number == 1)  # type: ignore[union-attr]
     speed, place = state.rate[rows], model.grid.position[rows] + state.value[rows]
     assert speed.mean(axis=0) == pytest.approx([0, -g / 2 * t], abs=1e-12)
@@ -106,7 +106,7 @@ def test_a_held_body_keeps_its_velocity_and_its_work_is_booked() -> None:
     prepared = prepare(model, Options(threads=1))
     system, state = prepared
     last = 1 + int(8 / system.time_step)
-    prepared.march(1, last)
+    prepared.advance(1, last)
     rows = system.model.grid.bodies.number == 1  # type: ignore[union-attr]
     assert state.value[rows, 1] == pytest.approx(-3 * V, rel=1e-3)
     assert state.value[rows, 0] == pytest.approx(0, abs=1e-15)
@@ -122,7 +122,7 @@ def test_the_reaction_of_a_rigid_body_is_its_force_on_what_it_touches() -> None:
     assert [grip.kind for grip in given] == ["rigid"]
     rows, pushed, before = system.model.grid.bodies.number == 1, 0.0, -V  # type: ignore[union-attr]
     for step in range(1, 301):
-        prepared.march(step, step + 1)
+        prepared.advance(step, step + 1)
         (found,) = compute_reactions(given, system, state, step, step * system.time_step)
         pushed -= found.force_y * system.time_step
     # the last velocity holds half of the last force

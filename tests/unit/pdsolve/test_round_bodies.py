@@ -37,7 +37,7 @@ def struck(radius: float | None = R, run: Run | None = None, x: float = 0.3, sin
 def bounced(model: Model, steps: int) -> tuple[np.ndarray, float, LedgerRow, float]:
     """Velocity of the last body, m/s, its spin, rad/s, the ledger, and the energy at the start; of a plate."""
     system, state = prepared = prepare(model, Options(threads=1))
-    prepared.march(1, steps + 1)
+    prepared.advance(1, steps + 1)
     assert model.grid.bodies is not None
     own = model.grid.bodies.number == model.grid.bodies.number.max()
     arm, way = (model.grid.position + state.value)[own], state.rate[own]
@@ -97,7 +97,7 @@ def test_a_ball_keeps_its_spin_on_a_block_in_space() -> None:
     system, state = prepared = prepare(Model(built.grid, built.settings), Options(threads=1))
     assert system.contact is not None
     steps = int(12 / system.time_step)
-    prepared.march(1, steps + 1)
+    prepared.advance(1, steps + 1)
     rigid = system.contact.rigid
     assert rigid.motion.momentum[0] == pytest.approx(rigid.bodies[0].inertia @ np.array(spin), rel=1e-12)
     own = system.model.grid.rigid

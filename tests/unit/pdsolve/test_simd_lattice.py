@@ -41,8 +41,8 @@ def test_one_step_from_anywhere(name: str, mode: str, law: str) -> None:
         random = np.random.default_rng(3)
         problem.state.value[:] = 3e-7 * random.standard_normal(problem.state.value.shape)
         problem.state.rate[:] = 3.0 * random.standard_normal(problem.state.value.shape)
-        problem.march(1, 2)
-        problem.march(2, 3)
+        problem.advance(1, 2)
+        problem.advance(2, 3)
     assert 0 < len(broken(listed).step) < 0.9 * listed.system.directed_bond_count
     assert all(map(np.array_equal, broken(fast), broken(listed)))
     assert (worst(listed).max(initial=0.0) > 0) == (law == "bilinear")
@@ -65,7 +65,7 @@ def test_a_whole_run(name: str, mode: str, law: str) -> None:
     fast, listed = both(torn(GRIDS[name], material=SOFT if law == "bilinear" else GLASS), mode)
     for problem in (fast, listed):
         for first in range(1, 121, 8):
-            problem.march(first, first + 8)
+            problem.advance(first, first + 8)
     assert len(broken(listed).step) > 0
     assert all(map(np.array_equal, broken(fast), broken(listed)))
     for field in ("value", "rate", "work"):
@@ -99,11 +99,11 @@ def test_bonds_that_have_softened_stay_so_when_they_are_let_go(mode: str) -> Non
     peak = float(bonds_of(listed).peak.min())
     for problem in (fast, listed):
         stretched(problem, 1.2 * peak)
-        problem.march(1, 2)
+        problem.advance(1, 2)
         assert not len(broken(problem).step)
     for problem in (fast, listed, new):
         stretched(problem, 0.1 * peak)
-        problem.march(2, 3)
+        problem.advance(2, 3)
     assert nearly(fast.state.second, listed.state.second, 1e-11)  # measured 2e-15
     assert not nearly(fast.state.second, new.state.second, 0.05)  # measured 0.095 and 0.12
     assert nearly(fast.system.operator.energies(fast.state)[1], listed.system.operator.energies(listed.state)[1], 1e-12)
@@ -112,7 +112,7 @@ def test_bonds_that_have_softened_stay_so_when_they_are_let_go(mode: str) -> Non
     assert flags.any()
     assert np.array_equal(of_again, flags)
     for problem in (fast, again):
-        problem.march(3, 6)
+        problem.advance(3, 6)
     assert fast.state.second.tobytes() == again.state.second.tobytes()
     restore_state(*fast, 0, at_rest, breaks_since(fast.system, 0))
     assert not flags.any()
@@ -128,8 +128,8 @@ def test_held_components() -> None:
     )
     fast, listed = both(torn(GRIDS["one scale"], conditions=conditions), "conservative")
     for problem in (fast, listed):
-        problem.march(1, 30)
-        problem.march(30, 61)
+        problem.advance(1, 30)
+        problem.advance(30, 61)
     assert np.abs(listed.state.work).max() > 0
     for field in ("value", "rate", "second", "work"):
         assert nearly(getattr(fast.state, field), getattr(listed.state, field), 1e-11), field
@@ -142,7 +142,7 @@ def test_single_precision() -> None:
     _, listed = both(plate(two_scale_grid()), "conservative")
     for problem in (fast, listed):
         problem.state.value[:] = 1e-7 * np.random.default_rng(1).standard_normal(problem.state.value.shape)
-        problem.march(1, 2)
+        problem.advance(1, 2)
     assert fast.state.second.dtype == np.float32
     assert nearly(fast.state.second, listed.state.second, 3e-6)  # measured 3e-7
 
@@ -157,7 +157,7 @@ def test_the_same_bits_on_two_threads_and_in_parts(precision: str) -> None:
     for threads, parts in ((1, (1, 61)), (2, (1, 61)), (2, (1, 2, 3, 20, 24, 61))):
         problem = prepare(model, Options("conservative", precision, threads))
         for first, last in itertools.pairwise(parts):
-            problem.march(first, last)
+            problem.advance(first, last)
         problems.append(problem)
     first, *others = ([column.tobytes() for column in (*p.state, *broken(p), worst(p))] for p in problems)
     assert len(broken(problems[0]).step) > 0
@@ -170,7 +170,7 @@ def test_what_is_not_a_number_spreads(precision: str) -> None:
     """A displacement that is not a number reaches the node's neighbours, and no one else, in the next step."""
     problem = prepare(plate(square_grid(21, 12)), Options(precision=precision))
     problem.state.value[130, 0] = np.nan
-    problem.march(1, 2)
+    problem.advance(1, 2)
     bonds = bonds_of(problem)
     near = np.append(bonds.neighbour[bonds.start[130] : bonds.start[131]], 130)
     assert np.array_equal(np.flatnonzero(np.isnan(problem.state.second).any(axis=1)), np.sort(near))
@@ -183,7 +183,7 @@ def test_the_order_of_nodes_does_not_matter() -> None:
     fast, listed = both(plate(dataclasses.replace(grid, **{n: getattr(grid, n)[shuffled] for n in names})), "thesis")
     for problem in (fast, listed):
         problem.state.value[:] = 1e-7 * np.random.default_rng(1).standard_normal(problem.state.value.shape)
-        problem.march(1, 2)
+        problem.advance(1, 2)
     assert nearly(fast.state.second, listed.state.second, 1e-12)
 
 
@@ -244,5 +244,5 @@ def test_plates_far_away_or_long(mode: str, x0: float, columns: int, rows: int, 
     fast, listed = both(plate(grid), mode)
     for problem in (fast, listed):
         problem.state.value[:] = 1e-6 * delta * np.random.default_rng(1).standard_normal(problem.state.value.shape)
-        problem.march(1, 2)
+        problem.advance(1, 2)
     assert nearly(fast.state.second, listed.state.second, 1e-11)  # measured 7e-13

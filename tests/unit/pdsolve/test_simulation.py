@@ -150,14 +150,14 @@ def test_a_softening_run_goes_on_to_the_same_bits(small_plate: Model, tmp_path: 
 def test_a_torn_problem_goes_back(small_plate: Model, kernel: str) -> None:
     """Bonds that broke later are whole again, and the way from there is the same to the last bit."""
     problem = prepare(bilinear(small_plate), Options(kernel=kernel))
-    problem.march(1, 41)
+    problem.advance(1, 41)
     before, broke = kept(problem), breaks_since(problem.system, 0)
-    problem.march(41, 61)
+    problem.advance(41, 61)
     after = problem.state.value.copy(), breaks_since(problem.system, 0)
     assert 0 < len(broke.step) < len(after[1].step)
     restore_state(*problem, 40, before, broke)
     assert breaks_since(problem.system, 0).step.tolist() == broke.step.tolist()
-    problem.march(41, 61)
+    problem.advance(41, 61)
     assert np.array_equal(problem.state.value, after[0])
     assert all(np.array_equal(*columns) for columns in zip(breaks_since(problem.system, 0), after[1], strict=True))
 

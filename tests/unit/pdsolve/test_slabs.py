@@ -60,7 +60,7 @@ def test_the_bonds_of_some_nodes_are_summed_alone(name: str) -> None:
     for one in (whole, part):
         one.state.value[:] = u
         out = np.zeros_like(u)
-        one.system.operator.add(one.state, out, 1, 1e-8)
+        one.system.operator.accumulate_force(one.state, out, 1, 1e-8)
         broken = one.system.operator.broken()
         mine = (broken.source >= own.start) & (broken.source < own.stop)
         energies = one.system.operator.energies(one.state)

@@ -213,7 +213,7 @@ def _divide_bond(fine, cells, site, x, y, z, k, pieces, count):  # type: ignore[
                     pieces.k[count] = _bond_stiffness(fine, site, slot) / (sides * length)
                     i, j = tiles.node[site], tiles.node[site + tiles.offsets[slot]]
                     pieces.breaks[count] = (
-                        0.0 if tiles.held[i] or tiles.held[j] else fine.weakness[pair_number(tiles, i, j)]
+                        0.0 if tiles.unbreakable[i] or tiles.unbreakable[j] else fine.weakness[pair_number(tiles, i, j)]
                     )
                 count += 1
             part += 1

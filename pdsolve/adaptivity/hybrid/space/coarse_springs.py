@@ -87,7 +87,7 @@ def create_spring_tiles(law: Law, sites: Sites, stiffness: NDArray[np.float64]) 
         cells=aligned(cells),
         kind=np.full(tiles, EMPTY, dtype=np.uint8),
         node=sites.node,
-        held=np.zeros(0, dtype=np.bool_),
+        unbreakable=np.zeros(0, dtype=np.bool_),
         material=np.zeros(0, dtype=np.uint8),
         peak=np.full((1, slots), np.inf),
         limit=np.full((1, slots), np.inf),

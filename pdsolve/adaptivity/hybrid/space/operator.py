@@ -37,10 +37,10 @@ from pdsolve.bonds.assembly import Counted
 from pdsolve.checkpoint_validation import entry, like
 from pdsolve.codegen.vector_code import ROW
 from pdsolve.errors import CheckpointError, LateZoneError
-from pdsolve.lattice.sums import EMPTY, VOLUME, Tiles, hold_some, room_for, sum_some, sum_tiles
+from pdsolve.lattice.sums import EMPTY, VOLUME, Tiles, room_for, sum_some, sum_some_energies, sum_tiles
 from pdsolve.model import Model
 from pdsolve.numerics.thread_team import share
-from pdsolve.operators.protocol import Kept
+from pdsolve.operators.protocol import CheckpointArrays
 from pdsolve.operators.space_lattice import layout
 from pdsolve.operators.space_lattice.operator import ROOM
 from pdsolve.operators.space_lattice.sites import Sites
@@ -78,7 +78,7 @@ class HybridBodyOperator:
         tiles, springs = self._number_tiles(zone.tiles), zone.springs
         springs.node[:] = -1
         springs.node[self._coarse_sites_at(self.sites[self._coarse])] = self._coarse
-        springs = springs._replace(held=np.ones(nodes, np.bool_), material=np.zeros(nodes, np.uint8))
+        springs = springs._replace(unbreakable=np.ones(nodes, np.bool_), material=np.zeros(nodes, np.uint8))
         self._zone = zone._replace(tiles=tiles, springs=springs)
         self._coarse_sites = self.full_body.coarse_sites.margin + self._coarse_sites_at(self.sites[self._coarse])
         self._force, self._density = np.zeros((nodes, 3)), np.zeros((nodes + border, 3))
@@ -109,9 +109,9 @@ class HybridBodyOperator:
         has_node = (tiles.node.reshape(-1, ROW) >= 0).any(axis=1)
         tiles.kind[:] = np.where(has_node, full_tiles.kind, EMPTY)
         every = np.concatenate([self.rows, full_tiles.node[self._border]])
-        unbreakable = full_tiles.held[every]
+        unbreakable = full_tiles.unbreakable[every]
         unbreakable[nodes:] = True
-        return tiles._replace(held=unbreakable, material=full_tiles.material[every])
+        return tiles._replace(unbreakable=unbreakable, material=full_tiles.material[every])
 
     @cached_property
     def model(self) -> Model:
@@ -128,7 +128,7 @@ class HybridBodyOperator:
         mass = self._gather_to_nodes(node_masses(self.full_body.model, self.full_body.sites, self.full_body.fine))
         return MeanDensities(active_model.grid, active_model.settings, active_model.name, mass / self.volume)
 
-    def place(self, state: State) -> State:
+    def to_own_layout(self, state: State) -> State:
         """The state itself: its arrays are those of all nodes."""
         return state
 
@@ -138,7 +138,7 @@ class HybridBodyOperator:
         pieces.place_displacements(self._coarse, self._coarse_sites, value, zone.u_coarse)
         pieces.interpolate_border(margin + self._border, self._on, self._w, value, zone.u)
 
-    def add(self, state: State, out: NDArray[Any], step: int, dt: float) -> None:
+    def accumulate_force(self, state: State, out: NDArray[Any], step: int, dt: float) -> None:
         """Add the force densities (n, 3), N/m^3, to `out`; bonds over their limit break in this `step`, `dt` s long.
 
         Raises LateZoneError if a clipped bond exceeds its limit.
@@ -232,7 +232,7 @@ class HybridBodyOperator:
         """Forces (n, 3), N, at displacements (n, 3), m; nothing breaks."""
         nodes = len(value)
         state, out = State(value, *np.zeros((2, nodes, 3)), *np.zeros((3, nodes))), np.zeros((nodes, 3))
-        self.add(state, out, 0, 0.0)
+        self.accumulate_force(state, out, 0, 0.0)
         return out * self.volume[:, None]
 
     def energies(self, state: State) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
@@ -262,7 +262,7 @@ class HybridBodyOperator:
         self._set_displacements(state.value)
         zone, nodes, node_energy = self._zone, len(self.sites), np.zeros(len(self.sites))
         bond_density, nothing = np.zeros((2, len(self._density)))
-        hold_some(zone.tiles, zone.u, bond_density, nothing, site_mask)
+        sum_some_energies(zone.tiles, zone.u, bond_density, nothing, site_mask)
         coarse_springs.add_spring_energies(
             zone.springs, zone.u_coarse, node_energy, np.flatnonzero(above.reshape(-1, ROW).any(axis=1))
         )
@@ -380,7 +380,7 @@ class HybridBodyOperator:
         zone, box, fine = self._zone, self.full_body.fine.box, self.full_body.fine
         sites = np.unique(self.sites[self.broken(after_step).source])
         hot_sites = np.zeros(26 * max(len(self._coarse), 1), dtype=np.int64)
-        unbreakable = fine.tiles.held[self.rows]
+        unbreakable = fine.tiles.unbreakable[self.rows]
         count = coarse_springs.list_stretched_nodes(
             box, zone.springs, unbreakable, zone.u_coarse, self.full_body.stretch_limit, hot_sites
         )
@@ -402,7 +402,7 @@ class HybridBodyOperator:
         after.counted = after._count_bonds(changed, np.where(changed, 0, self.counted.bonds[row]))
         return after
 
-    def restore_cells(self, checkpoint: Kept) -> HybridBodyOperator:
+    def restore_cells(self, checkpoint: CheckpointArrays) -> HybridBodyOperator:
         """The operator of a checkpoint's cells, some of which have become fine. Raises CheckpointError."""
         cells = like(checkpoint, "cells", self._zone.cells)
         new = (self._zone.cells == COARSE) & (cells == FINE)
@@ -446,12 +446,12 @@ class HybridBodyOperator:
         """All cells (c,)."""
         return self._zone.cells
 
-    def keep(self) -> Kept:
+    def checkpoint_arrays(self) -> CheckpointArrays:
         """The cells and books for a checkpoint."""
         books = np.array([self.history.refinement_energy, self.history.largest])
         return {"cells": self._zone.cells.copy(), "zone_books": books}
 
-    def back(self, checkpoint: Kept, broken: Broken) -> None:
+    def restore(self, checkpoint: CheckpointArrays, broken: Broken) -> None:
         """Restore the broken bonds and the books of a checkpoint of these cells."""
         if not np.array_equal(like(checkpoint, "cells", self._zone.cells), self._zone.cells):
             raise CheckpointError("cells are not those of the nodes")

@@ -79,7 +79,7 @@ def test_a_body_that_spins_keeps_its_momentum_and_its_angular_momentum() -> None
     own = built.grid.bodies.number == 1
     mass, found = (model.rho * system.area)[own], []
     for first, last in ((1, 1), (1, 401)):
-        prepared.march(first, last)
+        prepared.advance(first, last)
         x, v = (built.grid.position + state.value)[own], state.rate[own]
         mean = mass @ v / mass.sum()
         arm, way = x - mass @ x / mass.sum(), v - mean

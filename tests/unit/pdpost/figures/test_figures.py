@@ -147,7 +147,7 @@ def test_colours_end_at_the_usual_largest() -> None:
     assert colours.usual(values) == 2.0
     shown = colours.colours("stress", "xx", values)
     assert (shown.low, shown.high, shown.beyond) == (-2.0, 2.0, "min")
-    assert shown.words == "stress, xx, Pa\n(smallest -100)"
+    assert shown.full_label == "stress, xx, Pa\n(smallest -100)"
     assert colours.colours("energy", "", np.array([1.0, np.nan, 3e3])).label == "strain energy, kJ/m³"
     assert colours.colours("acceleration", "magnitude", np.array([2e7])).label == "acceleration, 10⁶ m/s²"
     assert colours.colours("strain", "xx", np.array([2e-3])).label == "strain, xx, 10⁻³"
@@ -158,11 +158,11 @@ def test_the_largest_that_a_picture_names_is_the_field_s() -> None:
     values = np.full(1000, 2e3)
     values[7] = 123456.0
     shown = colours.colours("energy", "", values)
-    assert (shown.high, shown.words) == (2e3, "strain energy, kJ/m³\n(largest 123.5)")
-    assert colours.colours("energy", "", values, 1e3).words == "strain energy, kJ/m³\n(largest 123.5)"
-    assert colours.colours("energy", "", values, 1e6).words == "strain energy, MJ/m³"
+    assert (shown.high, shown.full_label) == (2e3, "strain energy, kJ/m³\n(largest 123.5)")
+    assert colours.colours("energy", "", values, 1e3).full_label == "strain energy, kJ/m³\n(largest 123.5)"
+    assert colours.colours("energy", "", values, 1e6).full_label == "strain energy, MJ/m³"
     velocity = colours.colours("velocity", "x", np.concatenate([values, [-3e4, -3e4]]), 1e3)
-    assert velocity.words == "velocity, x, 10³ m/s\n(smallest -30, largest 123.5)"
+    assert velocity.full_label == "velocity, x, 10³ m/s\n(smallest -30, largest 123.5)"
 
 
 def test_a_film_names_the_largest_of_all_frames(small_results: Path) -> None:

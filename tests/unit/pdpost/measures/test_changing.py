@@ -104,7 +104,7 @@ def split(path: Path, at: int, side: int = 8) -> Results:
         rows = None if whole else count + np.arange(4 * count)
         books = [LedgerRow(step, 1e-7 * step, *[0.0] * 6, 0)]
         writer.write(Frame(step, 1e-7 * step, fields, NO_BREAKS, books, [], {}, epochs=changes, rows=rows))
-    writer.tell({"summary": json.dumps({"wall_time": 1.0, "steps": 40})})
+    writer.write_meta({"summary": json.dumps({"wall_time": 1.0, "steps": 40})})
     writer.close("finished")
     return Results.open(path)
 

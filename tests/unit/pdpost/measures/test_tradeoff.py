@@ -65,7 +65,7 @@ def run(
         fields = {"ux": u, "uy": 0 * u}
         books = [LedgerRow(at, at * time_step, energy * at / steps, *[0.0] * 5, 0)]
         writer.write(Frame(at, at * time_step, fields, breaks, books, [], {}))
-    writer.tell({"summary": json.dumps({"wall_time": 2.0, "bonds": 10 * count, "steps": steps})})
+    writer.write_meta({"summary": json.dumps({"wall_time": 2.0, "bonds": 10 * count, "steps": steps})})
     writer.close("finished")
     return Results.open(path)
 

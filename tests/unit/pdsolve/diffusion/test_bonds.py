@@ -84,7 +84,7 @@ def test_a_crack_blocks() -> None:
     assert (system.blocked[np.abs(position[:, 1]) < 1] > 0).all()
     state.value[:, 0][:] = np.where(upper, 2.0 + (position[:, 0] > 0), 1.0)
     before = state.value[:, 0][upper].sum()
-    system.stepper.march(state, 1, 200)
+    system.stepper.advance(state, 1, 200)
     assert state.value[:, 0][~upper] == pytest.approx(1.0, rel=1e-13)
     assert state.value[:, 0][upper].sum() == pytest.approx(before, rel=1e-13)
     assert np.ptp(state.value[:, 0][upper]) < 0.3
@@ -121,7 +121,7 @@ def test_two_media_in_a_row_share_the_fall() -> None:
     run = Run(solver="implicit", time_step=100.0, steps=5)
     parts = (MediumRegion(box=(0.5, -1, 2, 1), D=4.0),)
     system, state = prepare(model(position, spacing, Medium(D=1.0), conditions=ends, run=run, media=parts), 1)
-    system.stepper.march(state, 1, 6)
+    system.stepper.advance(state, 1, 6)
     x, C = position[:, 0], state.value[:, 0]
     lines = [np.polyfit(x[some], C[some], 1) for some in ((x > 0.1) & (x < 0.4), (x > 0.6) & (x < 0.9))]
     slope = lines[0][0]
@@ -147,8 +147,8 @@ def test_bonds_in_two_operators_are_those_of_one() -> None:
     both = Together(*parts)
     state.value[:, 0] = np.random.default_rng(4).uniform(0, 1, len(position))
     out, other = np.zeros((2, len(position), 1))
-    both.add(state, out, 1, 0.1)
-    system.operator.add(state, other, 1, 0.1)
+    both.accumulate_force(state, out, 1, 0.1)
+    system.operator.accumulate_force(state, other, 1, 0.1)
     assert out == pytest.approx(other, abs=1e-14 * np.abs(other).max())
     assert both.stiffness_bound() == pytest.approx(system.operator.stiffness_bound(), rel=1e-14)
     assert abs(both.tangent(state) - system.operator.tangent(state)).max() < 1e-14 * system.operator.total.max()

@@ -43,8 +43,9 @@ def strip(share: float, dimension: int, ratio: float, corrected: bool = True, **
     found = prepare(Model(grid(place, H), settings), ONE)
     source, target = found.system.operator.bonds()
     across = (x[source] > CELLS * H / 2) != (x[target] > CELLS * H / 2)
-    found.system.operator.back(
-        found.system.operator.keep(), Broken(np.ones(across.sum(), np.int64), source[across], target[across])
+    found.system.operator.restore(
+        found.system.operator.checkpoint_arrays(),
+        Broken(np.ones(across.sum(), np.int64), source[across], target[across]),
     )
     return found
 
@@ -59,7 +60,7 @@ def along(found: Prepared) -> NDArray[np.float64]:
 def test_a_crack_is_a_resistance_in_a_row(dimension: int, share: float) -> None:
     """With bonds to the next nodes alone: of CELLS - 1 equal resistances one is 1 / share times as large."""
     found = strip(share, dimension, 1.0, corrected=False, solver="static", time_step=10.0, steps=3)
-    found.march(1, 4)
+    found.advance(1, 4)
     T = along(found)
     drop = (HOT - COLD) / (CELLS - 2 + 1 / share)
     steps = np.full(CELLS - 1, drop)
@@ -73,12 +74,12 @@ def test_a_crack_is_a_resistance_in_a_row(dimension: int, share: float) -> None:
 def test_a_crack_that_conducts_nothing_keeps_one_half_cold(dimension: int, solver: str) -> None:
     steps = {"time_step": 10.0, "steps": 1} if solver == "static" else {"steps": 200}
     found = strip(0.0, dimension, 3.0, solver=solver, **steps)
-    found.march(1, 1 + int(steps["steps"]))
+    found.advance(1, 1 + int(steps["steps"]))
     T = along(found)
     assert np.abs(T[CELLS // 2 :] - COLD).max() < 1e-5  # K, round-off of long steps
     assert (T[1 : CELLS // 2] > COLD + 1).all()
     whole = strip(1.0, dimension, 3.0, solver=solver, **steps)
-    whole.march(1, 1 + int(steps["steps"]))
+    whole.advance(1, 1 + int(steps["steps"]))
     assert along(whole)[CELLS // 2] > COLD + 1
 
 

@@ -28,7 +28,7 @@ def test_what_all_nodes_exchange_dies_out_alike(solver: str, theta: float, left:
     run = Run(solver=solver, theta=theta, time_step=0.5, steps=2)  # type: ignore[arg-type]
     system, state = prepare(model(row(10, 1.0), 1.0, UNIT, conditions=(BEGUN, out), run=run), 1)
     assert system.operator.outside == pytest.approx(0.1, rel=1e-12)
-    system.stepper.march(state, 1, 3)
+    system.stepper.advance(state, 1, 3)
     assert state.value[:, 0] == pytest.approx(left**2, rel=1e-12)
     assert float((system.operator.volume * state.work).sum()) == pytest.approx(10 * (left**2 - 1), rel=1e-12)
 
@@ -53,7 +53,7 @@ def test_held_nodes_exchange_nothing_and_are_supplied_nothing(solver: str) -> No
     run = Run(solver=solver, time_step=0.1, steps=40)  # type: ignore[arg-type]
     system, state = prepare(model(row(12, 1.0), 1.0, UNIT, conditions=asked, run=run), 1)
     start = masses(system, state, 0, None)
-    system.stepper.march(state, 1, 41)
+    system.stepper.advance(state, 1, 41)
     now = masses(system, state, 40, start.solid)
     assert (system.operator.outside[:2] == 0).all()
     assert state.value[:, 0][:2] == pytest.approx(1.0, rel=1e-12)
@@ -69,7 +69,7 @@ def test_a_solid_exchanges_what_is_saturated(solver: str) -> None:
     run = Run(solver=solver, time_step=0.5, steps=2)  # type: ignore[arg-type]
     system, state = prepare(model(row(10, 1.0), 1.0, PHASES, conditions=conditions, run=run), 1)
     start = masses(system, state, 0, None)
-    system.stepper.march(state, 1, 3)
+    system.stepper.advance(state, 1, 3)
     now = masses(system, state, 2, start.solid)
     assert state.value[:, 0] == pytest.approx(1 - 0.02, rel=1e-12)
     assert abs(now.balance(start)) < 1e-12  # measured 0; -8e-3 where the content itself leaves
@@ -81,7 +81,7 @@ def test_a_source_follows_its_profile(solver: str) -> None:
     source = Source(box=EVERY, rate=2.0, profile=ALL)
     run = Run(solver=solver, time_step=0.5, steps=2)  # type: ignore[arg-type]
     system, state = prepare(model(row(5, 1.0), 1.0, UNIT, conditions=(source,), run=run), 1)
-    system.stepper.march(state, 1, 3)
+    system.stepper.advance(state, 1, 3)
     rates = [2.0 * at / 4 for at in ((0.0, 0.5) if solver == "explicit" else (0.5, 1.0))]
     assert state.value[:, 0] == pytest.approx(0.5 * sum(rates), rel=1e-12)
     assert float((system.operator.volume * state.work).sum()) == pytest.approx(5 * 0.5 * sum(rates), rel=1e-12)
@@ -93,7 +93,7 @@ def test_held_values_follow_their_profile() -> None:
     for solver in ("explicit", "implicit"):
         run = Run(solver=solver, time_step=0.25, steps=4)  # type: ignore[arg-type]
         system, state = prepare(model(row(9, 1.0), 1.0, UNIT, conditions=(held,), run=run), 1)
-        system.stepper.march(state, 1, 5)
+        system.stepper.advance(state, 1, 5)
         assert state.value[:, 0][:2] == pytest.approx(2.0, rel=1e-12)
     profiles = system.drive.profiles
     assert [factors_at(profiles, time).tolist() for time in (-1.0, 1.0, 9.0)] == [[0.0], [0.25], [1.0]]
@@ -143,7 +143,7 @@ def test_bonds_of_a_kinetic_dissolution(k_diss: float, capped: bool, C: float) -
     conditions = Solid(nodes=(1,)), InitialConcentration(nodes=(2,), value=C)
     system, state = prepare(model(row(2, 1.0), 1.0, medium, conditions=conditions, run=Run(time_step=1e-3)), 1)
     g = float(system.operator.total[0])
-    system.stepper.march(state, 1, 2)
+    system.stepper.advance(state, 1, 2)
     given = 0.0 if capped and C == 0.2 else 1e-3 * k_diss * g * (1.0 - C)
     assert state.value[:, 0] == pytest.approx([1.0 - given, C + given], rel=1e-12)
     assert system.operator.share(state).tolist() == [1, 0]
@@ -155,7 +155,7 @@ def test_a_kinetic_solid_is_liquid_at_C_sat() -> None:
     run, solid = Run(time_step=1e-3), (Solid(nodes=(1, 2)),)
     system, state = prepare(model(row(2, 1.0), 1.0, medium, conditions=solid, run=run), 1)
     state.value[:, 0][:] = 0.25, 0.5
-    system.stepper.march(state, 1, 2)
+    system.stepper.advance(state, 1, 2)
     assert system.operator.share(state).tolist() == [0, 1]
 
 
@@ -170,7 +170,7 @@ def test_nodes_on_a_held_edge_are_inside(solver: str) -> None:
     system, state = prepare(model(row(10, 1.0), 1.0, UNIT, conditions=ends, run=run), 1)
     start = masses(system, state, 0, None)
     for first, last in ((1, 11), (11, 901)):
-        system.stepper.march(state, first, last)
+        system.stepper.advance(state, first, last)
         now = masses(system, state, last - 1, start.solid)
         assert abs(now.balance(start)) < 1e-12
     assert now.inside == pytest.approx(10 * 8.0 / 2, rel=1e-6)  # 32 without the node that holds 8

@@ -58,7 +58,7 @@ def test_steps(name: str) -> None:
     begin = here.state.value.copy()
     for problem in (here, there):
         for first, last in ((1, 2), (2, 5), (5, 280)):
-            problem.march(first, last)
+            problem.advance(first, last)
     assert np.abs(here.state.value - begin).max() > 0.05
     assert all(map(np.array_equal, here.state, there.state))
     assert there.system.device != "cpu"

@@ -33,10 +33,10 @@ def test_rows_of_a_part_have_the_rates_of_the_whole(medium: Medium, kernel: str)
     begin, end = int(far.argmax()), nodes - int(far[::-1].argmax())
     assert 0 < begin < first < last < end < nodes
     part = whole.part(first, last, begin, end)
-    whole.add(state, out, 1, 1e-3)
+    whole.accumulate_force(state, out, 1, 1e-3)
     window, found = type(state)(*(values[begin:end].copy() for values in state)), np.zeros((end - begin, 1))
     window.work[:] = 0
-    part.add(window, found, 1, 1e-3)
+    part.accumulate_force(window, found, 1, 1e-3)
     own = slice(first - begin, last - begin)
     assert found[own].tobytes() == out[first:last].tobytes()
     assert np.abs(out[first:last]).min() > 0

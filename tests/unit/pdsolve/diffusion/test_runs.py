@@ -98,7 +98,7 @@ def test_a_flux_comes_in_by_its_length() -> None:
     flux = Source(nodes=ids(position[:, 1] < -4), flux=0.3, length=12.0)
     run = Run(time_step=0.1, steps=100)
     system, state = prepare(model(position, 1.0, Medium(D=1.0), conditions=(flux,), run=run), 1)
-    system.stepper.march(state, 1, 101)
+    system.stepper.advance(state, 1, 101)
     assert (system.operator.volume * state.value[:, 0]).sum() == pytest.approx(36.0, rel=1e-12)
 
 

@@ -23,7 +23,7 @@ REST = Run(solver="implicit", time_step=1e7, steps=3)
 def rest(of: Model, listed: bool = False) -> tuple[Transport, State]:
     """What is left after three steps of 1e7 s: 1e-7 of what is held at most."""
     system, state = prepare(of, 1, listed=listed)
-    system.stepper.march(state, 1, 4)
+    system.stepper.advance(state, 1, 4)
     return system, state
 
 
@@ -118,7 +118,7 @@ def test_bonds_stay_symmetric_and_positive() -> None:
     assert system.bound == pytest.approx(1 / leaves[free].max(), rel=1e-12)
     dice = np.random.default_rng(3)
     state.value[:, 0][free] = dice.integers(0, 2, free.sum())
-    system.stepper.march(state, 1, 51)
+    system.stepper.advance(state, 1, 51)
     assert state.value[:, 0].min() >= 0
     assert state.value[:, 0].max() <= 1 + 1e-12
 
@@ -176,7 +176,7 @@ def bar(**more: object) -> Model:
 def test_an_edge_beside_nodes_is_in_the_books() -> None:
     """What comes through it is supplied; a profile holds for it; all is filled in the end."""
     system, state = prepare(bar(profile=((0.0, 0.0), (1e4, 1.0))), 1)
-    system.stepper.march(state, 1, 31)
+    system.stepper.advance(state, 1, 31)
     assert state.value[:, 0] == pytest.approx(2.0, rel=1e-3)
     inside = float((system.operator.volume * state.value[:, 0]).sum())
     assert float((system.operator.volume * state.work).sum()) == pytest.approx(inside, rel=1e-12)

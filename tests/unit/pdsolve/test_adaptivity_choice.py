@@ -17,7 +17,7 @@ from zoned_plates import rectangle
 from pdmesh.drawing.additions import ADAPT
 from pdmesh.model.document import Acceleration, Hybrid, Load, Run, Velocity
 from pdmesh.model.material import Material
-from pdsolve.adaptivity.hybrid.outlook import _largest_strain, choose_adaptivity, predict_zone
+from pdsolve.adaptivity.hybrid.adaptivity_choice import _largest_strain, choose_adaptivity, predict_zone
 from pdsolve.errors import UnstableError
 from pdsolve.model import Model, ModelWarning
 from pdsolve.results import Results
@@ -183,7 +183,7 @@ def test_no_wider_zone_cures_steps_that_are_too_long(tmp_path: Path) -> None:
 @pytest.mark.slow
 def test_in_the_end_all_nodes_are_fine(monkeypatch: pytest.MonkeyPatch) -> None:
     """Where the widest trigger is too late as well, the run is that without a moving zone."""
-    monkeypatch.setattr("pdsolve.adaptivity.hybrid.outlook.WIDER", (0.69,))  # at 0.5 this zone grows in time
+    monkeypatch.setattr("pdsolve.adaptivity.hybrid.adaptivity_choice.WIDER", (0.69,))  # at 0.5 this zone grows in time
     with warnings.catch_warnings(record=True) as found:
         warnings.simplefilter("always", ModelWarning)
         one = simulate(stretched(4.0))
