@@ -16,6 +16,7 @@ pdsolve.laws.law; pdsolve.laws.pair says the same in a few lines and is what thi
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -41,7 +42,15 @@ from pdsolve.lattice.bond import (
     where_weight,
     zeros,
 )
-from pdsolve.laws.calls import added_force, bond_strain_energy, broken_energy, dissipated_energy, pair_of, secant
+from pdsolve.laws.calls import (
+    added_force,
+    bond_strain_energy,
+    broken_energy,
+    dissipated_energy,
+    pair_of,
+    secant,
+    second_force,
+)
 
 # Tiles: without a node; what their bonds' stiffnesses are made of; and the same of tiles with a memory
 EMPTY, ALIKE, CORRECTED, GENERAL, SOFT_ALIKE, SOFT_CORRECTED, SOFT_GENERAL = range(7)
@@ -82,12 +91,33 @@ class Breaks(NamedTuple):
 
     used: NDArray[np.int64]  # (1,) bonds
     bonds: NDArray[np.int64]  # (., 3) step, and rows of source and target
+    places: NDArray[np.int64]  # (., 2) site of the source, from the first tile on, and slot
+    openings: NDArray[np.float64]  # (.,) stretch one step before
 
 
 @register_jitable
 def room_for(bonds: int) -> Breaks:
     """Room for so many bonds that break."""
-    return Breaks(np.zeros(1, dtype=np.int64), np.empty((bonds, 3), dtype=np.int64))
+    columns = np.empty((bonds, 3), dtype=np.int64), np.empty((bonds, 2), dtype=np.int64), np.empty(bonds)
+    return Breaks(np.zeros(1, dtype=np.int64), *columns)
+
+
+def taken(breaks: Breaks, first: int = 0) -> Breaks:
+    """A copy of the breaks from `first` on."""
+    last = int(breaks.used[0])
+    return Breaks(np.array([last - first]), *(column[first:last].copy() for column in breaks[1:]))
+
+
+def joined(breaks: Sequence[Breaks]) -> Breaks:
+    """Some breaks one after the other."""
+    columns = zip(*(one[1:] for one in breaks), strict=True)
+    return Breaks(sum((one.used for one in breaks), np.zeros(1, np.int64)), *map(np.concatenate, columns))
+
+
+def selected(breaks: Breaks, which: NDArray[Any]) -> Breaks:
+    """Some of the breaks, by mask (b,) or by numbers (k,)."""
+    columns = [column[: breaks.used[0]][which] for column in breaks[1:]]
+    return Breaks(np.array([len(columns[0])]), *columns)
 
 
 @njit(**INNER)
@@ -239,10 +269,44 @@ def _update_slot(tiles, motion, pulls, dissipated, breaks, t, lane, slot):  # ty
         modulus = w / row[where_inverse(len(u))] / 4
         dissipated[i] += broken_energy(tiles.law, modulus, stretch, last, peak, limit)
         tiles.bits[t, slot] &= ~(np.uint16(1) << np.uint16(k))
-        bond = breaks.bonds[breaks.used[0]]
-        bond[0], bond[1], bond[2] = motion.step, i, j
-        breaks.used[0] += 1
+        _record(breaks, motion.step, i, j, site, slot, last if tiles.law.matches_work and last < limit else limit)
     return True
+
+
+@njit(**INNER)
+def _record(breaks, step, i, j, site, slot, opening):  # type: ignore[no-untyped-def]
+    """Record a bond that breaks."""
+    n = breaks.used[0]
+    breaks.bonds[n, 0], breaks.bonds[n, 1], breaks.bonds[n, 2] = step, i, j
+    breaks.places[n, 0], breaks.places[n, 1], breaks.openings[n] = site, slot, opening
+    breaks.used[0] = n + 1
+
+
+@njit(**INNER)
+def pull_again(tiles, motion, pulls, breaks, n):  # type: ignore[no-untyped-def]
+    """Add the second pull of the broken bond n to `pulls` (d, .), if it broke one step ago."""
+    if breaks.bonds[n, 0] != motion.step - 1:
+        return
+    site, slot, u = breaks.places[n, 0], breaks.places[n, 1], motion.u
+    t, row, offset = site // ROW, tiles.table[slot], tiles.offsets[slot]
+    i, j, place, memory = tiles.node[site], tiles.node[site + offset], tiles.margin + site, np.int64(tiles.memory[t])
+    pair, worst = pair_number(tiles, i, j), tiles.worst[memory, slot, site % ROW] if memory >= 0 else 0.0
+    near, far = (place, place + offset) if motion.by_sites else (np.int64(i), np.int64(j))
+    stretch = _stretch(row, u, place, offset)
+    last = _stretch_before(row, u, motion.rate, motion.dt, place, offset, near, far)
+    limits = tiles.peak[pair, slot], tiles.limit[pair, slot]
+    pull = second_force(tiles.law, np.float64(stretch), last, breaks.openings[n], worst, *limits)
+    pull *= stiffness(tiles, row, t, place, offset) / (1 + stretch)
+    for axis in range(len(u)):
+        pulls[axis, near] += pull * (row[axis] + (u[axis, place + offset] - u[axis, place]))
+
+
+@cached_njit(nogil=True, error_model="numpy")
+def pull_all_again(tiles, u, rate, dt, step, breaks, out):  # type: ignore[no-untyped-def]
+    """Add the second pulls of the bonds that broke one step ago, N/m^3, to `out` (n, d)."""
+    motion = Motion(u, rate.T, False, dt, step)
+    for n in range(breaks.used[0]):
+        pull_again(tiles, motion, out.T, breaks, n)
 
 
 @njit(**INNER)

@@ -8,6 +8,7 @@ from __future__ import annotations
 from inspect import Parameter, Signature, signature
 from typing import Any
 
+import numpy as np
 from numba.extending import overload, register_jitable
 from numpy.typing import NDArray
 
@@ -179,6 +180,33 @@ def added_force(law, stretch, before, worst, peak, limit):  # type: ignore[no-un
     if law.matches_work:  # in double precision, as small differences of energies are divided by small growths
         return matching_force(law, 1.0 * stretch, 1.0 * before, 1.0 * worst, 1.0 * peak, 1.0 * limit)
     return 0.0
+
+
+@register_jitable(**INNER)
+def second_share(growth, next_growth):  # type: ignore[no-untyped-def]
+    """What a bond adds one step after the step in which it broke, over its `matching_force` f of that step.
+
+    There its stretch grew by a, the `growth`, and f does its work in halves, f a / 2 and f b / 2, as if the
+    `next_growth` b of this step were a; but f slows the nodes, and b is smaller. A force g f in this step does the
+    rest, in halves too, and slows the nodes further in proportion: g b / 2 + g (b - g (a - b)) / 2 = (a - b) / 2, thus
+    with r = a / b - 1: g = r / (1 + sqrt(1 - r^2)). It is at most 1, and 0 where the stretch does not grow.
+    """
+    if next_growth <= GROWTH or growth <= GROWTH:
+        return 0.0
+    r = growth / next_growth - 1
+    return r / (1 + np.sqrt(1 - r * r)) if r < 1 else 1.0
+
+
+@register_jitable(**INNER)
+def second_force(law, stretch, before, first, worst, peak, limit):  # type: ignore[no-untyped-def]
+    """Force over stiffness that a bond adds one step after the step in which it broke and had the stretches `first` and
+    `before`; see `second_share`."""
+    then, start = 1.0 * before, 1.0 * first
+    if not law.matches_work:
+        return 0.0
+    over_limit = max(then, limit * (1 + GROWTH))  # round-off of displacements does not mend the bond
+    pull = matching_force(law, over_limit, start, 1.0 * worst, 1.0 * peak, 1.0 * limit)
+    return pull * second_share(then - start, stretch - then)
 
 
 @register_jitable(**INNER)

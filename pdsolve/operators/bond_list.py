@@ -18,6 +18,7 @@ from pdsolve.model import Model
 from pdsolve.numerics.thread_team import share
 from pdsolve.operators import bond_list_loops as loops
 from pdsolve.operators.family_stiffness_bound import resistance
+from pdsolve.operators.openings import read_openings
 from pdsolve.operators.protocol import CheckpointArrays
 from pdsolve.state import Broken, State, Unknown
 
@@ -60,7 +61,8 @@ class BondList:
             self._take(columns, exact)
             self._stiffness_bound = self._resistance(law, exact)
         self._take(columns if precision == "float64" else law.columns(model, bonds), bonds)
-        self._failing = np.zeros(len(bonds.neighbour), dtype=np.bool_)
+        self._failing, none = np.zeros(len(bonds.neighbour), dtype=np.bool_), np.zeros(0, dtype=np.int64)
+        self._torn_bonds, self._torn_in = loops.torn_bonds(none, none, 0), -1  # the last that failed, and the step
 
     def _take(self, columns: Any, bonds: Bonds) -> None:
         """Replace the columns and the bonds."""
@@ -95,6 +97,8 @@ class BondList:
             add = partial(loops.update_rows, self._list, self.columns, now, between, out, state.dissipated)
             share(lambda first, last: add(begin + first, begin + last), end - begin, self._threads)
             return
+        if step > 0:
+            self._pull_again(now, out)
         torn = self._torn(now, between) if step > 0 else None
         if torn is not None:
             before = np.zeros_like(out)
@@ -136,9 +140,21 @@ class BondList:
     ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Force densities (n, w), N/m^3, that match the work of the marked bonds of these nodes (k,), and which share
         (n,) they spend of the energy that they release at a node, 0 at other nodes; -1 where it is unknown."""
-        matched, spent = np.zeros(now.value.shape), np.zeros(self._nodes)
-        self._share_some(loops.match_rows, torn, now, between, self._failing, matched, spent)
+        matched, spent, bonds = np.zeros(now.value.shape), np.zeros(self._nodes), self._marked(torn)
+        self._torn_bonds = loops.torn_bonds(bonds, ends(self._bonds, bonds)[0], now.value.shape[1])
+        self._torn_in = now.step
+        self._share_some(loops.match_rows, torn, now, between, self._torn_bonds, matched, spent)
         return matched, spent
+
+    def _marked(self, rows: NDArray[np.int64]) -> NDArray[np.int64]:
+        """The bonds (b,) of these nodes (k,) that are marked as failing."""
+        start = self._list.start
+        return np.concatenate([start[i] + np.flatnonzero(self._failing[start[i] : start[i + 1]]) for i in rows])
+
+    def _pull_again(self, now: Now, out: NDArray[Any]) -> None:
+        """Add the second pulls of bonds that failed one step ago to `out` (n, w), N/m^3."""
+        if self._torn_in == now.step - 1:
+            loops.pull_again(self._list, now, self._torn_bonds, out)
 
     def _book(
         self,
@@ -168,8 +184,7 @@ class BondList:
         self, now: Now, between: NDArray[Any], rows: NDArray[np.int64], dissipated: NDArray[np.float64]
     ) -> NDArray[Any]:
         """Let the marked bonds of these nodes (k,) fail, and book the energy lost; returns the new nodal numbers."""
-        start, touched = self._list.start, rows
-        bonds = np.concatenate([start[i] + np.flatnonzero(self._failing[start[i] : start[i + 1]]) for i in rows])
+        start, touched, bonds = self._list.start, rows, self._marked(rows)
         if self.law.again is not None:
             near = np.zeros(self._nodes, dtype=np.bool_)
             near[rows] = True
@@ -256,12 +271,20 @@ class BondList:
             column = getattr(self.columns, name)
             which = np.flatnonzero(column)
             source, target = ends(self._bonds, which)
-            checkpoint |= {name: column[which], f"{name}_source": source, f"{name}_target": target}
+            if name != "opening" or len(which):
+                checkpoint |= {name: column[which], f"{name}_source": source, f"{name}_target": target}
+        if len(self._torn_bonds.bond):
+            _, target = ends(self._bonds, self._torn_bonds.bond)
+            force_and_growth = np.column_stack([self._torn_bonds.force, self._torn_bonds.growth])
+            checkpoint |= {"torn": force_and_growth, "torn_source": self._torn_bonds.source, "torn_target": target}
         return checkpoint | {name: getattr(self.columns, name).copy() for name in self._node_history_names()}
 
     def restore(self, checkpoint: CheckpointArrays, broken: Broken) -> None:
         """Restore the history of bonds and the broken bonds of a checkpoint."""
-        memory = {name: self._memory(checkpoint, name) for name in self._bond_history_names()}
+        memory = {name: self._memory(checkpoint, name) for name in self._bond_history_names() if name != "opening"}
+        if "opening" in self._bond_history_names():
+            openings = read_openings(checkpoint, self._nodes, self.columns.opening.dtype)
+            memory["opening"] = openings.stretch, openings.source, openings.target
         for name, (values, source, target) in {"broken": broken, **memory}.items():
             column, bonds = getattr(self.columns, name), find(self._bonds, source, target)
             column[:] = 0
@@ -269,7 +292,19 @@ class BondList:
         for name in self._node_history_names():
             column = getattr(self.columns, name)
             column[:] = like(checkpoint, name, column)
+        if "torn" in checkpoint:
+            self._restore_torn_bonds(checkpoint)
         self._lose(np.flatnonzero(self._steps()), self._every)
+
+    def _restore_torn_bonds(self, checkpoint: CheckpointArrays) -> None:
+        """Restore the bonds that failed in the last step in which any did. Raises CheckpointError."""
+        width = sum(unknown.width for unknown in self.unknowns)
+        torn = entry(checkpoint, "torn", (None, width + 1), float)
+        source, target = (
+            entry(checkpoint, f"torn_{end}", (len(torn),), np.int64, 0, self._nodes - 1) for end in ("source", "target")
+        )
+        bonds, self._torn_in = find(self._bonds, source, target), int(self._steps().max(initial=0))
+        self._torn_bonds = loops.TornBonds(bonds, source, torn[:, :-1].copy(), torn[:, -1].copy())
 
     def _memory(
         self, checkpoint: CheckpointArrays, name: str

@@ -5,9 +5,10 @@ One thread sums a row in the order of its neighbours, so that the result does no
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from pdsolve.codegen.jit_cache import cached_njit
 from pdsolve.laws.bond_arrays import deformed, stretch_before
@@ -27,12 +28,27 @@ from pdsolve.laws.calls import (
     nodal_energy,
     nodal_numbers,
     numbers,
+    second_share,
     update_bond,
     update_history,
 )
 from pdsolve.laws.small_tensors import blank, summed
 
 KERNEL: dict[str, Any] = {"nogil": True, "error_model": "numpy"}
+
+
+class TornBonds(NamedTuple):
+    """Bonds (k,) that failed in a step, in order."""
+
+    bond: NDArray[np.int64]
+    source: NDArray[np.int64]  # row of the node whose bond it is
+    force: NDArray[np.float64]  # (k, w) that matches its work, N/m^3
+    growth: NDArray[np.float64]  # of the stretch in that step
+
+
+def torn_bonds(bond: NDArray[np.int64], source: NDArray[np.int64], width: int) -> TornBonds:
+    """Bonds that fail, before their forces are known."""
+    return TornBonds(bond, source, np.zeros((len(bond), width)), np.zeros(len(bond)))
 
 
 @cached_njit(**KERNEL)
@@ -174,9 +190,10 @@ def fail_rows(bonds, law, now, m, near, failing, torn, first, last):  # type: ig
 
 
 @cached_njit(**KERNEL)
-def match_rows(bonds, law, now, m, failing, out, spent, rows, first, last):  # type: ignore[no-untyped-def]
-    """Add to the rows of `out` the forces of failing bonds that match their work, as `calls.added_force`; set in
-    `spent` which share of the energy that bonds release now they have spent at their thresholds, -1 if one has none.
+def match_rows(bonds, law, now, m, torn, out, spent, rows, first, last):  # type: ignore[no-untyped-def]
+    """Add to the rows of `out` the forces of failing bonds that match their work, as `calls.added_force`, and set those
+    in `torn`; set in `spent` which share of the energy that bonds release now they have spent at their thresholds, -1
+    if one has none.
 
     They are shares of the forces of now, which grow with the stretch s from s_n to s_(n+1): with the threshold s0 they
     are (s0^2 - s_n s_(n+1)) / (2 s_(n+1) (s_(n+1) - s_n)).
@@ -184,9 +201,8 @@ def match_rows(bonds, law, now, m, failing, out, spent, rows, first, last):  # t
     f = np.empty(out.shape[1], dtype=out.dtype)
     for at in range(first, last):
         i, every, threshold_work = rows[at], 0.0, 0.0
-        for k in range(bonds.start[i], bonds.start[i + 1]):
-            if not failing[k]:
-                continue
+        for n in range(np.searchsorted(torn.bond, bonds.start[i]), np.searchsorted(torn.bond, bonds.start[i + 1])):
+            k = torn.bond[n]
             j = bonds.neighbour[k]
             bond = deformed(bonds, now.value, i, j, k)
             before, limit = stretch_before(bond, now, i, j), failure_stretch(law, bond, now, m, i, j, k)
@@ -200,9 +216,23 @@ def match_rows(bonds, law, now, m, failing, out, spent, rows, first, last):  # t
             for a in range(len(bond.xi)):
                 along += f[a] * (bond.xi[a] + bond.eta[a]) * bond.stretch
             every, threshold_work = every + along, threshold_work + along * (limit / bond.stretch) ** 2
+            torn.growth[n] = bond.stretch - before
             for a in range(len(f)):
-                out[i, a] += share * f[a]
+                torn.force[n, a] = share * f[a]
+                out[i, a] += torn.force[n, a]
         spent[i] = threshold_work / every if every > 0 and threshold_work >= 0 else -1.0
+
+
+@cached_njit(**KERNEL)
+def pull_again(bonds, now, torn, out):  # type: ignore[no-untyped-def]
+    """Add the second pulls of bonds that failed one step ago to `out` (n, w)."""
+    for n in range(len(torn.bond)):
+        i, k = torn.source[n], torn.bond[n]
+        j = bonds.neighbour[k]
+        bond = deformed(bonds, now.value, i, j, k)
+        share = second_share(torn.growth[n], bond.stretch - stretch_before(bond, now, i, j))
+        for a in range(out.shape[1]):
+            out[i, a] += share * torn.force[n, a]
 
 
 @cached_njit(**KERNEL)

@@ -19,7 +19,20 @@ from pdsolve.codegen.lanes import across, beside, keep, same
 from pdsolve.codegen.vector_code import ROW
 from pdsolve.conditions import Drive, apply_loads, constrained_components
 from pdsolve.lattice.bond import IN_PLACE, advanced, divided, zeros
-from pdsolve.lattice.sums import EMPTY, UNAGED, UNDONE, Breaks, Motion, has_room, room_for, sum_lanes
+from pdsolve.lattice.sums import (
+    EMPTY,
+    UNAGED,
+    UNDONE,
+    Breaks,
+    Motion,
+    has_room,
+    joined,
+    pull_again,
+    room_for,
+    selected,
+    sum_lanes,
+    taken,
+)
 from pdsolve.numerics.thread_team import gate_of, meet, side_by_side
 from pdsolve.operators.simd_lattice.layout import aligned
 from pdsolve.operators.space_lattice.operator import SpaceLattice
@@ -105,6 +118,7 @@ class LatticeMarch:
         self._operator, self._dt = operator, dt
         self._of_lanes = drive._replace(holds=drive.holds._replace(node=lane))
         self._breaks = [room_for(ROOM * ROW * len(sites.ways)) for _ in range(operator.threads)]
+        self._shared = [0] * operator.threads  # bonds at the beginning of these that the operator knows already
         self._course = TileMotion(
             u=(operator.u, like_u()),
             v=(like_u(), like_u()),
@@ -146,27 +160,42 @@ class LatticeMarch:
             drive, breaks = self._of_lanes, self._breaks[thread]
             sweep_tiles(self._operator.tiles, self._course, drive, state, self._dt, sweeps, breaks, thread, gate)
 
-        broken: list[NDArray[np.int64]] = []
+        breaks: list[Breaks] = []
+        self._share_openings()
         stop[0], gate = -1, gate_of(threads)
         side_by_side(lambda thread: sweep(thread, begin, end, False, gate), threads)
         while stop[0] >= 0:
             end = int(stop[0]) + 1
-            broken += self._collect_breaks()
+            breaks += self._collect_breaks()
             self._operator.extend(np.flatnonzero(self._course.waiting == NO_MEMORY))
             stop[0] = -1
             sweep(0, end - 1, end, True, gate_of(1))
-        bonds = np.concatenate(broken + self._collect_breaks())
-        if len(bonds):  # the same on any number of threads: in the order of steps, and of tiles
-            tile = self._operator.sites.site[bonds[:, 1]] // ROW
-            self._operator.take_out(bonds[np.lexsort((tile, bonds[:, 0]))])
+        new = joined(breaks + self._collect_breaks())
+        if new.used[0]:  # the same on any number of threads: in the order of steps, and of tiles
+            self._operator.take_out(selected(new, np.lexsort((new.places[:, 0] // ROW, new.bonds[:, 0]))))
         return end
 
-    def _collect_breaks(self) -> list[NDArray[np.int64]]:
-        """The bonds (., 3) of each thread that broke since the last call, whose room is free again."""
-        bonds = [breaks.bonds[: breaks.used[0]].copy() for breaks in self._breaks]
-        for breaks in self._breaks:
-            breaks.used[0] = 0
-        return bonds
+    def _share_openings(self) -> None:
+        """Give each thread the bonds of its tiles that broke in the last step, before those that it will break."""
+        openings, count, threads = self._operator.openings, len(self._operator.tiles.kind), self._operator.threads
+        tile = openings.places[:, 0] // ROW
+        for thread in range(threads):
+            own = (tile >= count * thread // threads) & (tile < count * (thread + 1) // threads)
+            breaks = self._breaks[thread]
+            used = self._shared[thread] = np.count_nonzero(own)
+            room = used + ROOM * ROW * len(self._operator.sites.ways)
+            if room > len(breaks.bonds):
+                breaks = self._breaks[thread] = room_for(room)
+            for column, values in zip(breaks[1:], openings[1:], strict=True):
+                column[:used] = values[own]
+            breaks.used[0] = used
+
+    def _collect_breaks(self) -> list[Breaks]:
+        """The bonds of each thread that broke since the last call, whose room is free again."""
+        new = [taken(breaks, shared) for breaks, shared in zip(self._breaks, self._shared, strict=True)]
+        for breaks, shared in zip(self._breaks, self._shared, strict=True):
+            breaks.used[0] = shared
+        return new
 
 
 @cached_njit(nogil=True, error_model="numpy")
@@ -191,6 +220,8 @@ def sweep_tiles(tiles, tile_motion, drive, state, dt, sweeps, breaks, thread, ga
         now, after = sweep % 2, (sweep + 1) % 2
         motion = Motion(tile_motion.u[now], tile_motion.v[now], True, dt, step)
         sweep_state = Sweep(motion, state, breaks, after, starts, ends)
+        if not starts and not again:
+            _pull_again(tiles, tile_motion, sweep_state)
         for t in range(first_tile, end_tile):
             if again and tile_motion.waiting[t] == READY:
                 continue
@@ -200,6 +231,27 @@ def sweep_tiles(tiles, tile_motion, drive, state, dt, sweeps, breaks, thread, ga
         meet(gate)
         if tile_motion.stop[0] == sweep:
             return
+
+
+@njit(**INNER)
+def _pull_again(tiles, tile_motion, sweep_state):  # type: ignore[no-untyped-def]
+    """Put the second pulls of the thread's bonds that broke one step ago where those of its tiles are summed."""
+    breaks, motion, pulls = sweep_state.breaks, sweep_state.motion, tile_motion.v[sweep_state.after]
+    last = first = breaks.used[0]
+    while first > 0 and breaks.bonds[first - 1, 0] == motion.step - 1:
+        first -= 1
+    for n in range(first, last):
+        tile = breaks.places[n, 0] // ROW
+        if not tile_motion.pulled[tile]:
+            _clear_pulls(tiles, tile_motion, pulls, tile)
+        pull_again(tiles, motion, pulls, breaks, n)
+
+
+@njit(**INNER)
+def _clear_pulls(tiles, tile_motion, pulls, tile):  # type: ignore[no-untyped-def]
+    """Begin the sum of the pulls of a tile's bonds."""
+    tile_motion.pulled[tile] = True
+    pulls[:, tiles.margin + tile * ROW : tiles.margin + tile * ROW + ROW] = 0
 
 
 @njit(**IN_PLACE)

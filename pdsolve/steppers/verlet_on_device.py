@@ -116,7 +116,11 @@ class VerletOnDevice:
     def _launch_step(self, step: int, phase: int, factor_row: int) -> None:
         operator, drive = self._operator, self._drive
         before, now, after = self._u
-        if isinstance(operator, FamiliesOnDevice) and not phase & STARTS and operator.sum_families(now):
+        if (
+            isinstance(operator, FamiliesOnDevice)
+            and not phase & STARTS
+            and (operator.sum_families(now) or operator.pulls_again(step))
+        ):
             for buffer, values in ((now, self._state.value), (self._v[0], self._state.rate)):
                 self._read_buffer(buffer, values)
             operator.fail(now, self._state, step, self._dt)

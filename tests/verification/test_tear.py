@@ -28,9 +28,13 @@ COHESIVE = Material(E=65e9, rho=2235.0, G0=204.0, law="cohesive", shape="exponen
 
 
 @pytest.mark.parametrize("options", [Options(kernel="listed"), Options()], ids=["listed", "blocks"])
-@pytest.mark.parametrize(("speed", "share"), [(100.0, 1.0), (200.0, 1.0), (20.0, 0.25), (50.0, 0.25), (200.0, 0.25)])
+@pytest.mark.parametrize(
+    ("speed", "share"),
+    [(15.0, 1.0), (20.0, 1.0), (30.0, 1.0), (50.0, 1.0), (200.0, 1.0), (20.0, 0.5), (20.0, 0.25), (200.0, 0.25)],
+)
 def test_a_brittle_cut_costs_its_energy(speed: float, share: float, options: Options) -> None:
-    """Measured .974 to .983 of G0 H, booked is the cut of the lattice itself; bonds that are gone at once: 0."""
+    """Measured .970 to .979 of G0 H, booked is the cut of the lattice itself; bonds that are gone at once: 0; without
+    the second pull .819 to .983."""
     found = torn(speed, share, options=options)
     assert found.taken == pytest.approx(1, abs=0.03)
     assert found.booked == pytest.approx(0.979, abs=0.001)
@@ -38,11 +42,11 @@ def test_a_brittle_cut_costs_its_energy(speed: float, share: float, options: Opt
     assert found.momentum < 1e-12  # measured 4e-14
 
 
-def test_at_long_steps_the_rest_is_of_second_order() -> None:
-    """At 20 m/s bonds slow the halves within a step, while they still pull: the worst speed there is."""
-    missing = [0.979 - torn(20.0, share).taken for share in (1.0, 0.5, 0.25)]
-    assert missing == pytest.approx([0.118, 0.017, 0.005], abs=0.002)
-    assert missing[0] / missing[2] > 16  # measured 23
+def test_at_ten_metres_a_second_more_than_the_cut_breaks() -> None:
+    """Halves that hardly part break 134 to 146 bonds in place of 132; measured .944 to 1.000 of G0 H."""
+    cuts = [torn(10.0, share) for share in (1.0, 0.71, 0.5, 0.25)]
+    assert [cut.bonds for cut in cuts] == [146, 134, 136, 134]
+    assert [cut.taken for cut in cuts] == pytest.approx([0.964, 0.944, 1.0, 0.994], abs=0.002)
 
 
 @pytest.mark.slow
@@ -51,9 +55,9 @@ def test_at_long_steps_the_rest_is_of_second_order() -> None:
     [(BILINEAR, 0.979), (COHESIVE, 0.988), (ORDINARY, 0.976)],
     ids=["bilinear", "cohesive", "ordinary"],
 )
-@pytest.mark.parametrize(("speed", "share"), [(100.0, 0.5), (200.0, 0.5), (200.0, 0.25)])
+@pytest.mark.parametrize(("speed", "share"), [(100.0, 1.0), (100.0, 0.5), (200.0, 0.5), (200.0, 0.25)])
 def test_other_laws_cost_their_energy_too(speed: float, share: float, material: Material, lattice: float) -> None:
-    """Measured .974 to .989 of G0 H, booked within 5e-3 of it; gone at once, ordinary families cost -.02 at 50 m/s."""
+    """Measured .974 to .990 of G0 H, booked within 5e-3 of it; gone at once, ordinary families cost -.02 at 50 m/s."""
     found = torn(speed, share, material)
     assert found.taken == pytest.approx(1, abs=0.03)
     assert found.booked == pytest.approx(lattice, abs=0.002)
@@ -96,16 +100,16 @@ def test_a_cut_of_a_body(kernel: str) -> None:
     options = Options(kernel=kernel)
     built = pdmesh.build(pdmesh.Body(pdmesh.Box((0, 0, 0), (0.016, 0.009, 0.009)), 1e-3, GLASS))
     own = prepare(Model(built.grid, built.settings), options).system.time_step
-    for speed, share in ((50.0, 0.25), (200.0, 1.0)):
+    for speed, share in ((50.0, 1.0), (50.0, 0.25), (200.0, 1.0)):
         settings = msgspec.structs.replace(built.settings, run=Run(time_step=share * own))
         found = cut(Model(built.grid, settings), speed, options, 81e-6)
         assert found.booked == pytest.approx(0.946, abs=0.001)  # of nine by nine nodes the edges are much
-        assert found.taken == pytest.approx(found.booked, abs=0.01)  # measured -.006, .006
+        assert found.taken == pytest.approx(found.booked, abs=0.003)  # measured -.0001, -.0001
         assert found.bonds == 3079
 
 
 @pytest.mark.filterwarnings("ignore:.*above the stable time step:pdsolve.model.ModelWarning")  # in the thesis mode
-@pytest.mark.parametrize(("mode", "share"), [("conservative", 0.95), ("thesis", 0.0)])
+@pytest.mark.parametrize(("mode", "share"), [("conservative", 0.975), ("thesis", 0.0)])
 def test_a_run_says_what_a_cut_cost_beside_g0_times_its_area(mode: str, share: float) -> None:
     """The balance is perfect in both modes, of which one takes nothing of the motion: half of a plate leaves."""
     scene = pdmesh.Scene(pdmesh.box(0, 0, 0.02, 0.01), 1e-3, GLASS, 3.0, Run(duration=TIME, time_step=1.9e-7))
@@ -117,7 +121,7 @@ def test_a_run_says_what_a_cut_cost_beside_g0_times_its_area(mode: str, share: f
     cracks = found["cracks"]
     assert cracks["area"] == pytest.approx(0.01, rel=0.02)  # measured 1.014
     assert cracks["cost"] == pytest.approx(204.0 * cracks["area"])
-    assert cracks["spent"] / cracks["cost"] == pytest.approx(share, abs=0.01)  # measured 0.953; 0
+    assert cracks["spent"] / cracks["cost"] == pytest.approx(share, abs=0.01)  # measured 0.975; 0
     (line,) = [line for line in summary_lines(Path("half.sqlite"), found) if line.startswith("cracks: area ")]
     assert line.endswith(f"{cracks['spent'] / cracks['cost']:.2f} of that")
 

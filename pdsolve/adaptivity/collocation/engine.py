@@ -27,6 +27,7 @@ from pdsolve.codegen.vector_code import ROW
 from pdsolve.conditions import Drive
 from pdsolve.errors import CheckpointError, UnstableError
 from pdsolve.numerics.thread_team import gate_of, side_by_side
+from pdsolve.operators.openings import pulls_to_arrays, read_pulls
 from pdsolve.operators.protocol import CheckpointArrays
 
 
@@ -121,7 +122,7 @@ class CollocationEngine:
     def _enlarge_breaks(self) -> None:
         """Enlarge the arrays of broken bonds."""
         more = max(len(self.zone.breaks.step), int(np.count_nonzero(self.zone.flags)) * ROW * len(self.ground.ways))
-        longer = (np.concatenate([column, np.zeros(more, dtype=np.int32)]) for column in self.zone.breaks)
+        longer = (np.concatenate([column, np.zeros(more, dtype=column.dtype)]) for column in self.zone.breaks)
         self.zone = self.zone._replace(breaks=BreakEvents(*longer))
 
     def _refine_marked(self) -> None:
@@ -194,7 +195,9 @@ class CollocationEngine:
     def checkpoint_arrays(self) -> CheckpointArrays:
         """Arrays for a checkpoint, from which a run continues bit by bit."""
         zone, places = self.zone, self.active_places()
-        checkpoint = {f"break_{name}": column.copy() for name, column in self.broken()._asdict().items()}
+        broken = self.broken()
+        checkpoint = {f"break_{name}": column.copy() for name, column in broken._asdict().items()}
+        checkpoint |= pulls_to_arrays(broken.step, broken.pull, broken.growth)
         checkpoint |= {
             name: field[:, places].copy()
             for name, field in (("fine_u", zone.u), ("fine_v", zone.v), ("fine_a", zone.a))
@@ -250,6 +253,7 @@ class CollocationEngine:
             step,
             entry(checkpoint, "break_node", step.shape, np.int32, 0, ground.at.places - 1),
             entry(checkpoint, "break_spring", step.shape, np.int32, 0, half - 1),
+            *read_pulls(checkpoint, len(step)),
         )
         node, spring = breaks.node.astype(np.int64), breaks.spring.astype(np.int64)
         target = node + ground.ways[spring]

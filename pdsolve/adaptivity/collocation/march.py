@@ -24,7 +24,7 @@ from pdsolve.adaptivity.collocation.zone import COARSE, FINE
 from pdsolve.codegen.jit_cache import cached_njit
 from pdsolve.codegen.vector_code import ROW
 from pdsolve.conditions import apply_loads
-from pdsolve.laws.calls import added_force, broken_energy
+from pdsolve.laws.calls import added_force, broken_energy, second_share
 from pdsolve.numerics.thread_team import meet
 from pdsolve.operators.simd_lattice.kernel import INNER
 from pdsolve.steppers.holds import accelerate_held_component, prescribe_component
@@ -123,7 +123,7 @@ def _room(ground, zone):  # type: ignore[no-untyped-def]
 def _break(ground, zone, step):  # type: ignore[no-untyped-def]
     """Break bonds over their limit, book their energy, and recompute forces there; returns whether fine nodes are
     needed."""
-    any_broken, already = False, zone.counts.broken_bonds
+    any_broken = False
     zone.counts.any_hot = 0
     for n in range(len(zone.rows)):
         if zone.flags[n] == 0:
@@ -137,19 +137,24 @@ def _break(ground, zone, step):  # type: ignore[no-untyped-def]
                 any_broken = True
                 _break_one(ground, zone, step, p, k)
     if any_broken:
-        _sum_again(ground, zone, already)
+        for row in zone.rows:
+            if zone.again[row]:
+                _add(ground, zone, row)
+        zone.again[:] = 0
+    _pull_broken(ground, zone, step)
     return zone.counts.any_hot != 0
 
 
 @njit(**INNER)
-def _sum_again(ground, zone, already):  # type: ignore[no-untyped-def]
-    """Recompute the forces of rows with broken bonds, and let the bonds beyond the first `already` pull once more."""
-    for row in zone.rows:
-        if zone.again[row]:
-            _add(ground, zone, row)
-    zone.again[:] = 0
-    for n in range(already, zone.counts.broken_bonds):
-        _add_matching_force(ground, zone, zone.breaks.node[n], zone.breaks.spring[n])
+def _pull_broken(ground, zone, step):  # type: ignore[no-untyped-def]
+    """Let the bonds that broke in this step pull once, and those of the last step a second time."""
+    breaks, n = zone.breaks, zone.counts.broken_bonds
+    while n > 0 and breaks.step[n - 1] >= step - 1:
+        n -= 1
+        p, k = breaks.node[n], breaks.spring[n]
+        stretch, before, _ = _stretches(ground, zone, p, k)
+        share = 1.0 if breaks.step[n] == step else second_share(breaks.growth[n], stretch - before)
+        _add_pull(ground, zone, p, k, breaks.pull[n] * share / (1 + stretch))
 
 
 @njit(**INNER)
@@ -160,11 +165,9 @@ def _stretches(ground, zone, p, k):  # type: ignore[no-untyped-def]
 
 
 @njit(**INNER)
-def _add_matching_force(ground, zone, p, k):  # type: ignore[no-untyped-def]
-    """Add the pull that matches the work of bond k of node p, which has broken, to the forces on both its ends."""
+def _add_pull(ground, zone, p, k, pull):  # type: ignore[no-untyped-def]
+    """Add a pull of bond k of node p, which has broken, to the forces on both its ends."""
     j, half = p + ground.ways[k], len(ground.ways) // 2
-    stretch, before, limit = _stretches(ground, zone, p, k)
-    pull = added_force(ground.law, stretch, before, 0.0, limit, limit) / (1 + stretch)
     for axis in range(2):
         along = pull * (ground.table[k, axis] + zone.u[axis, j] - zone.u[axis, p])
         zone.f[axis, p] += stiffness(ground, p, k) * along
@@ -185,6 +188,8 @@ def _break_one(ground, zone, step, p, k):  # type: ignore[no-untyped-def]
     zone.again[p // ROW] = zone.again[j // ROW] = 1
     zone.breaks.step[count] = step
     zone.breaks.node[count], zone.breaks.spring[count] = (p, k) if k < half else (j, k - half)
+    zone.breaks.pull[count] = added_force(ground.law, stretch, before, 0.0, limit, limit)
+    zone.breaks.growth[count] = stretch - before
     zone.counts.broken_bonds += 1
     if zone.node[j] != FINE:
         zone.counts.any_hot = 1

@@ -58,7 +58,7 @@ class CollocationOperator(TwoLatticeOperator[CollocationEngine]):
         """Bonds (n,) of each node at the start, and their number including those cut by pre-cracks."""
         ground, plate, fine = self.engine.ground, self.engine.plate, self._kind[self.places] == FINE
         fine_places, count = self.places[fine], np.full(len(self.places), len(ground.stencil_ways) - 1)
-        _, node, spring = self._before
+        _, node, spring, *_ = self._before
         lost = np.bincount(np.concatenate([node, node + ground.ways[spring]]), minlength=ground.at.places)
         count[fine] = _count_intact_bonds(ground, self._cut, self._kind, fine_places) + lost[fine_places]
         family = count.copy()
@@ -171,7 +171,7 @@ class CollocationOperator(TwoLatticeOperator[CollocationEngine]):
 
     def broken(self, after: int = 0) -> Broken:
         """Bonds broken after a step: step, source row and target row of each."""
-        step, node, spring = self.engine.broken()
+        step, node, spring, *_ = self.engine.broken()
         new = np.flatnonzero(step > after)
         ends = (self._row_of[source] for source in (node[new], node[new] + self.engine.ground.ways[spring[new]]))
         source, target = ends

@@ -33,6 +33,8 @@ class BreakEvents(NamedTuple):
     step: NDArray[np.int32]
     node: NDArray[np.int32]  # place of one of both nodes
     spring: NDArray[np.int32]  # its number among those of that node
+    pull: NDArray[np.float64]  # force over stiffness with which it broke
+    growth: NDArray[np.float64]  # of its stretch in that step
 
 
 class Totals(Record):
@@ -156,7 +158,7 @@ def create_zone(
         hot=np.zeros(places, dtype=np.bool_),
         totals=Totals.of(),
         counts=Counts.of(),
-        breaks=BreakEvents(*np.zeros((3, EVENTS), dtype=np.int32)),
+        breaks=BreakEvents(*np.zeros((3, EVENTS), dtype=np.int32), *np.zeros((2, EVENTS))),
     )
     return renumber_zone(ground, plate, zone, active, band)
 

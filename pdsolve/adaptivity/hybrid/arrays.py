@@ -134,6 +134,8 @@ class BreakEvents(NamedTuple):
     step: NDArray[np.int32]
     node: NDArray[np.int64]
     spring: NDArray[np.int32]
+    pull: NDArray[np.float64]  # force with which it broke over |xi|, N/m^2
+    growth: NDArray[np.float64]  # of its stretch in that step
 
 
 class Counts(Record):
@@ -289,7 +291,9 @@ def create_plate_zone(
         pieces=pieces(),
         spare=pieces(),
         border=empty_border(nodes),
-        breaks=BreakEvents(np.zeros(events, np.int32), np.zeros(events, np.int64), np.zeros(events, np.int32)),
+        breaks=BreakEvents(
+            np.zeros(events, np.int32), np.zeros(events, np.int64), np.zeros(events, np.int32), *np.zeros((2, events))
+        ),
         spent=lazy_zeros(at.places),
         stirred=lazy_zeros(at.places, dtype=np.bool_),
         stirs=lazy_zeros(at.places, dtype=np.int64),

@@ -9,7 +9,7 @@ from pdsolve.adaptivity.hybrid.clipped_bonds import own_entry, share_of, stretch
 from pdsolve.adaptivity.hybrid.energy import strain_e
 from pdsolve.adaptivity.hybrid.precracks import lasts, peak_and_limit
 from pdsolve.codegen.vector_code import ROW
-from pdsolve.laws.calls import added_force, broken_energy
+from pdsolve.laws.calls import added_force, broken_energy, second_share
 from pdsolve.laws.pair_laws.bilinear import dissipated_share
 from pdsolve.operators.simd_lattice.kernel import INNER, displaced
 
@@ -45,10 +45,11 @@ def _stir(zone, p):  # type: ignore[no-untyped-def]
 
 
 @njit(**INNER)
-def _note(zone, step, p, k):  # type: ignore[no-untyped-def]
-    """Record a bond that breaks."""
+def _note(zone, step, p, k, pull, growth):  # type: ignore[no-untyped-def]
+    """Record a bond that breaks with a `pull` after some `growth` of its stretch."""
     n = zone.counts.broken_bonds
     zone.breaks.step[n], zone.breaks.node[n], zone.breaks.spring[n] = step, p, k
+    zone.breaks.pull[n], zone.breaks.growth[n] = pull, growth
     zone.counts.broken_bonds += 1
 
 
@@ -104,9 +105,9 @@ def break_bonds(ground, zone, u, p0, count, step):  # type: ignore[no-untyped-de
                 _soften_on(ground, zone, p, entry, k, e, peak, limit)
             before, now = _stretch_before(ground, fine, p, j, k, eta_x, eta_y), stretch_of(e)
             worst, ends = stretch_of(past), (stretch_of(peak), stretch_of(limit))
-            pull = added_force(ground.law, now, before, worst, *ends) / (1 + now) * full_stiffness
-            fine.f[0, p] += pull * (ground.table[k, 0] + eta_x)
-            fine.f[1, p] += pull * (ground.table[k, 1] + eta_y)
+            pull = added_force(ground.law, now, before, worst, *ends) * full_stiffness
+            fine.f[0, p] += pull / (1 + now) * (ground.table[k, 0] + eta_x)
+            fine.f[1, p] += pull / (1 + now) * (ground.table[k, 1] + eta_y)
             if e <= limit:
                 continue
             fine.own[entry, k, lane] = 0.0
@@ -115,4 +116,22 @@ def break_bonds(ground, zone, u, p0, count, step):  # type: ignore[no-untyped-de
                 zone.lost[p] |= np.uint64(1) << np.uint64(k)
             if peak == limit:  # else it is booked as it softens
                 _book(zone, p, broken_energy(ground.law, full_stiffness / ground.table[k, 4] / 4, now, before, *ends))
-            _note(zone, step, p, k)
+            _note(zone, step, p, k, pull, now - before)
+
+
+@njit(**INNER)
+def pull_again(ground, zone, u, step):  # type: ignore[no-untyped-def]
+    """Add the second pulls of the bonds that broke one step ago to the forces f, which have all others."""
+    fine, breaks, n = zone.fine, zone.breaks, zone.counts.broken_bonds
+    while n > 0 and breaks.step[n - 1] == step:
+        n -= 1
+    while n > 0 and breaks.step[n - 1] == step - 1:
+        n -= 1
+        p, k = breaks.node[n], breaks.spring[n]
+        j, x, y = p + ground.ways[k], ground.table[k, 0], ground.table[k, 1]
+        eta_x, eta_y = displaced(u, fine.shrink, x, y, p, j)
+        now = stretch_of(strain_e(ground.table, k, eta_x, eta_y))
+        growth = now - _stretch_before(ground, fine, p, j, k, eta_x, eta_y)
+        pull = breaks.pull[n] * second_share(breaks.growth[n], growth) / (1 + now)
+        fine.f[0, p] += pull * (x + eta_x)
+        fine.f[1, p] += pull * (y + eta_y)

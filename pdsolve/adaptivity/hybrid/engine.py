@@ -24,6 +24,7 @@ from pdsolve.codegen.vector_code import ROW
 from pdsolve.conditions import Drive
 from pdsolve.errors import CheckpointError, LateZoneError
 from pdsolve.numerics.thread_team import gate_of, side_by_side
+from pdsolve.operators.openings import pulls_to_arrays, read_pulls
 from pdsolve.operators.protocol import CheckpointArrays
 
 TOGETHER = 2**14  # rows whose motion is added up together
@@ -207,8 +208,7 @@ class HybridEngine:
 
     def broken(self) -> arrays.BreakEvents:
         """Bonds broken so far."""
-        (step, node, spring), count = self.zone.breaks, self.zone.counts.broken_bonds
-        return arrays.BreakEvents(step[:count], node[:count], spring[:count])
+        return arrays.BreakEvents(*(column[: self.zone.counts.broken_bonds] for column in self.zone.breaks))
 
     def places_of_dissipation(self) -> NDArray[np.int64]:
         """Fine places (k,) at which a bond has broken or softened, in order."""
@@ -266,8 +266,9 @@ class HybridEngine:
 
     def checkpoint_arrays(self) -> CheckpointArrays:
         """Arrays for a checkpoint, from which a run continues bit by bit."""
-        zone, broken = self.zone, self.zone.counts.broken_bonds
-        checkpoint = {f"break_{name}": column[:broken].copy() for name, column in zone.breaks._asdict().items()}
+        zone, broken = self.zone, self.broken()
+        checkpoint = {f"break_{name}": column.copy() for name, column in broken._asdict().items()}
+        checkpoint |= pulls_to_arrays(broken.step, broken.pull, broken.growth)
         for name, nodes, rows in self._lattices():
             idle = nodes.kind.reshape(-1, ROW)[rows] == IDLE
             for field, values in (("u", nodes.u[self.now]), ("v", nodes.v), ("f", nodes.f)):
@@ -295,7 +296,7 @@ class HybridEngine:
         """Restore a checkpoint. Raises CheckpointError."""
         zone, breaks, cells = self.zone, self._checkpoint_breaks(checkpoint), like(checkpoint, "cells", self.zone.cells)
         self._check_checkpoint_cells(cells)
-        node, lost, (_, before, before_spring) = breaks.node, zone.lost, self.broken()
+        node, lost, (_, before, before_spring, _, _) = breaks.node, zone.lost, self.broken()
         for k in range(len(self.ground.ways) // 2):  # exactly these are broken, besides those missing at the start
             bit = np.uint64(1) << np.uint64(k)
             lost[before[before_spring == k]] &= ~bit
@@ -351,7 +352,7 @@ class HybridEngine:
         intact = are_bonds_intact(ground.nodes, self.zone.lost, owner, spring % half)
         if not (inside & intact).all() or len(np.unique(node * 2 * half + spring)) < len(node):
             raise CheckpointError("a broken bond is none of the plate, or there twice")
-        return arrays.BreakEvents(step, node, spring)
+        return arrays.BreakEvents(step, node, spring, *read_pulls(checkpoint, len(step)))
 
     def _restore_counts(self, checkpoint: CheckpointArrays, node: NDArray[np.int64], spring: NDArray[np.int32]) -> None:
         """Restore the counts of a checkpoint with these broken bonds, and the nodes with softened or broken bonds."""

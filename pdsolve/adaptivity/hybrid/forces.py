@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from numba import njit
 
-from pdsolve.adaptivity.hybrid.bond_breaking import break_bonds
+from pdsolve.adaptivity.hybrid.bond_breaking import break_bonds, pull_again
 from pdsolve.adaptivity.hybrid.damping import book_damping, damp_forces
 from pdsolve.adaptivity.hybrid.energy import piece_end_displacement, strain_e
 from pdsolve.codegen.atomics import counted, take
@@ -341,6 +341,8 @@ def sum_and_move(ground, zone, profiles, now, step, lag, ends, thread, gate):  #
             meet(gate)
         elif stage == BROKE:
             if thread == 0:
+                if lag > 0:
+                    pull_again(ground, zone, zone.fine.u[now], step)
                 _pass_border_forces(zone.fine.f, zone.coarse.f, zone.border, zone.counts.border_nodes)
                 take(zone.turns, STAGE)
             _move_fine_rows(zone, now, ground.dt, lag, ends, thread)

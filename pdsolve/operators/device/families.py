@@ -132,7 +132,11 @@ class FamiliesOnDevice(Padded, Families):
         read(self._nodal, self._m)
         between = self._m[:, :nodes].T
         self._share(loops.fail_rows, now, between, near[:nodes] > 0, self._failing, torn)
+        again = np.zeros(state.value.shape)
+        self._pull_again(now, again)
         if not torn.any():
+            if again.any():
+                self._write_forces(self._bond_forces(u, nodes) + again)
             return
         before, rows, released = self._bond_forces(u, nodes), np.flatnonzero(torn), np.zeros(nodes)
         matched, spent = self._match_work(now, between, rows)
@@ -141,9 +145,17 @@ class FamiliesOnDevice(Padded, Families):
         write(self._nodal, self._m)
         pulls = self._bond_forces(u, nodes)
         self._book(state, dt, before - pulls, matched, released, spent)
-        write(self._given, self.spread(pulls + matched))
+        self._write_forces(again + (pulls + matched))
         write(self.dissipated, self.spread(state.dissipated))
-        write(self._flags, np.array([1, 0], dtype=np.int32))
+
+    def _write_forces(self, forces: NDArray[np.float64]) -> None:
+        """Give the device the forces (n, d) of this step."""
+        self.session.write(self._given, self.spread(forces))
+        self.session.write(self._flags, np.array([1, 0], dtype=np.int32))
+
+    def pulls_again(self, step: int) -> bool:
+        """Whether bonds that failed one step ago pull once more in this one."""
+        return self._torn_in == step - 1
 
     def _bond_forces(self, u: Any, nodes: int) -> NDArray[np.float64]:
         """Force densities (n, d), N/m^3, from what nodes have between the passes; the next step has them."""

@@ -7,6 +7,8 @@ are (fma), and nowhere else. Symbols as in `Blocks`; m nodes in whole blocks.
 
     gone     (w, m) bits of the slots of a node's block: its bond there is broken; 32 a word
     soft     (w, m) likewise: it has softened, and has its own `pull`, `own_edge` and `worst` (slots, 64)
+    own_edge of a bond that broke in the last step: its stretch one step before that; `opened` (m,) the last step in
+             which a bond of the node broke
     broken   (slots, 64) step in which the bond broke, 0 while intact
     torn     (blocks,) whether a bond of the block has broken or softened since the host looked
 */
@@ -16,11 +18,12 @@ are (fma), and nowhere else. Symbols as in `Blocks`; m nodes in whole blocks.
       __global const REAL *stiffness, __global const REAL *edge, __global const REAL *peak,                            \
       __global const REAL *limit, __global uint *gone, __global int *broken, __global int *torn,                      \
       __global double *dissipated, __global uint *soft, __global REAL *pull, __global REAL *own_edge,                 \
-      __global REAL *worst
+      __global REAL *worst, __global int *opened
 #define SUM REAL
 #define ABSENT(i) false
 #define FORCE_ARGUMENTS                                                                                                \
-  start, slots, ids, vectors, stiffness, edge, peak, limit, gone, broken, torn, dissipated, soft, pull, own_edge, worst
+  start, slots, ids, vectors, stiffness, edge, peak, limit, gone, broken, torn, dissipated, soft, pull, own_edge, worst,  \
+      opened
 
 /* 1 / (1 + e + sqrt(1 + e)) */
 inline REAL over_root(REAL e, REAL size) {
@@ -56,12 +59,20 @@ inline void sum_bonds(FORCE_PARAMETERS, __global const REAL *before, __global co
   int b = i / 64, lane = i % 64;
   REAL here_x = u[i], here_y = u[m + i], fx = 0, fy = 0;
   int first = start[b], last = start[b + 1];
+#ifdef MATCHING_FORCE
+  bool opens = opened[i] == step - 1;
+#endif
   for (int slot = first; slot < last; ++slot) {
     __global const int *row = slots + 8L * slot;
     long place = (long)((slot - first) / 32) * m + i, own = 64L * slot + lane;
     uint bit = 1u << ((slot - first) % 32);
     REAL w = stiffness[64 * row[5] + lane], most = edge[64 * row[6] + lane];
-    if ((w == 0 && isinf(most)) || (gone[place] & bit)) /* no bond; one of no stiffness breaks like any other */
+#ifdef MATCHING_FORCE
+    bool is_gone = gone[place] & bit, pulls_again = is_gone && opens && broken[own] == step - 1;
+#else
+    bool is_gone = gone[place] & bit, pulls_again = false;
+#endif
+    if ((w == 0 && isinf(most)) || (is_gone && !pulls_again)) /* no bond; one of no stiffness breaks like any other */
       continue;
     int way = row[lane / 16];
     int j = way < FAR ? i + way : ids[16L * (way - FAR) + lane % 16];
@@ -70,12 +81,12 @@ inline void sum_bonds(FORCE_PARAMETERS, __global const REAL *before, __global co
     REAL along = fma(v[4], x, v[2]) * x;
     REAL e = fma(fma(v[4], y, v[3]), y, along), size = fabs(e);
 #ifdef SOFTENS
-    if (soft[place] & bit) {
+    if (!is_gone && soft[place] & bit) {
       w = pull[own];
       most = own_edge[own];
     }
 #endif
-    if (e > most) {
+    if (e > most || pulls_again) {
       double stretch = (double)e / (1.0 + sqrt(1.0 + (double)e));
       REAL highest = peak[64 * row[7] + lane], end = limit[64 * row[7] + lane], whole = stiffness[64 * row[5] + lane];
       REAL last_x = ago(before, u, rate, dt, j) - ago(before, u, rate, dt, i);
@@ -87,6 +98,15 @@ inline void sum_bonds(FORCE_PARAMETERS, __global const REAL *before, __global co
       double largest = 0;
 #endif
 #ifdef MATCHING_FORCE
+      if (pulls_again) {
+        double pull_then = SECOND_FORCE(stretch, last, (double)own_edge[own], largest, (double)highest, (double)end);
+        double more = pull_then / (1.0 + stretch) * (double)whole;
+        fx = (REAL)((double)fx + more * (double)(REAL)(v[0] + x));
+        fy = (REAL)((double)fy + more * (double)(REAL)(v[1] + y));
+        own_edge[own] = end;
+        torn[b] = 1;
+        continue;
+      }
       if (stretch > (double)highest) {
         double more = MATCHING_FORCE(stretch, last, largest, highest, end) / (1.0 + stretch) * (double)whole;
         fx = (REAL)((double)fx + more * (double)(REAL)(v[0] + x));
@@ -101,7 +121,10 @@ inline void sum_bonds(FORCE_PARAMETERS, __global const REAL *before, __global co
         else
 #endif
           dissipated[i] += DISSIPATED_AT_BREAK(c, stretch, last, highest, end);
-        broken[own] = step;
+        broken[own] = opened[i] = step;
+#ifdef MATCHING_FORCE
+        own_edge[own] = last < (double)end && last < stretch ? (REAL)last : end;
+#endif
         gone[place] |= bit;
         torn[b] = 1;
         continue;
@@ -130,10 +153,13 @@ inline void sum_bonds(FORCE_PARAMETERS, __global const REAL *before, __global co
 }
 
 #ifdef TOGETHER
-/* Force densities (DIM, TOGETHER) on the nodes from i on, in vectors; false where a bond of theirs is long, has softened
-   or is over its limit, and nodes are summed one by one. */
-inline bool sum_short(FORCE_PARAMETERS, __global const REAL *u, int m, int i, SUM *force) {
+/* Force densities (DIM, TOGETHER) on the nodes from i on, in vectors; false where a bond of theirs is long, has softened,
+   has broken one step ago or is over its limit, and nodes are summed one by one. */
+inline bool sum_short(FORCE_PARAMETERS, __global const REAL *u, int m, int step, int i, SUM *force) {
   int b = i / 64, lane = i % 64, first = start[b], last = start[b + 1];
+  for (int k = i; k < i + TOGETHER; ++k)
+    if (opened[k] == step - 1)
+      return false;
   REALS here_x = LOAD(u + i), here_y = LOAD(u + m + i), fx = 0, fy = 0;
   INTEGERS others = 0;
   BITS lost = 0;

@@ -13,6 +13,7 @@ from pdsolve.laws.law import Law
 from pdsolve.operators.device.padded import Padded
 from pdsolve.operators.device.runtime import Session
 from pdsolve.operators.device.source import pair_functions, together
+from pdsolve.operators.openings import last_breaks
 from pdsolve.operators.protocol import CheckpointArrays
 from pdsolve.operators.simd_lattice import layout
 from pdsolve.operators.simd_lattice.kernel import LANES, LIMITS, Blocks
@@ -46,8 +47,9 @@ class PlaneOnDevice(Padded, SimdLattice):
         words = -(-int(np.diff(blocks.start).max(initial=1)) // WORD)
         self._bits = np.zeros((words, self.room), dtype=np.uint32)
         arrays: list[NDArray[Any]] = [blocks.start, blocks.slots, blocks.ids, blocks.vectors, blocks.peak, blocks.limit]
-        arrays += [*self._shared(), self.tracks.broken, *[self.tracks.worst] * 3, *[self._bits] * 2]
-        session.room_for(*(array.nbytes for array in [*arrays, self.tracks.dissipated]))
+        self._own_edge = np.zeros(self.tracks.broken.shape, dtype=blocks.vectors.dtype)
+        arrays += [*self._shared(), self.tracks.broken, *[self.tracks.worst] * 2, self._own_edge, *[self._bits] * 2]
+        session.room_for(*(array.nbytes for array in [*arrays, self.tracks.dissipated]), 4 * self.room)
         self._make()
 
     def _shared(self) -> list[NDArray[Any]]:
@@ -68,13 +70,14 @@ class PlaneOnDevice(Padded, SimdLattice):
             upload(np.zeros(len(blocks.start) - 1, dtype=np.int32)),
         )
         self.dissipated = upload(self.tracks.dissipated)
-        self._pull, self._edge, self._worst = (upload(self.tracks.worst) for _ in range(3))
+        self._pull, self._worst = (upload(self.tracks.worst) for _ in range(2))
+        self._edge, self._opened = upload(self._own_edge), upload(np.full(self.room, -1, dtype=np.int32))
 
     @property
     def arguments(self) -> list[Any]:
         """The buffers of `FORCE_PARAMETERS`, in order."""
         history = self._gone, self._broken_in, self._torn, self.dissipated, self._soft
-        return [*self._tables, *history, self._pull, self._edge, self._worst]
+        return [*self._tables, *history, self._pull, self._edge, self._worst, self._opened]
 
     def source(self) -> str:
         """What the bonds are in OpenCL C."""
@@ -94,12 +97,17 @@ class PlaneOnDevice(Padded, SimdLattice):
         write(self._gone, self._bits_of(self.tracks.broken != 0))
         write(self._broken_in, self.tracks.broken)
         write(self._torn, np.zeros(len(self.blocks.start) - 1, dtype=np.int32))
+        rows = self.blocks.slots
         if self._remembers:
             write(self._soft, self._bits_of(worst > 0))
-            rows = self.blocks.slots
             write(self._worst, worst)
-            write(self._edge, self.blocks.edge[rows[:, BOUND]])
+            self._own_edge[:] = self.blocks.edge[rows[:, BOUND]]
             write(self._pull, self.blocks.stiffness[rows[:, PULL]])
+        openings, opened = self._openings(), np.full(self.room, -1, dtype=np.int32)
+        slot, lane = np.divmod(self._find(openings.source, openings.target), LANES)
+        self._own_edge[slot, lane], opened[openings.source] = openings.stretch, self.tracks.broken[slot, lane]
+        write(self._edge, self._own_edge)
+        write(self._opened, opened)
         self.needs_upload = False
 
     def fetch(self) -> None:
@@ -108,17 +116,22 @@ class PlaneOnDevice(Padded, SimdLattice):
         self.session.read(self._torn, torn)
         if not torn.any():
             return
-        edge = np.zeros_like(self.tracks.worst)
         changes = np.flatnonzero(np.diff(np.concatenate([[0], torn, [0]])))
         for first, last in changes.reshape(-1, 2):  # blocks side by side are copied together
             of = slice(*self.blocks.start[[first, last]])
             self._read(self._broken_in, self.tracks.broken, of)
+            self._read(self._edge, self._own_edge, of)
             if self._remembers:
                 self._read(self._worst, self.tracks.worst, of)
-        if self._remembers:
-            self.session.read(self._edge, edge)
+        edge = self._own_edge if self._remembers else self.tracks.worst
         layout.revive(self._law, self.blocks, self._whole, self.tracks.broken, self.tracks.worst, edge)
         self.session.write(self._torn, np.zeros_like(torn))
+        if not self._law.matches_work:
+            return
+        last = last_breaks(self.broken())
+        slot, lane = np.divmod(self._find(last.source, last.target), LANES)
+        stretch, limit = self._own_edge[slot, lane], self.blocks.limit[self.blocks.slots[slot, LIMITS], lane]
+        self._open(slot[stretch < limit], lane[stretch < limit], stretch[stretch < limit])
 
     def _read(self, buffer: Any, values: NDArray[Any], of: slice) -> None:
         """Read some slots (., 64) of the device's into those of the host."""

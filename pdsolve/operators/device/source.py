@@ -10,6 +10,7 @@ import numpy as np
 
 from pdsolve.codegen.plane_slots import FAR
 from pdsolve.codegen.pull import NARROW, WIDE, coefficients
+from pdsolve.laws.calls import GROWTH
 from pdsolve.laws.law import Function
 from pdsolve.operators.device.translation import DOUBLE, Translation
 
@@ -36,7 +37,7 @@ def pair_functions(
     if one_sided:
         defined["ONE_SIDED"] = ""
     lines = [f"#define {name} {value}" for name, value in defined.items()]
-    return "\n".join([law.source, *lines, text_of(file)])
+    return "\n".join([law.source, *lines, text_of("second_force.cl"), text_of(file)])
 
 
 def body_functions(functions: Mapping[str, Function], numbers: Mapping[str, int | str], remembers: bool) -> str:
@@ -52,7 +53,8 @@ def body_functions(functions: Mapping[str, Function], numbers: Mapping[str, int 
     defined |= {name: str(value) for name, value in numbers.items()}
     if remembers:
         defined |= {"SOFTENS": "", "SECANT": law.add("secant", (DOUBLE,) * 4)}
-    return "\n".join([law.source, *(f"#define {name} {value}" for name, value in defined.items()), text_of(file)])
+    lines = [f"#define {name} {value}" for name, value in defined.items()]
+    return "\n".join([law.source, *lines, text_of("second_force.cl"), text_of(file)])
 
 
 def together(kind: str, precision: np.dtype[Any]) -> int:
@@ -100,6 +102,7 @@ def preamble(precision: str, dimension: int, nodes: int = 1) -> str:
         f"#define FAR {FAR}",
         f"#define NARROW {NARROW.hex()}",
         f"#define WIDE {WIDE.hex()}",
+        f"#define GROWTH {GROWTH.hex()}",
     ]
     if nodes > 1:
         lines += vectors(nodes)

@@ -7,7 +7,10 @@ and nowhere else. Symbols as in `Tiles`; m sites with margins, `count` offsets.
     node      (m,) row of a site's node, or -1                                   held   (m,)
     memory    (tiles,) whether a bond of the tile has softened; torn: since the host looked
     worst     (tiles, count, 16) largest stretch of a bond above its peak, 0 if never there
-    breaks    (., 3) site, offset and step of broken bonds, of which `used` counts all: those beyond `room` are lost
+    breaks    (., 4) site, offset and step of broken bonds, of which `used` counts all: those beyond `room` are lost;
+              and one more than the place of the next one of the same site and step, 0 of the last
+    openings  (.,) their stretches one step before
+    opened    (m,) one more than the place of the first of a site's bonds that broke in the last step in which any did
 */
 
 #define FORCE_PARAMETERS                                                                                               \
@@ -15,12 +18,13 @@ and nowhere else. Symbols as in `Tiles`; m sites with margins, `count` offsets.
       __global const uchar *kind, __global const int *node, __global const uchar *held,                                \
       __global const uchar *material, __global const double *peak, __global const double *limit,                      \
       __global uint *intact, __global int *breaks, __global int *used, __global double *dissipated,                   \
-      __global int *memory, __global int *torn, __global double *worst
+      __global int *memory, __global int *torn, __global double *worst, __global double *openings,                     \
+      __global int *opened
 #define SUM double
 #define ABSENT(i) (node[i] < 0)
 #define FORCE_ARGUMENTS                                                                                                \
   offsets, table, c, cells, kind, node, held, material, peak, limit, intact, breaks, used, dissipated, memory, torn,    \
-      worst
+      worst, openings, opened
 #define INVERSE 6
 #define PULL 7
 #define SHARES 8
@@ -58,11 +62,41 @@ inline double whole_stiffness(__global const REAL *row, __global const REAL *c, 
   return w;
 }
 
+/* Add the second pulls of the bonds of site i that broke one step ago, N/m^3, to `pulled`. */
+inline void pull_again(FORCE_PARAMETERS, __global const REAL *u, __global const REAL *rate, double dt, int m, int step,
+                       int i, double *pulled) {
+  int tile = (i - MARGIN) / 16;
+  for (int at = opened[i]; at > 0; at = breaks[4L * at - 1]) {
+    if (breaks[4L * at - 2] != step - 1)
+      return;
+    int slot = breaks[4L * at - 3], j = i + offsets[slot];
+    int pair = PAIRS == 1 ? 0 : MATERIALS * material[i] + material[j];
+    __global const REAL *row = table + 12 * slot;
+    REAL eta[3];
+    double last[3], largest = 0;
+    for (int axis = 0; axis < 3; ++axis) {
+      eta[axis] = u[axis * m + j] - u[axis * m + i];
+      REAL faster = rate[axis * m + j] - rate[axis * m + i];
+      last[axis] = (double)eta[axis] - dt * (double)faster;
+    }
+#ifdef SOFTENS
+    largest = worst[((long)tile * COUNT + slot) * 16 + (i - MARGIN) % 16];
+#endif
+    double stretch = stretched(row, eta[0], eta[1], eta[2]), before = stretched_before(row, last[0], last[1], last[2]);
+    double more = SECOND_FORCE(stretch, before, openings[at - 1], largest, peak[COUNT * pair + slot],
+                              limit[COUNT * pair + slot]);
+    more *= whole_stiffness(row, c, cells, kind[tile], m, i, j) / (1.0 + stretch);
+    for (int axis = 0; axis < 3; ++axis)
+      pulled[axis] += more * (double)(REAL)(row[axis] + eta[axis]);
+  }
+}
+
 inline void sum_bonds(FORCE_PARAMETERS, __global const REAL *before, __global const REAL *u, __global const REAL *rate,
                       double dt, int m, int step, int i, SUM *force) {
   REAL sums[3] = {0, 0, 0};
   double pulled[3] = {0, 0, 0}; /* the last pulls of bonds that break */
-  int tile = (i - MARGIN) / 16, of = kind[tile];
+  int tile = (i - MARGIN) / 16, of = kind[tile], broken_before = 0;
+  pull_again(FORCE_ARGUMENTS, u, rate, dt, m, step, i, pulled);
   for (int slot = 0; slot < COUNT; ++slot) {
     long place = (long)(slot / 32) * m + i, own = ((long)tile * COUNT + slot) * 16 + (i - MARGIN) % 16;
     int j = i + offsets[slot];
@@ -108,9 +142,16 @@ inline void sum_bonds(FORCE_PARAMETERS, __global const REAL *before, __global co
         intact[place] &= ~bit;
         int at = atomic_inc(used);
         if (at < ROOM) {
-          breaks[3L * at] = i;
-          breaks[3L * at + 1] = slot;
-          breaks[3L * at + 2] = step;
+          breaks[4L * at] = i;
+          breaks[4L * at + 1] = slot;
+          breaks[4L * at + 2] = step;
+          breaks[4L * at + 3] = 0;
+          openings[at] = ago < stretch ? ago : most;
+          if (broken_before > 0)
+            breaks[4L * broken_before - 1] = at + 1;
+          else
+            opened[i] = at + 1;
+          broken_before = at + 1;
         }
         continue;
       }
@@ -149,8 +190,11 @@ inline void sum_bonds(FORCE_PARAMETERS, __global const REAL *before, __global co
 
 #ifdef TOGETHER
 /* Force densities (DIM, TOGETHER) on the sites from i on, in vectors; false where there is no node, or a bond of theirs
-   is long or of a tile with softened ones, and sites are summed one by one. */
-inline bool sum_short(FORCE_PARAMETERS, __global const REAL *u, int m, int i, SUM *force) {
+   is long, has broken one step ago or is of a tile with softened ones, and sites are summed one by one. */
+inline bool sum_short(FORCE_PARAMETERS, __global const REAL *u, int m, int step, int i, SUM *force) {
+  for (int k = i; k < i + TOGETHER; ++k)
+    if (opened[k] > 0 && breaks[4L * opened[k] - 2] == step - 1)
+      return false;
   if (all(LOAD(node + i) < 0))
     return false;
   int tile = (i - MARGIN) / 16, of = kind[tile];

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from pdsolve.codegen.vector_code import ROW
 from pdsolve.errors import UnstableError
-from pdsolve.lattice.sums import Tiles, recall
+from pdsolve.lattice.sums import Breaks, Tiles, recall
 from pdsolve.laws.calls import functions_of
 from pdsolve.laws.law import Law
 from pdsolve.operators.device.runtime import Session
@@ -41,10 +41,10 @@ class SpaceOnDevice(SpaceLattice):
         self._words, self._most = -(-len(tiles.offsets) // WORD), max(FEWEST, EACH * len(bound))
         self._most = min(self._most, int(families.counts(tiles.bits, sites).sum()))
         tables = (tiles.offsets, tiles.table, tiles.c, tiles.cells, tiles.kind, tiles.peak, tiles.limit)
-        self._remembers = bool(law.bond_history)
+        self._remembers = law.pair is not None and law.pair.softening is not None
         buffer_sizes = [self.room * size for size in (4 * self._words, 4, 1, 1, 8)]
         buffer_sizes += [4 * len(tiles.kind)] * 2
-        buffer_sizes += [12 * self._most, self._history_bytes() * len(tiles.kind)]
+        buffer_sizes += [16 * self._most, 8 * self._most, 4 * self.room, self._history_bytes() * len(tiles.kind)]
         session.room_for(*(table.nbytes for table in tables), *buffer_sizes)
         self._make()
 
@@ -58,7 +58,9 @@ class SpaceOnDevice(SpaceLattice):
         tables = tiles.offsets, tiles.table, *wide, tiles.kind, node, *of_nodes, tiles.peak, tiles.limit
         self._tables = [upload(table) for table in tables]
         self._intact = upload(np.zeros((self._words, self.room), dtype=np.uint32))
-        self._breaks, self._used = self.session.zeros(12 * self._most), upload(np.zeros(2, dtype=np.int32))
+        self._breaks, self._used = self.session.zeros(16 * self._most), upload(np.zeros(2, dtype=np.int32))
+        self._stretches, self._opened = self.session.zeros(8 * self._most), self.session.zeros(4 * self.room)
+        self._known = 0  # of the device's broken bonds, those that the host has
         self.dissipated = upload(np.zeros(self.room))
         self._memory, self._torn = (upload(np.zeros(len(tiles.kind), dtype=np.int32)) for _ in range(2))
         self._worst = self.session.zeros(self._history_bytes() * len(tiles.kind))
@@ -71,7 +73,7 @@ class SpaceOnDevice(SpaceLattice):
     def arguments(self) -> list[Any]:
         """The buffers of `FORCE_PARAMETERS`, in order."""
         history = self._intact, self._breaks, self._used, self.dissipated, self._memory, self._torn, self._worst
-        return [*self._tables, *history]
+        return [*self._tables, *history, self._stretches, self._opened]
 
     def source(self) -> str:
         """What the bonds are in OpenCL C."""
@@ -124,7 +126,25 @@ class SpaceOnDevice(SpaceLattice):
             self.session.write(self._torn, np.zeros(len(tiles.kind), dtype=np.int32))
             for tile in np.flatnonzero(tiles.memory >= 0).tolist():
                 self.session.write(self._worst, tiles.worst[tiles.memory[tile]], tile * self._history_bytes())
+        self._hand_over_openings()
         self.needs_upload = False
+
+    def _hand_over_openings(self) -> None:
+        """Put the bonds that broke in the last step before those that will break."""
+        count, opened = len(self.openings.bonds), np.zeros(self.room, dtype=np.int32)
+        site, slot = self.openings.places.T
+        breaks = np.zeros((count, 4), dtype=np.int32)
+        breaks[:, :3] = np.column_stack([self.tiles.margin + site, slot, self.openings.bonds[:, 0]])
+        order = np.argsort(site, kind="stable")  # those of a site one after the other
+        breaks, stretch = breaks[order], self.openings.openings[order]
+        breaks[:-1, 3] = np.where(breaks[1:, 0] == breaks[:-1, 0], np.arange(2, count + 1), 0)
+        opened[breaks[::-1, 0]] = np.arange(count, 0, -1)  # the first one
+        if count:
+            self.session.write(self._breaks, breaks)
+            self.session.write(self._stretches, stretch)
+        self.session.write(self._opened, opened)
+        self.session.write(self._used, np.array([count, 0], dtype=np.int32))
+        self._known = count
 
     def _fetch_memory(self) -> None:
         """Bring what bonds remember up to the device's, in tiles of which one has softened."""
@@ -155,16 +175,19 @@ class SpaceOnDevice(SpaceLattice):
                 f"{count} bonds broke since the last record, and a device takes at most {self._most}; use a smaller"
                 " run.ledger, or --device cpu"
             )
-        if not count:
+        if count == self._known:
             return
-        breaks = np.zeros((count, 3), dtype=np.int32)
+        breaks, stretch = np.zeros((count, 4), dtype=np.int32), np.zeros(count)
         self.session.read(self._breaks, breaks)
-        self.session.write(self._used, np.zeros(2, dtype=np.int32))
-        breaks = breaks[np.lexsort(breaks.T[[1, 0, 2]])]
+        self.session.read(self._stretches, stretch)
+        order = self._known + np.lexsort(breaks[self._known :].T[[1, 0, 2]])
+        breaks, stretch = breaks[order], stretch[order]
         source, slot = breaks[:, 0] - self.tiles.margin, breaks[:, 1]
         bit = np.uint16(1) << (source % ROW).astype(np.uint16)
         target = self.tiles.node[source + self.tiles.offsets[slot]]
         with self.breaking:
             np.bitwise_and.at(self.tiles.bits, (source // ROW, slot), ~bit)
-            ends = (breaks[:, 2], self.tiles.node[source], target)
-            self._new.append(Broken(*(column.astype(np.int64) for column in ends)))
+            bonds = np.column_stack([breaks[:, 2], self.tiles.node[source], target]).astype(np.int64)
+            places = np.column_stack([source, slot]).astype(np.int64)
+            self.take_out(Breaks(np.array([len(bonds)]), bonds, places, stretch))
+        self._hand_over_openings()

@@ -155,7 +155,7 @@ inline void take(MOTION_PARAMETERS, int i, SUM *f) {
 __kernel __attribute__((reqd_work_group_size(64 / TOGETHER, 1, 1))) void advance(FORCE_PARAMETERS, MOTION_PARAMETERS) {
   int first = TOGETHER * get_global_id(0);
   SUM together[DIM * TOGETHER], f[DIM];
-  bool starts = phase & STARTS, summed = !starts && sum_short(FORCE_ARGUMENTS, u, m, first, together);
+  bool starts = phase & STARTS, summed = !starts && sum_short(FORCE_ARGUMENTS, u, m, step, first, together);
   for (int i = first; i < first + TOGETHER; ++i) {
     if (ABSENT(i))
       continue;

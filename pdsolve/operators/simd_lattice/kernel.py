@@ -55,13 +55,24 @@ from pdsolve.codegen.plane_slots import (
 )
 from pdsolve.codegen.pull import NARROW, coefficients, stretch_coefficients
 from pdsolve.codegen.vector_code import ROW
-from pdsolve.laws.calls import added_force, bond_strain_energy, broken_energy, dissipated_energy, pair_of, secant
+from pdsolve.laws.calls import (
+    added_force,
+    bond_strain_energy,
+    broken_energy,
+    dissipated_energy,
+    pair_of,
+    secant,
+    second_force,
+)
 from pdsolve.laws.law import Pair
 
 LANES = 4 * ROW
 PLANE, ONE = (0, 0), (0,)  # of as many rows
 PULLS, STRETCHES = coefficients("float64")[0], stretch_coefficients()
 SQUARE = NARROW * NARROW
+# Edges of a bond that broke in the last step, so that it is looked at in this one: minus its `near` is the size of its
+# stretch one step before it broke, of a bond that was longer then than at the start, or shorter
+OPENING, OPENING_SHORT = -np.inf, -1e30
 LIMITS = 7  # of a slot: row of `peak` and `limit`
 
 # Where a thread's scratch has the sums of the whole block
@@ -182,7 +193,6 @@ def _sum_curved(blocks, tracks, u, before, step, b, lane, s):  # type: ignore[no
         x, y = neighbour_displacement[0] - displacement[0], neighbour_displacement[1] - displacement[1]
         e = (v[4] * x + v[2]) * x + (v[4] * y + v[3]) * y
         w = row_of(blocks.stiffness, blocks.slots[slot, PULL], lane)
-        e = unless_none(w, e, none)
         if which_above(e, row_of(blocks.edge, blocks.slots[slot, BOUND], lane)) != 0:
             keep((e,), s, _E)
             keep((fx,), s, 0)
@@ -190,7 +200,7 @@ def _sum_curved(blocks, tracks, u, before, step, b, lane, s):  # type: ignore[no
             _update_bonds(blocks, tracks, u, before, step, slot, b, lane, s)
             fx, fy = beside(s, ONE, 0)[0], beside(s, ONE, ROW)[0]
             w = row_of(blocks.stiffness, blocks.slots[slot, PULL], lane)
-            e = unless_none(w, e, none)
+        e = unless_none(w, e, none)
         over_q, stretch, size, most = e * _polynomial(PULLS, e), e * _polynomial(STRETCHES, e), e * e, same(u, SQUARE)
         if which_above(size, most) != 0:  # lane by lane, so that a bond does not depend on those beside it
             q = np.sqrt(1.0 + e)
@@ -252,7 +262,15 @@ def _update_bonds(blocks, tracks, u, before, step, slot, b, first, s):  # type: 
     for k in range(across(s)):
         lane, e = first + k, s[_E + k]
         if e > blocks.edge[blocks.slots[slot, BOUND], lane]:
-            any_changed, row, stretch, i = True, _own_rows(blocks, slot), e / (1 + np.sqrt(1 + e)), b * LANES + lane
+            row, stretch, i = _own_rows(blocks, slot), e / (1 + np.sqrt(1 + e)), b * LANES + lane
+            opens = blocks.edge[row, lane] <= OPENING_SHORT
+            if opens and tracks.broken[slot, lane] == step:
+                continue
+            any_changed = True
+            if opens:
+                pull = _pull_again(blocks, tracks, before, step, slot, b, lane, stretch) / (1 + stretch)
+                _add_force(blocks, tracks, u, slot, i, lane, pull, k, s)
+                continue
             peak, limit = np.float64(blocks.peak[law, lane]), np.float64(blocks.limit[law, lane])
             if stretch > peak:
                 last, worst = _stretch_before(blocks, tracks, before, slot, i, lane), 0.0
@@ -264,6 +282,9 @@ def _update_bonds(blocks, tracks, u, before, step, slot, b, first, s):  # type: 
                     c = blocks.stiffness[blocks.whole[slot], lane] / blocks.vectors[blocks.slots[slot, VECTOR], 4] / 4
                     tracks.dissipated[i] += broken_energy(blocks.law, c, stretch, last, peak, limit)
                     _break(blocks, tracks, step, slot, lane)
+                    if blocks.law.matches_work and last < limit and last < stretch:
+                        blocks.edge[row, lane] = OPENING if last >= 0 else OPENING_SHORT
+                        blocks.near[row, lane] = -abs(last)
                     continue
                 soften(blocks, tracks, slot, b, lane, stretch, peak, limit)
             blocks.edge[row, lane] = e
@@ -303,6 +324,24 @@ def _stretch_before(blocks, tracks, before, slot, i, lane):  # type: ignore[no-u
     eta_x, eta_y = displaced(before, tracks.shrink, x, y, i, neighbour(blocks, slot, i, lane))
     e = inverse * (2 * (x * eta_x + y * eta_y) + eta_x * eta_x + eta_y * eta_y)
     return e / (np.sqrt(1 + e) + 1)
+
+
+@njit(**INNER)
+def _pull_again(blocks, tracks, before, step, slot, b, lane, stretch):  # type: ignore[no-untyped-def]
+    """Force over stiffness with which a bond that has broken pulls for a second time, if that was one step ago; it
+    needs no care from now on."""
+    row, law, i = blocks.slots[slot, BOUND], blocks.slots[slot, LIMITS], b * LANES + lane
+    first, worst, pull = np.float64(blocks.near[row, lane]), 0.0, 0.0
+    if blocks.edge[row, lane] == OPENING:
+        first = -first
+    peak, limit = np.float64(blocks.peak[law, lane]), np.float64(blocks.limit[law, lane])
+    if tracks.broken[slot, lane] == step - 1:
+        if blocks.softened[b]:
+            worst = worst_of(blocks.law, tracks.worst, slot, lane)
+        last = _stretch_before(blocks, tracks, before, slot, i, lane)
+        pull = second_force(blocks.law, stretch, last, first, worst, peak, limit)
+    blocks.edge[row, lane] = blocks.near[row, lane] = np.inf
+    return pull
 
 
 @njit(**INNER)
@@ -422,7 +461,7 @@ def _sum_dissipated(blocks, worst, b, slot, out):  # type: ignore[no-untyped-def
     law, inverse = blocks.slots[slot, LIMITS], blocks.vectors[blocks.slots[slot, VECTOR], 4]
     for lane in range(LANES):
         largest = worst[slot, lane]
-        if largest > 0 and blocks.near[blocks.slots[slot, BOUND], lane] < np.inf:
+        if largest > 0 and (blocks.mask[slot] >> np.uint64(lane)) & np.uint64(1):
             peak, limit = blocks.peak[law, lane], blocks.limit[law, lane]
             full_stiffness = blocks.stiffness[blocks.whole[slot], lane] / inverse / 4
             out[b * LANES + lane] += dissipated_energy(blocks.law, full_stiffness, largest, peak, limit)

@@ -11,10 +11,23 @@ from numpy.typing import NDArray
 
 from pdsolve.checkpoint_validation import entry
 from pdsolve.codegen.vector_code import ROW
-from pdsolve.lattice.sums import Tiles, place_rows, recall, room_for, sum_energies_of_tiles, sum_tiles
+from pdsolve.lattice.sums import (
+    Breaks,
+    Tiles,
+    joined,
+    place_rows,
+    pull_all_again,
+    recall,
+    room_for,
+    selected,
+    sum_energies_of_tiles,
+    sum_tiles,
+    taken,
+)
 from pdsolve.laws.calls import bind
 from pdsolve.laws.law import Law
 from pdsolve.numerics.thread_team import share
+from pdsolve.operators.openings import Openings, openings_to_arrays, read_openings
 from pdsolve.operators.protocol import CheckpointArrays
 from pdsolve.operators.simd_lattice.layout import aligned
 from pdsolve.operators.space_lattice import layout
@@ -40,11 +53,13 @@ class SpaceLattice:
         """`bound` (n,), N/m^4, of the stiffness of nodes."""
         bind(law)
         self._law, self.tiles, self.symmetric = law, tiles, symmetric
+        self._softens = law.pair is not None and law.pair.softening is not None
         self.sites, self._stiffness_bound, self.threads = sites, bound, threads
         self._summed = 0, len(tiles.kind)  # tiles
         self.u = aligned(np.zeros((3, tiles.cells.shape[1]), dtype=tiles.cells.dtype))
         self._broken = Broken(*(np.zeros(0, dtype=np.int64) for _ in Broken._fields))
         self._new: list[Broken] = []
+        self.openings = room_for(0)  # bonds that broke in the last step in which any did
         self.breaking = RLock()  # held while bits and broken bonds disagree: results ask for both during a march
 
     def to_own_layout(self, state: State) -> State:
@@ -64,7 +79,7 @@ class SpaceLattice:
 
     def _add(self, state: State, out: NDArray[Any], step: int, dt: float) -> None:
         self._place(state.value)
-        broken_by_tile: list[tuple[int, NDArray[np.int64]]] = []  # first tile of a sum, and the bonds that broke in it
+        broken_by_tile: list[tuple[int, Breaks]] = []  # first tile of a sum, and the bonds that broke in it
         waiting: list[int] = []  # tiles whose bonds soften for the first time
         room = ROOM * ROW * len(self.tiles.offsets)
 
@@ -75,25 +90,28 @@ class SpaceLattice:
                 begin, breaks.used[0] = first, 0
                 first = sum_tiles(self.tiles, self.u, *of_state, breaks, first, last)
                 if breaks.used[0]:
-                    broken_by_tile.append((begin, breaks.bonds[: breaks.used[0]].copy()))
+                    broken_by_tile.append((begin, taken(breaks)))
                 elif first == begin:
                     waiting.append(first)
                     first += 1
 
+        pull_all_again(self.tiles, self.u, state.rate, dt, step, self.openings, out)
         self._share(work)
         if waiting:
             self.extend(np.array(sorted(waiting)))
             for tile in sorted(waiting):
                 work(tile, tile + 1)
-        self._new += [Broken(*bonds.T) for _, bonds in sorted(broken_by_tile, key=lambda one: one[0])]
+        if broken_by_tile:
+            self.take_out(joined([breaks for _, breaks in sorted(broken_by_tile, key=lambda one: one[0])]))
 
     def extend(self, tile_numbers: NDArray[np.int64]) -> None:
         """Give tiles (s,) whose bonds soften a memory."""
         self.tiles = layout.extended(self.tiles, tile_numbers)
 
-    def take_out(self, bonds: NDArray[np.int64]) -> None:
-        """Note bonds (k, 3) that are broken now: the step, and the rows of source and target."""
-        self._new.append(Broken(*bonds.T))
+    def take_out(self, breaks: Breaks) -> None:
+        """Note bonds that are broken now, in the order of steps."""
+        self._new.append(Broken(*breaks.bonds.T))
+        self.openings = selected(breaks, breaks.bonds[:, 0] == breaks.bonds[-1, 0])
 
     def energies(self, state: State) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """The energy densities (n,), J/m^3, that nodes hold, and that softening has spent so far."""
@@ -149,23 +167,27 @@ class SpaceLattice:
 
     def checkpoint_arrays(self) -> CheckpointArrays:
         """History of bonds for a checkpoint, by the rows of their nodes: nothing of bonds that do not soften."""
-        if not self._law.bond_history:
-            return {}
-        tiles = self.tiles
+        tiles, (_, bonds, _, stretch) = self.tiles, self.openings
+        openings = openings_to_arrays(Openings(bonds[:, 1], bonds[:, 2], stretch))
+        if not self._softens:
+            return openings
         tile = np.flatnonzero(tiles.memory >= 0)
-        is_intact = (tiles.bits[tile][..., None] >> np.arange(ROW, dtype=np.uint16)) & np.uint16(1)
-        worst = tiles.worst[tiles.memory[tile]] * is_intact
+        remembering = layout.with_openings(tiles.bits, self.openings)[tile]
+        worst = tiles.worst[tiles.memory[tile]]
+        worst = worst * ((remembering[..., None] >> np.arange(ROW, dtype=np.uint16)) & np.uint16(1))
         which, slot, lane = np.nonzero(worst)
         site = tile[which] * ROW + lane
         source, target = (tiles.node[at].astype(np.int64) for at in (site, site + tiles.offsets[slot]))
-        return {"worst": worst[which, slot, lane], "worst_source": source, "worst_target": target}
+        return openings | {"worst": worst[which, slot, lane], "worst_source": source, "worst_target": target}
 
     def restore(self, checkpoint: CheckpointArrays, broken: Broken) -> None:
         """Restore the history of bonds and the broken bonds of a checkpoint."""
         bits, _ = self._whole(0, len(self._stiffness_bound))
         layout.cleared(self.sites, broken.source, broken.target, bits)
-        if self._law.bond_history:
-            self._recall(checkpoint, bits)
+        openings = read_openings(checkpoint, len(self._stiffness_bound), np.float64)
+        self.openings = layout.opened(self.sites, openings, broken)
+        if self._softens:
+            self._recall(checkpoint, layout.with_openings(bits, self.openings))
         self.tiles.bits[:] = bits
         self._broken, self._new = Broken(*(column.astype(np.int64) for column in broken)), []
 

@@ -7,6 +7,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from pdsolve.lattice.sums import Breaks, room_for
+
 
 class ZoneHistory(NamedTuple):
     """Broken bonds and books."""
@@ -16,7 +18,8 @@ class ZoneHistory(NamedTuple):
     target: NDArray[np.int64]
     refinement_energy: float  # J, in the plane per unit thickness: energy that refining has made
     largest: float  # of bonds that do not break: e, or stretch over their limit
+    openings: Breaks  # bonds that broke in the last step in which any did; rows of nodes may be others since
 
 
 NEVER = np.zeros(0, dtype=np.int64)
-NOTHING = ZoneHistory(NEVER, NEVER, NEVER, 0.0, 0.0)
+NOTHING = ZoneHistory(NEVER, NEVER, NEVER, 0.0, 0.0, room_for(0))

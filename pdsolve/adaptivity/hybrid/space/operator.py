@@ -37,9 +37,22 @@ from pdsolve.bonds.assembly import Counted
 from pdsolve.checkpoint_validation import entry, like
 from pdsolve.codegen.vector_code import ROW
 from pdsolve.errors import CheckpointError, LateZoneError
-from pdsolve.lattice.sums import EMPTY, VOLUME, Tiles, room_for, sum_some, sum_some_energies, sum_tiles
+from pdsolve.lattice.sums import (
+    EMPTY,
+    VOLUME,
+    Breaks,
+    Tiles,
+    joined,
+    pull_all_again,
+    room_for,
+    sum_some,
+    sum_some_energies,
+    sum_tiles,
+    taken,
+)
 from pdsolve.model import Model
 from pdsolve.numerics.thread_team import share
+from pdsolve.operators.openings import Openings, openings_to_arrays, read_openings
 from pdsolve.operators.protocol import CheckpointArrays
 from pdsolve.operators.space_lattice import layout
 from pdsolve.operators.space_lattice.operator import ROOM
@@ -171,7 +184,7 @@ class HybridBodyOperator:
 
     def _sum_and_break(self, state: State, step: int, dt: float) -> None:
         zone, density = self._zone, self._density
-        broken_by_tile: list[tuple[int, NDArray[np.int64]]] = []
+        broken_by_tile: list[tuple[int, Breaks]] = []
         room = ROOM * ROW * len(zone.tiles.offsets)
 
         def work(first: int, last: int) -> None:
@@ -181,13 +194,16 @@ class HybridBodyOperator:
                 of_state = state.rate, dt, step, density, state.dissipated
                 first = sum_tiles(zone.tiles, zone.u, *of_state, breaks, first, last)
                 if breaks.used[0]:
-                    broken_by_tile.append((begin, breaks.bonds[: breaks.used[0]].copy()))
+                    broken_by_tile.append((begin, taken(breaks)))
 
+        pull_all_again(zone.tiles, zone.u, state.rate, dt, step, self.history.openings, density)
         share(work, len(zone.tiles.kind), self._threads)
-        for _, bonds in sorted(broken_by_tile, key=lambda one: one[0]):
-            broken = Broken(*bonds.T)
+        if broken_by_tile:
+            openings = joined([breaks for _, breaks in sorted(broken_by_tile, key=lambda one: one[0])])
+            broken = Broken(*openings.bonds.T)
             self._remove_broken(broken.source, broken.target)
             self._new.append(broken)
+            self.history = self.history._replace(openings=openings)
 
     def _remove_broken(self, source: NDArray[np.int64], target: NDArray[np.int64]) -> None:
         """Take broken bonds out of those of the whole body too, so that none is there again."""
@@ -448,8 +464,14 @@ class HybridBodyOperator:
 
     def checkpoint_arrays(self) -> CheckpointArrays:
         """The cells and books for a checkpoint."""
-        books = np.array([self.history.refinement_energy, self.history.largest])
-        return {"cells": self._zone.cells.copy(), "zone_books": books}
+        books, (_, _, places, stretch) = (
+            np.array([self.history.refinement_energy, self.history.largest]),
+            self.history.openings,
+        )
+        site, slot = places.T
+        ends = (self._row[at].astype(np.int64) for at in (site, site + self._zone.tiles.offsets[slot]))
+        arrays = openings_to_arrays(Openings(*ends, stretch))
+        return arrays | {"cells": self._zone.cells.copy(), "zone_books": books}
 
     def restore(self, checkpoint: CheckpointArrays, broken: Broken) -> None:
         """Restore the broken bonds and the books of a checkpoint of these cells."""
@@ -459,7 +481,8 @@ class HybridBodyOperator:
         layout.cleared(self._node_sites, broken.source, broken.target, self._zone.tiles.bits)
         self._remove_broken(broken.source, broken.target)
         source, target = (self.sites[rows] for rows in (broken.source, broken.target))
-        self.history = ZoneHistory(broken.step.astype(np.int64), source, target, energy_created, largest)
+        openings = layout.opened(self._node_sites, read_openings(checkpoint, len(self.sites), np.float64), broken)
+        self.history = ZoneHistory(broken.step.astype(np.int64), source, target, energy_created, largest, openings)
 
     def bytes(self) -> int:
         """The memory of all arrays, bytes."""

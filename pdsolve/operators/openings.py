@@ -1,0 +1,62 @@
+"""Bonds that broke in the last step and pull once more in the next one, for checkpoints.
+
+See `pdsolve.laws.calls.second_force`. Operators keep them where they keep their bonds; here they are by rows of nodes.
+"""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import DTypeLike, NDArray
+
+from pdsolve.checkpoint_validation import entry
+from pdsolve.operators.protocol import CheckpointArrays
+from pdsolve.state import Broken
+
+
+class Openings(NamedTuple):
+    """Bonds (k,) that broke in the last step."""
+
+    source: NDArray[np.int64]  # row of the node whose bond it was
+    target: NDArray[np.int64]
+    stretch: NDArray[Any]  # one step before it broke
+
+
+def openings_to_arrays(openings: Openings) -> CheckpointArrays:
+    """Arrays of a checkpoint; none without any such bond."""
+    if not len(openings.source):
+        return {}
+    source, target, stretch = (column[np.lexsort((openings.target, openings.source))] for column in openings)
+    ends = {"opening_source": source.astype(np.int64), "opening_target": target.astype(np.int64)}
+    return {"opening": stretch, **ends}
+
+
+def read_openings(checkpoint: CheckpointArrays, nodes: int, kind: DTypeLike) -> Openings:
+    """Openings among so many nodes from a checkpoint, none in one of an older version. Raises CheckpointError."""
+    if "opening" not in checkpoint:
+        none = np.zeros(0, dtype=np.int64)
+        return Openings(none, none, np.zeros(0, dtype=kind))
+    stretch = entry(checkpoint, "opening", (None,), kind)
+    ends = (entry(checkpoint, f"opening_{end}", stretch.shape, np.int64, 0, nodes - 1) for end in ("source", "target"))
+    return Openings(*ends, stretch)
+
+
+def last_breaks(broken: Broken) -> Broken:
+    """Those of some bonds that broke in the last of their steps."""
+    last = broken.step == broken.step.max(initial=0)
+    return Broken(*(column[last] for column in broken))
+
+
+def pulls_to_arrays(step: NDArray[Any], pull: NDArray[np.float64], growth: NDArray[np.float64]) -> CheckpointArrays:
+    """Arrays of a checkpoint: the force with which b bonds broke and the growth of their stretch, 0 before the last
+    step."""
+    last = step == step.max(initial=0)
+    return {"break_pull": np.where(last, pull, 0.0), "break_growth": np.where(last, growth, 0.0)}
+
+
+def read_pulls(checkpoint: CheckpointArrays, bonds: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """What `pulls_to_arrays` gave, 0 in a checkpoint of an older version. Raises CheckpointError."""
+    if "break_pull" not in checkpoint:
+        return np.zeros(bonds), np.zeros(bonds)
+    return entry(checkpoint, "break_pull", (bonds,), float), entry(checkpoint, "break_growth", (bonds,), float)
