@@ -105,19 +105,19 @@ def room_for(bonds: int) -> Breaks:
 def taken(breaks: Breaks, first: int = 0) -> Breaks:
     """A copy of the breaks from `first` on."""
     last = int(breaks.used[0])
-    return Breaks(np.array([last - first]), *(column[first:last].copy() for column in breaks[1:]))
+    return Breaks._make([np.array([last - first]), *(column[first:last].copy() for column in breaks[1:])])
 
 
 def joined(breaks: Sequence[Breaks]) -> Breaks:
     """Some breaks one after the other."""
     columns = zip(*(one[1:] for one in breaks), strict=True)
-    return Breaks(sum((one.used for one in breaks), np.zeros(1, np.int64)), *map(np.concatenate, columns))
+    return Breaks._make([sum((one.used for one in breaks), np.zeros(1, np.int64)), *map(np.concatenate, columns)])
 
 
 def selected(breaks: Breaks, which: NDArray[Any]) -> Breaks:
     """Some of the breaks, by mask (b,) or by numbers (k,)."""
     columns = [column[: breaks.used[0]][which] for column in breaks[1:]]
-    return Breaks(np.array([len(columns[0])]), *columns)
+    return Breaks._make([np.array([len(columns[0])]), *columns])
 
 
 @njit(**INNER)

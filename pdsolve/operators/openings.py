@@ -23,7 +23,7 @@ class Openings(NamedTuple):
     stretch: NDArray[Any]  # one step before it broke
 
 
-def openings_to_arrays(openings: Openings) -> CheckpointArrays:
+def openings_to_arrays(openings: Openings) -> dict[str, NDArray[Any]]:
     """Arrays of a checkpoint; none without any such bond."""
     if not len(openings.source):
         return {}
@@ -38,8 +38,10 @@ def read_openings(checkpoint: CheckpointArrays, nodes: int, kind: DTypeLike) -> 
         none = np.zeros(0, dtype=np.int64)
         return Openings(none, none, np.zeros(0, dtype=kind))
     stretch = entry(checkpoint, "opening", (None,), kind)
-    ends = (entry(checkpoint, f"opening_{end}", stretch.shape, np.int64, 0, nodes - 1) for end in ("source", "target"))
-    return Openings(*ends, stretch)
+    source, target = (
+        entry(checkpoint, f"opening_{end}", stretch.shape, np.int64, 0, nodes - 1) for end in ("source", "target")
+    )
+    return Openings(source, target, stretch)
 
 
 def last_breaks(broken: Broken) -> Broken:
@@ -48,7 +50,7 @@ def last_breaks(broken: Broken) -> Broken:
     return Broken(*(column[last] for column in broken))
 
 
-def pulls_to_arrays(step: NDArray[Any], pull: NDArray[np.float64], growth: NDArray[np.float64]) -> CheckpointArrays:
+def pulls_to_arrays(step: NDArray[Any], pull: NDArray[np.float64], growth: NDArray[np.float64]) -> dict[str, NDArray[Any]]:
     """Arrays of a checkpoint: the force with which b bonds broke and the growth of their stretch, 0 before the last
     step."""
     last = step == step.max(initial=0)

@@ -27,7 +27,7 @@ class PlateBrokenBonds:
 
     def broken(self, after: int = 0) -> Broken:
         """The bonds broken after a step."""
-        (step, node, spring), plate = self._hybrid.broken(), self._hybrid.plate
+        (step, node, spring, *_), plate = self._hybrid.broken(), self._hybrid.plate
         new = step > after
         node, neighbour = node[new], node[new] + self._hybrid.ground.ways[spring[new]]
         return Broken(step[new].astype(np.int64), plate.rows_at(node), plate.rows_at(neighbour))

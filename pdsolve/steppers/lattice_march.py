@@ -182,7 +182,7 @@ class LatticeMarch:
         for thread in range(threads):
             own = (tile >= count * thread // threads) & (tile < count * (thread + 1) // threads)
             breaks = self._breaks[thread]
-            used = self._shared[thread] = np.count_nonzero(own)
+            used = self._shared[thread] = int(np.count_nonzero(own))
             room = used + ROOM * ROW * len(self._operator.sites.ways)
             if room > len(breaks.bonds):
                 breaks = self._breaks[thread] = room_for(room)

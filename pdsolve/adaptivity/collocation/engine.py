@@ -166,7 +166,7 @@ class CollocationEngine:
     def broken(self) -> BreakEvents:
         """Bonds broken so far."""
         count = self.zone.counts.broken_bonds
-        return BreakEvents(*(column[:count] for column in self.zone.breaks))
+        return BreakEvents._make(column[:count] for column in self.zone.breaks)
 
     def zone_summary(self) -> ZoneSummary:
         """Summary of the fine zone for the run's report."""
@@ -227,8 +227,8 @@ class CollocationEngine:
             raise CheckpointError("places are not those of active nodes")
         while len(self.zone.breaks.step) < len(node):
             self._enlarge_breaks()
-        for column, values in zip(self.zone.breaks, breaks, strict=True):
-            column[: len(node)] = values
+        for name, values in breaks._asdict().items():
+            getattr(self.zone.breaks, name)[: len(node)] = values
         for name, field in (("fine_u", self.zone.u), ("fine_v", self.zone.v), ("fine_a", self.zone.a)):
             field[:] = 0.0
             field[:, places] = entry(checkpoint, name, (2, len(places)), float)

@@ -42,7 +42,7 @@ class CollocationOperator(TwoLatticeOperator[CollocationEngine]):
         self.area = engine.area[self.places]
         self._switches = int(engine.zone.counts.switches)
         # as they are now: the bonds of the start are asked for while others march
-        self._cut, self._before = engine.zone.cut.copy(), BreakEvents(*(column.copy() for column in engine.broken()))
+        self._cut, self._before = engine.zone.cut.copy(), BreakEvents._make(column.copy() for column in engine.broken())
 
     @cached_property
     def model(self) -> Model:
@@ -155,7 +155,7 @@ class CollocationOperator(TwoLatticeOperator[CollocationEngine]):
         sources.append(places_of_kind[node])
         targets.append(places_of_kind[node] + ground.ways[k])
         if start:
-            _, node, k = self._before
+            _, node, k, *_ = self._before
             neighbour = node + ground.ways[k]
             for near, far in ((node, neighbour), (neighbour, node)):
                 in_range = (self._row_of[near] >= first) & (self._row_of[near] < first + len(places))

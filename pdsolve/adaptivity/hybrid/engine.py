@@ -208,7 +208,7 @@ class HybridEngine:
 
     def broken(self) -> arrays.BreakEvents:
         """Bonds broken so far."""
-        return arrays.BreakEvents(*(column[: self.zone.counts.broken_bonds] for column in self.zone.breaks))
+        return arrays.BreakEvents._make(column[: self.zone.counts.broken_bonds] for column in self.zone.breaks)
 
     def places_of_dissipation(self) -> NDArray[np.int64]:
         """Fine places (k,) at which a bond has broken or softened, in order."""

@@ -464,13 +464,10 @@ class HybridBodyOperator:
 
     def checkpoint_arrays(self) -> CheckpointArrays:
         """The cells and books for a checkpoint."""
-        books, (_, _, places, stretch) = (
-            np.array([self.history.refinement_energy, self.history.largest]),
-            self.history.openings,
-        )
-        site, slot = places.T
-        ends = (self._row[at].astype(np.int64) for at in (site, site + self._zone.tiles.offsets[slot]))
-        arrays = openings_to_arrays(Openings(*ends, stretch))
+        books = np.array([self.history.refinement_energy, self.history.largest])
+        site, slot = self.history.openings.places.T
+        source, target = (self._row[at].astype(np.int64) for at in (site, site + self._zone.tiles.offsets[slot]))
+        arrays = openings_to_arrays(Openings(source, target, self.history.openings.openings))
         return arrays | {"cells": self._zone.cells.copy(), "zone_books": books}
 
     def restore(self, checkpoint: CheckpointArrays, broken: Broken) -> None:
