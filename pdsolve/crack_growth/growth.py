@@ -26,7 +26,7 @@ from pdsolve.bonds.assembly import BondSource
 from pdsolve.checkpoint_validation import entry
 from pdsolve.conditions import Drive, held, unbreakable
 from pdsolve.crack_growth.criteria import AHEAD, Verdict, by_intensity, by_release, by_stress
-from pdsolve.crack_growth.obstacles import ACTED_ON, Obstacles
+from pdsolve.crack_growth.obstacles import ACTED_ON, CrackedPlate
 from pdsolve.crack_growth.tip_bond_weights import Round
 from pdsolve.crack_growth.tip_gradients import Surroundings
 from pdsolve.crack_growth.tips import Tip, tips_of
@@ -56,7 +56,7 @@ class Growth:
         self.every, self.rules = every, model.settings.run.particles
         self._model, self._operator, self._no_fail = model, operator, unbreakable(model)
         self._held = held(drive)
-        self._ground, self._sight = Obstacles(model), Sight(model.grid, model.name)
+        self._ground, self._sight = CrackedPlate(model), Sight(model.grid, model.name)
         self._near = Surroundings(model, operator, filling.area, every is None)
         self.particles = of_segments(model.grid.cracks, self._ground.slack)
         self._long = float(model.horizons.max() / (model.grid.delta.min() * self.rules.spacing))

@@ -18,7 +18,7 @@ ACTED_ON = "nodes of a load or grip"  # what a crack does not come near
 COVERED = 0.75  # spacings from the nearest node, in a plate without an outline
 
 
-class Obstacles:
+class CrackedPlate:
     """A plate with growing cracks."""
 
     def __init__(self, model: Model) -> None:
