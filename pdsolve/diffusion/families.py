@@ -39,7 +39,7 @@ def dimension_of(model: Model) -> int:
     return len(extended(model))
 
 
-class Part(NamedTuple):
+class BondsOfRows(NamedTuple):
     """Bonds of some nodes, and those that they would have without cracks, holes and edges."""
 
     pairs: Pairs
@@ -90,7 +90,7 @@ def lattice_diffusivity(ratio: float, dimension: int, power: int) -> float:
     return moment(2, ratio, dimension, power) / (2 * dimension)
 
 
-class Families:
+class DiffusionFamilies:
     """Bonds of the nodes of a model. Raises GridError for an invalid outline."""
 
     def __init__(self, model: Model) -> None:
@@ -125,7 +125,7 @@ class Families:
         conductance = self.conductance(Pairs(source, target, np.sqrt((away**2).sum(axis=1))))
         return np.where(conductance > ROUND_OFF * conductance.max(initial=0.0), conductance, 0.0)
 
-    def part(self, rows: NDArray[np.int64]) -> Part:
+    def part(self, rows: NDArray[np.int64]) -> BondsOfRows:
         """Bonds of some increasing rows."""
         pairs = self.neighbours.pairs(rows)
         conductance = self.conductance(pairs)
@@ -135,13 +135,13 @@ class Families:
         blocked = is_bond & self.sight.cut(pairs)
         is_bond &= ~blocked
         intact, lost = ((chosen(pairs, which), conductance[which]) for which in (is_bond, ~is_bond))
-        return Part(*intact, pairs.source[blocked], *lost)
+        return BondsOfRows(*intact, pairs.source[blocked], *lost)
 
     def of(self, rows: NDArray[np.int64]) -> tuple[Pairs, NDArray[np.float64]]:
         """Bonds (b,) of some increasing rows, and their conductances (b,)."""
         return self.part(rows)[:2]
 
-    def parts(self) -> Iterator[Part]:
+    def parts(self) -> Iterator[BondsOfRows]:
         """All bonds, in parts of some rows."""
         return (self.part(rows) for rows in row_chunks(len(self.model.grid)))
 
@@ -186,7 +186,7 @@ class Grouped(NamedTuple):
     conductance: NDArray[np.float64]  # (g,) 1/(s m^d)
 
 
-def grouped(parts: Iterator[Part], nodes: int) -> tuple[Grouped, NDArray[np.int64]]:
+def grouped(parts: Iterator[BondsOfRows], nodes: int) -> tuple[Grouped, NDArray[np.int64]]:
     """All parts as one list, and the number (n,) of bonds of each node that a crack blocks."""
     neighbours, sizes, conductances = [], [], []
     groups, blocked = np.zeros(nodes, dtype=np.int64), np.zeros(nodes, dtype=np.int64)
