@@ -19,7 +19,7 @@ from pdsolve.results.reader import Results
 from pdsolve.results.side_files import JOURNAL, LOG, expect_sound
 
 
-class Kind(Enum):
+class StateKind(Enum):
     """What can be done with a database; the value describes it and how to continue."""
 
     NONE = "no file: a run begins"
@@ -37,7 +37,7 @@ BADLY = ("unstable", "unsettled")  # how a run ends that would do so again
 class State(NamedTuple):
     """The state of a database."""
 
-    kind: Kind
+    kind: StateKind
     meta: Mapping[str, Any] = {}  # what the run says of itself; empty where there is nothing to read
     step: int | None = None  # of the last checkpoint
     frame: int | None = None  # the step of the last frame
@@ -48,9 +48,9 @@ class State(NamedTuple):
     def words(self) -> str:
         """The state in a line, without the name of the file."""
         said = str(self.kind.value)
-        if self.kind is Kind.RUNNING:
+        if self.kind is StateKind.RUNNING:
             return f"{said} ({self.holder})"
-        return f"{said}, at step {self.step}" if self.kind is Kind.STOPPED else said
+        return f"{said}, at step {self.step}" if self.kind is StateKind.STOPPED else said
 
     @property
     def warning(self) -> str | None:
@@ -58,7 +58,8 @@ class State(NamedTuple):
         if not self.log.lost:
             return None
         until = "no frame" if self.frame is None else f"frames up to step {self.frame}"
-        how = "it is to be solved anew" if self.kind is Kind.EMPTY else "pdsolve --resume solves what came later again"
+        is_empty = self.kind is StateKind.EMPTY
+        how = "it is to be solved anew" if is_empty else "pdsolve --resume solves what came later again"
         return (
             f"its log ({self.log.read + self.log.lost} transactions) is damaged after {self.log.read}; {until} can"
             f" be read, {how}"
@@ -73,16 +74,16 @@ def state_of(path: Path) -> State:
     """
     lock_holder = holder(path)
     if lock_holder is not None:
-        return State(Kind.RUNNING, holder=lock_holder)
+        return State(StateKind.RUNNING, holder=lock_holder)
     if not os.path.lexists(path):
         _expect_no_log(path)
-        return State(Kind.NONE)
+        return State(StateKind.NONE)
     try:
         with Results.open(path) as results, explained(path):
             return _read(results, path)
     except EmptyError:
         with explained(path), closing(read_only(path)) as connection:
-            return State(Kind.EMPTY, log=log_of(connection, path))
+            return State(StateKind.EMPTY, log=log_of(connection, path))
 
 
 def is_empty(path: Path) -> bool:
@@ -93,7 +94,7 @@ def is_empty(path: Path) -> bool:
         state = state_of(path)
     except (ResultsError, OSError):
         return False
-    return state.kind is Kind.EMPTY and not state.log.lost
+    return state.kind is StateKind.EMPTY and not state.log.lost
 
 
 def _read(results: Results, path: Path) -> State:
@@ -101,11 +102,11 @@ def _read(results: Results, path: Path) -> State:
     log = log_of(connection, path)
     step, frame = (_last(connection, table) for table in ("checkpoint", "frame"))
     status = meta.get("status")
-    kind = Kind.UNBEGUN if step is None else Kind.STOPPED
+    kind = StateKind.UNBEGUN if step is None else StateKind.STOPPED
     if status == "finished":
-        kind = Kind.FINISHED
+        kind = StateKind.FINISHED
     elif status in BADLY:
-        kind = Kind.FAILED
+        kind = StateKind.FAILED
     return State(kind, meta, step, frame, log=log)
 
 

@@ -43,7 +43,7 @@ from pdsolve.results.schema import (
     Column,
     Epoch,
     Families,
-    Frame,
+    FrameRecord,
     Nodes,
     prefixes,
     statements,
@@ -153,7 +153,7 @@ class Writer:
         with self._transaction():
             self._tell(meta)
 
-    def write(self, frame: Frame) -> None:
+    def write(self, frame: FrameRecord) -> None:
         """Write a frame in one transaction. Raises WriteError, for instance on a full disk."""
         if frame.ready is not None:
             frame.ready()

@@ -11,7 +11,7 @@ import pytest
 from messages import mentions
 from numpy.typing import NDArray
 
-from pdsolve.results import Breaks, Families, Frame, Nodes, Results, ResultsError, Writer
+from pdsolve.results import Breaks, Families, FrameRecord, Nodes, Results, ResultsError, Writer
 from pdsolve.results.checksums import crc_joined
 from pdsolve.results.pieces import KEY, Pieces, written
 from pdsolve.results.removal import expect_piece
@@ -47,10 +47,10 @@ def births(first: int, last: int) -> Births:
     )
 
 
-def frame(number: int, **more: object) -> Frame:
+def frame(number: int, **more: object) -> FrameRecord:
     step = 10 * number
     usual = {"fields": {"ux": UX[number]}, "checkpoint": {"value": KEPT[number], "held_force": np.arange(2.0)}}
-    return Frame(step=step, time=step * 1e-6, breaks=NOTHING, ledger=(), probes=(), **{**usual, **more})
+    return FrameRecord(step=step, time=step * 1e-6, breaks=NOTHING, ledger=(), probes=(), **{**usual, **more})
 
 
 @pytest.fixture
