@@ -58,8 +58,8 @@ class State(NamedTuple):
         if not self.log.lost:
             return None
         until = "no frame" if self.frame is None else f"frames up to step {self.frame}"
-        is_empty = self.kind is StateKind.EMPTY
-        how = "it is to be solved anew" if is_empty else "pdsolve --resume solves what came later again"
+        empty = self.kind is StateKind.EMPTY
+        how = "it is to be solved anew" if empty else "pdsolve --resume solves what came later again"
         return (
             f"its log ({self.log.read + self.log.lost} transactions) is damaged after {self.log.read}; {until} can"
             f" be read, {how}"
@@ -76,7 +76,13 @@ def state_of(path: Path) -> State:
     if lock_holder is not None:
         return State(StateKind.RUNNING, holder=lock_holder)
     if not os.path.lexists(path):
-        _expect_no_log(path)
+        expect_sound(path)
+        for file in (Path(os.path.realpath(path) + end) for end in (LOG, JOURNAL)):
+            if file.is_file() and file.stat().st_size:  # of a killed run, whose database was renamed
+                raise ResultsError(
+                    f"{path}: {file.name} is there without its database (was it renamed? rename {file.name} alike;"
+                    " otherwise remove it)"
+                )
         return State(StateKind.NONE)
     try:
         with Results.open(path) as results, explained(path):
@@ -113,14 +119,3 @@ def _read(results: Results, path: Path) -> State:
 def _last(connection: sqlite3.Connection, table: str) -> int | None:
     ((step,),) = connection.execute(f"SELECT max(step) FROM {table}")
     return None if step is None else int(step)
-
-
-def _expect_no_log(path: Path) -> None:
-    """Raise ResultsError if a log or a journal has lost its database: the run was killed and its database renamed."""
-    expect_sound(path)
-    for file in (Path(os.path.realpath(path) + end) for end in (LOG, JOURNAL)):
-        if file.is_file() and file.stat().st_size:
-            raise ResultsError(
-                f"{path}: {file.name} is there without its database (was it renamed? rename {file.name} alike;"
-                " otherwise remove it)"
-            )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import time as clock
 from collections.abc import Mapping
@@ -113,7 +114,7 @@ class RecorderOnRanks(Recorder):
 
         births = Births(len(grid), grid.dimension, system.directed_bond_count, nodes, families)
         if self._files:
-            meta = {**meta, pieces.KEY: pieces.written([pieces.Pieces(0, self._files)])}
+            meta = {**meta, pieces.KEY: json.dumps([pieces.Pieces(0, self._files)])}
         return Writer.begin(output, births, grid.cracks, meta)
 
     def open_rank_databases(self, output: Path | None) -> None:
