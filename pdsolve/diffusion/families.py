@@ -147,11 +147,16 @@ class DiffusionFamilies:
 
     def unlike(self) -> Unlike:
         """Where bonds differ from those of a full lattice that has each node's own diffusivity all over."""
-        D, nodes = self.diffusivity, len(self.model.grid)
+        D, nodes, reach = self.diffusivity, len(self.model.grid), float(self.reach.max())
+        near_others, values = np.zeros(len(self.position), dtype=bool), np.unique(D)
+        for region in (value == D for value in (values if len(values) > 1 else ())):
+            others = tree_of(self.position[~region])
+            near, _ = others.query(self.position[region], distance_upper_bound=reach * (1 + ROUND_OFF))
+            near_others[region] = np.isfinite(near)
         lost, blocked = np.zeros((2, nodes), dtype=np.int64)
         nothing = np.zeros(0, dtype=np.int64)
         differences = [(nothing, nothing, np.zeros(0))]
-        rows = np.flatnonzero(self._beside_others() | self.sight.near(float(self.reach.max())))
+        rows = np.flatnonzero(near_others | self.sight.near(reach))
         for part in (self.part(rows[first : first + ROWS]) for first in range(0, len(rows), ROWS)):
             (i, j, _), (k, m, _) = part.pairs, part.lost
             blocked += np.bincount(part.blocked, minlength=nodes)
@@ -163,15 +168,6 @@ class DiffusionFamilies:
         source, target, conductance = (np.concatenate(column) for column in zip(*differences, strict=True))
         order = np.lexsort((target, source))
         return Unlike(source[order], target[order], conductance[order], lost, blocked)
-
-    def _beside_others(self) -> NDArray[np.bool_]:
-        """Mask (n,) of nodes within reach of one of another diffusivity."""
-        near_others, farthest = np.zeros(len(self.position), dtype=bool), float(self.reach.max()) * (1 + ROUND_OFF)
-        values = np.unique(self.diffusivity)
-        for region in (self.diffusivity == value for value in (values if len(values) > 1 else ())):
-            near, _ = tree_of(self.position[~region]).query(self.position[region], distance_upper_bound=farthest)
-            near_others[region] = np.isfinite(near)
-        return near_others
 
 
 class Grouped(NamedTuple):
