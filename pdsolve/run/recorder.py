@@ -89,12 +89,6 @@ def breaks_since(system: System, after_step: int, broken: Broken | None = None) 
     return Breaks(step[order], ids[source[order]], ids[target[order]])
 
 
-def _broken_until(step: int, broken: Broken) -> Broken:
-    """The bonds broken up to a step."""
-    before = broken.step <= step
-    return Broken(*(column[before] for column in broken))
-
-
 def make_checkpoint(system: System, state: State) -> dict[str, NDArray[Any]]:
     """A copy of everything a resumed run needs to continue bit by bit, except the broken bonds."""
     of_bonds = dict(system.operator.keep())  # before the state, which it may bring up to date
@@ -291,7 +285,10 @@ class Recorder:
         stay, ids = np.flatnonzero(origin >= 0), system.model.grid.ids
         if system.time_step != before.time_step or (ids[stay] != before.model.grid.ids[origin[stay]]).any():
             raise ValueError(f"step {step}: the time step or the ids of nodes that stay have changed; keep them")
-        broken, broken_after = (_broken_until(step, run_system.operator.broken()) for run_system in (before, system))
+        broken, broken_after = (
+            Broken(*(column[all_broken.step <= step] for column in all_broken))
+            for all_broken in (before.operator.broken(), system.operator.broken())
+        )
         self._breaks.append(breaks_since(before, max(self.frame_step, self._since), broken))
         self._updates, self._since = self.bond_updates(step), step
         self._latest = int(broken.step.max(initial=self._latest))
