@@ -45,7 +45,7 @@ class ConductanceSlots(NamedTuple):
     conductance: NDArray[np.float64]  # (s,) 1/(s m^d)
 
 
-class Tables(NamedTuple):
+class LatticeTables(NamedTuple):
     """What a lattice of n nodes is, for who sums it elsewhere."""
 
     cells: int
@@ -205,10 +205,10 @@ class OnLattice:
         if self._change is not None:
             self._change.rates(potential, out)
 
-    def tables(self) -> Tables:
+    def tables(self) -> LatticeTables:
         """The cells and slots of the lattice, and what its few other bonds add."""
         box, slots = self._box, self._slots
-        return Tables(box.size + ABREAST, box.cell, *slots, self._scale, self._outflow, self._change)
+        return LatticeTables(box.size + ABREAST, box.cell, *slots, self._scale, self._outflow, self._change)
 
     def lacking(self, cell: float) -> NDArray[np.bool_]:
         """Mask (n,) of nodes whose total conductance differs from that of a full family of whole cells, m^d."""
