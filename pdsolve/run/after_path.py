@@ -54,7 +54,7 @@ def prepare_motion_after(path_results: Results, threads: int | None) -> tuple[Pr
     system = dataclasses.replace(system, model=model)
     restore_state(system, state, step, checkpoint, path_results.breaks())
     acceleration = (force_densities(system.operator, state) + system.drive.force) / system.model.rho[:, None]
-    state.second[:] = np.where(constrained_components(system.drive), 0.0, acceleration)  # with which the body begins to move
+    state.second[:] = np.where(constrained_components(system.drive), 0.0, acceleration)  # with which motion begins
     return Prepared(system, state), step
 
 
