@@ -22,7 +22,7 @@ from benchmarks.corrupted import COUNT, batches
 from benchmarks.kills import ROOT, compiler, contents, forked, trials
 from benchmarks.kinds_of_run import KINDS
 from pdsolve.model import Model
-from pdsolve.results import Kind, ResultsError, remove, state_of
+from pdsolve.results import ResultsError, StateKind, remove, state_of
 from pdsolve.run.simulation import Progress, resume, simulate
 
 FORGED, BATCH, SEED = 320, 8, 1  # cases that are forged; of them in one process; of their random numbers
@@ -60,7 +60,7 @@ def kills(folder: Path, until: Until) -> Part:
         print(trial, file=sys.stderr, flush=True)
     met = {(trial.kind, trial.resumed) for trial in found}
     missing = [f"{kind}, resumed" if resumed else kind for kind, resumed in jobs if (kind, resumed) not in met]
-    states = ", ".join(f"{sum(one.state == kind.name for one in found)} {kind.name.lower()}" for kind in Kind)
+    states = ", ".join(f"{sum(one.state == kind.name for one in found)} {kind.name.lower()}" for kind in StateKind)
     unmet = f"; no time for {', '.join(missing)}" if missing else ""
     said = f"{len(met)} of {len(jobs)} kinds, resumed ones included; left {states}{unmet}"
     traces = sum(trial.trace for trial in bad)
@@ -138,7 +138,7 @@ def full_disks(folder: Path, until: Until) -> Part:
         remove(path)
         _, code = forked(lambda most=size * number // count: limited(most))  # type: ignore[misc]
         tried, traces = tried + 1, traces + bool(code)
-        if state_of(path).kind in (Kind.NONE, Kind.EMPTY):
+        if state_of(path).kind in (StateKind.NONE, StateKind.EMPTY):
             simulate(model, path, options).close()
         else:
             resume(path).close()

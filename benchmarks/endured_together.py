@@ -16,7 +16,7 @@ from benchmarks.kills import ROOT, contents
 from benchmarks.kinds_of_run import ALONE, KINDS, lattice
 from pdmesh.model.document import write_file
 from pdmesh.model.node_grid import document_of
-from pdsolve.results import Kind, Results, ResultsError, state_of
+from pdsolve.results import Results, ResultsError, StateKind, state_of
 from pdsolve.run.simulation import simulate
 
 SIDE = 1415  # nodes: of a plate of two million
@@ -41,7 +41,7 @@ def large(folder: Path, until: Until) -> Part:
         f"{max(used) / 1e9:.2f} GB at most, in the end {late[-1] / late[0]:.2f} times what it is at the first frame;"
         f" Ctrl-C heard in {heard:.1f} s; {state.message}"
     )
-    right = code == 130 and (state.kind is Kind.STOPPED or not begun)
+    right = code == 130 and (state.kind is StateKind.STOPPED or not begun)
     return Part(int(begun), 1, int(not right), said=said)
 
 

@@ -164,12 +164,12 @@ class _Ended:
 
     def _went_on(self, path: Path) -> tuple[str, str]:
         """The state of a run that was ended, and what is wrong with how it goes on."""
-        from pdsolve.results import Kind, Results, ResultsError, state_of
+        from pdsolve.results import Results, ResultsError, StateKind, state_of
         from pdsolve.run.simulation import resume
 
         state = state_of(path)
         try:
-            if state.kind in (Kind.NONE, Kind.EMPTY):
+            if state.kind in (StateKind.NONE, StateKind.EMPTY):
                 self._solve(self.model, path)
             else:
                 with Results.open(path) as results:

@@ -361,14 +361,14 @@ def _show_plan(plan: Plan, args: argparse.Namespace) -> int:
 def _show_what_is_left(path: Path, args: argparse.Namespace) -> int:
     """Show the cost of continuing a run; returns the exit code. Raises ResultsError if it cannot continue."""
     from pdsolve.model import model_of
-    from pdsolve.results import Kind, Results, state_of
+    from pdsolve.results import Results, StateKind, state_of
     from pdsolve.run.estimate import estimate_run
     from pdsolve.run.simulation import options_from_metadata
 
     state = state_of(path)
     lines = [f"{path}: {state.message}"]
     report: dict[str, Any] = {"output": str(path), "state": state.kind.name.lower(), "step": state.step, "left": 0}
-    if state.kind not in (Kind.RUNNING, Kind.FINISHED):
+    if state.kind not in (StateKind.RUNNING, StateKind.FINISHED):
         with Results.open(path) as results:
             model = model_of(results.model(), str(path))
         plan = estimate_run(model, options_from_metadata(model, state.meta, args.threads))

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from pdsolve.results import Breaks, Families, Frame, Nodes, Results, Writer
+from pdsolve.results import Breaks, Families, FrameRecord, Nodes, Results, Writer
 from pdsolve.run.measures import LedgerRow
 
 NOTCH = np.array([[0.0, 0.0, 4.5e-3, 0.0]])  # of `lattice`
@@ -49,7 +49,7 @@ def run(
     breaks = Breaks(*np.array(sorted(rows), dtype=np.int64).reshape(-1, 3).T)
     grown = [(at, step, parent, 1e-3 * x, 1e-3 * y, 0.0, 0.0) for at, (step, parent, x, y) in enumerate(particles)]
     books = [LedgerRow(100, 1e-4, *[0.0] * 6, len(rows))]
-    writer.write(Frame(100, 1e-4, None, breaks, books, [], {}, particles=grown))
+    writer.write(FrameRecord(100, 1e-4, None, breaks, books, [], {}, particles=grown))
     return Results(writer.connection, "memory")
 
 
@@ -61,5 +61,5 @@ def at_steps(nodes: Nodes, steps: np.ndarray, time_step: float = 1e-6) -> Result
     step, node = steps[order].astype(np.int64), nodes.ids[order]
     last = int(step.max(initial=0))
     books = [LedgerRow(last, last * time_step, *[0.0] * 6, len(step))]
-    writer.write(Frame(last, last * time_step, None, Breaks(step, node, np.ones_like(node)), books, [], {}))
+    writer.write(FrameRecord(last, last * time_step, None, Breaks(step, node, np.ones_like(node)), books, [], {}))
     return Results(writer.connection, "memory")

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from pdsolve.results import Breaks, Families, Frame, Nodes, Results, Writer
+from pdsolve.results import Breaks, Families, FrameRecord, Nodes, Results, Writer
 
 
 def plate(side: int = 13, spacing: float = 1e-3, horizon: float = 3.01, jitter: float = 0.0) -> tuple[Nodes, Families]:
@@ -68,7 +68,7 @@ def results_of(
     meta = {"time_step": 1e-6, "model": json.dumps(model)} | ({"dimension": 3} if d == 3 else {})
     writer = Writer.create(path, nodes, part, cracks, meta)
     breaks = Breaks(*np.array(broken, dtype=np.int64).reshape(-1, 3).T)
-    writer.write(Frame(10, 1e-5, dict(zip(("ux", "uy", "uz"), u.T, strict=False)), breaks, [], [], {}))
+    writer.write(FrameRecord(10, 1e-5, dict(zip(("ux", "uy", "uz"), u.T, strict=False)), breaks, [], [], {}))
     if path is not None:
         writer.close("finished")
         return Results.open(path)

@@ -97,7 +97,7 @@ DIFFUSION = (
     ),
     Mutant(
         "pdsolve/diffusion/families.py",
-        "self._beside_others() | ",
+        "near_others | ",
         "",
         "tests/unit/pdsolve/diffusion/test_bonds.py::test_slots_with_a_crack_and_two_media_are_the_list",
     ),

@@ -26,7 +26,7 @@ from pdsolve.bonds.assembly import BondSource
 from pdsolve.checkpoint_validation import entry
 from pdsolve.conditions import Drive, constrained_components, unbreakable
 from pdsolve.crack_growth.criteria import AHEAD, Verdict, by_intensity, by_release, by_stress
-from pdsolve.crack_growth.obstacles import ACTED_ON, Obstacles
+from pdsolve.crack_growth.obstacles import ACTED_ON, CrackedPlate
 from pdsolve.crack_growth.tip_bond_weights import Round
 from pdsolve.crack_growth.tip_gradients import Surroundings
 from pdsolve.crack_growth.tips import Tip, tips_of
@@ -56,24 +56,20 @@ class Growth:
         self.every, self.rules = every, model.settings.run.particles
         self._model, self._operator, self._no_fail = model, operator, unbreakable(model)
         self._held = constrained_components(drive)
-        self._ground, self._sight = Obstacles(model), Sight(model.grid, model.name)
+        self._ground, self._sight = CrackedPlate(model), Sight(model.grid, model.name)
         self._near = Surroundings(model, operator, filling.area, every is None)
         self.particles = of_segments(model.grid.cracks, self._ground.slack)
         self._long = float(model.horizons.max() / (model.grid.delta.min() * self.rules.spacing))
         self._round = Round(model, self._near, filling) if model.materials[0].detour is not None else None
         self._first, self._remarks = len(self.particles.place), dict[str, str]()
         self._began = _Began(-1, 0.0, 0)
-        tips = self.tips()
+        tips = tips_of(self.particles, self._ground)
         if not tips:
             raise ModelError(f"{model.name}: $.notch: no tip of a crack is inside the plate; add one that can grow")
         for tip in tips if self.rules.criterion == "intensity" else ():
             refused = self._too_small(tip, tips)
             if refused:
                 raise ModelError(f"{model.name}: $.notch: {refused}")
-
-    def tips(self) -> list[Tip]:
-        """Ends of cracks inside the plate that lie on no other crack."""
-        return tips_of(self.particles, self._ground)
 
     def look(self, state: State, step: int) -> bool:
         """Let cracks grow from a state, as of `step`; returns whether any did."""
@@ -86,7 +82,7 @@ class Growth:
 
     def judge_tips(self, state: State) -> list[tuple[Tip, Verdict]]:
         """All tips, and what is decided about them in a state."""
-        tips = self.tips()
+        tips = tips_of(self.particles, self._ground)
         return [(tip, self.judge(tip, tips, state)) for tip in tips]
 
     def add_crack_particles(
@@ -221,7 +217,12 @@ class Growth:
 
     def restore(self, checkpoint: Mapping[str, NDArray[Any]], broken: Broken) -> None:
         """Restore a checkpoint with these broken bonds. Raises CheckpointError."""
-        self.particles, self._remarks = self._kept_particles(checkpoint), _kept_remarks(checkpoint)
+        particles = self._kept_particles(checkpoint)
+        letters = entry(checkpoint, "particle_remarks", (None,), np.uint8).tobytes()
+        try:
+            self.particles, self._remarks = particles, msgspec.json.decode(letters, type=dict[str, str])
+        except (msgspec.DecodeError, UnicodeDecodeError):
+            raise CheckpointError("'particle_remarks' are none; they must be texts with names") from None
         near, nodes = self._near, len(self._near.start) - 1
         near.intact[:] = ~np.isin(near.source * nodes + near.target, broken.source * nodes + broken.target)
         if self._round is not None:
@@ -296,15 +297,6 @@ class _Began(NamedTuple):
     step: int
     share: float  # of what lets a tip grow, the largest then
     particles: int  # since
-
-
-def _kept_remarks(checkpoint: Mapping[str, NDArray[Any]]) -> dict[str, str]:
-    """Remarks of a checkpoint."""
-    letters = entry(checkpoint, "particle_remarks", (None,), np.uint8).tobytes()
-    try:
-        return msgspec.json.decode(letters, type=dict[str, str])
-    except (msgspec.DecodeError, UnicodeDecodeError):
-        raise CheckpointError("'particle_remarks' are none; they must be texts with names") from None
 
 
 def _at(place: NDArray[np.float64]) -> str:

@@ -18,7 +18,7 @@ ACTED_ON = "nodes of a load or grip"  # what a crack does not come near
 COVERED = 0.75  # spacings from the nearest node, in a plate without an outline
 
 
-class Obstacles:
+class CrackedPlate:
     """A plate with growing cracks."""
 
     def __init__(self, model: Model) -> None:
@@ -51,8 +51,12 @@ class Obstacles:
             far = self._met(start, way, (1 + LEFT) * length, other_arms)
             # an obstacle not far beyond the length ends the arm
             place = np.asarray(start + (far.min() if len(far) else length) * way)
-            if self._clears(start, place):
-                return place
+            middle, half = (start + place) / 2, np.hypot(*(place - start)) / 2
+            spacing = self._delta[self._tree.query(middle)[1]]
+            near = self._tree.query_ball_point(middle, half + spacing)
+            points = shapely.points(self._position[near])
+            if not shapely.dwithin(shapely.LineString([start, place]), points, CLEAR * spacing).any():
+                return place  # past all nodes
         return place
 
     def ahead(
@@ -72,14 +76,6 @@ class Obstacles:
         met = [shapely.get_coordinates(shapely.intersection(long, wall)) for wall in walls]
         far = np.concatenate([np.zeros(0), *((places - start) @ way for places in met)])
         return np.asarray(far[far > self.slack])
-
-    def _clears(self, start: NDArray[np.float64], end: NDArray[np.float64]) -> bool:
-        """Whether an arm passes no node."""
-        middle, half = (start + end) / 2, np.hypot(*(end - start)) / 2
-        spacing = self._delta[self._tree.query(middle)[1]]
-        near = self._tree.query_ball_point(middle, half + spacing)
-        points = shapely.points(self._position[near])
-        return not shapely.dwithin(shapely.LineString([start, end]), points, CLEAR * spacing).any()
 
     def room(self, tip: NDArray[np.float64], others: NDArray[np.float64]) -> tuple[float, str]:
         """Distance, m, from a tip to the first thing that is not the plate or its own crack, and its name.

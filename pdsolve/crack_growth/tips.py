@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pdmesh.model.crack_particles import Particles, arms, links
-from pdsolve.crack_growth.obstacles import Obstacles, distance
+from pdsolve.crack_growth.obstacles import CrackedPlate, distance
 
 
 class Tip(NamedTuple):
@@ -33,7 +33,7 @@ class Tip(NamedTuple):
         return np.asarray(way / np.hypot(*way))
 
 
-def tips_of(particles: Particles, ground: Obstacles) -> list[Tip]:
+def tips_of(particles: Particles, ground: CrackedPlate) -> list[Tip]:
     """Ends of cracks inside the plate that lie on no other crack."""
     around, every = links(particles, ground.slack), arms(particles)
     tips = []

@@ -11,7 +11,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from pdsolve.diffusion.families import Families
+from pdsolve.diffusion.families import DiffusionFamilies
 from pdsolve.diffusion.listed import ChangedBonds
 from pdsolve.diffusion.system import Transport
 from pdsolve.state import Broken
@@ -31,7 +31,7 @@ class BrokenBonds:
     def __init__(self, transport: Transport, motion: Breaking, share: float) -> None:
         """`share`, from 0 to 1, of its conductance is what a bond keeps."""
         self._transport, self._motion, self._share = transport, motion, share
-        self._families, self._known = Families(transport.model), 0
+        self._families, self._known = DiffusionFamilies(transport.model), 0
 
     def update(self, stepper: object) -> None:
         """Let the bonds that are broken now conduct less, in the steps of `stepper` too."""

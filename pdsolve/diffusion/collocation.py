@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pdmesh.model.neighbours import ON_LATTICE, Neighbours, Pairs, chosen, lengths, row_chunks
-from pdsolve.diffusion.families import Families
+from pdsolve.diffusion.families import DiffusionFamilies
 from pdsolve.diffusion.lattice import Box, OnLattice, box_of, family, slots_of
 from pdsolve.diffusion.listed import compiled
 from pdsolve.model import Model, ModelError
@@ -40,7 +40,9 @@ class Collocated:
 
     name = "collocation"
 
-    def __init__(self, families: Families, volume: NDArray[np.float64], free: NDArray[np.bool_], threads: int) -> None:
+    def __init__(
+        self, families: DiffusionFamilies, volume: NDArray[np.float64], free: NDArray[np.bool_], threads: int
+    ) -> None:
         """`free` (n,) nodes have no prescribed content."""
         self._model, self._families, self.volume = families.model, families, volume
         self.position, self.delta, self.diffusivity = families.position, families.delta, families.diffusivity
@@ -168,7 +170,7 @@ def _slice(rows: NDArray[np.int64]) -> slice | NDArray[np.int64]:
     return slice(first, last) if last - first == len(rows) else rows
 
 
-def _two(families: Families) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+def _two(families: DiffusionFamilies) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
     """Rows of the fine and of the coarse nodes. Raises ModelError for nodes of other spacings."""
     model, delta = families.model, families.model.grid.delta
     levels = np.unique(delta)
@@ -183,7 +185,7 @@ def _two(families: Families) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
     return fine, coarse
 
 
-def _blocked(families: Families, fine: NDArray[np.int64]) -> bool:
+def _blocked(families: DiffusionFamilies, fine: NDArray[np.int64]) -> bool:
     """Whether an obstacle separates fine nodes."""
     if families.sight.clear:
         return False

@@ -57,9 +57,13 @@ def outer_faces(
         way = normal * (parts(volume, delta)[1] / extent_of(condition) - delta / 2)[:, None]
     else:
         way = ways_to_edge(model, number, rows)[:, axes]
-        outer = np.sqrt((way**2).sum(axis=1)) < delta * (1 - ON_EDGE)
-        rows, delta, volume, way = rows[outer], delta[outer], volume[outer], way[outer]
-        normal = _normals(position, grid.delta, rows, way)
+        far = np.sqrt((way**2).sum(axis=1))
+        outer = far < delta * (1 - ON_EDGE)
+        rows, delta, volume, way, far = rows[outer], delta[outer], volume[outer], way[outer], far[outer]
+        on = far < ON_EDGE * delta
+        normal = way / np.where(on, 1.0, far)[:, None]
+        if on.any():  # across the edge, as no way says where it is
+            normal[on] = outward(position, grid.delta, 2 * grid.delta, rows)[0][on]
         free = _is_free(position, delta, position[rows] + way, normal)
     D = diffusivities(model)[rows]
     area = delta ** (len(axes) - 1)
@@ -67,16 +71,6 @@ def outer_faces(
     faces = Faces(position[rows] + way, normal, area, same, D / condition.coefficient).chosen(free)
     part, _ = parts(volume, delta)
     return rows, free, faces, extent_of(condition) * float(part[free].sum())
-
-
-def _normals(position: Array, delta: Array, rows: Rows, way: Array) -> Array:
-    """Outward normals (k, d) of an edge: along the ways to it, and across the edge at nodes that are on it."""
-    far = np.sqrt((way**2).sum(axis=1))
-    on = far < ON_EDGE * delta[rows]
-    normal = way / np.where(on, 1.0, far)[:, None]
-    if on.any():
-        normal[on] = outward(position, delta, 2 * delta, rows)[0][on]
-    return np.asarray(normal)
 
 
 def _is_free(position: Array, delta: Array, foot: Array, normal: Array) -> NDArray[np.bool_]:

@@ -39,7 +39,7 @@ def dimension_of(model: Model) -> int:
     return len(extended(model))
 
 
-class Part(NamedTuple):
+class BondsOfRows(NamedTuple):
     """Bonds of some nodes, and those that they would have without cracks, holes and edges."""
 
     pairs: Pairs
@@ -90,7 +90,7 @@ def lattice_diffusivity(ratio: float, dimension: int, power: int) -> float:
     return moment(2, ratio, dimension, power) / (2 * dimension)
 
 
-class Families:
+class DiffusionFamilies:
     """Bonds of the nodes of a model. Raises GridError for an invalid outline."""
 
     def __init__(self, model: Model) -> None:
@@ -125,7 +125,7 @@ class Families:
         conductance = self.conductance(Pairs(source, target, np.sqrt((away**2).sum(axis=1))))
         return np.where(conductance > ROUND_OFF * conductance.max(initial=0.0), conductance, 0.0)
 
-    def part(self, rows: NDArray[np.int64]) -> Part:
+    def part(self, rows: NDArray[np.int64]) -> BondsOfRows:
         """Bonds of some increasing rows."""
         pairs = self.neighbours.pairs(rows)
         conductance = self.conductance(pairs)
@@ -135,23 +135,28 @@ class Families:
         blocked = is_bond & self.sight.cut(pairs)
         is_bond &= ~blocked
         intact, lost = ((chosen(pairs, which), conductance[which]) for which in (is_bond, ~is_bond))
-        return Part(*intact, pairs.source[blocked], *lost)
+        return BondsOfRows(*intact, pairs.source[blocked], *lost)
 
     def of(self, rows: NDArray[np.int64]) -> tuple[Pairs, NDArray[np.float64]]:
         """Bonds (b,) of some increasing rows, and their conductances (b,)."""
         return self.part(rows)[:2]
 
-    def parts(self) -> Iterator[Part]:
+    def parts(self) -> Iterator[BondsOfRows]:
         """All bonds, in parts of some rows."""
         return (self.part(rows) for rows in row_chunks(len(self.model.grid)))
 
     def unlike(self) -> Unlike:
         """Where bonds differ from those of a full lattice that has each node's own diffusivity all over."""
-        D, nodes = self.diffusivity, len(self.model.grid)
+        D, nodes, reach = self.diffusivity, len(self.model.grid), float(self.reach.max())
+        near_others, values = np.zeros(len(self.position), dtype=bool), np.unique(D)
+        for region in (value == D for value in (values if len(values) > 1 else ())):
+            others = tree_of(self.position[~region])
+            near, _ = others.query(self.position[region], distance_upper_bound=reach * (1 + ROUND_OFF))
+            near_others[region] = np.isfinite(near)
         lost, blocked = np.zeros((2, nodes), dtype=np.int64)
         nothing = np.zeros(0, dtype=np.int64)
         differences = [(nothing, nothing, np.zeros(0))]
-        rows = np.flatnonzero(self._beside_others() | self.sight.near(float(self.reach.max())))
+        rows = np.flatnonzero(near_others | self.sight.near(reach))
         for part in (self.part(rows[first : first + ROWS]) for first in range(0, len(rows), ROWS)):
             (i, j, _), (k, m, _) = part.pairs, part.lost
             blocked += np.bincount(part.blocked, minlength=nodes)
@@ -163,15 +168,6 @@ class Families:
         source, target, conductance = (np.concatenate(column) for column in zip(*differences, strict=True))
         order = np.lexsort((target, source))
         return Unlike(source[order], target[order], conductance[order], lost, blocked)
-
-    def _beside_others(self) -> NDArray[np.bool_]:
-        """Mask (n,) of nodes within reach of one of another diffusivity."""
-        near_others, farthest = np.zeros(len(self.position), dtype=bool), float(self.reach.max()) * (1 + ROUND_OFF)
-        values = np.unique(self.diffusivity)
-        for region in (self.diffusivity == value for value in (values if len(values) > 1 else ())):
-            near, _ = tree_of(self.position[~region]).query(self.position[region], distance_upper_bound=farthest)
-            near_others[region] = np.isfinite(near)
-        return near_others
 
 
 class Grouped(NamedTuple):
@@ -186,7 +182,7 @@ class Grouped(NamedTuple):
     conductance: NDArray[np.float64]  # (g,) 1/(s m^d)
 
 
-def grouped(parts: Iterator[Part], nodes: int) -> tuple[Grouped, NDArray[np.int64]]:
+def grouped(parts: Iterator[BondsOfRows], nodes: int) -> tuple[Grouped, NDArray[np.int64]]:
     """All parts as one list, and the number (n,) of bonds of each node that a crack blocks."""
     neighbours, sizes, conductances = [], [], []
     groups, blocked = np.zeros(nodes, dtype=np.int64), np.zeros(nodes, dtype=np.int64)

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pdmesh.model.neighbours import ON_LATTICE, ROUND_OFF
-from pdsolve.diffusion.families import Families, Unlike, shape
+from pdsolve.diffusion.families import DiffusionFamilies, Unlike, shape
 from pdsolve.diffusion.flux import four, gained, two
 from pdsolve.diffusion.listed import BondList, ChangedBonds, compiled
 from pdsolve.numerics.thread_team import side_by_side
@@ -38,14 +38,14 @@ class Runs(NamedTuple):
     cells: NDArray[np.int64]  # (r,) how many
 
 
-class Slots(NamedTuple):
+class ConductanceSlots(NamedTuple):
     """The s slots of a lattice; one at the end makes their number even and has conductance 0."""
 
     ahead: NDArray[np.int64]  # (s,) cells
     conductance: NDArray[np.float64]  # (s,) 1/(s m^d)
 
 
-class Tables(NamedTuple):
+class LatticeTables(NamedTuple):
     """What a lattice of n nodes is, for who sums it elsewhere."""
 
     cells: int
@@ -104,15 +104,15 @@ def runs_of(cell: NDArray[np.int64]) -> Runs:
     return Runs(cell[first], first, np.diff(np.append(first, len(cell))))
 
 
-def slots_of(steps: NDArray[np.int64], conductance: NDArray[np.float64], box: Box) -> Slots:
+def slots_of(steps: NDArray[np.int64], conductance: NDArray[np.float64], box: Box) -> ConductanceSlots:
     """Slots of bonds (k,) to nodes at offsets `steps` (k, d), in the order of cells."""
     order = np.argsort(steps @ box.strides)
     padding = -len(order) % 2
     ahead = np.concatenate([(steps @ box.strides)[order], np.zeros(padding, dtype=np.int64)])
-    return Slots(ahead, np.concatenate([conductance[order], np.zeros(padding)]))
+    return ConductanceSlots(ahead, np.concatenate([conductance[order], np.zeros(padding)]))
 
 
-def family(families: Families, spacing: float, D: float) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+def family(families: DiffusionFamilies, spacing: float, D: float) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
     """Offsets (k, d) and conductances (k,) of the bonds of a node with a full family."""
     ratio = families.model.settings.horizon.ratio
     side = int(ratio + 0.5) + 1
@@ -125,7 +125,7 @@ def family(families: Families, spacing: float, D: float) -> tuple[NDArray[np.int
     return steps[within_horizon], conductance[within_horizon]
 
 
-def on_lattice(families: Families, volume: NDArray[np.float64], threads: int) -> OnLattice | None:
+def on_lattice(families: DiffusionFamilies, volume: NDArray[np.float64], threads: int) -> OnLattice | None:
     """Bonds of a model as slots; None unless its nodes are on one lattice, and few bonds differ from those there."""
     grid, D = families.model.grid, families.diffusivity
     if (grid.delta != grid.delta[0]).any() or families.dimension != grid.position.shape[1]:
@@ -150,7 +150,7 @@ class OnLattice:
     def __init__(
         self,
         box: Box,
-        slots: Slots,
+        slots: ConductanceSlots,
         volume: NDArray[np.float64],
         threads: int,
         scale: NDArray[np.float64] | None = None,
@@ -205,10 +205,10 @@ class OnLattice:
         if self._change is not None:
             self._change.rates(potential, out)
 
-    def tables(self) -> Tables:
+    def tables(self) -> LatticeTables:
         """The cells and slots of the lattice, and what its few other bonds add."""
         box, slots = self._box, self._slots
-        return Tables(box.size + ABREAST, box.cell, *slots, self._scale, self._outflow, self._change)
+        return LatticeTables(box.size + ABREAST, box.cell, *slots, self._scale, self._outflow, self._change)
 
     def lacking(self, cell: float) -> NDArray[np.bool_]:
         """Mask (n,) of nodes whose total conductance differs from that of a full family of whole cells, m^d."""

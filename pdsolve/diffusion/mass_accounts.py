@@ -10,7 +10,7 @@ from pdmesh.model.medium import amount_of
 from pdsolve.diffusion.masses import Masses, masses
 from pdsolve.diffusion.system import Transport
 from pdsolve.errors import CheckpointError, UnstableError
-from pdsolve.results import Frame, Results
+from pdsolve.results import FrameRecord, Results
 from pdsolve.state import State
 
 AMOUNTS = ("inside", "through", "supplied")
@@ -61,7 +61,7 @@ class MassAccounts:
         self.update_last_row(state, step, bond_state)
         self._rows.append(self.last)
 
-    def move_records_into(self, frame: Frame) -> Frame:
+    def move_records_into(self, frame: FrameRecord) -> FrameRecord:
         """The frame with the records since the last one."""
         rows, self._rows = self._rows, []
         return frame._replace(masses=rows)

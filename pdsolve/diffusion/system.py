@@ -17,7 +17,7 @@ from pdsolve.diffusion.collocation import Collocated
 from pdsolve.diffusion.conditions import begin, boundary_conditions, with_edges, with_fluxes
 from pdsolve.diffusion.dissolution import crossing
 from pdsolve.diffusion.edge_fluxes import Cloud
-from pdsolve.diffusion.families import Families, grouped
+from pdsolve.diffusion.families import DiffusionFamilies, grouped
 from pdsolve.diffusion.lattice import on_lattice
 from pdsolve.diffusion.listed import BondList, ChangedBonds
 from pdsolve.diffusion.operator import Exchange, Fick
@@ -67,7 +67,7 @@ def prepare(model: Model, threads: int | None = None, listed: bool = False) -> t
             with_edges(done, correction.to_edge, correction.edge),
             ChangedBonds(*correction[:3], volume, threads),
         )
-    bonds = (lambda: stored.bonds) if run.adapt == "collocation" else partial(Families, model)
+    bonds = (lambda: stored.bonds) if run.adapt == "collocation" else partial(DiffusionFamilies, model)
     if done.fluxes:
         inside = Fick(stored.exchange, bonds, medium, None, change)
         x, around = stored.bonds.position, (stored.bonds.delta, stored.bonds.reach, stored.bonds.diffusivity)
@@ -112,7 +112,7 @@ class Stored(NamedTuple):
 
 def _stored(model: Model, volume: NDArray[np.float64], free: NDArray[np.bool_], threads: int, listed: bool) -> Stored:
     """Bonds of a model whose `free` nodes (n,) have no prescribed content; `listed` excludes slots."""
-    medium, families, every = model.settings.medium, Families(model), np.ones(len(volume), dtype=bool)
+    medium, families, every = model.settings.medium, DiffusionFamilies(model), np.ones(len(volume), dtype=bool)
     assert medium is not None
     none = np.zeros(len(volume), dtype=np.int64)
     if model.settings.run.adapt == "collocation":

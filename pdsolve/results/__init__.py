@@ -21,9 +21,9 @@ from pdsolve.results.errors import (
 from pdsolve.results.lock import holder, writing_to
 from pdsolve.results.node_lifetimes import Lives
 from pdsolve.results.reader import Results
-from pdsolve.results.recovery import Kind, State, is_empty, state_of
+from pdsolve.results.recovery import State, StateKind, is_empty, state_of
 from pdsolve.results.removal import remove
-from pdsolve.results.schema import Breaks, Epoch, Families, Frame, Nodes
+from pdsolve.results.schema import Breaks, Epoch, Families, FrameRecord, Nodes
 from pdsolve.results.writer import Writer, put_away
 
 __all__ = [
@@ -34,15 +34,15 @@ __all__ = [
     "EmptyError",
     "Epoch",
     "Families",
-    "Frame",
+    "FrameRecord",
     "GoneError",
-    "Kind",
     "Lives",
     "Nodes",
     "Results",
     "ResultsError",
     "ResultsWarning",
     "State",
+    "StateKind",
     "TakenError",
     "WriteError",
     "Writer",

@@ -11,7 +11,7 @@ from pathlib import Path
 
 from pdmesh import stopping
 from pdmesh.background_thread import BackgroundThread
-from pdsolve.results.schema import Frame
+from pdsolve.results.schema import FrameRecord
 from pdsolve.results.writer import Writer
 
 LOOK = 0.05  # s between two looks whether a run that waits for its writer is to stop
@@ -38,7 +38,7 @@ class Behind:
         self._unfinished = [stopping.begin_file(f"{real}{end}") for end in BESIDE if new and path is not None]
         self._thread = BackgroundThread("results")
 
-    def write(self, frame: Callable[[], Frame]) -> None:
+    def write(self, frame: Callable[[], FrameRecord]) -> None:
         """Write a frame, which is made after the previous one is written, so that memory holds one.
 
         Raises WriteError if that failed.
@@ -83,7 +83,7 @@ class Behind:
             self._writer.stop = lambda: self._stopping
         return self._writer
 
-    def _write(self, frame: Frame) -> None:
+    def _write(self, frame: FrameRecord) -> None:
         self._made().write(frame)
         self._new = False
         self._finish_files()

@@ -89,7 +89,14 @@ def writing_to(path: Path) -> Iterator[None]:
     finally:
         stopping.finish_file(name)
         if handle is not None:
-            _let_go(handle, place)
+            ours = _is_at(handle, place)
+            if sys.platform == "win32":  # requires closing it before it is removed
+                os.close(handle)
+            with suppress(OSError):
+                if ours:
+                    place.unlink()
+            if sys.platform != "win32":  # released last, so that nobody locks a file about to vanish
+                os.close(handle)
 
 
 def _busy(path: Path, name: str) -> BusyError:
@@ -149,18 +156,3 @@ def _is_at(handle: int, place: Path) -> bool:
         return os.path.samestat(os.fstat(handle), os.stat(place))
     except FileNotFoundError:
         return False
-
-
-def _let_go(handle: int, place: Path) -> None:
-    """Remove the file, unless it is another run's, then release the lock, so that nobody locks a file about to vanish.
-
-    Windows requires closing it first.
-    """
-    ours = _is_at(handle, place)
-    if sys.platform == "win32":
-        os.close(handle)
-    with suppress(OSError):
-        if ours:
-            place.unlink()
-    if sys.platform != "win32":
-        os.close(handle)

@@ -38,11 +38,6 @@ def files_of(path: Path, number: int, ranks: int) -> tuple[str, ...]:
     return tuple(f"{path.name}.{number}-{rank}" for rank in range(ranks))
 
 
-def written(pieces: Sequence[Pieces]) -> str:
-    """Sets of databases as the index has them."""
-    return json.dumps(pieces)
-
-
 def pieces_of(text: str, name: str) -> tuple[Pieces, ...]:
     """The sets of databases that an index called `name` has. Raises ResultsError."""
     try:
@@ -111,7 +106,13 @@ class TablesInPieces(Tables):
     def all(self, table: str) -> list[Row]:
         """All rows of a table in their order."""
         if table == "checkpoint":
-            return _joined(self._checkpoint())
+            joined_rows: list[Row] = []  # the data of those of one name in one
+            for row in self._checkpoint():
+                if joined_rows and joined_rows[-1][0] == row[0]:
+                    joined_rows[-1] = (*joined_rows[-1][:-1], joined_rows[-1][-1] + row[-1])
+                else:
+                    joined_rows.append(row)
+            return joined_rows
         if table not in OF_NODES:
             return super().all(table)
         return [row for tables in self._sets[0][1] for row in tables.all(table)]
@@ -132,14 +133,3 @@ class TablesInPieces(Tables):
         """Read everything, of all ranks, and compare it with the checksums."""
         for tables in dict.fromkeys([self._index, *(rank_tables for _, every in self._sets for rank_tables in every)]):
             tables.verify()
-
-
-def _joined(rows: Iterator[Row]) -> list[Row]:
-    """Rows of a checkpoint with the data of those of one name in one."""
-    joined_rows: list[Row] = []
-    for row in rows:
-        if joined_rows and joined_rows[-1][0] == row[0]:
-            joined_rows[-1] = (*joined_rows[-1][:-1], joined_rows[-1][-1] + row[-1])
-        else:
-            joined_rows.append(row)
-    return joined_rows

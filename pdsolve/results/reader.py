@@ -276,7 +276,13 @@ class Results:
         """A field (n,) of the nodes at `step`. Raises ResultsError, naming the stored fields, if it is missing."""
         chunk_rows = list(self._tables.each("field_chunk", "WHERE step = ? AND field = ?", (int(step), name)))
         if not chunk_rows:
-            self._expect_field(name, step)
+            steps, _ = self.frames()
+            if step not in steps:
+                frames_text = f"{len(steps)} frames from {steps[0]} to {steps[-1]}" if len(steps) else "none yet"
+                raise ResultsError(f"{self.name} has no frame of step {step}; use one of {frames_text}")
+            if name not in (stored := self.stored(step)):
+                fields = f"{', '.join(stored)} (pdsolve --fields stores others)"
+                raise ResultsError(f"{self.name} has no field '{name}'; use one of {fields}")
         sizes = [len(row[-1]) for row in chunk_rows]
         if any(size != 4 * CHUNK for size in sizes[:-1]) or any(size % 4 or size > 4 * CHUNK for size in sizes[-1:]):
             self._tables.impossible("field_chunk", f"a chunk is cut short; each has {CHUNK} values")
@@ -323,16 +329,6 @@ class Results:
         for column in (*nodes, birth, death):
             column.flags.writeable = False
         return Lives(nodes, birth, death)
-
-    def _expect_field(self, name: str, step: int) -> None:
-        """Raise ResultsError, naming the stored fields, if a frame does not hold a field."""
-        steps, _ = self.frames()
-        if step not in steps:
-            frames_text = f"{len(steps)} frames from {steps[0]} to {steps[-1]}" if len(steps) else "none yet"
-            raise ResultsError(f"{self.name} has no frame of step {step}; use one of {frames_text}")
-        if name not in (stored := self.stored(step)):
-            fields = f"{', '.join(stored)} (pdsolve --fields stores others)"
-            raise ResultsError(f"{self.name} has no field '{name}'; use one of {fields}")
 
     def breaks(self) -> Breaks:
         """All bonds broken so far, read once: the arrays are shared and read-only."""

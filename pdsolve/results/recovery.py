@@ -18,7 +18,7 @@ from pdsolve.results.reader import Results
 from pdsolve.results.side_files import JOURNAL, LOG, expect_sound
 
 
-class Kind(Enum):
+class StateKind(Enum):
     """What can be done with a database; the value describes it and how to continue."""
 
     NONE = "no file: a run begins"
@@ -36,7 +36,7 @@ BADLY = ("unstable", "unsettled")  # how a run ends that would do so again
 class State(NamedTuple):
     """The state of a database."""
 
-    kind: Kind
+    kind: StateKind
     meta: Mapping[str, Any] = {}  # what the run says of itself; empty where there is nothing to read
     step: int | None = None  # of the last checkpoint
     frame: int | None = None  # the step of the last frame
@@ -47,9 +47,9 @@ class State(NamedTuple):
     def message(self) -> str:
         """The state in a line, without the name of the file."""
         said = str(self.kind.value)
-        if self.kind is Kind.RUNNING:
+        if self.kind is StateKind.RUNNING:
             return f"{said} ({self.holder})"
-        return f"{said}, at step {self.step}" if self.kind is Kind.STOPPED else said
+        return f"{said}, at step {self.step}" if self.kind is StateKind.STOPPED else said
 
     @property
     def warning(self) -> str | None:
@@ -57,7 +57,8 @@ class State(NamedTuple):
         if not self.log.lost:
             return None
         until = "no frame" if self.frame is None else f"frames up to step {self.frame}"
-        how = "it is to be solved anew" if self.kind is Kind.EMPTY else "pdsolve --resume solves what came later again"
+        empty = self.kind is StateKind.EMPTY
+        how = "it is to be solved anew" if empty else "pdsolve --resume solves what came later again"
         return (
             f"its log ({self.log.read + self.log.lost} transactions) is damaged after {self.log.read}; {until} can"
             f" be read, {how}"
@@ -72,16 +73,22 @@ def state_of(path: Path) -> State:
     """
     lock_holder = holder(path)
     if lock_holder is not None:
-        return State(Kind.RUNNING, holder=lock_holder)
+        return State(StateKind.RUNNING, holder=lock_holder)
     if not os.path.lexists(path):
-        _expect_no_log(path)
-        return State(Kind.NONE)
+        expect_sound(path)
+        for file in (Path(os.path.realpath(path) + end) for end in (LOG, JOURNAL)):
+            if file.is_file() and file.stat().st_size:  # of a killed run, whose database was renamed
+                raise ResultsError(
+                    f"{path}: {file.name} is there without its database (was it renamed? rename {file.name} alike;"
+                    " otherwise remove it)"
+                )
+        return State(StateKind.NONE)
     try:
         with Results.open(path) as results, explained(path):
             return _read(results, path)
     except EmptyError:
         with explained(path), closing(read_only(path)) as connection:
-            return State(Kind.EMPTY, log=log_of(connection, path))
+            return State(StateKind.EMPTY, log=log_of(connection, path))
 
 
 def is_empty(path: Path) -> bool:
@@ -92,7 +99,7 @@ def is_empty(path: Path) -> bool:
         state = state_of(path)
     except (ResultsError, OSError):
         return False
-    return state.kind is Kind.EMPTY and not state.log.lost
+    return state.kind is StateKind.EMPTY and not state.log.lost
 
 
 def _read(results: Results, path: Path) -> State:
@@ -100,25 +107,14 @@ def _read(results: Results, path: Path) -> State:
     log = log_of(connection, path)
     step, frame = (_last(connection, table) for table in ("checkpoint", "frame"))
     status = meta.get("status")
-    kind = Kind.UNBEGUN if step is None else Kind.STOPPED
+    kind = StateKind.UNBEGUN if step is None else StateKind.STOPPED
     if status == "finished":
-        kind = Kind.FINISHED
+        kind = StateKind.FINISHED
     elif status in BADLY:
-        kind = Kind.FAILED
+        kind = StateKind.FAILED
     return State(kind, meta, step, frame, log=log)
 
 
 def _last(connection: sqlite3.Connection, table: str) -> int | None:
     ((step,),) = connection.execute(f"SELECT max(step) FROM {table}")
     return None if step is None else int(step)
-
-
-def _expect_no_log(path: Path) -> None:
-    """Raise ResultsError if a log or a journal has lost its database: the run was killed and its database renamed."""
-    expect_sound(path)
-    for file in (Path(os.path.realpath(path) + end) for end in (LOG, JOURNAL)):
-        if file.is_file() and file.stat().st_size:
-            raise ResultsError(
-                f"{path}: {file.name} is there without its database (was it renamed? rename {file.name} alike;"
-                " otherwise remove it)"
-            )

@@ -79,7 +79,7 @@ class Births(NamedTuple):
     first: int = 0  # row of the first
 
 
-class Frame(NamedTuple):
+class FrameRecord(NamedTuple):
     """The content of one transaction."""
 
     step: int

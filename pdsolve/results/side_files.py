@@ -142,7 +142,12 @@ def roll_back(path: Path, intact: bool = False) -> bool:
             return True
         if same:
             os.unlink(real + JOURNAL)
-            _synchronize(os.path.dirname(real))
+            if hasattr(os, "O_DIRECTORY"):  # the disk is to know that the file is gone
+                folder = os.open(os.path.dirname(real), os.O_RDONLY | os.O_DIRECTORY)
+                try:
+                    os.fsync(folder)
+                finally:
+                    os.close(folder)
     return same
 
 
@@ -166,16 +171,6 @@ def rolled_back(path: Path, intact: bool = False) -> bytes | None:
             return image.getvalue()
     except FileNotFoundError:
         return None
-
-
-def _synchronize(folder: str) -> None:
-    """Let the disk know that a file is gone."""
-    if hasattr(os, "O_DIRECTORY"):
-        handle = os.open(folder, os.O_RDONLY | os.O_DIRECTORY)
-        try:
-            os.fsync(handle)
-        finally:
-            os.close(handle)
 
 
 def _opened(name: str, how: int) -> BinaryIO:

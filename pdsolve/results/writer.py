@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import sqlite3
 import time
@@ -32,7 +33,7 @@ from pdsolve.results.errors import GoneError, ResultsError, ResultsWarning, Writ
 from pdsolve.results.lock import writing_to
 from pdsolve.results.opening import for_writing
 from pdsolve.results.pieces import KEY as KEY_OF_PIECES
-from pdsolve.results.pieces import Pieces, beside, written
+from pdsolve.results.pieces import Pieces, beside
 from pdsolve.results.reader import Results
 from pdsolve.results.removal import INDEX_OF, remove
 from pdsolve.results.schema import (
@@ -43,7 +44,7 @@ from pdsolve.results.schema import (
     Column,
     Epoch,
     Families,
-    Frame,
+    FrameRecord,
     Nodes,
     prefixes,
     statements,
@@ -142,18 +143,18 @@ class Writer:
             writer._token = Token.of(writer._place)
             writer._write_meta(writer._running())
             if pieces:
-                writer._write_meta({KEY_OF_PIECES: written((*pieces, Pieces(step, files)))})
+                writer._write_meta({KEY_OF_PIECES: json.dumps((*pieces, Pieces(step, files)))})
         return writer
 
     def _running(self) -> dict[str, str]:
-        return {"status": "running"} | ({} if self._token is None else {KEY: self._token.text})
+        return {"status": "running"} | ({} if self._token is None else {KEY: json.dumps(self._token)})
 
     def write_meta(self, meta: Mapping[str, Any]) -> None:
         """Set keys of the table `meta`. Raises WriteError."""
         with self._transaction():
             self._write_meta(meta)
 
-    def write(self, frame: Frame) -> None:
+    def write(self, frame: FrameRecord) -> None:
         """Write a frame in one transaction. Raises WriteError, for instance on a full disk."""
         if frame.ready is not None:
             frame.ready()
@@ -342,11 +343,16 @@ class Writer:
     ) -> None:
         self.connection.execute("DELETE FROM checkpoint WHERE ? IS NULL OR step < ?", (keeps, keeps))
         for name, array in state.items():  # one by one, as they are large
-            if isinstance(array, Column) or array.nbytes >= LARGE:  # of large ones SQLite would make copies
-                self._write_entry((name, step, array.dtype.str), array if isinstance(array, Column) else _column(array))
+            key = (name, step, array.dtype.str)
+            if isinstance(array, Column):
+                self._write_entry(key, array)
                 continue
-            row = (name, step, array.dtype.str, np.ascontiguousarray(array).reshape(-1).view(np.uint8).data)
-            self._insert("INSERT", "checkpoint", [with_crc("checkpoint", row)])
+            flat = np.ascontiguousarray(array).reshape(-1)
+            if array.nbytes >= LARGE:  # of large ones SQLite would make copies
+                pieces = (flat[at : at + PIECE] for at in range(0, len(flat), PIECE))
+                self._write_entry(key, Column(flat.dtype, len(flat), zlib.crc32(flat.data), pieces))
+            else:
+                self._insert("INSERT", "checkpoint", [with_crc("checkpoint", (*key, flat.view(np.uint8).data))])
         self._add_up("checkpoint")
 
     def _write_entry(self, key: Row, column: Column) -> None:
@@ -385,13 +391,6 @@ def _births(nodes: Nodes, families: Callable[[int, int], Families]) -> Births:
     bonds = int((nodes.family - nodes.cut).sum())
     dimension = nodes.position.shape[1]
     return Births(len(nodes.ids), dimension, bonds, lambda first, last: taken(nodes, np.arange(first, last)), families)
-
-
-def _column(array: NDArray[Any]) -> Column:
-    """An array in pieces."""
-    flat = np.ascontiguousarray(array).reshape(-1)
-    pieces = (flat[at : at + PIECE] for at in range(0, len(flat), PIECE))
-    return Column(flat.dtype, len(flat), zlib.crc32(flat.data), pieces)
 
 
 def _in_chunks(pieces: Iterator[NDArray[Any]]) -> Iterator[NDArray[Any]]:

@@ -37,11 +37,6 @@ class Token(NamedTuple):
         """The process in words, with its host if known."""
         return f"process {self.process}" + (f" on {self.host}" if self.host else "")
 
-    @property
-    def text(self) -> str:
-        """The token as text in the database."""
-        return json.dumps(self)
-
     def is_of(self, path: Path) -> bool:
         """Whether the database at `path` is the one this token was made for."""
         try:
@@ -66,7 +61,7 @@ class Token(NamedTuple):
         """Raise GoneError, or TakenError if another run has started to write to the database."""
         self.expect_in_place(path)
         rows = connection.execute("SELECT value FROM meta WHERE key = ?", (KEY,)).fetchall()
-        if rows != [(self.text,)]:
+        if rows != [(json.dumps(self),)]:
             raise TakenError(f"{path}: another run is writing to it; this one stops, the other goes on")
 
 

@@ -21,8 +21,7 @@ from pdsolve.options import Options
 from pdsolve.results import Results
 from pdsolve.run.prepare import prepare
 from pdsolve.run.recorder import restore_state
-from pdsolve.run.system import Prepared, System
-from pdsolve.state import State
+from pdsolve.run.system import Prepared
 from pdsolve.steppers.equilibrium import force_densities
 
 FRAMES = 50  # of the motion
@@ -54,7 +53,8 @@ def prepare_motion_after(path_results: Results, threads: int | None) -> tuple[Pr
     )
     system = dataclasses.replace(system, model=model)
     restore_state(system, state, step, checkpoint, path_results.breaks())
-    _set_first_accelerations(system, state)
+    acceleration = (force_densities(system.operator, state) + system.drive.force) / system.model.rho[:, None]
+    state.second[:] = np.where(constrained_components(system.drive), 0.0, acceleration)  # with which motion begins
     return Prepared(system, state), step
 
 
@@ -73,9 +73,3 @@ def _with_run_settings(model: Model, **settings: Any) -> Model:
     """The model with some settings of its run changed."""
     run = msgspec.structs.replace(model.settings.run, **settings)
     return dataclasses.replace(model, settings=msgspec.structs.replace(model.settings, run=run))
-
-
-def _set_first_accelerations(system: System, state: State) -> None:
-    """Set the accelerations (n, w), m/s^2, with which a body begins to move."""
-    acceleration = (force_densities(system.operator, state) + system.drive.force) / system.model.rho[:, None]
-    state.second[:] = np.where(constrained_components(system.drive), 0.0, acceleration)

@@ -34,9 +34,18 @@ class BodyRefinement:
         after = before.refine(new)
         fresh = _system_of_operator(system, after, step)
         rows = before.current_rows(after.rows)
-        new_state = _interpolate_state(before, after, state, rows)
+        old, booked = rows >= 0, np.zeros((3, len(rows)))  # energy stays where it was: new nodes have none
+        for density_after, density_before in zip(booked, state[3:], strict=True):
+            density_after[old] = density_before[rows[old]] * before.volume[rows[old]] / after.volume[old]
+        new_state = State(*(before.interpolate_at_rows(after.rows, values) for values in state[:3]), *booked)
         pull, which = after.forces_around(new_state, new)
-        _set_held_forces(system, fresh, rows, pull, which)
+        # What holds a node is known where forces are; elsewhere it stays
+        previous_holds, drive = system.drive.holds, fresh.drive
+        previous_force = np.zeros_like(system.drive.force)
+        previous_force[previous_holds.node, previous_holds.axis] = system.drive.held_force
+        node, axis = drive.holds.node, drive.holds.axis
+        known_force = (pull + drive.force)[node, axis]
+        drive.held_force[:] = np.where(which[node], known_force, previous_force[rows[node], axis])
         energy_created = (
             conserved_energy(fresh, new_state, after.energies_around(new_state, new))
             - energy_before
@@ -67,36 +76,6 @@ def _system_of_operator(system: System, operator: HybridBodyOperator, step: int)
         operator.model, system.options, system.scheme, operator, operator.counted, *steps, conditions=driven
     )
     return dataclasses.replace(prepared.system, full_model=system.full_model)
-
-
-def _interpolate_state(
-    before: HybridBodyOperator, after: HybridBodyOperator, state: State, previous_rows: NDArray[np.int64]
-) -> State:
-    """The state on the nodes `after` a refinement: interpolated, with what was booked where it was; `previous_rows`
-    (n,) are those before, -1 for new nodes."""
-    old, nodes = previous_rows >= 0, len(previous_rows)
-    booked = np.zeros((3, nodes))
-    for density_after, density_before in zip(booked, state[3:], strict=True):
-        density_after[old] = density_before[previous_rows[old]] * before.volume[previous_rows[old]] / after.volume[old]
-    return State(*(before.interpolate_at_rows(after.rows, values) for values in state[:3]), *booked)
-
-
-def _set_held_forces(
-    old_system: System,
-    new_system: System,
-    previous_rows: NDArray[np.int64],
-    force_density: NDArray[np.float64],
-    is_recomputed: NDArray[np.bool_],
-) -> None:
-    """Set the forces on held components: of nodes that `is_recomputed` (n,) says `force_density`
-    (n, 3), N/m^3, of others the forces they had at `previous_rows` (n,)."""
-    old, new = old_system.drive, new_system.drive
-    node, axis = new.holds.node, new.holds.axis
-    previous_force = np.zeros_like(old.force)
-    previous_force[old.holds.node, old.holds.axis] = old.held_force
-    new.held_force[:] = np.where(
-        is_recomputed[node], (force_density + new.force)[node, axis], previous_force[previous_rows[node], axis]
-    )
 
 
 def _previous_rows_with_same_bonds(

@@ -13,7 +13,7 @@ from pdsolve.checks import closing, warn_of_created_energy, warn_of_damping, war
 from pdsolve.diffusion.swelling import Swelling
 from pdsolve.errors import UnstableError
 from pdsolve.laws.material_checks import negative_secants
-from pdsolve.results import Frame, Results
+from pdsolve.results import FrameRecord, Results
 from pdsolve.run.inversion_checks import MotionChecks
 from pdsolve.run.measures import BondState, LedgerRow, compute_ledger_row
 from pdsolve.run.operator_factory import intact_stable_time_step
@@ -132,7 +132,7 @@ class MechanicsRecords:
         created = _energy_ratio(self._system, ledger_row, max(self._largest_work, self._heat_energy))
         return not (values_are_finite and np.isfinite(ledger_row.kinetic + ledger_row.strain) and created <= RUNAWAY)
 
-    def move_records_into(self, frame: Frame) -> Frame:
+    def move_records_into(self, frame: FrameRecord) -> FrameRecord:
         """The frame with the records since the last one."""
         frame = frame._replace(ledger=self._ledgers, probes=self._probes, reactions=self._reactions)
         self._ledgers, self._probes, self._reactions = [], [], []

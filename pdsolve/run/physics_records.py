@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any, Protocol
 
-from pdsolve.results import Frame
+from pdsolve.results import FrameRecord
 from pdsolve.run.measures import BondState
 from pdsolve.run.system import Prepared, System
 from pdsolve.state import State
@@ -33,7 +33,7 @@ class PhysicsRecords(Protocol):
     def record_step(self, state: State, step: int, bond_state: BondState) -> None:
         """Record this step. Raises UnstableError."""
 
-    def move_records_into(self, frame: Frame) -> Frame:
+    def move_records_into(self, frame: FrameRecord) -> FrameRecord:
         """The frame with the records since the last one."""
 
     def metadata(self) -> dict[str, Any]:
@@ -87,7 +87,7 @@ class CoupledRecords:
         for records, prepared in self._others:
             records.record_step(prepared.state, step, bond_state)
 
-    def move_records_into(self, frame: Frame) -> Frame:
+    def move_records_into(self, frame: FrameRecord) -> FrameRecord:
         """The frame with what was noted since the last one."""
         frame = self._motion.move_records_into(frame)
         for records, _ in self._others:

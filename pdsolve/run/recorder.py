@@ -20,7 +20,7 @@ from pdsolve.conditions import put_loads
 from pdsolve.diffusion.mass_accounts import MassAccounts
 from pdsolve.diffusion.swelling import Swelling
 from pdsolve.errors import CheckpointError
-from pdsolve.results import Breaks, Epoch, Families, Frame, Nodes, Results, Writer
+from pdsolve.results import Breaks, Epoch, Families, FrameRecord, Nodes, Results, Writer
 from pdsolve.results.schema import taken
 from pdsolve.run.measures import BondState, count_bodies, count_pieces, evaluate_bonds, fields
 from pdsolve.run.mechanics_records import MechanicsRecords
@@ -55,7 +55,7 @@ def collect_born_nodes(
     system: System, born_rows: NDArray[np.int64], rows_in_results: NDArray[np.int64], step: int
 ) -> tuple[Nodes, Families]:
     """Nodes born after `step`, `born_rows` (b,) of a set of nodes, and their remaining bonds; `rows_in_results` (n,) as
-    in `Frame`."""
+    in `FrameRecord`."""
     ends = [*_bonds_of_nodes(system, born_rows)]
     since, is_born = system.operator.broken(step), np.zeros(len(system.family), dtype=np.bool_)
     is_born[born_rows] = True
@@ -87,12 +87,6 @@ def breaks_since(system: System, after_step: int, broken: Broken | None = None) 
     step, source, target = (column[new] for column in all_broken)
     order = np.lexsort((target, source, step))
     return Breaks(step[order], ids[source[order]], ids[target[order]])
-
-
-def _broken_until(step: int, broken: Broken) -> Broken:
-    """The bonds broken up to a step."""
-    before = broken.step <= step
-    return Broken(*(column[before] for column in broken))
 
 
 def make_checkpoint(system: System, state: State) -> dict[str, NDArray[Any]]:
@@ -184,7 +178,7 @@ class RunHistory(NamedTuple):
     wall_time: float  # s spent
     bond_updates: int  # directed bonds times steps
     last_break_step: int  # step in which a bond broke last; 0: none has
-    rows: NDArray[np.int64] | None  # (n,) as in `Frame`
+    rows: NDArray[np.int64] | None  # (n,) as in `FrameRecord`
     nodes_so_far: int  # nodes that ever were
     results: Results | None = None  # so far; None: it begins
 
@@ -291,7 +285,10 @@ class Recorder:
         stay, ids = np.flatnonzero(origin >= 0), system.model.grid.ids
         if system.time_step != before.time_step or (ids[stay] != before.model.grid.ids[origin[stay]]).any():
             raise ValueError(f"step {step}: the time step or the ids of nodes that stay have changed; keep them")
-        broken, broken_after = (_broken_until(step, run_system.operator.broken()) for run_system in (before, system))
+        broken, broken_after = (
+            Broken(*(column[all_broken.step <= step] for column in all_broken))
+            for all_broken in (before.operator.broken(), system.operator.broken())
+        )
         self._breaks.append(breaks_since(before, max(self.frame_step, self._since), broken))
         self._updates, self._since = self.bond_updates(step), step
         self._latest = int(broken.step.max(initial=self._latest))
@@ -336,7 +333,7 @@ class Recorder:
             self.bond_state, self.step = evaluate_bonds(self.system, self.state), step
         return self.bond_state
 
-    def make_frame(self, step: int, with_fields: bool, with_checkpoint: bool) -> Frame:
+    def make_frame(self, step: int, with_fields: bool, with_checkpoint: bool) -> FrameRecord:
         """All records since the last frame, for writing.
 
         `with_fields` adds the fields, after a recorded step; `with_checkpoint` adds a checkpoint now, otherwise only
@@ -363,7 +360,7 @@ class Recorder:
             *self._breaks,
             breaks_since(system, max(self.frame_step, self._since), bond_state and bond_state.broken),
         ]
-        frame = Frame(
+        frame = FrameRecord(
             step=step,
             time=step * system.time_step,
             fields=field_values if with_fields else None,

@@ -131,8 +131,26 @@ class Rule:
         return Paired(pairs, intact, modulus, peak, limit, self.area[pairs.target])
 
     def lack(self, rows: NDArray[np.int64], paired: Paired) -> NDArray[np.float64]:
-        """Surface correction of rows (k, d), which increase, with these pairs; see `_lack`."""
-        return _lack(self._model, rows, paired, self.area, self._corrections)
+        """Surface correction (k, d) of rows, which increase, with these pairs.
+
+        In the plane, the energy of the rows in a full lattice over that of their intact pairs, in uniform stretching
+        along each axis; 1 without energy. In space, the factors c for which the two energies are equal.
+        """
+        pairs, position = paired.pairs, self._model.grid.position
+        n = (position[pairs.target] - position[pairs.source]) / pairs.length[:, None]
+        full = _full_energy(self._model, rows, self._corrections)
+        lack: list[NDArray[np.float64]] = []
+        together = int(rows[-1] - rows[0]) + 1 == len(rows)
+        place = pairs.source - rows[0] if together else np.searchsorted(rows, pairs.source)
+        stiffness = np.where(paired.intact, paired.stiffness * pairs.length * self.area[pairs.target] / 2, 0.0)
+        if n.shape[1] == 3:
+            sums = [np.bincount(place, stiffness * share, minlength=len(rows)) for share in shares(n).T]
+            return _corrections_in_space(full, np.array(sums, dtype=np.float64).T.reshape(-1, 3, 3))
+        for axis in range(2):
+            bond_energy = np.bincount(place, stiffness * n[:, axis] ** 4, minlength=len(rows))
+            with np.errstate(divide="ignore"):
+                lack.append(np.where(bond_energy > 0, full / bond_energy, 1.0))
+        return np.column_stack(lack)
 
     def lack_in_space(self, rows: NDArray[np.int64], bond_energy: NDArray[np.float64]) -> NDArray[np.float64]:
         """Surface correction of rows (k, 3) whose bonds hold `bond_energy` (k, 3, 3), Pa; see `shares`."""
@@ -140,9 +158,15 @@ class Rule:
 
     def part(self, rows: NDArray[np.int64], paired: Paired, lack: NDArray[np.float64]) -> Part:
         """Bonds of consecutive rows with these pairs and the nodes' surface corrections (n, d)."""
-        factor = _energy_factor(self._model.grid.position, paired.pairs, lack)
+        pairs, position = paired.pairs, self._model.grid.position
+        n = (position[pairs.target] - position[pairs.source]) / pairs.length[:, None]
+        total = np.zeros(len(n))
+        for axis, correction in enumerate(lack.T):
+            mean = (correction[pairs.source] + correction[pairs.target]) / 2
+            total += n[:, axis] ** 2 * mean if n.shape[1] == 3 else (n[:, axis] / mean) ** 2
+        factor = total if n.shape[1] == 3 else total**-0.5  # equal for both directions; 1 inside a uniform grid
         paired = paired._replace(stiffness=paired.stiffness * factor * paired.weight)
-        return part_of(self._model.grid.position, self.held, rows, paired)
+        return part_of(position, self.held, rows, paired)
 
 
 def fill(model: Model, corrections: Corrections = ALL) -> BondSource:
@@ -233,35 +257,6 @@ def _calibration(model: Model, material: Material, corrections: Corrections) -> 
     return calibration(ratio, material, partial)
 
 
-def _lack(
-    model: Model,
-    rows: NDArray[np.int64],
-    paired: Paired,
-    area: NDArray[np.float64],
-    corrections: Corrections,
-) -> NDArray[np.float64]:
-    """Surface correction (k, d) of the rows.
-
-    In the plane, the energy of the rows in a full lattice over that of their intact pairs, in uniform stretching along
-    each axis; 1 without energy. In space, the factors c for which the two energies are equal.
-    """
-    pairs = paired.pairs
-    n = (model.grid.position[pairs.target] - model.grid.position[pairs.source]) / pairs.length[:, None]
-    full = _full_energy(model, rows, corrections)
-    lack: list[NDArray[np.float64]] = []
-    together = int(rows[-1] - rows[0]) + 1 == len(rows)
-    place = pairs.source - rows[0] if together else np.searchsorted(rows, pairs.source)
-    stiffness = np.where(paired.intact, paired.stiffness * pairs.length * area[pairs.target] / 2, 0.0)
-    if n.shape[1] == 3:
-        sums = [np.bincount(place, stiffness * share, minlength=len(rows)) for share in shares(n).T]
-        return _corrections_in_space(full, np.array(sums, dtype=np.float64).T.reshape(-1, 3, 3))
-    for axis in range(2):
-        bond_energy = np.bincount(place, stiffness * n[:, axis] ** 4, minlength=len(rows))
-        with np.errstate(divide="ignore"):
-            lack.append(np.where(bond_energy > 0, full / bond_energy, 1.0))
-    return np.column_stack(lack)
-
-
 def shares(n: NDArray[np.float64]) -> NDArray[np.float64]:
     """Shares (b, 9) of bonds along n (b, 3) in what a node holds in stretching along a by what c_b multiplies."""
     squares = n**2
@@ -280,16 +275,6 @@ def _corrections_in_space(full: NDArray[np.float64], bond_energy: NDArray[np.flo
     factors = np.where(scale[:, None] > 0, np.clip(factors, LEAST, MOST), 1.0)
     factors[np.abs(factors - 1).max(axis=1) <= ROUND_OFF] = 1
     return factors
-
-
-def _energy_factor(position: NDArray[np.float64], pairs: Pairs, lack: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Correction (b,) of each pair's modulus, equal for both directions; 1 inside a uniform grid."""
-    n = (position[pairs.target] - position[pairs.source]) / pairs.length[:, None]
-    total = np.zeros(len(n))
-    for axis, correction in enumerate(lack.T):
-        mean = (correction[pairs.source] + correction[pairs.target]) / 2
-        total += n[:, axis] ** 2 * mean if n.shape[1] == 3 else (n[:, axis] / mean) ** 2
-    return total if n.shape[1] == 3 else total**-0.5
 
 
 def _full_energy(model: Model, rows: NDArray[np.int64], corrections: Corrections) -> NDArray[np.float64]:

@@ -26,7 +26,12 @@ def solved_by(tasks: Sequence[Task], scheduler: str) -> Iterator[Outcome]:
         futures = dict(zip(client.map(solved, tasks, pure=False), tasks, strict=True))
         for future in as_completed(futures):
             try:
-                outcome = _outcome(future, futures[future].number, KilledWorker)
+                error = future.exception()
+                if error is None:
+                    outcome = future.result()
+                else:
+                    cause = LOST if isinstance(error, KilledWorker) else repr(error)
+                    outcome = Outcome(futures[future].number, None, cause)
             except (CancelledError, OSError):
                 raise StudyError(
                     f"--scheduler {scheduler} ended; begin it anew, and the same command goes on with the study"
@@ -52,12 +57,3 @@ def _client(scheduler: str) -> Any:
         raise StudyError(
             f"--scheduler {scheduler} does not answer ({error}); start it, or correct the address"
         ) from None
-
-
-def _outcome(future: Any, number: int, killed: type[Exception]) -> Outcome:
-    """Outcome of a Dask future; `killed` is the exception for a run whose workers ended."""
-    error = future.exception()
-    if error is None:
-        outcome: Outcome = future.result()
-        return outcome
-    return Outcome(number, None, LOST if isinstance(error, killed) else repr(error))

@@ -66,7 +66,7 @@ def solve_study(
                 expect_scheduler(crew.scheduler)
             _clear(study, output)
         with _table(study, output) as table:
-            runs = {} if table.rows() else kept(table.runs, study)
+            runs = {} if table.rows() else kept(runs_of(table.path), study)
             numbers = table.add(study.cases(), _described(study, crew.trust), measures_of(dimension), runs)
             rows = table.rows(numbers.values())
             over = (FINISHED,) if again else (FINISHED, FAILED)

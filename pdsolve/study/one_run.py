@@ -8,7 +8,7 @@ import warnings
 from pathlib import Path
 from typing import NamedTuple
 
-from pdsolve.results import BusyError, Kind, Results, ResultsError, WriteError, state_of
+from pdsolve.results import BusyError, Results, ResultsError, StateKind, WriteError, state_of
 from pdsolve.run.simulation import resume, simulate
 from pdsolve.study.description import Case
 from pdsolve.study.recovered_runs import provenance
@@ -75,14 +75,14 @@ def _gone_on(task: Task) -> Results:
         state = state_of(task.output)
     except ResultsError as error:
         raise ResultsError(f"{error} (remove it, and --again solves it anew)") from None
-    if state.kind is Kind.RUNNING:
+    if state.kind is StateKind.RUNNING:
         raise BusyError(f"{task.output}: a run is writing to it ({state.holder}); wait for its end")
     if state.meta and state.meta.get("provenance") not in (
         own_provenance,
         f"pdsolve study: {task.case.key}",
     ):  # an older one
         raise ResultsError(f"{task.output} has results of another run; move it away")
-    if state.kind in (Kind.UNBEGUN, Kind.STOPPED, Kind.FINISHED):
+    if state.kind in (StateKind.UNBEGUN, StateKind.STOPPED, StateKind.FINISHED):
         try:
             return resume(task.output, task.threads)
         except (BusyError, WriteError):

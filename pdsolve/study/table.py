@@ -171,7 +171,7 @@ class Table:
                     last = max(last, number)
                     numbers[case.key] = number
                     first = {"number": number, "key": case.key, "status": WAITING, "repetition": case.repetition}
-                    row = first | {"file": f"{self.runs.name}/{number:04}.sqlite"} | case.values
+                    row = first | {"file": f"{runs_of(self.path).name}/{number:04}.sqlite"} | case.values
                     names, marks = ", ".join(map(quoted, row)), ", ".join("?" * len(row))
                     stored = [_stored(value) for value in row.values()]
                     self.connection.execute(f"INSERT INTO run ({names}) VALUES ({marks})", stored)
@@ -212,11 +212,6 @@ class Table:
             if wanted is None or number in wanted:
                 rows.append(Row(number, key, status, error, self.path.parent / file, repetition, row))
         return rows
-
-    @property
-    def runs(self) -> Path:
-        """The folder of the runs' databases."""
-        return runs_of(self.path)
 
 
 def runs_of(path: Path) -> Path:

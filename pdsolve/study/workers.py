@@ -72,18 +72,16 @@ class Worker:
     def outcome(self, future: Future[Outcome]) -> tuple[Task, Outcome]:
         """The last started run and its outcome."""
         assert self._task is not None
-        return self._task, self._outcome(future, self._task.number)
-
-    def _outcome(self, future: Future[Outcome], number: int) -> Outcome:
         try:
-            return future.result()
+            outcome = future.result()
         except BrokenExecutor:
             self.end()
             self._hold.close()
             self._executor, self._hold = _process()
-            return Outcome(number, None, LOST)
+            outcome = Outcome(self._task.number, None, LOST)
         except Exception as error:  # such as an outcome that does not travel
-            return Outcome(number, None, f"{type(error).__name__}: {error}")
+            outcome = Outcome(self._task.number, None, f"{type(error).__name__}: {error}")
+        return self._task, outcome
 
     def stop(self) -> None:
         """Request an early stop, within the current run."""

@@ -13,7 +13,7 @@ from messages import mentions
 from pdpost.__main__ import main as pdpost
 from pdsolve.__main__ import main
 from pdsolve.model import Model
-from pdsolve.results import Kind, Results, state_of
+from pdsolve.results import Results, StateKind, state_of
 from pdsolve.results.writer import _connected
 from pdsolve.run import summary
 from pdsolve.run.simulation import simulate
@@ -42,7 +42,7 @@ def test_an_empty_file_is_taken_over(how: str, model: Path, capsys: pytest.Captu
     leave_empty(how)
     assert main([str(model), "-q"]) == 0
     assert capsys.readouterr() == ("", "")
-    assert state_of(PLATE).kind is Kind.FINISHED
+    assert state_of(PLATE).kind is StateKind.FINISHED
 
 
 @pytest.mark.parametrize("how", ["touched", "begun"])
@@ -129,4 +129,4 @@ def simulate_some(model: Path) -> None:
     from pdsolve.model import read_model
 
     simulate(read_model(model), PLATE, watch=lambda progress: progress.step >= 20).close()
-    assert state_of(PLATE).kind is Kind.STOPPED
+    assert state_of(PLATE).kind is StateKind.STOPPED

@@ -78,7 +78,11 @@ def send_frame(
     new, ids, begin = broken(part, previous_step), part.model.grid.ids, part.slab.begin
     breaks = np.array([new.step, new.source + begin, new.target + begin, ids[new.source], ids[new.target]])
     field_descriptions, checkpoint_descriptions = (
-        {name: [_describe_array(array) for array in pieces] for name, pieces in columns.items()} for columns in sent
+        {
+            name: [(array.dtype.str, array.size, zlib.crc32(np.ascontiguousarray(array).data)) for array in pieces]
+            for name, pieces in columns.items()
+        }
+        for columns in sent
     )
     return FrameDescription(field_descriptions, checkpoint_descriptions, breaks)
 
@@ -99,14 +103,6 @@ def held_component_rows(subdomain: RankSystem) -> list[NDArray[np.int64]]:
     return [np.flatnonzero(of == number) for number in range(len(subdomain.acting_conditions) * d)]
 
 
-def _describe_array(values: NDArray[Any]) -> tuple[str, int, int]:
-    return values.dtype.str, values.size, zlib.crc32(_as_bytes(values).data)
-
-
-def _as_bytes(values: NDArray[Any]) -> NDArray[np.uint8]:
-    return np.ascontiguousarray(values).reshape(-1).view(np.uint8)
-
-
 def _send_columns(team: Team, columns: Columns) -> None:
     """Send columns to rank 0, when those before have arrived; rank 0 keeps its own."""
     part: Part = team.part
@@ -117,7 +113,7 @@ def _send_columns(team: Team, columns: Columns) -> None:
 
     if part.sending is not None:
         MPI.Request.Waitall(part.sending.requests)
-    flat = [_as_bytes(values) for values in columns]
+    flat = [np.ascontiguousarray(values).reshape(-1).view(np.uint8) for values in columns]
     requests = [
         team.comm.Isend(array[at : at + PIECE], 0, FRAME) for array in flat for at in range(0, len(array), PIECE)
     ]

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from pdmesh.background_thread import BackgroundThread
 from pdsolve.numerics.team import Team
-from pdsolve.results import Breaks, Frame, ResultsError, Writer
+from pdsolve.results import Breaks, FrameRecord, ResultsError, Writer
 
 WRITTEN = 9  # tag of messages: that a frame is in the files of all ranks
 NOTHING = Breaks(*np.zeros((3, 0), dtype=np.int64))
@@ -40,7 +40,7 @@ class RankFile:
         """Write a frame when the last one is written. Raises WriteError if that failed."""
         self._thread.wait()
         step_arrays = {f"{name}@{step}": values for name, values in checkpoint.items()} or None
-        frame = Frame(step, time, fields, NOTHING, (), (), step_arrays, first=self._first, keeps=self._kept)
+        frame = FrameRecord(step, time, fields, NOTHING, (), (), step_arrays, first=self._first, keeps=self._kept)
         self._kept = step if step_arrays else self._kept
         self._thread.begin(partial(self._write_and_report, frame))
 
@@ -51,7 +51,7 @@ class RankFile:
         if self._writer is not None:
             self._writer.close("finished")
 
-    def _write_and_report(self, frame: Frame) -> None:
+    def _write_and_report(self, frame: FrameRecord) -> None:
         error: ResultsError | None = None
         try:
             if self._writer is None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import time as clock
 from collections.abc import Mapping
@@ -11,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from pdsolve.results import Breaks, Families, Frame, Nodes, Writer, pieces, remove
+from pdsolve.results import Breaks, Families, FrameRecord, Nodes, Writer, pieces, remove
 from pdsolve.results.removal import expect_piece
 from pdsolve.results.schema import CHUNK, Births, taken
 from pdsolve.run.measures import count_bodies
@@ -60,7 +61,7 @@ class RecorderOnRanks(Recorder):
         """Whether there are more pieces than bodies."""
         return split.count_pieces(self._team, len(self.system.model.grid)) > count_bodies(self.system)
 
-    def make_frame(self, step: int, with_fields: bool, with_checkpoint: bool) -> Frame:
+    def make_frame(self, step: int, with_fields: bool, with_checkpoint: bool) -> FrameRecord:
         """All records since the last frame, for writing; see `Recorder`."""
         with_checkpoint |= clock.perf_counter() - self._kept > KEPT
         if with_checkpoint:
@@ -79,7 +80,7 @@ class RecorderOnRanks(Recorder):
         )
         self.frame_step = step
         return self.physics_records.move_records_into(
-            Frame(
+            FrameRecord(
                 step=step,
                 time=step * self.system.time_step,
                 fields=fields if with_fields else None,  # none of them where each rank has a file
@@ -113,7 +114,7 @@ class RecorderOnRanks(Recorder):
 
         births = Births(len(grid), grid.dimension, system.directed_bond_count, nodes, families)
         if self._files:
-            meta = {**meta, pieces.KEY: pieces.written([pieces.Pieces(0, self._files)])}
+            meta = {**meta, pieces.KEY: json.dumps([pieces.Pieces(0, self._files)])}
         return Writer.begin(output, births, grid.cracks, meta)
 
     def open_rank_databases(self, output: Path | None) -> None:

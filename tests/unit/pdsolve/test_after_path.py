@@ -14,7 +14,7 @@ from plates import plate, square_grid
 from pdmesh.model.document import Displacement, Load, Run
 from pdsolve.model import Model
 from pdsolve.run import after_path
-from pdsolve.run.after_path import _model_in_motion, _set_first_accelerations, prepare_motion_after
+from pdsolve.run.after_path import _model_in_motion, prepare_motion_after
 from pdsolve.run.system import Prepared
 
 GROWS = ((0.0, 0.0), (2.0, 8.0))
@@ -35,48 +35,53 @@ def test_loads_stay_at_what_they_are_at_a_factor(path_model: Model) -> None:
     assert (run.solver, run.after, run.time_step) == ("explicit", "path", None)
 
 
-def test_a_body_begins_to_move_where_nothing_holds_it(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(after_path, "force_densities", lambda operator, state: np.array([[1.0, 2.0], [3.0, 4.0]]))
-    drive = Part(force=np.array([[10.0, 20.0], [30.0, 40.0]]), holds=Part(node=np.array([1]), axis=np.array([0])))
-    system: Any = Part(operator=None, drive=drive, model=Part(rho=np.array([1.0, 2.0])))
-    state: Any = Part(second=np.full((2, 2), np.nan))
-    _set_first_accelerations(system, state)
-    assert state.second.tolist() == [[11.0, 22.0], [0.0, 22.0]]
-
-
 @dataclasses.dataclass
 class System:
-    """A system as far as the motion asks it."""
+    """A system as far as the motion asks it; one node is held along x."""
 
     model: Model
+    operator: Any
+    drive: Any
 
 
 @pytest.mark.parametrize(("ahead", "every", "entries"), [(2000, 40, 4), (20, 1, 1)])
 def test_it_goes_on_from_the_path(
     ahead: int, every: int, entries: int, path_model: Model, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Steps count on; what is restored is the path's checkpoint and its breaks, before anything is let go."""
+    """Steps count on; what is restored is the path's checkpoint and its breaks, before anything is let go: a body
+    begins to move where nothing holds it."""
     done: list[tuple[Any, ...]] = []
+    nodes = len(path_model.grid)
+    drive = Part(force=np.full((nodes, 2), 10.0), holds=Part(node=np.array([1]), axis=np.array([0])))
+    first: Any = Part(second=np.full((nodes, 2), np.nan))
+
+    def force_densities(operator: Any, state: Any) -> np.ndarray[Any, Any]:
+        done.append(("let go", operator, state))
+        return np.arange(2.0 * nodes).reshape(nodes, 2)
 
     def prepare(model: Model, options: Any) -> Prepared:
         done.append(("prepare", model.settings.conditions[1].profile, *options[:4]))
         run = msgspec.structs.replace(model.settings.run, steps=ahead)
         settings = msgspec.structs.replace(model.settings, run=run)
-        return Prepared(System(dataclasses.replace(model, settings=settings)), "state")  # type: ignore[arg-type]
+        moving: Any = System(dataclasses.replace(model, settings=settings), "operator", drive)
+        return Prepared(moving, first)
 
     monkeypatch.setattr(after_path, "prepare", prepare)
     monkeypatch.setattr(after_path, "model_of", lambda text, name: path_model)
     monkeypatch.setattr(after_path, "restore_state", lambda *words: done.append(("restore", *words[1:])))
-    monkeypatch.setattr(after_path, "_set_first_accelerations", lambda system, state: done.append(("let go", state)))
+    monkeypatch.setattr(after_path, "force_densities", force_densities)
     path: Any = Part(name="path.sqlite", model=lambda: "text", breaks=lambda: "breaks")
     path.checkpoint, path.meta, path.summary = lambda: (7, "kept"), lambda: {"mode": "thesis"}, lambda: {"lost": 0.5}
     (system, state), step = prepare_motion_after(path, 3)
-    assert (state, step) == ("state", 7)
+    assert (state, step) == (first, 7)
     assert done == [
         ("prepare", ((0.0, 0.5),), "thesis", "float64", 3, "listed"),
-        ("restore", "state", 7, "kept", "breaks"),
-        ("let go", "state"),
+        ("restore", first, 7, "kept", "breaks"),
+        ("let go", "operator", first),
     ]
+    expected = (np.arange(2.0 * nodes).reshape(nodes, 2) + 10.0) / path_model.rho[:, None]
+    expected[1, 0] = 0.0
+    assert np.array_equal(state.second, expected)
     run = system.model.settings.run
     assert (run.steps, run.every, run.ledger) == (7 + ahead, every, entries)
 

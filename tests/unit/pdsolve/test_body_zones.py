@@ -10,35 +10,11 @@ import pytest
 
 from pdsolve.errors import CheckpointError
 from pdsolve.run import body_zones
-from pdsolve.run.body_zones import BodyRefinement, _interpolate_state, _previous_rows_with_same_bonds, _set_held_forces
+from pdsolve.run.body_zones import BodyRefinement, _previous_rows_with_same_bonds
 from pdsolve.run.system import Prepared
 from pdsolve.state import State
 
 ROWS = np.array([0, 2, -1, 1])  # before: of the first node, too
-
-
-def test_what_was_booked_stays_where_it_was() -> None:
-    """Densities on cells of another volume hold the same energy; new nodes hold none."""
-    before = Part(volume=np.array([4.0, 6.0, 8.0]), interpolate_at_rows=lambda rows, values: 10.0 * values)
-    after = Part(volume=np.array([2.0, 8.0, 1.0, 3.0]), rows=ROWS)
-    motion = [np.full((4, 3), value) for value in (1.0, 2.0, 3.0)]
-    booked = [factor * np.array([1.0, 10.0, 100.0]) for factor in (1.0, 2.0, 3.0)]
-    found = _interpolate_state(before, after, State(*motion, *booked), ROWS)  # type: ignore[arg-type]
-    assert [float(values[0, 0]) for values in found[:3]] == [10.0, 20.0, 30.0]
-    for factor, values in zip((1.0, 2.0, 3.0), found[3:], strict=True):
-        assert np.array_equal(values, factor * np.array([2.0, 100.0, 0.0, 20.0]))
-        assert np.array_equal((values * after.volume)[[0, 1, 3]], factor * np.array([4.0, 800.0, 60.0]))
-
-
-def test_forces_on_held_components() -> None:
-    """They are the pull and the load where it is known, and those before elsewhere."""
-    before = Part(force=np.zeros((3, 3)), holds=Part(node=np.array([0, 1]), axis=np.array([1, 2])))
-    before.held_force = np.array([5.0, 7.0])
-    force = np.arange(12.0).reshape(4, 3)
-    after = Part(force=force, holds=Part(node=np.array([0, 3, 2]), axis=np.array([1, 2, 0])), held_force=np.zeros(3))
-    pull, which = 100.0 * np.ones((4, 3)), np.array([False, False, True, False])
-    _set_held_forces(Part(drive=before), Part(drive=after), ROWS, pull, which)  # type: ignore[arg-type]
-    assert after.held_force.tolist() == [5.0, 7.0, 100.0 + 6.0]
 
 
 def systems(**changed: list[float]) -> tuple[Any, Any]:
@@ -74,9 +50,9 @@ def test_nodes_that_keep_their_cell_and_bonds(
 class Zone:
     """An operator whose cells may become fine, as far as a refinement asks it."""
 
-    def __init__(self, new: list[int], made: float) -> None:
-        self.new, self.history = np.array(new, dtype=np.int64), Made(made)
-        self.rows, self.asked = ROWS, list[int]()
+    def __init__(self, new: list[int], volume: list[float], refined: Zone | None = None) -> None:
+        self.new, self.volume, self.refined = np.array(new, dtype=np.int64), np.array(volume), refined
+        self.history, self.rows, self.asked = Made(100.0), ROWS, list[int]()
 
     def mark_cells_to_refine(self, state: State, step: int) -> np.ndarray[Any, Any]:
         self.asked.append(step)
@@ -85,14 +61,17 @@ class Zone:
     def energies_around(self, state: object, new: object) -> str:
         return "around"
 
-    def refine(self, new: object) -> Zone:
-        return Zone([], self.history.refinement_energy)
+    def refine(self, new: object) -> Zone | None:
+        return self.refined
 
     def current_rows(self, rows: object) -> object:
         return rows
 
-    def forces_around(self, state: object, new: object) -> tuple[str, str]:
-        return "pull", "which"
+    def interpolate_at_rows(self, rows: np.ndarray[Any, Any], values: np.ndarray[Any, Any]) -> np.ndarray[Any, Any]:
+        return 10.0 * values
+
+    def forces_around(self, state: object, new: object) -> tuple[np.ndarray[Any, Any], np.ndarray[Any, Any]]:
+        return 100.0 * np.ones((4, 3)), np.array([False, False, True, False])
 
 
 class Made:
@@ -105,23 +84,55 @@ class Made:
         return Made(refinement_energy)
 
 
-def test_the_energy_made_by_a_refinement_is_added_up(monkeypatch: pytest.MonkeyPatch) -> None:
-    """11 J after less 4 J before and 0.5 J of forces; 100 J of earlier ones."""
-    held: list[tuple[object, ...]] = []
+@pytest.fixture
+def zone() -> Zone:
+    """A zone of three cells, the last of which becomes fine: four rows after."""
+    return Zone([3], [4.0, 6.0, 8.0], Zone([], [2.0, 8.0, 1.0, 3.0]))
+
+
+@pytest.fixture
+def change(zone: Zone, monkeypatch: pytest.MonkeyPatch) -> Any:
+    """What its refinement changes: 11 J after, 4 J before, 0.5 J of forces."""
+    before = Part(force=np.zeros((3, 3)), holds=Part(node=np.array([0, 1]), axis=np.array([1, 2])))
+    before.held_force, force = np.array([5.0, 7.0]), np.arange(12.0).reshape(4, 3)
+    after = Part(force=force, holds=Part(node=np.array([0, 3, 2]), axis=np.array([1, 2, 0])), held_force=np.zeros(3))
+    system: Any = Part(operator=zone, drive=before)
     monkeypatch.setattr(body_zones, "zone_operator", lambda system: system.operator)
-    monkeypatch.setattr(body_zones, "conserved_energy", lambda system, state, around: 4.0 if state == "state" else 11.0)
+    monkeypatch.setattr(body_zones, "conserved_energy", lambda one, state, around: 4.0 if one is system else 11.0)
     monkeypatch.setattr(body_zones, "kick_work", lambda *_: 0.5)
-    monkeypatch.setattr(body_zones, "_system_of_operator", lambda system, after, step: Part(operator=after))
-    monkeypatch.setattr(body_zones, "_interpolate_state", lambda *_: "moved")
+    monkeypatch.setattr(
+        body_zones, "_system_of_operator", lambda _, operator, step: Part(operator=operator, drive=after)
+    )
     monkeypatch.setattr(body_zones, "_previous_rows_with_same_bonds", lambda *_: "origin")
-    monkeypatch.setattr(body_zones, "_set_held_forces", lambda *words: held.append(words[2:]))
-    zone = Zone([3], 100.0)
-    change: Any = BodyRefinement().change_nodes(Part(operator=zone), "state", 256)  # type: ignore[arg-type]
-    assert change[0].operator.history.refinement_energy == 107.5
-    assert change[1:] == ("moved", "origin")
+    motion = [np.full((4, 3), value) for value in (1.0, 2.0, 3.0)]
+    booked = [factor * np.array([1.0, 10.0, 100.0]) for factor in (1.0, 2.0, 3.0)]
+    return BodyRefinement().change_nodes(system, State(*motion, *booked), 256)
+
+
+def test_what_was_booked_stays_where_it_was(zone: Zone, change: Any) -> None:
+    """Densities on cells of another volume hold the same energy; new nodes hold none."""
+    assert [float(values[0, 0]) for values in change.state[:3]] == [10.0, 20.0, 30.0]
+    assert zone.refined is not None
+    for factor, values in zip((1.0, 2.0, 3.0), change.state[3:], strict=True):
+        assert np.array_equal(values, factor * np.array([2.0, 100.0, 0.0, 20.0]))
+        assert np.array_equal((values * zone.refined.volume)[[0, 1, 3]], factor * np.array([4.0, 800.0, 60.0]))
+
+
+def test_forces_on_held_components(change: Any) -> None:
+    """They are the pull and the load where it is known, and those before elsewhere."""
+    assert change.system.drive.held_force.tolist() == [5.0, 7.0, 100.0 + 6.0]
+
+
+def test_the_energy_made_by_a_refinement_is_added_up(zone: Zone, change: Any) -> None:
+    """11 J after less 4 J before and 0.5 J of forces; 100 J of earlier ones."""
+    assert change.system.operator.history.refinement_energy == 107.5
+    assert change[2] == "origin"
     assert zone.asked == [256 - BodyRefinement.every]  # what broke since the last look
-    assert [words[1:] for words in held] == [("pull", "which")]
-    assert BodyRefinement().change_nodes(Part(operator=Zone([], 0.0)), "state", 256) is None  # type: ignore[arg-type]
+
+
+def test_without_cells_to_refine_nothing_changes(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(body_zones, "zone_operator", lambda system: system.operator)
+    assert BodyRefinement().change_nodes(Part(operator=Zone([], [])), "state", 256) is None  # type: ignore[arg-type]
 
 
 def test_a_checkpoint_of_other_cells_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import zlib
 from collections.abc import Iterator
 from pathlib import Path
@@ -11,9 +12,9 @@ import pytest
 from messages import mentions
 from numpy.typing import NDArray
 
-from pdsolve.results import Breaks, Families, Frame, Nodes, Results, ResultsError, Writer
+from pdsolve.results import Breaks, Families, FrameRecord, Nodes, Results, ResultsError, Writer
 from pdsolve.results.checksums import crc_joined
-from pdsolve.results.pieces import KEY, Pieces, written
+from pdsolve.results.pieces import KEY, Pieces
 from pdsolve.results.removal import expect_piece
 from pdsolve.results.schema import Births, Column
 
@@ -47,10 +48,10 @@ def births(first: int, last: int) -> Births:
     )
 
 
-def frame(number: int, **more: object) -> Frame:
+def frame(number: int, **more: object) -> FrameRecord:
     step = 10 * number
     usual = {"fields": {"ux": UX[number]}, "checkpoint": {"value": KEPT[number], "held_force": np.arange(2.0)}}
-    return Frame(step=step, time=step * 1e-6, breaks=NOTHING, ledger=(), probes=(), **{**usual, **more})
+    return FrameRecord(step=step, time=step * 1e-6, breaks=NOTHING, ledger=(), probes=(), **{**usual, **more})
 
 
 @pytest.fixture
@@ -73,7 +74,7 @@ def divided(tmp_path: Path) -> Path:
             if (number, rank) == (1, 1):
                 writer.write(frame(2, fields=None, checkpoint={"value@30": KEPT[0, first:last]}, keeps=20))
             writer.close("finished")
-    index = Writer.begin(tmp_path / "all", births(0, COUNT), np.empty((0, 4)), {**META, KEY: written(sets)})
+    index = Writer.begin(tmp_path / "all", births(0, COUNT), np.empty((0, 4)), {**META, KEY: json.dumps(sets)})
     for step in range(3):
         index.write(frame(step, fields={"ux": UX[0, :0]}, checkpoint={"held_force": np.arange(2.0)}))
     index.close("finished")

@@ -17,7 +17,7 @@ from database_contents import contents, newest
 from messages import mentions, naming
 
 from pdsolve.model import Model
-from pdsolve.results import BusyError, GoneError, Kind, Results, ResultsError, TakenError, Writer, state_of
+from pdsolve.results import BusyError, GoneError, Results, ResultsError, StateKind, TakenError, Writer, state_of
 from pdsolve.results.opening import recover
 from pdsolve.results.writer import PAGE
 from pdsolve.results.writer_token import Token
@@ -76,19 +76,19 @@ def killed(path: Path, model: Model, step: int, monkeypatch: pytest.MonkeyPatch)
 
 def test_nothing_there_and_nothing_in_it(tmp_path: Path) -> None:
     path = tmp_path / "plate.sqlite"
-    assert state_of(path).kind is Kind.NONE
+    assert state_of(path).kind is StateKind.NONE
     path.touch()
-    assert state_of(path).kind is Kind.EMPTY
+    assert state_of(path).kind is StateKind.EMPTY
     with pytest.raises(ResultsError, match=naming("plate.sqlite")):
         resume(path)
 
 
 def test_stopped_and_finished(stopped: Path) -> None:
     state = state_of(stopped)
-    assert (state.kind, state.step, state.frame, state.meta["status"]) == (Kind.STOPPED, 33, 30, "interrupted")
+    assert (state.kind, state.step, state.frame, state.meta["status"]) == (StateKind.STOPPED, 33, 30, "interrupted")
     assert state.message.endswith("at step 33")
     resume(stopped).close()
-    assert state_of(stopped).kind is Kind.FINISHED
+    assert state_of(stopped).kind is StateKind.FINISHED
     with closing(sqlite3.connect(stopped)) as connection:
         assert connection.execute("SELECT * FROM meta WHERE key = 'writer'").fetchall() == []
 
@@ -106,7 +106,7 @@ def test_stopped_before_the_first_frame(probed: Model, tmp_path: Path, monkeypat
         with pytest.raises(RuntimeError, match="a test"):
             simulate(probed, path, provenance="a test")
     state = state_of(path)
-    assert (state.kind, state.step, state.meta["provenance"]) == (Kind.UNBEGUN, None, "a test")
+    assert (state.kind, state.step, state.meta["provenance"]) == (StateKind.UNBEGUN, None, "a test")
     resume(path).close()
     simulate(probed, whole).close()
     assert contents(path) == contents(whole)
@@ -115,18 +115,18 @@ def test_stopped_before_the_first_frame(probed: Model, tmp_path: Path, monkeypat
 @pytest.mark.slow
 def test_a_run_that_writes_is_seen_without_the_file_of_its_lock(stopped: Path) -> None:
     with held(stopped.with_name("none.sqlite")):
-        assert state_of(stopped.with_name("none.sqlite")).kind is Kind.RUNNING
+        assert state_of(stopped.with_name("none.sqlite")).kind is StateKind.RUNNING
     copy = stopped.with_name("copy.sqlite")
     with held(stopped) as process:
         Path(f"{stopped}-lock").unlink()
         state = state_of(stopped)
-        assert (state.kind, state.holder.split()[:2]) == (Kind.RUNNING, ["process", str(process)])
+        assert (state.kind, state.holder.split()[:2]) == (StateKind.RUNNING, ["process", str(process)])
         with pytest.raises(BusyError, match=naming("plate.sqlite", found=f"process {process}")):
             resume(stopped)
         for beside in ("", "-wal"):
             shutil.copy(f"{stopped}{beside}", f"{copy}{beside}")  # its token too, but nobody writes to it
-        assert state_of(copy).kind is Kind.STOPPED
-    assert state_of(stopped).kind is Kind.STOPPED
+        assert state_of(copy).kind is StateKind.STOPPED
+    assert state_of(stopped).kind is StateKind.STOPPED
 
 
 @pytest.mark.quick_cases(1)
@@ -144,7 +144,7 @@ def test_a_hard_link_to_what_has_its_log_beside_another_name(
             use(link)  # type: ignore[operator]
     assert sorted(link.parent.iterdir()) == before
     resume(path).close()
-    assert state_of(link).kind is Kind.FINISHED
+    assert state_of(link).kind is StateKind.FINISHED
 
 
 def test_a_journal_that_is_to_be_rolled_back(stopped: Path, probed: Model) -> None:
@@ -167,7 +167,7 @@ def test_a_journal_that_is_to_be_rolled_back(stopped: Path, probed: Model) -> No
     assert not Path(f"{killed}-journal").exists()
     assert contents(killed) == before
     resume(killed).close()
-    assert state_of(killed).kind is Kind.FINISHED
+    assert state_of(killed).kind is StateKind.FINISHED
 
 
 @pytest.mark.slow
@@ -177,7 +177,7 @@ def test_a_damaged_log_is_said(probed: Model, tmp_path: Path, monkeypatch: pytes
     log = Path(f"{copy}-wal")
     data = bytearray(log.read_bytes())
     state = state_of(copy)
-    assert (state.kind, state.frame, state.log.lost, state.warning) == (Kind.STOPPED, 50, 0, None)
+    assert (state.kind, state.frame, state.log.lost, state.warning) == (StateKind.STOPPED, 50, 0, None)
     lost, frames = [], []
     for at in range(len(data) - PAGE // 2, 0, -5 * PAGE):
         spoilt = data.copy()
@@ -193,7 +193,7 @@ def test_a_damaged_log_is_said(probed: Model, tmp_path: Path, monkeypatch: pytes
     assert lost == sorted(lost)
     assert frames == sorted(frames, reverse=True)
     assert len(set(frames)) > 3
-    assert (found.kind, frames[-1]) == (Kind.EMPTY, -1)
+    assert (found.kind, frames[-1]) == (StateKind.EMPTY, -1)
     log.write_bytes(data[: len(data) * 4 // 5])  # cut short: nothing is known of what was behind
     assert state_of(copy).frame in frames
     resume(copy).close()

@@ -36,7 +36,7 @@ from pdpost.measures.bond_pairs import read_bond_pairs
 from pdpost.measures.cracked_nodes import damage_at
 from pdpost.measures.fields import FIELDS, FieldError
 from pdpost.measures.tips import crack_branches
-from pdsolve.results import Breaks, Families, Frame, Results, ResultsError, Writer
+from pdsolve.results import Breaks, Families, FrameRecord, Results, ResultsError, Writer
 from pdsolve.run.measures import LedgerRow
 
 DRAW: dict[str, Callable[[Results], Figure]] = {
@@ -195,7 +195,7 @@ def torn_plate() -> tuple[Results, NDArray[np.float64]]:
     u[np.array(torn) - 1] += [-1e-4, 1e-4]
     fields = {"ux": u, "uy": 0 * u}
     ledger = [LedgerRow(1, 1e-6, *[0.0] * 6, len(breaks))]
-    writer.write(Frame(1, 1e-6, fields, Breaks(*np.array(breaks).T), ledger, [], {}))
+    writer.write(FrameRecord(1, 1e-6, fields, Breaks(*np.array(breaks).T), ledger, [], {}))
     return Results(writer.connection, "memory"), np.array(torn)
 
 

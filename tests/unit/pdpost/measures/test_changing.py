@@ -13,7 +13,7 @@ from plates import square_grid
 
 from pdpost.measures import histories, strain, tradeoff
 from pdpost.measures.cracked_nodes import cracked_since, damage_at, separation_at
-from pdsolve.results import Breaks, Epoch, Frame, Nodes, Results, Writer
+from pdsolve.results import Breaks, Epoch, FrameRecord, Nodes, Results, Writer
 from pdsolve.run.measures import LedgerRow
 
 NO_BREAKS = Breaks(*np.zeros((3, 0), dtype=np.int64))
@@ -41,7 +41,9 @@ def test_a_node_that_is_born_cracked_is_so_since_the_one_before() -> None:
     writer = Writer.create(None, nodes, alone, np.empty((0, 4)), {"time_step": 1e-6, "model": "{}"})
     broken = [(5, 1, 2)] * 4 + [(7, 3, 2)] * 2 + [(12, 17, 2)] * 4 + [(25, 1, 2)]
     changes = [epoch(10, 5, parts, [0, 1, 2, 3, 4], 10), epoch(20, 15, merged, [5, 6], 9)]
-    writer.write(Frame(30, 3e-5, {}, Breaks(*np.array(broken).T), [], [], {}, epochs=changes, rows=np.arange(7, 16)))
+    writer.write(
+        FrameRecord(30, 3e-5, {}, Breaks(*np.array(broken).T), [], [], {}, epochs=changes, rows=np.arange(7, 16))
+    )
     results = Results(writer.connection, "memory")
     assert cracked_since(results, step=9).tolist() == [5, 0, -1, -1, -1]
     assert cracked_since(results, step=15).tolist() == [5, -1, 0, 0, 10, -1, 12, -1, 0, -1]
@@ -61,7 +63,7 @@ def test_a_node_that_is_born_beside_a_pre_crack_has_its_own_damage_alone() -> No
     writer = Writer.create(None, nodes, alone, crack, {"time_step": 1e-6, "model": "{}"})
     born = row([5], [1], 1.0, [4])
     changes = [epoch(10, 4, born, [1], 4)]
-    writer.write(Frame(30, 3e-5, {}, NO_BREAKS, [], [], {}, epochs=changes, rows=np.array([0, 2, 3, 4])))
+    writer.write(FrameRecord(30, 3e-5, {}, NO_BREAKS, [], [], {}, epochs=changes, rows=np.array([0, 2, 3, 4])))
     results = Results(writer.connection, "memory")
     assert damage_at(results, 5).tolist() == [0, 0, 0, 0]
     assert separation_at(results, 30).tolist() == [0.3, 0.1, 0.1, 0.4]
@@ -75,7 +77,7 @@ def test_who_is_born_is_of_the_material_of_the_nearest_at_the_start() -> None:
     writer = Writer.create(None, nodes, alone, np.empty((0, 4)), {"time_step": 1e-6, "model": json.dumps(model)})
     parts = row([3, 4], [0.75, 1.25], 0.5, [0, 0])
     writer.write(
-        Frame(5, 5e-6, None, NO_BREAKS, [], [], {}, epochs=[epoch(3, 2, parts, [1], 3)], rows=np.array([0, 2, 3]))
+        FrameRecord(5, 5e-6, None, NO_BREAKS, [], [], {}, epochs=[epoch(3, 2, parts, [1], 3)], rows=np.array([0, 2, 3]))
     )
     results = Results(writer.connection, "memory")
     assert strain.elastic_constants(results, 0)[0].tolist() == [1.0, 2.0]
@@ -103,7 +105,7 @@ def split(path: Path, at: int, side: int = 8) -> Results:
         changes = [epoch(at + 1, count, later, list(range(count)), 4 * count)] if new else []
         rows = None if whole else count + np.arange(4 * count)
         books = [LedgerRow(step, 1e-7 * step, *[0.0] * 6, 0)]
-        writer.write(Frame(step, 1e-7 * step, fields, NO_BREAKS, books, [], {}, epochs=changes, rows=rows))
+        writer.write(FrameRecord(step, 1e-7 * step, fields, NO_BREAKS, books, [], {}, epochs=changes, rows=rows))
     writer.write_meta({"summary": json.dumps({"wall_time": 1.0, "steps": 40})})
     writer.close("finished")
     return Results.open(path)

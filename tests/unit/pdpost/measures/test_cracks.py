@@ -19,7 +19,7 @@ from pdpost.measures.fields import field_values
 from pdpost.measures.fragments import Fragment, Fragments
 from pdpost.measures.release import EnergyRelease
 from pdpost.reading.tables import queries
-from pdsolve.results import Breaks, Frame, Results, Writer
+from pdsolve.results import Breaks, FrameRecord, Results, Writer
 from pdsolve.study.run_measures import _cracked
 
 PLATE = json.dumps({"material": {"E": 65e9, "rho": 2235.0, "G0": 204.0}})
@@ -103,7 +103,7 @@ def test_a_plate_that_does_not_break() -> None:
 def test_the_first_break_needs_no_cracked_node() -> None:
     nodes = lattice()
     writer = Writer.create(None, nodes, alone, np.empty((0, 4)), {"time_step": 1e-6})
-    writer.write(Frame(9, 9e-6, None, Breaks(*np.array([[4], [50], [51]])), [], [], {}))
+    writer.write(FrameRecord(9, 9e-6, None, Breaks(*np.array([[4], [50], [51]])), [], [], {}))
     found = crack_events(Results(writer.connection, "memory"))
     assert found.first_break is not None
     assert (found.first_break.step, found.start) == (4, None)

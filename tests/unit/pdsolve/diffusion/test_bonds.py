@@ -14,7 +14,7 @@ from dissolving_screws import screw
 from pdmesh.model.document import MediumRegion
 from pdmesh.model.medium import Medium
 from pdmesh.model.neighbours import Pairs, chosen
-from pdsolve.diffusion.families import Families, Part, grouped, lattice_diffusivity
+from pdsolve.diffusion.families import BondsOfRows, DiffusionFamilies, grouped, lattice_diffusivity
 from pdsolve.diffusion.listed import BondList
 from pdsolve.diffusion.operator import Fick
 from pdsolve.diffusion.system import prepare
@@ -137,13 +137,13 @@ def test_bonds_in_two_operators_are_those_of_one() -> None:
     system, state = prepare(base, 1, listed=True)
     i, j = system.operator.bonds()
     pairs = Pairs(i, j, np.linalg.norm(position[j] - position[i], axis=1))
-    families, parts = Families(base), []
+    families, parts = DiffusionFamilies(base), []
     for odd in (0, 1):
         own = chosen(pairs, (i + j) % 2 == odd)
-        part = Part(own, families.conductance(own), i[:0], chosen(own, i[:0]), np.zeros(0))
+        part = BondsOfRows(own, families.conductance(own), i[:0], chosen(own, i[:0]), np.zeros(0))
         bonds, _ = grouped(iter([part]), len(position))
         exchange = BondList(bonds, system.operator.volume, 1)
-        parts.append(Fick(exchange, partial(Families, base), system.operator.medium))
+        parts.append(Fick(exchange, partial(DiffusionFamilies, base), system.operator.medium))
     both = Together(*parts)
     state.value[:, 0] = np.random.default_rng(4).uniform(0, 1, len(position))
     out, other = np.zeros((2, len(position), 1))

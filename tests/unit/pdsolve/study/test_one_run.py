@@ -12,7 +12,7 @@ from database_contents import contents
 from messages import mentions
 
 from pdsolve.model import Model
-from pdsolve.results import Kind, Writer, remove, state_of, writing_to
+from pdsolve.results import StateKind, Writer, remove, state_of, writing_to
 from pdsolve.run.simulation import Progress, simulate
 from pdsolve.study import one_run
 from pdsolve.study.description import Case
@@ -42,7 +42,7 @@ def killed_before_a_frame(task: Task, probed: Model, patch: pytest.MonkeyPatch) 
         inner.setattr(Writer, "discard", lambda writer: writer.connection.close())
         with pytest.raises(RuntimeError, match="a test"):
             simulate(probed, task.output, provenance=origin(task))
-    assert state_of(task.output).kind is Kind.UNBEGUN
+    assert state_of(task.output).kind is StateKind.UNBEGUN
 
 
 @pytest.mark.quick_cases(1)
