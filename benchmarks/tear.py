@@ -45,11 +45,12 @@ over G0 H, at the program's own time step and at shorter ones (`python -m benchm
 
 In the conservative mode a bond that softens or breaks in a step adds the force that makes the work of the step the
 area below its curve. This force slows the nodes, so that it does less of its work in the next step. A bond that has
-broken therefore pulls once more in the next step. Without this second pull the first column had 0.819, 0.860,
-0.912, 0.956, 0.976 and 0.983 from 15 m/s on. At 10 m/s the halves hardly part, and up to 146 bonds break in place of 132. Bonds that soften over several steps
-lose more at long steps, as only breaking bonds pull twice: bilinear and cohesive ones spend 0.89 to 0.95 of G0 H at 15
-and 20 m/s and the program's own step, 0.96 to 0.98 at half of it. In the thesis mode a bond is gone in the step in
-which it passes its limit, so that a fast cut costs nothing. Families other than ordinary ones have that rule too.
+broken therefore pulls once more in the next step. Without this second pull the first column had 0.819, 0.860, 0.912,
+0.956, 0.976 and 0.983 from 15 m/s on. At 10 m/s the halves hardly part, and up to 146 bonds break in place of 132.
+Bonds that soften over several steps lose more at long steps, as only breaking bonds pull twice: bilinear and cohesive
+ones spend 0.89 to 0.95 of G0 H at 15 and 20 m/s and the program's own step, 0.96 to 0.98 at half of it. In the thesis
+mode a bond is gone in the step in which it passes its limit, so that a fast cut costs nothing. Families other than
+ordinary ones have that rule too.
 """
 
 SCENES = (  # shipped, whose bonds break in one step or soften over several
