@@ -50,7 +50,9 @@ def last_breaks(broken: Broken) -> Broken:
     return Broken(*(column[last] for column in broken))
 
 
-def pulls_to_arrays(step: NDArray[Any], pull: NDArray[np.float64], growth: NDArray[np.float64]) -> dict[str, NDArray[Any]]:
+def pulls_to_arrays(
+    step: NDArray[Any], pull: NDArray[np.float64], growth: NDArray[np.float64]
+) -> dict[str, NDArray[Any]]:
     """Arrays of a checkpoint: the force with which b bonds broke and the growth of their stretch, 0 before the last
     step."""
     last = step == step.max(initial=0)
