@@ -30,15 +30,15 @@ class BodyRefinement:
         new = before.mark_cells_to_refine(state, step - self.every)
         if not len(new):
             return None
-        energy_before = conserved_energy(system, state, before.energies_around(state, new))
+        energy_before = conserved_energy(system, state, before.energies_near_new_cells(state, new))
         after = before.refine(new)
         fresh = _system_of_operator(system, after, step)
         rows = before.current_rows(after.rows)
         new_state = _interpolate_state(before, after, state, rows)
-        pull, which = after.forces_around(new_state, new)
+        pull, which = after.force_densities_near_new_cells(new_state, new)
         _set_held_forces(system, fresh, rows, pull, which)
         energy_created = (
-            conserved_energy(fresh, new_state, after.energies_around(new_state, new))
+            conserved_energy(fresh, new_state, after.energies_near_new_cells(new_state, new))
             - energy_before
             + kick_work(fresh, new_state, pull, which)
         )

@@ -190,7 +190,7 @@ def _prepare_plate_zone(model: Model, options: Options, scheme: Scheme) -> Prepa
         area=shown.area,
         family=shown.counts[1],
         count=shown.counts[0],
-        time_step=float(shown.engine.ground.dt),
+        time_step=float(shown.engine.lattice.dt),
         stable_time_step=bound,
         initial_energy=shown.ledger_totals().kinetic,
         full_model=model,

@@ -29,7 +29,7 @@ class PlateBrokenBonds:
         """The bonds broken after a step."""
         (step, node, spring), plate = self._hybrid.broken(), self._hybrid.plate
         new = step > after
-        node, neighbour = node[new], node[new] + self._hybrid.ground.ways[spring[new]]
+        node, neighbour = node[new], node[new] + self._hybrid.lattice.offsets[spring[new]]
         return Broken(step[new].astype(np.int64), plate.rows_at(node), plate.rows_at(neighbour))
 
 
@@ -63,8 +63,10 @@ class SwellingZone(Swelling):
     def clamped_energy(self, state: State) -> NDArray[np.float64]:
         """The energy densities (n,) of the current nodes at no displacement, J/m^3, inside of one material."""
         hybrid, rows = self._operator.engine, self._operator.rows
-        ground, plate = hybrid.ground, hybrid.plate
-        density = (ground.springs / ground.table[:, 4]).sum(axis=1) / 4 / ground.h**2  # by material, at a stretch of 1
+        lattice, plate = hybrid.lattice, hybrid.plate
+        density = (
+            (lattice.material_stiffness / lattice.spring_table[:, 4]).sum(axis=1) / 4 / lattice.h**2
+        )  # by material, at a stretch of 1
         return np.asarray(density[plate.model.material_of[rows]] * self._strain()[rows] ** 2)
 
     def march(self, state: State, first: int, last: int) -> None:

@@ -28,17 +28,17 @@ def damp_forces(nodes: Any, p: Any, count: Any, lag: Any, s: Any) -> None:
 
 
 @overload(damp_forces, jit_options=INNER)
-def _damp_forces(nodes, p, count, lag, s):  # type: ignore[no-untyped-def]
+def _damp_forces(nodes, p, count, velocity_lag, s):  # type: ignore[no-untyped-def]
     if not _is_damped(nodes):
-        return lambda nodes, p, count, lag, s: None
+        return lambda nodes, p, count, velocity_lag, s: None
 
-    def slowed(nodes, p, count, lag, s):  # type: ignore[no-untyped-def]
+    def damp_forces_of_lanes(nodes, p, count, velocity_lag, s):  # type: ignore[no-untyped-def]
         for axis in range(2):
             for k in range(count):
                 c, at = nodes.damping[axis, p + k], axis * ROW + k
-                s[at] = (s[at] - c * nodes.mass[p + k] * nodes.v[axis, p + k]) / (1 + c * lag / 2)
+                s[at] = (s[at] - c * nodes.mass[p + k] * nodes.v[axis, p + k]) / (1 + c * velocity_lag / 2)
 
-    return slowed
+    return damp_forces_of_lanes
 
 
 def book_damping(nodes: Any, p: Any, count: Any, dt: Any, s: Any, before: Any, after: Any) -> None:
@@ -53,7 +53,7 @@ def _book_damping(nodes, p, count, dt, s, before, after):  # type: ignore[no-unt
     if not _is_damped(nodes):
         return lambda nodes, p, count, dt, s, before, after: None
 
-    def booked(nodes, p, count, dt, s, before, after):  # type: ignore[no-untyped-def]
+    def book_damping_of_lanes(nodes, p, count, dt, s, before, after):  # type: ignore[no-untyped-def]
         for at in range(p, p + count):
             first, last, half = 0.0, 0.0, dt / 2 * nodes.mass[at]
             for axis in range(2):
@@ -68,24 +68,24 @@ def _book_damping(nodes, p, count, dt, s, before, after):  # type: ignore[no-unt
             if after:
                 nodes.damped[at] += half * last
 
-    return booked
+    return book_damping_of_lanes
 
 
-def set_damping(ground: Any, nodes: Any, p: Any, place: Any) -> None:
+def set_damping(lattice: Any, nodes: Any, p: Any, place: Any) -> None:
     """Give node p the damping of a fine place, or none if it has no motion of its own."""
 
 
 @overload(set_damping, jit_options=INNER)
-def _set_damping(ground, nodes, p, place):  # type: ignore[no-untyped-def]
+def _set_damping(lattice, nodes, p, place):  # type: ignore[no-untyped-def]
     if not _is_damped(nodes):
-        return lambda ground, nodes, p, place: None
+        return lambda lattice, nodes, p, place: None
 
-    def put(ground, nodes, p, place):  # type: ignore[no-untyped-def]
+    def copy_damping(lattice, nodes, p, place):  # type: ignore[no-untyped-def]
         nodes.damping[0, p] = nodes.damping[1, p] = (
-            value_at_node(ground.nodes, ground.nodes.damping, place) if nodes.kind[p] == FREE else 0.0
+            value_at_node(lattice.node_rows, lattice.node_rows.damping, place) if nodes.kind[p] == FREE else 0.0
         )
 
-    return put
+    return copy_damping
 
 
 def remove_damping(nodes: Any, p: Any, axis: Any) -> None:
@@ -97,7 +97,7 @@ def _remove_damping(nodes, p, axis):  # type: ignore[no-untyped-def]
     if not _is_damped(nodes):
         return lambda nodes, p, axis: None
 
-    def let(nodes, p, axis):  # type: ignore[no-untyped-def]
+    def clear_damping(nodes, p, axis):  # type: ignore[no-untyped-def]
         nodes.damping[axis, p] = 0.0
 
-    return let
+    return clear_damping

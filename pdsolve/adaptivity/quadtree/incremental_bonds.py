@@ -21,8 +21,8 @@ class LeafBonds(NamedTuple):
     """The bonds of n nodes, and the pairs they are made from."""
 
     assembly: Assembly
-    paired: Paired  # all pairs, each looked at by itself
-    lack: NDArray[np.float64]  # (n, ...) what nodes lack, by all their pairs
+    pairs: Paired  # all pairs, each looked at by itself
+    energy_lack: NDArray[np.float64]  # (n, ...) what nodes lack, by all their pairs
 
 
 def create_leaf_bonds(rule: ByPairs) -> LeafBonds:
@@ -32,20 +32,20 @@ def create_leaf_bonds(rule: ByPairs) -> LeafBonds:
     return _assemble(rule, paired, rule.lack(rows, paired))
 
 
-def update_leaf_bonds(rule: ByPairs, model: Model, before: LeafBonds, transfer: LeafOrigins) -> LeafBonds:
+def update_leaf_bonds(rule: ByPairs, model: Model, before: LeafBonds, origins: LeafOrigins) -> LeafBonds:
     """All bonds of a model, reusing those of unchanged nodes from `before`."""
-    stays = transfer.stays
+    stays = origins.stays
     position, delta = model.grid.position, model.grid.delta
     reach = float((model.horizons + delta / 2).max()) * (1 + ROUND_OFF)
     away, _ = tree_of(position[~stays]).query(position, distance_upper_bound=2 * reach)
     near_rows = np.flatnonzero(away <= reach)  # new nodes, and all that may interact with one
     pairs = rule.neighbours.pairs(near_rows)
     fresh = rule.looked(chosen(pairs, ~(stays[pairs.source] & stays[pairs.target])))
-    row = np.full(len(before.lack), -1)
-    row[transfer.before[stays, 0]] = np.flatnonzero(stays)
-    paired = _join_pairs(before.paired, row, fresh, len(stays))
-    lack = np.zeros((len(stays), *before.lack.shape[1:]))
-    lack[stays] = before.lack[transfer.before[stays, 0]]
+    row = np.full(len(before.energy_lack), -1)
+    row[origins.origin_rows[stays, 0]] = np.flatnonzero(stays)
+    paired = _join_pairs(before.pairs, row, fresh, len(stays))
+    lack = np.zeros((len(stays), *before.energy_lack.shape[1:]))
+    lack[stays] = before.energy_lack[origins.origin_rows[stays, 0]]
     changed = np.zeros(len(stays), dtype=bool)
     changed[near_rows] = True
     changed_pairs = np.flatnonzero(changed[paired.pairs.source])

@@ -82,7 +82,7 @@ class Zone:
         self.asked.append(step)
         return self.new
 
-    def energies_around(self, state: object, new: object) -> str:
+    def energies_near_new_cells(self, state: object, new: object) -> str:
         return "around"
 
     def refine(self, new: object) -> Zone:
@@ -91,7 +91,7 @@ class Zone:
     def current_rows(self, rows: object) -> object:
         return rows
 
-    def forces_around(self, state: object, new: object) -> tuple[str, str]:
+    def force_densities_near_new_cells(self, state: object, new: object) -> tuple[str, str]:
         return "pull", "which"
 
 
