@@ -9,7 +9,7 @@ VERLET = f"{UNIT}/test_lattice_march.py::test_each_bit_is_that_of_verlet_on_any_
 LATTICE = tuple(
     Mutant(MARCH, line, becomes, VERLET)
     for line, becomes in (
-        ("    tile_motion.pulled[tile] = False\n", ""),
+        ("    tile_motion.has_failure_pulls[tile] = False\n", ""),
         ("bonds[np.lexsort((tile, bonds[:, 0]))]", "bonds[:-1]"),
         ("np.concatenate(broken + self._collect_breaks())", "self._collect_breaks()[0]"),
         ("v = advanced(advanced(v, a, half), a, half)", "v = advanced(v, a, dt)"),

@@ -48,8 +48,8 @@ class CrackSurface(NamedTuple):
     time: NDArray[np.float64]  # (f,) s, when it opened; BEFORE of a pre-crack
     area: NDArray[np.float64]  # (f,) m^2
     edges: NDArray[np.int64]  # (e, 2) corners
-    sides: NDArray[np.int64]  # (f, 4) edges of each face
-    inside: NDArray[np.bool_]  # (e,) whether cubes are all round the edge: a crack that ends there has its front there
+    edges_of_face: NDArray[np.int64]  # (f, 4) edges of each face
+    edge_is_inside: NDArray[np.bool_]  # (e,) whether cubes are all round the edge: a crack that ends there has a front
 
     @property
     def is_grown(self) -> NDArray[np.bool_]:

@@ -111,7 +111,7 @@ def cluster_nodes(
     return connected(len(position), *near.T)
 
 
-def is_split(nodes: Nodes, cracked: NDArray[np.bool_]) -> bool:
+def plate_is_split(nodes: Nodes, cracked: NDArray[np.bool_]) -> bool:
     """Whether cracked nodes, with the holes between them, part the plate.
 
     A chain of cracked nodes with links of at most 1.5 spacings leads from side to side exactly if no path of neighbours
@@ -130,7 +130,7 @@ def _first_split_event(nodes: Nodes, cracked_step: NDArray[np.int64], time_step:
     low, high = 0, len(steps)
     while low < high:
         middle = (low + high) // 2
-        if is_split(nodes, (cracked_step >= 0) & (cracked_step <= steps[middle])):
+        if plate_is_split(nodes, (cracked_step >= 0) & (cracked_step <= steps[middle])):
             high = middle
         else:
             low = middle + 1

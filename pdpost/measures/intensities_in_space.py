@@ -180,7 +180,9 @@ def _refusal_reasons(
             continue
         place = ", ".join(f"{x:.4g}" for x in front_place.place)
         wide = f"{LEAST:g} horizons, {least:.3g} m" if ring is None else f"{least:.3g} m"
-        said.append(f"{room.limit} is {room.radius:.3g} m from the front at ({place}) m; room of {wide} is needed")
+        said.append(
+            f"{room.nearest_obstacle} is {room.radius:.3g} m from the front at ({place}) m; room of {wide} is needed"
+        )
     return tuple(said)
 
 

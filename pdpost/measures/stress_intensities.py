@@ -97,7 +97,7 @@ def follow_tips(
     if not chosen:
         raise ResultsError(f"{results.name}: no tip of a crack is inside the plate; use a frame with one")
     obstacles = Obstacles(results, every)
-    state = FrameFields(results)
+    state = CachedFrameFields(results)
     got: list[list[RingIntegrals | None]] = [[] for _ in chosen]
     refused = [""] * len(chosen)
     for step in progress(list(steps)):
@@ -120,7 +120,7 @@ def follow_tips(
     ]
 
 
-class FrameFields:
+class CachedFrameFields:
     """The fields of a frame as the integrals need them, cached for one frame."""
 
     def __init__(self, results: Results) -> None:
@@ -136,7 +136,7 @@ class FrameFields:
         nodes = self._results.nodes(step)
         every, near = elastic_constants(self._results, step), nearest_node(nodes, tip.place)
         elastic = Elastic(float(every.E[near]), float(every.nu[near]), every.plane)
-        ring_integrals = tuple(integrals(self._sampled, tip.place, tip.way, ring, elastic) for ring in rings)
+        ring_integrals = tuple(integrals(self._sampled, tip.place, tip.direction, ring, elastic) for ring in rings)
         return RingIntegrals(tip, rings, ring_integrals, elastic.effective_modulus, self._sampled.work is not None)
 
     def _sample_fields(self, step: int) -> Sampled:
@@ -181,7 +181,7 @@ def _refusal_reason(results: Results, step: int, tip: Tip, room: UndisturbedRoom
     if room.radius >= least * (1 - ROUND_OFF):
         return ""
     where = f"{room.radius:.3g} m from" if room.radius > ROUND_OFF * spacing else "at"
-    message = f"{room.limit} is {where} the tip at ({x:.4g}, {y:.4g}) m; it needs room of"
+    message = f"{room.nearest_obstacle} is {where} the tip at ({x:.4g}, {y:.4g}) m; it needs room of"
     if ring is not None:
         return f"{message} {least:.3g} m"
     enough, finer = room.radius / (LEAST * ratio), ""

@@ -61,14 +61,14 @@ class Tip(NamedTuple):
     """Position of a tip and the direction in which it arrived."""
 
     place: NDArray[np.float64]  # (2,) m
-    way: NDArray[np.float64]  # (2,) unit vector
+    direction: NDArray[np.float64]  # (2,) unit vector
 
 
 class UndisturbedRoom(NamedTuple):
     """Radius around a tip that holds only elastic plate and the tip's own straight crack."""
 
     radius: float  # m
-    limit: str  # what is there
+    nearest_obstacle: str  # what is there
 
 
 def tip_histories(results: Results, step: int) -> list[TipHistory]:
@@ -177,7 +177,7 @@ class Obstacles:
         share = np.concatenate([np.linspace(0, 1, number) for number in count]) if len(count) else np.zeros(0)
         start, end = (np.repeat(every[:, side], count, axis=0) for side in (0, 1))
         away = start + share[:, None] * (end - start) - tip.place
-        along, across = away @ tip.way, away @ np.array([-tip.way[1], tip.way[0]])
+        along, across = away @ tip.direction, away @ np.array([-tip.direction[1], tip.direction[0]])
         behind_tip = (along < spacing) & (np.abs(across) <= np.maximum(BESIDE * spacing, SLANT * np.abs(along)))
         return np.asarray((away + tip.place)[~behind_tip])
 

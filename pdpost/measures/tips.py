@@ -218,7 +218,7 @@ def _points_of_chain(
 def _merge_to_point(cracked: CrackedNodes, rows: NDArray[np.int64]) -> _Point:
     """The centre of nodes; the time is the mean over spacings of length of the first node in each."""
     layer, delta = np.floor(cracked.level[rows] + ROUND_OFF), cracked.delta[rows]
-    steps = [int(cracked.reached[rows][layer == number].min()) for number in np.unique(layer)]
+    steps = [int(cracked.reached_step[rows][layer == number].min()) for number in np.unique(layer)]
     place = np.average(cracked.position[rows], axis=0, weights=cracked.damage[rows])
     width = float((delta**2).sum() / delta.mean() ** 2) / SLAB
     return _Point(place, float(np.mean(steps)), float(delta.mean()), width <= WIDE)

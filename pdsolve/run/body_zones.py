@@ -13,7 +13,7 @@ from pdsolve.adaptivity.hybrid.space.prepare import create_current_drive
 from pdsolve.errors import CheckpointError
 from pdsolve.operators.protocol import Kept
 from pdsolve.run.assembly import assemble_system
-from pdsolve.run.energy_steps import conserved_energy, kick_work
+from pdsolve.run.energy_steps import conserved_energy, half_kick_work
 from pdsolve.run.node_changes import NodeChange
 from pdsolve.run.system import Prepared, System
 from pdsolve.state import State, zero_state
@@ -40,7 +40,7 @@ class BodyRefinement:
         energy_created = (
             conserved_energy(fresh, new_state, after.energies_near_new_cells(new_state, new))
             - energy_before
-            + kick_work(fresh, new_state, pull, which)
+            + half_kick_work(fresh, new_state, pull, which)
         )
         after.history = after.history._replace(refinement_energy=after.history.refinement_energy + energy_created)
         return NodeChange(fresh, new_state, _previous_rows_with_same_bonds(system, fresh, rows))

@@ -20,7 +20,7 @@ from pdsolve.errors import CheckpointError, UnstableError
 from pdsolve.operators.protocol import Kept
 from pdsolve.run.assembly import assemble_system
 from pdsolve.run.energy_steps import conserved_energy as energy_of
-from pdsolve.run.energy_steps import kick_work
+from pdsolve.run.energy_steps import half_kick_work
 from pdsolve.run.node_changes import NodeChange
 from pdsolve.run.operator_factory import largest_stable_step
 from pdsolve.run.system import Prepared, System
@@ -86,7 +86,7 @@ class CellSplitting:
         new.drive.held_force[:] = system.drive.held_force
         put_loads(new.drive, step * system.time_step)
         created = energy_of(new, begun, operator.energies(begun)[0]) - energy_of(system, state, old_energies)
-        created += kick_work(
+        created += half_kick_work(
             new, begun, force_densities(operator, begun._replace(dissipated=np.zeros_like(begun.dissipated)))
         )
         calm = np.where(origins.stays, old_operator.history.calm_checks[origins.origin_rows[:, 0]], 0)

@@ -116,7 +116,9 @@ class MechanicsRecords:
             raise UnstableError(instability_message(system, self.last, most, node))
         self._largest_work = max(self._largest_work, abs(self.last.work))
         assert self._motion_checks is not None
-        self._motion_checks.check_motion(state.value[:, : system.model.grid.dimension], bond_state.broken, step)
+        self._motion_checks.warn_of_unreliable_motion(
+            state.value[:, : system.model.grid.dimension], bond_state.broken, step
+        )
         if self._flows:
             from pdsolve.run.plastic_checks import warn_of_plastic_strain  # few bodies flow
 

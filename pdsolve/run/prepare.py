@@ -44,7 +44,7 @@ from pdsolve.schemes import SCHEMES
 from pdsolve.schemes.scheme import Scheme
 from pdsolve.steppers.equilibrium import force_densities
 from pdsolve.steppers.euler import Euler
-from pdsolve.steppers.static_loads import model_in_content_steps, model_in_load_steps
+from pdsolve.steppers.static_loads import model_with_content_steps, model_with_load_steps
 
 WORTH_HYBRID = 25_000  # nodes of a plate with a fine zone that moves, were they all there
 
@@ -76,7 +76,7 @@ def _prepare_by_kind(model: Model, options: Options) -> Prepared:
     if model.settings.run.adapt != "none":
         return (_prepare_plate_zone if model.grid.dimension == 2 else _prepare_body_zone)(model, options, scheme)
     if model.settings.run.solver == "static":
-        return prepare_load_steps(model_in_load_steps(model, options.precision), options, scheme)
+        return prepare_load_steps(model_with_load_steps(model, options.precision), options, scheme)
     return assemble_motion(model, options, scheme)
 
 
@@ -130,7 +130,7 @@ def _prepare_swelling(model: Model, options: Options, scheme: Scheme) -> Prepare
         return _prepare_swelling_zone(model, options, scheme)
     options, rests = options_for_swelling(model, options), model.settings.run.solver == "static"
     if rests:
-        model = model_in_content_steps(model, options.precision)
+        model = model_with_content_steps(model, options.precision)
         system, state = prepare_load_steps(model.moving_part(), options, scheme)
     else:
         system, state = assemble_motion(model.moving_part(), options, scheme)

@@ -70,9 +70,9 @@ class VerletOnDevice:
         weight = np.concatenate([operator.spread(1 / rho, 1.0), operator.spread(rho, 1.0)])
         self._weight, self._damping = to_device(weight), to_device(operator.spread(damping))
         self._work, self._damped = (to_device(np.zeros(operator.room)) for _ in range(2))
-        self._place_conditions()
+        self._upload_conditions()
 
-    def _place_conditions(self) -> None:
+    def _upload_conditions(self) -> None:
         """Put loads and holds on the device, by the nodes on which they act."""
         drive, operator, to_device = self._drive, self._operator, self.session.put
         nodes = np.union1d(drive.loads.node, drive.holds.node)
@@ -97,7 +97,7 @@ class VerletOnDevice:
             operator, write, drive = self._operator, self.session.write, self._drive
             operator.hand_over()
             self.session.finish()
-            for buffer, values in self._mirrored_arrays():
+            for buffer, values in self._buffers_with_host_arrays():
                 write(buffer, operator.spread(values))
             for buffer in (self._now, self._ago):
                 write(buffer, drive.force[self._nodes])
@@ -118,7 +118,7 @@ class VerletOnDevice:
         before, now, after = self._u
         if isinstance(operator, FamiliesOnDevice) and not phase & STARTS and operator.sum_families(now):
             for buffer, values in ((now, self._state.value), (self._v[0], self._state.rate)):
-                self._read_buffer(buffer, values)
+                self._download_buffer(buffer, values)
             operator.fail(now, self._state, step, self._dt)
         motion = before, now, after, *self._v, self._a, self._weight, self._damping, self._work, self._damped
         acting = self._acts, self._now, self._ago, *self._load, *self._hold, self._speed, self._force
@@ -128,13 +128,13 @@ class VerletOnDevice:
         self.session.launch(self._kernel, (operator.room // operator.together, LANES // operator.together), arguments)
         self._u, self._v = [now, after, before], self._v[::-1]
 
-    def _read_buffer(self, buffer: Any, values: NDArray[Any]) -> None:
+    def _download_buffer(self, buffer: Any, values: NDArray[Any]) -> None:
         """Enter a buffer in an array of the state."""
         wide = np.empty((*values.shape[1:], self._operator.room), dtype=values.dtype)
         self.session.read(buffer, wide)
         self._operator.collected(wide, values)
 
-    def _mirrored_arrays(self) -> list[tuple[Any, NDArray[Any]]]:
+    def _buffers_with_host_arrays(self) -> list[tuple[Any, NDArray[Any]]]:
         """Buffers, and the arrays of the state that they are."""
         state = self._state
         motion = (self._u[1], state.value), (self._v[0], state.rate), (self._a, state.second)
@@ -146,8 +146,8 @@ class VerletOnDevice:
         if not self._ahead:
             return
         operator, drive = self._operator, self._drive
-        for buffer, values in self._mirrored_arrays():
-            self._read_buffer(buffer, values)
+        for buffer, values in self._buffers_with_host_arrays():
+            self._download_buffer(buffer, values)
         forces = np.empty(len(drive.held_force))
         self.session.read(self._force, forces)
         drive.held_force[self._holds.order] = forces

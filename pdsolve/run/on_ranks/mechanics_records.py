@@ -110,7 +110,7 @@ class MechanicsRecordsOnRanks(MechanicsRecords):
             tuple(pick(values) for values in zip(*(getattr(report.extent, end) for report in said), strict=True))
             for end, pick in (("least", min), ("most", max))
         )
-        extent = DisplacementRange(least, most, said[0].extent.kind)
+        extent = DisplacementRange(least, most, said[0].extent.dtype)
         return GatheredReports(
             ledger,
             max(report.last_break_step for report in said),

@@ -110,7 +110,7 @@ def test_the_energy_made_by_a_refinement_is_added_up(monkeypatch: pytest.MonkeyP
     held: list[tuple[object, ...]] = []
     monkeypatch.setattr(body_zones, "zone_operator", lambda system: system.operator)
     monkeypatch.setattr(body_zones, "conserved_energy", lambda system, state, around: 4.0 if state == "state" else 11.0)
-    monkeypatch.setattr(body_zones, "kick_work", lambda *_: 0.5)
+    monkeypatch.setattr(body_zones, "half_kick_work", lambda *_: 0.5)
     monkeypatch.setattr(body_zones, "_system_of_operator", lambda system, after, step: Part(operator=after))
     monkeypatch.setattr(body_zones, "_interpolate_state", lambda *_: "moved")
     monkeypatch.setattr(body_zones, "_previous_rows_with_same_bonds", lambda *_: "origin")
