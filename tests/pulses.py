@@ -154,12 +154,12 @@ def _hybrid(hybrid: HybridEngine, model: Model, seam: float) -> Marching:
     left = (2 * hybrid.plate.h * (cell % wide - AROUND) < seam) & (cell // wide >= AROUND) & (zone.cells != VOID)
     zone.cells[zone.cells == FINE] = COARSE
     zone.cells[left] = FINE
-    hybrid.number_nodes()
+    hybrid.derive_nodes_from_cells()
     hybrid.recompute_forces()
     place, coarse = model.grid.position, np.flatnonzero(zone.coarse.kind == FREE)
     lattices = (
         (hybrid.plate.fine_places, place),
-        (coarse, place[hybrid.plate.rows_at(hybrid.fine_places_of_coarse(coarse))]),
+        (coarse, place[hybrid.plate.grid_rows_at(hybrid.fine_places_of_coarse(coarse))]),
     )
 
     def free() -> list[tuple[object, NDArray[np.int64], NDArray[np.float64]]]:

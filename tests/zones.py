@@ -158,7 +158,7 @@ def zoned(
 
 def again(hybrid: HybridEngine) -> Zoned:
     """The same plate numbered anew, once its cells were changed by hand; at rest."""
-    hybrid.number_nodes()
+    hybrid.derive_nodes_from_cells()
     hybrid.recompute_forces()
     return Zoned(hybrid)
 

@@ -102,7 +102,7 @@ def assemble_system(
     state = State(u, v, initial_acceleration(conditions, rho), *np.zeros((3, nodes)))
     state, damped = operator.place(state), damping(model) if rank_coupling is None else rank_coupling.damping
     set_initial_motion(state, velocity, damped, conditions)
-    stepper, conditions = make_stepper(operator, state, conditions, rho, time_step, damped, rank_coupling)
+    stepper, conditions = make_stepper_and_drive(operator, state, conditions, rho, time_step, damped, rank_coupling)
     energy = float(np.sum(model.rho / 2 * counted.area * (velocity**2).sum(axis=1))) if velocity.any() else 0.0
     refuse_fields(model, operator, state)
     system = System(model, options, scheme, operator, stepper, conditions, *counted, time_step, stable_step, energy)
@@ -130,7 +130,7 @@ def choose_time_step(model: Model, stable_time_step: float) -> float:
     return step
 
 
-def make_stepper(
+def make_stepper_and_drive(
     operator: Operator,
     state: State,
     drive: Drive,

@@ -12,7 +12,7 @@ from pdsolve.adaptivity.quadtree.incremental_bonds import create_leaf_bonds, upd
 from pdsolve.adaptivity.quadtree.inherited_cracks import PastBonds, bond_sources, count_healed_bonds, inherit_breaks
 from pdsolve.adaptivity.quadtree.interpolation import interpolate_state
 from pdsolve.adaptivity.quadtree.leaf_mapping import LeafOrigins, map_leaves
-from pdsolve.adaptivity.quadtree.operator import LeafHistory, LeafOperator, read_history
+from pdsolve.adaptivity.quadtree.operator import LeafHistory, LeafOperator, read_leaf_history
 from pdsolve.adaptivity.quadtree.tree import Cells
 from pdsolve.checkpoint_validation import entry
 from pdsolve.conditions import put_loads
@@ -135,7 +135,7 @@ class CellSplitting:
     def restore_system(self, system: System, checkpoint: Kept) -> Prepared:
         """The system of a checkpoint's cells. Raises CheckpointError for ids that are no set of leaves."""
         ids = entry(checkpoint, "ids", (None,), np.int64)
-        memory, cells = read_history(checkpoint, len(ids)), self.tree.leaves(ids)
+        memory, cells = read_leaf_history(checkpoint, len(ids)), self.tree.leaves(ids)
         if cells is None:
             raise CheckpointError("ids of cells are no whole plate; they must be those of its leaves in order")
         prepared = self._prepare_cells(system, cells)

@@ -342,7 +342,7 @@ def _resume_from_checkpoint(output: Path, request: RunRequest) -> Results:
             rows = lives.at(system.model.grid.ids, step)
             if not np.array_equal(lives.nodes.family[rows], system.family) or (rows < 0).any():
                 raise ResultsError(f"{output} has other nodes than this version's at step {step}; solve it anew")
-            past = past._replace(rows=rows, nodes_so_far=int((lives.birth <= step).sum()))
+            past = past._replace(rows_in_results=rows, node_count_so_far=int((lives.birth <= step).sum()))
         with gone_back(output):
             resuming.expect_step_within_run(step, model)
             restore_state(system, state, step, checkpoint, results.breaks())

@@ -30,7 +30,7 @@ class PlateBrokenBonds:
         (step, node, spring), plate = self._hybrid.broken(), self._hybrid.plate
         new = step > after
         node, neighbour = node[new], node[new] + self._hybrid.lattice.offsets[spring[new]]
-        return Broken(step[new].astype(np.int64), plate.rows_at(node), plate.rows_at(neighbour))
+        return Broken(step[new].astype(np.int64), plate.grid_rows_at(node), plate.grid_rows_at(neighbour))
 
 
 class SwellingZone(Swelling):
@@ -89,9 +89,9 @@ class SwellingZone(Swelling):
         hybrid = self._operator.engine
         if self._broken is not None:
             self._broken.update(self._content)
-        before, energy_before = hybrid.copy_strains(), hybrid.strain_energy()
+        before, energy_before = hybrid.copy_free_strains(), hybrid.strain_energy()
         self._content.march(self._h, (step - 1) // self.cycle + 1, (step - 1) // self.cycle + 2)
         hybrid.swell(self._strain())
         hybrid.book_work((hybrid.strain_energy() - energy_before) / 2)
         hybrid.march(step, step + 1)
-        hybrid.book_work((hybrid.strain_energy() - hybrid.strain_energy_at(before)) / 2)
+        hybrid.book_work((hybrid.strain_energy() - hybrid.strain_energy_at_free_strains(before)) / 2)

@@ -66,7 +66,7 @@ class SweepRange(NamedTuple):
     only_waiting_tiles: bool  # only tiles that wait are swept
 
 
-class Sweep(NamedTuple):
+class SweepArguments(NamedTuple):
     """One sweep."""
 
     motion: Motion  # at its beginning
@@ -190,7 +190,7 @@ def sweep_tiles(tiles, tile_motion, drive, state, dt, sweeps, breaks, thread, ga
             meet(gate)
         now, after = sweep % 2, (sweep + 1) % 2
         motion = Motion(tile_motion.u[now], tile_motion.v[now], True, dt, step)
-        sweep_state = Sweep(motion, state, breaks, after, starts, ends)
+        sweep_state = SweepArguments(motion, state, breaks, after, starts, ends)
         for t in range(first_tile, end_tile):
             if again and tile_motion.waiting_state[t] == READY:
                 continue

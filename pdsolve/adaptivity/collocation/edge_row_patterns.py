@@ -69,6 +69,6 @@ def _store_bond_stiffness_of_row(lattice, row, offset, bond_stiffness):  # type:
     """Store the corrected stiffnesses of the bonds of a row of 16 nodes from `offset` on, slot by slot."""
     for lane in range(0, ROW, across(bond_stiffness)):
         p = row * ROW + lane
-        lack = beside(lattice.energy_lack, PLANE, p)
+        energy_lack = beside(lattice.energy_lack, PLANE, p)
         for k in range(len(lattice.offsets)):
-            keep((corrected_stiffness(lattice, p, k, lack),), bond_stiffness, offset + k * ROW + lane)
+            keep((corrected_stiffness(lattice, p, k, energy_lack),), bond_stiffness, offset + k * ROW + lane)

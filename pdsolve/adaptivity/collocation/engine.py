@@ -79,14 +79,14 @@ class CollocationEngine:
         lattice, self.lattice = self.lattice, self.lattice._replace(dt=dt)
         try:
             while self._march_on_threads(step, step + 1, SUM)[0] != DONE:
-                self._enlarge_breaks()
+                self._enlarge_break_arrays()
         finally:
             self.lattice = lattice
 
     def refine_if_marked(self) -> None:
         """Refine the nodes noted as wanted."""
         if self.zone.to_refine.any():
-            self._refine_marked()
+            self._refine_marked_nodes()
 
     def _march(self, first: int, last: int) -> None:
         where = BEGIN
@@ -95,7 +95,7 @@ class CollocationEngine:
             if how == DONE:
                 return
             if how == ROOM:
-                self._enlarge_breaks()
+                self._enlarge_break_arrays()
             else:
                 largest = self.zone_summary().clipped_stretch
                 if largest > 1:
@@ -103,7 +103,7 @@ class CollocationEngine:
                         f"step {step}: the fine zone was refined too late (stretch of coarse pairs: {largest:.2f} of"
                         " critical); use a smaller run.collocation.kappa or time step"
                     )
-                self._refine_marked()
+                self._refine_marked_nodes()
             first, where = step, FORCES
 
     def _march_on_threads(self, first: int, last: int, stage: int) -> tuple[int, int]:
@@ -118,7 +118,7 @@ class CollocationEngine:
         side_by_side(work, self.settings.threads)
         return end
 
-    def _enlarge_breaks(self) -> None:
+    def _enlarge_break_arrays(self) -> None:
         """Enlarge the arrays of broken bonds."""
         more = max(
             len(self.zone.breaks.step),
@@ -127,19 +127,21 @@ class CollocationEngine:
         longer = (np.concatenate([column, np.zeros(more, dtype=np.int32)]) for column in self.zone.breaks)
         self.zone = self.zone._replace(breaks=BreakEvents(*longer))
 
-    def _refine_marked(self) -> None:
+    def _refine_marked_nodes(self) -> None:
         """Refine where wanted: switch coarse nodes to fine ones."""
         zone, lattice, plate = self.zone, self.lattice, self.plate
         zone.totals.damped += self._damped_energy()
         zone.damped[:] = 0.0
-        before, coarse = self._coarse_energy(), zone.node_kinds == COARSE
+        before, coarse = self._energy_of_coarse_nodes(), zone.node_kinds == COARSE
         active = coarse_nodes_left_active(lattice, plate, coarse, zone.to_refine)
         new = renumber_zone(lattice, plate, zone, active, self.settings.seam_damping)
         born = np.flatnonzero((new.node_kinds == FINE) & (zone.node_kinds != FINE))
         interpolate_motion(zone, lattice.numbering, born[zone.node_kinds[born] != COARSE])
         zone.to_refine[:] = False
         self.zone, self.area = new, active_areas(lattice, plate, new.node_kinds)
-        after = self._coarse_energy() + self._energy_of_places(born, self._energies_of_rows(np.unique(born // ROW)))
+        after = self._energy_of_coarse_nodes() + self._energy_of_places(
+            born, self._energies_of_rows(np.unique(born // ROW))
+        )
         self.zone.totals.refinement += after - before
         self.zone.counts.refinements += 1
 
@@ -158,7 +160,7 @@ class CollocationEngine:
         moving = self.lattice.rho / 2 * (self.zone.v[:, places] ** 2).sum(axis=0)
         return float(((moving + densities[places]) * self.area[places]).sum())
 
-    def _coarse_energy(self) -> float:
+    def _energy_of_coarse_nodes(self) -> float:
         return self._energy_of_places(self.zone.coarse_places, self._energies_of_rows(self.zone.fine_rows[:0]))
 
     def active_places(self) -> NDArray[np.int64]:
@@ -230,7 +232,7 @@ class CollocationEngine:
         if not np.array_equal(entry(checkpoint, "places", places.shape, np.int64), places):
             raise CheckpointError("places are not those of active nodes")
         while len(self.zone.breaks.step) < len(node):
-            self._enlarge_breaks()
+            self._enlarge_break_arrays()
         for column, values in zip(self.zone.breaks, breaks, strict=True):
             column[: len(node)] = values
         for name, field in (("fine_u", self.zone.u), ("fine_v", self.zone.v), ("fine_a", self.zone.a)):

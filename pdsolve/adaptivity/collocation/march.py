@@ -11,11 +11,11 @@ import numpy as np
 from numba import njit
 
 from pdsolve.adaptivity.collocation.simd_rows import (
+    bond_stiffness_over_share,
     break_bond,
     e_of_bond,
     e_one_step_ago,
     is_bond_over_limit,
-    stiffness,
     store_row_energies,
     store_row_forces,
     store_row_forces_by_square_roots,
@@ -111,7 +111,7 @@ def _sum_forces_of_row(lattice, zone, row):  # type: ignore[no-untyped-def]
 
 
 @njit(**INNER)
-def _arrays_have_room(lattice, zone):  # type: ignore[no-untyped-def]
+def _breaks_have_room(lattice, zone):  # type: ignore[no-untyped-def]
     """Whether the arrays have room for all bonds of the flagged rows to break."""
     flagged = 0
     for n in range(len(zone.fine_rows)):
@@ -167,8 +167,8 @@ def _add_matching_pull(lattice, zone, p, k):  # type: ignore[no-untyped-def]
     pull = added_pull(lattice.law, stretch, before, 0.0, limit, limit) / (1 + stretch)
     for axis in range(2):
         along = pull * (lattice.spring_table[k, axis] + zone.u[axis, j] - zone.u[axis, p])
-        zone.f[axis, p] += stiffness(lattice, p, k) * along
-        zone.f[axis, j] -= stiffness(lattice, j, k + half if k < half else k - half) * along
+        zone.f[axis, p] += bond_stiffness_over_share(lattice, p, k) * along
+        zone.f[axis, j] -= bond_stiffness_over_share(lattice, j, k + half if k < half else k - half) * along
 
 
 @njit(**INNER)
@@ -176,7 +176,7 @@ def _break_bond_and_book_energy(lattice, zone, step, p, k):  # type: ignore[no-u
     """Break bond k of node p, and book the energy it has dissipated."""
     j, half, count = p + lattice.offsets[k], len(lattice.offsets) // 2, zone.counts.broken_bonds
     stretch, before, limit = _stretch_now_before_and_limit(lattice, zone, p, k)
-    spring = stiffness(lattice, p, k) * lattice.cell_share[0, p] / lattice.spring_table[k, 4]
+    spring = bond_stiffness_over_share(lattice, p, k) * lattice.cell_share[0, p] / lattice.spring_table[k, 4]
     energy = broken_energy(lattice.law, spring / 4, stretch, before, limit, limit)
     zone.totals.dissipated += 2 * energy
     for node in (p, j) if zone.node_kinds[j] == FINE else (p, p):
@@ -267,7 +267,7 @@ def march(lattice, zone, drive, work, rho, kappa, check_interval, first, last, s
             return SWITCH, step
         sum_row_forces(lattice, zone, rows * thread // threads, rows * (thread + 1) // threads)
         meet(gate)
-        if not _arrays_have_room(lattice, zone):
+        if not _breaks_have_room(lattice, zone):
             return ROOM, step
         meet(gate)
         if thread == 0 and (not _break_stretched_bonds(lattice, zone, step) or stage == SUM):

@@ -13,7 +13,7 @@ from pdsolve.adaptivity.collocation.engine import CollocationEngine, Collocation
 from pdsolve.adaptivity.collocation.layout import create_constants_and_plate, number_plate
 from pdsolve.adaptivity.collocation.operator import CollocationOperator
 from pdsolve.adaptivity.collocation.simd_rows import stiffness_bound
-from pdsolve.adaptivity.collocation.zone import create_zone, mask_eligible_coarse
+from pdsolve.adaptivity.collocation.zone import create_collocation_zone, mask_eligible_coarse
 from pdsolve.adaptivity.hybrid.coarse_cells import check_supported, unsupported_error
 from pdsolve.adaptivity.hybrid.springs import fine_springs
 from pdsolve.conditions import drive, initial_velocity
@@ -63,7 +63,7 @@ def create_collocation_operator(
     settings = CollocationSettings(
         run_settings.kappa, seam_damping(run_settings, model), max(1, min(OFTEN, every)), threads
     )
-    zone = create_zone(
+    zone = create_collocation_zone(
         lattice,
         plate,
         mask_eligible_coarse(lattice, plate, round(min(run_settings.margin * ratio, at.nx + at.ny))),

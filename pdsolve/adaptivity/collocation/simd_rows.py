@@ -21,25 +21,25 @@ G0, G1, G2, G3, G4, G5, G6, G7, G8, G9, G10 = coefficients("float64")[1]
 
 
 @njit(forceinline=True, **INNER)
-def _lane_stiffness(lattice, cut_bits, u, kind, p, row, k, lane, lack):  # type: ignore[no-untyped-def]
-    """Stiffness of bond k in the lanes from place p on, 0 without one; `lack` is the correction of these nodes."""
-    if kind == KNOWN:
+def _lane_stiffness(lattice, cut_bits, u, row_kind, p, row, k, lane, energy_lack):  # type: ignore[no-untyped-def]
+    """Stiffness of bond k in the lanes from place p on, 0 without one; `energy_lack` is that of these nodes."""
+    if row_kind == KNOWN:
         w = stacked(lattice.edge_row_stiffness, ONE, lattice.edge_row_pattern[row] * len(lattice.offsets) + k, lane)[0]
-    elif kind == EDGE:
-        w = corrected_stiffness(lattice, p, k, lack)
+    elif row_kind == EDGE:
+        w = corrected_stiffness(lattice, p, k, energy_lack)
     else:
         w = same(u, lattice.spring_table[k, 5])
-    if kind != WHOLE:
+    if row_kind != WHOLE:
         w = w * intact(cut_bits, u, row, k, lane)
     return w
 
 
 @njit(forceinline=True, **INNER)
-def corrected_stiffness(lattice, p, k, lack):  # type: ignore[no-untyped-def]
+def corrected_stiffness(lattice, p, k, energy_lack):  # type: ignore[no-untyped-def]
     """Stiffness of bond k in the lanes from place p on, if it were intact."""
     neighbour = p + lattice.offsets[k]
     neighbour_lack = beside(lattice.energy_lack, PLANE, neighbour)
-    x, y = (lack[0] + neighbour_lack[0]) * 0.5, (lack[1] + neighbour_lack[1]) * 0.5
+    x, y = (energy_lack[0] + neighbour_lack[0]) * 0.5, (energy_lack[1] + neighbour_lack[1]) * 0.5
     x2, y2 = x * x, y * y
     factor = x * y / np.sqrt(y2 * lattice.squares[k, 0] + x2 * lattice.squares[k, 1])
     return lattice.spring_table[k, 5] * (factor * beside(lattice.cell_share, ONE, neighbour)[0])
@@ -64,41 +64,41 @@ def _relative_displacement_and_e(lattice, u, displacement, p, k):  # type: ignor
 
 
 @njit(**INNER)
-def store_row_forces(lattice, cut_bits, kind, bounds, u, f, row):  # type: ignore[no-untyped-def]
+def store_row_forces(lattice, cut_bits, row_kind, e_bounds, u, f, row):  # type: ignore[no-untyped-def]
     """Forces (2, places), N/m, on the nodes of a row; returns a bit for each with a bond over its limit, and exactness.
 
-    `bounds` (2, places) are the e beyond which a bond breaks and the e^2 beyond which the polynomial is not exact.
+    `e_bounds` (2, places) are the e beyond which a bond breaks and the e^2 beyond which the polynomial is not exact.
     """
     over, wide, none = 0, 0, same(u, 0.0)
     for lane in range(0, ROW, across(u)):
         p = row * ROW + lane
-        displacement, lack, fx, fy = beside(u, PLANE, p), beside(lattice.energy_lack, PLANE, p), none, none
+        displacement, energy_lack, fx, fy = beside(u, PLANE, p), beside(lattice.energy_lack, PLANE, p), none, none
         most, widest = none, none
         for k in range(len(lattice.offsets)):
             x, y, e = _relative_displacement_and_e(lattice, u, displacement, p, k)
-            w = _lane_stiffness(lattice, cut_bits, u, kind, p, row, k, lane, lack)
-            if kind != WHOLE:
+            w = _lane_stiffness(lattice, cut_bits, u, row_kind, p, row, k, lane, energy_lack)
+            if row_kind != WHOLE:
                 e = unless_none(w, e, none)
             most, widest = larger(e, most), larger(e * e, widest)
             pull = w * (e * _force_factor(e))
             fx, fy = fx + pull * (x + lattice.spring_table[k, 0]), fy + pull * (y + lattice.spring_table[k, 1])
         keep((fx, fy), f, p)
-        bound = beside(bounds, PLANE, p)
+        bound = beside(e_bounds, PLANE, p)
         over |= which_above(most, bound[0]) << lane
         wide |= which_above(widest, bound[1])
     return over, wide == 0
 
 
 @njit(**INNER)
-def store_row_forces_by_square_roots(lattice, cut_bits, kind, u, f, row):  # type: ignore[no-untyped-def]
+def store_row_forces_by_square_roots(lattice, cut_bits, row_kind, u, f, row):  # type: ignore[no-untyped-def]
     """Forces (2, places), N/m, on the nodes of a row by square roots, exact for any stretch."""
     none = same(u, 0.0)
     for lane in range(0, ROW, across(u)):
         p = row * ROW + lane
-        displacement, lack, fx, fy = beside(u, PLANE, p), beside(lattice.energy_lack, PLANE, p), none, none
+        displacement, energy_lack, fx, fy = beside(u, PLANE, p), beside(lattice.energy_lack, PLANE, p), none, none
         for k in range(len(lattice.offsets)):
             x, y, e = _relative_displacement_and_e(lattice, u, displacement, p, k)
-            w = _lane_stiffness(lattice, cut_bits, u, kind, p, row, k, lane, lack)
+            w = _lane_stiffness(lattice, cut_bits, u, row_kind, p, row, k, lane, energy_lack)
             e = unless_none(w, e, none)
             q2 = e + 1.0
             pull = w * (e / (q2 + np.sqrt(q2)))
@@ -107,15 +107,15 @@ def store_row_forces_by_square_roots(lattice, cut_bits, kind, u, f, row):  # typ
 
 
 @njit(**INNER)
-def store_row_energies(lattice, cut_bits, kind, u, densities, row):  # type: ignore[no-untyped-def]
+def store_row_energies(lattice, cut_bits, row_kind, u, densities, row):  # type: ignore[no-untyped-def]
     """Energy densities (1, places), J/m^3, of the nodes of a row: half of each bond's."""
     none, part = same(u, 0.0), 0.25 / lattice.h**2
     for lane in range(0, ROW, across(u)):
         p = row * ROW + lane
-        displacement, lack, energy = beside(u, PLANE, p), beside(lattice.energy_lack, PLANE, p), none
+        displacement, energy_lack, energy = beside(u, PLANE, p), beside(lattice.energy_lack, PLANE, p), none
         for k in range(len(lattice.offsets)):
             _, _, e = _relative_displacement_and_e(lattice, u, displacement, p, k)
-            w = _lane_stiffness(lattice, cut_bits, u, kind, p, row, k, lane, lack)
+            w = _lane_stiffness(lattice, cut_bits, u, row_kind, p, row, k, lane, energy_lack)
             e = unless_none(w, e, none)
             stretch = e / (np.sqrt(e + 1.0) + 1.0)
             energy = energy + w * (stretch * stretch) * (part / lattice.spring_table[k, 4])
@@ -123,7 +123,7 @@ def store_row_energies(lattice, cut_bits, kind, u, densities, row):  # type: ign
 
 
 @njit(**INNER)
-def stiffness(lattice, p, k):  # type: ignore[no-untyped-def]
+def bond_stiffness_over_share(lattice, p, k):  # type: ignore[no-untyped-def]
     """Stiffness of bond k of node p with surface correction, over the share of p's cell inside the plate."""
     j = p + lattice.offsets[k]
     x, y = (
@@ -184,7 +184,7 @@ def stiffness_bound(lattice, cut_bits, places):  # type: ignore[no-untyped-def]
         for k in range(len(lattice.offsets)):
             if lattice.cell_share[0, p + lattice.offsets[k]] == 0 or is_cut(cut_bits, p, k):
                 continue
-            pull = stiffness(lattice, p, k) * lattice.spring_table[k, 4] / lattice.h**2
+            pull = bond_stiffness_over_share(lattice, p, k) * lattice.spring_table[k, 4] / lattice.h**2
             x, y = lattice.spring_table[k, 0], lattice.spring_table[k, 1]
             xx, yy, xy = xx + pull * x * x, yy + pull * y * y, xy + pull * x * y
         most = max(most, (xx + yy) / 2 + np.hypot((xx - yy) / 2, xy))

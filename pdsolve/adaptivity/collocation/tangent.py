@@ -8,7 +8,7 @@ from scipy.sparse import coo_array, csr_array, eye_array, kron
 
 from pdsolve.adaptivity.collocation.engine import CollocationEngine
 from pdsolve.adaptivity.collocation.layout import is_cut
-from pdsolve.adaptivity.collocation.simd_rows import stiffness
+from pdsolve.adaptivity.collocation.simd_rows import bond_stiffness_over_share
 from pdsolve.adaptivity.collocation.zone import COARSE, FINE
 from pdsolve.codegen.jit_cache import cached_njit
 from pdsolve.operators.tangent import of_springs
@@ -61,6 +61,6 @@ def _list_fine_bonds(lattice, cut_bits, places, node, spring, pull):  # type: ig
         for k in range(len(lattice.offsets)):
             if lattice.cell_share[0, p + lattice.offsets[k]] == 0 or is_cut(cut_bits, p, k):
                 continue
-            node[count], spring[count], pull[count] = n, k, stiffness(lattice, p, k)
+            node[count], spring[count], pull[count] = n, k, bond_stiffness_over_share(lattice, p, k)
             count += 1
     return count

@@ -138,7 +138,7 @@ def active_areas(lattice: LatticeConstants, plate: CollocationPlate, node: NDArr
     return areas
 
 
-def create_zone(
+def create_collocation_zone(
     lattice: LatticeConstants, plate: CollocationPlate, active: NDArray[np.bool_], seam_damping: float
 ) -> CollocationZone:
     """The initial zone at rest; nodes within a horizon of the seam are damped by `seam_damping`, 1/s."""

@@ -72,12 +72,12 @@ def _node_constants_by_rows(
     """
     rho = np.array([constants.rho for constants in plate.model.materials])
     lasts = unbreakable(plate.model)
-    place, bits = plate.places_of(irregular_bonds.node), _bond_bits(irregular_bonds.springs)
+    place, bits = plate.places_of(irregular_bonds.grid_rows), _bond_bits(irregular_bonds.stiffness)
     order = np.argsort(place)
     for low, high in row_ranges(plate.numbering.places // plate.numbering.stride, plate.numbering.stride):
-        rows, material = plate.rows_in(low, high).ravel(), plate.materials_in(low, high).ravel()
+        rows, material = plate.grid_rows_in(low, high).ravel(), plate.material_numbers_in(low, high).ravel()
         first, has_node = low * plate.numbering.stride, rows >= 0
-        mass = plate.areas_in(low, high).ravel() * rho[material] * plate.h**2
+        mass = plate.area_shares_in(low, high).ravel() * rho[material] * plate.h**2
         in_strip = order[slice(*np.searchsorted(place, (first, first + len(rows)), sorter=order))]
         fields = _Fields(
             mass=mass,

@@ -31,7 +31,7 @@ EVERY = (1 << WINDOW**2) - 1  # all cells that bonds of a node could pass throug
 
 
 @njit(**INNER)
-def _cell_bits_around(lattice, cells, ix, iy):  # type: ignore[no-untyped-def]
+def _whole_and_plate_cell_bits(lattice, cells, ix, iy):  # type: ignore[no-untyped-def]
     """The cells around a fine node that are not coarse, so that bonds are whole there, and those of the plate: a bit
     each, as `BondParts.side_cell_bits` has them."""
     whole_bond_bits, plate_bits, reach = np.uint64(EVERY), np.uint64(0), (lattice.reach + 1) // 2
@@ -45,7 +45,7 @@ def _cell_bits_around(lattice, cells, ix, iy):  # type: ignore[no-untyped-def]
 
 
 @njit(forceinline=True, **INNER)
-def _count_bond_sides(lattice, place, k, whole_bond_bits, plate_bits):  # type: ignore[no-untyped-def]
+def _count_plate_whole_and_fine_sides(lattice, place, k, whole_bond_bits, plate_bits):  # type: ignore[no-untyped-def]
     """On how many sides of a bond there are cells of the plate, on how many of them it is whole, and on how many it has
     a part in other cells than coarse ones."""
     sides = whole_sides = fine_sides = 0
@@ -59,7 +59,7 @@ def _count_bond_sides(lattice, place, k, whole_bond_bits, plate_bits):  # type: 
 
 
 @njit(forceinline=True, **INNER)
-def _is_part_fine(numbering, cells, bond_parts, x, y, part):  # type: ignore[no-untyped-def]
+def _is_bond_part_in_fine_cell(numbering, cells, bond_parts, x, y, part):  # type: ignore[no-untyped-def]
     """Whether a part of a bond lies in a fine cell and is not cut."""
     cell_kind = cells[cell_place(numbering, x + bond_parts.cell[part, 0], y + bond_parts.cell[part, 1])]
     return cell_kind in (FINE, EMPTY)
@@ -69,7 +69,7 @@ def _is_part_fine(numbering, cells, bond_parts, x, y, part):  # type: ignore[no-
 def set_row_stiffness(lattice, zone, row):  # type: ignore[no-untyped-def]
     """Set the stiffnesses of the marked nodes of a row; returns whether all of the row are those of the table."""
     fine = zone.fine
-    if not is_row_active(fine.kind, row):
+    if not row_has_active_node(fine.kind, row):
         return
     if lattice.limits_vary and fine.stiffness_index[row] == -1:
         _initialize_threshold_e(lattice, fine.threshold_e[zone.counts.stiffness_rows], row)
@@ -131,7 +131,7 @@ def _soften_lane_stiffness(lattice, p, row_stiffness, threshold_e, lane):  # typ
 
 
 @njit(**INNER)
-def is_row_active(node_kinds, row):  # type: ignore[no-untyped-def]
+def row_has_active_node(node_kinds, row):  # type: ignore[no-untyped-def]
     """Whether a row has a node that is not idle."""
     active = False
     for p in range(row * ROW, row * ROW + ROW):
@@ -146,10 +146,10 @@ def _set_lane_stiffness(lattice, cells, broken_bits, node_kinds, p, row_stiffnes
     row_stiffness[:, lane] = 0.0
     if node_kinds[p] == IDLE:
         return
-    whole_bond_bits, plate_bits = _cell_bits_around(lattice, cells, ix, iy)
+    whole_bond_bits, plate_bits = _whole_and_plate_cell_bits(lattice, cells, ix, iy)
     for k in range(len(lattice.dx)):
         if is_bond_intact(lattice, broken_bits, p, k):
-            sides, whole_sides, _ = _count_bond_sides(lattice, place, k, whole_bond_bits, plate_bits)
+            sides, whole_sides, _ = _count_plate_whole_and_fine_sides(lattice, place, k, whole_bond_bits, plate_bits)
             row_stiffness[k, lane] = bond_stiffness(lattice, p, k) * (whole_sides / sides if sides > 0 else 0.0)
 
 
@@ -166,16 +166,18 @@ def take_stiffness_index(stiffness_indices, counts, row):  # type: ignore[no-unt
 
 
 @njit(**INNER)
-def append_pieces(lattice, cells, broken_bits, node_kinds, p, pieces, count):  # type: ignore[no-untyped-def]
+def append_pieces_of_node(lattice, cells, broken_bits, node_kinds, p, pieces, count):  # type: ignore[no-untyped-def]
     """Append the pieces of the bonds that a fine node owns; returns the new number of pieces."""
     numbering, bond_parts, half = lattice.numbering, lattice.bond_parts, len(lattice.dx) // 2
     ix, iy = fine_column(numbering, p), fine_row(numbering, p)
     x, y, place = ix >> 1, iy >> 1, ix % 2 + 2 * (iy % 2)
-    whole_bond_bits, plate_bits = _cell_bits_around(lattice, cells, ix, iy)
+    whole_bond_bits, plate_bits = _whole_and_plate_cell_bits(lattice, cells, ix, iy)
     if whole_bond_bits == EVERY:
         return count
     for k in range(half):
-        sides, whole_sides, fine_sides = _count_bond_sides(lattice, place, k, whole_bond_bits, plate_bits)
+        sides, whole_sides, fine_sides = _count_plate_whole_and_fine_sides(
+            lattice, place, k, whole_bond_bits, plate_bits
+        )
         if fine_sides == whole_sides or not is_bond_intact(lattice, broken_bits, p, k):
             continue
         first = bond_parts.first_part[place, k]
@@ -184,11 +186,11 @@ def append_pieces(lattice, cells, broken_bits, node_kinds, p, pieces, count):  #
             if plate_bits & bond_parts.side_cell_bits[place, k, side] == 0:
                 continue
             while n < last:
-                if not _is_part_fine(numbering, cells, bond_parts, x, y, n):
+                if not _is_bond_part_in_fine_cell(numbering, cells, bond_parts, x, y, n):
                     n += 1
                     continue
                 begin = n
-                while n < last and _is_part_fine(numbering, cells, bond_parts, x, y, n):
+                while n < last and _is_bond_part_in_fine_cell(numbering, cells, bond_parts, x, y, n):
                     n += 1
                 if begin == first[side] and n == last:
                     continue
@@ -234,12 +236,12 @@ def _set_piece_end(lattice, node_kinds, p, k, part, side, pieces, count):  # typ
 
 
 @njit(**INNER)
-def replace_pieces(lattice, zone, affected_fine):  # type: ignore[no-untyped-def]
+def replace_pieces_of_nodes(lattice, zone, affected_fine):  # type: ignore[no-untyped-def]
     """Replace the pieces owned by these fine nodes, given in order; all pieces stay ordered by owner."""
     old, new, count = zone.pieces, zone.spare_pieces, zone.counts.pieces
     remaining = pieces = count - count  # a plain 0 would be compiled for once more
     for p in affected_fine:
-        pieces = append_pieces(lattice, zone.cells, zone.broken_bits, zone.coarse.kind, p, new, pieces)
+        pieces = append_pieces_of_node(lattice, zone.cells, zone.broken_bits, zone.coarse.kind, p, new, pieces)
         zone.node_mark[p] = True
     for n in range(count):
         if not zone.node_mark[old.owner[n]]:
@@ -261,9 +263,9 @@ def replace_pieces(lattice, zone, affected_fine):  # type: ignore[no-untyped-def
 
 
 @njit(forceinline=True, **INNER)
-def _copy_piece(source, n, target, m):  # type: ignore[no-untyped-def]
-    target.owner[m] = source.owner[n]
+def _copy_piece(source, source_index, target, target_index):  # type: ignore[no-untyped-def]
+    target.owner[target_index] = source.owner[source_index]
     for c in range(4):
-        target.end_nodes[m, c] = source.end_nodes[n, c]
+        target.end_nodes[target_index, c] = source.end_nodes[source_index, c]
     for c in range(7):
-        target.constants[m, c] = source.constants[n, c]
+        target.constants[target_index, c] = source.constants[source_index, c]

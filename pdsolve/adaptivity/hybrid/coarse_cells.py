@@ -65,14 +65,14 @@ class HybridPlate(NamedTuple):
         y, x = np.divmod(rows, self.counts[0])
         return np.asarray((y + BELOW + self.first[1]) * self.numbering.stride + LEFT + self.first[0] + x)
 
-    def rows_at(self, places: NDArray[np.int64]) -> NDArray[np.int64]:
+    def grid_rows_at(self, places: NDArray[np.int64]) -> NDArray[np.int64]:
         """Rows of the grid at fine places (k,) with nodes."""
         if self.listed is not None:
             return self.listed.row[places].astype(np.int64)
         y, x = np.divmod(places, self.numbering.stride)
         return np.asarray((y - BELOW - self.first[1]) * self.counts[0] + x - LEFT - self.first[0])
 
-    def areas_of(self, rows: NDArray[np.int64]) -> NDArray[np.float64]:
+    def area_shares_of(self, rows: NDArray[np.int64]) -> NDArray[np.float64]:
         """Areas (k,) of the cells of rows of the grid, over h^2."""
         if self.listed is not None:
             return self.listed.area[rows]
@@ -94,23 +94,23 @@ class HybridPlate(NamedTuple):
         y, x = y - BELOW - self.first[1], x - LEFT - self.first[0]
         return np.asarray((y >= 0) & (y < self.counts[1]) & (x >= 0) & (x < self.counts[0]))
 
-    def rows_in(self, low: int, high: int) -> NDArray[np.int64]:
-        """Rows (high - low, stride) of the grid at the fine places of rows `low` to `high` - 1, -1 without a node."""
-        places = np.arange(low * self.numbering.stride, high * self.numbering.stride)
-        return np.where(self.has_node(places), self.rows_at(places), -1).reshape(-1, self.numbering.stride)
+    def grid_rows_in(self, first_row: int, end_row: int) -> NDArray[np.int64]:
+        """Rows (end_row - first_row, stride) of the grid at the fine places of these rows, -1 without a node."""
+        places = np.arange(first_row * self.numbering.stride, end_row * self.numbering.stride)
+        return np.where(self.has_node(places), self.grid_rows_at(places), -1).reshape(-1, self.numbering.stride)
 
-    def has_node_in(self, low: int, high: int) -> NDArray[np.bool_]:
-        """Whether there are nodes at these places, as in `rows_in`."""
+    def mask_nodes_in(self, first_row: int, end_row: int) -> NDArray[np.bool_]:
+        """Whether there are nodes at these places, as in `grid_rows_in`."""
         if self.listed is not None:
-            return self.listed.row.reshape(-1, self.numbering.stride)[low:high] >= 0
+            return self.listed.row.reshape(-1, self.numbering.stride)[first_row:end_row] >= 0
         (x, y), (nx, ny) = self.first, self.counts
-        row, column = np.arange(low, high) - BELOW - y, np.arange(self.numbering.stride) - LEFT - x
+        row, column = np.arange(first_row, end_row) - BELOW - y, np.arange(self.numbering.stride) - LEFT - x
         return np.asarray(np.logical_and.outer((row >= 0) & (row < ny), (column >= 0) & (column < nx)))
 
-    def areas_in(self, low: int, high: int) -> NDArray[np.float64]:
-        """Areas of the cells of nodes at these places over h^2, 0 without a node, as in `rows_in`."""
+    def area_shares_in(self, first_row: int, end_row: int) -> NDArray[np.float64]:
+        """Areas of the cells of nodes at these places over h^2, 0 without a node, as in `grid_rows_in`."""
         if self.listed is not None:
-            rows = self.listed.row.reshape(-1, self.numbering.stride)[low:high]
+            rows = self.listed.row.reshape(-1, self.numbering.stride)[first_row:end_row]
             return np.where(rows >= 0, self.listed.area[rows], 0.0)
         (x, y), (nx, ny) = self.first, self.counts
         along, across = np.zeros(self.numbering.stride), np.zeros(self.numbering.places // self.numbering.stride)
@@ -118,13 +118,13 @@ class HybridPlate(NamedTuple):
             _shares_of_whole_cells(nx),
             _shares_of_whole_cells(ny),
         )
-        return np.asarray(np.multiply.outer(across[low:high], along))
+        return np.asarray(np.multiply.outer(across[first_row:end_row], along))
 
-    def materials_in(self, low: int, high: int) -> NDArray[np.uint8]:
-        """Numbers of the materials of nodes at these places, 0 without one, as in `rows_in`."""
-        materials = np.zeros((high - low, self.numbering.stride), dtype=np.uint8)
+    def material_numbers_in(self, first_row: int, end_row: int) -> NDArray[np.uint8]:
+        """Numbers of the materials of nodes at these places, 0 without one, as in `grid_rows_in`."""
+        materials = np.zeros((end_row - first_row, self.numbering.stride), dtype=np.uint8)
         if self.model.settings.regions:
-            rows = self.rows_in(low, high)
+            rows = self.grid_rows_in(first_row, end_row)
             materials[rows >= 0] = self.model.material_of[rows[rows >= 0]]
         return materials
 
@@ -137,7 +137,7 @@ class CellAreas:
 
     def __getitem__(self, rows: NDArray[np.int64]) -> NDArray[np.float64]:
         """Areas (k,) of rows (k,) of the grid."""
-        return self.plate.areas_of(rows) * self.plate.h**2
+        return self.plate.area_shares_of(rows) * self.plate.h**2
 
 
 def row_ranges(rows: int, stride: int, place_count: int = STRIP) -> Iterator[tuple[int, int]]:
@@ -280,7 +280,7 @@ def _classify_cells(plate: HybridPlate) -> tuple[NDArray[np.bool_], NDArray[np.b
     for low, high in row_ranges(len(in_plate), numbering.stride):  # of cells
         first = BELOW + 2 * low - 1
         last = first + 2 * (high - low) + 3
-        has_node, areas = plate.has_node_in(first, last), plate.areas_in(first, last)
+        has_node, areas = plate.mask_nodes_in(first, last), plate.area_shares_in(first, last)
         around, full_squares = count_full_squares(has_node), find_full_squares(has_node)
         odd = (np.abs(areas - around / np.float32(4)) > SAME) | has_node & (around == 3)  # where an edge turns inwards
         for y in range(3):
@@ -299,7 +299,7 @@ def count_squares_in_cells(plate: HybridPlate) -> NDArray[np.uint8]:
     numbering = plate.numbering
     counts = np.zeros((numbering.ny // 2, numbering.nx // 2), dtype=np.uint8)
     for low, high in row_ranges(len(counts), numbering.stride):
-        full_squares = find_full_squares(plate.has_node_in(BELOW + 2 * low, BELOW + 2 * high + 1))[
+        full_squares = find_full_squares(plate.mask_nodes_in(BELOW + 2 * low, BELOW + 2 * high + 1))[
             :-1, LEFT : LEFT + numbering.nx
         ]
         counts[low:high] = full_squares.reshape(high - low, 2, numbering.nx // 2, 2).sum(axis=(1, 3))

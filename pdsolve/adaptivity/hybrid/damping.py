@@ -23,25 +23,27 @@ def _is_damped(nodes: Any) -> bool:
     return not isinstance(nodes.types[nodes.fields.index("damping")], types.NoneType)
 
 
-def damp_forces(nodes: Any, p: Any, count: Any, lag: Any, s: Any) -> None:
+def damp_forces(nodes: Any, p: Any, count: Any, lag: Any, lane_sums: Any) -> None:
     """Turn the sums s of forces on nodes from p on into what moves them; velocities are half of `lag`, s, old."""
 
 
 @overload(damp_forces, jit_options=INNER)
-def _damp_forces(nodes, p, count, velocity_lag, s):  # type: ignore[no-untyped-def]
+def _damp_forces(nodes, p, count, velocity_lag, lane_sums):  # type: ignore[no-untyped-def]
     if not _is_damped(nodes):
-        return lambda nodes, p, count, velocity_lag, s: None
+        return lambda nodes, p, count, velocity_lag, lane_sums: None
 
-    def damp_forces_of_lanes(nodes, p, count, velocity_lag, s):  # type: ignore[no-untyped-def]
+    def damp_forces_of_lanes(nodes, p, count, velocity_lag, lane_sums):  # type: ignore[no-untyped-def]
         for axis in range(2):
             for k in range(count):
                 c, at = nodes.damping[axis, p + k], axis * ROW + k
-                s[at] = (s[at] - c * nodes.mass[p + k] * nodes.v[axis, p + k]) / (1 + c * velocity_lag / 2)
+                lane_sums[at] = (lane_sums[at] - c * nodes.mass[p + k] * nodes.v[axis, p + k]) / (
+                    1 + c * velocity_lag / 2
+                )
 
     return damp_forces_of_lanes
 
 
-def book_damping(nodes: Any, p: Any, count: Any, dt: Any, s: Any, before: Any, after: Any) -> None:
+def book_damping(nodes: Any, p: Any, count: Any, dt: Any, lane_sums: Any, before: Any, after: Any) -> None:
     """Book the energy taken in half a step `before` and `after` from nodes moved by s, from p on.
 
     With `before`, velocities are those of half a step ago, else of now.
@@ -49,15 +51,15 @@ def book_damping(nodes: Any, p: Any, count: Any, dt: Any, s: Any, before: Any, a
 
 
 @overload(book_damping, jit_options=INNER)
-def _book_damping(nodes, p, count, dt, s, before, after):  # type: ignore[no-untyped-def]
+def _book_damping(nodes, p, count, dt, lane_sums, before, after):  # type: ignore[no-untyped-def]
     if not _is_damped(nodes):
-        return lambda nodes, p, count, dt, s, before, after: None
+        return lambda nodes, p, count, dt, lane_sums, before, after: None
 
-    def book_damping_of_lanes(nodes, p, count, dt, s, before, after):  # type: ignore[no-untyped-def]
+    def book_damping_of_lanes(nodes, p, count, dt, lane_sums, before, after):  # type: ignore[no-untyped-def]
         for at in range(p, p + count):
             first, last, half = 0.0, 0.0, dt / 2 * nodes.mass[at]
             for axis in range(2):
-                kick = dt / 2 * (s[axis * ROW + at - p] * nodes.inverse_mass[at])
+                kick = dt / 2 * (lane_sums[axis * ROW + at - p] * nodes.inverse_mass[at])
                 speed = nodes.v[axis, at]
                 middle = speed + kick if before else speed
                 pull = nodes.damping[axis, at] * middle

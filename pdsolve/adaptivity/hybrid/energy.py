@@ -79,10 +79,10 @@ def _displacement_difference(u, p, j):  # type: ignore[no-untyped-def]
 
 
 @njit(**INNER)
-def store_half_spring_energies(nodes, spring_table, offsets, green, row, u, s):  # type: ignore[no-untyped-def]
+def store_half_spring_energies(nodes, spring_table, offsets, green, row, u, lane_sums):  # type: ignore[no-untyped-def]
     """Set s to half the energies of the springs of a row's lanes, J/m; of coarse ones by Green's strain."""
     entry, slots, none = nodes.stiffness_index[row], len(offsets), same(u, 0.0)
-    for lane in range(0, ROW, across(s)):
+    for lane in range(0, ROW, across(lane_sums)):
         p, energy = np.int64(row * ROW + lane), none
         for k in range(slots):
             x, y = spring_table[k, X], spring_table[k, Y]
@@ -94,38 +94,38 @@ def store_half_spring_energies(nodes, spring_table, offsets, green, row, u, s): 
                 e = unless_none(w, e, none)
             stretch = e * 0.5 if green else e / (np.sqrt(1.0 + e) + 1.0)
             energy = energy + w / spring_table[k, INVERSE] * stretch * stretch * 0.25
-        keep((energy,), s, lane)
+        keep((energy,), lane_sums, lane)
 
 
 @njit(forceinline=True, **INNER)
-def piece_end_displacement(fine, coarse, pieces, n, side, axis):  # type: ignore[no-untyped-def]
+def piece_end_displacement(fine_u, coarse_u, pieces, n, side, axis):  # type: ignore[no-untyped-def]
     """Displacement of an end of a piece."""
     a, b = pieces.end_nodes[n, 2 * side], pieces.end_nodes[n, 2 * side + 1]
     if b < 0:
-        return fine[axis, a]
+        return fine_u[axis, a]
     w = pieces.constants[n, side]
-    return (1 - w) * coarse[axis, a] + w * coarse[axis, b]
+    return (1 - w) * coarse_u[axis, a] + w * coarse_u[axis, b]
 
 
 @njit(**INNER)
-def piece_energy(pieces, fine, coarse, n):  # type: ignore[no-untyped-def]
+def piece_energy(pieces, fine_u, coarse_u, n):  # type: ignore[no-untyped-def]
     """Energy of a piece of a clipped bond, J/m."""
-    e = piece_strain_e(pieces, fine, coarse, n)
+    e = piece_strain_e(pieces, fine_u, coarse_u, n)
     return pieces.constants[n, 5] / pieces.constants[n, 4] * e * e / 8
 
 
 @njit(**INNER)
-def piece_strain_e(pieces, fine, coarse, n):  # type: ignore[no-untyped-def]
+def piece_strain_e(pieces, fine_u, coarse_u, n):  # type: ignore[no-untyped-def]
     """e of a piece of a clipped bond."""
     value = pieces.constants[n]
     eta_x = (
-        piece_end_displacement(fine, coarse, pieces, n, 1, 0)
-        - piece_end_displacement(fine, coarse, pieces, n, 0, 0)
+        piece_end_displacement(fine_u, coarse_u, pieces, n, 1, 0)
+        - piece_end_displacement(fine_u, coarse_u, pieces, n, 0, 0)
         + pieces.swelling_offset[n, 0]
     )
     eta_y = (
-        piece_end_displacement(fine, coarse, pieces, n, 1, 1)
-        - piece_end_displacement(fine, coarse, pieces, n, 0, 1)
+        piece_end_displacement(fine_u, coarse_u, pieces, n, 1, 1)
+        - piece_end_displacement(fine_u, coarse_u, pieces, n, 0, 1)
         + pieces.swelling_offset[n, 1]
     )
     return value[4] * (2 * (value[2] * eta_x + value[3] * eta_y) + eta_x * eta_x + eta_y * eta_y)
@@ -138,7 +138,7 @@ def kinetic_energy(nodes, p):  # type: ignore[no-untyped-def]
 
 
 @njit(**INNER)
-def energy_of_nodes(lattice, zone, buffer, fine_nodes, coarse_nodes):  # type: ignore[no-untyped-def]
+def strain_and_kinetic_energy(lattice, zone, buffer, fine_nodes, coarse_nodes):  # type: ignore[no-untyped-def]
     """Strain and kinetic energy, J/m, of some nodes and of the pieces that some own; these fine nodes must be
     marked."""
     fine, coarse, energy = zone.fine, zone.coarse, 0.0

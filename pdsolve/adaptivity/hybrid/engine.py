@@ -56,7 +56,7 @@ class HybridEngine:
 
     def start(self, velocity: NDArray[np.float64] | None) -> None:
         """Number the zone, set the velocities (n, 2), m/s, of all nodes, None: 0, and compute the forces."""
-        self.number_nodes()
+        self.derive_nodes_from_cells()
         if velocity is not None:
             lattices = (
                 (self.zone.fine, None),
@@ -66,7 +66,7 @@ class HybridEngine:
             for nodes, beneath in lattices:
                 free_places = np.flatnonzero(nodes.kind == FREE)
                 nodes.v[:, free_places] = velocity[
-                    self.plate.rows_at(free_places if beneath is None else beneath(free_places))
+                    self.plate.grid_rows_at(free_places if beneath is None else beneath(free_places))
                 ].T
         self.recompute_forces()
 
@@ -74,11 +74,11 @@ class HybridEngine:
         """Recompute the forces at the start."""
         self._march(1, 1)
 
-    def number_nodes(self) -> None:
+    def derive_nodes_from_cells(self) -> None:
         """Derive all nodes from the cells, whatever they were before."""
         zone = self.zone
         zone.fine.row_stiffness[: zone.counts.stiffness_rows] = 0
-        for _, nodes, rows in self._lattices():
+        for _, nodes, rows in self._lattice_nodes_and_rows():
             nodes.stiffness_index[:] = -1
             nodes.kind.reshape(-1, ROW)[rows] = IDLE
             nodes.inverse_mass.reshape(-1, ROW)[rows] = 0.0
@@ -178,14 +178,14 @@ class HybridEngine:
         """Strain energy of all springs, J/m."""
         return float(total_strain_energy(self.lattice, self.zone, self.buffer))
 
-    def copy_strains(self) -> FreeStrains:
+    def copy_free_strains(self) -> FreeStrains:
         """A copy of the strains that springs have."""
         fine, coarse = self.zone.fine.half_shrinkage, self.zone.coarse.half_shrinkage
         assert fine is not None
         assert coarse is not None
         return FreeStrains(fine.copy(), coarse.copy())
 
-    def strain_energy_at(self, strains: FreeStrains) -> float:
+    def strain_energy_at_free_strains(self, strains: FreeStrains) -> float:
         """Strain energy, J/m, that all springs would have at these strains."""
         now = self.zone
         fine, coarse = (
@@ -228,7 +228,7 @@ class HybridEngine:
         largest, limit = _stretch(zone.totals.largest_e), _stretch(self.lattice.least_e_bounds[0])
         return ZoneSummary(float(zone.totals.refinement), float(fine), float(largest / limit))
 
-    def _lattices(self) -> Iterator[tuple[str, LatticeNodes, NDArray[np.int64]]]:
+    def _lattice_nodes_and_rows(self) -> Iterator[tuple[str, LatticeNodes, NDArray[np.int64]]]:
         """Name and nodes of all lattices, and their rows with a node that is not idle."""
         zone = self.zone
         yield "fine", zone.fine, zone.fine.rows[: zone.counts.fine_rows]
@@ -252,7 +252,7 @@ class HybridEngine:
     def kinetic_and_momentum(self) -> NDArray[np.float64]:
         """Kinetic energy, J/m, and momentum, N s/m."""
         totals = np.zeros(3)
-        for _, nodes, rows in self._lattices():
+        for _, nodes, rows in self._lattice_nodes_and_rows():
             for first in range(0, len(rows), TOGETHER):
                 places = self.free_places(nodes, rows[first : first + TOGETHER])
                 mass, x, y = (np.asarray(column[places], dtype=np.float64) for column in (nodes.mass, *nodes.v))
@@ -275,7 +275,7 @@ class HybridEngine:
         """Arrays for a checkpoint, from which a run continues bit by bit."""
         zone, broken = self.zone, self.zone.counts.broken_bonds
         checkpoint = {f"break_{name}": column[:broken].copy() for name, column in zone.breaks._asdict().items()}
-        for name, nodes, rows in self._lattices():
+        for name, nodes, rows in self._lattice_nodes_and_rows():
             idle = nodes.kind.reshape(-1, ROW)[rows] == IDLE
             for field, values in (("u", nodes.u[self.buffer]), ("v", nodes.v), ("f", nodes.f)):
                 row_values = values.reshape(2, -1, ROW)[:, rows]
@@ -295,7 +295,7 @@ class HybridEngine:
             }
         stirs = zone.damaged_nodes[: zone.counts.damaged_nodes].copy()
         checkpoint |= {
-            "holds": _hold_columns(zone),
+            "holds": _held_component_columns(zone),
             "stirs": stirs,
             "spent": zone.node_dissipation[self.places_of_dissipation()],
         }
@@ -311,13 +311,13 @@ class HybridEngine:
             bit = np.uint64(1) << np.uint64(k)
             lost[before[before_spring == k]] &= ~bit
             lost[node[breaks.spring == k]] |= bit
-        for _, nodes, rows in self._lattices():
+        for _, nodes, rows in self._lattice_nodes_and_rows():
             for array in nodes[:3]:
                 array.reshape(-1, array.shape[-1] // ROW, ROW)[:, rows] = 0
         zone.cells[:], self.buffer = cells, 0
         while len(self.zone.breaks.step) < len(node):
             self.zone = arrays.enlarge_zone(self.zone)
-        self.number_nodes()
+        self.derive_nodes_from_cells()
         zone = self.zone
         for name, column in zone.breaks._asdict().items():
             column[: len(node)] = breaks._asdict()[name]
@@ -336,13 +336,13 @@ class HybridEngine:
             zone.fine.stiffness_index[rows] = np.where(
                 entry(checkpoint, "usual", stiffness_rows.shape, np.bool_), -2 - stiffness_rows, stiffness_rows
             )
-        for name, nodes, rows in self._lattices():
+        for name, nodes, rows in self._lattice_nodes_and_rows():
             places = (rows[:, None] * ROW + np.arange(ROW)).ravel()
             for field, values in (("u", nodes.u[0]), ("v", nodes.v), ("f", nodes.f)):
                 values[:, places] = entry(checkpoint, f"{name}_{field}", (2, len(places)), values.dtype)
             nodes.has_large_stretch[rows] = entry(checkpoint, f"{name}_wide", rows.shape, np.uint8)
         _restore_holds(checkpoint, zone)
-        _restore_damped(checkpoint, zone)
+        _restore_damped_energies(checkpoint, zone)
         self.zone = zone._replace(totals=arrays.Totals.of(like(checkpoint, "total", zone.totals.values())))
 
     def _check_checkpoint_cells(self, cells: NDArray[np.uint8]) -> None:
@@ -397,18 +397,18 @@ class HybridEngine:
         return sum(array.nbytes for part in lattices for array in part if array is not None)
 
 
-def _hold_columns(zone: PlateZone) -> NDArray[np.float64]:
+def _held_component_columns(zone: PlateZone) -> NDArray[np.float64]:
     """Values, velocities and forces (e, 4) of all held components, as checkpoints have them."""
     return np.column_stack([zone.holds.entries[name] for name in HOLD_COLUMNS])
 
 
 def _restore_holds(checkpoint: Kept, zone: PlateZone) -> None:
     """Restore values, velocities and forces of all held components."""
-    for name, column in zip(HOLD_COLUMNS, like(checkpoint, "holds", _hold_columns(zone)).T, strict=True):
+    for name, column in zip(HOLD_COLUMNS, like(checkpoint, "holds", _held_component_columns(zone)).T, strict=True):
         zone.holds.entries[name] = column
 
 
-def _restore_damped(checkpoint: Kept, zone: PlateZone) -> None:
+def _restore_damped_energies(checkpoint: Kept, zone: PlateZone) -> None:
     """Restore the energies that damping has taken from nodes."""
     for name, damped in (("fine", zone.fine.damped), ("coarse", zone.coarse.damped)):
         if damped is not None:

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from pdsolve.adaptivity.hybrid.arrays import LatticeConstants
 from pdsolve.adaptivity.hybrid.coarse_cells import HybridPlate
 from pdsolve.adaptivity.hybrid.energy import half_spring_energy_of_node, kinetic_energy, strain_e
-from pdsolve.adaptivity.hybrid.far_nodes import count_far_cells_around, interpolate_far, set_far_node
+from pdsolve.adaptivity.hybrid.far_nodes import count_far_cells_around, interpolate_far, set_far_node_properties
 from pdsolve.adaptivity.hybrid.lattice import (
     AROUND,
     BELOW,
@@ -34,7 +34,7 @@ from pdsolve.adaptivity.hybrid.lattice import (
     far_row,
     fine_place,
 )
-from pdsolve.adaptivity.hybrid.nodes import set_coarse_node
+from pdsolve.adaptivity.hybrid.nodes import set_coarse_node_properties
 from pdsolve.adaptivity.hybrid.precracks import is_unbreakable
 from pdsolve.codegen.vector_code import ROW
 from pdsolve.numerics.dilation import in_square
@@ -127,10 +127,10 @@ def divide_far_cells(lattice, zone, buffer):  # type: ignore[no-untyped-def]
     for c in new:
         zone.cells[c] = COARSE
     _list_nodes_of_far_cells(numbering, zone, zone.affected_fine[:count])
-    before = _energy_of_listed_nodes(lattice, zone, buffer)
+    before = _strain_and_kinetic_energy_of_listed(lattice, zone, buffer)
     _interpolate_new_coarse_nodes(lattice, zone, buffer)
-    set_listed_nodes(lattice, zone)
-    zone.totals.refinement += _energy_of_listed_nodes(lattice, zone, buffer) - before
+    set_listed_node_properties(lattice, zone)
+    zone.totals.refinement += _strain_and_kinetic_energy_of_listed(lattice, zone, buffer) - before
     return True
 
 
@@ -155,7 +155,7 @@ def _list_nodes_of_far_cells(numbering, zone, blocks):  # type: ignore[no-untype
 
 
 @njit(**INNER)
-def _energy_of_listed_nodes(lattice, zone, buffer):  # type: ignore[no-untyped-def]
+def _strain_and_kinetic_energy_of_listed(lattice, zone, buffer):  # type: ignore[no-untyped-def]
     """Energy, J/m, of the listed nodes."""
     coarse, far, energy = zone.coarse, zone.far, 0.0
     for q in zone.affected_coarse[: zone.counts.affected_coarse]:
@@ -187,23 +187,23 @@ def _interpolate_new_coarse_nodes(lattice, zone, buffer):  # type: ignore[no-unt
 
 
 @njit(**INNER)
-def set_listed_nodes(lattice, zone):  # type: ignore[no-untyped-def]
+def set_listed_node_properties(lattice, zone):  # type: ignore[no-untyped-def]
     """Set kinds, masses and springs of the listed nodes; tied ones have no motion of their own."""
     for q in zone.affected_coarse[: zone.counts.affected_coarse]:
-        set_coarse_node(lattice, zone.cells, zone.fine, zone.coarse, q)
+        set_coarse_node_properties(lattice, zone.cells, zone.fine, zone.coarse, q)
         if zone.coarse.kind[q] == BORDER:
             zone.coarse.v[0, q] = zone.coarse.v[1, q] = 0.0
     for q in zone.affected_far[: zone.counts.affected_far]:
-        set_far_node(lattice, zone, q)
+        set_far_node_properties(lattice, zone, q)
         if zone.far.kind[q] == IDLE:
             zone.far.v[0, q] = zone.far.v[1, q] = 0.0
 
 
 @njit(**INNER)
-def set_all_far_nodes(lattice, zone):  # type: ignore[no-untyped-def]
+def set_all_far_node_properties(lattice, zone):  # type: ignore[no-untyped-def]
     """Set kinds, masses and springs of all far nodes, once those of coarse nodes are set."""
     numbering = lattice.numbering
     for y in range(numbering.ny // 4 + 1):
         for x in range(numbering.nx // 4 + 1):
             if count_far_cells_around(numbering, zone.cells, 2 * x, 2 * y) > 0:
-                set_far_node(lattice, zone, far_place(numbering, x, y))
+                set_far_node_properties(lattice, zone, far_place(numbering, x, y))

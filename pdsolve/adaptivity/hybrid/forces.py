@@ -41,7 +41,7 @@ COARSE_PART = 64
 
 
 @njit(forceinline=True, **INNER)
-def _add_clipped_bonds(zone, u, coarse_u, f, coarse_f):  # type: ignore[no-untyped-def]
+def _add_piece_forces(zone, u, coarse_u, f, coarse_f):  # type: ignore[no-untyped-def]
     """Add the forces of clipped bonds; returns the largest e of those that could break."""
     pieces, largest = zone.pieces, 0.0
     end, value, relief = pieces.end_nodes, pieces.constants, pieces.swelling_offset
@@ -75,7 +75,7 @@ def _add_clipped_bonds(zone, u, coarse_u, f, coarse_f):  # type: ignore[no-untyp
 
 
 @njit(**INNER)
-def _sum_row_by_square_roots(lattice, fine, u, p0, count, s):  # type: ignore[no-untyped-def]
+def _sum_row_by_square_roots(lattice, fine, u, p0, count, lane_sums):  # type: ignore[no-untyped-def]
     """Forces on nodes of a row, one by one, for any stretch."""
     entry = fine.stiffness_index[p0 // ROW]
     for p in range(p0, p0 + count):
@@ -92,14 +92,14 @@ def _sum_row_by_square_roots(lattice, fine, u, p0, count, s):  # type: ignore[no
             pull *= e / (1 + e + np.sqrt(1 + e))
             fx += pull * (lattice.spring_table[k, 0] + eta_x)
             fy += pull * (lattice.spring_table[k, 1] + eta_y)
-        s[p - p0], s[ROW + p - p0] = fx, fy
+        lane_sums[p - p0], lane_sums[ROW + p - p0] = fx, fy
 
 
 def _make_fine_row_sum(sum_row: Any) -> Any:
     """The sum on some lanes of a fine row, whatever its entry has; `sum_row` is one of `pdsolve.lattice.rows`."""
 
     @njit(forceinline=True, **INNER)
-    def sum_lanes_of_row(lattice, fine, u, stiffness_index, lane, p, s):  # type: ignore[no-untyped-def]
+    def sum_lanes_of_row(lattice, fine, u, stiffness_index, lane, p, lane_sums):  # type: ignore[no-untyped-def]
         table, ways, shrink, limit = (
             lattice.spring_table,
             lattice.offsets,
@@ -107,14 +107,29 @@ def _make_fine_row_sum(sum_row: Any) -> Any:
             lattice.least_e_bounds[0],
         )
         if stiffness_index < 0:
-            return sum_row(u, PLANE, table, ways, None, None, shrink, stiffness_index, lane, p, limit, s)
+            return sum_row(u, PLANE, table, ways, None, None, shrink, stiffness_index, lane, p, limit, lane_sums)
         if lattice.limits_vary:
             return sum_row(
-                u, PLANE, table, ways, fine.row_stiffness, fine.threshold_e, shrink, stiffness_index, lane, p, 0.0, s
+                u,
+                PLANE,
+                table,
+                ways,
+                fine.row_stiffness,
+                fine.threshold_e,
+                shrink,
+                stiffness_index,
+                lane,
+                p,
+                0.0,
+                lane_sums,
             )
         if fine.has_spring_masks[stiffness_index]:
-            return sum_row(u, PLANE, table, ways, fine.spring_masks, None, shrink, stiffness_index, lane, p, limit, s)
-        return sum_row(u, PLANE, table, ways, fine.row_stiffness, None, shrink, stiffness_index, lane, p, limit, s)
+            return sum_row(
+                u, PLANE, table, ways, fine.spring_masks, None, shrink, stiffness_index, lane, p, limit, lane_sums
+            )
+        return sum_row(
+            u, PLANE, table, ways, fine.row_stiffness, None, shrink, stiffness_index, lane, p, limit, lane_sums
+        )
 
     return sum_lanes_of_row
 
@@ -158,22 +173,22 @@ def _sum_fine_rows(lattice, zone, buffer, step, thread, job):  # type: ignore[no
 
 
 @njit(forceinline=True, **INNER)
-def add_row_forces(f, p, count, s):  # type: ignore[no-untyped-def]
+def add_row_forces(f, p, count, lane_sums):  # type: ignore[no-untyped-def]
     """Add up all forces in s."""
     for k in range(count):
-        s[k] += f[0, p + k]
-        s[ROW + k] += f[1, p + k]
+        lane_sums[k] += f[0, p + k]
+        lane_sums[ROW + k] += f[1, p + k]
 
 
 @njit(forceinline=True, **INNER)
-def store_row_forces(f, p, count, s):  # type: ignore[no-untyped-def]
+def store_row_forces(f, p, count, lane_sums):  # type: ignore[no-untyped-def]
     """Store the sums of a row of nodes in the forces f."""
     for k in range(count):
-        f[0, p + k], f[1, p + k] = s[k], s[ROW + k]
+        f[0, p + k], f[1, p + k] = lane_sums[k], lane_sums[ROW + k]
 
 
 @njit(**INNER)
-def _merge_rows_set_aside(zone):  # type: ignore[no-untyped-def]
+def _merge_breaking_rows(zone):  # type: ignore[no-untyped-def]
     """List the rows that all threads have set aside, in order."""
     aside, count = zone.breaking_rows[0], zone.breaking_row_counts[0]
     for thread in range(1, len(zone.lane_sums)):
@@ -302,7 +317,7 @@ def _sum_and_move_rows(  # type: ignore[no-untyped-def]
 
 
 @njit(**INNER)
-def _clear_touched_rows(nodes, count):  # type: ignore[no-untyped-def]
+def _clear_extra_forces(nodes, count):  # type: ignore[no-untyped-def]
     """Set the forces on touched rows to zero."""
     for n in range(count):
         row = nodes.rows[n]
@@ -353,12 +368,12 @@ def _add_loads(count, loads, fine, coarse, totals, profiles, time, dt):  # type:
 def _start_forces_with_loads_and_pieces(lattice, zone, profiles, buffer, step):  # type: ignore[no-untyped-def]
     """Initialize the forces with those of loads and of clipped bonds."""
     fine, coarse, dt = zone.fine, zone.coarse, lattice.dt
-    _clear_touched_rows(fine, zone.counts.fine_rows)
-    _clear_touched_rows(coarse, zone.counts.coarse_rows)
-    _clear_touched_rows(zone.far, zone.counts.far_rows)
+    _clear_extra_forces(fine, zone.counts.fine_rows)
+    _clear_extra_forces(coarse, zone.counts.coarse_rows)
+    _clear_extra_forces(zone.far, zone.counts.far_rows)
     _add_loads(zone.counts.loads, zone.loads, fine, coarse, zone.totals, profiles, step * dt, dt if step > 0 else 0.0)
     interpolate_border_nodes(fine.u[buffer], coarse.u[buffer], zone.border, zone.counts.border_nodes)
-    largest = _add_clipped_bonds(zone, fine.u[buffer], coarse.u[buffer], fine.f, coarse.f)
+    largest = _add_piece_forces(zone, fine.u[buffer], coarse.u[buffer], fine.f, coarse.f)
     zone.totals.clipped_e = largest
     zone.totals.largest_e = max(zone.totals.largest_e, largest)
 
@@ -375,7 +390,7 @@ def sum_forces_and_move(lattice, zone, profiles, buffer, step, velocity_lag, end
             _start_forces_with_loads_and_pieces(lattice, zone, profiles, buffer, step)
             take(zone.job_counters, STAGE)
         elif thread == 0 and stage == BROKE:
-            _merge_rows_set_aside(zone)
+            _merge_breaking_rows(zone)
         else:
             _sum_and_move_coarse_rows(lattice, zone, buffer, velocity_lag, ends_sequence, thread, stage)
             wait(zone.job_counters, STAGE, min(stage, BROKE), gate)

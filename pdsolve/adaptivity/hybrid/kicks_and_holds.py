@@ -28,13 +28,13 @@ def _kick_and_drift_rows(nodes, count, buffer, dt, drifts):  # type: ignore[no-u
 
 
 @njit(**INNER)
-def _book_damping_of_rows(nodes, count, dt, s, begins_sequence):  # type: ignore[no-untyped-def]
-    """Book what damping takes in the first half of a step, with `begins_sequence`, or the last; `s` is scratch."""
+def _book_damping_of_rows(nodes, count, dt, lane_sums, begins_sequence):  # type: ignore[no-untyped-def]
+    """Book what damping takes in the first half of a step, with `begins_sequence`, or the last; `lane_sums` scratch."""
     for n in range(count):
         p = nodes.rows[n] * ROW
         for k in range(ROW):
-            s[k], s[ROW + k] = nodes.f[0, p + k], nodes.f[1, p + k]
-        book_damping(nodes, p, ROW, dt, s, not begins_sequence, begins_sequence)
+            lane_sums[k], lane_sums[ROW + k] = nodes.f[0, p + k], nodes.f[1, p + k]
+        book_damping(nodes, p, ROW, dt, lane_sums, not begins_sequence, begins_sequence)
 
 
 @njit(**INNER)

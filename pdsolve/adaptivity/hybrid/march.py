@@ -28,7 +28,12 @@ from pdsolve.adaptivity.hybrid.lattice import (
 )
 from pdsolve.adaptivity.hybrid.node_rows import value_at_node
 from pdsolve.adaptivity.hybrid.precracks import is_unbreakable
-from pdsolve.adaptivity.hybrid.regrid import list_affected_nodes, mark_cells_in_disc, rebuild_lists, refine_cells
+from pdsolve.adaptivity.hybrid.regrid import (
+    list_affected_nodes,
+    mark_and_list_cells_in_disc,
+    rebuild_lists_of_rows_and_loads,
+    refine_cells,
+)
 from pdsolve.codegen.jit_cache import cached_njit
 from pdsolve.codegen.vector_code import ROW
 from pdsolve.numerics.thread_team import meet
@@ -44,7 +49,7 @@ def _list_cells_near_damaged_nodes(lattice, zone):  # type: ignore[no-untyped-de
     numbering, count = lattice.numbering, 0
     for n in range(zone.counts.refined_damaged_nodes, zone.counts.damaged_nodes):
         p = zone.damaged_nodes[n]
-        count = mark_cells_in_disc(
+        count = mark_and_list_cells_in_disc(
             numbering, zone.cells, zone.new_cells, count, fine_column(numbering, p), fine_row(numbering, p), AHEAD
         )
     return count
@@ -70,7 +75,7 @@ def _list_cells_near_stretched_bonds(lattice, zone, buffer, count):  # type: ign
                 eta_x, eta_y = displaced(u, coarse.half_shrinkage, table[k, 0], table[k, 1], q, j)
                 if strain_e(table, k, eta_x, eta_y) > _refinement_e(lattice, q):
                     x, y = 2 * coarse_column(numbering, q), 2 * coarse_row(numbering, q)
-                    count = mark_cells_in_disc(numbering, zone.cells, zone.new_cells, count, x, y, AHEAD)
+                    count = mark_and_list_cells_in_disc(numbering, zone.cells, zone.new_cells, count, x, y, AHEAD)
                     break
     return count
 
@@ -92,10 +97,10 @@ def _is_coarse_unbreakable(lattice, q):  # type: ignore[no-untyped-def]
 
 
 @njit(**INNER)
-def _arrays_have_room(zone, rows):  # type: ignore[no-untyped-def]
-    """Whether the arrays have room for `rows` more fine rows, for new irregular rows, and for all bonds to break."""
-    events = ROW * (zone.counts.fine_rows + rows) * zone.fine.row_stiffness.shape[1]
-    entries = zone.counts.stiffness_rows + rows + SPARE
+def _arrays_have_room(zone, new_fine_rows):  # type: ignore[no-untyped-def]
+    """Whether arrays have room for `new_fine_rows` more rows, for new irregular rows, and for all bonds to break."""
+    events = ROW * (zone.counts.fine_rows + new_fine_rows) * zone.fine.row_stiffness.shape[1]
+    entries = zone.counts.stiffness_rows + new_fine_rows + SPARE
     return entries <= len(zone.fine.row_stiffness) and zone.counts.broken_bonds + events <= len(zone.breaks.step)
 
 
@@ -104,7 +109,7 @@ def _divide_far_cells(lattice, zone, buffer):  # type: ignore[no-untyped-def]
     """Make far cells coarse where it is due, before the cells in `zone.new_cells` become fine."""
     count = zone.counts.new_cells
     if zone.counts.far_rows > 0 and divide_far_cells(lattice, zone, buffer):
-        rebuild_lists(lattice, zone)
+        rebuild_lists_of_rows_and_loads(lattice, zone)
         zone.counts.new_cells = count
         for c in zone.new_cells[:count]:
             zone.cells[c] = FINE

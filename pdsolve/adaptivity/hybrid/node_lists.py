@@ -17,8 +17,8 @@ from pdsolve.operators.simd_lattice.kernel import INNER
 class NodeLists(NamedTuple):
     """The current nodes of the fine and the coarse lattice; a coarse node and the fine one it lies on are one row."""
 
-    fine: NDArray[np.int64]  # (k,) places on their lattice, in order
-    coarse: NDArray[np.int32]  # (q,)
+    fine_places: NDArray[np.int64]  # (k,) places on their lattice, in order
+    coarse_places: NDArray[np.int32]  # (q,)
     fine_rows: NDArray[np.int64]  # (k,) rows among all n nodes
     coarse_rows: NDArray[np.int32]  # (q,)
 
@@ -31,7 +31,7 @@ def _fine_place_of_coarse(numbering, q):  # type: ignore[no-untyped-def]
 
 
 @cached_njit(nogil=True, error_model="numpy")
-def number_nodes(numbering, fine, coarse, fine_rows, coarse_rows):  # type: ignore[no-untyped-def]
+def number_current_nodes(numbering, fine, coarse, fine_rows, coarse_rows):  # type: ignore[no-untyped-def]
     """Set the rows of both kinds of nodes; returns the fine places (n,) of all nodes."""
     places = np.empty(0, np.int64)
     for fills in (False, True):

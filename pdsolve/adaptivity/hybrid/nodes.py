@@ -25,7 +25,7 @@ from pdsolve.operators.simd_lattice.kernel import INNER
 
 
 @njit(**INNER)
-def count_quarters_in(numbering, cells, ix, iy, cell_kind):  # type: ignore[no-untyped-def]
+def count_quarters_in_cell_kind(numbering, cells, ix, iy, cell_kind):  # type: ignore[no-untyped-def]
     """Number of quarters around a fine node in cells of a kind."""
     count = 0
     for sy in (-1, 0):
@@ -37,19 +37,19 @@ def count_quarters_in(numbering, cells, ix, iy, cell_kind):  # type: ignore[no-u
 @njit(**INNER)
 def fine_node_kind(numbering, cells, ix, iy, mass):  # type: ignore[no-untyped-def]
     """Kind of a fine node with this cell mass: IDLE, FREE, or BORDER next to coarse cells."""
-    if mass == 0 or count_quarters_in(numbering, cells, ix, iy, FINE) == 0:
+    if mass == 0 or count_quarters_in_cell_kind(numbering, cells, ix, iy, FINE) == 0:
         return IDLE
-    return BORDER if count_quarters_in(numbering, cells, ix, iy, COARSE) > 0 else FREE
+    return BORDER if count_quarters_in_cell_kind(numbering, cells, ix, iy, COARSE) > 0 else FREE
 
 
 @njit(**INNER)
-def set_fine_node(numbering, mass, cells, fine, p):  # type: ignore[no-untyped-def]
+def set_fine_node_kind_and_mass(numbering, mass, cells, fine, p):  # type: ignore[no-untyped-def]
     """Set kind and mass of a fine node with the whole cell `mass`."""
     ix, iy = fine_column(numbering, p), fine_row(numbering, p)
     fine.kind[p] = fine_node_kind(numbering, cells, ix, iy, mass)
     fine_quarters, coarse_quarters = (
-        count_quarters_in(numbering, cells, ix, iy, FINE),
-        count_quarters_in(numbering, cells, ix, iy, COARSE),
+        count_quarters_in_cell_kind(numbering, cells, ix, iy, FINE),
+        count_quarters_in_cell_kind(numbering, cells, ix, iy, COARSE),
     )
     fine.mass[p] = mass * fine_quarters / (fine_quarters + coarse_quarters) if fine_quarters > 0 else 0.0
     fine.inverse_mass[p] = 1 / fine.mass[p] if fine.kind[p] == FREE else 0.0
@@ -92,7 +92,7 @@ def coarse_carriers_of_border_node(lattice, node_kinds, p):  # type: ignore[no-u
 
 
 @njit(**INNER)
-def _copy_table_to_row(coarse, row, spring_table):  # type: ignore[no-untyped-def]
+def _give_row_own_stiffness(coarse, row, spring_table):  # type: ignore[no-untyped-def]
     """Give a row of coarse nodes its own stiffnesses, initially those of the table."""
     coarse.stiffness_index[row] = row
     for k in range(8):
@@ -101,7 +101,7 @@ def _copy_table_to_row(coarse, row, spring_table):  # type: ignore[no-untyped-de
 
 
 @njit(**INNER)
-def set_coarse_node(lattice, cells, fine, coarse, q):  # type: ignore[no-untyped-def]
+def set_coarse_node_properties(lattice, cells, fine, coarse, q):  # type: ignore[no-untyped-def]
     """Kind, mass and springs of a coarse node, which is on the border next to far cells.
 
     Its row gets its own stiffnesses when they first differ.
@@ -121,7 +121,7 @@ def set_coarse_node(lattice, cells, fine, coarse, q):  # type: ignore[no-untyped
     for k in range(8):
         stiffness = coarse_spring_stiffness(lattice, cells, q, x, y, k)
         if coarse.stiffness_index[row] < 0 and stiffness != lattice.coarse_spring_table[k, 5]:
-            _copy_table_to_row(coarse, row, lattice.coarse_spring_table)
+            _give_row_own_stiffness(coarse, row, lattice.coarse_spring_table)
         if coarse.stiffness_index[row] >= 0:
             coarse.row_stiffness[row, k, q % ROW] = stiffness
     if mass > 0:

@@ -23,7 +23,7 @@ from pdsolve.adaptivity.hybrid.node_lists import (
     gather_far_values,
     gather_values,
     list_bonds_and_springs,
-    number_nodes,
+    number_current_nodes,
     pack_spring_bits,
     scatter_far_values,
     scatter_values,
@@ -64,7 +64,9 @@ class HybridOperator(TwoLatticeOperator[HybridEngine]):
         self._fine, self._coarse, self._far = fine, coarse.astype(np.int32), far.astype(np.int32)
         del coarse, far
         self._fine_rows, self._coarse_rows = np.zeros(len(fine), np.int64), np.zeros(len(self._coarse), np.int32)
-        self.places = number_nodes(hybrid.plate.numbering, fine, self._coarse, self._fine_rows, self._coarse_rows)
+        self.places = number_current_nodes(
+            hybrid.plate.numbering, fine, self._coarse, self._fine_rows, self._coarse_rows
+        )
         self._far_rows = self._number_far_nodes()
         self._lists = NodeLists(fine, self._coarse, self._fine_rows, self._coarse_rows)
         self._bonds = np.zeros((len(fine), len(hybrid.lattice.offsets)), dtype=np.bool_)  # past and present ones
@@ -111,7 +113,7 @@ class HybridOperator(TwoLatticeOperator[HybridEngine]):
     @property
     def rows(self) -> NDArray[np.int64]:
         """Rows (n,) of the grid."""
-        return self.engine.plate.rows_at(self.places)
+        return self.engine.plate.grid_rows_at(self.places)
 
     def _rows_at_places(self, places: NDArray[np.int64]) -> NDArray[np.int64]:
         """Rows of the current nodes at fine places."""
@@ -143,7 +145,7 @@ class HybridOperator(TwoLatticeOperator[HybridEngine]):
         plate, zone = self.engine.plate, self.engine.zone
         nodes = self.engine.lattice.node_rows
         part = zone.fine.mass[self._fine] / values_at_nodes(nodes, nodes.mass, self._fine)
-        cell_areas = plate.areas_of(plate.rows_at(self._fine)) * plate.h**2
+        cell_areas = plate.area_shares_of(plate.grid_rows_at(self._fine)) * plate.h**2
         areas = np.zeros(len(self.places))
         areas[self._fine_rows] = part * cell_areas
         stride = plate.numbering.cell_stride

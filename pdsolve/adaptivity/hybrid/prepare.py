@@ -54,7 +54,7 @@ def create_hybrid_operator(
     kind = np.dtype(precision).type
     lattice = create_lattice_constants(plate, springs, irregular_bonds, choose_step(model, bound), kind)
     record_precrack_cuts(lattice)
-    cut = np.append(irregular_bonds.family - np.count_nonzero(irregular_bonds.springs, axis=1), 0)
+    cut = np.append(irregular_bonds.family_size - np.count_nonzero(irregular_bonds.stiffness, axis=1), 0)
     cells = initial_cells(plate, lattice.reach, steep_rows=steep)
     area = CellAreas(plate)
     plate_drive = drive(model, area, True, np.float64)
@@ -132,8 +132,8 @@ def create_lattice_constants(
         material_stiffness=np.array([material_springs.table[:, 5] for material_springs in springs]),
         e_bounds=bounds,
         least_e_bounds=bounds.min(axis=0),
-        irregular_stiffness=irregular_bonds.springs,
-        irregular_limit_row=irregular_bonds.kind,
+        irregular_stiffness=irregular_bonds.stiffness,
+        irregular_limit_row=irregular_bonds.limit_row,
         irregular_peak_e=irregular_bonds.peak,
         irregular_limit_e=irregular_bonds.limit,
         cell_constants=cell,
@@ -162,7 +162,7 @@ def _coarse_cell_constants(
     if len(springs) == 1:
         return np.ascontiguousarray(material_constants.T), np.zeros(numbering.cells, dtype=np.int32)
     cell_means = np.zeros((numbering.ny // 2, numbering.nx // 2, 3))
-    field = plate.materials_in(0, numbering.places // numbering.stride)
+    field = plate.material_numbers_in(0, numbering.places // numbering.stride)
     for (y, part_y), (x, part_x) in itertools.product(enumerate((0.25, 0.5, 0.25)), repeat=2):
         node_places = np.s_[BELOW + y : BELOW + y + numbering.ny - 1 : 2, LEFT + x : LEFT + x + numbering.nx - 1 : 2]
         cell_means += part_x * part_y * material_constants[field[node_places]]
@@ -179,7 +179,7 @@ def _stiffness_over_density(
     rho, every = np.array([material.rho for material in model.materials]), [len(model.grid)]
     if len(springs) > 1:
         every = np.bincount(model.material_of, minlength=len(springs)).tolist()
-    irregular_materials = model.material_of[irregular_bonds.node]
+    irregular_materials = model.material_of[irregular_bonds.grid_rows]
     usual, inside = every - np.bincount(irregular_materials, minlength=len(springs)), []
     for number, material_springs in enumerate(springs):
         if usual[number]:

@@ -72,5 +72,5 @@ def _mean_of_coarse(
     for sign_y in (-1, 1):
         for sign_x in (-1, 1):
             neighbour = place + sign_y * odd_y * numbering.stride + sign_x * odd_x
-            mean = mean + values(plate.rows_at(np.where(plate.has_node(neighbour), neighbour, place))) / 4
+            mean = mean + values(plate.grid_rows_at(np.where(plate.has_node(neighbour), neighbour, place))) / 4
     return mean

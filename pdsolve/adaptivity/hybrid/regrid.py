@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from pdsolve.adaptivity.hybrid.clipped_bonds import replace_pieces, set_row_stiffness
+from pdsolve.adaptivity.hybrid.clipped_bonds import replace_pieces_of_nodes, set_row_stiffness
 from pdsolve.adaptivity.hybrid.damping import remove_damping, set_damping
-from pdsolve.adaptivity.hybrid.energy import energy_of_nodes
-from pdsolve.adaptivity.hybrid.far_cells import set_all_far_nodes
+from pdsolve.adaptivity.hybrid.energy import strain_and_kinetic_energy
+from pdsolve.adaptivity.hybrid.far_cells import set_all_far_node_properties
 from pdsolve.adaptivity.hybrid.far_nodes import count_far_cells_around, list_far_nodes, list_rows_with_nodes
 from pdsolve.adaptivity.hybrid.forces import interpolate_border_nodes
 from pdsolve.adaptivity.hybrid.lattice import (
@@ -31,8 +31,8 @@ from pdsolve.adaptivity.hybrid.nodes import (
     coarse_carriers_of_border_node,
     coarse_cell_beside,
     interpolate_coarse,
-    set_coarse_node,
-    set_fine_node,
+    set_coarse_node_properties,
+    set_fine_node_kind_and_mass,
 )
 from pdsolve.adaptivity.hybrid.swelling import offset_from_line, set_piece_swelling_offsets
 from pdsolve.codegen.vector_code import ROW
@@ -40,7 +40,7 @@ from pdsolve.operators.simd_lattice.kernel import INNER
 
 
 @njit(**INNER)
-def mark_cells_in_disc(numbering, cells, new_cells, count, ix, iy, radius):  # type: ignore[no-untyped-def]
+def mark_and_list_cells_in_disc(numbering, cells, new_cells, count, ix, iy, radius):  # type: ignore[no-untyped-def]
     """List the coarse cells within `radius` of a place (fine spacings); returns how many are listed then.
 
     They are marked as fine at once, so that none is listed twice; `refine_cells` takes them from the list.
@@ -138,32 +138,32 @@ def refine_cells(lattice, zone, buffer):  # type: ignore[no-untyped-def]
         zone.node_mark[p] = True
     for c in new:
         zone.cells[c] = COARSE
-    before = energy_of_nodes(lattice, zone, buffer, affected_fine, affected_coarse)
+    before = strain_and_kinetic_energy(lattice, zone, buffer, affected_fine, affected_coarse)
     _interpolate_new_nodes(lattice, zone, new, affected_fine, buffer)
-    set_affected_nodes(lattice, zone, affected_fine, affected_coarse, buffer)
+    set_affected_node_properties(lattice, zone, affected_fine, affected_coarse, buffer)
     if zone.counts.cell_changes == 0:
-        set_all_far_nodes(lattice, zone)
-    replace_pieces(lattice, zone, affected_fine)
+        set_all_far_node_properties(lattice, zone)
+    replace_pieces_of_nodes(lattice, zone, affected_fine)
     set_piece_swelling_offsets(lattice, zone)
     for p in affected_fine:
         zone.node_mark[p] = True
-    zone.totals.refinement += energy_of_nodes(lattice, zone, buffer, affected_fine, affected_coarse) - before
+    zone.totals.refinement += strain_and_kinetic_energy(lattice, zone, buffer, affected_fine, affected_coarse) - before
     for p in affected_fine:
         zone.node_mark[p] = False
-    rebuild_lists(lattice, zone)
+    rebuild_lists_of_rows_and_loads(lattice, zone)
 
 
 @njit(**INNER)
-def set_affected_nodes(lattice, zone, affected_fine, affected_coarse, buffer):  # type: ignore[no-untyped-def]
+def set_affected_node_properties(lattice, zone, affected_fine, affected_coarse, buffer):  # type: ignore[no-untyped-def]
     """Set kinds, masses and springs of these nodes."""
     fine, coarse, last = zone.fine, zone.coarse, -1
     for p in affected_fine:
-        set_fine_node(
+        set_fine_node_kind_and_mass(
             lattice.numbering, value_at_node(lattice.node_rows, lattice.node_rows.mass, p), zone.cells, fine, p
         )
         set_damping(lattice, fine, p, p)
     for q in affected_coarse:
-        set_coarse_node(lattice, zone.cells, fine, coarse, q)
+        set_coarse_node_properties(lattice, zone.cells, fine, coarse, q)
         x, y = coarse_column(lattice.numbering, q), coarse_row(lattice.numbering, q)
         set_damping(lattice, coarse, q, fine_place(lattice.numbering, 2 * x, 2 * y))
     for p in affected_fine:
@@ -226,7 +226,7 @@ def _list_fine_rows(lattice, zone):  # type: ignore[no-untyped-def]
 
 
 @njit(**INNER)
-def rebuild_lists(lattice, zone):  # type: ignore[no-untyped-def]
+def rebuild_lists_of_rows_and_loads(lattice, zone):  # type: ignore[no-untyped-def]
     """Rebuild the lists of rows, border nodes, loads and holds once cells have become others."""
     fine, coarse = zone.fine, zone.coarse
     zone.counts.cell_changes += 1

@@ -52,7 +52,7 @@ def springs_of_materials(materials: tuple[Material, ...], ratio: float, h: float
     in_family = np.logical_or.reduce([c > 0 for c in moduli]) & ((xi[:, 1] > 0) | ((xi[:, 1] == 0) & (xi[:, 0] > 0)))
     xi = np.concatenate([xi[in_family], -xi[in_family]])
     return tuple(
-        _make_family_bonds(one, ratio, h, xi, np.tile(c[in_family], 2))
+        _create_family_springs(one, ratio, h, xi, np.tile(c[in_family], 2))
         for one, c in zip(materials, moduli, strict=True)
     )
 
@@ -66,7 +66,7 @@ def _bond_moduli(material: Material, ratio: float, length: NDArray[np.float64]) 
     return np.where(c > NOTHING * c.max(), c, 0.0)
 
 
-def _make_family_bonds(
+def _create_family_springs(
     material: Material, ratio: float, h: float, xi: NDArray[np.float64], c: NDArray[np.float64]
 ) -> Springs:
     """Springs of a family xi (k, 2), in spacings, with moduli c (k,)."""

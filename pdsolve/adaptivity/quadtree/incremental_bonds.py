@@ -29,7 +29,7 @@ def create_leaf_bonds(rule: ByPairs) -> LeafBonds:
     """All bonds of a model."""
     rows = np.arange(len(rule.area))
     paired = rule.looked(rule.neighbours.pairs(rows))
-    return _assemble(rule, paired, rule.lack(rows, paired))
+    return _assemble_leaf_bonds(rule, paired, rule.lack(rows, paired))
 
 
 def update_leaf_bonds(rule: ByPairs, model: Model, before: LeafBonds, origins: LeafOrigins) -> LeafBonds:
@@ -50,7 +50,7 @@ def update_leaf_bonds(rule: ByPairs, model: Model, before: LeafBonds, origins: L
     changed[near_rows] = True
     changed_pairs = np.flatnonzero(changed[paired.pairs.source])
     lack[near_rows] = rule.lack(near_rows, _select_pairs(paired, changed_pairs))
-    return _assemble(rule, paired, lack)
+    return _assemble_leaf_bonds(rule, paired, lack)
 
 
 def _join_pairs(before: Paired, row: NDArray[np.int64], fresh: Paired, nodes: int) -> Paired:
@@ -59,21 +59,21 @@ def _join_pairs(before: Paired, row: NDArray[np.int64], fresh: Paired, nodes: in
     unchanged = np.flatnonzero((source >= 0) & (target >= 0))
     old = _select_pairs(before, unchanged)
     old = old._replace(pairs=Pairs(source[unchanged], target[unchanged], old.pairs.length))
-    columns: list[Any] = list(map(np.concatenate, zip(_columns(old), _columns(fresh), strict=True)))
+    columns: list[Any] = list(map(np.concatenate, zip(_columns_of_pairs(old), _columns_of_pairs(fresh), strict=True)))
     both = Paired(Pairs(*columns[:3]), *columns[3:])
     return _select_pairs(both, np.argsort(both.pairs.source * nodes + both.pairs.target, kind="stable"))
 
 
 def _select_pairs(paired: Paired, which: NDArray[np.int64]) -> Paired:
     """The selected pairs."""
-    columns: list[Any] = [column[which] for column in _columns(paired)]
+    columns: list[Any] = [column[which] for column in _columns_of_pairs(paired)]
     return Paired(Pairs(*columns[:3]), *columns[3:])
 
 
-def _columns(paired: Paired) -> tuple[Any, ...]:
+def _columns_of_pairs(paired: Paired) -> tuple[Any, ...]:
     return (*paired.pairs, *paired[1:])
 
 
-def _assemble(rule: ByPairs, paired: Paired, lack: NDArray[np.float64]) -> LeafBonds:
+def _assemble_leaf_bonds(rule: ByPairs, paired: Paired, lack: NDArray[np.float64]) -> LeafBonds:
     part = rule.part(np.arange(len(rule.area)), paired, lack)
     return LeafBonds(Assembly(part.bonds, rule.area, part.family), paired, lack)

@@ -23,7 +23,7 @@ from pdsolve.state import State
 FLAT = 1e-6  # of the largest possible determinant: neighbours in one line give no gradient
 
 
-def gradients(
+def field_gradients(
     bonds: Bonds, intact: NDArray[np.bool_], rows: NDArray[np.int64], *fields: NDArray[np.float64]
 ) -> list[NDArray[np.float64]]:
     """Gradient (k, w, 2) of each field (n, w) at these rows (k,); 0 if a node has too few neighbours."""
@@ -66,8 +66,8 @@ def interpolate_state(state: State, origins: LeafOrigins, bonds: Bonds, intact: 
     for which, ways in ((origins.is_quarter, split), (origins.is_merged, merged)):
         new_rows = np.flatnonzero(which & origins.mass_shift.any(axis=1))
         rows, at = np.unique(origins.origin_rows[new_rows], return_inverse=True)
-        field_gradients = gradients(bonds, intact, rows, *fields)
-        for mean, gradient, way in zip(means, field_gradients, ways, strict=True):
+        gradients = field_gradients(bonds, intact, rows, *fields)
+        for mean, gradient, way in zip(means, gradients, ways, strict=True):
             if way is not None:
                 share = origins.mass_shares[new_rows][..., None, None] * gradient[at.reshape(len(new_rows), 4)]
                 mean[new_rows] += np.einsum("kwa,ka->kw", share.sum(axis=1), way[new_rows])

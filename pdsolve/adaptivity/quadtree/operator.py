@@ -71,7 +71,7 @@ class LeafOperator(BondList):
         }
 
 
-def read_history(checkpoint: Kept, leaves: int) -> LeafHistory:
+def read_leaf_history(checkpoint: Kept, leaves: int) -> LeafHistory:
     """The history stored by `Leaves.keep` for so many leaves. Raises CheckpointError."""
     return LeafHistory(
         entry(checkpoint, "calm", (leaves,), np.int64, 0).copy(), float(entry(checkpoint, "made", (1,), float)[0])

@@ -92,7 +92,7 @@ class MechanicsRecordsOnRanks(MechanicsRecords):
         if self._order:
             probe_values = [
                 probe
-                for rank_probes in self._team.everywhere(probe_own_nodes, items=self._owned)
+                for rank_probes in self._team.everywhere(motion_of_own_probes, items=self._owned)
                 for probe in rank_probes
             ]
             probe_values.sort(key=lambda probe: self._order[probe[0]])
@@ -169,7 +169,7 @@ def fastest_or_non_finite_node(team: Team, values_are_finite: bool) -> tuple[flo
     return float(wrong.any()), int(ids[wrong.argmax()])
 
 
-def probe_own_nodes(team: Team, grid_rows: list[int]) -> list[tuple[Any, ...]]:
+def motion_of_own_probes(team: Team, grid_rows: list[int]) -> list[tuple[Any, ...]]:
     """The motion of own nodes at rows of the whole grid: row, id, and what is recorded of it."""
     part: Part = team.part
     subdomain: RankSystem = part.now

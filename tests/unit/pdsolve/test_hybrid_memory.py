@@ -101,9 +101,9 @@ def test_nodes_that_lie_in_the_same_way_to_edges_and_cracks_share_their_bonds(mo
     found = find_irregular_bonds(board, springs)
     monkeypatch.setattr(irregular_bonds, "first_equivalent_rows", lambda plate, rows, reach: np.arange(len(rows)))
     alone, which = find_irregular_bonds(board, springs), found.bond_row
-    assert len(found.springs) < 0.5 * len(alone.springs)  # measured: 0.42
-    np.testing.assert_allclose(found.springs[which], alone.springs, rtol=1e-12, atol=0.0)  # measured: 1e-13
+    assert len(found.stiffness) < 0.5 * len(alone.stiffness)  # measured: 0.42
+    np.testing.assert_allclose(found.stiffness[which], alone.stiffness, rtol=1e-12, atol=0.0)  # measured: 1e-13
     np.testing.assert_allclose(found.stiffness_bound[which], alone.stiffness_bound, rtol=1e-12)
-    assert np.array_equal(found.family[which], alone.family)
+    assert np.array_equal(found.family_size[which], alone.family_size)
     for mine, theirs in ((found.peak, alone.peak), (found.limit, alone.limit)):
-        np.testing.assert_allclose(mine[found.kind[which]], theirs[alone.kind], rtol=1e-12)
+        np.testing.assert_allclose(mine[found.limit_row[which]], theirs[alone.limit_row], rtol=1e-12)

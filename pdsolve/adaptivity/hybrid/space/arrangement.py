@@ -83,7 +83,7 @@ class PiecePoints(NamedTuple):
 
 
 @cached_njit(error_model="numpy")
-def classify_nodes(box, node, cells, sites, node_kinds, has_coarse_node):  # type: ignore[no-untyped-def]
+def set_node_kinds(box, node, cells, sites, node_kinds, has_coarse_node):  # type: ignore[no-untyped-def]
     """Set `node_kinds` and `has_coarse_node` (n,) at the sites `sites`."""
     for site in sites:
         if node[site] < 0:
@@ -132,7 +132,7 @@ def _have_common_bit(bits_a, bits_b):  # type: ignore[no-untyped-def]
 
 
 @njit(forceinline=True, **INNER)
-def _cell_kind(box, cells, divisions, part, x, y, z):  # type: ignore[no-untyped-def]
+def _cell_kind_of_part(box, cells, divisions, part, x, y, z):  # type: ignore[no-untyped-def]
     """The kind of the cell of a part of a bond of fine node (x, y, z)."""
     return cells[
         cell_place(
@@ -145,19 +145,19 @@ def _cell_kind(box, cells, divisions, part, x, y, z):  # type: ignore[no-untyped
 
 
 @njit(**INNER)
-def _count_sides(box, cells, divisions, first, x, y, z):  # type: ignore[no-untyped-def]
+def _count_sides_with_cells(box, cells, divisions, first, x, y, z):  # type: ignore[no-untyped-def]
     """Number of sides of a bond with cells."""
     sides = 0
     for side in range(SIDES):
         has_cells = False
         for part in range(first[side], first[side + 1]):
-            has_cells |= _cell_kind(box, cells, divisions, part, x, y, z) != VOID
+            has_cells |= _cell_kind_of_part(box, cells, divisions, part, x, y, z) != VOID
         sides += has_cells
     return sides
 
 
 @cached_njit(error_model="numpy")
-def arrange_bonds(fine, cells, bits, sites, pieces):  # type: ignore[no-untyped-def]
+def store_bond_bits_and_pieces(fine, cells, bits, sites, pieces):  # type: ignore[no-untyped-def]
     """Set the bits of the whole bonds of nodes at the sites `sites`, which are in order, and list their pieces.
 
     Bonds are those of which a node is the lower end. Returns the number of pieces; those for which there is no room are
@@ -179,33 +179,33 @@ def arrange_bonds(fine, cells, bits, sites, pieces):  # type: ignore[no-untyped-
                 continue
             if not some_coarse or not _have_common_bit(passed, coarse_bits):
                 if not (bits[tile, slot] >> lane) & np.uint16(1):
-                    _set_bits(bits, site, site + tiles.offsets[slot], slot)
+                    _set_bond_bits(bits, site, site + tiles.offsets[slot], slot)
             elif _have_common_bit(passed, fine_bits):
-                count = _divide_bond(fine, cells, site, x, y, z, k, pieces, count)
+                count = _append_pieces_of_bond(fine, cells, site, x, y, z, k, pieces, count)
     return count
 
 
 @njit(**INNER)
-def _set_bits(bits, site, target, slot):  # type: ignore[no-untyped-def]
+def _set_bond_bits(bits, site, target, slot):  # type: ignore[no-untyped-def]
     """Set both directions of a bond."""
     for end, number in ((site, slot), (target, bits.shape[1] - 1 - slot)):
         bits[end // ROW, number] |= np.uint16(1) << np.uint16(end % ROW)
 
 
 @njit(**INNER)
-def _divide_bond(fine, cells, site, x, y, z, k, pieces, count):  # type: ignore[no-untyped-def]
+def _append_pieces_of_bond(fine, cells, site, x, y, z, k, pieces, count):  # type: ignore[no-untyped-def]
     """List the pieces of bond k of the node x, y, z; returns how many there are then."""
     box, tiles, of = fine.box, fine.tiles, fine.divisions
     slot, first = len(tiles.offsets) // 2 + k, of.first_part[x % 2 + 2 * (y % 2) + 4 * (z % 2), k]
-    sides = _count_sides(box, cells, of, first, x, y, z)
+    sides = _count_sides_with_cells(box, cells, of, first, x, y, z)
     for side in range(SIDES):
         has_cells = False
         for part in range(first[side], first[side + 1]):
-            has_cells |= _cell_kind(box, cells, of, part, x, y, z) != VOID
+            has_cells |= _cell_kind_of_part(box, cells, of, part, x, y, z) != VOID
         part, last = first[side], first[side + 1]
         while has_cells and part < last:
             begin = part
-            while part < last and _cell_kind(box, cells, of, part, x, y, z) != COARSE:
+            while part < last and _cell_kind_of_part(box, cells, of, part, x, y, z) != COARSE:
                 part += 1
             if part > begin:
                 if count < len(pieces.owner):
@@ -294,7 +294,7 @@ def _copy_piece(source, n, target, position, is_wanted):  # type: ignore[no-unty
 
 
 @cached_njit(error_model="numpy")
-def fill_points(fine, node_kinds, places, points):  # type: ignore[no-untyped-def]
+def fill_piece_point_carriers(fine, node_kinds, places, points):  # type: ignore[no-untyped-def]
     """Fill in what moves the `places` (q,)."""
     box, unit = fine.box, fine.divisions.units_per_spacing
     cell = 2 * unit
@@ -303,7 +303,7 @@ def fill_points(fine, node_kinds, places, points):  # type: ignore[no-untyped-de
         sites, w = points.carrier_sites[n], points.carrier_weights[n]
         node = fine_site(box, x // unit, y // unit, z // unit)
         if x % unit == 0 and y % unit == 0 and z % unit == 0 and node_kinds[node] == FREE:
-            _set_own_carrier(node, sites, w)
+            _set_node_as_carrier(node, sites, w)
         else:
             beyond = (x % cell / cell, y % cell / cell, z % cell / cell)
             _set_coarse_carriers(box, x // cell, y // cell, z // cell, beyond, sites, w)
@@ -312,11 +312,11 @@ def fill_points(fine, node_kinds, places, points):  # type: ignore[no-untyped-de
             points.carrier_count[n] += w[m] > 0
 
 
-def create_points(fine: FineLattice, node_kinds: NDArray[np.uint8], places: NDArray[np.int64]) -> PiecePoints:
+def create_piece_points(fine: FineLattice, node_kinds: NDArray[np.uint8], places: NDArray[np.int64]) -> PiecePoints:
     """The points at these places (q,); `node_kinds` is of fine nodes."""
     count = len(places)
     points = PiecePoints(np.zeros(count, np.int64), np.zeros((count, ENDS), np.int32), np.zeros((count, ENDS)))
-    fill_points(fine, node_kinds, places, points)
+    fill_piece_point_carriers(fine, node_kinds, places, points)
     return points
 
 
@@ -342,7 +342,7 @@ def piece_directions(
 
 
 @njit(**INNER)
-def _set_own_carrier(node, sites, w):  # type: ignore[no-untyped-def]
+def _set_node_as_carrier(node, sites, w):  # type: ignore[no-untyped-def]
     """Fill the sites and weights (4,) of a node."""
     for n in range(ENDS):
         sites[n], w[n] = node, 0.0
@@ -448,11 +448,9 @@ __all__ = [
     "ClippedPieces",
     "FineLattice",
     "PiecePoints",
-    "arrange_bonds",
-    "classify_nodes",
     "coordinates_of_place",
     "count_bonds",
-    "create_points",
+    "create_piece_points",
     "empty_pieces",
     "fill_border_carriers",
     "gather_to_coarse",
@@ -460,5 +458,7 @@ __all__ = [
     "list_bond_targets",
     "merge_pieces_into",
     "piece_directions",
+    "set_node_kinds",
+    "store_bond_bits_and_pieces",
     "take_first_pieces",
 ]

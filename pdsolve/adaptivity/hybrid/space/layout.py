@@ -87,14 +87,14 @@ def mask_near_cells(
     """Mask (sites,) of fine nodes within `reach` spacings of cells (k, 3); along z behind them within those `above`."""
     marked = np.zeros(-(-box.sx * box.sy * box.sz // ROW) * ROW, dtype=np.bool_)
     inside = marked[: box.sx * box.sy * box.sz].reshape(box.sz, box.sy, box.sx)
-    _mark_near_cells(new_cells, reach, reach if above is None else above, inside)
+    _mark_sites_near_cells(new_cells, reach, reach if above is None else above, inside)
     return marked
 
 
 @cached_njit(error_model="numpy")
-def _mark_near_cells(new, reach, above, marked):  # type: ignore[no-untyped-def]
-    for n in range(len(new)):
-        x, y, z = 2 * new[n, 0], 2 * new[n, 1], 2 * new[n, 2]
+def _mark_sites_near_cells(new_cells, reach, above, marked):  # type: ignore[no-untyped-def]
+    for n in range(len(new_cells)):
+        x, y, z = 2 * new_cells[n, 0], 2 * new_cells[n, 1], 2 * new_cells[n, 2]
         for dz in range(max(z - reach, 0), min(z + above + 3, marked.shape[0])):
             for dy in range(max(y - reach, 0), min(y + reach + 3, marked.shape[1])):
                 marked[dz, dy, max(x - reach, 0) : x + reach + 3] = True
@@ -113,20 +113,20 @@ def rearrange_zone(full_model: FullBody, zone: BodyZone, new_cells: NDArray[np.i
     dirty = np.flatnonzero(
         mask_near_cells(box, new_cells, fine.reach - 1, 0)
     )  # lower ends of bonds that pass these cells
-    arrangement.classify_nodes(box, fine.tiles.node, zone.cells, dirty, zone.node_kinds, zone.has_coarse_node)
+    arrangement.set_node_kinds(box, fine.tiles.node, zone.cells, dirty, zone.node_kinds, zone.has_coarse_node)
     zone = zone._replace(tiles=_copy_tiles(zone.tiles), springs=_copy_tiles(zone.springs))
     new_pieces = arrangement.empty_pieces(2 * len(zone.pieces.owner) + ROOM * len(dirty))
-    count = arrangement.arrange_bonds(fine, zone.cells, zone.tiles.bits, dirty, new_pieces)
+    count = arrangement.store_bond_bits_and_pieces(fine, zone.cells, zone.tiles.bits, dirty, new_pieces)
     if count > len(new_pieces.owner):
         new_pieces = arrangement.empty_pieces(count)
-        arrangement.arrange_bonds(fine, zone.cells, zone.tiles.bits, dirty, new_pieces)
+        arrangement.store_bond_bits_and_pieces(fine, zone.cells, zone.tiles.bits, dirty, new_pieces)
     stale = np.zeros(len(zone.node_kinds), dtype=bool)
     stale[dirty] = True
     old, new_pieces = zone.pieces, arrangement.take_first_pieces(new_pieces, count)
     ordered = arrangement.empty_pieces(len(old.owner) - np.count_nonzero(stale[old.owner]) + count)
     arrangement.merge_pieces_into(old, stale, new_pieces, np.argsort(new_pieces.near_place, kind="stable"), ordered)
     corners = np.unique((new_cells[:, None] + np.array(list(np.ndindex(2, 2, 2)))).reshape(-1, 3), axis=0)
-    coarse_springs.set_springs(
+    coarse_springs.set_coarse_springs(
         box, zone.cells, full_model.relative_modulus, full_model.coarse_sites.ways, corners, zone.springs
     )
     return zone._replace(pieces=ordered)
@@ -147,10 +147,12 @@ def create_body_zone(full_model: FullBody, cells: NDArray[np.uint8], springs: Ti
         fine_u=aligned(np.zeros((3, full_model.sites.size))),
         coarse_u=aligned(np.zeros((3, full_model.coarse_sites.size))),
     )
-    arrangement.classify_nodes(box, fine.tiles.node, cells, np.arange(count), zone.node_kinds, zone.has_coarse_node)
+    arrangement.set_node_kinds(box, fine.tiles.node, cells, np.arange(count), zone.node_kinds, zone.has_coarse_node)
     inner = cells.reshape(box.padded_shape)[(slice(box.pad, -box.pad),) * 3]
     every = np.argwhere(inner == FINE)[:, ::-1]
     corners = np.column_stack([axis_corners.ravel() for axis_corners in np.meshgrid(
         *(np.arange(side + 1) for side in (box.cx, box.cy, box.cz)), indexing="ij")])  # fmt: skip
-    coarse_springs.set_springs(box, cells, full_model.relative_modulus, full_model.coarse_sites.ways, corners, springs)
+    coarse_springs.set_coarse_springs(
+        box, cells, full_model.relative_modulus, full_model.coarse_sites.ways, corners, springs
+    )
     return rearrange_zone(full_model, zone, np.ascontiguousarray(every)) if len(every) else zone

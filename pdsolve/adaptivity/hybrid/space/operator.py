@@ -147,7 +147,7 @@ class HybridBodyOperator:
         zone, nodes, force, density = self._zone, len(self.sites), self._force, self._density
         force[:], density[:] = 0, 0
         with self._breaking:
-            self._sum_and_break(state, step, dt)
+            self._sum_forces_and_break_bonds(state, step, dt)
         nothing = room_for(ROW * len(zone.springs.offsets) + 1)
         of_state = state.rate, dt, 0, force, state.dissipated
 
@@ -169,7 +169,7 @@ class HybridBodyOperator:
     def _least_peak_e(self) -> float:
         return float(e_from_stretch(self.full_body.fine.tiles.peak.min()))
 
-    def _sum_and_break(self, state: State, step: int, dt: float) -> None:
+    def _sum_forces_and_break_bonds(self, state: State, step: int, dt: float) -> None:
         zone, density = self._zone, self._density
         broken_by_tile: list[tuple[int, NDArray[np.int64]]] = []
         room = ROOM * ROW * len(zone.tiles.offsets)
@@ -186,10 +186,10 @@ class HybridBodyOperator:
         share(work, len(zone.tiles.kind), self._threads)
         for _, bonds in sorted(broken_by_tile, key=lambda one: one[0]):
             broken = Broken(*bonds.T)
-            self._remove_broken(broken.source, broken.target)
+            self._remove_broken_from_full_body(broken.source, broken.target)
             self._new.append(broken)
 
-    def _remove_broken(self, source: NDArray[np.int64], target: NDArray[np.int64]) -> None:
+    def _remove_broken_from_full_body(self, source: NDArray[np.int64], target: NDArray[np.int64]) -> None:
         """Take broken bonds out of those of the whole body too, so that none is there again."""
         bits = self.full_body.fine.tiles.bits
         tile, slot, bit = layout.placed(self._node_sites, source, target)
@@ -332,9 +332,9 @@ class HybridBodyOperator:
         """Volumes (n,), and numbers of bonds at the start, with and without those cut by pre-cracks."""
         return self._count_bonds(np.ones(len(self.sites), dtype=np.bool_), np.zeros(len(self.sites), dtype=np.int64))
 
-    def _count_bonds(self, changed: NDArray[np.bool_], before: NDArray[np.int64]) -> Counted:
-        """Volumes (n,) and numbers of bonds at the start; `before` (n,) of those that are not `changed` (n,)."""
-        zone, springs, count = self._zone, self._zone.springs, before
+    def _count_bonds(self, changed: NDArray[np.bool_], known_counts: NDArray[np.int64]) -> Counted:
+        """Volumes (n,) and numbers of bonds at the start; `known_counts` (n,) of those that are not `changed` (n,)."""
+        zone, springs, count = self._zone, self._zone.springs, known_counts
         with self._breaking:
             count[changed] = arrangement.count_bonds(
                 self.sites[changed], self._row, zone.tiles.offsets, zone.tiles.bits
@@ -458,7 +458,7 @@ class HybridBodyOperator:
             raise CheckpointError("cells are not those of the nodes")
         energy_created, largest = entry(checkpoint, "zone_books", (2,), float).tolist()
         layout.cleared(self._node_sites, broken.source, broken.target, self._zone.tiles.bits)
-        self._remove_broken(broken.source, broken.target)
+        self._remove_broken_from_full_body(broken.source, broken.target)
         source, target = (self.sites[rows] for rows in (broken.source, broken.target))
         self.history = ZoneHistory(broken.step.astype(np.int64), source, target, energy_created, largest)
 

@@ -18,7 +18,7 @@ from pdsolve.adaptivity.hybrid.space.arrangement import (
     ClippedPieces,
     FineLattice,
     coordinates_of_place,
-    create_points,
+    create_piece_points,
 )
 from pdsolve.adaptivity.hybrid.space.box import fine_site
 from pdsolve.codegen.clipped_pieces import TOGETHER, add_pieces
@@ -96,7 +96,7 @@ def link_pieces(
         if points >= 0:
             break
         size *= 2
-    carry = create_points(fine, node_kinds, numbers.place_of_number[:points])
+    carry = create_piece_points(fine, node_kinds, numbers.place_of_number[:points])
     u, force = (aligned(np.zeros((points, 4))) for _ in range(2))
     of_groups = group_arrays.group_site[:used], group_arrays.near_point[:used]
     far, direction = group_arrays.far_point[: TOGETHER * used], group_arrays.xi_row[: TOGETHER * used]
