@@ -17,7 +17,7 @@ from pdmesh.model.node_grid import Grid
 from pdsolve.adaptivity.hybrid.arrays import LatticeConstants, PlateZone
 from pdsolve.adaptivity.hybrid.engine import HybridEngine
 from pdsolve.adaptivity.hybrid.lattice import COARSE, FAR, FINE, FREE, VOID, coarse_place, far_place, fine_place
-from pdsolve.adaptivity.hybrid.prepare import create_hybrid_operator
+from pdsolve.adaptivity.hybrid.prepare import create_hybrid_operator_and_stable_step
 from pdsolve.model import Model, ModelWarning
 from pdsolve.options import Options
 from pdsolve.run.assembly import choose_time_step
@@ -140,7 +140,7 @@ def zoned(
     grid = rectangle(columns, rows, H, list(cracks))
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", ModelWarning)
-        shown, _ = create_hybrid_operator(
+        shown, _ = create_hybrid_operator_and_stable_step(
             plate(grid, ratio, material=material, run=run, regions=regions), "conservative", "float64", choose_time_step
         )
     hybrid = shown.engine

@@ -57,7 +57,7 @@ def crack_events(
 
     A node is cracked above the damage `threshold`. Start: the first cracked node at least 1.5 of the finest spacings
     away from all that were cracked at first, or the first cracked node of all if none was; for cracks of particles, the
-    first growth. Branching: the first fork of `branches`, by default those of `crack_branches`. Split: see `is_split`.
+    first growth. Branching: the first fork of `branches`, by default of `crack_branches`. Split: see `plate_is_split`.
     """
     nodes, breaks, since = results.nodes(step), results.breaks(), cracked_since(results, threshold, step)
     until = np.inf if step is None else step

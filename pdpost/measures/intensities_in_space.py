@@ -50,15 +50,15 @@ class FrontIntensities(NamedTuple):
     name: str
     step: int
     time: float  # s
-    along: NDArray[np.float64]  # (k,) m, from the first end of the front
+    length_along: NDArray[np.float64]  # (k,) m, from the first end of the front
     place: NDArray[np.float64]  # (k, 3) m
-    growth: NDArray[np.float64]  # (k, 3) unit vectors across the front, in the plane of the crack
+    growth_direction: NDArray[np.float64]  # (k, 3) unit vectors across the front, in the plane of the crack
     normal: NDArray[np.float64]  # (k, 3) unit vectors: K2 and the angle are positive towards it
     value: dict[str, NDArray[np.float64]]  # (k,) each: J, K1, K2, K3, angle
     low: dict[str, NDArray[np.float64]]
     high: dict[str, NDArray[np.float64]]
-    of_K: NDArray[np.float64]  # (k,) J/m^2, (K1^2 + K2^2) / E' + K3^2 / 2 G
-    refused: tuple[str, ...]  # for each point why it has no room; "" if it has
+    J_from_K: NDArray[np.float64]  # (k,) J/m^2, (K1^2 + K2^2) / E' + K3^2 / 2 G
+    refusal_reasons: tuple[str, ...]  # for each point why it has no room; "" if it has
 
     @property
     def points_with_values(self) -> NDArray[np.int64]:
@@ -259,4 +259,4 @@ def _keep_only_J(front: FrontIntensities) -> FrontIntensities:
         {name: numbers if name == "J" else np.full_like(numbers, np.nan) for name, numbers in columns.items()}
         for columns in (front.value, front.low, front.high)
     )
-    return front._replace(value=value, low=low, high=high, of_K=np.full_like(front.of_K, np.nan))
+    return front._replace(value=value, low=low, high=high, J_from_K=np.full_like(front.J_from_K, np.nan))

@@ -58,15 +58,15 @@ class IntensityHistory(NamedTuple):
     value: dict[str, NDArray[np.float64]]  # (t,) each: J, K1, K2, T, angle
     low: dict[str, NDArray[np.float64]]
     high: dict[str, NDArray[np.float64]]
-    last: RingIntegrals | None  # of the last frame with room
-    refused: str  # why there was no room, the last time, and what would give it; "" if there always was
-    of_K: NDArray[np.float64]  # (t,) J/m^2, (K1^2 + K2^2) / E', which J is of a crack at rest in a classical plate
+    last_integrals: RingIntegrals | None  # of the last frame with room
+    refusal_reason: str  # why there was no room, the last time, and what would give it; "" if there always was
+    J_from_K: NDArray[np.float64]  # (t,) J/m^2, (K1^2 + K2^2) / E', which J is of a crack at rest in a classical plate
 
     @property
     def K_differs_from_J(self) -> NDArray[np.bool_]:
         """Frames (t,) with (K1^2 + K2^2)/E' outside the band of J. Trust J there: it needs no auxiliary field."""
         slack = ROUND_OFF * np.abs(self.value["J"])
-        return (self.of_K < self.low["J"] - slack) | (self.of_K > self.high["J"] + slack)
+        return (self.J_from_K < self.low["J"] - slack) | (self.J_from_K > self.high["J"] + slack)
 
 
 NAMES = ("J", "K1", "K2", "T", "angle")

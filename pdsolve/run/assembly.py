@@ -58,7 +58,7 @@ class RankCoupling(NamedTuple):
 
     ghosts: Ghosts
     damping: NDArray[np.float64]  # (n,) 1/s, of layers that may reach beyond the window
-    damps: bool  # whether a node of any rank is damped
+    any_rank_damps: bool  # whether a node of any rank is damped
 
 
 def assemble_motion(model: Model, options: Options, scheme: Scheme) -> Prepared:
@@ -145,7 +145,7 @@ def make_stepper_and_drive(
     `rank_coupling` is what a window has to do with other ranks.
     """
     ghosts, damps = (
-        (None, bool(damping.any())) if rank_coupling is None else (rank_coupling.ghosts, rank_coupling.damps)
+        (None, bool(damping.any())) if rank_coupling is None else (rank_coupling.ghosts, rank_coupling.any_rank_damps)
     )
     if isinstance(operator, OnDevice):
         return VerletOnDevice((operator, state, drive), rho, time_step, damping), drive

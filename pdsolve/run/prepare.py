@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from pdsolve.adaptivity.factory import create_zone_operator
+from pdsolve.adaptivity.factory import create_zone_operator_and_stable_step
 from pdsolve.adaptivity.hybrid.operator import HybridOperator
 from pdsolve.adaptivity.hybrid.outlook import choose_adaptivity
 from pdsolve.adaptivity.hybrid.space.prepare import create_body_operator, create_current_drive
@@ -178,7 +178,9 @@ def _prepare_swelling_zone(model: Model, options: Options, scheme: Scheme) -> Pr
 def _prepare_plate_zone(model: Model, options: Options, scheme: Scheme) -> Prepared:
     """A prepared model with a moving fine zone. Raises ModelError for an unsupported one."""
     threads = options.threads or crew(len(model.grid), WORTH_HYBRID)
-    shown, bound = create_zone_operator(model, options.mode, options.precision, choose_time_step, threads)
+    shown, bound = create_zone_operator_and_stable_step(
+        model, options.mode, options.precision, choose_time_step, threads
+    )
     state = shown.state()
     system = System(
         model=shown.model,

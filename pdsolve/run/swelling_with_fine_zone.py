@@ -42,12 +42,12 @@ class SwellingZone(Swelling):
         content_state: State,
         operator: HybridOperator,
         model: Model,
-        cycle: int,
+        steps_per_content_step: int,
         broken: BrokenBonds | None,
     ) -> None:
         """See `Swelling`; `model` is that of all nodes."""
         self._operator = operator
-        super().__init__(content, content_state, FusedMarch(operator), operator, model, cycle, broken)
+        super().__init__(content, content_state, FusedMarch(operator), operator, model, steps_per_content_step, broken)
         operator.engine.recompute_forces()
 
     @property
@@ -76,7 +76,7 @@ class SwellingZone(Swelling):
         """
         hybrid, step = self._operator.engine, first
         while step < last:
-            until = min(last, step + (self.cycle // 2 + 1 - step) % self.cycle)
+            until = min(last, step + (self.steps_per_content_step // 2 + 1 - step) % self.steps_per_content_step)
             hybrid.march(step, until)
             if until < last:
                 self._take_coupled_step(until)
@@ -90,7 +90,9 @@ class SwellingZone(Swelling):
         if self._broken is not None:
             self._broken.update(self._content)
         before, energy_before = hybrid.copy_free_strains(), hybrid.strain_energy()
-        self._content.march(self._h, (step - 1) // self.cycle + 1, (step - 1) // self.cycle + 2)
+        self._content.march(
+            self._h, (step - 1) // self.steps_per_content_step + 1, (step - 1) // self.steps_per_content_step + 2
+        )
         hybrid.swell(self._strain())
         hybrid.book_work((hybrid.strain_energy() - energy_before) / 2)
         hybrid.march(step, step + 1)

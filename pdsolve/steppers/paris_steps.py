@@ -82,7 +82,7 @@ class ParisSteps(CycleSteps):
             equilibrium = self._grow_to_next_particle(state, step, judged, rate)
             if equilibrium is None:
                 return previous
-            steepest, ahead = self._largest_rate_ratios(state)
+            steepest, ahead = self._largest_rate_ratios_of_all_and_grown(state)
             shorter = [
                 growth.growth_length(tip, self._share / 2) < growth.growth_length(tip, self._share) for tip, _ in judged
             ]
@@ -135,7 +135,7 @@ class ParisSteps(CycleSteps):
         chosen = [judged_tip for judged_tip, due in zip(judged_tips, grows, strict=True) if due]
         return self._lengthen_tips(state, step, chosen, growth_rate[grows].tolist())
 
-    def _largest_rate_ratios(self, state: State) -> tuple[float, float]:
+    def _largest_rate_ratios_of_all_and_grown(self, state: State) -> tuple[float, float]:
         """Growth of the tips over what it was in the step before, the largest: of all, and of those that have grown."""
         judged = self._growth.judge_tips(state)
         rate = growth_rates(self._law, tip_intensities(self._growth, judged)).tolist()

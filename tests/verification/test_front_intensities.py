@@ -34,7 +34,7 @@ def front_of(penny: pennies.Penny) -> FrontIntensities:
     families = Families(bonds.start.astype(np.int64), bonds.neighbour.astype(np.int64))
     results = results_of(nodes, families, SMALL * penny.u, [], model, pennies.disc(256))
     (front,) = front_intensities(results, 10)
-    assert len(front.points_with_values) == len(front.along)
+    assert len(front.points_with_values) == len(front.length_along)
     return front
 
 

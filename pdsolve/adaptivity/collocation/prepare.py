@@ -27,7 +27,7 @@ OFTEN = 8  # steps between two looks, at most
 DAMPED = ((6.0, 0.05), (16.0, 0.02))
 
 
-def create_collocation_operator(
+def create_collocation_operator_and_stable_step(
     model: Model, mode: str, precision: str, choose_step: Callable[[Model, float], float], threads: int = 1
 ) -> tuple[CollocationOperator, float]:
     """The operator at the start, and the surely stable step, s; `choose_step` chooses the step.

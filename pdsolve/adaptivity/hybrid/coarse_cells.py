@@ -245,7 +245,7 @@ def initial_cells(plate: HybridPlate, reach: int, steep_rows: NDArray[np.int64] 
     An edge along a line between cells cuts none, except at re-entrant corners.
     """
     numbering = plate.numbering
-    in_plate, good = _classify_cells(plate)
+    in_plate, good = _mask_plate_cells_and_whole_cells(plate)
     cells = np.where(in_plate, np.uint8(FINE), np.uint8(VOID))
     cells[good] = COARSE
     cut = in_plate & ~good
@@ -272,7 +272,7 @@ def initial_cells(plate: HybridPlate, reach: int, steep_rows: NDArray[np.int64] 
     return cells.ravel()
 
 
-def _classify_cells(plate: HybridPlate) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+def _mask_plate_cells_and_whole_cells(plate: HybridPlate) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
     """Masks (rows, columns) of the cells with some of the plate, and of those that are whole."""
     numbering = plate.numbering
     in_plate, good = np.zeros((2, numbering.ny // 2, numbering.nx // 2), dtype=bool)

@@ -37,7 +37,7 @@ from pdsolve.operators.simd_lattice.layout import aligned
 ROOM = 64  # rows of fine nodes beyond those of the start, at least
 
 
-def create_hybrid_operator(
+def create_hybrid_operator_and_stable_step(
     model: Model, mode: str, precision: str, choose_step: Callable[[Model, float], float], threads: int = 1
 ) -> tuple[HybridOperator, float]:
     """The operator at the start, and the surely stable step, s; `choose_step` chooses the step.

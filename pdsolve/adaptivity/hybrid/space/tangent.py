@@ -54,12 +54,12 @@ def _tile_tangent(
     rows: NDArray[np.int64],
     volume: NDArray[np.float64],
     u: NDArray[np.float64],
-    share: bool,
+    uses_shares: bool,
 ) -> csr_array:
     """Minus the derivative of the forces, N, on points, of the bonds of `rows`; `volume` is what densities are of."""
     source, target, slot = layout.intact(sites, tiles.bits, rows)
     xi, pull = layout.springs(tiles, sites, source, target, slot)
-    if share:
+    if uses_shares:
         tile, lane = np.divmod(sites.site[source] - sites.margin, tiles.share.shape[2])
         pull *= tiles.share[tile, slot, lane]
     return of_springs(source, target, xi, pull * volume[source], u)
