@@ -230,7 +230,7 @@ def _collect_intensities(
     points: FrontPoints,
     tube_integrals: list[list[FoundInSpace]],
     solids: list[Elastic],
-    refused: tuple[str, ...],
+    refusal_reasons: tuple[str, ...],
 ) -> FrontIntensities:
     columns = {quantity: np.full((3, len(tube_integrals)), np.nan) for quantity in NAMES}
     of_K = np.full(len(tube_integrals), np.nan)
@@ -249,7 +249,7 @@ def _collect_intensities(
         step * float(results.meta()["time_step"]),
     )
     return FrontIntensities(
-        name, step, time, points.along, place, frames[:, 0], frames[:, 1], value, low, high, of_K, refused
+        name, step, time, points.along, place, frames[:, 0], frames[:, 1], value, low, high, of_K, refusal_reasons
     )
 
 

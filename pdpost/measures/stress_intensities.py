@@ -203,11 +203,11 @@ def _choose_rings(results: Results, step: int, tip: Tip, room: UndisturbedRoom, 
 
 
 def _collect_history(
-    front: TipHistory,
+    tip: TipHistory,
     steps: NDArray[np.int64],
     time_step: float,
     frame_integrals: list[RingIntegrals | None],
-    refused: str,
+    refusal_reason: str,
 ) -> IntensityHistory:
     columns = {name: np.full((3, len(steps)), np.nan) for name in NAMES}
     places, of_K = np.full((len(steps), 2), np.nan), np.full(len(steps), np.nan)
@@ -221,4 +221,6 @@ def _collect_history(
         of_K[at] = (columns["K1"][0, at] ** 2 + columns["K2"][0, at] ** 2) / rings.effective_modulus
     value, low, high = ({name: column[row] for name, column in columns.items()} for row in range(3))
     last = next((rings for rings in reversed(frame_integrals) if rings is not None), None)
-    return IntensityHistory(front, steps, np.asarray(steps * time_step), places, value, low, high, last, refused, of_K)
+    return IntensityHistory(
+        tip, steps, np.asarray(steps * time_step), places, value, low, high, last, refusal_reason, of_K
+    )

@@ -194,7 +194,7 @@ def sweep_tiles(tiles, tile_motion, drive, state, dt, sweeps, breaks, thread, ga
         for t in range(first_tile, end_tile):
             if again and tile_motion.waiting_state[t] == READY:
                 continue
-            tile_motion.waiting_state[t] = _sweep_tile(tiles, tile_motion, drive, sweep_state, buffers, t)
+            tile_motion.waiting_state[t] = _sweep_tile_or_wait(tiles, tile_motion, drive, sweep_state, buffers, t)
             if tile_motion.waiting_state[t] != READY:
                 tile_motion.stop_sweep[0] = sweep
         meet(gate)
@@ -203,7 +203,7 @@ def sweep_tiles(tiles, tile_motion, drive, state, dt, sweeps, breaks, thread, ga
 
 
 @njit(**IN_PLACE)
-def _sweep_tile(tiles, tile_motion, drive, sweep_state, buffers, tile):  # type: ignore[no-untyped-def]
+def _sweep_tile_or_wait(tiles, tile_motion, drive, sweep_state, buffers, tile):  # type: ignore[no-untyped-def]
     """End a step for a tile and begin the next one, or one of both; returns what it waits for."""
     motion, starts = sweep_state.motion, sweep_state.ends_no_step
     if tiles.kind[tile] == EMPTY:

@@ -26,8 +26,8 @@ STARTS, ENDS = 1, 2  # phases of the kernel
 class _EntriesByNode(NamedTuple):
     """Entries of loads or holds, by the nodes on which anything acts."""
 
-    order: NDArray[np.int64]  # (e,) of the entries
-    first: NDArray[np.int32]  # (rows + 1,) entries of a node
+    entry_order: NDArray[np.int64]  # (e,) of the entries
+    first_entry_of_node: NDArray[np.int32]  # (rows + 1,) entries of a node
 
 
 class VerletOnDevice:
@@ -81,11 +81,11 @@ class VerletOnDevice:
         self._nodes, self._acts = nodes, to_device(acts)
         self._now, self._ago = (to_device(drive.force[nodes]) for _ in range(2))
         loads, self._holds = _group_by_node(drive.loads, nodes), _group_by_node(drive.holds, nodes)
-        self._load = [to_device(loads.first), *_entry_columns(drive.loads, loads, to_device)]
-        self._hold = [to_device(self._holds.first), *_entry_columns(drive.holds, self._holds, to_device)]
-        self._hold.append(to_device(drive.holds.kind[self._holds.order].astype(np.int32)))
+        self._load = [to_device(loads.first_entry_of_node), *_entry_columns(drive.loads, loads, to_device)]
+        self._hold = [to_device(self._holds.first_entry_of_node), *_entry_columns(drive.holds, self._holds, to_device)]
+        self._hold.append(to_device(drive.holds.kind[self._holds.entry_order].astype(np.int32)))
         self._speed, self._force = (
-            to_device(column[self._holds.order]) for column in (drive.held_speed, drive.held_force)
+            to_device(column[self._holds.entry_order]) for column in (drive.held_speed, drive.held_force)
         )
         self._factors = Factors(self.session, drive.profiles, self._dt, ((0, 0.0), (1, 0.0), (1, self._dt / 2)))
 
@@ -101,7 +101,7 @@ class VerletOnDevice:
                 write(buffer, operator.spread(values))
             for buffer in (self._now, self._ago):
                 write(buffer, drive.force[self._nodes])
-            write(self._force, drive.held_force[self._holds.order])
+            write(self._force, drive.held_force[self._holds.entry_order])
         self._ahead, steps, self._last = True, last - first, last - 1
         for sweep in range(steps + 1):
             if sweep % AT_ONCE == 0:
@@ -150,7 +150,7 @@ class VerletOnDevice:
             self._download_buffer(buffer, values)
         forces = np.empty(len(drive.held_force))
         self.session.read(self._force, forces)
-        drive.held_force[self._holds.order] = forces
+        drive.held_force[self._holds.entry_order] = forces
         if drive.varies:
             put_loads(drive, self._last * self._dt)
         operator.fetch()
@@ -166,5 +166,5 @@ def _group_by_node(entries: Entries, nodes: NDArray[np.int64]) -> _EntriesByNode
 
 def _entry_columns(entries: Entries, by_node: _EntriesByNode, to_device: Any) -> list[Any]:
     """Axes, values and profiles of entries on the device."""
-    axis, value, profile = (column[by_node.order] for column in (entries.axis, entries.value, entries.profile))
+    axis, value, profile = (column[by_node.entry_order] for column in (entries.axis, entries.value, entries.profile))
     return [to_device(axis.astype(np.int32)), to_device(value), to_device(profile.astype(np.int32))]

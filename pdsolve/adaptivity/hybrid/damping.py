@@ -23,8 +23,8 @@ def _is_damped(nodes: Any) -> bool:
     return not isinstance(nodes.types[nodes.fields.index("damping")], types.NoneType)
 
 
-def damp_forces(nodes: Any, p: Any, count: Any, lag: Any, lane_sums: Any) -> None:
-    """Turn the sums s of forces on nodes from p on into what moves them; velocities are half of `lag`, s, old."""
+def damp_forces(nodes: Any, p: Any, count: Any, velocity_lag: Any, lane_sums: Any) -> None:
+    """Turn sums of forces on nodes from p on into what moves them; velocities are half of `velocity_lag`, s, old."""
 
 
 @overload(damp_forces, jit_options=INNER)

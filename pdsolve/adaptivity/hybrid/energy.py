@@ -55,7 +55,7 @@ def half_spring_energy_of_node(nodes, spring_table, offsets, u, q):  # type: ign
     return energy
 
 
-def _relative_displacement(u: Any, shrink: Any, x: Any, y: Any, p: Any, j: Any) -> Any:
+def _relative_displacement(u: Any, half_shrinkage: Any, x: Any, y: Any, p: Any, j: Any) -> Any:
     """How far the nodes j are displaced from the nodes p, in lanes from these places on; less what swelling takes."""
 
 

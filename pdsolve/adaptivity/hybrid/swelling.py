@@ -52,23 +52,23 @@ def _set_piece_swelling_offsets(lattice, zone):  # type: ignore[no-untyped-def]
     return offset_pieces
 
 
-def offset_from_line(lattice: Any, shrink: Any, a: Any, b: Any, w: Any) -> Any:
-    """How far a place at the share w from coarse node a to b is off the line between them, (x, y) in m.
+def offset_from_line(lattice: Any, half_shrinkage: Any, first_node: Any, second_node: Any, w: Any) -> Any:
+    """How far a place at share w from coarse `first_node` to `second_node` is off their line, (x, y) in m.
 
-    `shrink` (n,) is that of fine nodes. A `b` below 0 is none.
+    `half_shrinkage` (n,) is that of fine nodes. A `second_node` below 0 is none.
     """
 
 
 @overload(offset_from_line, jit_options=INNER)
-def _offset_from_line(lattice, half_shrinkage, a, b, w):  # type: ignore[no-untyped-def]
+def _offset_from_line(lattice, half_shrinkage, first_node, second_node, w):  # type: ignore[no-untyped-def]
     if isinstance(half_shrinkage, types.NoneType):
-        return lambda lattice, half_shrinkage, a, b, w: (0.0, 0.0)
+        return lambda lattice, half_shrinkage, first_node, second_node, w: (0.0, 0.0)
 
-    def offset_on_bent_line(lattice, half_shrinkage, a, b, w):  # type: ignore[no-untyped-def]
-        if b < 0 or a == b:
+    def offset_on_bent_line(lattice, half_shrinkage, first_node, second_node, w):  # type: ignore[no-untyped-def]
+        if second_node < 0 or first_node == second_node:
             return 0.0, 0.0
-        numbering, q = lattice.numbering, min(a, b)
-        level = abs(b - a) == 1
+        numbering, q = lattice.numbering, min(first_node, second_node)
+        level = abs(second_node - first_node) == 1
         along, across = (1, numbering.stride) if level else (numbering.stride, 1)
         p = fine_place(numbering, 2 * coarse_column(numbering, q), 2 * coarse_row(numbering, q))
         scale = -4 * lattice.h * w * (w - 1)

@@ -392,8 +392,8 @@ def gather_to_coarse(fine, node_kinds, coarse_sites, fine_values, coarse_values)
 
 
 @cached_njit(error_model="numpy")
-def interpolate_fine(box, sites, w, row, value, fine_sites, fine_values):  # type: ignore[no-untyped-def]
-    """Fill `fine_values` (k, 3) with the values of fine nodes at the sites `fine_sites`, from `value` (n, 3) of nodes.
+def interpolate_fine(box, sites, w, row, node_values, fine_sites, fine_values):  # type: ignore[no-untyped-def]
+    """Fill `fine_values` (k, 3) with those of fine nodes at the sites `fine_sites`, from `node_values` (n, 3).
 
     Nodes that were there before are those with a `row` (sites,) of at least 0; others lie in coarse cells.
     `sites` and `w` are scratch.
@@ -401,7 +401,7 @@ def interpolate_fine(box, sites, w, row, value, fine_sites, fine_values):  # typ
     for n in range(len(fine_sites)):
         if row[fine_sites[n]] >= 0:
             for axis in range(3):
-                fine_values[n, axis] = value[row[fine_sites[n]], axis]
+                fine_values[n, axis] = node_values[row[fine_sites[n]], axis]
             continue
         x, y, z = fine_coordinates(box, fine_sites[n])
         for axis in range(3):
@@ -415,7 +415,7 @@ def interpolate_fine(box, sites, w, row, value, fine_sites, fine_values):  # typ
         for m in range(count):
             w[m] = 1.0 / count
             for axis in range(3):
-                fine_values[n, axis] += w[m] * value[row[sites[m]], axis]
+                fine_values[n, axis] += w[m] * node_values[row[sites[m]], axis]
 
 
 @cached_njit(nogil=True, error_model="numpy")
