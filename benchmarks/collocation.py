@@ -131,7 +131,7 @@ def _looked(system: object, state: object, h: float) -> tuple[float, float]:
     held, _ = shown.energies(state)  # type: ignore[arg-type]
     position, rate = system.model.grid.position, state.rate  # type: ignore[attr-defined]
     own = np.hypot(*(position - (0.05, 0.125 + h / 2)).T) < RADIUS
-    moving = shown.engine.ground.rho / 2 * (rate[own] ** 2).sum(axis=1)
+    moving = shown.engine.lattice.rho / 2 * (rate[own] ** 2).sum(axis=1)
     cracked = position[(damage(system) > CRACKED) & (position[:, 0] < 0.09), 1]  # type: ignore[arg-type]
     return float(((moving + held[own]) * shown.area[own]).sum()), float(cracked.max(initial=0.1) - 0.1)
 

@@ -51,28 +51,28 @@ def prepared(model: Model) -> tuple[Prepared, CollocationEngine]:
 
 def activate(engine: CollocationEngine, coarse: NDArray[np.bool_]) -> None:
     """Let these coarse places, of those that may be, be the active ones."""
-    engine.zone = renumber_zone(engine.ground, engine.plate, engine.zone, coarse, engine.settings.band)
-    engine.area = active_areas(engine.ground, engine.plate, engine.zone.node)
+    engine.zone = renumber_zone(engine.lattice, engine.plate, engine.zone, coarse, engine.settings.seam_damping)
+    engine.area = active_areas(engine.lattice, engine.plate, engine.zone.node_kinds)
 
 
 def places(engine: CollocationEngine) -> NDArray[np.float64]:
     """Where all places (2, places) are, in spacings."""
-    at, p = engine.ground.at, np.arange(engine.ground.at.places)
-    return np.stack([p % at.stride - at.left, p // at.stride - at.below]).astype(float)
+    numbering, p = engine.lattice.numbering, np.arange(engine.lattice.numbering.places)
+    return np.stack([p % numbering.stride - numbering.left, p // numbering.stride - numbering.below]).astype(float)
 
 
 def accelerations(engine: CollocationEngine) -> NDArray[np.float64]:
     """Those (2, places) of active nodes at the displacements they have, loads left out."""
-    return np.asarray(_accelerations(engine.ground, engine.zone))
+    return np.asarray(_accelerations(engine.lattice, engine.zone))
 
 
 @njit
-def _accelerations(ground, zone):  # type: ignore[no-untyped-def]
-    steps.follow(zone, zone.u)
-    steps.add_rows(ground, zone, 0, len(zone.rows))
-    found = zone.f / (ground.rho * ground.h**2)
-    steps.sum_coarse(ground, zone)
-    for q in zone.coarse:
+def _accelerations(lattice, zone):  # type: ignore[no-untyped-def]
+    steps.interpolate_fictitious_nodes(zone, zone.u)
+    steps.sum_row_forces(lattice, zone, 0, len(zone.fine_rows))
+    found = zone.f / (lattice.rho * lattice.h**2)
+    steps.sum_coarse_accelerations(lattice, zone)
+    for q in zone.coarse_places:
         found[:, q] = zone.f[:, q]
     return found
 

@@ -25,6 +25,6 @@ def mirrored(
         assert branch.time == pytest.approx(image.time, rel=1e-12)
         assert branch.direction * mirror == pytest.approx(image.direction, abs=1e-6)
         assert branch.along == pytest.approx(image.along, rel=1e-9)
-        assert np.array_equal(branch.line, image.line)
+        assert np.array_equal(branch.is_line, image.is_line)
         for mine, its in zip(branch.speed, image.speed, strict=True):
             assert mine == pytest.approx(its, rel=1e-6, nan_ok=True)

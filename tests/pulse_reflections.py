@@ -121,25 +121,27 @@ def split_where(problem: Prepared, where: Callable[[NDArray[np.float64]], NDArra
     splitting = CellSplitting(problem.system)
     tree = splitting.tree
     cells = tree.roots()
-    splits = tree.splits(cells) & where(tree.place(cells))
-    new, _ = map_leaves(tree, cells, splits, cells.taken(np.zeros(0, dtype=np.int64)))
+    splits = tree.can_split(cells) & where(tree.place(cells))
+    new, _ = map_leaves(tree, cells, splits, cells.select(np.zeros(0, dtype=np.int64)))
     kept = {"ids": tree.ids(new), "calm": np.zeros(len(new.root), dtype=np.int64), "made": np.zeros(1)}
     return splitting.restore_system(problem.system, kept)
 
 
 def _collocation(engine: CollocationEngine, seam: float) -> Marching:
     """Coarse nodes are active right of the seam alone."""
-    ground, plate, zone = engine.ground, engine.plate, engine.zone
-    x = ground.h * (np.arange(ground.at.places) % ground.at.stride - ground.at.left)
-    engine.zone = renumber_zone(ground, plate, zone, (zone.node == ACTIVE) & (x > seam), engine.settings.band)
-    engine.area = active_areas(ground, plate, engine.zone.node)
+    lattice, plate, zone = engine.lattice, engine.plate, engine.zone
+    x = lattice.h * (np.arange(lattice.numbering.places) % lattice.numbering.stride - lattice.numbering.left)
+    engine.zone = renumber_zone(
+        lattice, plate, zone, (zone.node_kinds == ACTIVE) & (x > seam), engine.settings.seam_damping
+    )
+    engine.area = active_areas(lattice, plate, engine.zone.node_kinds)
     place = plate.model.grid.position
 
     def put(shape: Field, _: Field, rate: Field) -> None:
         zone.u[0, plate.place], zone.v[0, plate.place] = shape(place[:, 0]), rate(place[:, 0])
 
     def seen() -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        own = engine.zone.node[plate.place] == BONDED
+        own = engine.zone.node_kinds[plate.place] == BONDED
         return place[own], engine.zone.v[:, plate.place[own]].T
 
     return Marching(put, engine.advance, seen)
@@ -147,17 +149,17 @@ def _collocation(engine: CollocationEngine, seam: float) -> Marching:
 
 def _hybrid(hybrid: HybridEngine, model: Model, seam: float) -> Marching:
     """Cells are fine left of the seam alone."""
-    zone, wide = hybrid.zone, hybrid.plate.at.cell_stride
-    cell = np.arange(hybrid.plate.at.cells)
+    zone, wide = hybrid.zone, hybrid.plate.numbering.cell_stride
+    cell = np.arange(hybrid.plate.numbering.cells)
     left = (2 * hybrid.plate.h * (cell % wide - AROUND) < seam) & (cell // wide >= AROUND) & (zone.cells != VOID)
     zone.cells[zone.cells == FINE] = COARSE
     zone.cells[left] = FINE
-    hybrid.number_nodes()
+    hybrid.derive_nodes_from_cells()
     hybrid.recompute_forces()
     place, coarse = model.grid.position, np.flatnonzero(zone.coarse.kind == FREE)
     lattices = (
         (hybrid.plate.fine_places, place),
-        (coarse, place[hybrid.plate.rows_at(hybrid.fine_places_of_coarse(coarse))]),
+        (coarse, place[hybrid.plate.grid_rows_at(hybrid.fine_places_of_coarse(coarse))]),
     )
 
     def free() -> list[tuple[object, NDArray[np.int64], NDArray[np.float64]]]:

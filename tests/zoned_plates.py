@@ -17,7 +17,7 @@ from pdmesh.model.node_grid import Grid
 from pdsolve.adaptivity.hybrid.arrays import LatticeConstants, PlateZone
 from pdsolve.adaptivity.hybrid.engine import HybridEngine
 from pdsolve.adaptivity.hybrid.lattice import COARSE, FAR, FINE, FREE, VOID, coarse_place, far_place, fine_place
-from pdsolve.adaptivity.hybrid.prepare import create_hybrid_operator
+from pdsolve.adaptivity.hybrid.prepare import create_hybrid_operator_and_stable_step
 from pdsolve.model import Model, ModelWarning
 from pdsolve.options import Options
 from pdsolve.run.assembly import choose_time_step
@@ -39,9 +39,9 @@ class Zoned(NamedTuple):
     hybrid: HybridEngine
 
     @property
-    def ground(self) -> LatticeConstants:
+    def lattice(self) -> LatticeConstants:
         """What stays."""
-        return self.hybrid.ground
+        return self.hybrid.lattice
 
     @property
     def zone(self) -> PlateZone:
@@ -51,15 +51,15 @@ class Zoned(NamedTuple):
     @property
     def c11(self) -> float:
         """Of the material, N/m^2."""
-        return float(self.ground.cell[0].max() + self.ground.cell[1].max())
+        return float(self.lattice.cell_constants[0].max() + self.lattice.cell_constants[1].max())
 
     def lattices(self) -> Iterable[tuple[Any, NDArray[np.int64], NDArray[np.float64]]]:
         """Fine, coarse and far nodes, the places (k,) of those that move, and where they are (k, 2), m."""
-        at = self.ground.at
+        numbering = self.lattice.numbering
         zone = self.zone
         for nodes, place, step in ((zone.fine, _fine, 1), (zone.coarse, _coarse, 2), (zone.far, _far, 4)):
-            y, x = (index.ravel() for index in np.mgrid[0 : at.ny // step + 1, 0 : at.nx // step + 1])
-            places = place(at, x, y)
+            y, x = (index.ravel() for index in np.mgrid[0 : numbering.ny // step + 1, 0 : numbering.nx // step + 1])
+            places = place(numbering, x, y)
             free = nodes.kind[places] == FREE
             yield nodes, places[free], step * H * np.column_stack([x, y])[free]
 
@@ -80,8 +80,8 @@ class Zoned(NamedTuple):
         if first == last:
             self.hybrid.recompute_forces()
         self.hybrid.advance(first, last)
-        if self.hybrid.now == 1:
-            self.hybrid.now = 0
+        if self.hybrid.buffer == 1:
+            self.hybrid.buffer = 0
             for nodes in (self.zone.fine, self.zone.coarse, self.zone.far):
                 nodes.u[0] = nodes.u[1]
 
@@ -99,7 +99,7 @@ class Zoned(NamedTuple):
         and half a step after, v^2 - (a dt / 2)^2."""
         found = self.energy()
         for nodes, places, _ in self.lattices():
-            found -= float((nodes.inverse_mass[places] * (nodes.f[:, places] * self.ground.dt / 2) ** 2).sum() / 2)
+            found -= float((nodes.inverse_mass[places] * (nodes.f[:, places] * self.lattice.dt / 2) ** 2).sum() / 2)
         return found
 
     @property
@@ -140,25 +140,25 @@ def zoned(
     grid = rectangle(columns, rows, H, list(cracks))
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", ModelWarning)
-        shown, _ = create_hybrid_operator(
+        shown, _ = create_hybrid_operator_and_stable_step(
             plate(grid, ratio, material=material, run=run, regions=regions), "conservative", "float64", choose_time_step
         )
     hybrid = shown.engine
-    at = hybrid.plate.at
-    cell = np.arange(at.cells)
-    wanted = fine(cell % at.cell_stride - 6, cell // at.cell_stride - 6) & (hybrid.zone.cells != VOID)
+    numbering = hybrid.plate.numbering
+    cell = np.arange(numbering.cells)
+    wanted = fine(cell % numbering.cell_stride - 6, cell // numbering.cell_stride - 6) & (hybrid.zone.cells != VOID)
     hybrid.zone.cells[hybrid.zone.cells == FINE] = COARSE
     hybrid.zone.cells[wanted] = FINE
     if far is not None:
-        x, y = (one - 6 for one in (cell % at.cell_stride, cell // at.cell_stride))
-        inside = (x >= 0) & (y >= 0) & (x < at.nx // 4 * 2) & (y < at.ny // 4 * 2)
+        x, y = (one - 6 for one in (cell % numbering.cell_stride, cell // numbering.cell_stride))
+        inside = (x >= 0) & (y >= 0) & (x < numbering.nx // 4 * 2) & (y < numbering.ny // 4 * 2)
         hybrid.zone.cells[inside & far(x // 2, y // 2)] = FAR
     return again(hybrid)
 
 
 def again(hybrid: HybridEngine) -> Zoned:
     """The same plate numbered anew, once its cells were changed by hand; at rest."""
-    hybrid.number_nodes()
+    hybrid.derive_nodes_from_cells()
     hybrid.recompute_forces()
     return Zoned(hybrid)
 

@@ -9,7 +9,7 @@ VERLET = f"{UNIT}/test_lattice_march.py::test_each_bit_is_that_of_verlet_on_any_
 LATTICE = tuple(
     Mutant(MARCH, line, becomes, VERLET)
     for line, becomes in (
-        ("    tile_motion.pulled[tile] = False\n", ""),
+        ("    tile_motion.has_failure_pulls[tile] = False\n", ""),
         ("selected(new, np.lexsort((new.places[:, 0] // ROW, new.bonds[:, 0])))", "selected(new, slice(-1))"),
         ("joined(breaks + self._collect_breaks())", "self._collect_breaks()[0]"),
         ("        pull_again(tiles, motion, pulls, breaks, n)\n", "        pass\n"),

@@ -85,8 +85,8 @@ MUTANTS = (
     ),
     Mutant(
         "pdsolve/adaptivity/quadtree/interpolation.py",
-        "split, merged = (transfer.away, transfer.apart, transfer.apart)",
-        "split, merged = (transfer.away, transfer.away, transfer.away)",
+        "(origins.mass_shift, origins.quarter_offset, origins.quarter_offset)",
+        "(origins.mass_shift, origins.mass_shift, origins.mass_shift)",
         "tests/unit/pdsolve/test_quadtree.py::test_cells_that_an_edge_cuts_keep_their_area",
     ),
     Mutant(

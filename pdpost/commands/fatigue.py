@@ -41,10 +41,10 @@ def _fatigue(args: argparse.Namespace) -> int:
         {
             "name": run.name,
             "cycles": run.cycles,
-            "cycles_error": run.error,
-            "first_break": run.first,
-            "first_range": run.range,
-            "line": None if run.line is None else run.line._asdict(),
+            "cycles_error": run.cycle_error,
+            "first_break": run.first_break_cycles,
+            "first_range": run.first_strain_range,
+            "line": None if run.paris_line is None else run.paris_line._asdict(),
             "tips": [tip._asdict() for tip in run.growths],
         }
         for run in runs
@@ -72,19 +72,22 @@ def _measured(args: argparse.Namespace, name: str) -> FatigueLife:
 def _lines(run: FatigueLife) -> list[str]:
     import numpy as np
 
-    wrong = run.error / run.cycles if run.error and run.cycles else None
+    wrong = run.cycle_error / run.cycles if run.cycle_error and run.cycles else None
     off = "" if wrong is None else f", with an error from jumps and from K that is estimated at {wrong:.1%}"
     lines = [f"{run.cycles:.6g} cycles in all{off}"]
-    if run.first is not None:
-        lines.append(f"first bonds broke after {run.first:.6g} cycles, stretched by a range of {run.range:.4g}")
+    if run.first_break_cycles is not None:
+        lines.append(
+            f"first bonds broke after {run.first_break_cycles:.6g} cycles,"
+            f" stretched by a range of {run.first_strain_range:.4g}"
+        )
     lines += [
         f"{tip.name}: grown by {tip.length[-1] * 1e3:.4g} mm until {tip.cycles[-1]:.4g} cycles" for tip in run.growths
     ]
-    if run.growths and run.line is not None:
-        at = float(run.line.growth_rate(np.array(10e6)))
+    if run.growths and run.paris_line is not None:
+        at = float(run.paris_line.growth_rate(np.array(10e6)))
         lines.append(
-            f"da/dN = {at:.4g} m a cycle at 10 MPa m^0.5, m = {run.line.m:.4g}, from {run.line.points} points, which"
-            f" scatter by {10**run.line.scatter - 1:.1%}"
+            f"da/dN = {at:.4g} m a cycle at 10 MPa m^0.5, m = {run.paris_line.m:.4g}, from"
+            f" {run.paris_line.points} points, which scatter by {10**run.paris_line.scatter - 1:.1%}"
         )
     elif run.growths:
         lines.append("the crack grows in too few frames for a line")
@@ -93,8 +96,8 @@ def _lines(run: FatigueLife) -> list[str]:
 
 def _rows(run: FatigueLife) -> Any:
     none = float("nan")
-    if run.first is not None:
-        yield (run.name, "first break", run.first, none, none, none, none, None, run.range)
+    if run.first_break_cycles is not None:
+        yield (run.name, "first break", run.first_break_cycles, none, none, none, none, None, run.first_strain_range)
     for tip in run.growths:
         rate, past_start = [*tip.rate.tolist(), none], [*tip.settled.tolist(), None]
         for row in zip(tip.cycles, tip.length, tip.K, tip.dK, rate, past_start, strict=True):

@@ -87,9 +87,9 @@ def _sif(args: argparse.Namespace) -> int:
             from pdpost.figures import sif_figure, style
 
             style.save(sif_figure.sif(results, tip_series, spent, args.window), path)
-    left_out = [series for series in tip_series if series.last is None and series.refused]
+    left_out = [series for series in tip_series if series.last_integrals is None and series.refusal_reason]
     for series in left_out:
-        commandline.warn(f"{args.results}: {series.front.name} left out: {series.refused}")
+        commandline.warn(f"{args.results}: {series.front.name} left out: {series.refusal_reason}")
     lines = [_words(series) for series in tip_series if series not in left_out]
     result = {
         "steps": steps,
@@ -135,18 +135,18 @@ def _steps(results: Results, args: argparse.Namespace) -> list[int]:
 
 
 def _told(series: IntensityHistory, release_rates: Any) -> dict[str, Any]:
-    rings: list[Ring] = [] if series.last is None else list(series.last.rings)
+    rings: list[Ring] = [] if series.last_integrals is None else list(series.last_integrals.rings)
     return {
         "name": series.front.name,
         "time": series.time,
         "place": series.place,
         **series.value,
-        "of_K": series.of_K,
+        "of_K": series.J_from_K,
         "at_least": series.low,
         "at_most": series.high,
         "dD_da": release_rates,
         "rings": [ring._asdict() for ring in rings],
-        "left_out": series.refused,
+        "left_out": series.refusal_reason,
     }
 
 
@@ -175,8 +175,10 @@ def _words(series: IntensityHistory) -> str:
     if np.isfinite(values["angle"][0]):
         said += [f"turns by {values['angle'][0]:+.1f} degrees"]
     if series.K_differs_from_J[at]:
-        said += [f"(K1^2 + K2^2)/E' {series.of_K[at]:.4g} J/m^2 is outside the band of J: trust J"]
+        said += [f"(K1^2 + K2^2)/E' {series.J_from_K[at]:.4g} J/m^2 is outside the band of J: trust J"]
     (x, y), when = series.place[at] * 1e3 + 0.0, time_text(float(series.time[at]))
     gaps = len(series.step) - len(finite)
-    gap_note = f"; not known at {gaps} of {len(series.step)} frames" + (f": {series.refused}" if series.refused else "")
+    gap_note = f"; not known at {gaps} of {len(series.step)} frames" + (
+        f": {series.refusal_reason}" if series.refusal_reason else ""
+    )
     return f"{series.front.name} at ({x:.4g}, {y:.4g}) mm, {when}: {', '.join(said)}{gap_note * bool(gaps)}"

@@ -30,10 +30,10 @@ def deliver_fronts(args: argparse.Namespace, results: Results, steps: list[int],
         style.save(front_figure.along_fronts(front_states), path)
     for front in last:
         if left_out := Counter(  # what is in the way, without where
-            why.split(" from the front")[0].rsplit(" ", 3)[0] for why in front.refused if why
+            why.split(" from the front")[0].rsplit(" ", 3)[0] for why in front.refusal_reasons if why
         ):
             reasons = ", ".join(f"{count} at {why}" for why, count in left_out.most_common())
-            said = f"{sum(left_out.values())} of {len(front.along)} points left out: {reasons}"
+            said = f"{sum(left_out.values())} of {len(front.length_along)} points left out: {reasons}"
             commandline.warn(f"{args.results}: {front.name}: {said}")
     lines = [_words(front) for front in last if len(front.points_with_values)]
     result = {"steps": steps, "units": UNITS, "fronts": [_told(front) for front in front_states]}
@@ -42,7 +42,7 @@ def deliver_fronts(args: argparse.Namespace, results: Results, steps: list[int],
     rows = []
     for front in front_states:
         columns = [side[name] for name in UNITS for side in (front.value, front.low, front.high)]
-        points = zip(front.along, *front.place.T, *columns, strict=True)
+        points = zip(front.length_along, *front.place.T, *columns, strict=True)
         rows += [(front.name, front.step, front.time, *point) for point in points]
     return number_options.deliver(args, result, lines, header, rows, path)
 
@@ -52,15 +52,15 @@ def _told(front: FrontIntensities) -> dict[str, Any]:
         "name": front.name,
         "step": front.step,
         "time": front.time,
-        "along": front.along,
+        "along": front.length_along,
         "place": front.place,
-        "growth": front.growth,
+        "growth": front.growth_direction,
         "normal": front.normal,
         **front.value,
-        "of_K": front.of_K,
+        "of_K": front.J_from_K,
         "at_least": front.low,
         "at_most": front.high,
-        "left_out": front.refused,
+        "left_out": front.refusal_reasons,
     }
 
 
@@ -78,7 +78,7 @@ def _words(front: FrontIntensities) -> str:
         middle, low, high = (factor * side[name][at] for side in (front.value, front.low, front.high))
         said.append(f"{name} {middle:.4g} {unit} ({low:.4g} to {high:.4g})")
     means = ", ".join(f"{name} {front.value[name][known_points].mean() * 1e-6:.4g}" for name in intensities)
-    points = f"{len(known_points)} of {len(front.along)} points known"
+    points = f"{len(known_points)} of {len(front.length_along)} points known"
     return f"{front.name}, {time_text(front.time)}, {points}: largest J at ({place}) mm: {', '.join(said)};" + (
         f" in the mean {means} MPa m^0.5" if means else f" {YIELDS}"
     )

@@ -65,7 +65,7 @@ def _study(args: argparse.Namespace) -> int:
             spread.median,
             *spread.extremes,
             len(spread.known_values),
-            len(spread.measured),
+            len(spread.measured_values),
         )
         for measure, spreads in measured.items()
         for spread in spreads

@@ -73,7 +73,7 @@ def frames(
     shot = field_figure.values_of(results, name, steps[-1], part)  # where most is torn
     words = [(colour, words.split(":")[0]) for colour, words in field_figure.explained(shot)]
     last = still._replace(grown=hidden(shape(results, steps[-1], 0.0), hide).grown)
-    lines = bool(len(still.plate.cracks)) + bool(len(last.grown)) + still.plate.adapts
+    lines = bool(len(still.plate.cracks)) + bool(len(last.grown)) + still.plate.has_moving_zone
     on = sheet(box, room=LINE * (len(words) + lines))
     canvas = FigureCanvasAgg(on.figure)
     on.figure.set_dpi(dpi)

@@ -67,7 +67,7 @@ def crack(results: Results, summary: Summary | None = None, window: Box | None =
     if summary.forks:
         forks = on.factor * np.array([fork.place for fork in summary.forks]).T
         plate.plot(*forks, "o", ms=4.5, mfc="white", mec="black", mew=0.8, zorder=6)
-    if not all(branch.line.all() for branch in summary.branches):
+    if not all(branch.is_line.all() for branch in summary.branches):
         keys.append(Line2D([], [], ls=":", color="0.25", lw=1.0, label="wider than a crack"))
     if keys:  # on no branch
         figure.legend(handles=keys, loc="outside lower center", ncols=4, frameon=False, fontsize="small")
@@ -137,7 +137,7 @@ def on_grey_plate(axes: Axes, box: Box, where: Shape, damage: NDArray[np.float64
 def _path(on: Sheet, branch: Branch, **style: Any) -> None:
     """Draw a branch, dotted where the cracked region is too wide to be a line."""
     pieces = on.factor * np.stack([branch.place[:-1], branch.place[1:]], axis=1)
-    line = branch.line[:-1] & branch.line[1:]
+    line = branch.is_line[:-1] & branch.is_line[1:]
     for mask, more in ((line, {}), (~line, {"ls": ":"})):
         way = LineCollection(list(pieces[mask]), zorder=5, capstyle="round", **(style | more))
         on.axes.add_collection(way, autolim=False)

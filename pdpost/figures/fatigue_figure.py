@@ -20,7 +20,11 @@ WIDER = 3.0  # times the range of the points that Wöhler's line is drawn over
 def fatigue(runs: Sequence[FatigueLife]) -> Figure:
     """A panel of lengths and one of growth a cycle where cracks grow, and one of lives where smooth bodies break."""
     cracked = [run for run in runs if run.growths]
-    smooth = [run for run in runs if not run.growths or (run.given.A1 is not None and run.first is not None)]
+    smooth = [
+        run
+        for run in runs
+        if not run.growths or (run.prescribed_law.A1 is not None and run.first_break_cycles is not None)
+    ]
     panels = 2 * bool(cracked) + bool(smooth)
     figure = Figure(figsize=(WIDTH * max(panels, 1.2) / 2, 3.4), layout="constrained")
     axes = figure.subplots(1, panels, squeeze=False)[0].tolist()
@@ -50,18 +54,18 @@ def _growth(axes: Axes, runs: Sequence[FatigueLife], named: bool) -> None:
     """Points, hollow at the start of a crack, where they are off the line; the line through them, and that given."""
     for number, (run, growth) in enumerate(_tips(runs)):
         colour = look(number)["color"]
-        dK = dK_between_frames(growth, run.line.m if run.line is not None else FIRST)
+        dK = dK_between_frames(growth, run.paris_line.m if run.paris_line is not None else FIRST)
         for point_mask, fill in ((growth.settled, colour), (~growth.settled, "white")):
             axes.plot(dK[point_mask] * 1e-6, growth.rate[point_mask], "o", ms=4, mfc=fill, mec=colour, ls="none")
     for run, dashes in zip(runs, ("--", ":", "-."), strict=False):
         ranges = np.concatenate([growth.dK for growth in run.growths])
         ends, of = np.array([ranges.min(), ranges.max()]), f"{for_legend(run.name)}: " if named else ""
-        if run.line is not None:
-            words = f"{of}measured, m = {run.line.m:.3g}"
-            axes.plot(ends * 1e-6, run.line.growth_rate(ends), color="black", lw=0.9, ls=dashes, label=words)
+        if run.paris_line is not None:
+            words = f"{of}measured, m = {run.paris_line.m:.3g}"
+            axes.plot(ends * 1e-6, run.paris_line.growth_rate(ends), color="black", lw=0.9, ls=dashes, label=words)
         law_rate = run.prescribed_growth_rate(ends)
         if law_rate is not None:
-            words = f"{of}given, m = {run.given.m:.3g}"
+            words = f"{of}given, m = {run.prescribed_law.m:.3g}"
             axes.plot(ends * 1e-6, law_rate, color="0.6", lw=2.5, alpha=0.6, ls=dashes, label=words, zorder=0)
     if axes.get_legend_handles_labels()[1]:
         axes.legend(frameon=False, fontsize="small")
@@ -73,21 +77,36 @@ def _growth(axes: Axes, runs: Sequence[FatigueLife], named: bool) -> None:
 
 def _lives(axes: Axes, runs: Sequence[FatigueLife]) -> None:
     """Cycles until the first bonds break over the range of their stretch, beside the lines that runs were given."""
-    broke = [(run.range, run.first) for run in runs if run.range is not None and run.first is not None]
+    broke = [
+        (run.first_strain_range, run.first_break_cycles)
+        for run in runs
+        if run.first_strain_range is not None and run.first_break_cycles is not None
+    ]
     points = np.array(broke).reshape(-1, 2)
     plotted_laws = set()
     for run in runs:
-        if run.given.A1 is None or not len(points) or (run.given.A1, run.given.m1, run.given.endurance) in plotted_laws:
+        if (
+            run.prescribed_law.A1 is None
+            or not len(points)
+            or (run.prescribed_law.A1, run.prescribed_law.m1, run.prescribed_law.endurance) in plotted_laws
+        ):
             continue
-        plotted_laws.add((run.given.A1, run.given.m1, run.given.endurance))
-        low = max(points[:, 0].min() / WIDER, run.given.endurance)
+        plotted_laws.add((run.prescribed_law.A1, run.prescribed_law.m1, run.prescribed_law.endurance))
+        low = max(points[:, 0].min() / WIDER, run.prescribed_law.endurance)
         eps = np.geomspace(low * (1 + 1e-9), points[:, 0].max() * WIDER, 50)
-        axes.plot(run.woehler_cycles(eps), eps, color="black", lw=0.9, label=f"given, m = {run.given.m1:.3g}")
-        if run.given.endurance > 0:
-            axes.axhline(run.given.endurance, color="0.6", lw=0.9, ls=":", label="endurance")
+        axes.plot(run.woehler_cycles(eps), eps, color="black", lw=0.9, label=f"given, m = {run.prescribed_law.m1:.3g}")
+        if run.prescribed_law.endurance > 0:
+            axes.axhline(run.prescribed_law.endurance, color="0.6", lw=0.9, ls=":", label="endurance")
     for number, run in enumerate(runs):
-        if run.first is not None and run.range is not None:
-            axes.plot(run.first, run.range, "o", ms=5, color=look(number)["color"], label=for_legend(run.name))
+        if run.first_break_cycles is not None and run.first_strain_range is not None:
+            axes.plot(
+                run.first_break_cycles,
+                run.first_strain_range,
+                "o",
+                ms=5,
+                color=look(number)["color"],
+                label=for_legend(run.name),
+            )
     axes.set(xscale="log", yscale="log", xlabel="cycles until the first bonds break", ylabel="range of stretch")
     if axes.get_legend_handles_labels()[1]:
         axes.legend(frameon=False, fontsize="small")

@@ -89,7 +89,7 @@ def shape(results: Results, step: int, scale: float, still: Shape | None = None)
 
 def hidden(nodes: Shape, names: Collection[str]) -> Shape:
     """The shape without lines of these `names`: cracks (drawn and grown), zone (the border of finer nodes)."""
-    visible_plate = nodes.plate._replace(adapts=nodes.plate.adapts and "zone" not in names)
+    visible_plate = nodes.plate._replace(has_moving_zone=nodes.plate.has_moving_zone and "zone" not in names)
     if "cracks" not in names:
         return nodes._replace(plate=visible_plate)
     return nodes._replace(plate=visible_plate._replace(cracks=np.zeros((0, 4))), grown=np.zeros((0, 2, 2)))
@@ -237,9 +237,11 @@ def grown(on: Sheet, nodes: Shape) -> list[Artist]:
 def border(on: Sheet, nodes: Shape) -> list[Artist]:
     """Draw the border of a moving fine zone, except across opened cracks; nothing if the zone does not move."""
     spacings = np.unique(nodes.delta)
-    coarsest = float(spacings[-1] if nodes.plate.splits else spacings[:2][-1])  # of a lattice with far cells, beside it
+    coarsest = float(
+        spacings[-1] if nodes.plate.has_splitting_cells else spacings[:2][-1]
+    )  # of a lattice with far cells, beside it
     finer = nodes.delta < (1 - 1e-6) * coarsest
-    if not nodes.plate.adapts or not finer.any():
+    if not nodes.plate.has_moving_zone or not finer.any():
         return []
     reach = nodes.delta[finer]
     fine_area = shapely.union_all(_rows(nodes.reference[finer], reach))  # over coarse ones on its edge

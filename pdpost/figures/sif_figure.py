@@ -29,7 +29,7 @@ def sif(
     results: Results, tip_series: list[IntensityHistory], spent: EnergyRelease, window: Box | None = None
 ) -> Figure:
     """The tips with their rings at the last frame that has any, K1 and K2, and J with dD/da; `window` is in view, m."""
-    shown = [series for series in tip_series if series.last is not None][:SHOWN]
+    shown = [series for series in tip_series if series.last_integrals is not None][:SHOWN]
     step = int(tip_series[0].step[-1])
     where = shape(results, step, 0.0)
     box = window or box_of([where])
@@ -55,12 +55,12 @@ def sif(
 
 
 def _rings(on: Sheet, series: IntensityHistory, colour: str) -> None:
-    assert series.last is not None
-    place = series.last.tip.place * on.factor
-    ring = series.last.rings[1]
+    assert series.last_integrals is not None
+    place = series.last_integrals.tip.place * on.factor
+    ring = series.last_integrals.rings[1]
     outer, wide = ring.outer * on.factor, (ring.outer - ring.inner) * on.factor
     on.axes.add_patch(Annulus(tuple(place), outer, wide, fc=colour, alpha=0.25, lw=0, zorder=4))
-    for tip_ring in series.last.rings:
+    for tip_ring in series.last_integrals.rings:
         for radius in tip_ring:
             circle = radius * on.factor * np.exp(1j * np.linspace(0, 2 * np.pi, 181))
             on.axes.plot(place[0] + circle.real, place[1] + circle.imag, color=colour, lw=0.5, zorder=5)

@@ -143,4 +143,4 @@ def _named(axes: Axes, section: PlaneCut, metres: str) -> None:
 
 def _place(section: PlaneCut, metre: float, metres: str) -> str:
     (third,) = set(AXES) - set(section.axes)
-    return f"{third} = {section.at * metre + 0.0:.4g} {metres}"
+    return f"{third} = {section.plane_position * metre + 0.0:.4g} {metres}"

@@ -84,7 +84,7 @@ def _panel(axes: Axes, study: Read, name: str, measure_spreads: Sequence[RunGrou
         axes.vlines(at, low, high, color=colour, lw=1.0)
         middle = factor * np.array([spread.median for spread in mine])
         axes.plot(at, middle, marker="_", ms=9, mew=1.6, lw=0.9, color=colour, label=for_legend(which) or None)
-    missing = sum(len(spread.measured) - len(spread.known_values) for spread in measure_spreads)
+    missing = sum(len(spread.measured_values) - len(spread.known_values) for spread in measure_spreads)
     least, most = min(places.values()), max(places.values())  # also of values at which no run has one
     if axes.get_xscale() == "log":
         margin = (most / least) ** ASIDE

@@ -48,8 +48,8 @@ class CrackSurface(NamedTuple):
     time: NDArray[np.float64]  # (f,) s, when it opened; BEFORE of a pre-crack
     area: NDArray[np.float64]  # (f,) m^2
     edges: NDArray[np.int64]  # (e, 2) corners
-    sides: NDArray[np.int64]  # (f, 4) edges of each face
-    inside: NDArray[np.bool_]  # (e,) whether cubes are all round the edge: a crack that ends there has its front there
+    edges_of_face: NDArray[np.int64]  # (f, 4) edges of each face
+    edge_is_inside: NDArray[np.bool_]  # (e,) whether cubes are all round the edge: a crack that ends there has a front
 
     @property
     def is_grown(self) -> NDArray[np.bool_]:
@@ -73,7 +73,7 @@ class OpenedPairs(NamedTuple):
 
     pairs: NDArray[np.int64]  # (b, 2) rows of nodes
     step: NDArray[np.int64]  # (b,) in which they parted; PRE_CRACK by a pre-crack, CLOSED not at all
-    sound: NDArray[np.bool_]  # (n,) nodes that are not cracked
+    is_sound_node: NDArray[np.bool_]  # (n,) nodes that are not cracked
 
     @property
     def is_opened(self) -> NDArray[np.bool_]:
@@ -165,7 +165,7 @@ def _pairs_cut_by_pre_cracks(
 
 def _is_between_sound_nodes(nodes: Nodes, opened_pairs: OpenedPairs) -> NDArray[np.bool_]:
     """Mask (b,) of pairs whose nodes belong to sound nodes far from each other, or to none."""
-    pairs, sound = opened_pairs.pairs, np.flatnonzero(opened_pairs.sound)
+    pairs, sound = opened_pairs.pairs, np.flatnonzero(opened_pairs.is_sound_node)
     if not len(sound):
         return np.ones(len(pairs), dtype=bool)
     cost = np.where(opened_pairs.is_opened, OPEN, 1.0)

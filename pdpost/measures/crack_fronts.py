@@ -20,8 +20,8 @@ Polyline = NDArray[np.float64]  # (k, 3) m
 def front_edges(cracks: CrackSurface, time: float) -> NDArray[np.int64]:
     """The edges (k,) inside the body where the surface that is open at `time`, s, ends."""
     open_now = cracks.time <= time
-    uses = np.bincount(cracks.sides[open_now].ravel(), minlength=len(cracks.edges))
-    return np.flatnonzero((uses == 1) & cracks.inside)
+    uses = np.bincount(cracks.edges_of_face[open_now].ravel(), minlength=len(cracks.edges))
+    return np.flatnonzero((uses == 1) & cracks.edge_is_inside)
 
 
 def front_lines(cracks: CrackSurface, time: float) -> list[Polyline]:

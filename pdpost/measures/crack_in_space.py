@@ -77,7 +77,7 @@ def crack_in_space(results: Results, step: int | None = None, threshold: float =
         front_length=np.array([sum(map(line_length, front_lines(cracks, time))) for time in times]),
         fronts=front_lines(cracks, last),
         speed=front_speeds(results, cracks),
-        junctions=int((np.bincount(cracks.sides.ravel(), minlength=len(cracks.edges)) > 2).sum()),
+        junctions=int((np.bincount(cracks.edges_of_face.ravel(), minlength=len(cracks.edges)) > 2).sum()),
         fragments=find_fragments(results, step, parted_pairs),
         rayleigh_speed=plate_rayleigh_speed(results),
         G0=read(results, _MaterialKeys).material.G0,

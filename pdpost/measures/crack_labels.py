@@ -35,7 +35,7 @@ class CrackedNodes(NamedTuple):
     delta: NDArray[np.float64]  # (c,) spacing, m
     damage: NDArray[np.float64]  # (c,)
     crack: NDArray[np.int64]  # (c,) number of the crack; -1: none, a crumb
-    reached: NDArray[np.int64]  # (c,) step in which the crack came to the node, or joined it if it cracked ahead
+    reached_step: NDArray[np.int64]  # (c,) step in which the crack came to the node, or joined it if it cracked ahead
     level: NDArray[np.float64]  # (c,) spacings from where the crack began, along the way it came
     links: csr_array  # (c, c) spacings between nodes that touch
 

@@ -96,13 +96,15 @@ def numbers(summary: Summary) -> dict[str, object]:
                 "time": branch.time,
                 "along": branch.along,
                 "direction": branch.direction,
-                "line": branch.line,
+                "line": branch.is_line,
                 "speed": branch.speed.value,
                 "speed_low": branch.speed.low,
                 "speed_high": branch.speed.high,
                 "length": branch.length,
                 "mean_speed": _mean_speed(branch, summary),
-                "mean_speed_points": len(branch.time) if branch.inside is None else branch.inside,
+                "mean_speed_points": len(branch.time)
+                if branch.points_before_edge is None
+                else branch.points_before_edge,
             }
             for branch in summary.branches
         ],
@@ -116,7 +118,7 @@ def table(summary: Summary) -> tuple[tuple[str, ...], list[tuple[object, ...]]]:
     rows: list[tuple[object, ...]] = []
     for number, branch in enumerate(summary.branches):
         spent = summary.release.release_at(branch.time)
-        columns = branch.time, *branch.place.T, branch.along, *branch.speed, *branch.direction.T, branch.line, spent
+        columns = branch.time, *branch.place.T, branch.along, *branch.speed, *branch.direction.T, branch.is_line, spent
         rows += [(number, *row) for row in zip(*columns, strict=True)]
     speeds = ("speed, m/s", "speed at least, m/s", "speed at most, m/s")
     ways = ("direction x", "direction y", "line")
@@ -167,14 +169,14 @@ def _branch_text(branch: Branch, summary: Summary) -> str:
     mean, rayleigh = _mean_speed(branch, summary), summary.rayleigh_speed
     if summary.at_rest:
         fast = ""
-    elif not branch.line[: branch.inside].all():
+    elif not branch.is_line[: branch.points_before_edge].all():
         fast = ", wider than a crack: no speed"
     elif mean is None:
         fast = ", faster than a crack runs: it broke at once"
     else:
         fast = f", {mean:.4g} m/s ({mean / rayleigh:.2f} of the Rayleigh speed)"
-        if branch.inside is not None:
-            fast += f" until it is a horizon from the edge, at {time_text(branch.time[branch.inside - 1])}"
+        if branch.points_before_edge is not None:
+            fast += f" until it is a horizon from the edge, at {time_text(branch.time[branch.points_before_edge - 1])}"
     return f"{branch.length * 1e3:.3g} mm long, from {ways[0]} to {ways[1]}{fast}"
 
 

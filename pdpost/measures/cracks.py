@@ -57,7 +57,7 @@ def crack_events(
 
     A node is cracked above the damage `threshold`. Start: the first cracked node at least 1.5 of the finest spacings
     away from all that were cracked at first, or the first cracked node of all if none was; for cracks of particles, the
-    first growth. Branching: the first fork of `branches`, by default those of `crack_branches`. Split: see `is_split`.
+    first growth. Branching: the first fork of `branches`, by default of `crack_branches`. Split: see `plate_is_split`.
     """
     nodes, breaks, since = results.nodes(step), results.breaks(), cracked_since(results, threshold, step)
     until = np.inf if step is None else step
@@ -111,7 +111,7 @@ def cluster_nodes(
     return connected(len(position), *near.T)
 
 
-def is_split(nodes: Nodes, cracked: NDArray[np.bool_]) -> bool:
+def plate_is_split(nodes: Nodes, cracked: NDArray[np.bool_]) -> bool:
     """Whether cracked nodes, with the holes between them, part the plate.
 
     A chain of cracked nodes with links of at most 1.5 spacings leads from side to side exactly if no path of neighbours
@@ -130,7 +130,7 @@ def _first_split_event(nodes: Nodes, cracked_step: NDArray[np.int64], time_step:
     low, high = 0, len(steps)
     while low < high:
         middle = (low + high) // 2
-        if is_split(nodes, (cracked_step >= 0) & (cracked_step <= steps[middle])):
+        if plate_is_split(nodes, (cracked_step >= 0) & (cracked_step <= steps[middle])):
             high = middle
         else:
             low = middle + 1

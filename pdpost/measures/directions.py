@@ -58,8 +58,8 @@ def measure_directions(results: Results, branches: Sequence[Branch]) -> list[Cra
 
 def _branches_to_measure(branch: Branch, branches: Sequence[Branch]) -> list[Branch]:
     """The branch itself or, if it is too short for a direction, its arms."""
-    arms = [candidate for candidate in branches if candidate.begin == branch.end]
-    if branch.exact or branch.length >= SHORTEST * branch.spacing[0] or not arms:
+    arms = [candidate for candidate in branches if candidate.begin_joint == branch.end_joint]
+    if branch.is_of_particles or branch.length >= SHORTEST * branch.spacing[0] or not arms:
         return [branch]
     return [leaving_arm for arm in arms for leaving_arm in _branches_to_measure(arm, branches)]
 
@@ -67,7 +67,7 @@ def _branches_to_measure(branch: Branch, branches: Sequence[Branch]) -> list[Bra
 def _branch_direction(branch: Branch, tip: NDArray[np.float64], heading: NDArray[np.float64]) -> CrackDirection | None:
     """The direction of a branch; None if it has too few points."""
     place = (float(tip[0]), float(tip[1]))
-    if branch.exact:
+    if branch.is_of_particles:
         angle, overall_angle = (
             _signed_angle(way, heading) for way in (branch.direction[0], fit_direction(branch.place))
         )

@@ -67,28 +67,30 @@ class FatigueLife(NamedTuple):
 
     name: str
     cycles: float  # in all
-    error: float | None  # cycles, estimated, from the length of jumps; None: jumps go from break to break
-    first: float | None  # cycles until its first bonds broke; None: none did, or the crack is one of particles
-    range: float | None  # of the stretch of these bonds
-    given: Fatigue
+    cycle_error: float | None  # cycles, estimated, from the length of jumps; None: jumps go from break to break
+    first_break_cycles: (
+        float | None
+    )  # cycles until its first bonds broke; None: none did, or the crack is one of particles
+    first_strain_range: float | None  # of the stretch of these bonds
+    prescribed_law: Fatigue
     growths: list[TipGrowth]  # of its cracks; empty: a smooth body
-    line: ParisLine | None  # Paris's, through these
+    paris_line: ParisLine | None  # Paris's, through these
 
     def woehler_cycles(self, strain_range: Array) -> Array:
         """Wöhler's line: cycles until bonds stretched by these ranges break, away from damage."""
-        A1, m1 = self.given.A1, self.given.m1
+        A1, m1 = self.prescribed_law.A1, self.prescribed_law.m1
         if A1 is None or m1 is None:
             return np.full(len(strain_range), np.inf)
-        return np.where(strain_range > self.given.endurance, 1 / (A1 * strain_range**m1), np.inf)
+        return np.where(strain_range > self.prescribed_law.endurance, 1 / (A1 * strain_range**m1), np.inf)
 
     def prescribed_growth_rate(self, dK: Array) -> Array | None:
         """Growth a cycle by what the run was given: C and m, or m alone through the middle of the settled points."""
-        C, m = self.given.C, self.given.m
-        if m is None or (C is None and self.line is None):
+        C, m = self.prescribed_law.C, self.prescribed_law.m
+        if m is None or (C is None and self.paris_line is None):
             return None
         if C is not None:
             return np.asarray(C * dK**m)
-        assert self.line is not None
+        assert self.paris_line is not None
         rate, at = settled_rates_and_dK(self.growths, m)
         return np.asarray(np.exp(np.log(rate).mean()) * (dK / np.exp(np.log(at).mean())) ** m)
 
@@ -152,11 +154,11 @@ def tip_growths(
     growths = []
     for series in stress_intensities.follow_tips(results, [step for step in steps if step < len(N)], progress=progress):
         known_frames = np.flatnonzero((series.value["J"] > 0) & np.isfinite(series.place).all(axis=1))
-        if len(known_frames) < 2 or series.last is None:
+        if len(known_frames) < 2 or series.last_integrals is None:
             continue
         begins = series.front.tip_at(0.0)
         place = series.place[known_frames] if begins is None else np.vstack([begins.place, series.place[known_frames]])
-        K = np.sqrt(series.value["J"][known_frames] * series.last.effective_modulus)
+        K = np.sqrt(series.value["J"][known_frames] * series.last_integrals.effective_modulus)
         way = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(place, axis=0).T))])[-len(known_frames) :]
         least = SETTLED * model.horizon.ratio * float(results.nodes(int(steps[0])).delta.min())
         past_start = way[:-1] >= (least if model.run.cracks == "bonds" else 0.0)

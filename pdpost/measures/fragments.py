@@ -30,7 +30,7 @@ class Fragments(NamedTuple):
 
 
 def find_fragments(results: Results, step: int, cracked_separation: float = CRACKED) -> Fragments:
-    """The fragments after `step`: sound nodes linked along rows and columns, as in `cracks.is_split`."""
+    """The fragments after `step`: sound nodes linked along rows and columns, as in `cracks.plate_is_split`."""
     nodes, cracked = results.nodes(step), separation_at(results, step) > cracked_separation
     sound = np.flatnonzero(~cracked)
     piece = cluster_nodes(nodes.position[sound], nodes.delta[sound], link_distance=1.0)

@@ -54,7 +54,7 @@ def node_masses(results: Results, step: int) -> NDArray[np.float64]:
 
 def piece_of_node(opened_pairs: OpenedPairs) -> NDArray[np.int64]:
     """The number (n,) of the piece that each node is in."""
-    return connected(len(opened_pairs.sound), *opened_pairs.pairs[~opened_pairs.is_opened].T)
+    return connected(len(opened_pairs.is_sound_node), *opened_pairs.pairs[~opened_pairs.is_opened].T)
 
 
 def find_fragments(results: Results, step: int, opened_pairs: OpenedPairs) -> Fragments:

@@ -147,7 +147,7 @@ def front_points(nodes: Nodes, cracks: CracksInSpace, line: Polyline, horizon_ra
         near_crack = cracks.points[surface_tree.query_ball_point(point, WINDOW * horizon_ratio * spacing)]
         if len(near_front) < FEWEST or len(near_crack) < FEWEST:
             continue
-        place = _front_place(point, near_front, near_crack, before)
+        place = _fit_front_arc(point, near_front, near_crack, before)
         before = place.frame[1]
         arc_lengths.append(s)
         places.append(place)
@@ -161,7 +161,7 @@ def _places_on_line(
     return np.column_stack([np.interp(lengths, line_length_at_points, column) for column in line.T])
 
 
-def _front_place(
+def _fit_front_arc(
     point: NDArray[np.float64],
     near_front: NDArray[np.float64],
     near_crack: NDArray[np.float64],

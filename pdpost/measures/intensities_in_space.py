@@ -50,15 +50,15 @@ class FrontIntensities(NamedTuple):
     name: str
     step: int
     time: float  # s
-    along: NDArray[np.float64]  # (k,) m, from the first end of the front
+    length_along: NDArray[np.float64]  # (k,) m, from the first end of the front
     place: NDArray[np.float64]  # (k, 3) m
-    growth: NDArray[np.float64]  # (k, 3) unit vectors across the front, in the plane of the crack
+    growth_direction: NDArray[np.float64]  # (k, 3) unit vectors across the front, in the plane of the crack
     normal: NDArray[np.float64]  # (k, 3) unit vectors: K2 and the angle are positive towards it
     value: dict[str, NDArray[np.float64]]  # (k,) each: J, K1, K2, K3, angle
     low: dict[str, NDArray[np.float64]]
     high: dict[str, NDArray[np.float64]]
-    of_K: NDArray[np.float64]  # (k,) J/m^2, (K1^2 + K2^2) / E' + K3^2 / 2 G
-    refused: tuple[str, ...]  # for each point why it has no room; "" if it has
+    J_from_K: NDArray[np.float64]  # (k,) J/m^2, (K1^2 + K2^2) / E' + K3^2 / 2 G
+    refusal_reasons: tuple[str, ...]  # for each point why it has no room; "" if it has
 
     @property
     def points_with_values(self) -> NDArray[np.int64]:
@@ -180,7 +180,9 @@ def _refusal_reasons(
             continue
         place = ", ".join(f"{x:.4g}" for x in front_place.place)
         wide = f"{LEAST:g} horizons, {least:.3g} m" if ring is None else f"{least:.3g} m"
-        said.append(f"{room.limit} is {room.radius:.3g} m from the front at ({place}) m; room of {wide} is needed")
+        said.append(
+            f"{room.nearest_obstacle} is {room.radius:.3g} m from the front at ({place}) m; room of {wide} is needed"
+        )
     return tuple(said)
 
 
@@ -226,7 +228,7 @@ def _collect_intensities(
     points: FrontPoints,
     tube_integrals: list[list[FoundInSpace]],
     solids: list[Elastic],
-    refused: tuple[str, ...],
+    refusal_reasons: tuple[str, ...],
 ) -> FrontIntensities:
     columns = {quantity: np.full((3, len(tube_integrals)), np.nan) for quantity in NAMES}
     of_K = np.full(len(tube_integrals), np.nan)
@@ -245,7 +247,7 @@ def _collect_intensities(
         step * float(results.meta()["time_step"]),
     )
     return FrontIntensities(
-        name, step, time, points.along, place, frames[:, 0], frames[:, 1], value, low, high, of_K, refused
+        name, step, time, points.along, place, frames[:, 0], frames[:, 1], value, low, high, of_K, refusal_reasons
     )
 
 
@@ -255,4 +257,4 @@ def _keep_only_J(front: FrontIntensities) -> FrontIntensities:
         {name: numbers if name == "J" else np.full_like(numbers, np.nan) for name, numbers in columns.items()}
         for columns in (front.value, front.low, front.high)
     )
-    return front._replace(value=value, low=low, high=high, of_K=np.full_like(front.of_K, np.nan))
+    return front._replace(value=value, low=low, high=high, J_from_K=np.full_like(front.J_from_K, np.nan))

@@ -59,14 +59,14 @@ def main_direction(lines: Sequence[Polyline]) -> str:
 
 def _mean_and_largest_distance(lines: Sequence[Polyline], others: Sequence[Polyline]) -> tuple[float, float]:
     """Mean and largest distance from points of `lines` to the nearest points of `others`, m."""
-    points, weight = _sample_points(lines)
+    points, weight = _sample_points_and_lengths(lines)
     start = np.concatenate([line[:-1] if len(line) > 1 else line for line in others])
     end = np.concatenate([line[1:] if len(line) > 1 else line for line in others])
     nearest = distances_to_nearest_segment(points, start, end)
     return float(np.average(nearest, weights=weight)), float(nearest.max())
 
 
-def _sample_points(lines: Sequence[Polyline]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def _sample_points_and_lengths(lines: Sequence[Polyline]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Sample points of lines, including their corners, and the length that each stands for, m."""
     pieces = [np.hypot(*np.diff(line, axis=0).T) for line in lines]
     total_length = sum(float(piece.sum()) for piece in pieces)

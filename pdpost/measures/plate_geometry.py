@@ -28,8 +28,8 @@ class PlateGeometry(NamedTuple):
     edges: tuple[NDArray[np.float64], ...]  # (k, 2) each: outline and holes; none if the model has none
     cracks: NDArray[np.float64]  # (k, 4) segments of pre-cracks
     shape: shapely.Geometry  # all that is plate
-    adapts: bool  # whether a zone of finer nodes moves
-    splits: bool  # whether its cells split, so that there are zones within zones
+    has_moving_zone: bool  # whether a zone of finer nodes moves
+    has_splitting_cells: bool  # whether its cells split, so that there are zones within zones
 
 
 class VoronoiCells(NamedTuple):

@@ -26,12 +26,12 @@ class RunGroup(NamedTuple):
     series: str  # the values of what else was varied
     value: Any  # of the parameter; None where it was not given
     numbers: list[int]  # of the runs (k,), in the table
-    measured: NDArray[np.float64]  # (k,) SI units; NaN where it did not happen
+    measured_values: NDArray[np.float64]  # (k,) SI units; NaN where it did not happen
 
     @property
     def known_values(self) -> NDArray[np.float64]:
         """Values (m,) of the runs that have one."""
-        return self.measured[np.isfinite(self.measured)]
+        return self.measured_values[np.isfinite(self.measured_values)]
 
     @property
     def median(self) -> float:

@@ -22,7 +22,7 @@ class PlaneCut(NamedTuple):
     delta: NDArray[np.float64]  # (k,) m
     values: NDArray[np.float64]  # (k,) SI
     axes: str  # the two along the plane
-    at: float  # m, along the third
+    plane_position: float  # m, along the third
 
 
 def expect_body(results: Results) -> None:

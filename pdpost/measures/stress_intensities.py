@@ -58,15 +58,15 @@ class IntensityHistory(NamedTuple):
     value: dict[str, NDArray[np.float64]]  # (t,) each: J, K1, K2, T, angle
     low: dict[str, NDArray[np.float64]]
     high: dict[str, NDArray[np.float64]]
-    last: RingIntegrals | None  # of the last frame with room
-    refused: str  # why there was no room, the last time, and what would give it; "" if there always was
-    of_K: NDArray[np.float64]  # (t,) J/m^2, (K1^2 + K2^2) / E', which J is of a crack at rest in a classical plate
+    last_integrals: RingIntegrals | None  # of the last frame with room
+    refusal_reason: str  # why there was no room, the last time, and what would give it; "" if there always was
+    J_from_K: NDArray[np.float64]  # (t,) J/m^2, (K1^2 + K2^2) / E', which J is of a crack at rest in a classical plate
 
     @property
     def K_differs_from_J(self) -> NDArray[np.bool_]:
         """Frames (t,) with (K1^2 + K2^2)/E' outside the band of J. Trust J there: it needs no auxiliary field."""
         slack = ROUND_OFF * np.abs(self.value["J"])
-        return (self.of_K < self.low["J"] - slack) | (self.of_K > self.high["J"] + slack)
+        return (self.J_from_K < self.low["J"] - slack) | (self.J_from_K > self.high["J"] + slack)
 
 
 NAMES = ("J", "K1", "K2", "T", "angle")
@@ -97,7 +97,7 @@ def follow_tips(
     if not chosen:
         raise ResultsError(f"{results.name}: no tip of a crack is inside the plate; use a frame with one")
     obstacles = TipObstacles(results, every)
-    state = FrameFields(results)
+    state = CachedFrameFields(results)
     got: list[list[RingIntegrals | None]] = [[] for _ in chosen]
     refused = [""] * len(chosen)
     for step in progress(list(steps)):
@@ -120,7 +120,7 @@ def follow_tips(
     ]
 
 
-class FrameFields:
+class CachedFrameFields:
     """The fields of a frame as the integrals need them, cached for one frame."""
 
     def __init__(self, results: Results) -> None:
@@ -136,7 +136,7 @@ class FrameFields:
         nodes = self._results.nodes(step)
         every, near = elastic_constants(self._results, step), nearest_node(nodes, tip.place)
         elastic = Elastic(float(every.E[near]), float(every.nu[near]), every.plane)
-        ring_integrals = tuple(integrals(self._sampled, tip.place, tip.way, ring, elastic) for ring in rings)
+        ring_integrals = tuple(integrals(self._sampled, tip.place, tip.direction, ring, elastic) for ring in rings)
         return RingIntegrals(tip, rings, ring_integrals, elastic.effective_modulus, self._sampled.work is not None)
 
     def _sample_fields(self, step: int) -> Sampled:
@@ -181,7 +181,7 @@ def _refusal_reason(results: Results, step: int, tip: Tip, room: UndisturbedRoom
     if room.radius >= least * (1 - ROUND_OFF):
         return ""
     where = f"{room.radius:.3g} m from" if room.radius > ROUND_OFF * spacing else "at"
-    message = f"{room.limit} is {where} the tip at ({x:.4g}, {y:.4g}) m; it needs room of"
+    message = f"{room.nearest_obstacle} is {where} the tip at ({x:.4g}, {y:.4g}) m; it needs room of"
     if ring is not None:
         return f"{message} {least:.3g} m"
     enough, finer = room.radius / (LEAST * ratio), ""
@@ -203,11 +203,11 @@ def _choose_rings(results: Results, step: int, tip: Tip, room: UndisturbedRoom, 
 
 
 def _collect_history(
-    front: TipHistory,
+    tip: TipHistory,
     steps: NDArray[np.int64],
     time_step: float,
     frame_integrals: list[RingIntegrals | None],
-    refused: str,
+    refusal_reason: str,
 ) -> IntensityHistory:
     columns = {name: np.full((3, len(steps)), np.nan) for name in NAMES}
     places, of_K = np.full((len(steps), 2), np.nan), np.full(len(steps), np.nan)
@@ -221,4 +221,6 @@ def _collect_history(
         of_K[at] = (columns["K1"][0, at] ** 2 + columns["K2"][0, at] ** 2) / rings.effective_modulus
     value, low, high = ({name: column[row] for name, column in columns.items()} for row in range(3))
     last = next((rings for rings in reversed(frame_integrals) if rings is not None), None)
-    return IntensityHistory(front, steps, np.asarray(steps * time_step), places, value, low, high, last, refused, of_K)
+    return IntensityHistory(
+        tip, steps, np.asarray(steps * time_step), places, value, low, high, last, refusal_reason, of_K
+    )

@@ -37,17 +37,17 @@ class TipHistory:
     start: NDArray[np.float64] | None  # (2,) m: the tip of the pre-crack
     heading: NDArray[np.float64]  # (2,) unit vector it arrives there with; of a branch alone, its first direction
     branch: Branch | None
-    last: float  # s: up to when it was there, before it forked or met another crack or an edge; inf if it still is
+    last_time: float  # s: up to when it was there, before it forked or met another crack or an edge; inf if it still is
 
     def tip_at(self, time: float) -> Tip | None:
         """The tip at a time, s; None before it exists and after it ends."""
         branch = self.branch
         if branch is None or time < branch.time[0]:
             return None if self.start is None else Tip(self.start, self.heading)
-        if time > self.last:
+        if time > self.last_time:
             return None
         place = points_passed(branch, time)
-        if branch.exact:
+        if branch.is_of_particles:
             return Tip(place[-1], branch.direction[len(place) - 1])
         back = branch.along[min(len(place), len(branch.along)) - 1] - branch.along[: len(place)]
         near = place[back <= ARM * branch.spacing[min(len(place), len(branch.along)) - 1]]
@@ -61,14 +61,14 @@ class Tip(NamedTuple):
     """Position of a tip and the direction in which it arrived."""
 
     place: NDArray[np.float64]  # (2,) m
-    way: NDArray[np.float64]  # (2,) unit vector
+    direction: NDArray[np.float64]  # (2,) unit vector
 
 
 class UndisturbedRoom(NamedTuple):
     """Radius around a tip that holds only elastic plate and the tip's own straight crack."""
 
     radius: float  # m
-    limit: str  # what is there
+    nearest_obstacle: str  # what is there
 
 
 def tip_histories(results: Results, step: int) -> list[TipHistory]:
@@ -99,9 +99,9 @@ def tip_histories(results: Results, step: int) -> list[TipHistory]:
 
 def _last_tip_time(results: Results, branch: Branch, branches: Sequence[Branch]) -> float:
     """The last time, s, at which the tip of a branch existed."""
-    arms = [other_branch for other_branch in branches if other_branch.begin == branch.end]
-    if not branch.exact:
-        met = any(other_branch.end == branch.end for other_branch in branches if other_branch is not branch)
+    arms = [other_branch for other_branch in branches if other_branch.begin_joint == branch.end_joint]
+    if not branch.is_of_particles:
+        met = any(other_branch.end_joint == branch.end_joint for other_branch in branches if other_branch is not branch)
         return float(branch.time[-1]) if arms or met else np.inf
     if arms:
         return float(np.nextafter(arms[0].time[0], 0))
@@ -127,7 +127,7 @@ def points_passed(branch: Branch, time: float) -> NDArray[np.float64]:
     """Points (k, 2) of a branch up to its tip's position at a time, s, and at least the first."""
     count = int(np.searchsorted(branch.time, time, side="right"))
     place = branch.place[:count]
-    if count < len(branch.time) and not branch.exact:
+    if count < len(branch.time) and not branch.is_of_particles:
         share = (time - branch.time[count - 1]) / (branch.time[count] - branch.time[count - 1])
         if share > 0:
             place = np.vstack([place, place[-1] + share * (branch.place[count] - place[-1])])
@@ -177,7 +177,7 @@ class TipObstacles:
         share = np.concatenate([np.linspace(0, 1, number) for number in count]) if len(count) else np.zeros(0)
         start, end = (np.repeat(every[:, side], count, axis=0) for side in (0, 1))
         away = start + share[:, None] * (end - start) - tip.place
-        along, across = away @ tip.way, away @ np.array([-tip.way[1], tip.way[0]])
+        along, across = away @ tip.direction, away @ np.array([-tip.direction[1], tip.direction[0]])
         behind_tip = (along < spacing) & (np.abs(across) <= np.maximum(BESIDE * spacing, SLANT * np.abs(along)))
         return np.asarray((away + tip.place)[~behind_tip])
 

@@ -48,11 +48,11 @@ class Branch:
     along: NDArray[np.float64]  # (k,) length from the beginning of the crack, m, over its parents
     speed: TipSpeeds  # (k,) m/s
     spacing: NDArray[np.float64]  # (k,) m, of the nodes there
-    line: NDArray[np.bool_]  # (k,) False where so much is cracked that there is no line to tell
-    begin: int  # number of the joint it begins at
-    end: int  # number of the joint it ends at
-    exact: bool = False  # whether these are particles, so that the tip was at each, and nowhere between
-    inside: int | None = None  # how many points come before the edge that the crack runs into; None: all
+    is_line: NDArray[np.bool_]  # (k,) False where so much is cracked that there is no line to tell
+    begin_joint: int  # number of the joint it begins at
+    end_joint: int  # number of the joint it ends at
+    is_of_particles: bool = False  # whether these are particles, so that the tip was at each, and nowhere between
+    points_before_edge: int | None = None  # how many points come before the edge that the crack runs into; None: all
 
     @property
     def length(self) -> float:
@@ -66,7 +66,7 @@ class Branch:
         A crack that runs into an edge has arrived when its tip is a horizon away. The last nodes, whose families the
         edge cuts, come off later, as the two sides part.
         """
-        along, time, line = (column[: self.inside] for column in (self.along, self.time, self.line))
+        along, time, line = (column[: self.points_before_edge] for column in (self.along, self.time, self.is_line))
         took = float(time[-1] - time[0])
         return float(along[-1] - along[0]) / took if took > 0 and line.all() else None
 
@@ -121,7 +121,9 @@ def crack_branches(results: Results, step: int | None = None, threshold: float =
         reached[chain[-1]] = min(arrival, reached.get(chain[-1], arrival))
     if branches:
         edges, ratio = read_plate_geometry(results).shape.boundary, read(results, _HorizonKeys).horizon.ratio
-        branches = [replace(branch, inside=_count_points_before_edge(branch, edges, ratio)) for branch in branches]
+        branches = [
+            replace(branch, points_before_edge=_count_points_before_edge(branch, edges, ratio)) for branch in branches
+        ]
     return sorted(branches, key=lambda branch: -branch.length)
 
 
@@ -139,9 +141,9 @@ def find_forks(branches: Sequence[Branch]) -> list[Fork]:
     Directions are those of straight lines through the ten spacings next to the fork.
     """
     fork_list = []
-    for joint in sorted({branch.begin for branch in branches}):
-        arms = [branch for branch in branches if branch.begin == joint]
-        stems = [branch for branch in branches if branch.end == joint]
+    for joint in sorted({branch.begin_joint for branch in branches}):
+        arms = [branch for branch in branches if branch.begin_joint == joint]
+        stems = [branch for branch in branches if branch.end_joint == joint]
         if len(arms) < 2 or not stems:
             continue
         came = -np.sum([_initial_direction(stem.place[::-1], ARM * stem.spacing[-1]) for stem in stems], axis=0)
@@ -176,7 +178,7 @@ def _branches_of_particles(results: Results, particles: Particles) -> list[Branc
         line, ways = np.ones(len(chain), dtype=bool), (arms / far[:, None])[[0, *range(len(arms))]]
         fast = tip_speeds(along, time, spacing[chain], line, time_step)
         points = place[chain], time, ways, along, fast, spacing[chain], line
-        branches.append(Branch(*points, begin, chain[-1], exact=True))
+        branches.append(Branch(*points, begin, chain[-1], is_of_particles=True))
     return sorted(branches, key=lambda branch: -branch.length)
 
 
@@ -218,7 +220,7 @@ def _points_of_chain(
 def _merge_to_point(cracked: CrackedNodes, rows: NDArray[np.int64]) -> _Point:
     """The centre of nodes; the time is the mean over spacings of length of the first node in each."""
     layer, delta = np.floor(cracked.level[rows] + ROUND_OFF), cracked.delta[rows]
-    steps = [int(cracked.reached[rows][layer == number].min()) for number in np.unique(layer)]
+    steps = [int(cracked.reached_step[rows][layer == number].min()) for number in np.unique(layer)]
     place = np.average(cracked.position[rows], axis=0, weights=cracked.damage[rows])
     width = float((delta**2).sum() / delta.mean() ** 2) / SLAB
     return _Point(place, float(np.mean(steps)), float(delta.mean()), width <= WIDE)

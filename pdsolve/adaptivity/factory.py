@@ -6,7 +6,7 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 from pdsolve.adaptivity.hybrid.operator import HybridOperator
-from pdsolve.adaptivity.hybrid.prepare import create_hybrid_operator
+from pdsolve.adaptivity.hybrid.prepare import create_hybrid_operator_and_stable_step
 from pdsolve.model import Model
 
 if TYPE_CHECKING:
@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     Moving = HybridOperator | CollocationOperator
 
 
-def create_zone_operator(
+def create_zone_operator_and_stable_step(
     model: Model, mode: str, precision: str, choose_step: Callable[[Model, float], float], threads: int
 ) -> tuple[Moving, float]:
     """The operator at the start that `run.adapt` selects, and the surely stable step, s; `choose_step` takes it.
@@ -23,7 +23,9 @@ def create_zone_operator(
     Raises ModelError for a model that the method does not support.
     """
     if model.settings.run.adapt == "collocation":
-        from pdsolve.adaptivity.collocation.prepare import create_collocation_operator  # few runs need it
+        from pdsolve.adaptivity.collocation.prepare import (
+            create_collocation_operator_and_stable_step,
+        )  # few runs need it
 
-        return create_collocation_operator(model, mode, precision, choose_step, threads)
-    return create_hybrid_operator(model, mode, precision, choose_step, threads)
+        return create_collocation_operator_and_stable_step(model, mode, precision, choose_step, threads)
+    return create_hybrid_operator_and_stable_step(model, mode, precision, choose_step, threads)

@@ -48,18 +48,18 @@ class Swelling:
         motion: Stepper,
         bonds: Swollen,
         model: Model,
-        cycle: int = 1,
+        steps_per_content_step: int = 1,
         broken: BrokenBonds | None = None,
         free: NDArray[np.bool_] | None = None,
     ) -> None:
-        """`content` takes steps that are `cycle` of the motion long.
+        """`content` takes steps that are `steps_per_content_step` of the motion long.
 
         `model` has the materials, each with alpha and T0. `broken` bonds conduct less; None: all conduct alike.
         `free` (n,) are the nodes whose content is not prescribed; None: all.
         """
         self._broken, self._free = broken, np.ones(len(model.grid), dtype=np.bool_) if free is None else free
         self._content, self._h = content, content_state
-        self.motion, self.cycle, self._bonds = motion, cycle, bonds
+        self.motion, self.steps_per_content_step, self._bonds = motion, steps_per_content_step, bonds
         self._alpha, self._T0 = coefficients(model)
         medium = model.settings.medium
         assert medium is not None
@@ -92,7 +92,7 @@ class Swelling:
         """Take the steps `first` to `last` - 1 of both, in place; `state` is that of the motion."""
         step, strain_energy = first, None
         while step < last:
-            until = min(last, step + (self.cycle // 2 + 1 - step) % self.cycle)
+            until = min(last, step + (self.steps_per_content_step // 2 + 1 - step) % self.steps_per_content_step)
             if until > step:
                 self.motion.advance(state, step, until)
                 step, strain_energy = until, None
@@ -118,7 +118,9 @@ class Swelling:
             change = np.where(self._free, self._T0 * self._alpha / self._capacity * slope_change, 0.0)
             self._h.value[:, 0] += change
             self._h.work[:] += change
-        self._content.advance(self._h, (step - 1) // self.cycle + 1, (step - 1) // self.cycle + 2)
+        self._content.advance(
+            self._h, (step - 1) // self.steps_per_content_step + 1, (step - 1) // self.steps_per_content_step + 2
+        )
         strain = self._strain()
         state.work[:] += (self._held(state, strain) - strain_energy) / 2
 

@@ -33,7 +33,7 @@ def motion_file(path: Path) -> Path:
     return path.with_name(f"{path.stem}_motion{path.suffix}")
 
 
-def motion_follows(path_results: Results) -> bool:
+def is_motion_to_follow(path_results: Results) -> bool:
     """Whether a motion is to follow the run in these results. Raises ResultsError."""
     if path_results.meta().get("status") != "finished" or path_results.summary().get("lost") is None:
         return False

@@ -58,7 +58,7 @@ class RankCoupling(NamedTuple):
 
     ghosts: Ghosts
     damping: NDArray[np.float64]  # (n,) 1/s, of layers that may reach beyond the window
-    damps: bool  # whether a node of any rank is damped
+    any_rank_damps: bool  # whether a node of any rank is damped
 
 
 def assemble_motion(model: Model, options: Options, scheme: Scheme) -> Prepared:
@@ -80,15 +80,15 @@ def assemble_system(
     scheme: Scheme,
     operator: Operator,
     counted: Counted,
-    step: float,
-    bound: float,
+    time_step: float,
+    stable_step: float,
     *,
     conditions: Drive | None = None,
     rank_coupling: RankCoupling | None = None,
 ) -> Prepared:
     """The system of a model with this operator, and its state.
 
-    `step`, s, is the run's and `bound` the surely stable one; `conditions` are given if not those of the model;
+    `time_step`, s, is the run's, `stable_step` the surely stable one; `conditions` are given if not those of the model;
     `rank_coupling` is what a window has to do with other ranks.
     """
     kind = np.dtype(options.precision).type
@@ -102,10 +102,10 @@ def assemble_system(
     state = State(u, v, initial_acceleration(conditions, rho), *np.zeros((3, nodes)))
     state, damped = operator.to_own_layout(state), damping(model) if rank_coupling is None else rank_coupling.damping
     set_initial_motion(state, velocity, damped, conditions)
-    stepper, conditions = make_stepper(operator, state, conditions, rho, step, damped, rank_coupling)
+    stepper, conditions = make_stepper_and_drive(operator, state, conditions, rho, time_step, damped, rank_coupling)
     energy = float(np.sum(model.rho / 2 * counted.area * (velocity**2).sum(axis=1))) if velocity.any() else 0.0
     refuse_fields(model, operator, state)
-    system = System(model, options, scheme, operator, stepper, conditions, *counted, step, bound, energy)
+    system = System(model, options, scheme, operator, stepper, conditions, *counted, time_step, stable_step, energy)
     stepper.advance(state, 1, 1)  # no step: compiles before the clock runs
     return Prepared(system, state)
 
@@ -130,7 +130,7 @@ def choose_time_step(model: Model, stable_time_step: float) -> float:
     return step
 
 
-def make_stepper(
+def make_stepper_and_drive(
     operator: Operator,
     state: State,
     drive: Drive,
@@ -145,7 +145,7 @@ def make_stepper(
     `rank_coupling` is what a window has to do with other ranks.
     """
     ghosts, damps = (
-        (None, bool(damping.any())) if rank_coupling is None else (rank_coupling.ghosts, rank_coupling.damps)
+        (None, bool(damping.any())) if rank_coupling is None else (rank_coupling.ghosts, rank_coupling.any_rank_damps)
     )
     if isinstance(operator, OnDevice):
         return VerletOnDevice((operator, state, drive), rho, time_step, damping), drive

@@ -13,7 +13,7 @@ from pdsolve.adaptivity.hybrid.space.prepare import create_current_drive
 from pdsolve.errors import CheckpointError
 from pdsolve.operators.protocol import CheckpointArrays
 from pdsolve.run.assembly import assemble_system
-from pdsolve.run.energy_steps import conserved_energy, kick_work
+from pdsolve.run.energy_steps import conserved_energy, half_kick_work
 from pdsolve.run.node_changes import NodeChange
 from pdsolve.run.system import Prepared, System
 from pdsolve.state import State, zero_state
@@ -30,7 +30,7 @@ class BodyRefinement:
         new = before.mark_cells_to_refine(state, step - self.every)
         if not len(new):
             return None
-        energy_before = conserved_energy(system, state, before.energies_around(state, new))
+        energy_before = conserved_energy(system, state, before.energies_near_new_cells(state, new))
         after = before.refine(new)
         fresh = _system_of_operator(system, after, step)
         rows = before.current_rows(after.rows)
@@ -38,7 +38,7 @@ class BodyRefinement:
         for density_after, density_before in zip(booked, state[3:], strict=True):
             density_after[old] = density_before[rows[old]] * before.volume[rows[old]] / after.volume[old]
         new_state = State(*(before.interpolate_at_rows(after.rows, values) for values in state[:3]), *booked)
-        pull, which = after.forces_around(new_state, new)
+        pull, which = after.force_densities_near_new_cells(new_state, new)
         # What holds a node is known where forces are; elsewhere it stays
         previous_holds, drive = system.drive.holds, fresh.drive
         previous_force = np.zeros_like(system.drive.force)
@@ -47,9 +47,9 @@ class BodyRefinement:
         known_force = (pull + drive.force)[node, axis]
         drive.held_force[:] = np.where(which[node], known_force, previous_force[rows[node], axis])
         energy_created = (
-            conserved_energy(fresh, new_state, after.energies_around(new_state, new))
+            conserved_energy(fresh, new_state, after.energies_near_new_cells(new_state, new))
             - energy_before
-            + kick_work(fresh, new_state, pull, which)
+            + half_kick_work(fresh, new_state, pull, which)
         )
         after.history = after.history._replace(refinement_energy=after.history.refinement_energy + energy_created)
         return NodeChange(fresh, new_state, _previous_rows_with_same_bonds(system, fresh, rows))

@@ -12,7 +12,7 @@ from pdsolve.adaptivity.quadtree.incremental_bonds import create_leaf_bonds, upd
 from pdsolve.adaptivity.quadtree.inherited_cracks import PastBonds, bond_sources, count_healed_bonds, inherit_breaks
 from pdsolve.adaptivity.quadtree.interpolation import interpolate_state
 from pdsolve.adaptivity.quadtree.leaf_mapping import LeafOrigins, map_leaves
-from pdsolve.adaptivity.quadtree.operator import LeafHistory, LeafOperator, read_history
+from pdsolve.adaptivity.quadtree.operator import LeafHistory, LeafOperator, read_leaf_history
 from pdsolve.adaptivity.quadtree.tree import Cells
 from pdsolve.checkpoint_validation import entry
 from pdsolve.conditions import put_loads
@@ -20,7 +20,7 @@ from pdsolve.errors import CheckpointError, UnstableError
 from pdsolve.operators.protocol import CheckpointArrays
 from pdsolve.run.assembly import assemble_system
 from pdsolve.run.energy_steps import conserved_energy as energy_of
-from pdsolve.run.energy_steps import kick_work
+from pdsolve.run.energy_steps import half_kick_work
 from pdsolve.run.node_changes import NodeChange
 from pdsolve.run.operator_factory import largest_stable_step
 from pdsolve.run.system import Prepared, System
@@ -47,18 +47,20 @@ class CellSplitting:
         else:
             height = criteria.relative_stretches(self.tree, operator.cells, operator.list, before.broken, state.value)
         model = system.model
-        look = criteria.LeafStates(operator.cells, model.grid.position, model.horizons, height, before.hurt)
-        operator.history = operator.history._replace(
-            calm_checks=np.where(look.height < wanted.merge, operator.history.calm_checks + 1, 0)
+        leaf_states = criteria.LeafStates(
+            operator.cells, model.grid.position, model.horizons, height, before.has_broken_bond
         )
-        splits = criteria.mask_leaves_to_split(self.tree, look, wanted.threshold)
+        operator.history = operator.history._replace(
+            calm_checks=np.where(leaf_states.criterion_value < wanted.merge, operator.history.calm_checks + 1, 0)
+        )
+        splits = criteria.mask_leaves_to_split(self.tree, leaf_states, wanted.threshold)
         merged = criteria.list_cells_to_merge(
-            self.tree, look, operator.history.calm_checks >= wanted.hold, splits, wanted.threshold
+            self.tree, leaf_states, operator.history.calm_checks >= wanted.hold, splits, wanted.threshold
         )
         if not splits.any() and not len(merged.root):
             return None
-        cells, transfer = map_leaves(self.tree, operator.cells, splits, merged)
-        return self._make_change(system, state, step, cells, transfer, before, energy)
+        cells, origins = map_leaves(self.tree, operator.cells, splits, merged)
+        return self._make_change(system, state, step, cells, origins, before, energy)
 
     def _make_change(
         self,
@@ -66,33 +68,33 @@ class CellSplitting:
         state: State,
         step: int,
         cells: Cells,
-        transfer: LeafOrigins,
-        before: PastBonds,
-        energies_before: NDArray[np.float64],
+        origins: LeafOrigins,
+        old_bonds: PastBonds,
+        old_energies: NDArray[np.float64],
     ) -> NodeChange:
         """The leaves `cells` after this step, made from the bonds before and their energies (n,), J/m^3."""
         old_operator = leaf_operator(system)
-        new, begun = self._prepare_cells(system, cells, transfer)
+        new, begun = self._prepare_cells(system, cells, origins)
         operator = leaf_operator(new)
-        broken = inherit_breaks(before, operator.list, transfer)
-        assert not count_healed_bonds(before, operator.list, transfer, broken), f"step {step}: a bond has healed"
+        broken = inherit_breaks(old_bonds, operator.list, origins)
+        assert not count_healed_bonds(old_bonds, operator.list, origins, broken), f"step {step}: a bond has healed"
         operator.set_break_steps(broken)
         for values, moved_values in zip(
-            begun, interpolate_state(state, transfer, old_operator.list, before.broken == 0), strict=True
+            begun, interpolate_state(state, origins, old_operator.list, old_bonds.broken == 0), strict=True
         ):
             values[:] = moved_values
         new.drive.held_force[:] = system.drive.held_force
         put_loads(new.drive, step * system.time_step)
-        created = energy_of(new, begun, operator.energies(begun)[0]) - energy_of(system, state, energies_before)
-        created += kick_work(
+        created = energy_of(new, begun, operator.energies(begun)[0]) - energy_of(system, state, old_energies)
+        created += half_kick_work(
             new, begun, force_densities(operator, begun._replace(dissipated=np.zeros_like(begun.dissipated)))
         )
-        calm = np.where(transfer.stays, old_operator.history.calm_checks[transfer.before[:, 0]], 0)
+        calm = np.where(origins.stays, old_operator.history.calm_checks[origins.origin_rows[:, 0]], 0)
         operator.history = LeafHistory(calm, old_operator.history.created_energy + created)
-        return NodeChange(new, begun, self._previous_rows_with_same_bonds(system, new, transfer))
+        return NodeChange(new, begun, self._previous_rows_with_same_bonds(system, new, origins))
 
-    def _prepare_cells(self, system: System, cells: Cells, transfer: LeafOrigins | None = None) -> Prepared:
-        """The system of these leaves at rest; `transfer` is their origin, if any.
+    def _prepare_cells(self, system: System, cells: Cells, origins: LeafOrigins | None = None) -> Prepared:
+        """The system of these leaves at rest; `origins` is their origin, if any.
 
         Raises UnstableError if the run's step is too long for it.
         """
@@ -101,8 +103,8 @@ class CellSplitting:
         rule = system.scheme.by_pairs(model)
         bonds = (
             create_leaf_bonds(rule)
-            if transfer is None
-            else update_leaf_bonds(rule, model, leaf_operator(system).filled, transfer)
+            if origins is None
+            else update_leaf_bonds(rule, model, leaf_operator(system).filled, origins)
         )
         operator = LeafOperator(tree, cells, model, bonds, system.scheme, threads)
         steps = system.time_step, system.stable_time_step
@@ -116,24 +118,24 @@ class CellSplitting:
         return Prepared(dataclasses.replace(rest.system, full_model=tree.model), rest.state)
 
     def _previous_rows_with_same_bonds(
-        self, old_system: System, new_system: System, transfer: LeafOrigins
+        self, old_system: System, new_system: System, origins: LeafOrigins
     ) -> NDArray[np.int64]:
         """Former rows (m,) of nodes that keep their bonds; -1 for others."""
         before, now = leaf_operator(old_system).list, leaf_operator(new_system).list
-        origin = np.where(transfer.stays, transfer.before[:, 0], -1)
+        origin = np.where(origins.stays, origins.origin_rows[:, 0], -1)
         removed = np.ones(len(before.start) - 1, dtype=bool)
-        removed[origin[transfer.stays]] = False
+        removed[origin[origins.stays]] = False
         changed = np.zeros(len(origin), dtype=bool)
-        changed[bond_sources(now)[~transfer.stays[now.neighbour]]] = True
+        changed[bond_sources(now)[~origins.stays[now.neighbour]]] = True
         lost = np.zeros(len(removed), dtype=bool)
         lost[bond_sources(before)[removed[before.neighbour]]] = True
-        same = transfer.stays & ~changed & ~lost[origin] & (old_system.family[origin] == new_system.family)
+        same = origins.stays & ~changed & ~lost[origin] & (old_system.family[origin] == new_system.family)
         return np.where(same, origin, -1)
 
     def restore_system(self, system: System, checkpoint: CheckpointArrays) -> Prepared:
         """The system of a checkpoint's cells. Raises CheckpointError for ids that are no set of leaves."""
         ids = entry(checkpoint, "ids", (None,), np.int64)
-        memory, cells = read_history(checkpoint, len(ids)), self.tree.leaves(ids)
+        memory, cells = read_leaf_history(checkpoint, len(ids)), self.tree.leaves(ids)
         if cells is None:
             raise CheckpointError("ids of cells are no whole plate; they must be those of its leaves in order")
         prepared = self._prepare_cells(system, cells)

@@ -20,7 +20,7 @@ def conserved_energy(system: System, state: State, strain_energy: NDArray[np.flo
     return kinetic_energy(mass, state.rate) - swing + float(np.sum(system.area * strain_energy))
 
 
-def kick_work(
+def half_kick_work(
     system: System, state: State, force_density: NDArray[np.float64], is_counted: NDArray[np.bool_] | None = None
 ) -> float:
     """Work, J/m, in the next half kick of interpolated accelerations that differ from those of the forces.

@@ -127,7 +127,7 @@ def estimate_run(model: Model, options: Options = DEFAULT) -> Plan:
         system = prepare(model, options).system
         model = system.model
         if isinstance(system.stepper, Swelling) and system.load_steps is None:
-            cycle = system.stepper.cycle
+            cycle = system.stepper.steps_per_content_step
         in_blocks |= paired and system.operator.name == "blocks"
         count, family, settings = system.count, system.family, system.model.settings
         bound, step = system.stable_time_step, system.time_step

@@ -30,7 +30,7 @@ class DisplacementRange(NamedTuple):
 
     least: tuple[float, ...]
     most: tuple[float, ...]
-    kind: str
+    dtype: str
 
 
 def displacement_range(u: NDArray[np.floating]) -> DisplacementRange:
@@ -71,7 +71,7 @@ class MotionChecks:
         """Whether warnings of inverted triangles, and of displacements too large for their precision, are given."""
         return self._said, self._vague
 
-    def check_motion(self, u: NDArray[np.floating], broken: Broken, step: int) -> None:
+    def warn_of_unreliable_motion(self, u: NDArray[np.floating], broken: Broken, step: int) -> None:
         """Warn of inverted triangles, and of displacements too large for their precision.
 
         `u` (n, d) are the displacements, m; `broken` are all broken bonds. For bodies in space, only the precision is
@@ -109,12 +109,12 @@ class MotionChecks:
     def warn_of_imprecision(self, displacements: DisplacementRange, step: int) -> None:
         """Warn, once, of displacements too large for their precision."""
         largest = max(abs(value) for value in (*displacements.least, *displacements.most))
-        error = float(np.finfo(displacements.kind).eps * largest)
+        error = float(np.finfo(displacements.dtype).eps * largest)
         if not self._vague and error > FRACTION * self._breaking:
             self._vague = True
             warn(
                 self._model,
-                f"step {step}: displacements reach {largest:.3g} m, which {displacements.kind} knows to {error:.2g} m,"
+                f"step {step}: displacements reach {largest:.3g} m, which {displacements.dtype} knows to {error:.2g} m,"
                 f" and {FRACTION * self._breaking:.2g} m are needed: {self._breaking:.2g} m break a bond",
             )
 
@@ -170,7 +170,7 @@ class _NearestTriangles(NamedTuple):
     """For each node, a triangle with two of its nearest nodes not in line with it; t of them."""
 
     corners: NDArray[np.int64]  # (t, 3)
-    twice: NDArray[np.float64]  # (t,) twice its area, m^2, with the sign of its sense
+    double_areas: NDArray[np.float64]  # (t,) twice its area, m^2, with the sign of its sense
 
 
 def _largest_triangles(position: NDArray[np.float64], least_double_area: float, local_rows: slice) -> _NearestTriangles:

@@ -39,13 +39,16 @@ def inverted_lattice_triangles(
 @cached_njit(nogil=True, error_model="numpy")
 def _list_inverted_triangles(position, u, low, high, least_double_area, excluded, corners):  # type: ignore[no-untyped-def]
     """List inverted triangles as far as there is room; returns how many there are, -1 off a lattice."""
-    key = np.empty(len(position), np.int64)
-    stride, count = _number_lattice_sites(position, key), 0
+    site_numbers = np.empty(len(position), np.int64)
+    stride, count = _number_lattice_sites(position, site_numbers), 0
     if stride == 0:
         return -1
-    at = np.zeros((2, 4), np.int64)
+    search_positions = np.zeros((2, 4), np.int64)
     for n in range(len(position)):
-        a, b = _nearest_along_axis(key, at[0], n, 1), _nearest_along_axis(key, at[1], n, stride)
+        a, b = (
+            _find_neighbour_along_axis(site_numbers, search_positions[0], n, 1),
+            _find_neighbour_along_axis(site_numbers, search_positions[1], n, stride),
+        )
         before = _double_area(position, u, 0.0, n, a, b)
         if (
             low <= n < high
@@ -60,7 +63,7 @@ def _list_inverted_triangles(position, u, low, high, least_double_area, excluded
 
 
 @njit(**INNER)
-def _number_lattice_sites(position, key):  # type: ignore[no-untyped-def]
+def _number_lattice_sites(position, site_numbers):  # type: ignore[no-untyped-def]
     """Number the nodes (n,) row by row; returns the step from a row to the next, 0 off a lattice."""
     x0, y0, x1, spacing = np.inf, np.inf, -np.inf, np.inf
     for n in range(len(position)):
@@ -74,22 +77,25 @@ def _number_lattice_sites(position, key):  # type: ignore[no-untyped-def]
     for n in range(len(position)):
         x, y = (position[n, 0] - x0) / spacing, (position[n, 1] - y0) / spacing
         column, row = np.rint(x), np.rint(y)
-        key[n] = int(row) * stride + int(column)
-        if max(abs(x - column), abs(y - row)) > ON_LATTICE or (n > 0 and key[n] <= key[n - 1]):
+        site_numbers[n] = int(row) * stride + int(column)
+        if max(abs(x - column), abs(y - row)) > ON_LATTICE or (n > 0 and site_numbers[n] <= site_numbers[n - 1]):
             return 0
     return stride
 
 
 @njit(**INNER)
-def _nearest_along_axis(key, at, node, step):  # type: ignore[no-untyped-def]
-    """The nearest node along an axis, whose nodes are `step` apart, or the node itself; `at` (4,) goes along."""
+def _find_neighbour_along_axis(site_numbers, search_positions, node, number_step):  # type: ignore[no-untyped-def]
+    """The nearest node along an axis, or the node itself: numbers of nodes along it are `number_step` apart.
+
+    `search_positions` (4,) are updated.
+    """
     nearest = node
     for k in range(4):
-        wanted = key[node] + (k // 2 + 1) * (step if k % 2 == 0 else -step)
-        while at[k] < len(key) - 1 and key[at[k]] < wanted:
-            at[k] += 1
-        if nearest == node and key[at[k]] == wanted:
-            nearest = at[k]
+        wanted = site_numbers[node] + (k // 2 + 1) * (number_step if k % 2 == 0 else -number_step)
+        while search_positions[k] < len(site_numbers) - 1 and site_numbers[search_positions[k]] < wanted:
+            search_positions[k] += 1
+        if nearest == node and site_numbers[search_positions[k]] == wanted:
+            nearest = search_positions[k]
     return nearest
 
 

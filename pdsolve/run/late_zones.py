@@ -12,7 +12,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from pdsolve.adaptivity.hybrid.adaptivity_choice import kappa_of, widen_zone, with_kappa
+from pdsolve.adaptivity.hybrid.adaptivity_choice import refinement_kappa, widen_zone, with_kappa
 from pdsolve.adaptivity.hybrid.arrays import EVERY
 from pdsolve.adaptivity.hybrid.operator import HybridOperator
 from pdsolve.errors import LateZoneError
@@ -48,7 +48,7 @@ def plan_earlier_refinement(
         return wider, ()
     return model, (
         *(refinement for refinement in earlier_refinements if refinement.step < step),
-        EarlierRefinement(step, kappa_of(wider)),
+        EarlierRefinement(step, refinement_kappa(wider)),
     )
 
 
@@ -63,7 +63,7 @@ def warn_of_zone_restart(
     if wider.settings.run.adapt == "none":
         how = "fine nodes everywhere (run.adapt none)"
     else:
-        how = f"run.hybrid.kappa {earlier_refinements[-1].kappa if earlier_refinements else kappa_of(wider):g}"
+        how = f"run.hybrid.kappa {earlier_refinements[-1].kappa if earlier_refinements else refinement_kappa(wider):g}"
     words = f"begins anew with {how}"
     if earlier_refinements:
         words = f"goes back to step {checkpoint_step}, and on with {how} from step {earlier_refinements[-1].step} on"

@@ -116,7 +116,9 @@ class MechanicsRecords:
             raise UnstableError(instability_message(system, self.last, most, node))
         self._largest_work = max(self._largest_work, abs(self.last.work))
         assert self._motion_checks is not None
-        self._motion_checks.check_motion(state.value[:, : system.model.grid.dimension], bond_state.broken, step)
+        self._motion_checks.warn_of_unreliable_motion(
+            state.value[:, : system.model.grid.dimension], bond_state.broken, step
+        )
         if self._flows:
             from pdsolve.run.plastic_checks import warn_of_plastic_strain  # few bodies flow
 
@@ -124,7 +126,9 @@ class MechanicsRecords:
         self._ledgers.append(self.last)
         for row in dict.fromkeys(self._probed):
             node = int(system.model.grid.ids[row])
-            self._probes.append((step, self.last.time, node, *motion_values(state, row, system.model.grid.dimension)))
+            self._probes.append(
+                (step, self.last.time, node, *recorded_motion_of_node(state, row, system.model.grid.dimension))
+            )
         self._reactions += compute_reactions(self._acting_conditions, system, state, step, self.last.time)
 
     def _is_unstable(self, ledger_row: LedgerRow, values_are_finite: bool) -> bool:
@@ -149,11 +153,11 @@ class MechanicsRecords:
             "broken_bonds": pair_count(self.broken_bond_count),
             "energy": {name: getattr(self.last, name) for name in names},
             "balance": self.balance_error,
-            **self._crack_area_summary(),
+            **self._crack_area_and_energy_summary(),
             **({"energy_unit": "J"} if self._system.model.grid.dimension == 3 else {}),
         }
 
-    def _crack_area_summary(self) -> dict[str, Any]:
+    def _crack_area_and_energy_summary(self) -> dict[str, Any]:
         """Area of the cracks, G0 times it, and what bonds took, for a summary; nothing where nodes change, or cracks
         cost another energy.
 
@@ -185,7 +189,7 @@ class MechanicsRecords:
         warn_of_damping(system.model, last.damped + last.friction, put_in)
 
 
-def motion_values(state: State, row: int, dimension: int) -> list[float]:
+def recorded_motion_of_node(state: State, row: int, dimension: int) -> list[float]:
     """What is recorded of the motion of a node in d dimensions: u, v, a in the plane, and then along z."""
     fields = state.value, state.rate, state.second
     plane, space = ([field[row, axes].tolist() for field in fields] for axes in (slice(2), slice(2, dimension)))

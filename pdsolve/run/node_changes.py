@@ -21,7 +21,7 @@ class NodeChange(NamedTuple):
 
     system: System  # of the same settings and the same step; its loads are those of now
     state: State
-    origin: NDArray[np.int64]  # (m,) row of each node in the cloud before, -1 of those that are born
+    previous_rows: NDArray[np.int64]  # (m,) row of each node in the cloud before, -1 of those that are born
 
 
 class NodeAdaptation(Protocol):

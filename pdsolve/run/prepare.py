@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from pdsolve.adaptivity.factory import create_zone_operator
+from pdsolve.adaptivity.factory import create_zone_operator_and_stable_step
 from pdsolve.adaptivity.hybrid.adaptivity_choice import choose_adaptivity
 from pdsolve.adaptivity.hybrid.operator import HybridOperator
 from pdsolve.adaptivity.hybrid.space.prepare import create_body_operator, create_current_drive
@@ -44,7 +44,7 @@ from pdsolve.schemes import SCHEMES
 from pdsolve.schemes.scheme import Scheme
 from pdsolve.steppers.equilibrium import force_densities
 from pdsolve.steppers.euler import Euler
-from pdsolve.steppers.static_loads import model_in_content_steps, model_in_load_steps
+from pdsolve.steppers.static_loads import model_with_content_steps, model_with_load_steps
 
 WORTH_HYBRID = 25_000  # nodes of a plate with a fine zone that moves, were they all there
 
@@ -76,7 +76,7 @@ def _prepare_by_kind(model: Model, options: Options) -> Prepared:
     if model.settings.run.adapt != "none":
         return (_prepare_plate_zone if model.grid.dimension == 2 else _prepare_body_zone)(model, options, scheme)
     if model.settings.run.solver == "static":
-        return prepare_load_steps(model_in_load_steps(model, options.precision), options, scheme)
+        return prepare_load_steps(model_with_load_steps(model, options.precision), options, scheme)
     return assemble_motion(model, options, scheme)
 
 
@@ -130,7 +130,7 @@ def _prepare_swelling(model: Model, options: Options, scheme: Scheme) -> Prepare
         return _prepare_swelling_zone(model, options, scheme)
     options, rests = options_for_swelling(model, options), model.settings.run.solver == "static"
     if rests:
-        model = model_in_content_steps(model, options.precision)
+        model = model_with_content_steps(model, options.precision)
         system, state = prepare_load_steps(model.moving_part(), options, scheme)
     else:
         system, state = assemble_motion(model.moving_part(), options, scheme)
@@ -178,7 +178,9 @@ def _prepare_swelling_zone(model: Model, options: Options, scheme: Scheme) -> Pr
 def _prepare_plate_zone(model: Model, options: Options, scheme: Scheme) -> Prepared:
     """A prepared model with a moving fine zone. Raises ModelError for an unsupported one."""
     threads = options.threads or useful_threads(len(model.grid), WORTH_HYBRID)
-    shown, bound = create_zone_operator(model, options.mode, options.precision, choose_time_step, threads)
+    shown, bound = create_zone_operator_and_stable_step(
+        model, options.mode, options.precision, choose_time_step, threads
+    )
     state = shown.state()
     system = System(
         model=shown.model,
@@ -190,7 +192,7 @@ def _prepare_plate_zone(model: Model, options: Options, scheme: Scheme) -> Prepa
         area=shown.area,
         family=shown.counts[1],
         count=shown.counts[0],
-        time_step=float(shown.engine.ground.dt),
+        time_step=float(shown.engine.lattice.dt),
         stable_time_step=bound,
         initial_energy=shown.ledger_totals().kinetic,
         full_model=model,

@@ -73,12 +73,12 @@ class Watch:
         if self._bar is not None:
             self._bar.close()
 
-    def _request_stop(self, number: int, frame: FrameType | None) -> None:
-        again, self.signal = self.signal is not None, self.signal or number
+    def _request_stop(self, signal_number: int, frame: FrameType | None) -> None:
+        again, self.signal = self.signal is not None, self.signal or signal_number
         if again or not self._runs or stopping.has_nothing_to_save():  # asked twice, or prepared anew
-            before = self._before[number]
+            before = self._before[signal_number]
             if callable(before):
-                before(number, frame)
+                before(signal_number, frame)
             raise KeyboardInterrupt
 
     def _show_progress(self, progress: Progress) -> bool:

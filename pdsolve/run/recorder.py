@@ -178,8 +178,8 @@ class RunHistory(NamedTuple):
     wall_time: float  # s spent
     bond_updates: int  # directed bonds times steps
     last_break_step: int  # step in which a bond broke last; 0: none has
-    rows: NDArray[np.int64] | None  # (n,) as in `FrameRecord`
-    nodes_so_far: int  # nodes that ever were
+    rows_in_results: NDArray[np.int64] | None  # (n,) as in `FrameRecord`
+    node_count_so_far: int  # nodes that ever were
     results: Results | None = None  # so far; None: it begins
 
 
@@ -206,7 +206,7 @@ class Recorder:
         self.system, self.state, self.is_new = system, state, history is None or history.results is None
         history = history or RunHistory(0, 0.0, 0, 0, None, len(system.model.grid))
         self._past, self._began = history._replace(results=None), running_time()
-        self._changes, self._rows, self._count = nodes_change, history.rows, history.nodes_so_far
+        self._changes, self._rows, self._count = nodes_change, history.rows_in_results, history.node_count_so_far
         self._updates, self._since = history.bond_updates, history.step  # until the last change, or where a run goes on
         self._latest = history.last_break_step  # likewise
         # Of clouds that are no more, or of before the run began

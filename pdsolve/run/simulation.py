@@ -30,7 +30,7 @@ from pdsolve.numerics.team import Team
 from pdsolve.options import Options
 from pdsolve.results import Behind, Results, ResultsError, Writer, behind, gone_back, is_empty, put_away, writing_to
 from pdsolve.run import late_zones
-from pdsolve.run.after_path import motion_file, motion_follows, prepare_motion_after
+from pdsolve.run.after_path import is_motion_to_follow, motion_file, prepare_motion_after
 from pdsolve.run.body_zones import BodyRefinement
 from pdsolve.run.cell_splitting import CellSplitting
 from pdsolve.run.coarse_breaks import warn_of_coarse_breaks
@@ -45,7 +45,7 @@ from pdsolve.run.on_ranks.recorder import RecorderOnRanks
 from pdsolve.run.pace import Pace, change_nodes_if_due, grow_cracks_if_due, next_multiple, record_zone_motion
 from pdsolve.run.prepare import prepare
 from pdsolve.run.recorder import Recorder, RunHistory, restore_state
-from pdsolve.run.static_start import start_at_rest
+from pdsolve.run.static_start import bring_to_rest_at_start
 from pdsolve.run.summary import run_metadata, run_summary
 from pdsolve.run.system import System
 from pdsolve.state import State
@@ -153,7 +153,7 @@ def _prepare_recorder(model: Model, options: Options, request: RunRequest) -> tu
             prepared = on_ranks.prepare_ranks(model, options, options.team)
     if has_initial_displacement(model):
         prepared = apply_initial_displacements(prepared)
-    system, state = start_at_rest(prepared) if model.settings.run.start == "static" else prepared
+    system, state = bring_to_rest_at_start(prepared) if model.settings.run.start == "static" else prepared
     warn_of_unused(model)
     warn_of_doubtful_conditions(system.model, system.time_step)
     if system.transport is None:
@@ -208,7 +208,7 @@ def _solve_motion_after(
     path_results: Results, output: Path | None, threads: int | None, watch: Watcher | None
 ) -> Results:
     """The results of the motion that follows a run; those of the run if none does."""
-    if not motion_follows(path_results):
+    if not is_motion_to_follow(path_results):
         return path_results
     with stopping.patience(stopping.AT_ONCE):
         (system, state), step = prepare_motion_after(path_results, threads)
@@ -254,7 +254,7 @@ def resume(
     output = Path(output)
     request = RunRequest(output, watch, "", adapt, threads, team, device, compile_time_before=compile_seconds())
     results, motion = _resume_unless_finished(output, request), motion_file(output)
-    if motion_follows(results) and (motion.is_symlink() or (motion.exists() and not is_empty(motion))):
+    if is_motion_to_follow(results) and (motion.is_symlink() or (motion.exists() and not is_empty(motion))):
         results.close()
         if motion.is_symlink():
             raise ResultsError(f"{motion} is a link, and the motion of a run is written there; move it away")
@@ -342,7 +342,7 @@ def _resume_from_checkpoint(output: Path, request: RunRequest) -> Results:
             rows = lives.at(system.model.grid.ids, step)
             if not np.array_equal(lives.nodes.family[rows], system.family) or (rows < 0).any():
                 raise ResultsError(f"{output} has other nodes than this version's at step {step}; solve it anew")
-            past = past._replace(rows=rows, nodes_so_far=int((lives.birth <= step).sum()))
+            past = past._replace(rows_in_results=rows, node_count_so_far=int((lives.birth <= step).sum()))
         with gone_back(output):
             resuming.expect_step_within_run(step, model)
             restore_state(system, state, step, checkpoint, results.breaks())

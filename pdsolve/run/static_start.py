@@ -16,7 +16,7 @@ from pdsolve.steppers.equilibrium import force_densities
 from pdsolve.steppers.load_steps import LoadSteps
 
 
-def start_at_rest(prepared: Prepared) -> Prepared:
+def bring_to_rest_at_start(prepared: Prepared) -> Prepared:
     """A prepared run at rest under what acts at time 0; no bond breaks on the way.
 
     Components with a prescribed velocity or acceleration are held still meanwhile. Energies are relative to the

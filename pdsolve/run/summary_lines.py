@@ -10,13 +10,13 @@ from pdmesh.model.content_amounts import amounts_line
 from pdsolve.run.wall_time import wall_time_text
 
 
-def _mass_lines(path: Path, summary: dict[str, Any]) -> list[str]:
+def _diffusion_summary_lines(path: Path, summary: dict[str, Any]) -> list[str]:
     masses, share = summary["masses"], summary["dissolved_share"]
     lines = [
         f"{path}: {summary['nodes']} nodes, {summary['bonds']} bonds, {summary['steps']} steps of"
         f" {summary['method']} to {summary['time']:.4g} s",
         wall_time_text(summary),
-        _amounts_text(summary),
+        _amount_balance_text(summary),
     ]
     if share is not None:
         lines.append(
@@ -26,7 +26,7 @@ def _mass_lines(path: Path, summary: dict[str, Any]) -> list[str]:
     return lines
 
 
-def _amounts_text(summary: dict[str, Any]) -> str:
+def _amount_balance_text(summary: dict[str, Any]) -> str:
     """Where a substance or heat is, and where it has gone."""
     amounts = summary.get("amounts") or summary["masses"] | {"unit": "mol"}  # files of earlier releases
     return amounts_line(amounts["unit"], amounts["inside"], amounts["through"], amounts["supplied"], summary["balance"])
@@ -50,7 +50,7 @@ def _steps_text(summary: dict[str, Any]) -> tuple[str, str]:
 def summary_lines(path: Path, summary: dict[str, Any]) -> list[str]:
     """What a run has computed, in lines: its size, time, energies and cracks."""
     if summary.get("physics") == "diffusion":
-        return _mass_lines(path, summary)
+        return _diffusion_summary_lines(path, summary)
     energy, rested = (
         summary["energy"],
         summary.get("load_steps") or summary.get("path_steps") or summary.get("fatigue_steps"),
@@ -74,7 +74,7 @@ def summary_lines(path: Path, summary: dict[str, Any]) -> list[str]:
         lines.append(crack_energy(summary["cracks"], unit))
     heat = summary.get("diffusion")
     if heat is not None:
-        lines.append(f"content, {_amounts_text(heat)}, {heat['method']}")
+        lines.append(f"content, {_amount_balance_text(heat)}, {heat['method']}")
     fine = summary.get("hybrid")
     if fine is not None:
         coarse = "of coarse pairs" if summary["kernel"] == "collocation" else "at the zone border"

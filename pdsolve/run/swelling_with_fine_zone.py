@@ -29,8 +29,8 @@ class PlateBrokenBonds:
         """The bonds broken after a step."""
         (step, node, spring, *_), plate = self._hybrid.broken(), self._hybrid.plate
         new = step > after
-        node, neighbour = node[new], node[new] + self._hybrid.ground.ways[spring[new]]
-        return Broken(step[new].astype(np.int64), plate.rows_at(node), plate.rows_at(neighbour))
+        node, neighbour = node[new], node[new] + self._hybrid.lattice.offsets[spring[new]]
+        return Broken(step[new].astype(np.int64), plate.grid_rows_at(node), plate.grid_rows_at(neighbour))
 
 
 class SwellingZone(Swelling):
@@ -42,12 +42,12 @@ class SwellingZone(Swelling):
         content_state: State,
         operator: HybridOperator,
         model: Model,
-        cycle: int,
+        steps_per_content_step: int,
         broken: BrokenBonds | None,
     ) -> None:
         """See `Swelling`; `model` is that of all nodes."""
         self._operator = operator
-        super().__init__(content, content_state, FusedMarch(operator), operator, model, cycle, broken)
+        super().__init__(content, content_state, FusedMarch(operator), operator, model, steps_per_content_step, broken)
         operator.engine.recompute_forces()
 
     @property
@@ -63,8 +63,10 @@ class SwellingZone(Swelling):
     def clamped_energy(self, state: State) -> NDArray[np.float64]:
         """The energy densities (n,) of the current nodes at no displacement, J/m^3, inside of one material."""
         hybrid, rows = self._operator.engine, self._operator.rows
-        ground, plate = hybrid.ground, hybrid.plate
-        density = (ground.springs / ground.table[:, 4]).sum(axis=1) / 4 / ground.h**2  # by material, at a stretch of 1
+        lattice, plate = hybrid.lattice, hybrid.plate
+        density = (
+            (lattice.material_stiffness / lattice.spring_table[:, 4]).sum(axis=1) / 4 / lattice.h**2
+        )  # by material, at a stretch of 1
         return np.asarray(density[plate.model.material_of[rows]] * self._strain()[rows] ** 2)
 
     def advance(self, state: State, first: int, last: int) -> None:
@@ -74,7 +76,7 @@ class SwellingZone(Swelling):
         """
         hybrid, step = self._operator.engine, first
         while step < last:
-            until = min(last, step + (self.cycle // 2 + 1 - step) % self.cycle)
+            until = min(last, step + (self.steps_per_content_step // 2 + 1 - step) % self.steps_per_content_step)
             hybrid.advance(step, until)
             if until < last:
                 self._take_coupled_step(until)
@@ -87,9 +89,11 @@ class SwellingZone(Swelling):
         hybrid = self._operator.engine
         if self._broken is not None:
             self._broken.update(self._content)
-        before, energy_before = hybrid.copy_strains(), hybrid.strain_energy()
-        self._content.advance(self._h, (step - 1) // self.cycle + 1, (step - 1) // self.cycle + 2)
+        before, energy_before = hybrid.copy_free_strains(), hybrid.strain_energy()
+        self._content.advance(
+            self._h, (step - 1) // self.steps_per_content_step + 1, (step - 1) // self.steps_per_content_step + 2
+        )
         hybrid.swell(self._strain())
         hybrid.book_work((hybrid.strain_energy() - energy_before) / 2)
         hybrid.advance(step, step + 1)
-        hybrid.book_work((hybrid.strain_energy() - hybrid.strain_energy_at(before)) / 2)
+        hybrid.book_work((hybrid.strain_energy() - hybrid.strain_energy_at_free_strains(before)) / 2)

@@ -148,7 +148,7 @@ class ArcLengthSteps(PathStepper):
             share = self._more / size
             guess = PathPoint(last.value + share * way, last.factor + share * turned, last.spent + self._more)
             try:
-                new, count, residual = self._solve_in_plane(state, guess, 1 / size * way, step)
+                new, count, residual = self._solve_in_plane_or_at_factor(state, guess, 1 / size * way, step)
                 if not norm(new.value - guess.value) < BENT * self._more:
                     raise UnsettledError("the path bends within the shortest step")
                 if new.factor >= 1:
@@ -183,10 +183,10 @@ class ArcLengthSteps(PathStepper):
     ) -> tuple[PathPoint, int, float]:
         """The equilibrium at a factor, from displacements (n, w) near it."""
         last, value = self._last.value, np.where(self._held, self._start + factor * self._growth, near)
-        new, count, residual = self._solve_in_plane(state, PathPoint(value, factor, 0.0), None, step)
+        new, count, residual = self._solve_in_plane_or_at_factor(state, PathPoint(value, factor, 0.0), None, step)
         return new._replace(spent=self._last.spent + norm(new.value - last)), count, residual
 
-    def _solve_in_plane(
+    def _solve_in_plane_or_at_factor(
         self, state: State, guess: PathPoint, normal: Array | None, step: int
     ) -> tuple[PathPoint, int, float]:
         """The equilibrium in the plane through a guess with a unit normal (n, w), or at its factor.

@@ -133,7 +133,7 @@ class CrackLengthSteps(PathStepper):
             previous_point = (0.0, 0.0)
             if self._start.any():
                 motion.settle_without_booking(state, step, start)
-                previous_point = start, self._expect_toughness_share(state)
+                previous_point = start, self._largest_toughness_share_or_raise(state)
             equilibrium, factor = self._find_growth_factor(
                 state, previous_point, last.factor, lambda at: motion.settle_without_booking(state, step, at)
             )
@@ -160,7 +160,7 @@ class CrackLengthSteps(PathStepper):
         iterations = 0
         for _ in range(TRIES):
             equilibrium = settle_at(factor)
-            iterations, share = iterations + equilibrium.iterations, self._expect_toughness_share(state)
+            iterations, share = iterations + equilibrium.iterations, self._largest_toughness_share_or_raise(state)
             if abs(share - 1) < NEAR or (factor == 1 and share < 1):
                 if factor == 1:
                     self.ended, self.end_reason = True, REACHED
@@ -181,7 +181,7 @@ class CrackLengthSteps(PathStepper):
         """The largest share; 0 where no tip may go on."""
         return float(self._toughness_shares(self._cracks.judge_tips(state)).max(initial=0.0))
 
-    def _expect_toughness_share(self, state: State) -> float:
+    def _largest_toughness_share_or_raise(self, state: State) -> float:
         """The largest share. Raises NoTipError where no tip may go on."""
         share = self._largest_toughness_share(state)
         if not share > 0:

@@ -55,7 +55,7 @@ class CycleSteps:
         """Take a step; returns how what is left settled, `previous` if nothing changed."""
         raise NotImplementedError
 
-    def _end_life(self, reason: str) -> None:
+    def _record_end_of_life(self, reason: str) -> None:
         self.ended, self.end_reason = True, reason
 
     def checkpoint_arrays(self) -> dict[str, NDArray[Any]]:

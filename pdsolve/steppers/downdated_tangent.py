@@ -44,7 +44,7 @@ class DowndatedTangent:
         self._whole = np.zeros((0, 0))  # (p, p): 1 / k - B^T X
         self._last = 0  # of them from the last call
 
-    def remove_bonds(self, broken: Broken) -> bool:
+    def remove_bonds_if_few(self, broken: Broken) -> bool:
         """Take all these for broken; False if they are too many."""
         new = np.setdiff1d(_pair_numbers(broken, self._nodes), self._known)
         self._last = 0

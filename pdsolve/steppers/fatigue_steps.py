@@ -87,7 +87,7 @@ class FatigueSteps(CycleSteps):
         self._cycles = min(self._cycles + cycles, law.cycles)
         which = np.flatnonzero(bonds.intact & (self._life <= LEFT))
         if not len(which):
-            self._end_life("its cycles are over" if eps.any() else "no bond tires")
+            self._record_end_of_life("its cycles are over" if eps.any() else "no bond tires")
             return previous
         if np.isinf(self.first):
             self.first, self.range = self._cycles, float(eps[which].max())
@@ -102,7 +102,7 @@ class FatigueSteps(CycleSteps):
                 part[:] = value
             bonds.intact[:] = intact
             self._operator.restore(self._operator.checkpoint_arrays(), broken)
-            self._end_life("what was left could not bear the largest loads")
+            self._record_end_of_life("what was left could not bear the largest loads")
             return previous
 
 

@@ -49,15 +49,15 @@ class TileMotion(NamedTuple):
 
     u: tuple[NDArray[np.floating], NDArray[np.floating]]  # (d, m) displacements, m, of even and of odd sweeps
     v: tuple[NDArray[np.floating], NDArray[np.floating]]  # (d, m) velocities, m/s, likewise
-    pulled: NDArray[np.bool_]  # (t,) whether pulls of bonds that break or soften are where its next velocities will be
+    has_failure_pulls: NDArray[np.bool_]  # (t,) whether pulls of failing bonds are where its next velocities will be
     rho: NDArray[np.floating]  # (m,) kg/m^3, 1 without a node
     damping: NDArray[np.float64]  # (n,) of nodes, 1/s
     constrained: NDArray[np.bool_]  # (n, d) whether a component is prescribed
-    plain: NDArray[np.bool_]  # (t,) whether neither a load nor a hold nor damping acts on the tile
-    held: NDArray[np.int64]  # (holds,) prescribed components in the order of their tiles
-    held_start: NDArray[np.int64]  # (t + 1,) those of a tile
-    waiting: NDArray[np.uint8]  # (t,) READY, or what a tile waits for
-    stop: NDArray[np.int64]  # (1,) the sweep in which tiles wait, or -1
+    has_only_bonds: NDArray[np.bool_]  # (t,) whether neither a load nor a hold nor damping acts on the tile
+    held_entries: NDArray[np.int64]  # (holds,) prescribed components in the order of their tiles
+    first_held_of_tile: NDArray[np.int64]  # (t + 1,) those of a tile
+    waiting_state: NDArray[np.uint8]  # (t,) READY, or what a tile waits for
+    stop_sweep: NDArray[np.int64]  # (1,) the sweep in which tiles wait, or -1
 
 
 class TileBuffers(NamedTuple):
@@ -72,22 +72,22 @@ class TileBuffers(NamedTuple):
 class SweepRange(NamedTuple):
     """Sweeps of a sequence of steps."""
 
-    first: int  # step
-    last: int  # step after the last one
-    begin: int  # sweep
-    end: int  # sweep after the last one
-    again: bool  # only tiles that wait are swept
+    first_step: int  # step
+    end_step: int  # step after the last one
+    first_sweep: int  # sweep
+    end_sweep: int  # sweep after the last one
+    only_waiting_tiles: bool  # only tiles that wait are swept
 
 
-class Sweep(NamedTuple):
+class SweepArguments(NamedTuple):
     """One sweep."""
 
     motion: Motion  # at its beginning
     state: State
     breaks: Breaks  # of the thread
-    after: int  # which of `TileMotion.u` and `TileMotion.v` the motion goes to
-    starts: bool  # it ends no step
-    ends: bool  # it begins no step
+    next_buffer: int  # which of `TileMotion.u` and `TileMotion.v` the motion goes to
+    ends_no_step: bool  # it ends no step
+    begins_no_step: bool  # it begins no step
 
 
 class LatticeMarch:
@@ -122,15 +122,15 @@ class LatticeMarch:
         self._course = TileMotion(
             u=(operator.u, like_u()),
             v=(like_u(), like_u()),
-            pulled=np.zeros(count, dtype=np.bool_),
+            has_failure_pulls=np.zeros(count, dtype=np.bool_),
             rho=aligned(spread_rho),
             damping=damping,
             constrained=constrained_components(drive),
-            plain=plain,
-            held=np.argsort(tile, kind="stable"),
-            held_start=np.searchsorted(np.sort(tile), np.arange(count + 1)),
-            waiting=np.zeros(count, dtype=np.uint8),
-            stop=np.zeros(1, dtype=np.int64),
+            has_only_bonds=plain,
+            held_entries=np.argsort(tile, kind="stable"),
+            first_held_of_tile=np.searchsorted(np.sort(tile), np.arange(count + 1)),
+            waiting_state=np.zeros(count, dtype=np.uint8),
+            stop_sweep=np.zeros(1, dtype=np.int64),
         )
 
     def advance(self, state: State, first: int, last: int) -> None:
@@ -153,7 +153,7 @@ class LatticeMarch:
 
     def _sweep_tiles(self, state: State, first_step: int, last_step: int, begin: int, end: int) -> int:
         """Do the sweeps `begin` to `end` - 1 of a sequence of steps, or fewer; returns the one to go on with."""
-        threads, stop = self._operator.threads, self._course.stop
+        threads, stop = self._operator.threads, self._course.stop_sweep
 
         def sweep(thread: int, first: int, last: int, again: bool, gate: Any) -> None:
             sweeps = SweepRange(first_step, last_step, first, last, again)
@@ -167,7 +167,7 @@ class LatticeMarch:
         while stop[0] >= 0:
             end = int(stop[0]) + 1
             breaks += self._collect_breaks()
-            self._operator.extend(np.flatnonzero(self._course.waiting == NO_MEMORY))
+            self._operator.extend(np.flatnonzero(self._course.waiting_state == NO_MEMORY))
             stop[0] = -1
             sweep(0, end - 1, end, True, gate_of(1))
         new = joined(breaks + self._collect_breaks())
@@ -219,17 +219,17 @@ def sweep_tiles(tiles, tile_motion, drive, state, dt, sweeps, breaks, thread, ga
             meet(gate)
         now, after = sweep % 2, (sweep + 1) % 2
         motion = Motion(tile_motion.u[now], tile_motion.v[now], True, dt, step)
-        sweep_state = Sweep(motion, state, breaks, after, starts, ends)
+        sweep_state = SweepArguments(motion, state, breaks, after, starts, ends)
         if not starts and not again:
             _pull_again(tiles, tile_motion, sweep_state)
         for t in range(first_tile, end_tile):
-            if again and tile_motion.waiting[t] == READY:
+            if again and tile_motion.waiting_state[t] == READY:
                 continue
-            tile_motion.waiting[t] = _sweep_tile(tiles, tile_motion, drive, sweep_state, buffers, t)
-            if tile_motion.waiting[t] != READY:
-                tile_motion.stop[0] = sweep
+            tile_motion.waiting_state[t] = _sweep_tile_or_wait(tiles, tile_motion, drive, sweep_state, buffers, t)
+            if tile_motion.waiting_state[t] != READY:
+                tile_motion.stop_sweep[0] = sweep
         meet(gate)
-        if tile_motion.stop[0] == sweep:
+        if tile_motion.stop_sweep[0] == sweep:
             return
 
 
@@ -255,19 +255,19 @@ def _clear_pulls(tiles, tile_motion, pulls, tile):  # type: ignore[no-untyped-de
 
 
 @njit(**IN_PLACE)
-def _sweep_tile(tiles, tile_motion, drive, sweep_state, buffers, tile):  # type: ignore[no-untyped-def]
+def _sweep_tile_or_wait(tiles, tile_motion, drive, sweep_state, buffers, tile):  # type: ignore[no-untyped-def]
     """End a step for a tile and begin the next one, or one of both; returns what it waits for."""
-    motion, starts = sweep_state.motion, sweep_state.starts
+    motion, starts = sweep_state.motion, sweep_state.ends_no_step
     if tiles.kind[tile] == EMPTY:
         return READY
     if not starts:
         waits_for = _sum_tile_forces(tiles, tile_motion, sweep_state, buffers, tile)
         if waits_for != READY:
             return waits_for
-    if tile_motion.plain[tile] and not starts and not sweep_state.ends:
+    if tile_motion.has_only_bonds[tile] and not starts and not sweep_state.begins_no_step:
         for lane in range(0, ROW, across(motion.u)):
             _advance_lanes(
-                tiles, tile_motion, motion, buffers.force, sweep_state.after, tiles.margin + tile * ROW, lane
+                tiles, tile_motion, motion, buffers.force, sweep_state.next_buffer, tiles.margin + tile * ROW, lane
             )
     else:
         _advance_tile(tiles, tile_motion, drive, sweep_state, buffers, tile)
@@ -279,21 +279,21 @@ def _sum_tile_forces(tiles, tile_motion, sweep_state, buffers, tile):  # type: i
     """Fill the force densities on a tile; returns what it waits for."""
     motion, breaks, dissipated = sweep_state.motion, sweep_state.breaks, sweep_state.state.dissipated
     pulls = tile_motion.v[
-        sweep_state.after
+        sweep_state.next_buffer
     ]  # of bonds that soften or break: their place is free until the tile is advanced
     if not has_room(tiles, breaks):
         return NO_ROOM
-    if not tile_motion.pulled[tile]:
+    if not tile_motion.has_failure_pulls[tile]:
         for lane in range(0, ROW, across(motion.u)):
             keep(zeros(motion.u, tiles.axes), pulls, tiles.margin + tile * ROW + lane)
     for lane in range(0, ROW, across(motion.u)):
         status, f = sum_lanes(tiles, motion, pulls, dissipated, breaks, tile, lane)
         keep(f, buffers.force, lane)
         if status != UNAGED:
-            tile_motion.pulled[tile] = True
+            tile_motion.has_failure_pulls[tile] = True
         if status == UNDONE:
             return NO_MEMORY
-    if tile_motion.pulled[tile]:
+    if tile_motion.has_failure_pulls[tile]:
         _add_failure_forces(tiles, tile_motion, pulls, buffers.force, tile)
     return READY
 
@@ -301,7 +301,7 @@ def _sum_tile_forces(tiles, tile_motion, sweep_state, buffers, tile):  # type: i
 @njit(**INNER)
 def _add_failure_forces(tiles, tile_motion, pulls, force, tile):  # type: ignore[no-untyped-def]
     """Add the pulls of bonds that softened or broke to the force densities (d, 16) of a tile."""
-    tile_motion.pulled[tile] = False
+    tile_motion.has_failure_pulls[tile] = False
     for axis in range(len(force)):
         for lane in range(ROW):
             force[axis, lane] += pulls[axis, tiles.margin + tile * ROW + lane]
@@ -322,7 +322,7 @@ def _advance_lanes(tiles, tile_motion, motion, force, after, first_site, lane): 
 @njit(**INNER)
 def _advance_tile(tiles, tile_motion, drive, sweep_state, buffers, tile):  # type: ignore[no-untyped-def]
     """End a step for a tile with its force densities, and begin the next one, or one of both."""
-    motion, state, after = sweep_state.motion, sweep_state.state, sweep_state.after
+    motion, state, after = sweep_state.motion, sweep_state.state, sweep_state.next_buffer
     first_site, dt = tiles.margin + tile * ROW, motion.dt
     u, v = (
         tile_motion.u[after][:, first_site : first_site + ROW],
@@ -334,9 +334,9 @@ def _advance_tile(tiles, tile_motion, drive, sweep_state, buffers, tile):  # typ
             u[axis, lane], v[axis, lane] = motion.u[axis, first_site + lane], motion.rate[axis, first_site + lane]
             buffers.a[axis, lane] = state.second[i, axis] if i >= 0 else 0
             buffers.before[axis, lane] = v[axis, lane] - dt / 2 * buffers.a[axis, lane]
-    if not sweep_state.starts:
+    if not sweep_state.ends_no_step:
         _kick_and_damp(tiles, tile_motion, drive, motion, state, v, buffers, tile)
-    if not sweep_state.ends:
+    if not sweep_state.begins_no_step:
         _kick_and_drift(tile_motion, drive, u, v, buffers.a, dt, (motion.step + 1) * dt, tile)
     for lane in range(ROW):
         i = tiles.node[tile * ROW + lane]
@@ -352,8 +352,10 @@ def _kick_and_drift(tile_motion, drive, u, v, a, dt, time, tile):  # type: ignor
         for lane in range(ROW):
             v[axis, lane] += dt / 2 * a[axis, lane]
             u[axis, lane] += dt * v[axis, lane]
-    for k in range(tile_motion.held_start[tile], tile_motion.held_start[tile + 1]):
-        prescribe_component(u.T, v.T, a.T, drive.holds, drive.profiles, drive.held_speed, tile_motion.held[k], dt, time)
+    for k in range(tile_motion.first_held_of_tile[tile], tile_motion.first_held_of_tile[tile + 1]):
+        prescribe_component(
+            u.T, v.T, a.T, drive.holds, drive.profiles, drive.held_speed, tile_motion.held_entries[k], dt, time
+        )
 
 
 @njit(**INNER)
@@ -370,10 +372,10 @@ def _kick_and_damp(tiles, tile_motion, drive, motion, state, v, buffers, tile): 
             a[axis, lane] = (buffers.force[axis, lane] + drive.force[i, axis]) / rho[lane]
         for axis in range(axes):
             work[lane] += (drive.before[i, axis] + drive.force[i, axis]) / 2 * (dt * v[axis, lane])
-    for k in range(tile_motion.held_start[tile], tile_motion.held_start[tile + 1]):
+    for k in range(tile_motion.first_held_of_tile[tile], tile_motion.first_held_of_tile[tile + 1]):
         speed, force, time = drive.held_speed, drive.held_force, motion.step * dt
         of_holds = drive.holds, drive.profiles, speed, force
-        accelerate_held_component(v.T, a.T, rho, work, *of_holds, tile_motion.held[k], dt, time)
+        accelerate_held_component(v.T, a.T, rho, work, *of_holds, tile_motion.held_entries[k], dt, time)
     for lane in range(ROW):
         i = tiles.node[tile * ROW + lane]
         if i < 0:

@@ -172,7 +172,7 @@ class LoadSteps:
         before = self._drive.force.astype(float) if self.step_results else np.zeros(self._drive.force.shape)
         put_loads(self._drive, step * self._dt)
         self.method.reset_history()
-        start, spent = self._load_size(state, before), self._dissipated_energy(state)
+        start, spent = self._loading_norm(state, before), self._dissipated_and_released_energy(state)
         try:
             self._check_load_balance("")
             equilibrium = self._settle_in_parts(state, before, step, step * self._dt)
@@ -185,8 +185,8 @@ class LoadSteps:
         self.step_results.append(
             LoadStepResult(step, equilibrium.iterations, equilibrium.residual, breaks + growth_count, least)
         )
-        self._warn_of_jump(
-            step, least * self._load_size(state, self._drive.force.astype(float)) < start, least, spent, state
+        self._warn_of_unstable_crack_growth(
+            step, least * self._loading_norm(state, self._drive.force.astype(float)) < start, least, spent, state
         )
 
     def _refuse_unstable(self, state: State) -> None:
@@ -200,29 +200,29 @@ class LoadSteps:
                 " loads leaves it; use smaller loads, prescribed displacements, or motion (run.solver)"
             )
 
-    def _warn_of_jump(
-        self, step: int, load_is_smaller: bool, sufficient_share: float, spent_before: float, state: State
+    def _warn_of_unstable_crack_growth(
+        self, step: int, load_is_smaller: bool, sufficient_load_share: float, dissipated_before: float, state: State
     ) -> None:
         """Report, once, a crack that grew a long way at a smaller load than that of the step before."""
         model = self._model
-        cost = self._dissipated_energy(state) - spent_before
+        cost = self._dissipated_and_released_energy(state) - dissipated_before
         crack_area = float(model.horizons.max()) ** (model.grid.dimension - 1)
         least_cost = crack_area * min(material.G0 for material in model.materials)
         if step > 1 and load_is_smaller and cost > JUMP * least_cost and not self._warned:
             self._warned = True
             warnings.warn(
                 f"{model.name}: load step {step} ({step * self._dt:.4g} s): snap-back: the crack jumped at this"
-                f" load ({cost:.3g} J/m released), though {sufficient_share:.3g} of it was enough; the result is that"
-                " of a jump at this load",
+                f" load ({cost:.3g} J/m released), though {sufficient_load_share:.3g} of it was enough; the result is"
+                " that of a jump at this load",
                 ModelWarning,
                 stacklevel=2,
             )
 
-    def _dissipated_energy(self, state: State) -> float:
+    def _dissipated_and_released_energy(self, state: State) -> float:
         """Energy, J/m, dissipated by broken bonds and released by the plate on its way to rest."""
         return float(np.sum(self._area * (state.dissipated + state.damped)))
 
-    def _load_size(self, state: State, load: Array) -> float:
+    def _loading_norm(self, state: State, load: Array) -> float:
         """Size of the loading: the norm of loads, or of held displacements without loads."""
         size = norm(load)
         return size if size > 0 else norm(state.value[self.held])
@@ -362,13 +362,13 @@ class LoadSteps:
         state.rate[:] = state.second[:] = 0
 
     def _make_progress_report(self, step: int, iterations_before: int) -> Callable[[int, float], None]:
-        def tell(iterations: int, residual: float) -> None:
+        def report_iteration(iterations: int, residual: float) -> None:
             if self.watch is not None:
                 self.watch(
                     LoadStepProgress(step, iterations_before + iterations, residual, len(self._operator.broken().step))
                 )
 
-        return tell
+        return report_iteration
 
     def _check_supports(self, broken: Broken, occasion: str) -> None:
         """Check for unsupported bodies, and hold softly what breaking bonds cut free.

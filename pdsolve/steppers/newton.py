@@ -123,7 +123,7 @@ class Newton:
         self._before = norm(start)
         if (state.value != np.where(free, state.value, conditions.prescribed)).any():
             self._move_to_prescribed(state, conditions)
-        if self._lost is not None and not self._lost.remove_bonds(self._operator.broken()):
+        if self._lost is not None and not self._lost.remove_bonds_if_few(self._operator.broken()):
             self.reset_history()
         if self._inverse is not None and not self._fresh:
             equilibrium, done = self._iterate_with_old_tangent(state, conditions, report_progress)

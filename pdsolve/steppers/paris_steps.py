@@ -71,18 +71,18 @@ class ParisSteps(CycleSteps):
         law, growth = self._law, self._growth
         judged = growth.judge_tips(state)
         if any(verdict.share >= 1 and np.isfinite(verdict.K1) for _, verdict in judged):
-            self._end_life("K of the largest loads reached the toughness")
+            self._record_end_of_life("K of the largest loads reached the toughness")
             return previous
         rate = growth_rates(law, tip_intensities(growth, judged))
         if not rate.any():
-            self._end_life("no crack grows: the range of K is not above its threshold")
+            self._record_end_of_life("no crack grows: the range of K is not above its threshold")
             return previous
         before = self._take_snapshot(state)
         while True:
             equilibrium = self._grow_to_next_particle(state, step, judged, rate)
             if equilibrium is None:
                 return previous
-            steepest, ahead = self._largest_rate_ratios(state)
+            steepest, ahead = self._largest_rate_ratios_of_all_and_grown(state)
             shorter = [
                 growth.growth_length(tip, self._share / 2) < growth.growth_length(tip, self._share) for tip, _ in judged
             ]
@@ -123,7 +123,7 @@ class ParisSteps(CycleSteps):
         self._at_first = cycles_to_growth * float(middle[soonest] / growth_rate[soonest])
         if self._cycles + cycles_to_growth >= law.cycles:
             self._cycles = law.cycles
-            self._end_life("its cycles are over")
+            self._record_end_of_life("its cycles are over")
             return None
         self._cycles += cycles_to_growth
         grown_length = grown_length + cycles_to_growth * middle
@@ -135,7 +135,7 @@ class ParisSteps(CycleSteps):
         chosen = [judged_tip for judged_tip, due in zip(judged_tips, grows, strict=True) if due]
         return self._lengthen_tips(state, step, chosen, growth_rate[grows].tolist())
 
-    def _largest_rate_ratios(self, state: State) -> tuple[float, float]:
+    def _largest_rate_ratios_of_all_and_grown(self, state: State) -> tuple[float, float]:
         """Growth of the tips over what it was in the step before, the largest: of all, and of those that have grown."""
         judged = self._growth.judge_tips(state)
         rate = growth_rates(self._law, tip_intensities(self._growth, judged)).tolist()
@@ -153,7 +153,7 @@ class ParisSteps(CycleSteps):
         that."""
         growth, before = self._growth, self._take_snapshot(state)
         if not growth.add_crack_particles(tips, state, step, self._share):
-            self._end_life("no crack goes on")
+            self._record_end_of_life("no crack goes on")
             return None
         parent = growth.particles.parent.tolist()
         of = {
@@ -165,7 +165,7 @@ class ParisSteps(CycleSteps):
             return self._motion.settle_after_breakage(state, step)
         except UnsettledError:
             self._restore_snapshot(state, before)
-            self._end_life("what was left could not bear the largest loads")
+            self._record_end_of_life("what was left could not bear the largest loads")
             return None
 
     def _take_snapshot(self, state: State) -> _StepSnapshot:

@@ -317,11 +317,11 @@ class SofteningPathSteps(PathStepper):
         self._operator.restore(worst, broken)
 
     def _make_progress_report(self, step: int) -> Callable[[int, float], None]:
-        def tell(iterations: int, residual: float) -> None:
+        def report_iteration(iterations: int, residual: float) -> None:
             if self.watch is not None:
                 self.watch(LoadStepProgress(step, iterations, residual, len(self._operator.broken().step)))
 
-        return tell
+        return report_iteration
 
 
 def _choose_control(model: Model, bonds: SofteningBonds) -> PathControl:

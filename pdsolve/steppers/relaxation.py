@@ -113,23 +113,23 @@ class Relaxation:
 
 
 @cached_njit(error_model="numpy")
-def _relaxation_step(u, v, out, load, free, mass, before, start, first, cap):  # type: ignore[no-untyped-def]
-    """One relaxation step of 1 s; `before` (n, w), the last residuals over masses, is overwritten by the new ones."""
+def _relaxation_step(u, v, out, load, free, mass, previous_residual, start_u, is_first_step, largest_damping):  # type: ignore[no-untyped-def]
+    """One relaxation step of 1 s; `previous_residual` (n, w), over masses, is overwritten by the new one."""
     above = below = 0.0
     for i in range(len(u)):
         for a in range(u.shape[1]):
             now = (out[i, a] + load[i, a]) / mass[i, a] if free[i, a] else 0.0
             out[i, a] = now
-            displacement = u[i, a] - start[i, a]
-            if not first and v[i, a] != 0:
-                above -= (now - before[i, a]) / v[i, a] * displacement * displacement
+            displacement = u[i, a] - start_u[i, a]
+            if not is_first_step and v[i, a] != 0:
+                above -= (now - previous_residual[i, a]) / v[i, a] * displacement * displacement
             below += displacement * displacement
-            before[i, a] = now
+            previous_residual[i, a] = now
     c = 0.0
     if below > 0 and above > 0:
-        c = min(2 * np.sqrt(above / below), cap)
+        c = min(2 * np.sqrt(above / below), largest_damping)
     for i in range(len(u)):
         for a in range(u.shape[1]):
             if free[i, a]:
-                v[i, a] = out[i, a] / 2 if first else ((2 - c) * v[i, a] + 2 * out[i, a]) / (2 + c)
+                v[i, a] = out[i, a] / 2 if is_first_step else ((2 - c) * v[i, a] + 2 * out[i, a]) / (2 + c)
                 u[i, a] += v[i, a]

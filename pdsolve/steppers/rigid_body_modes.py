@@ -42,7 +42,7 @@ def find_loose_bodies(
     part = connected(nodes, source, target)
     size = np.bincount(part)
     missing = _unsupported_bodies(position, part, size, constrained)
-    swinging = _swinging_nodes(position[target] - position[source], source, constrained) & ~missing[part]
+    swinging = _nodes_with_collinear_bonds(position[target] - position[source], source, constrained) & ~missing[part]
     is_loose = missing[part] | swinging
     if not is_loose.any():
         return LooseBodies(is_loose, "", part)
@@ -132,7 +132,7 @@ def _singular_matrices(gram: NDArray[np.float64]) -> NDArray[np.bool_]:
     return np.asarray(values[:, 0] <= FIXED * np.maximum(values[:, -1], 1e-300))
 
 
-def _swinging_nodes(
+def _nodes_with_collinear_bonds(
     xi: NDArray[np.float64], source: NDArray[np.int64], constrained: NDArray[np.bool_]
 ) -> NDArray[np.bool_]:
     """Mask (n,) of free nodes with all their bonds xi (b, d) in one line, in space in one plane."""
@@ -201,7 +201,7 @@ class SupportedBonds:
             np.repeat(np.arange(len(rows)), [len(row_numbers) for row_numbers in intact_numbers]),
         )
         xi = self._position[self._target[numbers]] - self._position[self._source[numbers]]
-        if _swinging_nodes(xi, row_of_bond, self._held[rows]).any():
+        if _nodes_with_collinear_bonds(xi, row_of_bond, self._held[rows]).any():
             return False
         self._intact = intact
         return True

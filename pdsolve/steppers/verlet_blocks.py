@@ -32,18 +32,18 @@ from pdsolve.steppers.holds import accelerate_held_component, prescribe_componen
 class BlockMotion(NamedTuple):
     """Motion of the blocks' nodes besides their bonds; m nodes in whole blocks, the last may be idle."""
 
-    force: NDArray[np.floating]  # (2, m) body force now, N/m^3
-    before: NDArray[np.floating]  # (2, m) body force one step ago
+    body_force: NDArray[np.floating]  # (2, m) body force now, N/m^3
+    previous_body_force: NDArray[np.floating]  # (2, m) body force one step ago
     rho: NDArray[np.floating]  # (m,) kg/m^3
-    lightness: NDArray[np.floating]  # (m,) 1 / rho
-    loaded: NDArray[np.bool_]  # (blocks,) whether a load acts on the block
-    plain: NDArray[np.bool_]  # (blocks,) whether neither a load nor a hold does
-    held: NDArray[np.int64]  # (holds,) the held components in the order of their blocks
-    held_start: NDArray[np.int64]  # (blocks + 1,) those of a block
-    turns: NDArray[np.int64]  # (own blocks,) the order in which blocks are shared out to threads
-    push: NDArray[np.float64]  # (2, m) force density of contact now, N/m^3
-    pushed: NDArray[np.bool_]  # (blocks,) whether contact may act on the block
-    stop: NDArray[np.int64]  # (1,) the sweep to go on with
+    inverse_rho: NDArray[np.floating]  # (m,) 1 / rho
+    has_loads: NDArray[np.bool_]  # (blocks,) whether a load acts on the block
+    has_only_bonds: NDArray[np.bool_]  # (blocks,) whether neither a load nor a hold does
+    held_entries: NDArray[np.int64]  # (holds,) the held components in the order of their blocks
+    first_held_of_block: NDArray[np.int64]  # (blocks + 1,) those of a block
+    block_order: NDArray[np.int64]  # (own blocks,) the order in which blocks are shared out to threads
+    contact_force: NDArray[np.float64]  # (2, m) force density of contact now, N/m^3
+    has_contact: NDArray[np.bool_]  # (blocks,) whether contact may act on the block
+    stop_sweep: NDArray[np.int64]  # (1,) the sweep to go on with
 
 
 class VerletBlocks:
@@ -74,21 +74,23 @@ class VerletBlocks:
         self._ghosts = ghosts
         self._rows = np.zeros(0, dtype=np.int64)  # on which contact acted
         self._course = BlockMotion(
-            force=_pad_to_blocks(drive.force, count),
-            before=_pad_to_blocks(drive.before, count),
+            body_force=_pad_to_blocks(drive.force, count),
+            previous_body_force=_pad_to_blocks(drive.before, count),
             rho=_pad_to_blocks(rho, count, 1.0),
-            lightness=_pad_to_blocks(1 / rho, count, 1.0),
-            loaded=loaded,
-            plain=~loaded & (np.diff(held_start) == 0),
-            held=hold_order,
-            held_start=held_start,
-            turns=turns,
-            push=np.zeros((2, LANES * count if contact is not None else 0)),
-            pushed=np.zeros(count, dtype=np.bool_),
-            stop=np.zeros(1, dtype=np.int64),
+            inverse_rho=_pad_to_blocks(1 / rho, count, 1.0),
+            has_loads=loaded,
+            has_only_bonds=~loaded & (np.diff(held_start) == 0),
+            held_entries=hold_order,
+            first_held_of_block=held_start,
+            block_order=turns,
+            contact_force=np.zeros((2, LANES * count if contact is not None else 0)),
+            has_contact=np.zeros(count, dtype=np.bool_),
+            stop_sweep=np.zeros(1, dtype=np.int64),
         )
         nodes = len(rho)
-        self.drive = drive._replace(force=self._course.force[:, :nodes].T, before=self._course.before[:, :nodes].T)
+        self.drive = drive._replace(
+            force=self._course.body_force[:, :nodes].T, before=self._course.previous_body_force[:, :nodes].T
+        )
 
     def advance(self, state: State, first: int, last: int) -> None:
         """Take the steps `first` to `last` - 1, in place."""
@@ -108,7 +110,7 @@ class VerletBlocks:
         """Sweep the blocks for `begin` to `end` - 1 of the steps `first` to `last` - 1, less if pairs are to be found;
         returns the sweep to go on with."""
         operator, block_motion, gate = self._operator, self._course, gate_of(self._threads)
-        block_motion.stop[0] = end
+        block_motion.stop_sweep[0] = end
         arguments = (
             operator.blocks,
             operator.tracks,
@@ -122,7 +124,7 @@ class VerletBlocks:
             end,
         )
         side_by_side(lambda thread: advance_blocks(*arguments, thread, gate), self._threads)
-        return int(block_motion.stop[0])
+        return int(block_motion.stop_sweep[0])
 
     def _update_contact(
         self, contact: PenaltyContact, state: State, step: int, sweep: int
@@ -133,11 +135,11 @@ class VerletBlocks:
         now = state._replace(value=self._operator.tracks.u[sweep % 3][:, :nodes].T)
         free = contact.free_steps(now, step, self._dt)
         rows = contact.rows if free == 0 else self._rows[:0]
-        _clear_contact_forces(block_motion.push, block_motion.pushed, self._rows, rows)
+        _clear_contact_forces(block_motion.contact_force, block_motion.has_contact, self._rows, rows)
         self._rows = rows
         if free > 0:
             return free, None
-        contact.push(now, block_motion.push[:, :nodes].T, step, self._dt)
+        contact.push(now, block_motion.contact_force[:, :nodes].T, step, self._dt)
         pushes, lasts = contact.pushes(step)
         return lasts, pushes if lasts > 1 else None
 
@@ -153,11 +155,11 @@ def _pad_to_blocks(values: NDArray[Any], block_count: int, padding: float = 0.0)
 def advance_blocks(blocks, tracks, block_motion, drive, pushes, dt, first, last, begin, end, thread, gate):  # type: ignore[no-untyped-def]
     """Take the steps `first` to `last` - 1; `tracks.u[0]` are the displacements before and after.
 
-    A sequence of s steps has s + 1 sweeps, of which those from `begin` to `block_motion.stop` - 1 are done. All threads
-    call this together, each with a share of the blocks, and `meet` once a step, twice with `pushes` (None: none
-    change).
+    A sequence of s steps has s + 1 sweeps, of which those from `begin` to `block_motion.stop_sweep` - 1 are done. All
+    threads call this together, each with a share of the blocks, and `meet` once a step, twice with `pushes` (None:
+    none change).
     """
-    u, steps, count = tracks.u, last - first, len(block_motion.turns)
+    u, steps, count = tracks.u, last - first, len(block_motion.block_order)
     first_turn, end_turn, scratch = (
         count * thread // gate.threads,
         count * (thread + 1) // gate.threads,
@@ -165,10 +167,10 @@ def advance_blocks(blocks, tracks, block_motion, drive, pushes, dt, first, last,
     )
     for sweep in range(begin, end):
         if pushes is not None and sweep > begin:
-            if thread == 0 and not push_anew(pushes, u[sweep % 3].T, block_motion.push.T):
-                block_motion.stop[0] = sweep
+            if thread == 0 and not push_anew(pushes, u[sweep % 3].T, block_motion.contact_force.T):
+                block_motion.stop_sweep[0] = sweep
             meet(gate)
-            if block_motion.stop[0] == sweep:
+            if block_motion.stop_sweep[0] == sweep:
                 return
         if sweep > 0 and drive.varies:
             if thread == 0:
@@ -176,11 +178,11 @@ def advance_blocks(blocks, tracks, block_motion, drive, pushes, dt, first, last,
             meet(gate)
         before, now, after = u[(sweep + 2) % 3], u[sweep % 3], u[(sweep + 1) % 3]
         for turn in range(first_turn, end_turn):
-            block, step, starts, ends = block_motion.turns[turn], first + sweep - 1, sweep == 0, sweep == steps
-            if not starts and not ends and block_motion.plain[block]:
-                _sweep_plain(blocks, tracks, block_motion, now, before, after, dt, step, block, scratch)
+            block, step, starts, ends = block_motion.block_order[turn], first + sweep - 1, sweep == 0, sweep == steps
+            if not starts and not ends and block_motion.has_only_bonds[block]:
+                _advance_block_without_loads(blocks, tracks, block_motion, now, before, after, dt, step, block, scratch)
             else:
-                _sweep_block(
+                _advance_block(
                     blocks, tracks, block_motion, drive, now, before, after, dt, step, starts, ends, block, scratch
                 )
         meet(gate)
@@ -189,48 +191,52 @@ def advance_blocks(blocks, tracks, block_motion, drive, pushes, dt, first, last,
 
 
 @cached_njit(error_model="numpy")
-def _clear_contact_forces(push, pushed, before, rows):  # type: ignore[no-untyped-def]
-    """Clear the forces of contact on the rows `before`, and set the mask of the blocks of `rows`."""
-    pushed[:] = False
-    for i in before:
-        push[0, i] = push[1, i] = 0.0
+def _clear_contact_forces(contact_force, has_contact, previous_rows, rows):  # type: ignore[no-untyped-def]
+    """Clear the forces of contact on the rows `previous_rows`, and set the mask of the blocks of `rows`."""
+    has_contact[:] = False
+    for i in previous_rows:
+        contact_force[0, i] = contact_force[1, i] = 0.0
     for i in rows:
-        pushed[i // LANES] = True
+        has_contact[i // LANES] = True
 
 
 @njit(forceinline=True, **INNER)
-def _sweep_plain(blocks, tracks, block_motion, u, before, after, dt, step, block, scratch):  # type: ignore[no-untyped-def]
+def _advance_block_without_loads(blocks, tracks, block_motion, u, before, after, dt, step, block, scratch):  # type: ignore[no-untyped-def]
     """End `step` for `block`, on which only bonds and contact act, and go on to the next one."""
-    full_step, half, lightness = u.dtype.type(dt), u.dtype.type(dt / 2), block_motion.lightness
+    full_step, half, lightness = u.dtype.type(dt), u.dtype.type(dt / 2), block_motion.inverse_rho
     for lane in range(0, LANES, across(scratch)):
         sum_lanes(blocks, tracks, u, before, step, block, lane, scratch)
-        if block_motion.pushed[block]:
+        if block_motion.has_contact[block]:
             for k in range(across(scratch)):
-                scratch[k] += block_motion.push[0, block * LANES + lane + k]
-                scratch[ROW + k] += block_motion.push[1, block * LANES + lane + k]
+                scratch[k] += block_motion.contact_force[0, block * LANES + lane + k]
+                scratch[ROW + k] += block_motion.contact_force[1, block * LANES + lane + k]
         kick_and_drift(u, after, tracks.v, lightness, full_step, half, block * LANES + lane, scratch)
 
 
 @njit(forceinline=True, **INNER)
-def _sweep_block(blocks, tracks, block_motion, drive, u, before, after, dt, step, starts, ends, block, scratch):  # type: ignore[no-untyped-def]
+def _advance_block(  # type: ignore[no-untyped-def]
+    blocks, tracks, block_motion, drive, u, before, after, dt, step, ends_no_step, begins_no_step, block, scratch
+):
     """End `step` for `block`, unless a sequence starts, and go on to the next one, unless it ends."""
-    if starts:
+    if ends_no_step:
         _read_acceleration(tracks.a, scratch, block)
     else:
         for lane in range(0, LANES, across(scratch)):
             sum_lanes(blocks, tracks, u, before, step, block, lane, scratch)
             for k in range(across(scratch)):
                 scratch[FX + lane + k], scratch[FY + lane + k] = scratch[k], scratch[ROW + k]
-        if block_motion.pushed[block]:
-            _add_contact_forces(block_motion.push, scratch, block)
-        if block_motion.loaded[block]:
-            _add_loads(block_motion.force, block_motion.before, tracks.v, tracks.work, scratch, dt, block)
-        _forces_to_accelerations(block_motion.lightness, scratch, block)
+        if block_motion.has_contact[block]:
+            _add_contact_forces(block_motion.contact_force, scratch, block)
+        if block_motion.has_loads[block]:
+            _add_loads(
+                block_motion.body_force, block_motion.previous_body_force, tracks.v, tracks.work, scratch, dt, block
+            )
+        _forces_to_accelerations(block_motion.inverse_rho, scratch, block)
         _store_acceleration(tracks.a, scratch, block)
         _accelerate_held_components(tracks, block_motion, drive, dt, step * dt, block)
         _read_acceleration(tracks.a, scratch, block)
         _kick_lanes(tracks.v, scratch, dt, block)
-    if not ends:
+    if not begins_no_step:
         _kick_lanes(tracks.v, scratch, dt, block)
         _drift_lanes(tracks.v, u, after, dt, block)
         _prescribe_held_components(tracks, block_motion, drive, after, dt, (step + 1) * dt, block)
@@ -246,8 +252,8 @@ def _copy_displacements(u, last):  # type: ignore[no-untyped-def]
 @njit(**INNER)
 def _accelerate_held_components(tracks, block_motion, drive, dt, time, block):  # type: ignore[no-untyped-def]
     v, a, speed, force = tracks.v.T, tracks.a.T, drive.held_speed, drive.held_force
-    for k in range(block_motion.held_start[block], block_motion.held_start[block + 1]):
-        e = block_motion.held[k]
+    for k in range(block_motion.first_held_of_block[block], block_motion.first_held_of_block[block + 1]):
+        e = block_motion.held_entries[k]
         accelerate_held_component(
             v, a, block_motion.rho, tracks.work, drive.holds, drive.profiles, speed, force, e, dt, time
         )
@@ -256,35 +262,37 @@ def _accelerate_held_components(tracks, block_motion, drive, dt, time, block):  
 @njit(**INNER)
 def _prescribe_held_components(tracks, block_motion, drive, u, dt, time, block):  # type: ignore[no-untyped-def]
     v, a = tracks.v.T, tracks.a.T
-    for k in range(block_motion.held_start[block], block_motion.held_start[block + 1]):
-        prescribe_component(u.T, v, a, drive.holds, drive.profiles, drive.held_speed, block_motion.held[k], dt, time)
+    for k in range(block_motion.first_held_of_block[block], block_motion.first_held_of_block[block + 1]):
+        prescribe_component(
+            u.T, v, a, drive.holds, drive.profiles, drive.held_speed, block_motion.held_entries[k], dt, time
+        )
 
 
 @njit(**INNER)
-def _add_loads(force, before, v, work, scratch, dt, block):  # type: ignore[no-untyped-def]
+def _add_loads(force, previous_force, v, work, scratch, dt, block):  # type: ignore[no-untyped-def]
     """Add the loads to the forces of `block`, and book their work."""
     for lane in range(LANES):
         i = block * LANES + lane
         scratch[FX + lane] += force[0, i]
         scratch[FY + lane] += force[1, i]
-        work[i] += (before[0, i] + force[0, i]) / 2 * (dt * v[0, i])
-        work[i] += (before[1, i] + force[1, i]) / 2 * (dt * v[1, i])
+        work[i] += (previous_force[0, i] + force[0, i]) / 2 * (dt * v[0, i])
+        work[i] += (previous_force[1, i] + force[1, i]) / 2 * (dt * v[1, i])
 
 
 @njit(**INNER)
-def _add_contact_forces(push, scratch, block):  # type: ignore[no-untyped-def]
+def _add_contact_forces(contact_force, scratch, block):  # type: ignore[no-untyped-def]
     """Add the forces of contact to those of `block`."""
     for lane in range(LANES):
-        scratch[FX + lane] += push[0, block * LANES + lane]
-        scratch[FY + lane] += push[1, block * LANES + lane]
+        scratch[FX + lane] += contact_force[0, block * LANES + lane]
+        scratch[FY + lane] += contact_force[1, block * LANES + lane]
 
 
 @njit(**INNER)
-def _forces_to_accelerations(lightness, scratch, block):  # type: ignore[no-untyped-def]
+def _forces_to_accelerations(inverse_rho, scratch, block):  # type: ignore[no-untyped-def]
     """Turn force densities into accelerations, stored in FX and FY."""
     for lane in range(LANES):
-        scratch[FX + lane] *= lightness[block * LANES + lane]
-        scratch[FY + lane] *= lightness[block * LANES + lane]
+        scratch[FX + lane] *= inverse_rho[block * LANES + lane]
+        scratch[FY + lane] *= inverse_rho[block * LANES + lane]
 
 
 @njit(**INNER)
@@ -310,8 +318,8 @@ def _kick_lanes(v, scratch, dt, block):  # type: ignore[no-untyped-def]
 
 
 @njit(**INNER)
-def _drift_lanes(v, u, after, dt, block):  # type: ignore[no-untyped-def]
+def _drift_lanes(v, u, next_u, dt, block):  # type: ignore[no-untyped-def]
     full_step = v.dtype.type(dt)
     for lane in range(LANES):
-        after[0, block * LANES + lane] = u[0, block * LANES + lane] + full_step * v[0, block * LANES + lane]
-        after[1, block * LANES + lane] = u[1, block * LANES + lane] + full_step * v[1, block * LANES + lane]
+        next_u[0, block * LANES + lane] = u[0, block * LANES + lane] + full_step * v[0, block * LANES + lane]
+        next_u[1, block * LANES + lane] = u[1, block * LANES + lane] + full_step * v[1, block * LANES + lane]

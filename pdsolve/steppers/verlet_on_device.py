@@ -26,8 +26,8 @@ STARTS, ENDS = 1, 2  # phases of the kernel
 class _EntriesByNode(NamedTuple):
     """Entries of loads or holds, by the nodes on which anything acts."""
 
-    order: NDArray[np.int64]  # (e,) of the entries
-    first: NDArray[np.int32]  # (rows + 1,) entries of a node
+    entry_order: NDArray[np.int64]  # (e,) of the entries
+    first_entry_of_node: NDArray[np.int32]  # (rows + 1,) entries of a node
 
 
 class VerletOnDevice:
@@ -70,9 +70,9 @@ class VerletOnDevice:
         weight = np.concatenate([operator.spread(1 / rho, 1.0), operator.spread(rho, 1.0)])
         self._weight, self._damping = to_device(weight), to_device(operator.spread(damping))
         self._work, self._damped = (to_device(np.zeros(operator.room)) for _ in range(2))
-        self._place_conditions()
+        self._upload_conditions()
 
-    def _place_conditions(self) -> None:
+    def _upload_conditions(self) -> None:
         """Put loads and holds on the device, by the nodes on which they act."""
         drive, operator, to_device = self._drive, self._operator, self.session.put
         nodes = np.union1d(drive.loads.node, drive.holds.node)
@@ -81,11 +81,11 @@ class VerletOnDevice:
         self._nodes, self._acts = nodes, to_device(acts)
         self._now, self._ago = (to_device(drive.force[nodes]) for _ in range(2))
         loads, self._holds = _group_by_node(drive.loads, nodes), _group_by_node(drive.holds, nodes)
-        self._load = [to_device(loads.first), *_entry_columns(drive.loads, loads, to_device)]
-        self._hold = [to_device(self._holds.first), *_entry_columns(drive.holds, self._holds, to_device)]
-        self._hold.append(to_device(drive.holds.kind[self._holds.order].astype(np.int32)))
+        self._load = [to_device(loads.first_entry_of_node), *_entry_columns(drive.loads, loads, to_device)]
+        self._hold = [to_device(self._holds.first_entry_of_node), *_entry_columns(drive.holds, self._holds, to_device)]
+        self._hold.append(to_device(drive.holds.kind[self._holds.entry_order].astype(np.int32)))
         self._speed, self._force = (
-            to_device(column[self._holds.order]) for column in (drive.held_speed, drive.held_force)
+            to_device(column[self._holds.entry_order]) for column in (drive.held_speed, drive.held_force)
         )
         self._factors = Factors(self.session, drive.profiles, self._dt, ((0, 0.0), (1, 0.0), (1, self._dt / 2)))
 
@@ -97,11 +97,11 @@ class VerletOnDevice:
             operator, write, drive = self._operator, self.session.write, self._drive
             operator.hand_over()
             self.session.finish()
-            for buffer, values in self._mirrored_arrays():
+            for buffer, values in self._buffers_with_host_arrays():
                 write(buffer, operator.spread(values))
             for buffer in (self._now, self._ago):
                 write(buffer, drive.force[self._nodes])
-            write(self._force, drive.held_force[self._holds.order])
+            write(self._force, drive.held_force[self._holds.entry_order])
         self._ahead, steps, self._last = True, last - first, last - 1
         for sweep in range(steps + 1):
             if sweep % AT_ONCE == 0:
@@ -122,7 +122,7 @@ class VerletOnDevice:
             and (operator.sum_families(now) or operator.pulls_again(step))
         ):
             for buffer, values in ((now, self._state.value), (self._v[0], self._state.rate)):
-                self._read_buffer(buffer, values)
+                self._download_buffer(buffer, values)
             operator.fail(now, self._state, step, self._dt)
         motion = before, now, after, *self._v, self._a, self._weight, self._damping, self._work, self._damped
         acting = self._acts, self._now, self._ago, *self._load, *self._hold, self._speed, self._force
@@ -132,13 +132,13 @@ class VerletOnDevice:
         self.session.launch(self._kernel, (operator.room // operator.together, LANES // operator.together), arguments)
         self._u, self._v = [now, after, before], self._v[::-1]
 
-    def _read_buffer(self, buffer: Any, values: NDArray[Any]) -> None:
+    def _download_buffer(self, buffer: Any, values: NDArray[Any]) -> None:
         """Enter a buffer in an array of the state."""
         wide = np.empty((*values.shape[1:], self._operator.room), dtype=values.dtype)
         self.session.read(buffer, wide)
         self._operator.collected(wide, values)
 
-    def _mirrored_arrays(self) -> list[tuple[Any, NDArray[Any]]]:
+    def _buffers_with_host_arrays(self) -> list[tuple[Any, NDArray[Any]]]:
         """Buffers, and the arrays of the state that they are."""
         state = self._state
         motion = (self._u[1], state.value), (self._v[0], state.rate), (self._a, state.second)
@@ -150,11 +150,11 @@ class VerletOnDevice:
         if not self._ahead:
             return
         operator, drive = self._operator, self._drive
-        for buffer, values in self._mirrored_arrays():
-            self._read_buffer(buffer, values)
+        for buffer, values in self._buffers_with_host_arrays():
+            self._download_buffer(buffer, values)
         forces = np.empty(len(drive.held_force))
         self.session.read(self._force, forces)
-        drive.held_force[self._holds.order] = forces
+        drive.held_force[self._holds.entry_order] = forces
         if drive.varies:
             put_loads(drive, self._last * self._dt)
         operator.fetch()
@@ -170,5 +170,5 @@ def _group_by_node(entries: Entries, nodes: NDArray[np.int64]) -> _EntriesByNode
 
 def _entry_columns(entries: Entries, by_node: _EntriesByNode, to_device: Any) -> list[Any]:
     """Axes, values and profiles of entries on the device."""
-    axis, value, profile = (column[by_node.order] for column in (entries.axis, entries.value, entries.profile))
+    axis, value, profile = (column[by_node.entry_order] for column in (entries.axis, entries.value, entries.profile))
     return [to_device(axis.astype(np.int32)), to_device(value), to_device(profile.astype(np.int32))]

@@ -68,7 +68,7 @@ def test_tips_are_those_of_the_particles(strip: Path, capsys: pytest.CaptureFixt
             tips = sorted(filter(None, (front.tip_at(step * dt) for front in every)), key=lambda tip: tip.place[1])
             assert np.array([tip.place for tip in tips]) == pytest.approx(there.place[ends])
             ways = arms / np.hypot(*arms.T)[:, None]
-            assert np.array([tip.way for tip in tips]) == pytest.approx(ways)
+            assert np.array([tip.direction for tip in tips]) == pytest.approx(ways)
     capsys.readouterr()
     assert pdpost(["crack", "strip.sqlite", "--json"]) == 0
     told = json.loads(capsys.readouterr().out)

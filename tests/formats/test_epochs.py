@@ -222,7 +222,7 @@ class Careless(Moving):
         if found is None:
             return None
         ids = found.system.model.grid.ids.tolist()
-        return found._replace(origin=np.array([known.index(node) if node in known else -1 for node in ids]))
+        return found._replace(previous_rows=np.array([known.index(node) if node in known else -1 for node in ids]))
 
 
 @pytest.mark.slow

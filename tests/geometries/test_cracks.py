@@ -25,8 +25,8 @@ def told(results: Results) -> Summary:
     for branch in found.branches:
         assert (np.diff(branch.time) >= 0).all()
         for stem in found.branches:
-            if stem.end == branch.begin and branch.time[0] < stem.time[-1]:
-                other = min(one.time[-1] for one in found.branches if one.end == branch.begin)
+            if stem.end_joint == branch.begin_joint and branch.time[0] < stem.time[-1]:
+                other = min(one.time[-1] for one in found.branches if one.end_joint == branch.begin_joint)
                 assert branch.time[0] >= other  # of two stems that meet the first goes on
         known = np.isfinite(branch.speed.value)
         low, value, high = (column[known] for column in (branch.speed.low, branch.speed.value, branch.speed.high))
@@ -62,7 +62,7 @@ def test_kalthoff_and_winkler(mode: str) -> None:
     assert [way.whole for way in found.directions] == pytest.approx([-68, 68], abs=3)
     first = {"thesis": 61.1, "conservative": 51.7}[mode]  # measured: cracks turn away from their notches by and by
     assert [way.angle for way in found.directions] == pytest.approx([-first, first], abs=1)
-    rubble = [branch for branch in found.branches if not branch.line.all()]
+    rubble = [branch for branch in found.branches if not branch.is_line.all()]
     assert rubble or mode == "conservative"  # under the impactor
     assert all(branch.mean_speed is None for branch in rubble)
 

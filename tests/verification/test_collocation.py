@@ -42,7 +42,7 @@ def test_where_all_is_fine_it_is_the_uniform_run(profile: str) -> None:
     uniform = prepare(with_material(torn("none"), micromodulus=profile), Options(threads=1))
     problem, engine = prepared(with_material(torn("collocation"), micromodulus=profile))
     assert problem.system.stable_time_step == pytest.approx(uniform.system.stable_time_step, rel=1e-12)
-    activate(engine, np.zeros(engine.ground.at.places, dtype=bool))
+    activate(engine, np.zeros(engine.lattice.numbering.places, dtype=bool))
     uniform.advance(1, 121)
     problem.advance(1, 121)
     value, own = uniform.state.value, engine.plate.place
@@ -64,15 +64,15 @@ def ragged(ratio: float) -> CollocationEngine:
     _, engine = prepared(cracked(side + 1, side + 1, ratio, 0.0, run=RUN))
     x, y = places(engine)
     away = np.hypot(x - side / 2, y - side / 2) - 3 * np.random.default_rng(0).random(x.shape)
-    activate(engine, (engine.zone.node == COARSE) & (away > ratio / 2 + 2))
+    activate(engine, (engine.zone.node_kinds == COARSE) & (away > ratio / 2 + 2))
     return engine
 
 
 def sound(engine: CollocationEngine) -> np.ndarray:
     """Active places without an edge in their families' families."""
-    ground, node = engine.ground, engine.zone.node
-    odd = (ground.there[0] != 1) | (ground.lack != 1).any(axis=0)
-    return ((node == FINE) | (node == COARSE)) & ~dilate_mask(odd, ground.at, ground.at.below)
+    lattice, node = engine.lattice, engine.zone.node_kinds
+    odd = (lattice.cell_share[0] != 1) | (lattice.energy_lack != 1).any(axis=0)
+    return ((node == FINE) | (node == COARSE)) & ~dilate_mask(odd, lattice.numbering, lattice.numbering.below)
 
 
 @pytest.mark.slow
@@ -91,22 +91,22 @@ def test_a_linear_field_is_at_rest_and_a_quadratic_one_nearly(ratio: int, error:
     engine = ragged(ratio)
     springs = fine_springs(STEEL, ratio, H)
     c11, c66 = springs.c11, springs.c66
-    ground, zone, position = engine.ground, engine.zone, H * places(engine)
+    lattice, zone, position = engine.lattice, engine.zone, H * places(engine)
     clean, active = sound(engine), engine.active_places()
-    assert min(np.count_nonzero(clean & (zone.node == kind)) for kind in (FINE, COARSE)) > 50
+    assert min(np.count_nonzero(clean & (zone.node_kinds == kind)) for kind in (FINE, COARSE)) > 50
     assert engine.area.sum() == pytest.approx(engine.plate.area.sum(), rel=1e-12)
     zone.u[:, active] = (np.array([[1.0, 0.3], [-0.2, 0.7]]) * 1e-9 @ position)[:, active]
-    assert np.abs(accelerations(engine)[:, clean]).max() < 1e-13 * c11 * 1e-9 / (ground.rho * ground.h)
+    assert np.abs(accelerations(engine)[:, clean]).max() < 1e-13 * c11 * 1e-9 / (lattice.rho * lattice.h)
     energy = 1e-18 * (c11 * (1 + 0.7**2) / 2 + c66 * (0.7 + 0.1**2 / 2))
-    assert engine.energy_densities()[clean & (zone.node == COARSE)] == pytest.approx(energy, rel=1e-11)
-    assert engine.energy_densities()[clean & (zone.node == FINE)] == pytest.approx(
+    assert engine.energy_densities()[clean & (zone.node_kinds == COARSE)] == pytest.approx(energy, rel=1e-11)
+    assert engine.energy_densities()[clean & (zone.node_kinds == FINE)] == pytest.approx(
         energy, rel=1e-6
     )  # of finite strains
     zone.u[:], size = 0, 1e-6
     zone.u[0, active] = size * position[0, active] ** 2
-    found, expected = accelerations(engine)[0], 2 * c11 * size / ground.rho
-    assert found[clean & (zone.node == COARSE)] == pytest.approx(expected, rel=1e-11)
-    off = np.abs(found[clean & (zone.node == FINE)] / expected - 1).max()
+    found, expected = accelerations(engine)[0], 2 * c11 * size / lattice.rho
+    assert found[clean & (zone.node_kinds == COARSE)] == pytest.approx(expected, rel=1e-11)
+    off = np.abs(found[clean & (zone.node_kinds == FINE)] / expected - 1).max()
     assert 2.4 * off < 1.4 * error
 
 
@@ -118,13 +118,13 @@ def vibrating(ratio: float, side: int, units: float, damping: float | None) -> l
     problem, engine = prepared(with_run(model, time_step=0.8 * bound))
     own = engine.active_places()
     engine.zone.v[:, own] = 1e-3 * np.random.default_rng(3).normal(size=(2, len(own)))
-    unit = H * np.sqrt(engine.ground.rho / 191e9)
-    steps, found, begins = int(units * unit / engine.ground.dt), [], 0.0
+    unit = H * np.sqrt(engine.lattice.rho / 191e9)
+    steps, found, begins = int(units * unit / engine.lattice.dt), [], 0.0
     for part in range(9):
         if part:
             problem.advance((part - 1) * steps // 8 + 1, part * steps // 8 + 1)
         own, held = engine.active_places(), engine.energy_densities()
-        energy = engine.ground.rho / 2 * (engine.zone.v[:, own] ** 2).sum(axis=0) + held[own]
+        energy = engine.lattice.rho / 2 * (engine.zone.v[:, own] ** 2).sum(axis=0) + held[own]
         found.append(float((energy * engine.area[own]).sum()))
         begins = found[0]
     return [one / begins for one in found[1:]]
@@ -160,15 +160,15 @@ def test_a_crack_takes_fine_nodes_with_it() -> None:
     there is of energy, and fine nodes come where the crack goes; on as many threads as one likes."""
     model = torn("collocation", ratio=8.0, steps=150, damping=0.0)
     problem, engine = prepared(model)
-    share, cut = engine.zone_summary().fine_share, engine.zone.cut.copy()
+    share, cut = engine.zone_summary().fine_share, engine.zone.cut_bits.copy()
     for last in range(10, 151, 10):
         problem.advance(last - 9, last + 1)
-        assert np.all(engine.zone.cut & cut == cut)
-        cut = engine.zone.cut.copy()
+        assert np.all(engine.zone.cut_bits & cut == cut)
+        cut = engine.zone.cut_bits.copy()
     told = engine.zone_summary()
     assert told.fine_share > share + 0.05
     assert 0.5 < told.clipped_stretch < 1
-    assert engine.zone.totals.largest_e < engine.ground.limit
+    assert engine.zone.totals.largest_e < engine.lattice.limit
     assert len(engine.broken().step) > 1000
     shown = type(problem.system.hybrid)(engine)
     shown.energies(shown.state())
@@ -182,7 +182,7 @@ def test_a_crack_takes_fine_nodes_with_it() -> None:
 def test_fine_nodes_that_come_too_late_are_an_error() -> None:
     """A plate that is stretched beyond its limit between two looks."""
     problem, engine = prepared(cracked(61, 60, 4.0, 0.0, run=RUN))
-    active, limit = engine.active_places(), np.sqrt(1 + engine.ground.limit) - 1
+    active, limit = engine.active_places(), np.sqrt(1 + engine.lattice.limit) - 1
     engine.zone.u[0, active] = 1.2 * limit * H * places(engine)[0, active]
     with pytest.raises(UnstableError, match=naming(found=("coarse", re.compile(r"1\.2\d*")))):
         problem.advance(1, 10)
@@ -192,19 +192,23 @@ def test_fine_nodes_that_come_too_late_are_an_error() -> None:
 def test_rows_along_edges_that_are_alike_share_their_stiffnesses() -> None:
     """To the bit what each has by itself; places that no bond reaches flag no row, and change no force."""
     engine = ragged(4.0)
-    ground, zone = engine.ground, engine.zone
+    lattice, zone = engine.lattice, engine.zone
     zone.u[:] = 1e-7 * H * np.random.default_rng(1).standard_normal(zone.u.shape)
-    assert set(zone.kinds[zone.rows]) == {WHOLE, EDGE, KNOWN}
-    assert np.count_nonzero(zone.kinds[zone.rows] == KNOWN) > 3 * len(ground.edge_row_stiffness) // len(ground.ways)
+    assert set(zone.row_kinds[zone.fine_rows]) == {WHOLE, EDGE, KNOWN}
+    assert np.count_nonzero(zone.row_kinds[zone.fine_rows] == KNOWN) > 3 * len(lattice.edge_row_stiffness) // len(
+        lattice.offsets
+    )
     found = accelerations(engine)
-    zone.kinds[zone.kinds == KNOWN] = EDGE
+    zone.row_kinds[zone.row_kinds == KNOWN] = EDGE
     assert np.array_equal(accelerations(engine), found)
-    idle = np.ones(ground.at.places, dtype=bool)
-    for nodes in (zone.node == FINE, zone.node == COARSE):
-        idle &= ~dilate_mask(nodes, ground.at, ground.at.below)
-    idle |= (zone.node == BETWEEN) & ~dilate_mask(zone.node == FINE, ground.at, ground.at.below)
-    own = np.flatnonzero(zone.node != BETWEEN)
+    idle = np.ones(lattice.numbering.places, dtype=bool)
+    for nodes in (zone.node_kinds == FINE, zone.node_kinds == COARSE):
+        idle &= ~dilate_mask(nodes, lattice.numbering, lattice.numbering.below)
+    idle |= (zone.node_kinds == BETWEEN) & ~dilate_mask(
+        zone.node_kinds == FINE, lattice.numbering, lattice.numbering.below
+    )
+    own = np.flatnonzero(zone.node_kinds != BETWEEN)
     zone.u[:, idle] = 1.0
-    assert idle.reshape(-1, ROW)[zone.rows].any()
+    assert idle.reshape(-1, ROW)[zone.fine_rows].any()
     assert np.array_equal(accelerations(engine)[:, own], found[:, own])
-    assert not zone.flags.any()
+    assert not zone.over_bound_bits.any()

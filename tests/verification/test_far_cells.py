@@ -89,7 +89,7 @@ def test_far_cells_that_are_stretched_become_coarse() -> None:
     """And fine where they are stretched on: a bump in a plate that flies and vibrates keeps its momentum, and its
     energy but for what is booked."""
     field = zoned(200, 160, disc, GLASS, far=lambda x, y: (x > 12) | (y > 12))
-    width, hot = 16 * H, np.sqrt(1 + field.ground.bounds[0, 2]) - 1
+    width, hot = 16 * H, np.sqrt(1 + field.lattice.e_bounds[0, 2]) - 1
 
     def bump(x: NDArray[np.float64], y: NDArray[np.float64]) -> NDArray[np.float64]:
         height = 2.2 * hot * width * np.sqrt(np.e / 2)
@@ -132,7 +132,7 @@ def test_a_pulse_that_comes_to_far_cells(width: int, published: float) -> None:
         return float(np.abs(nodes.v[0, chosen]).max())
 
     sent = largest(H * middle)
-    field.advance(1, round(2 * start * H / speed / field.ground.dt) + 1)
+    field.advance(1, round(2 * start * H / speed / field.lattice.dt) + 1)
     assert largest(H * (middle - 12)) / sent == pytest.approx(published, rel=0.2)
 
 

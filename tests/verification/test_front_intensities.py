@@ -34,7 +34,7 @@ def front_of(penny: penny_cracks.Penny) -> FrontIntensities:
     families = Families(bonds.start.astype(np.int64), bonds.neighbour.astype(np.int64))
     results = results_of(nodes, families, SMALL * penny.u, [], model, penny_cracks.disc(256))
     (front,) = front_intensities(results, 10)
-    assert len(front.points_with_values) == len(front.along)
+    assert len(front.points_with_values) == len(front.length_along)
     return front
 
 

@@ -170,7 +170,7 @@ def test_slow_heat_takes_a_step_for_many_of_the_motion(D: float, every: int, led
     """As many as its stable step allows, at most 20, that divide the steps between two records."""
     stepper = prepare(bar(D=D, steps=2000, every=every, ledger=ledger), ONE).system.stepper
     assert isinstance(stepper, Swelling)
-    assert stepper.cycle == expected
+    assert stepper.steps_per_content_step == expected
 
 
 @pytest.mark.slow

@@ -105,10 +105,10 @@ def test_a_cell_that_becomes_fine_has_its_temperature_at_once() -> None:
     operator = plate.system.hybrid
     assert operator is not None
     free = pulled(plate, whole_grid() @ slope, bent(plate.system.model.grid.position, slope))
-    zone, at = operator.engine.zone, operator.engine.plate.at
+    zone, numbering = operator.engine.zone, operator.engine.plate.numbering
     before = float(zone.totals.refinement)
-    cell = np.arange(at.cells)
-    new = np.flatnonzero((zone.cells == COARSE) & (cell % at.cell_stride > at.cell_stride // 2))
+    cell = np.arange(numbering.cells)
+    new = np.flatnonzero((zone.cells == COARSE) & (cell % numbering.cell_stride > numbering.cell_stride // 2))
     zone.new_cells[: len(new)], zone.counts.new_cells, zone.cells[new] = new, len(new), FINE
     operator.engine.recompute_forces()
     change = find_zone_change(plate.system)

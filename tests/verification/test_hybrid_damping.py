@@ -97,7 +97,7 @@ def returned(*conditions: Any) -> float:
 
     shown.put(*(lambda x, y, n=n: np.array([shape(x, n), 0 * x]) for n in (0, 1)))
     sent = shown.energy()
-    shown.advance(1, round(0.17 / speed / shown.ground.dt) + 1)
+    shown.advance(1, round(0.17 / speed / shown.lattice.dt) + 1)
     return shown.energy() / sent
 
 

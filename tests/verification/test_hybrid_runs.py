@@ -118,7 +118,7 @@ def test_a_struck_plate_breaks_as_the_uniform_one() -> None:
         for step in range(1, 171, 10):
             problem.advance(step, step + 10)
             if adapt == "hybrid":
-                lost = hybrid(problem).zone.lost.copy()
+                lost = hybrid(problem).zone.broken_bits.copy()
                 assert seen is None or not (seen & ~lost).any()
                 seen = lost
         system, state = followed(problem)

@@ -22,7 +22,7 @@ from pdsolve.run.at_rest import prepare_load_steps
 from pdsolve.run.prepare import select_scheme
 from pdsolve.steppers.equilibrium import EquilibriumConditions
 from pdsolve.steppers.newton import Newton
-from pdsolve.steppers.static_loads import model_in_load_steps
+from pdsolve.steppers.static_loads import model_with_load_steps
 
 ONE = Options(threads=1)
 SOLID = {"model": "correspondence", "solid": "neo hooke", "failure": "none", "nu": 0.3, "plane": "strain"}
@@ -37,7 +37,7 @@ def error(side: int, order: int, ratio: float, degrees: float = 0.0) -> float:
     X, Y = grid.position.T
     outer: NDArray[np.bool_] = np.min([X, 1 - X, Y, 1 - Y], axis=0) < 2 * ratio * delta
     held = Displacement(nodes=tuple((np.flatnonzero(outer) + 1).tolist()), x=1.0, y=1.0)
-    model = model_in_load_steps(
+    model = model_with_load_steps(
         plate(grid, ratio, material=rubber, conditions=(held,), run=Run(solver="static")), "float64"
     )
     system, state = prepare_load_steps(model, ONE, select_scheme(model, ONE))

@@ -21,7 +21,7 @@ from pdsolve.run.system import Prepared
 from pdsolve.steppers.equilibrium import EquilibriumConditions
 from pdsolve.steppers.load_steps import LoadSteps
 from pdsolve.steppers.newton import Newton
-from pdsolve.steppers.static_loads import model_in_load_steps
+from pdsolve.steppers.static_loads import model_with_load_steps
 
 ROUND_OFF = 1e-11  # of the loads: residuals below are not compared
 SOFT = msgspec.structs.replace(GLASS, E=1.0, rho=1.0, G0=1.0, plane="strain", nu=0.3)
@@ -49,7 +49,7 @@ def pulled(law: dict[str, Any]) -> tuple[Prepared, EquilibriumConditions]:
     )
     grid = square_grid(12, 9, 1.0)
     model = plate(grid, 3, material=material, conditions=conditions, run=Run(solver="static"))
-    problem = prepare(model_in_load_steps(model, "float64"), Options(threads=1))
+    problem = prepare(model_with_load_steps(model, "float64"), Options(threads=1))
     put_loads(problem.system.drive, 0.0)
     stepper = problem.system.stepper
     assert isinstance(stepper, LoadSteps)

@@ -201,12 +201,13 @@ def test_refining_looks_at_all_that_changes() -> None:
     new = np.column_stack([x[some] + 1, y[some], z[some]]) - before.full_body.fine.box.pad
     after = before.refine(new)
     found = zero_state(len(after.sites), 3)._replace(value=before.interpolate_at_rows(after.rows, state.value))
-    pull, which = after.forces_around(found, new)
+    pull, which = after.force_densities_near_new_cells(found, new)
     assert 0.005 < which.mean() < 0.2
     assert np.array_equal(pull[which], force_densities(after, found)[which])
     made = [float((each.energies(of)[0] * each.volume).sum()) for each, of in ((before, state), (after, found))]
     near = [
-        float((each.energies_around(of, new) * each.volume).sum()) for each, of in ((before, state), (after, found))
+        float((each.energies_near_new_cells(of, new) * each.volume).sum())
+        for each, of in ((before, state), (after, found))
     ]
     assert near[1] - near[0] == pytest.approx(made[1] - made[0], abs=1e-12 * made[0])
     assert abs(made[1] - made[0]) > 1e-6 * made[0]

@@ -63,7 +63,7 @@ def test_any_linear_field_is_in_equilibrium_in_each_material(other: Material) ->
 def test_the_sure_step_is_stable_in_two_materials() -> None:
     """2 / omega_max of a random zone, by power iteration, beside the step that its bound of stiffness gives."""
     operator, found = halves(HARD), 0.0
-    bound, mass = operator.full_body.resistance, (operator.model.rho * operator.volume)[:, None]
+    bound, mass = operator.full_body.stiffness_over_density, (operator.model.rho * operator.volume)[:, None]
     v = np.random.default_rng(0).standard_normal((len(operator.sites), 3))
     for _ in range(80):
         w = -operator.forces(SMALL * H * v) / SMALL / H / mass

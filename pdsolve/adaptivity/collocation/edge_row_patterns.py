@@ -20,28 +20,35 @@ ROOM = 2**26  # bytes of stiffnesses that are kept, at most
 ALIKE = 4  # rows, at least, for which it is worth it
 
 
-def add_row_patterns(ground: LatticeConstants) -> LatticeConstants:
+def add_row_patterns(lattice: LatticeConstants) -> LatticeConstants:
     """The constant arrays with the stiffnesses of edge rows, stored once for equal rows."""
-    rows = np.flatnonzero(find_edge_rows(ground) & (ground.there[0] > 0).reshape(-1, ROW).any(axis=1))
-    first, number, count = _distinct_rows(_surroundings_of_rows(ground, rows))
-    often = np.argsort(-count, kind="stable")[: ROOM // (8 * ROW * len(ground.ways))]
+    rows = np.flatnonzero(find_edge_rows(lattice) & (lattice.cell_share[0] > 0).reshape(-1, ROW).any(axis=1))
+    first, number, count = _distinct_rows(_surroundings_of_rows(lattice, rows))
+    often = np.argsort(-count, kind="stable")[: ROOM // (8 * ROW * len(lattice.offsets))]
     often = often[count[often] >= ALIKE]
     rank = np.full(len(count), -1)
     rank[often] = np.arange(len(often))
-    pattern = ground.pattern.copy()
+    pattern = lattice.edge_row_pattern.copy()
     pattern[rows] = rank[number]
-    stiffness = np.zeros((1, len(often) * len(ground.ways) * ROW))
-    _store_stiffness(ground, rows[first[often]], stiffness)
-    return ground._replace(pattern=pattern, edge_row_stiffness=stiffness.reshape(-1, 1, ROW))
+    stiffness = np.zeros((1, len(often) * len(lattice.offsets) * ROW))
+    _store_stiffness(lattice, rows[first[often]], stiffness)
+    return lattice._replace(edge_row_pattern=pattern, edge_row_stiffness=stiffness.reshape(-1, 1, ROW))
 
 
-def _surroundings_of_rows(ground: LatticeConstants, rows: NDArray[np.int64]) -> NDArray[np.int64]:
+def _surroundings_of_rows(lattice: LatticeConstants, rows: NDArray[np.int64]) -> NDArray[np.int64]:
     """Surroundings of each of these rows (r, ...) within reach of its bonds; rows with equal surroundings are equal."""
-    at, wide = ground.at, -(-ground.at.below // ROW)
-    what = np.concatenate([ground.there, ground.lack]).reshape(3, -1, ROW).transpose(1, 0, 2).reshape(-1, 3 * ROW)
+    numbering, wide = lattice.numbering, -(-lattice.numbering.below // ROW)
+    what = (
+        np.concatenate([lattice.cell_share, lattice.energy_lack])
+        .reshape(3, -1, ROW)
+        .transpose(1, 0, 2)
+        .reshape(-1, 3 * ROW)
+    )
     kind = np.pad(_distinct_rows(what)[1], wide)
     surroundings = _distinct_rows(np.lib.stride_tricks.sliding_window_view(kind, 2 * wide + 1))[1]
-    return np.asarray(surroundings[rows[:, None] + np.arange(-at.below, at.below + 1) * (at.stride // ROW)])
+    return np.asarray(
+        surroundings[rows[:, None] + np.arange(-numbering.below, numbering.below + 1) * (numbering.stride // ROW)]
+    )
 
 
 def _distinct_rows(values: NDArray[np.generic]) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.int64]]:
@@ -51,17 +58,17 @@ def _distinct_rows(values: NDArray[np.generic]) -> tuple[NDArray[np.int64], NDAr
 
 
 @cached_njit(error_model="numpy")
-def _store_stiffness(ground, rows, stiffness):  # type: ignore[no-untyped-def]
+def _store_stiffness(lattice, rows, stiffness):  # type: ignore[no-untyped-def]
     """Store the stiffnesses of all bonds of these rows in `stiffness` (1, ...)."""
     for n in range(len(rows)):
-        _store_bond_stiffness_of_row(ground, rows[n], n * len(ground.ways) * ROW, stiffness)
+        _store_bond_stiffness_of_row(lattice, rows[n], n * len(lattice.offsets) * ROW, stiffness)
 
 
 @njit(**INNER)
-def _store_bond_stiffness_of_row(ground, row, offset, bond_stiffness):  # type: ignore[no-untyped-def]
+def _store_bond_stiffness_of_row(lattice, row, offset, bond_stiffness):  # type: ignore[no-untyped-def]
     """Store the corrected stiffnesses of the bonds of a row of 16 nodes from `offset` on, slot by slot."""
     for lane in range(0, ROW, across(bond_stiffness)):
         p = row * ROW + lane
-        lack = beside(ground.lack, PLANE, p)
-        for k in range(len(ground.ways)):
-            keep((corrected_stiffness(ground, p, k, lack),), bond_stiffness, offset + k * ROW + lane)
+        energy_lack = beside(lattice.energy_lack, PLANE, p)
+        for k in range(len(lattice.offsets)):
+            keep((corrected_stiffness(lattice, p, k, energy_lack),), bond_stiffness, offset + k * ROW + lane)

@@ -17,7 +17,7 @@ from pdsolve.adaptivity.collocation.zone import (
     Counts,
     Totals,
     active_areas,
-    deactivate_near,
+    coarse_nodes_left_active,
     interpolate_motion,
     renumber_zone,
 )
@@ -35,8 +35,8 @@ class CollocationSettings(NamedTuple):
     """Settings of the collocation method: where it refines, how it damps, and its number of threads."""
 
     kappa: float  # share of what breaks a bond at which a coarse pair becomes fine
-    band: float  # 1/s, damping of nodes within a horizon of the seam
-    every: int  # steps between two looks
+    seam_damping: float  # 1/s, damping of nodes within a horizon of the seam
+    check_interval: int  # steps between two looks
     threads: int
 
 
@@ -46,24 +46,24 @@ class CollocationEngine:
     def __init__(
         self,
         plate: CollocationPlate,
-        ground: LatticeConstants,
+        lattice: LatticeConstants,
         zone: CollocationZone,
         drive: Drive,
         settings: CollocationSettings,
     ) -> None:
         """`zone` is the initial zone; entries of `drive` refer to places."""
-        self.plate, self.ground, self.zone, self.drive, self.settings = plate, ground, zone, drive, settings
-        self.work = np.zeros(ground.at.places)  # J/m^3
-        self._rho = np.full(ground.at.places, ground.rho)
-        self.area = active_areas(ground, plate, zone.node)
+        self.plate, self.lattice, self.zone, self.drive, self.settings = plate, lattice, zone, drive, settings
+        self.work = np.zeros(lattice.numbering.places)  # J/m^3
+        self._rho = np.full(lattice.numbering.places, lattice.rho)
+        self.area = active_areas(lattice, plate, zone.node_kinds)
         self._advance(1, 1)  # compiles before the clock runs
 
     def start(self, velocity: NDArray[np.float64]) -> None:
         """Set the velocities (n, 2), m/s, of all nodes, and the accelerations of an undeformed plate."""
-        active = (self.zone.node == FINE) | (self.zone.node == COARSE)
+        active = (self.zone.node_kinds == FINE) | (self.zone.node_kinds == COARSE)
         is_active = active[self.plate.place]
         self.zone.v[:, self.plate.place[is_active]] = velocity[is_active].T
-        self.zone.a[:] = self.drive.force.T / self.ground.rho - self.zone.damping * self.zone.v
+        self.zone.a[:] = self.drive.force.T / self.lattice.rho - self.zone.damping * self.zone.v
         holds = self.drive.holds
         self.zone.a[holds.axis, holds.node] = 0.0
 
@@ -77,17 +77,17 @@ class CollocationEngine:
         `dt` is the time since the last step, s, 0 at rest. Nodes to refine are only noted; `refine_if_marked` refines
         them.
         """
-        ground, self.ground = self.ground, self.ground._replace(dt=dt)
+        lattice, self.lattice = self.lattice, self.lattice._replace(dt=dt)
         try:
             while self._advance_on_threads(step, step + 1, SUM)[0] != DONE:
-                self._enlarge_breaks()
+                self._enlarge_break_arrays()
         finally:
-            self.ground = ground
+            self.lattice = lattice
 
     def refine_if_marked(self) -> None:
         """Refine the nodes noted as wanted."""
-        if self.zone.hot.any():
-            self._refine_marked()
+        if self.zone.to_refine.any():
+            self._refine_marked_nodes()
 
     def _advance(self, first: int, last: int) -> None:
         where = BEGIN
@@ -96,7 +96,7 @@ class CollocationEngine:
             if how == DONE:
                 return
             if how == ROOM:
-                self._enlarge_breaks()
+                self._enlarge_break_arrays()
             else:
                 largest = self.zone_summary().clipped_stretch
                 if largest > 1:
@@ -104,64 +104,69 @@ class CollocationEngine:
                         f"step {step}: the fine zone was refined too late (stretch of coarse pairs: {largest:.2f} of"
                         " critical); use a smaller run.collocation.kappa or time step"
                     )
-                self._refine_marked()
+                self._refine_marked_nodes()
             first, where = step, FORCES
 
-    def _advance_on_threads(self, first: int, last: int, where: int) -> tuple[int, int]:
+    def _advance_on_threads(self, first: int, last: int, stage: int) -> tuple[int, int]:
         """Run the compiled march on all threads until it ends; returns its end code and step."""
         end, gate = (DONE, 0), gate_of(self.settings.threads)
-        how = self.drive, self.work, self._rho, self.settings.kappa, self.settings.every, first, last, where
+        how = self.drive, self.work, self._rho, self.settings.kappa, self.settings.check_interval, first, last, stage
 
         def work(thread: int) -> None:
             nonlocal end
-            end = advance(self.ground, self.zone, *how, thread, gate)
+            end = advance(self.lattice, self.zone, *how, thread, gate)
 
         side_by_side(work, self.settings.threads)
         return end
 
-    def _enlarge_breaks(self) -> None:
+    def _enlarge_break_arrays(self) -> None:
         """Enlarge the arrays of broken bonds."""
-        more = max(len(self.zone.breaks.step), int(np.count_nonzero(self.zone.flags)) * ROW * len(self.ground.ways))
+        more = max(
+            len(self.zone.breaks.step),
+            int(np.count_nonzero(self.zone.over_bound_bits)) * ROW * len(self.lattice.offsets),
+        )
         longer = (np.concatenate([column, np.zeros(more, dtype=column.dtype)]) for column in self.zone.breaks)
         self.zone = self.zone._replace(breaks=BreakEvents(*longer))
 
-    def _refine_marked(self) -> None:
+    def _refine_marked_nodes(self) -> None:
         """Refine where wanted: switch coarse nodes to fine ones."""
-        zone, ground, plate = self.zone, self.ground, self.plate
+        zone, lattice, plate = self.zone, self.lattice, self.plate
         zone.totals.damped += self._damped_energy()
         zone.damped[:] = 0.0
-        before, coarse = self._coarse_energy(), zone.node == COARSE
-        active = deactivate_near(ground, plate, coarse, zone.hot)
-        new = renumber_zone(ground, plate, zone, active, self.settings.band)
-        born = np.flatnonzero((new.node == FINE) & (zone.node != FINE))
-        interpolate_motion(zone, ground.at, born[zone.node[born] != COARSE])
-        zone.hot[:] = False
-        self.zone, self.area = new, active_areas(ground, plate, new.node)
-        after = self._coarse_energy() + self._energy_of_places(born, self._energies_of_rows(np.unique(born // ROW)))
-        self.zone.totals.switched += after - before
-        self.zone.counts.switches += 1
+        before, coarse = self._energy_of_coarse_nodes(), zone.node_kinds == COARSE
+        active = coarse_nodes_left_active(lattice, plate, coarse, zone.to_refine)
+        new = renumber_zone(lattice, plate, zone, active, self.settings.seam_damping)
+        born = np.flatnonzero((new.node_kinds == FINE) & (zone.node_kinds != FINE))
+        interpolate_motion(zone, lattice.numbering, born[zone.node_kinds[born] != COARSE])
+        zone.to_refine[:] = False
+        self.zone, self.area = new, active_areas(lattice, plate, new.node_kinds)
+        after = self._energy_of_coarse_nodes() + self._energy_of_places(
+            born, self._energies_of_rows(np.unique(born // ROW))
+        )
+        self.zone.totals.refinement += after - before
+        self.zone.counts.refinements += 1
 
     def _energies_of_rows(self, rows: NDArray[np.int64]) -> NDArray[np.float64]:
         """Energy densities (places,), J/m^3, of the fine nodes in these rows and of active coarse nodes."""
-        densities = np.zeros((1, self.ground.at.places))
-        store_strain_energies(self.ground, self.zone, rows, densities)
+        densities = np.zeros((1, self.lattice.numbering.places))
+        store_strain_energies(self.lattice, self.zone, rows, densities)
         return np.asarray(densities[0])
 
     def energy_densities(self) -> NDArray[np.float64]:
         """The energy densities (places,), J/m^3, of all active nodes."""
-        return self._energies_of_rows(self.zone.rows)
+        return self._energies_of_rows(self.zone.fine_rows)
 
     def _energy_of_places(self, places: NDArray[np.int64], densities: NDArray[np.float64]) -> float:
         """Kinetic plus strain energy of nodes, J/m."""
-        moving = self.ground.rho / 2 * (self.zone.v[:, places] ** 2).sum(axis=0)
+        moving = self.lattice.rho / 2 * (self.zone.v[:, places] ** 2).sum(axis=0)
         return float(((moving + densities[places]) * self.area[places]).sum())
 
-    def _coarse_energy(self) -> float:
-        return self._energy_of_places(self.zone.coarse, self._energies_of_rows(self.zone.rows[:0]))
+    def _energy_of_coarse_nodes(self) -> float:
+        return self._energy_of_places(self.zone.coarse_places, self._energies_of_rows(self.zone.fine_rows[:0]))
 
     def active_places(self) -> NDArray[np.int64]:
         """Places of active nodes."""
-        return np.flatnonzero((self.zone.node == FINE) | (self.zone.node == COARSE))
+        return np.flatnonzero((self.zone.node_kinds == FINE) | (self.zone.node_kinds == COARSE))
 
     def broken(self) -> BreakEvents:
         """Bonds broken so far."""
@@ -170,15 +175,15 @@ class CollocationEngine:
 
     def zone_summary(self) -> ZoneSummary:
         """Summary of the fine zone for the run's report."""
-        fine = self.area[self.zone.node == FINE].sum() / self.plate.area.sum()
+        fine = self.area[self.zone.node_kinds == FINE].sum() / self.plate.area.sum()
         # of a place without neighbours e is 0
-        largest, limit = (np.sqrt(1 + e) - 1 for e in (self.zone.totals.largest_e, self.ground.limit))
-        return ZoneSummary(float(self.zone.totals.switched), float(fine), float(largest / limit))
+        largest, limit = (np.sqrt(1 + e) - 1 for e in (self.zone.totals.largest_e, self.lattice.limit))
+        return ZoneSummary(float(self.zone.totals.refinement), float(fine), float(largest / limit))
 
     def kinetic_and_momentum(self) -> tuple[float, float, float]:
         """Kinetic energy, J/m, and momentum, N s/m."""
         places = self.active_places()
-        mass, v = self.ground.rho * self.area[places], self.zone.v[:, places]
+        mass, v = self.lattice.rho * self.area[places], self.zone.v[:, places]
         return (float((mass / 2 * (v**2).sum(axis=0)).sum()), *(mass * v).sum(axis=1).tolist())
 
     @property
@@ -203,30 +208,34 @@ class CollocationEngine:
             for name, field in (("fine_u", zone.u), ("fine_v", zone.v), ("fine_a", zone.a))
         }
         checkpoint |= {"held_speed": self.drive.held_speed.copy(), "drive_force": self.drive.held_force.copy()}
-        checkpoint |= {"total": zone.totals.values(), "number": zone.counts.values(), "coarse": zone.coarse.copy()}
-        checkpoint |= {"spent": zone.spent[places].copy(), "damped": zone.damped[places].copy()}
+        checkpoint |= {
+            "total": zone.totals.values(),
+            "number": zone.counts.values(),
+            "coarse": zone.coarse_places.copy(),
+        }
+        checkpoint |= {"spent": zone.node_dissipation[places].copy(), "damped": zone.damped[places].copy()}
         return checkpoint | {"places": places, "own_work": self.work[places].copy()}
 
     def restore(self, checkpoint: CheckpointArrays) -> None:
         """Restore a checkpoint, beginning with the initial state. Raises CheckpointError."""
-        ground, active = self.ground, np.zeros(self.ground.at.places, dtype=np.bool_)
+        lattice, active = self.lattice, np.zeros(self.lattice.numbering.places, dtype=np.bool_)
         coarse = entry(checkpoint, "coarse", (None,), np.int64)
-        if not np.isin(coarse, self.zone.coarse).all():
+        if not np.isin(coarse, self.zone.coarse_places).all():
             raise CheckpointError("coarse nodes are none at the start; they must be some of those")
         active[coarse] = True
         breaks = self._checkpoint_breaks(checkpoint)
         node, spring = breaks.node.astype(np.int64), breaks.spring.astype(np.int64)
-        half = len(ground.ways) // 2
-        for ends, k in ((node, spring), (node + ground.ways[spring], spring + half)):
-            np.bitwise_or.at(self.zone.cut, (ends // ROW, k), (1 << (ends % ROW)).astype(np.uint16))
-            kinds = self.zone.kinds
+        half = len(lattice.offsets) // 2
+        for ends, k in ((node, spring), (node + lattice.offsets[spring], spring + half)):
+            np.bitwise_or.at(self.zone.cut_bits, (ends // ROW, k), (1 << (ends % ROW)).astype(np.uint16))
+            kinds = self.zone.row_kinds
             kinds[ends // ROW] = np.maximum(kinds[ends // ROW], 1)
-        self.zone = renumber_zone(ground, self.plate, self.zone, active, self.settings.band)
-        self.area, places = active_areas(ground, self.plate, self.zone.node), self.active_places()
+        self.zone = renumber_zone(lattice, self.plate, self.zone, active, self.settings.seam_damping)
+        self.area, places = active_areas(lattice, self.plate, self.zone.node_kinds), self.active_places()
         if not np.array_equal(entry(checkpoint, "places", places.shape, np.int64), places):
             raise CheckpointError("places are not those of active nodes")
         while len(self.zone.breaks.step) < len(node):
-            self._enlarge_breaks()
+            self._enlarge_break_arrays()
         for name, values in breaks._asdict().items():
             getattr(self.zone.breaks, name)[: len(node)] = values
         for name, field in (("fine_u", self.zone.u), ("fine_v", self.zone.v), ("fine_a", self.zone.a)):
@@ -239,7 +248,11 @@ class CollocationEngine:
         drive.held_speed[:] = like(checkpoint, "held_speed", drive.held_speed)
         drive.held_force[:] = like(checkpoint, "drive_force", drive.held_force)
         self.zone = self.zone._replace(totals=Totals.of(totals), counts=counts)
-        for name, field in (("own_work", self.work), ("damped", self.zone.damped), ("spent", self.zone.spent)):
+        for name, field in (
+            ("own_work", self.work),
+            ("damped", self.zone.damped),
+            ("spent", self.zone.node_dissipation),
+        ):
             field[places] = entry(checkpoint, name, places.shape, float)
 
     def _checkpoint_breaks(self, checkpoint: CheckpointArrays) -> BreakEvents:
@@ -247,25 +260,25 @@ class CollocationEngine:
 
         Raises CheckpointError.
         """
-        ground, half = self.ground, len(self.ground.ways) // 2
+        lattice, half = self.lattice, len(self.lattice.offsets) // 2
         step = entry(checkpoint, "break_step", (None,), np.int32, 1)
         breaks = BreakEvents(
             step,
-            entry(checkpoint, "break_node", step.shape, np.int32, 0, ground.at.places - 1),
+            entry(checkpoint, "break_node", step.shape, np.int32, 0, lattice.numbering.places - 1),
             entry(checkpoint, "break_spring", step.shape, np.int32, 0, half - 1),
             *read_pulls(checkpoint, len(step)),
         )
         node, spring = breaks.node.astype(np.int64), breaks.spring.astype(np.int64)
-        target = node + ground.ways[spring]
-        has_node = np.zeros(ground.at.places, dtype=np.bool_)
+        target = node + lattice.offsets[spring]
+        has_node = np.zeros(lattice.numbering.places, dtype=np.bool_)
         has_node[self.plate.place] = True
         inside = has_node[node] & (target >= 0) & (target < len(has_node)) & has_node[target.clip(0, len(has_node) - 1)]
-        intact = self.zone.cut[node // ROW, spring] >> (node % ROW).astype(np.uint16) & 1 == 0
+        intact = self.zone.cut_bits[node // ROW, spring] >> (node % ROW).astype(np.uint16) & 1 == 0
         if not (inside & intact).all() or len(np.unique(node * half + spring)) < len(node):
             raise CheckpointError("a broken bond is none of the plate, or there twice")
         return breaks
 
     def bytes(self) -> int:
         """Memory of all arrays, bytes; untouched parts take none in practice."""
-        arrays = (array for part in (self.zone, self.ground) for array in part if isinstance(array, np.ndarray))
+        arrays = (array for part in (self.zone, self.lattice) for array in part if isinstance(array, np.ndarray))
         return sum(array.nbytes for array in arrays)

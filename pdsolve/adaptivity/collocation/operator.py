@@ -36,13 +36,16 @@ class CollocationOperator(TwoLatticeOperator[CollocationEngine]):
     def __init__(self, engine: CollocationEngine) -> None:
         """An operator on the currently active nodes."""
         self.engine, self._strain = engine, 0.0
-        self.places, self._kind = engine.active_places(), engine.zone.node.copy()
-        self._row_of = np.full(engine.ground.at.places, -1, dtype=np.int64)
+        self.places, self._kind = engine.active_places(), engine.zone.node_kinds.copy()
+        self._row_of = np.full(engine.lattice.numbering.places, -1, dtype=np.int64)
         self._row_of[self.places] = np.arange(len(self.places))
         self.area = engine.area[self.places]
-        self._switches = int(engine.zone.counts.switches)
+        self._switches = int(engine.zone.counts.refinements)
         # as they are now: the bonds of the start are asked for while others march
-        self._cut, self._before = engine.zone.cut.copy(), BreakEvents._make(column.copy() for column in engine.broken())
+        self._cut, self._before = (
+            engine.zone.cut_bits.copy(),
+            BreakEvents._make(column.copy() for column in engine.broken()),
+        )
 
     @cached_property
     def model(self) -> Model:
@@ -56,11 +59,11 @@ class CollocationOperator(TwoLatticeOperator[CollocationEngine]):
     @cached_property
     def counts(self) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
         """Bonds (n,) of each node at the start, and their number including those cut by pre-cracks."""
-        ground, plate, fine = self.engine.ground, self.engine.plate, self._kind[self.places] == FINE
-        fine_places, count = self.places[fine], np.full(len(self.places), len(ground.stencil_ways) - 1)
+        lattice, plate, fine = self.engine.lattice, self.engine.plate, self._kind[self.places] == FINE
+        fine_places, count = self.places[fine], np.full(len(self.places), len(lattice.stencil_offsets) - 1)
         _, node, spring, *_ = self._before
-        lost = np.bincount(np.concatenate([node, node + ground.ways[spring]]), minlength=ground.at.places)
-        count[fine] = _count_intact_bonds(ground, self._cut, self._kind, fine_places) + lost[fine_places]
+        lost = np.bincount(np.concatenate([node, node + lattice.offsets[spring]]), minlength=lattice.numbering.places)
+        count[fine] = _count_intact_bonds(lattice, self._cut, self._kind, fine_places) + lost[fine_places]
         family = count.copy()
         family[fine] += plate.precrack_cuts[fine_places]
         return count, family
@@ -68,13 +71,13 @@ class CollocationOperator(TwoLatticeOperator[CollocationEngine]):
     @property
     def signature(self) -> NDArray[np.int64]:
         """Signature (n,) that changes if a node or its bonds change."""
-        share = np.round(self.area / self.engine.ground.h**2 * 64).astype(np.int64)  # of a coarse node beside the seam
+        share = np.round(self.area / self.engine.lattice.h**2 * 64).astype(np.int64)  # of a coarse node beside the seam
         return np.where(self._kind[self.places] == FINE, 1 + self.counts[0], -share)
 
     @property
     def is_current(self) -> bool:
         """Whether no nodes have been switched since this operator was made."""
-        return bool(self.engine.zone.counts.switches == self._switches)
+        return bool(self.engine.zone.counts.refinements == self._switches)
 
     def operator_if_changed(self) -> CollocationOperator | None:
         """The operator on the current nodes if they have changed, else None."""
@@ -100,19 +103,19 @@ class CollocationOperator(TwoLatticeOperator[CollocationEngine]):
 
     def accelerations(self) -> NDArray[np.float64]:
         """Accelerations (n, 2), m/s^2, from the most recent sum of forces."""
-        acceleration, ground = self.engine.zone.f[:, self.places].T.copy(), self.engine.ground
-        acceleration[self._kind[self.places] == FINE] /= ground.rho * ground.h**2  # coarse ones have accelerations
+        acceleration, lattice = self.engine.zone.f[:, self.places].T.copy(), self.engine.lattice
+        acceleration[self._kind[self.places] == FINE] /= lattice.rho * lattice.h**2  # coarse ones have accelerations
         return acceleration
 
     def dissipated_energy(self) -> NDArray[np.float64]:
         """Energy density (n,), J/m^3, dissipated so far by the nodes' broken bonds."""
-        return np.asarray(self.engine.zone.spent[self.places] / self.area)
+        return np.asarray(self.engine.zone.node_dissipation[self.places] / self.area)
 
     def tangent(self, state: State) -> csr_array:
         """Minus the derivative (2 n, 2 n), N/m^4, of the force densities by the values; see `Operator`."""
-        from pdsolve.adaptivity.collocation.tangent import tangent_of  # few runs need it
+        from pdsolve.adaptivity.collocation.tangent import assemble_tangent  # few runs need it
 
-        return tangent_of(self.engine, self._kind, self._row_of, state.value)
+        return assemble_tangent(self.engine, self._kind, self._row_of, state.value)
 
     def energies(self, state: State) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Strain energy densities (n,), J/m^3, and zeros for softening, which collocation does not have."""
@@ -148,21 +151,23 @@ class CollocationOperator(TwoLatticeOperator[CollocationEngine]):
     ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
         """Source and target rows (k,) of the intact bonds of nodes `first` to `last` - 1, or of those at the
         `start`."""
-        ground, places = self.engine.ground, self.places[first:last]
+        lattice, places = self.engine.lattice, self.places[first:last]
         sources, targets = [], []
         places_of_kind = places[self._kind[places] == FINE]
-        node, k = _list_intact_bonds(ground, self._cut if start else self.engine.zone.cut, self._kind, places_of_kind)
+        node, k = _list_intact_bonds(
+            lattice, self._cut if start else self.engine.zone.cut_bits, self._kind, places_of_kind
+        )
         sources.append(places_of_kind[node])
-        targets.append(places_of_kind[node] + ground.ways[k])
+        targets.append(places_of_kind[node] + lattice.offsets[k])
         if start:
             _, node, k, *_ = self._before
-            neighbour = node + ground.ways[k]
+            neighbour = node + lattice.offsets[k]
             for near, far in ((node, neighbour), (neighbour, node)):
                 in_range = (self._row_of[near] >= first) & (self._row_of[near] < first + len(places))
                 sources.append(near[in_range])
                 targets.append(far[in_range])
         places_of_kind = places[self._kind[places] == COARSE]
-        ways = ground.stencil_ways[ground.stencil_ways != 0]
+        ways = lattice.stencil_offsets[lattice.stencil_offsets != 0]
         sources.append(np.repeat(places_of_kind, len(ways)))
         targets.append((places_of_kind[:, None] + ways).ravel())
         source, target = (self._row_of[np.concatenate(ends)] for ends in (sources, targets))
@@ -173,33 +178,33 @@ class CollocationOperator(TwoLatticeOperator[CollocationEngine]):
         """Bonds broken after a step: step, source row and target row of each."""
         step, node, spring, *_ = self.engine.broken()
         new = np.flatnonzero(step > after)
-        ends = (self._row_of[source] for source in (node[new], node[new] + self.engine.ground.ways[spring[new]]))
+        ends = (self._row_of[source] for source in (node[new], node[new] + self.engine.lattice.offsets[spring[new]]))
         source, target = ends
         steps = np.tile(step[new].astype(np.int64), 2)
         return Broken(steps, np.concatenate([source, target]), np.concatenate([target, source]))
 
 
 @cached_njit(error_model="numpy")
-def _count_intact_bonds(ground, cut, kind, places):  # type: ignore[no-untyped-def]
+def _count_intact_bonds(lattice, cut_bits, kind, places):  # type: ignore[no-untyped-def]
     """Number of bonds of each place to active nodes that are neither cut nor broken."""
     counts = np.zeros(len(places), dtype=np.int64)
     for n in range(len(places)):
-        for k in range(len(ground.ways)):
-            neighbour_kind = kind[places[n] + ground.ways[k]]
-            if neighbour_kind in (FINE, COARSE) and not is_cut(cut, places[n], k):
+        for k in range(len(lattice.offsets)):
+            neighbour_kind = kind[places[n] + lattice.offsets[k]]
+            if neighbour_kind in (FINE, COARSE) and not is_cut(cut_bits, places[n], k):
                 counts[n] += 1
     return counts
 
 
 @cached_njit(error_model="numpy")
-def _list_intact_bonds(ground, cut, kind, places):  # type: ignore[no-untyped-def]
+def _list_intact_bonds(lattice, cut_bits, kind, places):  # type: ignore[no-untyped-def]
     """Intact bonds of some places to active nodes: the place of each bond and its index in the family."""
-    count = _count_intact_bonds(ground, cut, kind, places).sum()
+    count = _count_intact_bonds(lattice, cut_bits, kind, places).sum()
     node, spring, at = np.zeros(count, dtype=np.int64), np.zeros(count, dtype=np.int64), 0
     for n in range(len(places)):
-        for k in range(len(ground.ways)):
-            neighbour_kind = kind[places[n] + ground.ways[k]]
-            if neighbour_kind in (FINE, COARSE) and not is_cut(cut, places[n], k):
+        for k in range(len(lattice.offsets)):
+            neighbour_kind = kind[places[n] + lattice.offsets[k]]
+            if neighbour_kind in (FINE, COARSE) and not is_cut(cut_bits, places[n], k):
                 node[at], spring[at] = n, k
                 at += 1
     return node, spring

@@ -13,7 +13,7 @@ from pdsolve.adaptivity.collocation.engine import CollocationEngine, Collocation
 from pdsolve.adaptivity.collocation.layout import create_constants_and_plate, number_plate
 from pdsolve.adaptivity.collocation.operator import CollocationOperator
 from pdsolve.adaptivity.collocation.simd_rows import stiffness_bound
-from pdsolve.adaptivity.collocation.zone import create_zone, mask_eligible_coarse
+from pdsolve.adaptivity.collocation.zone import create_collocation_zone, mask_eligible_coarse
 from pdsolve.adaptivity.hybrid.coarse_cells import check_supported, unsupported_error
 from pdsolve.adaptivity.hybrid.springs import fine_springs
 from pdsolve.conditions import drive, initial_velocity
@@ -27,7 +27,7 @@ OFTEN = 8  # steps between two looks, at most
 DAMPED = ((6.0, 0.05), (16.0, 0.02))
 
 
-def create_collocation_operator(
+def create_collocation_operator_and_stable_step(
     model: Model, mode: str, precision: str, choose_step: Callable[[Model, float], float], threads: int = 1
 ) -> tuple[CollocationOperator, float]:
     """The operator at the start, and the surely stable step, s; `choose_step` chooses the step.
@@ -49,23 +49,25 @@ def create_collocation_operator(
             model, "$.horizon.ratio", f"{ratio:g} ({error})", "one whose stencil is stable"
         ) from None
     at, place = number_plate(model, int(np.abs(springs.dx).max()), f"as run.adapt is {model.settings.run.adapt}")
-    ground, plate = create_constants_and_plate(model, springs, at, place, stencil)
-    ground = add_row_patterns(ground)
+    lattice, plate = create_constants_and_plate(model, springs, at, place, stencil)
+    lattice = add_row_patterns(lattice)
     # of fine nodes: those at edges, and one full family for all others
     odd = np.flatnonzero((plate.row >= 0) & ~plate.has_full_family)
-    stiffness = stiffness_bound(ground, plate.cut, np.concatenate([odd, np.flatnonzero(plate.has_full_family)[:1]]))
-    bound = min(float(np.sqrt(2 * ground.rho / stiffness)), longest(stencil, 2 * h, material.rho))
-    ground = ground._replace(dt=choose_step(model, bound))
+    stiffness = stiffness_bound(
+        lattice, plate.cut_bits, np.concatenate([odd, np.flatnonzero(plate.has_full_family)[:1]])
+    )
+    bound = min(float(np.sqrt(2 * lattice.rho / stiffness)), longest(stencil, 2 * h, material.rho))
+    lattice = lattice._replace(dt=choose_step(model, bound))
     run_settings = model.settings.run.collocation
-    every = int(ratio * h / (2 * pressure_speed(material) * ground.dt))
+    every = int(ratio * h / (2 * pressure_speed(material) * lattice.dt))
     settings = CollocationSettings(
         run_settings.kappa, seam_damping(run_settings, model), max(1, min(OFTEN, every)), threads
     )
-    zone = create_zone(
-        ground,
+    zone = create_collocation_zone(
+        lattice,
         plate,
-        mask_eligible_coarse(ground, plate, round(min(run_settings.margin * ratio, at.nx + at.ny))),
-        settings.band,
+        mask_eligible_coarse(lattice, plate, round(min(run_settings.margin * ratio, at.nx + at.ny))),
+        settings.seam_damping,
     )
     drive_of_places = drive(model, plate.area, True, np.float64)
     force, before = np.zeros((2, at.places, 2))
@@ -76,7 +78,7 @@ def create_collocation_operator(
     drive_of_places = drive_of_places._replace(
         force=force, before=before, loads=loads, holds=holds
     )  # by places in place of rows
-    engine = CollocationEngine(plate, ground, zone, drive_of_places, settings)
+    engine = CollocationEngine(plate, lattice, zone, drive_of_places, settings)
     engine.start(initial_velocity(model))
     return CollocationOperator(engine), bound
 

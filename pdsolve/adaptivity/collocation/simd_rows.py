@@ -21,32 +21,32 @@ G0, G1, G2, G3, G4, G5, G6, G7, G8, G9, G10 = coefficients("float64")[1]
 
 
 @njit(forceinline=True, **INNER)
-def _lane_stiffness(ground, cut, u, kind, p, row, k, lane, lack):  # type: ignore[no-untyped-def]
-    """Stiffness of bond k in the lanes from place p on, 0 without one; `lack` is the correction of these nodes."""
-    if kind == KNOWN:
-        w = stacked(ground.edge_row_stiffness, ONE, ground.pattern[row] * len(ground.ways) + k, lane)[0]
-    elif kind == EDGE:
-        w = corrected_stiffness(ground, p, k, lack)
+def _lane_stiffness(lattice, cut_bits, u, row_kind, p, row, k, lane, energy_lack):  # type: ignore[no-untyped-def]
+    """Stiffness of bond k in the lanes from place p on, 0 without one; `energy_lack` is that of these nodes."""
+    if row_kind == KNOWN:
+        w = stacked(lattice.edge_row_stiffness, ONE, lattice.edge_row_pattern[row] * len(lattice.offsets) + k, lane)[0]
+    elif row_kind == EDGE:
+        w = corrected_stiffness(lattice, p, k, energy_lack)
     else:
-        w = same(u, ground.table[k, 5])
-    if kind != WHOLE:
-        w = w * intact(cut, u, row, k, lane)
+        w = same(u, lattice.spring_table[k, 5])
+    if row_kind != WHOLE:
+        w = w * intact(cut_bits, u, row, k, lane)
     return w
 
 
 @njit(forceinline=True, **INNER)
-def corrected_stiffness(ground, p, k, lack):  # type: ignore[no-untyped-def]
+def corrected_stiffness(lattice, p, k, energy_lack):  # type: ignore[no-untyped-def]
     """Stiffness of bond k in the lanes from place p on, if it were intact."""
-    neighbour = p + ground.ways[k]
-    neighbour_lack = beside(ground.lack, PLANE, neighbour)
-    x, y = (lack[0] + neighbour_lack[0]) * 0.5, (lack[1] + neighbour_lack[1]) * 0.5
+    neighbour = p + lattice.offsets[k]
+    neighbour_lack = beside(lattice.energy_lack, PLANE, neighbour)
+    x, y = (energy_lack[0] + neighbour_lack[0]) * 0.5, (energy_lack[1] + neighbour_lack[1]) * 0.5
     x2, y2 = x * x, y * y
-    factor = x * y / np.sqrt(y2 * ground.squares[k, 0] + x2 * ground.squares[k, 1])
-    return ground.table[k, 5] * (factor * beside(ground.there, ONE, neighbour)[0])
+    factor = x * y / np.sqrt(y2 * lattice.squares[k, 0] + x2 * lattice.squares[k, 1])
+    return lattice.spring_table[k, 5] * (factor * beside(lattice.cell_share, ONE, neighbour)[0])
 
 
 @njit(forceinline=True, **INNER)
-def _g(e):  # type: ignore[no-untyped-def]
+def _force_factor(e):  # type: ignore[no-untyped-def]
     """g(e) for |e| up to WIDE."""
     narrow = (((G5 * e + G4) * e + G3) * e + G2) * e + G1
     wide = (((G10 * e + G9) * e + G8) * e + G7) * e + G6
@@ -55,132 +55,137 @@ def _g(e):  # type: ignore[no-untyped-def]
 
 
 @njit(forceinline=True, **INNER)
-def _relative_displacement_and_e(ground, u, displacement, p, k):  # type: ignore[no-untyped-def]
+def _relative_displacement_and_e(lattice, u, displacement, p, k):  # type: ignore[no-untyped-def]
     """eta and e of bond k in the lanes from place p on; `displacement` are the displacements there."""
-    neighbour_displacement = beside(u, PLANE, p + ground.ways[k])
+    neighbour_displacement = beside(u, PLANE, p + lattice.offsets[k])
     x, y = neighbour_displacement[0] - displacement[0], neighbour_displacement[1] - displacement[1]
-    inverse = ground.table[k, 4]
-    return x, y, (x * inverse + ground.table[k, 2]) * x + (y * inverse + ground.table[k, 3]) * y
+    inverse = lattice.spring_table[k, 4]
+    return x, y, (x * inverse + lattice.spring_table[k, 2]) * x + (y * inverse + lattice.spring_table[k, 3]) * y
 
 
 @njit(**INNER)
-def add_row(ground, cut, kind, bounds, u, f, row):  # type: ignore[no-untyped-def]
+def store_row_forces(lattice, cut_bits, row_kind, e_bounds, u, f, row):  # type: ignore[no-untyped-def]
     """Forces (2, places), N/m, on the nodes of a row; returns a bit for each with a bond over its limit, and exactness.
 
-    `bounds` (2, places) are the e beyond which a bond breaks and the e^2 beyond which the polynomial is not exact.
+    `e_bounds` (2, places) are the e beyond which a bond breaks and the e^2 beyond which the polynomial is not exact.
     """
     over, wide, none = 0, 0, same(u, 0.0)
     for lane in range(0, ROW, across(u)):
         p = row * ROW + lane
-        displacement, lack, fx, fy = beside(u, PLANE, p), beside(ground.lack, PLANE, p), none, none
+        displacement, energy_lack, fx, fy = beside(u, PLANE, p), beside(lattice.energy_lack, PLANE, p), none, none
         most, widest = none, none
-        for k in range(len(ground.ways)):
-            x, y, e = _relative_displacement_and_e(ground, u, displacement, p, k)
-            w = _lane_stiffness(ground, cut, u, kind, p, row, k, lane, lack)
-            if kind != WHOLE:
+        for k in range(len(lattice.offsets)):
+            x, y, e = _relative_displacement_and_e(lattice, u, displacement, p, k)
+            w = _lane_stiffness(lattice, cut_bits, u, row_kind, p, row, k, lane, energy_lack)
+            if row_kind != WHOLE:
                 e = unless_none(w, e, none)
             most, widest = larger(e, most), larger(e * e, widest)
-            pull = w * (e * _g(e))
-            fx, fy = fx + pull * (x + ground.table[k, 0]), fy + pull * (y + ground.table[k, 1])
+            pull = w * (e * _force_factor(e))
+            fx, fy = fx + pull * (x + lattice.spring_table[k, 0]), fy + pull * (y + lattice.spring_table[k, 1])
         keep((fx, fy), f, p)
-        bound = beside(bounds, PLANE, p)
+        bound = beside(e_bounds, PLANE, p)
         over |= which_above(most, bound[0]) << lane
         wide |= which_above(widest, bound[1])
     return over, wide == 0
 
 
 @njit(**INNER)
-def add_row_exactly(ground, cut, kind, u, f, row):  # type: ignore[no-untyped-def]
+def store_row_forces_by_square_roots(lattice, cut_bits, row_kind, u, f, row):  # type: ignore[no-untyped-def]
     """Forces (2, places), N/m, on the nodes of a row by square roots, exact for any stretch."""
     none = same(u, 0.0)
     for lane in range(0, ROW, across(u)):
         p = row * ROW + lane
-        displacement, lack, fx, fy = beside(u, PLANE, p), beside(ground.lack, PLANE, p), none, none
-        for k in range(len(ground.ways)):
-            x, y, e = _relative_displacement_and_e(ground, u, displacement, p, k)
-            w = _lane_stiffness(ground, cut, u, kind, p, row, k, lane, lack)
+        displacement, energy_lack, fx, fy = beside(u, PLANE, p), beside(lattice.energy_lack, PLANE, p), none, none
+        for k in range(len(lattice.offsets)):
+            x, y, e = _relative_displacement_and_e(lattice, u, displacement, p, k)
+            w = _lane_stiffness(lattice, cut_bits, u, row_kind, p, row, k, lane, energy_lack)
             e = unless_none(w, e, none)
             q2 = e + 1.0
             pull = w * (e / (q2 + np.sqrt(q2)))
-            fx, fy = fx + pull * (x + ground.table[k, 0]), fy + pull * (y + ground.table[k, 1])
+            fx, fy = fx + pull * (x + lattice.spring_table[k, 0]), fy + pull * (y + lattice.spring_table[k, 1])
         keep((fx, fy), f, p)
 
 
 @njit(**INNER)
-def store_row_energies(ground, cut, kind, u, densities, row):  # type: ignore[no-untyped-def]
+def store_row_energies(lattice, cut_bits, row_kind, u, densities, row):  # type: ignore[no-untyped-def]
     """Energy densities (1, places), J/m^3, of the nodes of a row: half of each bond's."""
-    none, part = same(u, 0.0), 0.25 / ground.h**2
+    none, part = same(u, 0.0), 0.25 / lattice.h**2
     for lane in range(0, ROW, across(u)):
         p = row * ROW + lane
-        displacement, lack, energy = beside(u, PLANE, p), beside(ground.lack, PLANE, p), none
-        for k in range(len(ground.ways)):
-            _, _, e = _relative_displacement_and_e(ground, u, displacement, p, k)
-            w = _lane_stiffness(ground, cut, u, kind, p, row, k, lane, lack)
+        displacement, energy_lack, energy = beside(u, PLANE, p), beside(lattice.energy_lack, PLANE, p), none
+        for k in range(len(lattice.offsets)):
+            _, _, e = _relative_displacement_and_e(lattice, u, displacement, p, k)
+            w = _lane_stiffness(lattice, cut_bits, u, row_kind, p, row, k, lane, energy_lack)
             e = unless_none(w, e, none)
             stretch = e / (np.sqrt(e + 1.0) + 1.0)
-            energy = energy + w * (stretch * stretch) * (part / ground.table[k, 4])
+            energy = energy + w * (stretch * stretch) * (part / lattice.spring_table[k, 4])
         keep((energy,), densities, p)
 
 
 @njit(**INNER)
-def stiffness(ground, p, k):  # type: ignore[no-untyped-def]
+def bond_stiffness_over_share(lattice, p, k):  # type: ignore[no-untyped-def]
     """Stiffness of bond k of node p with surface correction, over the share of p's cell inside the plate."""
-    j = p + ground.ways[k]
-    x, y = (ground.lack[0, p] + ground.lack[0, j]) / 2, (ground.lack[1, p] + ground.lack[1, j]) / 2
-    factor = x * y / np.sqrt(y * y * ground.squares[k, 0] + x * x * ground.squares[k, 1])
-    return ground.table[k, 5] * factor * ground.there[0, j]
+    j = p + lattice.offsets[k]
+    x, y = (
+        (lattice.energy_lack[0, p] + lattice.energy_lack[0, j]) / 2,
+        (lattice.energy_lack[1, p] + lattice.energy_lack[1, j]) / 2,
+    )
+    factor = x * y / np.sqrt(y * y * lattice.squares[k, 0] + x * x * lattice.squares[k, 1])
+    return lattice.spring_table[k, 5] * factor * lattice.cell_share[0, j]
 
 
 @njit(**INNER)
-def e_of_bond(ground, u, p, k):  # type: ignore[no-untyped-def]
+def e_of_bond(lattice, u, p, k):  # type: ignore[no-untyped-def]
     """e of bond k of node p."""
-    j = p + ground.ways[k]
+    j = p + lattice.offsets[k]
     x, y = u[0, j] - u[0, p], u[1, j] - u[1, p]
-    inverse = ground.table[k, 4]
-    return (x * inverse + ground.table[k, 2]) * x + (y * inverse + ground.table[k, 3]) * y
+    inverse = lattice.spring_table[k, 4]
+    return (x * inverse + lattice.spring_table[k, 2]) * x + (y * inverse + lattice.spring_table[k, 3]) * y
 
 
 @njit(**INNER)
-def e_before(ground, u, v, p, k):  # type: ignore[no-untyped-def]
+def e_one_step_ago(lattice, u, v, p, k):  # type: ignore[no-untyped-def]
     """e of bond k of node p one time step ago."""
-    j, dt = p + ground.ways[k], ground.dt
+    j, dt = p + lattice.offsets[k], lattice.dt
     x, y = u[0, j] - dt * v[0, j] - (u[0, p] - dt * v[0, p]), u[1, j] - dt * v[1, j] - (u[1, p] - dt * v[1, p])
-    inverse = ground.table[k, 4]
-    return (x * inverse + ground.table[k, 2]) * x + (y * inverse + ground.table[k, 3]) * y
+    inverse = lattice.spring_table[k, 4]
+    return (x * inverse + lattice.spring_table[k, 2]) * x + (y * inverse + lattice.spring_table[k, 3]) * y
 
 
 @njit(**INNER)
-def break_bond(ground, zone, p, k):  # type: ignore[no-untyped-def]
+def break_bond(lattice, zone, p, k):  # type: ignore[no-untyped-def]
     """Break bond k of node p at both of its ends."""
-    half = len(ground.ways) // 2
-    mark_cut(zone.cut, p, k)
-    j = p + ground.ways[k]
-    mark_cut(zone.cut, j, k + half if k < half else k - half)
+    half = len(lattice.offsets) // 2
+    mark_cut(zone.cut_bits, p, k)
+    j = p + lattice.offsets[k]
+    mark_cut(zone.cut_bits, j, k + half if k < half else k - half)
     for row in (p // ROW, j // ROW):
-        if zone.kinds[row] == WHOLE:
-            zone.kinds[row] = CUT
+        if zone.row_kinds[row] == WHOLE:
+            zone.row_kinds[row] = CUT
 
 
 @njit(**INNER)
-def is_over(ground, zone, u, p, k):  # type: ignore[no-untyped-def]
+def is_bond_over_limit(lattice, zone, u, p, k):  # type: ignore[no-untyped-def]
     """Whether bond k of node p is to break."""
-    if not e_of_bond(ground, u, p, k) > ground.limit:
+    if not e_of_bond(lattice, u, p, k) > lattice.limit:
         return False  # as nearly all
-    j = p + ground.ways[k]
-    return not (ground.there[0, j] == 0 or is_cut(zone.cut, p, k) or ground.no_fail[p] or ground.no_fail[j])
+    j = p + lattice.offsets[k]
+    return not (
+        lattice.cell_share[0, j] == 0 or is_cut(zone.cut_bits, p, k) or lattice.no_fail[p] or lattice.no_fail[j]
+    )
 
 
 @cached_njit(error_model="numpy")
-def stiffness_bound(ground, cut, places):  # type: ignore[no-untyped-def]
+def stiffness_bound(lattice, cut_bits, places):  # type: ignore[no-untyped-def]
     """The largest row sum of stiffness of these nodes, N/m^4 (see `pdsolve.bonds.assembly.stiffness_bound`)."""
     most = 0.0
     for p in places:
         xx, yy, xy = 0.0, 0.0, 0.0
-        for k in range(len(ground.ways)):
-            if ground.there[0, p + ground.ways[k]] == 0 or is_cut(cut, p, k):
+        for k in range(len(lattice.offsets)):
+            if lattice.cell_share[0, p + lattice.offsets[k]] == 0 or is_cut(cut_bits, p, k):
                 continue
-            pull = stiffness(ground, p, k) * ground.table[k, 4] / ground.h**2
-            x, y = ground.table[k, 0], ground.table[k, 1]
+            pull = bond_stiffness_over_share(lattice, p, k) * lattice.spring_table[k, 4] / lattice.h**2
+            x, y = lattice.spring_table[k, 0], lattice.spring_table[k, 1]
             xx, yy, xy = xx + pull * x * x, yy + pull * y * y, xy + pull * x * y
         most = max(most, (xx + yy) / 2 + np.hypot((xx - yy) / 2, xy))
     return most

@@ -8,21 +8,21 @@ from scipy.sparse import coo_array, csr_array, eye_array, kron
 
 from pdsolve.adaptivity.collocation.engine import CollocationEngine
 from pdsolve.adaptivity.collocation.layout import is_cut
-from pdsolve.adaptivity.collocation.simd_rows import stiffness
+from pdsolve.adaptivity.collocation.simd_rows import bond_stiffness_over_share
 from pdsolve.adaptivity.collocation.zone import COARSE, FINE
 from pdsolve.codegen.jit_cache import cached_njit
 from pdsolve.operators.tangent import of_springs
 
 
-def tangent_of(
+def assemble_tangent(
     engine: CollocationEngine, kind: NDArray[np.uint8], row_of: NDArray[np.int64], value: NDArray[np.float64]
 ) -> csr_array:
     """Minus the derivative (2 n, 2 n), N/m^4, of the force densities by the values (n, 2).
 
     `kind` (places,) is the kind of each place, `row_of` (places,) the row of each active one.
     """
-    ground, zone, nodes = engine.ground, engine.zone, len(value)
-    between = zone.between
+    lattice, zone, nodes = engine.lattice, engine.zone, len(value)
+    between = zone.fictitious_nodes
     active = np.flatnonzero(row_of >= 0)
     point = np.full(len(row_of), -1, dtype=np.int64)  # active nodes come first, in their order
     point[active], point[between[:, 0]] = row_of[active], nodes + np.arange(len(between))
@@ -32,20 +32,20 @@ def tangent_of(
     points = coo_array((weights, (follows, parents)), (nodes + len(between), nodes)).tocsr()
 
     fine = active[kind[active] == FINE]
-    room = len(fine) * len(ground.ways)
+    room = len(fine) * len(lattice.offsets)
     node, k, pull = np.zeros(room, dtype=np.int64), np.zeros(room, dtype=np.int64), np.zeros(room)
-    count = _list_fine_bonds(ground, zone.cut, fine, node, k, pull)
+    count = _list_fine_bonds(lattice, zone.cut_bits, fine, node, k, pull)
     node, k, pull = node[:count], k[:count], pull[:count]
-    xi = ground.table[k, :2]
-    pull *= np.sqrt((xi**2).sum(axis=1)) / ground.h**2
-    source, target = point[fine[node]], point[fine[node] + ground.ways[k]]
+    xi = lattice.spring_table[k, :2]
+    pull *= np.sqrt((xi**2).sum(axis=1)) / lattice.h**2
+    source, target = point[fine[node]], point[fine[node] + lattice.offsets[k]]
     matrix = of_springs(source, target, xi, pull, points @ value)
 
     coarse = active[kind[active] == COARSE]
-    xx, xy, yy = (-ground.rho * ground.theta).T
+    xx, xy, yy = (-lattice.rho * lattice.stencil_stiffness).T
     theta = np.stack([np.stack([xx, xy], axis=1), np.stack([xy, yy], axis=1)], axis=1)  # (s, 2, 2)
     centre_points = np.repeat(point[coarse], len(theta))
-    stencil_points = point[(coarse[:, None] + ground.stencil_ways).ravel()]
+    stencil_points = point[(coarse[:, None] + lattice.stencil_offsets).ravel()]
     a, b = (index.ravel() for index in np.indices((2, 2)))
     rows, columns = (2 * centre_points[:, None] + a).ravel(), (2 * stencil_points[:, None] + b).ravel()
     matrix += coo_array((np.tile(theta.ravel(), len(coarse)), (rows, columns)), matrix.shape).tocsr()
@@ -53,14 +53,14 @@ def tangent_of(
 
 
 @cached_njit(error_model="numpy")
-def _list_fine_bonds(ground, cut, places, node, spring, pull):  # type: ignore[no-untyped-def]
+def _list_fine_bonds(lattice, cut_bits, places, node, spring, pull):  # type: ignore[no-untyped-def]
     """Fill the list of bonds; returns how many there are."""
     count = 0
     for n in range(len(places)):
         p = places[n]
-        for k in range(len(ground.ways)):
-            if ground.there[0, p + ground.ways[k]] == 0 or is_cut(cut, p, k):
+        for k in range(len(lattice.offsets)):
+            if lattice.cell_share[0, p + lattice.offsets[k]] == 0 or is_cut(cut_bits, p, k):
                 continue
-            node[count], spring[count], pull[count] = n, k, stiffness(ground, p, k)
+            node[count], spring[count], pull[count] = n, k, bond_stiffness_over_share(lattice, p, k)
             count += 1
     return count

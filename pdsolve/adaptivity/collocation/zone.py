@@ -41,7 +41,7 @@ class Totals(Record):
     """Energies since the start, and stretches of coarse pairs. Checkpoints hold them in this order."""
 
     dissipated: float  # J/m, by bonds
-    switched: float  # J/m, that making nodes fine has added
+    refinement: float  # J/m, that making nodes fine has added
     largest_e: float  # of coarse pairs so far
     damped: float  # J/m, taken by damping before nodes were switched last
 
@@ -50,8 +50,8 @@ class Counts(Record):
     """Numbers of events. Checkpoints hold them in this order."""
 
     broken_bonds: int  # in `breaks`
-    any_hot: int  # 1 where fine nodes are wanted around any coarse one, or 0
-    switches: int  # how often nodes have become fine
+    refinement_due: int  # 1 where fine nodes are wanted around any coarse one, or 0
+    refinements: int  # how often nodes have become fine
 
 
 class CollocationZone(NamedTuple):
@@ -61,43 +61,53 @@ class CollocationZone(NamedTuple):
     v: NDArray[np.float64]  # (2, places) m/s; within a step the mean since the last one
     a: NDArray[np.float64]  # (2, places) m/s^2
     f: NDArray[np.float64]  # (2, places) N/m
-    cut: NDArray[np.uint16]  # (places / 16, k) a bit for each bond that is cut or broken
-    kinds: NDArray[np.uint8]  # (places / 16,) of rows
-    node: NDArray[np.uint8]  # (places,) NONE, FINE, COARSE or BETWEEN
-    rows: NDArray[np.int64]  # (r,) rows of 16 places with active fine nodes
-    coarse: NDArray[np.int64]  # (c,) places of active coarse nodes
-    between: NDArray[np.int64]  # (b, 5) places of fictitious nodes that bonds reach, and of those they are between
-    spent: NDArray[np.float64]  # (places,) J/m, by a node's bonds so far
+    cut_bits: NDArray[np.uint16]  # (places / 16, k) a bit for each bond that is cut or broken
+    row_kinds: NDArray[np.uint8]  # (places / 16,) of rows
+    node_kinds: NDArray[np.uint8]  # (places,) NONE, FINE, COARSE or BETWEEN
+    fine_rows: NDArray[np.int64]  # (r,) rows of 16 places with active fine nodes
+    coarse_places: NDArray[np.int64]  # (c,) places of active coarse nodes
+    fictitious_nodes: NDArray[
+        np.int64
+    ]  # (b, 5) places of fictitious nodes that bonds reach, and of those they are between
+    node_dissipation: NDArray[np.float64]  # (places,) J/m, by a node's bonds so far
     damping: NDArray[np.float64]  # (places,) 1/s
     damped: NDArray[np.float64]  # (places,) J/m^3
-    bounds: NDArray[np.float64]  # (2, places) of e, beyond which bonds break, of e^2, beyond which forces are inexact
-    flags: NDArray[np.uint16]  # (r,) of rows, a bit for each node that has a bond over its bound
-    again: NDArray[np.uint8]  # (places / 16,) rows whose bonds broke in this step
-    hot: NDArray[np.bool_]  # (places,) coarse nodes around which fine ones are wanted
+    e_bounds: NDArray[np.float64]  # (2, places) of e, beyond which bonds break, of e^2, beyond which forces are inexact
+    over_bound_bits: NDArray[np.uint16]  # (r,) of rows, a bit for each node that has a bond over its bound
+    has_new_breaks: NDArray[np.uint8]  # (places / 16,) rows whose bonds broke in this step
+    to_refine: NDArray[np.bool_]  # (places,) coarse nodes around which fine ones are wanted
     totals: Totals
     counts: Counts
     breaks: BreakEvents
 
 
-def mask_coarse_places(at: Numbering) -> NDArray[np.bool_]:
+def mask_coarse_places(numbering: Numbering) -> NDArray[np.bool_]:
     """Mask (places,) of the places that are coarse nodes too."""
-    is_even = np.zeros(at.places, dtype=np.bool_)
-    field = is_even[: at.places - 2 * ROW].reshape(-1, at.stride)
-    field[at.below : at.below + at.ny : 2, at.left : at.left + at.nx : 2] = True
+    is_even = np.zeros(numbering.places, dtype=np.bool_)
+    field = is_even[: numbering.places - 2 * ROW].reshape(-1, numbering.stride)
+    field[numbering.below : numbering.below + numbering.ny : 2, numbering.left : numbering.left + numbering.nx : 2] = (
+        True
+    )
     return is_even
 
 
-def parent_places(at: Numbering, places: NDArray[np.int64]) -> NDArray[np.int64]:
+def parent_places(numbering: Numbering, places: NDArray[np.int64]) -> NDArray[np.int64]:
     """Coarse places (n, 4) that these lie on or between, each repeated according to its weight."""
-    row, column = np.divmod(places, at.stride)
-    right, up = (column - at.left) % 2, (row - at.below) % 2
-    corner = places - right - up * at.stride
+    row, column = np.divmod(places, numbering.stride)
+    right, up = (column - numbering.left) % 2, (row - numbering.below) % 2
+    corner = places - right - up * numbering.stride
     return np.stack(
-        [corner, corner + 2 * right, corner + 2 * up * at.stride, corner + 2 * right + 2 * up * at.stride], 1
+        [
+            corner,
+            corner + 2 * right,
+            corner + 2 * up * numbering.stride,
+            corner + 2 * right + 2 * up * numbering.stride,
+        ],
+        1,
     )
 
 
-def mask_eligible_coarse(ground: LatticeConstants, plate: CollocationPlate, margin: int) -> NDArray[np.bool_]:
+def mask_eligible_coarse(lattice: LatticeConstants, plate: CollocationPlate, margin: int) -> NDArray[np.bool_]:
     """Mask (places,) of coarse places that may be active.
 
     They are not beside a node with a condition, nor within `margin` spacings of one without a whole family. Bonds have
@@ -105,36 +115,36 @@ def mask_eligible_coarse(ground: LatticeConstants, plate: CollocationPlate, marg
     the edge.
     """
     odd = (plate.row >= 0) & ~plate.has_full_family
-    odd = (dilate_mask(odd, ground.at, margin) if margin else odd) | plate.has_condition
+    odd = (dilate_mask(odd, lattice.numbering, margin) if margin else odd) | plate.has_condition
     fine = np.flatnonzero((plate.row >= 0) & odd)
-    may_be_active = mask_coarse_places(ground.at) & plate.has_full_family & ~odd
-    may_be_active[parent_places(ground.at, fine).ravel()] = False
+    may_be_active = mask_coarse_places(lattice.numbering) & plate.has_full_family & ~odd
+    may_be_active[parent_places(lattice.numbering, fine).ravel()] = False
     return may_be_active
 
 
-def node_kinds(ground: LatticeConstants, plate: CollocationPlate, active: NDArray[np.bool_]) -> NDArray[np.uint8]:
+def kinds_of_places(lattice: LatticeConstants, plate: CollocationPlate, active: NDArray[np.bool_]) -> NDArray[np.uint8]:
     """Kind of each place if these coarse nodes are active."""
-    kinds = np.zeros(ground.at.places, dtype=np.uint8)
-    around = active[parent_places(ground.at, plate.place)].all(axis=1)
+    kinds = np.zeros(lattice.numbering.places, dtype=np.uint8)
+    around = active[parent_places(lattice.numbering, plate.place)].all(axis=1)
     kinds[plate.place] = np.where(around, np.where(active[plate.place], COARSE, BETWEEN), FINE)
     return kinds
 
 
-def active_areas(ground: LatticeConstants, plate: CollocationPlate, node: NDArray[np.uint8]) -> NDArray[np.float64]:
+def active_areas(lattice: LatticeConstants, plate: CollocationPlate, node: NDArray[np.uint8]) -> NDArray[np.float64]:
     """Areas (places,) of active nodes, m^2: their own plus those of fictitious nodes by their weights."""
-    areas = np.zeros(ground.at.places)
+    areas = np.zeros(lattice.numbering.places)
     kind = node[plate.place]
     fine = kind == FINE
     areas[plate.place[fine]] = plate.area[fine]
-    np.add.at(areas, parent_places(ground.at, plate.place[~fine]), plate.area[~fine, None] / 4)
+    np.add.at(areas, parent_places(lattice.numbering, plate.place[~fine]), plate.area[~fine, None] / 4)
     return areas
 
 
-def create_zone(
-    ground: LatticeConstants, plate: CollocationPlate, active: NDArray[np.bool_], band: float
+def create_collocation_zone(
+    lattice: LatticeConstants, plate: CollocationPlate, active: NDArray[np.bool_], seam_damping: float
 ) -> CollocationZone:
-    """The initial zone at rest; nodes within a horizon of the seam are damped by `band`, 1/s."""
-    places = ground.at.places
+    """The initial zone at rest; nodes within a horizon of the seam are damped by `seam_damping`, 1/s."""
+    places = lattice.numbering.places
     nothing = np.zeros(0, dtype=np.int64)
     u, v, a, f = (aligned(np.zeros((2, places))) for _ in range(4))
     spent, damping, damped = np.zeros((3, places))
@@ -143,71 +153,78 @@ def create_zone(
         v=v,
         a=a,
         f=f,
-        cut=plate.cut,
-        kinds=row_kinds(ground, plate.cut),
-        node=np.zeros(places, dtype=np.uint8),
-        rows=nothing,
-        coarse=nothing,
-        between=nothing.reshape(0, 5),
-        spent=spent,
+        cut_bits=plate.cut_bits,
+        row_kinds=row_kinds(lattice, plate.cut_bits),
+        node_kinds=np.zeros(places, dtype=np.uint8),
+        fine_rows=nothing,
+        coarse_places=nothing,
+        fictitious_nodes=nothing.reshape(0, 5),
+        node_dissipation=spent,
         damping=damping,
         damped=damped,
-        bounds=np.full((2, places), np.inf),
-        flags=np.zeros(0, dtype=np.uint16),
-        again=np.zeros(places // ROW, dtype=np.uint8),
-        hot=np.zeros(places, dtype=np.bool_),
+        e_bounds=np.full((2, places), np.inf),
+        over_bound_bits=np.zeros(0, dtype=np.uint16),
+        has_new_breaks=np.zeros(places // ROW, dtype=np.uint8),
+        to_refine=np.zeros(places, dtype=np.bool_),
         totals=Totals.of(),
         counts=Counts.of(),
         breaks=BreakEvents(*np.zeros((3, EVENTS), dtype=np.int32), *np.zeros((2, EVENTS))),
     )
-    return renumber_zone(ground, plate, zone, active, band)
+    return renumber_zone(lattice, plate, zone, active, seam_damping)
 
 
 def renumber_zone(
-    ground: LatticeConstants, plate: CollocationPlate, zone: CollocationZone, active: NDArray[np.bool_], band: float
+    lattice: LatticeConstants,
+    plate: CollocationPlate,
+    zone: CollocationZone,
+    active: NDArray[np.bool_],
+    seam_damping: float,
 ) -> CollocationZone:
-    """The zone with these coarse nodes active; nodes within a horizon of the seam are damped by `band`, 1/s."""
-    at, node = ground.at, node_kinds(ground, plate, active)
+    """The zone with these coarse nodes active; nodes within a horizon of the seam are damped by `seam_damping`, 1/s."""
+    numbering, node = lattice.numbering, kinds_of_places(lattice, plate, active)
     fine = node == FINE
     rows = np.flatnonzero(fine.reshape(-1, ROW).any(axis=1))
-    reached = np.flatnonzero((node == BETWEEN) & dilate_mask(fine, at, at.below))
-    between = np.column_stack([reached, parent_places(at, reached)])
-    damping = np.zeros(at.places)
-    if band > 0:
+    reached = np.flatnonzero((node == BETWEEN) & dilate_mask(fine, numbering, numbering.below))
+    between = np.column_stack([reached, parent_places(numbering, reached)])
+    damping = np.zeros(numbering.places)
+    if seam_damping > 0:
         coarse = node == COARSE
-        damping[(fine & dilate_mask(coarse, at, at.below)) | (coarse & dilate_mask(fine, at, at.below))] = band
+        damping[
+            (fine & dilate_mask(coarse, numbering, numbering.below))
+            | (coarse & dilate_mask(fine, numbering, numbering.below))
+        ] = seam_damping
         damping[plate.has_condition] = 0.0
     return zone._replace(
-        node=node,
-        rows=rows,
-        coarse=np.flatnonzero(node == COARSE),
-        between=between,
+        node_kinds=node,
+        fine_rows=rows,
+        coarse_places=np.flatnonzero(node == COARSE),
+        fictitious_nodes=between,
         damping=damping,
-        bounds=np.where([fine & ~ground.no_fail, fine], [[ground.limit], [WIDE**2]], np.inf),
-        flags=np.zeros(len(rows), dtype=np.uint16),
+        e_bounds=np.where([fine & ~lattice.no_fail, fine], [[lattice.limit], [WIDE**2]], np.inf),
+        over_bound_bits=np.zeros(len(rows), dtype=np.uint16),
     )
 
 
-def interpolate_motion(zone: CollocationZone, at: Numbering, places: NDArray[np.int64]) -> None:
+def interpolate_motion(zone: CollocationZone, numbering: Numbering, places: NDArray[np.int64]) -> None:
     """Interpolate the motion of nodes between coarse ones."""
-    four = parent_places(at, places)
+    four = parent_places(numbering, places)
     for field in (zone.u, zone.v, zone.a):
         field[:, places] = field[:, four].mean(axis=2)
 
 
-def deactivate_near(
-    ground: LatticeConstants, plate: CollocationPlate, coarse_active: NDArray[np.bool_], stretched: NDArray[np.bool_]
+def coarse_nodes_left_active(
+    lattice: LatticeConstants, plate: CollocationPlate, coarse_active: NDArray[np.bool_], stretched: NDArray[np.bool_]
 ) -> NDArray[np.bool_]:
     """The coarse nodes that stay active when the neighbourhoods of the `stretched` ones are refined."""
-    at, stays_active = ground.at, coarse_active.copy()
-    reach = ball(at.below // 2, 2)
-    _deactivate(np.flatnonzero(stretched), 2 * (reach[:, 1] * at.stride + reach[:, 0]), stays_active)
+    numbering, stays_active = lattice.numbering, coarse_active.copy()
+    reach = ball(numbering.below // 2, 2)
+    _clear_at_offsets(np.flatnonzero(stretched), 2 * (reach[:, 1] * numbering.stride + reach[:, 0]), stays_active)
     return stays_active
 
 
 @cached_njit(error_model="numpy")
-def _deactivate(hot, ways, active):  # type: ignore[no-untyped-def]
-    for q in hot:
+def _clear_at_offsets(to_refine, ways, active):  # type: ignore[no-untyped-def]
+    for q in to_refine:
         for way in ways:
             if 0 <= q + way < len(active):
                 active[q + way] = False

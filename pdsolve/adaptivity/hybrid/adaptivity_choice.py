@@ -44,15 +44,15 @@ UNSURE = 1.2  # of the surely stable step: longer ones may make what they stretc
 class ZonePrediction(NamedTuple):
     """What is known of a run with a moving fine zone before it begins."""
 
-    begins: float  # F at the start
-    ends: float  # F at the end
-    strain: float  # q
-    cost: float  # of the steps, over those with fine nodes everywhere
+    fine_share_at_start: float  # F at the start
+    fine_share_at_end: float  # F at the end
+    relative_strain: float  # q
+    relative_cost: float  # of the steps, over those with fine nodes everywhere
 
 
 def choose_adaptivity(model: Model, options: Options) -> Model:
     """The model with run.adapt hybrid or none in place of auto; a warning says which and why."""
-    how, why = _choose(model, options)
+    how, why = _choose_with_reason(model, options)
     named = "peridynamics near cracks alone (hybrid)" if how == "hybrid" else "fine nodes everywhere (none)"
     warnings.warn(f"{model.name}: $.run.adapt: auto takes {named}: {why}", ModelNote, stacklevel=3)
     return with_adaptivity(model, how) if how == "hybrid" else without_zone(model)
@@ -60,11 +60,11 @@ def choose_adaptivity(model: Model, options: Options) -> Model:
 
 def widen_zone(model: Model) -> Model:
     """The model with cells that become fine sooner, or with fine nodes everywhere where no wider zone is left."""
-    kappa = next((wider for wider in WIDER if wider < kappa_of(model)), None)
+    kappa = next((wider for wider in WIDER if wider < refinement_kappa(model)), None)
     return without_zone(model) if kappa is None else with_kappa(model, kappa)
 
 
-def kappa_of(model: Model) -> float:
+def refinement_kappa(model: Model) -> float:
     """The share of the stretch that breaks bonds at which cells become fine."""
     return model.settings.run.hybrid.kappa
 
@@ -85,7 +85,7 @@ def with_adaptivity(model: Model, adaptivity: Adapt, **settings: object) -> Mode
     return dataclasses.replace(model, settings=msgspec.structs.replace(model.settings, run=run))
 
 
-def _choose(model: Model, options: Options) -> tuple[Adapt, str]:
+def _choose_with_reason(model: Model, options: Options) -> tuple[Adapt, str]:
     """The adaptivity that a model gets, and why, in words."""
     if model.grid.dimension == 3:
         return "none", "its costs are known for plates only, and this is a body in space"
@@ -102,12 +102,13 @@ def _choose(model: Model, options: Options) -> tuple[Adapt, str]:
     except ModelError as error:
         return "none", f"hybrid does not support it, {error}"
     shares = (
-        f"{prediction.begins:.0%} of the plate is fine at the start, and an estimated {prediction.ends:.0%} at the end"
+        f"{prediction.fine_share_at_start:.0%} of the plate is fine at the start, and an estimated"
+        f" {prediction.fine_share_at_end:.0%} at the end"
     )
-    if prediction.strain >= 1:
-        return "none", f"the conditions strain all of it to {prediction.strain:.2g} of what makes cells fine"
-    how: Adapt = "hybrid" if prediction.cost <= DEAR else "none"
-    return how, f"{shares}, about {prediction.cost:.2g} of the steps of fine nodes everywhere"
+    if prediction.relative_strain >= 1:
+        return "none", f"the conditions strain all of it to {prediction.relative_strain:.2g} of what makes cells fine"
+    how: Adapt = "hybrid" if prediction.relative_cost <= DEAR else "none"
+    return how, f"{shares}, about {prediction.relative_cost:.2g} of the steps of fine nodes everywhere"
 
 
 def predict_zone(model: Model, options: Options) -> ZonePrediction:

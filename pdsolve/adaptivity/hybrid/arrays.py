@@ -26,34 +26,34 @@ class LatticeConstants(NamedTuple):
     """The constant arrays of a hybrid plate: lattice, springs, masses and limits of bonds."""
 
     law: Any  # columns of no bonds, by whose type the law's functions are compiled
-    at: Numbering
+    numbering: Numbering
     h: float  # m
     dx: NDArray[np.int64]  # (k,) fine family
     dy: NDArray[np.int64]
-    table: NDArray[np.float64]  # (k, 8)
-    ways: NDArray[np.int64]  # (k,)
+    spring_table: NDArray[np.float64]  # (k, 8)
+    offsets: NDArray[np.int64]  # (k,)
     coarse_dx: NDArray[np.int64]  # (8,)
     coarse_dy: NDArray[np.int64]
-    coarse_table: NDArray[np.float64]  # (8, 8) of the first material
-    coarse_ways: NDArray[np.int64]  # (8,)
-    far_table: NDArray[np.float64]  # (8, 8), likewise of cells of 4 h, which are of one material
-    far_ways: NDArray[np.int64]  # (8,)
+    coarse_spring_table: NDArray[np.float64]  # (8, 8) of the first material
+    coarse_offsets: NDArray[np.int64]  # (8,)
+    far_spring_table: NDArray[np.float64]  # (8, 8), likewise of cells of 4 h, which are of one material
+    far_offsets: NDArray[np.int64]  # (8,)
     bond_parts: BondParts
     reach: int  # h, of the family along an axis
-    varied: bool  # whether bonds soften, or differ in what breaks them: then `fine.edge` says when to look at them
+    limits_vary: bool  # whether bonds soften, or differ in what breaks them; then `fine.threshold_e` is in use
     dt: float  # s
-    nodes: NodeRows  # constants of fine nodes
-    springs: NDArray[np.float64]  # (materials, k) stiffness of a bond in a full lattice
-    bounds: NDArray[np.float64]  # (materials, 3) e of peak and limit, and of a coarse bond that makes cells fine
-    least: NDArray[np.float64]  # (3,) the least of each
-    own_springs: NDArray[np.float64]  # (., k)
-    own_kind: NDArray[np.int32]  # (.,) row in `own_peak` and `own_limit`
-    own_peak: NDArray[np.float64]  # (j, k) e
-    own_limit: NDArray[np.float64]
-    cell: NDArray[np.float64]  # (3, m) k1 and k2 of a coarse cell, N/m^2, and a quarter of its mass, kg/m
-    mix: NDArray[np.int32]  # (c,) which of these each cell has
-    coarse_bits: NDArray[np.uint8]  # (q,) coarse bonds that no pre-crack cuts, of the first four springs: inverted
-    edge_cut: NDArray[np.float64]  # (2, q) where a pre-crack cuts the edge to the east, and to the north; 0: nowhere
+    node_rows: NodeRows  # constants of fine nodes
+    material_stiffness: NDArray[np.float64]  # (materials, k) stiffness of a bond in a full lattice
+    e_bounds: NDArray[np.float64]  # (materials, 3) e of peak and limit, and of a coarse bond that makes cells fine
+    least_e_bounds: NDArray[np.float64]  # (3,) the least of each
+    irregular_stiffness: NDArray[np.float64]  # (., k)
+    irregular_limit_row: NDArray[np.int32]  # (.,) row in `irregular_peak_e` and `irregular_limit_e`
+    irregular_peak_e: NDArray[np.float64]  # (j, k) e
+    irregular_limit_e: NDArray[np.float64]
+    cell_constants: NDArray[np.float64]  # (3, m) k1 and k2 of a coarse cell, N/m^2, and a quarter of its mass, kg/m
+    constants_of_cell: NDArray[np.int32]  # (c,) which of these each cell has
+    cut_spring_bits: NDArray[np.uint8]  # (q,) coarse bonds that no pre-crack cuts, of the first four springs: inverted
+    edge_cut_share: NDArray[np.float64]  # (2, q) where a pre-crack cuts the edge to the east, and to the north; or 0
     cut_cells: NDArray[np.bool_]  # (c,) cells that a pre-crack crosses
     cracks: NDArray[np.float64]  # (j, 4) segments in fine spacings
 
@@ -68,16 +68,18 @@ class LatticeNodes(NamedTuple):
     inverse_mass: NDArray[np.float64]  # (n,) 1 / mass; 0 where nothing is to move
     kind: NDArray[np.uint8]  # (n,)
     rows: NDArray[np.int64]  # those with a node that is not idle, in order
-    entry: NDArray[
-        np.int32
-    ]  # (n / 16,) row of `own`; below 0 where all is as in the table, -2 less the row if it has one
-    own: NDArray[np.float64]  # (., k, 16) stiffnesses
-    masks: NDArray[np.uint16]  # (., 2, k) which lanes have a spring, and which half of one, of rows that are `masked`
-    masked: NDArray[np.bool_]  # (.,) whether a row of `own` has springs of the table, half of them, or none
-    edge: NDArray[np.float64]  # (., k, 16) e up to which nothing happens to a bond, where bonds are varied
-    touched: NDArray[np.bool_]  # (n / 16,) whether there are forces besides those of springs
-    wide: NDArray[np.uint8]  # (n / 16,) how far stretches went; of coarse rows whether one was hot
-    shrink: NDArray[np.float64] | None  # (n,) minus half the strain of a free node, of idle ones too; None: none swells
+    stiffness_index: NDArray[np.int32]  # (n / 16,) index in `row_stiffness`; -1 or -2 - index: all is as in the table
+    row_stiffness: NDArray[np.float64]  # (., k, 16) stiffnesses
+    spring_masks: NDArray[np.uint16]  # (., 2, k) lanes with a spring, and with half of one, if `has_spring_masks`
+    has_spring_masks: NDArray[
+        np.bool_
+    ]  # (.,) whether springs of a row are all those of the table, half of them or none
+    threshold_e: NDArray[np.float64]  # (., k, 16) e up to which nothing happens to a bond, where bonds are varied
+    has_extra_forces: NDArray[np.bool_]  # (n / 16,) whether there are forces besides those of springs
+    has_large_stretch: NDArray[
+        np.uint8
+    ]  # (n / 16,) how far stretches went; of coarse rows whether one exceeds the bound
+    half_shrinkage: NDArray[np.float64] | None  # (n,) minus half the free strain, of idle nodes too; None: none swells
     damping: NDArray[np.float64] | None  # (2, n) 1/s, of each component, 0 of held ones; None: nothing is damped
     damped: NDArray[np.float64] | None  # (n,) J/m, taken from a node by damping so far
 
@@ -86,22 +88,22 @@ class ClippedPieces(NamedTuple):
     """The remaining pieces of clipped bonds, ordered by their owners."""
 
     owner: NDArray[np.int64]  # (p,)
-    end: NDArray[np.int64]  # (p, 4) of both ends: fine node and -1, or two coarse nodes
-    value: NDArray[np.float64]  # (p, 8) w of both ends, xi, 1 / |xi|^2, k, and 0 if it is to last
-    relief: NDArray[np.float64]  # (p, 2) added to the displacements between its ends, where nodes swell, m
+    end_nodes: NDArray[np.int64]  # (p, 4) of both ends: fine node and -1, or two coarse nodes
+    constants: NDArray[np.float64]  # (p, 8) w of both ends, xi, 1 / |xi|^2, k, and 0 if it is to last
+    swelling_offset: NDArray[np.float64]  # (p, 2) added to the displacements between its ends, where nodes swell, m
 
 
 class BorderNodes(NamedTuple):
     """Nodes on the border, which move with coarser ones: fine ones with coarse ones, or coarse ones with far ones."""
 
     node: NDArray[np.int64]
-    end: NDArray[np.int64]  # (., 2)
+    carriers: NDArray[np.int64]  # (., 2)
     w: NDArray[np.float64]
-    off: NDArray[np.float64]  # (., 2) how far they are off the line between those, where nodes swell, m
+    swelling_offset: NDArray[np.float64]  # (., 2) how far they are off the line between those, where nodes swell, m
 
     def first_nodes(self, count: int) -> BorderNodes:
         """The first `count` of these nodes."""
-        return BorderNodes(self.node[:count], self.end[:count], self.w[:count], self.off[:count])
+        return BorderNodes(self.node[:count], self.carriers[:count], self.w[:count], self.swelling_offset[:count])
 
 
 class Entry(Record):
@@ -148,17 +150,17 @@ class Counts(Record):
     broken_bonds: int  # directed ones, in `breaks`
     loads: int  # shares of nodes that move, in `loads.node_and_entry`
     holds: int  # held components of nodes that move, in `holds.node_and_entry`
-    stirred_nodes: int  # in `stirs`
-    regrids: int  # how often cells have become others since all nodes were numbered
-    refined_nodes: int  # how many of the stirred nodes have fine cells around them
-    stiffness_rows: int  # rows of `fine.own` that are taken
+    damaged_nodes: int  # in `damaged_nodes` of the zone
+    cell_changes: int  # how often cells have become others since all nodes were numbered
+    refined_damaged_nodes: int  # how many of the damaged nodes have fine cells around them
+    stiffness_rows: int  # rows of `fine.row_stiffness` that are taken
     new_cells: int  # in `new_cells` of the zone
-    dirty: int  # fine nodes, in `affected_nodes`
-    around: int  # coarse nodes, in `affected_coarse`
+    affected_fine: int  # fine nodes, in `affected_fine` of the zone
+    affected_coarse: int  # coarse nodes, in `affected_coarse` of the zone
     lacks_room: int  # 1 where the arrays are too short for what comes next, or 0
     far_rows: int  # of 16 places, in `far.rows`
     tied_nodes: int  # coarse nodes on the border of far cells
-    far_around: int  # far nodes, in `affected_far`
+    affected_far: int  # far nodes, in `affected_far` of the zone
 
 
 STORED = 10
@@ -178,31 +180,31 @@ class PlateZone(NamedTuple):
     """The variable arrays of a hybrid plate: cells, bonds, nodes, loads and books."""
 
     cells: NDArray[np.uint8]  # (c,)
-    lost: NDArray[np.uint64]  # (n,) bonds that have broken, of the first half of the family. Never cleared
+    broken_bits: NDArray[np.uint64]  # (n,) bonds that have broken, of the first half of the family. Never cleared
     fine: LatticeNodes
     coarse: LatticeNodes
     far: LatticeNodes  # 4 h apart
     tied: BorderNodes  # coarse nodes on the border of cells of 4 h, which move with far ones
     pieces: ClippedPieces
-    spare: ClippedPieces
+    spare_pieces: ClippedPieces
     border: BorderNodes
     breaks: BreakEvents
-    spent: NDArray[np.float64]  # (n,) J/m, by the bonds of a fine node so far
-    stirred: NDArray[np.bool_]  # (n,) fine nodes one of whose bonds has softened or broken
-    stirs: NDArray[np.int64]  # (n,) those, in order
+    node_dissipation: NDArray[np.float64]  # (n,) J/m, by the bonds of a fine node so far
+    is_damaged: NDArray[np.bool_]  # (n,) fine nodes one of whose bonds has softened or broken
+    damaged_nodes: NDArray[np.int64]  # (n,) those, in order
     loads: ZoneEntries
     holds: ZoneEntries
-    mark: NDArray[np.bool_]  # (n,) scratch, False
+    node_mark: NDArray[np.bool_]  # (n,) scratch, False
     new_cells: NDArray[np.int64]  # scratch: cells that are to be fine
-    affected_nodes: NDArray[np.int64]  # scratch: fine nodes that concerns
+    affected_fine: NDArray[np.int64]  # scratch: fine nodes that concerns
     affected_coarse: NDArray[np.int64]  # scratch: coarse nodes that it concerns
     affected_far: NDArray[np.int64]  # scratch: far nodes that it concerns
     counts: Counts
     totals: Totals
-    s: NDArray[np.float64]  # (threads, .) scratch of the vector code
-    turns: NDArray[np.int64]  # (64,) what has been handed out to threads, as `forces` has it
-    rows_aside: NDArray[np.int64]  # (threads, .) where bonds are to break
-    aside_counts: NDArray[np.int64]  # (8 threads,) how many, of each thread at a multiple of 8
+    lane_sums: NDArray[np.float64]  # (threads, .) scratch of the vector code
+    job_counters: NDArray[np.int64]  # (64,) what has been handed out to threads, as `forces` has it
+    breaking_rows: NDArray[np.int64]  # (threads, .) where bonds are to break
+    breaking_row_counts: NDArray[np.int64]  # (8 threads,) how many, of each thread at a multiple of 8
 
 
 def idle_nodes(
@@ -210,7 +212,7 @@ def idle_nodes(
     spring_count: int,
     stiffness_rows: int,
     dtype: Any,
-    varied: bool = False,
+    limits_vary: bool = False,
     swells: bool = False,
     damps: bool = False,
 ) -> LatticeNodes:
@@ -226,14 +228,14 @@ def idle_nodes(
         inverse_mass=zeros(place_count),
         kind=lazy_zeros(place_count, dtype=np.uint8),
         rows=lazy_zeros(rows, dtype=np.int64),
-        entry=np.full(rows, -1, dtype=np.int32),
-        own=zeros(stiffness_rows, spring_count, ROW),
-        masks=lazy_zeros(stiffness_rows, 2, spring_count, dtype=np.uint16),
-        masked=lazy_zeros(stiffness_rows, dtype=np.bool_),
-        edge=zeros(stiffness_rows if varied else 0, spring_count, ROW),
-        touched=lazy_zeros(rows, dtype=np.bool_),
-        wide=lazy_zeros(rows, dtype=np.uint8),
-        shrink=zeros(place_count) if swells else None,
+        stiffness_index=np.full(rows, -1, dtype=np.int32),
+        row_stiffness=zeros(stiffness_rows, spring_count, ROW),
+        spring_masks=lazy_zeros(stiffness_rows, 2, spring_count, dtype=np.uint16),
+        has_spring_masks=lazy_zeros(stiffness_rows, dtype=np.bool_),
+        threshold_e=zeros(stiffness_rows if limits_vary else 0, spring_count, ROW),
+        has_extra_forces=lazy_zeros(rows, dtype=np.bool_),
+        has_large_stretch=lazy_zeros(rows, dtype=np.uint8),
+        half_shrinkage=zeros(place_count) if swells else None,
         damping=zeros(2, place_count) if damps else None,
         damped=lazy_zeros(place_count) if damps else None,
     )
@@ -261,11 +263,11 @@ def lazy_zeros(*shape: int, dtype: Any = np.float64) -> NDArray[Any]:
 
 
 def create_plate_zone(
-    at: Numbering,
+    numbering: Numbering,
     cells: NDArray[np.uint8],
     spring_count: int,
     row_count: int,
-    varied: bool = False,
+    limits_vary: bool = False,
     threads: int = 1,
     swells: bool = False,
     damps: bool = False,
@@ -283,33 +285,35 @@ def create_plate_zone(
     events, nodes = ROW * row_count * spring_count, ROW * row_count
     return PlateZone(
         cells=cells,
-        lost=lazy_zeros(at.places, dtype=np.uint64),
-        fine=idle_nodes(at.places, spring_count, row_count, dtype, varied, swells, damps),
-        coarse=idle_nodes(at.coarse_places, 8, at.coarse_places // ROW, dtype, swells=swells, damps=damps),
-        far=idle_nodes(at.far_places, 8, at.far_places // ROW, dtype, swells=swells, damps=damps),
-        tied=empty_border(at.coarse_places),
+        broken_bits=lazy_zeros(numbering.places, dtype=np.uint64),
+        fine=idle_nodes(numbering.places, spring_count, row_count, dtype, limits_vary, swells, damps),
+        coarse=idle_nodes(
+            numbering.coarse_places, 8, numbering.coarse_places // ROW, dtype, swells=swells, damps=damps
+        ),
+        far=idle_nodes(numbering.far_places, 8, numbering.far_places // ROW, dtype, swells=swells, damps=damps),
+        tied=empty_border(numbering.coarse_places),
         pieces=pieces(),
-        spare=pieces(),
+        spare_pieces=pieces(),
         border=empty_border(nodes),
         breaks=BreakEvents(
             np.zeros(events, np.int32), np.zeros(events, np.int64), np.zeros(events, np.int32), *np.zeros((2, events))
         ),
-        spent=lazy_zeros(at.places),
-        stirred=lazy_zeros(at.places, dtype=np.bool_),
-        stirs=lazy_zeros(at.places, dtype=np.int64),
+        node_dissipation=lazy_zeros(numbering.places),
+        is_damaged=lazy_zeros(numbering.places, dtype=np.bool_),
+        damaged_nodes=lazy_zeros(numbering.places, dtype=np.int64),
         loads=nothing,
         holds=nothing,
-        mark=lazy_zeros(at.places, dtype=np.bool_),
-        new_cells=lazy_zeros(at.cells, dtype=np.int64),
-        affected_nodes=lazy_zeros(at.places, dtype=np.int64),
-        affected_coarse=lazy_zeros(at.coarse_places, dtype=np.int64),
-        affected_far=lazy_zeros(at.far_places, dtype=np.int64),
+        node_mark=lazy_zeros(numbering.places, dtype=np.bool_),
+        new_cells=lazy_zeros(numbering.cells, dtype=np.int64),
+        affected_fine=lazy_zeros(numbering.places, dtype=np.int64),
+        affected_coarse=lazy_zeros(numbering.coarse_places, dtype=np.int64),
+        affected_far=lazy_zeros(numbering.far_places, dtype=np.int64),
         counts=Counts.of(),
         totals=Totals.of(),
-        s=lazy_zeros(threads, 3 * ROW, dtype=dtype),
-        turns=np.zeros(64, dtype=np.int64),
-        rows_aside=lazy_zeros(threads, 2 * at.places // ROW, dtype=np.int64),
-        aside_counts=np.zeros(8 * threads, dtype=np.int64),
+        lane_sums=lazy_zeros(threads, 3 * ROW, dtype=dtype),
+        job_counters=np.zeros(64, dtype=np.int64),
+        breaking_rows=lazy_zeros(threads, 2 * numbering.places // ROW, dtype=np.int64),
+        breaking_row_counts=np.zeros(8 * threads, dtype=np.int64),
     )
 
 
@@ -325,13 +329,13 @@ def enlarge_zone(zone: PlateZone) -> PlateZone:
     rows = counts.stiffness_rows + 1  # the next one may have been begun
     return zone._replace(
         fine=fine._replace(
-            own=double_length(fine.own, rows),
-            edge=double_length(fine.edge, rows),
-            masks=double_length(fine.masks, rows),
-            masked=double_length(fine.masked, rows),
+            row_stiffness=double_length(fine.row_stiffness, rows),
+            threshold_e=double_length(fine.threshold_e, rows),
+            spring_masks=double_length(fine.spring_masks, rows),
+            has_spring_masks=double_length(fine.has_spring_masks, rows),
         ),
         pieces=ClippedPieces(*(double_length(array, counts.pieces) for array in zone.pieces)),
-        spare=ClippedPieces(*(double_length(array, 0) for array in zone.spare)),
+        spare_pieces=ClippedPieces(*(double_length(array, 0) for array in zone.spare_pieces)),
         border=BorderNodes(*(double_length(array, counts.border_nodes) for array in zone.border)),
         breaks=BreakEvents(*(double_length(array, counts.broken_bonds) for array in zone.breaks)),
     )

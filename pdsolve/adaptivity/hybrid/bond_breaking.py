@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from pdsolve.adaptivity.hybrid.clipped_bonds import own_entry, share_of, stretch_of
+from pdsolve.adaptivity.hybrid.clipped_bonds import remaining_stiffness_share, stretch_from_e, take_stiffness_index
 from pdsolve.adaptivity.hybrid.energy import strain_e
-from pdsolve.adaptivity.hybrid.precracks import lasts, peak_and_limit
+from pdsolve.adaptivity.hybrid.precracks import is_unbreakable, peak_and_limit
 from pdsolve.codegen.vector_code import ROW
 from pdsolve.laws.calls import added_force, broken_energy, second_share
 from pdsolve.laws.pair_laws.bilinear import dissipated_share
@@ -15,37 +15,37 @@ from pdsolve.operators.simd_lattice.kernel import INNER, displaced
 
 
 @njit(forceinline=True, **INNER)
-def _book(zone, p, energy):  # type: ignore[no-untyped-def]
+def _book_dissipation(zone, p, energy):  # type: ignore[no-untyped-def]
     """Book an energy, J/m, dissipated by a bond of node p."""
     zone.totals.dissipated += energy
-    zone.spent[p] += energy
+    zone.node_dissipation[p] += energy
 
 
 @njit(**INNER)
-def _soften_on(ground, zone, p, entry, k, e, peak, limit):  # type: ignore[no-untyped-def]
+def _soften_bond(lattice, zone, p, stiffness_index, k, e, peak, limit):  # type: ignore[no-untyped-def]
     """Soften a bond stretched further than ever before, to e, and book the dissipated energy."""
-    row_stiffness, edge, lane = zone.fine.own, zone.fine.edge, p % ROW
-    past, now = edge[entry, k, lane], min(e, limit)
-    peak_stretch, limit_stretch = stretch_of(peak), stretch_of(limit)
-    full_stiffness = row_stiffness[entry, k, lane] / share_of(past, peak, limit)
-    spent = dissipated_share(stretch_of(now), peak_stretch, limit_stretch)
-    spent -= dissipated_share(stretch_of(max(past, peak)), peak_stretch, limit_stretch)
-    _book(zone, p, full_stiffness / ground.table[k, 4] * peak_stretch * limit_stretch * spent / 4)
-    row_stiffness[entry, k, lane] = full_stiffness * share_of(now, peak, limit)
-    edge[entry, k, lane] = now
+    row_stiffness, threshold_e, lane = zone.fine.row_stiffness, zone.fine.threshold_e, p % ROW
+    past, now = threshold_e[stiffness_index, k, lane], min(e, limit)
+    peak_stretch, limit_stretch = stretch_from_e(peak), stretch_from_e(limit)
+    full_stiffness = row_stiffness[stiffness_index, k, lane] / remaining_stiffness_share(past, peak, limit)
+    spent = dissipated_share(stretch_from_e(now), peak_stretch, limit_stretch)
+    spent -= dissipated_share(stretch_from_e(max(past, peak)), peak_stretch, limit_stretch)
+    _book_dissipation(zone, p, full_stiffness / lattice.spring_table[k, 4] * peak_stretch * limit_stretch * spent / 4)
+    row_stiffness[stiffness_index, k, lane] = full_stiffness * remaining_stiffness_share(now, peak, limit)
+    threshold_e[stiffness_index, k, lane] = now
 
 
 @njit(**INNER)
-def _stir(zone, p):  # type: ignore[no-untyped-def]
+def _mark_damaged_node(zone, p):  # type: ignore[no-untyped-def]
     """Mark a node as having a softened or broken bond."""
-    if not zone.stirred[p]:
-        zone.stirred[p] = True
-        zone.stirs[zone.counts.stirred_nodes] = p
-        zone.counts.stirred_nodes += 1
+    if not zone.is_damaged[p]:
+        zone.is_damaged[p] = True
+        zone.damaged_nodes[zone.counts.damaged_nodes] = p
+        zone.counts.damaged_nodes += 1
 
 
 @njit(**INNER)
-def _note(zone, step, p, k, pull, growth):  # type: ignore[no-untyped-def]
+def _record_break(zone, step, p, k, pull, growth):  # type: ignore[no-untyped-def]
     """Record a bond that breaks with a `pull` after some `growth` of its stretch."""
     n = zone.counts.broken_bonds
     zone.breaks.step[n], zone.breaks.node[n], zone.breaks.spring[n] = step, p, k
@@ -54,73 +54,81 @@ def _note(zone, step, p, k, pull, growth):  # type: ignore[no-untyped-def]
 
 
 @njit(**INNER)
-def _own_row(zone, row):  # type: ignore[no-untyped-def]
+def _ensure_own_stiffness(zone, row):  # type: ignore[no-untyped-def]
     """Index of a row's own stiffnesses, which it gets if it has none."""
-    if zone.fine.entry[row] < 0:
-        zone.fine.entry[row] = own_entry(zone.fine.entry, zone.counts, row)
-    return zone.fine.entry[row]
+    if zone.fine.stiffness_index[row] < 0:
+        zone.fine.stiffness_index[row] = take_stiffness_index(zone.fine.stiffness_index, zone.counts, row)
+    return zone.fine.stiffness_index[row]
 
 
 @njit(**INNER)
-def _whole_and_edge(fine, entry, k, lane, stiffness, peak, limit):  # type: ignore[no-untyped-def]
+def _unsoftened_stiffness_and_past_e(fine, stiffness_index, k, lane, stiffness, peak, limit):  # type: ignore[no-untyped-def]
     """Stiffness of a bond before it softened, and the largest e it has had above the peak, 0 if it was never there."""
-    if peak == limit or fine.edge[entry, k, lane] <= peak:
+    if peak == limit or fine.threshold_e[stiffness_index, k, lane] <= peak:
         return stiffness, 0.0
-    return stiffness / share_of(fine.edge[entry, k, lane], peak, limit), fine.edge[entry, k, lane]
+    return stiffness / remaining_stiffness_share(
+        fine.threshold_e[stiffness_index, k, lane], peak, limit
+    ), fine.threshold_e[stiffness_index, k, lane]
 
 
 @njit(**INNER)
-def _stretch_before(ground, fine, p, j, k, eta_x, eta_y):  # type: ignore[no-untyped-def]
+def _stretch_one_step_ago(lattice, fine, p, j, k, eta_x, eta_y):  # type: ignore[no-untyped-def]
     """The stretch one step ago of bond k from p to j, whose ends are (eta_x, eta_y) further apart now, m."""
-    eta_x -= ground.dt * (fine.v[0, j] - fine.v[0, p])
-    eta_y -= ground.dt * (fine.v[1, j] - fine.v[1, p])
-    return stretch_of(strain_e(ground.table, k, eta_x, eta_y))
+    eta_x -= lattice.dt * (fine.v[0, j] - fine.v[0, p])
+    eta_y -= lattice.dt * (fine.v[1, j] - fine.v[1, p])
+    return stretch_from_e(strain_e(lattice.spring_table, k, eta_x, eta_y))
 
 
 @njit(**INNER)
-def break_bonds(ground, zone, u, p0, count, step):  # type: ignore[no-untyped-def]
+def soften_and_break_bonds(lattice, zone, u, p0, count, step):  # type: ignore[no-untyped-def]
     """Soften and remove bonds of some nodes of a row, add the pulls that match their work to the forces f, and book the
     energy they dissipated.
 
     Half of a bond's energy is booked at each of its ends.
     """
-    fine, half, row = zone.fine, len(ground.ways) // 2, p0 // ROW
-    if not fine.touched[row]:
+    fine, half, row = zone.fine, len(lattice.offsets) // 2, p0 // ROW
+    if not fine.has_extra_forces[row]:
         fine.f[0, p0 : p0 + count] = fine.f[1, p0 : p0 + count] = 0.0
     for p in range(p0, p0 + count):
         for k in range(2 * half):
-            entry, j, lane = fine.entry[row], p + ground.ways[k], p % ROW
-            full_stiffness = fine.own[entry, k, lane] if entry >= 0 else ground.table[k, 5]
-            if full_stiffness == 0 or lasts(ground, p) or lasts(ground, j):
+            entry, j, lane = fine.stiffness_index[row], p + lattice.offsets[k], p % ROW
+            full_stiffness = fine.row_stiffness[entry, k, lane] if entry >= 0 else lattice.spring_table[k, 5]
+            if full_stiffness == 0 or is_unbreakable(lattice, p) or is_unbreakable(lattice, j):
                 continue
-            eta_x, eta_y = displaced(u, fine.shrink, ground.table[k, 0], ground.table[k, 1], p, j)
-            e = strain_e(ground.table, k, eta_x, eta_y)
-            peak, limit = peak_and_limit(ground, p, k)
-            if e <= peak or (ground.varied and entry >= 0 and e <= fine.edge[entry, k, lane]):
+            eta_x, eta_y = displaced(
+                u, fine.half_shrinkage, lattice.spring_table[k, 0], lattice.spring_table[k, 1], p, j
+            )
+            e = strain_e(lattice.spring_table, k, eta_x, eta_y)
+            peak, limit = peak_and_limit(lattice, p, k)
+            if e <= peak or (lattice.limits_vary and entry >= 0 and e <= fine.threshold_e[entry, k, lane]):
                 continue
-            _stir(zone, p)
-            entry = _own_row(zone, row)
-            full_stiffness, past = _whole_and_edge(fine, entry, k, lane, full_stiffness, peak, limit)
+            _mark_damaged_node(zone, p)
+            entry = _ensure_own_stiffness(zone, row)
+            full_stiffness, past = _unsoftened_stiffness_and_past_e(fine, entry, k, lane, full_stiffness, peak, limit)
             if peak < limit:
-                _soften_on(ground, zone, p, entry, k, e, peak, limit)
-            before, now = _stretch_before(ground, fine, p, j, k, eta_x, eta_y), stretch_of(e)
-            worst, ends = stretch_of(past), (stretch_of(peak), stretch_of(limit))
-            pull = added_force(ground.law, now, before, worst, *ends) * full_stiffness
-            fine.f[0, p] += pull / (1 + now) * (ground.table[k, 0] + eta_x)
-            fine.f[1, p] += pull / (1 + now) * (ground.table[k, 1] + eta_y)
+                _soften_bond(lattice, zone, p, entry, k, e, peak, limit)
+            before, now = _stretch_one_step_ago(lattice, fine, p, j, k, eta_x, eta_y), stretch_from_e(e)
+            worst, ends = stretch_from_e(past), (stretch_from_e(peak), stretch_from_e(limit))
+            pull = added_force(lattice.law, now, before, worst, *ends) * full_stiffness
+            fine.f[0, p] += pull / (1 + now) * (lattice.spring_table[k, 0] + eta_x)
+            fine.f[1, p] += pull / (1 + now) * (lattice.spring_table[k, 1] + eta_y)
             if e <= limit:
                 continue
-            fine.own[entry, k, lane] = 0.0
-            fine.masks[entry, 0, k] &= ~(1 << lane)
+            fine.row_stiffness[entry, k, lane] = 0.0
+            fine.spring_masks[entry, 0, k] &= ~(1 << lane)
             if k < half:
-                zone.lost[p] |= np.uint64(1) << np.uint64(k)
+                zone.broken_bits[p] |= np.uint64(1) << np.uint64(k)
             if peak == limit:  # else it is booked as it softens
-                _book(zone, p, broken_energy(ground.law, full_stiffness / ground.table[k, 4] / 4, now, before, *ends))
-            _note(zone, step, p, k, pull, now - before)
+                _book_dissipation(
+                    zone,
+                    p,
+                    broken_energy(lattice.law, full_stiffness / lattice.spring_table[k, 4] / 4, now, before, *ends),
+                )
+            _record_break(zone, step, p, k, pull, now - before)
 
 
 @njit(**INNER)
-def pull_again(ground, zone, u, step):  # type: ignore[no-untyped-def]
+def pull_again(lattice, zone, u, step):  # type: ignore[no-untyped-def]
     """Add the second pulls of the bonds that broke one step ago to the forces f, which have all others."""
     fine, breaks, n = zone.fine, zone.breaks, zone.counts.broken_bonds
     while n > 0 and breaks.step[n - 1] == step:
@@ -128,10 +136,10 @@ def pull_again(ground, zone, u, step):  # type: ignore[no-untyped-def]
     while n > 0 and breaks.step[n - 1] == step - 1:
         n -= 1
         p, k = breaks.node[n], breaks.spring[n]
-        j, x, y = p + ground.ways[k], ground.table[k, 0], ground.table[k, 1]
-        eta_x, eta_y = displaced(u, fine.shrink, x, y, p, j)
-        now = stretch_of(strain_e(ground.table, k, eta_x, eta_y))
-        growth = now - _stretch_before(ground, fine, p, j, k, eta_x, eta_y)
+        j, x, y = p + lattice.offsets[k], lattice.spring_table[k, 0], lattice.spring_table[k, 1]
+        eta_x, eta_y = displaced(u, fine.half_shrinkage, x, y, p, j)
+        now = stretch_from_e(strain_e(lattice.spring_table, k, eta_x, eta_y))
+        growth = now - _stretch_one_step_ago(lattice, fine, p, j, k, eta_x, eta_y)
         pull = breaks.pull[n] * second_share(breaks.growth[n], growth) / (1 + now)
         fine.f[0, p] += pull * (x + eta_x)
         fine.f[1, p] += pull * (y + eta_y)

@@ -22,33 +22,33 @@ class BondPart(NamedTuple):
     cell: tuple[int, ...]  # from the cell of the bond's node
 
 
-def divide_bond(place: tuple[int, ...], way: tuple[int, ...]) -> list[list[BondPart]]:
-    """The parts of the bond `way` (d,) from a node at `place` (d,) in its cell, 0 or 1 along each axis; by side."""
+def divide_bond(place_in_cell: tuple[int, ...], xi: tuple[int, ...]) -> list[list[BondPart]]:
+    """The parts of bond `xi` (d,) from a node at `place_in_cell` (d,), 0 or 1 along each axis; by side."""
     crossings = sorted(
-        {0.0, 1.0, *(share for x, dx in zip(place, way, strict=True) for share in _cell_line_crossings(x, dx))}
+        {0.0, 1.0, *(share for x, dx in zip(place_in_cell, xi, strict=True) for share in _cell_line_crossings(x, dx))}
     )
     parts_by_side = []
     # the directions from a bond to its cells: both across each line or face between cells that it lies in
-    across = ((-0.5, 0.5) if dx == 0 and x == 0 else (0.0,) for x, dx in zip(place, way, strict=True))
+    across = ((-0.5, 0.5) if dx == 0 and x == 0 else (0.0,) for x, dx in zip(place_in_cell, xi, strict=True))
     for side in product(*across):
         parts = []
         for t0, t1 in pairwise(crossings):
             middle = (t0 + t1) / 2
-            at = (int((x + middle * dx + s) // 2) for x, dx, s in zip(place, way, side, strict=True))
+            at = (int((x + middle * dx + s) // 2) for x, dx, s in zip(place_in_cell, xi, side, strict=True))
             parts.append(BondPart(t0, t1, tuple(at)))
         parts_by_side.append(parts)
     return parts_by_side
 
 
-def divide_family(ways: NDArray[np.int64]) -> tuple[NDArray[np.int64], list[BondPart]]:
-    """The parts of the bonds `ways` (k, d), from each of the 2^d places of a node in its cell, x fastest.
+def divide_family(offsets: NDArray[np.int64]) -> tuple[NDArray[np.int64], list[BondPart]]:
+    """The parts of the bonds `offsets` (k, d), from each of the 2^d places of a node in its cell, x fastest.
 
     Those of bond k from place f, on one side, are first[f, k, side] to first[f, k, side + 1].
     """
-    d = ways.shape[1]
-    first, all_parts = np.zeros((2**d, len(ways), 2 ** (d - 1) + 1), dtype=np.int64), list[BondPart]()
+    d = offsets.shape[1]
+    first, all_parts = np.zeros((2**d, len(offsets), 2 ** (d - 1) + 1), dtype=np.int64), list[BondPart]()
     for f in range(2**d):
-        for k, way in enumerate(map(tuple, ways.tolist())):
+        for k, way in enumerate(map(tuple, offsets.tolist())):
             first[f, k] = len(all_parts)
             for side, parts in enumerate(divide_bond(place_in_cell(f, d), way)):
                 all_parts += parts

@@ -38,7 +38,7 @@ class HybridPlate(NamedTuple):
     """Nodes on a lattice: all of a rectangle, or those that are listed."""
 
     model: Model
-    at: Numbering
+    numbering: Numbering
     h: float  # m
     origin: NDArray[np.float64]  # (2,) lower left corner, m
     cracks: NDArray[np.float64]  # (k, 4) in spacings from the corner
@@ -63,16 +63,16 @@ class HybridPlate(NamedTuple):
         if self.listed is not None:
             return self.listed.place[rows]
         y, x = np.divmod(rows, self.counts[0])
-        return np.asarray((y + BELOW + self.first[1]) * self.at.stride + LEFT + self.first[0] + x)
+        return np.asarray((y + BELOW + self.first[1]) * self.numbering.stride + LEFT + self.first[0] + x)
 
-    def rows_at(self, places: NDArray[np.int64]) -> NDArray[np.int64]:
+    def grid_rows_at(self, places: NDArray[np.int64]) -> NDArray[np.int64]:
         """Rows of the grid at fine places (k,) with nodes."""
         if self.listed is not None:
             return self.listed.row[places].astype(np.int64)
-        y, x = np.divmod(places, self.at.stride)
+        y, x = np.divmod(places, self.numbering.stride)
         return np.asarray((y - BELOW - self.first[1]) * self.counts[0] + x - LEFT - self.first[0])
 
-    def areas_of(self, rows: NDArray[np.int64]) -> NDArray[np.float64]:
+    def area_shares_of(self, rows: NDArray[np.int64]) -> NDArray[np.float64]:
         """Areas (k,) of the cells of rows of the grid, over h^2."""
         if self.listed is not None:
             return self.listed.area[rows]
@@ -90,41 +90,41 @@ class HybridPlate(NamedTuple):
         """Mask (k,) of the fine places with a node."""
         if self.listed is not None:
             return np.asarray(self.listed.row[places] >= 0)
-        y, x = np.divmod(places, self.at.stride)
+        y, x = np.divmod(places, self.numbering.stride)
         y, x = y - BELOW - self.first[1], x - LEFT - self.first[0]
         return np.asarray((y >= 0) & (y < self.counts[1]) & (x >= 0) & (x < self.counts[0]))
 
-    def rows_in(self, low: int, high: int) -> NDArray[np.int64]:
-        """Rows (high - low, stride) of the grid at the fine places of rows `low` to `high` - 1, -1 without a node."""
-        places = np.arange(low * self.at.stride, high * self.at.stride)
-        return np.where(self.has_node(places), self.rows_at(places), -1).reshape(-1, self.at.stride)
+    def grid_rows_in(self, first_row: int, end_row: int) -> NDArray[np.int64]:
+        """Rows (end_row - first_row, stride) of the grid at the fine places of these rows, -1 without a node."""
+        places = np.arange(first_row * self.numbering.stride, end_row * self.numbering.stride)
+        return np.where(self.has_node(places), self.grid_rows_at(places), -1).reshape(-1, self.numbering.stride)
 
-    def has_node_in(self, low: int, high: int) -> NDArray[np.bool_]:
-        """Whether there are nodes at these places, as in `rows_in`."""
+    def mask_nodes_in(self, first_row: int, end_row: int) -> NDArray[np.bool_]:
+        """Whether there are nodes at these places, as in `grid_rows_in`."""
         if self.listed is not None:
-            return self.listed.row.reshape(-1, self.at.stride)[low:high] >= 0
+            return self.listed.row.reshape(-1, self.numbering.stride)[first_row:end_row] >= 0
         (x, y), (nx, ny) = self.first, self.counts
-        row, column = np.arange(low, high) - BELOW - y, np.arange(self.at.stride) - LEFT - x
+        row, column = np.arange(first_row, end_row) - BELOW - y, np.arange(self.numbering.stride) - LEFT - x
         return np.asarray(np.logical_and.outer((row >= 0) & (row < ny), (column >= 0) & (column < nx)))
 
-    def areas_in(self, low: int, high: int) -> NDArray[np.float64]:
-        """Areas of the cells of nodes at these places over h^2, 0 without a node, as in `rows_in`."""
+    def area_shares_in(self, first_row: int, end_row: int) -> NDArray[np.float64]:
+        """Areas of the cells of nodes at these places over h^2, 0 without a node, as in `grid_rows_in`."""
         if self.listed is not None:
-            rows = self.listed.row.reshape(-1, self.at.stride)[low:high]
+            rows = self.listed.row.reshape(-1, self.numbering.stride)[first_row:end_row]
             return np.where(rows >= 0, self.listed.area[rows], 0.0)
         (x, y), (nx, ny) = self.first, self.counts
-        along, across = np.zeros(self.at.stride), np.zeros(self.at.places // self.at.stride)
+        along, across = np.zeros(self.numbering.stride), np.zeros(self.numbering.places // self.numbering.stride)
         along[LEFT + x : LEFT + x + nx], across[BELOW + y : BELOW + y + ny] = (
             _shares_of_whole_cells(nx),
             _shares_of_whole_cells(ny),
         )
-        return np.asarray(np.multiply.outer(across[low:high], along))
+        return np.asarray(np.multiply.outer(across[first_row:end_row], along))
 
-    def materials_in(self, low: int, high: int) -> NDArray[np.uint8]:
-        """Numbers of the materials of nodes at these places, 0 without one, as in `rows_in`."""
-        materials = np.zeros((high - low, self.at.stride), dtype=np.uint8)
+    def material_numbers_in(self, first_row: int, end_row: int) -> NDArray[np.uint8]:
+        """Numbers of the materials of nodes at these places, 0 without one, as in `grid_rows_in`."""
+        materials = np.zeros((end_row - first_row, self.numbering.stride), dtype=np.uint8)
         if self.model.settings.regions:
-            rows = self.rows_in(low, high)
+            rows = self.grid_rows_in(first_row, end_row)
             materials[rows >= 0] = self.model.material_of[rows[rows >= 0]]
         return materials
 
@@ -137,10 +137,10 @@ class CellAreas:
 
     def __getitem__(self, rows: NDArray[np.int64]) -> NDArray[np.float64]:
         """Areas (k,) of rows (k,) of the grid."""
-        return self.plate.areas_of(rows) * self.plate.h**2
+        return self.plate.area_shares_of(rows) * self.plate.h**2
 
 
-def strips(rows: int, stride: int, place_count: int = STRIP) -> Iterator[tuple[int, int]]:
+def row_ranges(rows: int, stride: int, place_count: int = STRIP) -> Iterator[tuple[int, int]]:
     """Some of so many rows of `stride` places at a time, about so many `place_count`: the first, and the one after the
     last."""
     high = max(2, place_count // stride)
@@ -194,10 +194,10 @@ def _create_rectangle(model: Model, lattice: Nodes) -> HybridPlate:
     origin = _lattice_corner(model, h, ends[0])
     (x, y), last = np.round((ends - origin) / h).astype(int).tolist()
     nx, ny = (max(4, side + side % 2) for side in last)
-    at = number_plate(nx, ny)
+    numbering = number_plate(nx, ny)
     cracks = (model.grid.cracks - np.tile(origin, 2)) / h
     check_precracks_between_nodes(model, cracks, nx, ny)
-    return HybridPlate(model, at, h, origin, cracks, (x, y), (lattice.columns, lattice.rows), None)
+    return HybridPlate(model, numbering, h, origin, cracks, (x, y), (lattice.columns, lattice.rows), None)
 
 
 def _create_listed_plate(model: Model, h: float, origin: NDArray[np.float64]) -> HybridPlate:
@@ -207,18 +207,18 @@ def _create_listed_plate(model: Model, h: float, origin: NDArray[np.float64]) ->
     if np.abs(steps - np.column_stack([column, row])).max() > OFF:
         raise unsupported_error(model, "$.nodes", "on no lattice", "those that pdmesh build makes of a drawing")
     nx, ny = (max(4, int(side.max()) + int(side.max()) % 2) for side in (column, row))
-    at = number_plate(nx, ny)
+    numbering = number_plate(nx, ny)
     cracks = (grid.cracks - np.tile(origin, 2)) / h
     check_precracks_between_nodes(model, cracks, nx, ny)
-    place = (row + BELOW) * at.stride + LEFT + column
-    rows = np.full(at.places, -1, dtype=np.int32)
+    place = (row + BELOW) * numbering.stride + LEFT + column
+    rows = np.full(numbering.places, -1, dtype=np.int32)
     rows[place] = np.arange(len(place))
     if grid.areas is not None:
         areas = grid.areas / h**2
     else:  # a quarter of each adjacent square between nodes
-        areas = count_full_squares((rows >= 0).reshape(-1, at.stride)).ravel()[place] / 4
+        areas = count_full_squares((rows >= 0).reshape(-1, numbering.stride)).ravel()[place] / 4
     listed = ListedNodes(place, rows, areas)
-    return HybridPlate(model, at, h, origin, cracks, (0, 0), (nx + 1, ny + 1), listed)
+    return HybridPlate(model, numbering, h, origin, cracks, (0, 0), (nx + 1, ny + 1), listed)
 
 
 def find_full_squares(has_node: NDArray[np.bool_]) -> NDArray[np.bool_]:
@@ -244,8 +244,8 @@ def initial_cells(plate: HybridPlate, reach: int, steep_rows: NDArray[np.int64] 
 
     An edge along a line between cells cuts none, except at re-entrant corners.
     """
-    at = plate.at
-    in_plate, good = _classify_cells(plate)
+    numbering = plate.numbering
+    in_plate, good = _mask_plate_cells_and_whole_cells(plate)
     cells = np.where(in_plate, np.uint8(FINE), np.uint8(VOID))
     cells[good] = COARSE
     cut = in_plate & ~good
@@ -253,13 +253,13 @@ def initial_cells(plate: HybridPlate, reach: int, steep_rows: NDArray[np.int64] 
         cells[in_disc(cut, (reach + RING + 1) / 2) & good] = FINE
         cells[in_disc(cut, (reach + 2) / 2) & ~in_plate & ~good] = EMPTY
     cells = np.pad(cells, AROUND, constant_values=VOID)
-    node_y, node_x = np.divmod(places_unfit_for_coarse(plate), at.stride)
+    node_y, node_x = np.divmod(places_unfit_for_coarse(plate), numbering.stride)
     for below, left_side in ((0, 0), (0, 1), (1, 0), (1, 1)):
         corner = AROUND + (node_y - BELOW - below) // 2, AROUND + (node_x - LEFT - left_side) // 2
         cells[corner] = np.where(cells[corner] == COARSE, FINE, cells[corner])
     if steep_rows is not None and len(steep_rows):
         beside_steep = np.zeros_like(cells, dtype=bool)
-        y, x = np.divmod(plate.places_of(steep_rows), at.stride)
+        y, x = np.divmod(plate.places_of(steep_rows), numbering.stride)
         for below, left_side in ((0, 0), (0, 1), (1, 0), (1, 1)):
             beside_steep[AROUND + (y - BELOW - below) // 2, AROUND + (x - LEFT - left_side) // 2] = True
         cells[in_disc(beside_steep, (reach + RING + 1) / 2) & (cells == COARSE)] = FINE
@@ -272,20 +272,20 @@ def initial_cells(plate: HybridPlate, reach: int, steep_rows: NDArray[np.int64] 
     return cells.ravel()
 
 
-def _classify_cells(plate: HybridPlate) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+def _mask_plate_cells_and_whole_cells(plate: HybridPlate) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
     """Masks (rows, columns) of the cells with some of the plate, and of those that are whole."""
-    at = plate.at
-    in_plate, good = np.zeros((2, at.ny // 2, at.nx // 2), dtype=bool)
+    numbering = plate.numbering
+    in_plate, good = np.zeros((2, numbering.ny // 2, numbering.nx // 2), dtype=bool)
     good[:] = True
-    for low, high in strips(len(in_plate), at.stride):  # of cells
+    for low, high in row_ranges(len(in_plate), numbering.stride):  # of cells
         first = BELOW + 2 * low - 1
         last = first + 2 * (high - low) + 3
-        has_node, areas = plate.has_node_in(first, last), plate.areas_in(first, last)
+        has_node, areas = plate.mask_nodes_in(first, last), plate.area_shares_in(first, last)
         around, full_squares = count_full_squares(has_node), find_full_squares(has_node)
         odd = (np.abs(areas - around / np.float32(4)) > SAME) | has_node & (around == 3)  # where an edge turns inwards
         for y in range(3):
             for x in range(3):
-                cell_places = np.s_[1 + y : y + 2 * (high - low) : 2, LEFT + x : LEFT + x + at.nx - 1 : 2]
+                cell_places = np.s_[1 + y : y + 2 * (high - low) : 2, LEFT + x : LEFT + x + numbering.nx - 1 : 2]
                 in_plate[low:high] |= odd[cell_places] & has_node[cell_places]
                 good[low:high] &= ~odd[cell_places]
                 if x < 2 and y < 2:
@@ -296,20 +296,20 @@ def _classify_cells(plate: HybridPlate) -> tuple[NDArray[np.bool_], NDArray[np.b
 
 def count_squares_in_cells(plate: HybridPlate) -> NDArray[np.uint8]:
     """Number (c,) of squares with a node at all four corners, in each cell."""
-    at = plate.at
-    counts = np.zeros((at.ny // 2, at.nx // 2), dtype=np.uint8)
-    for low, high in strips(len(counts), at.stride):
-        full_squares = find_full_squares(plate.has_node_in(BELOW + 2 * low, BELOW + 2 * high + 1))[
-            :-1, LEFT : LEFT + at.nx
+    numbering = plate.numbering
+    counts = np.zeros((numbering.ny // 2, numbering.nx // 2), dtype=np.uint8)
+    for low, high in row_ranges(len(counts), numbering.stride):
+        full_squares = find_full_squares(plate.mask_nodes_in(BELOW + 2 * low, BELOW + 2 * high + 1))[
+            :-1, LEFT : LEFT + numbering.nx
         ]
-        counts[low:high] = full_squares.reshape(high - low, 2, at.nx // 2, 2).sum(axis=(1, 3))
+        counts[low:high] = full_squares.reshape(high - low, 2, numbering.nx // 2, 2).sum(axis=(1, 3))
     return np.pad(counts, AROUND).ravel()
 
 
 def precrack_tips(plate: HybridPlate) -> NDArray[np.float64]:
     """Ends (k, 2) of pre-cracks that lie inside the plate and on no other segment, in spacings."""
     ends = plate.cracks.reshape(-1, 2)
-    inner = ((ends > 1e-6) & (ends < np.array([plate.at.nx, plate.at.ny]) - 1e-6)).all(axis=1)
+    inner = ((ends > 1e-6) & (ends < np.array([plate.numbering.nx, plate.numbering.ny]) - 1e-6)).all(axis=1)
     alone = np.array([np.sum(np.abs(ends - end).max(axis=1) < 1e-6) == 1 for end in ends], dtype=bool)
     return ends[inner & alone]
 

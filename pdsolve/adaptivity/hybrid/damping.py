@@ -23,25 +23,27 @@ def _is_damped(nodes: Any) -> bool:
     return not isinstance(nodes.types[nodes.fields.index("damping")], types.NoneType)
 
 
-def damp_forces(nodes: Any, p: Any, count: Any, lag: Any, s: Any) -> None:
-    """Turn the sums s of forces on nodes from p on into what moves them; velocities are half of `lag`, s, old."""
+def damp_forces(nodes: Any, p: Any, count: Any, velocity_lag: Any, lane_sums: Any) -> None:
+    """Turn sums of forces on nodes from p on into what moves them; velocities are half of `velocity_lag`, s, old."""
 
 
 @overload(damp_forces, jit_options=INNER)
-def _damp_forces(nodes, p, count, lag, s):  # type: ignore[no-untyped-def]
+def _damp_forces(nodes, p, count, velocity_lag, lane_sums):  # type: ignore[no-untyped-def]
     if not _is_damped(nodes):
-        return lambda nodes, p, count, lag, s: None
+        return lambda nodes, p, count, velocity_lag, lane_sums: None
 
-    def slowed(nodes, p, count, lag, s):  # type: ignore[no-untyped-def]
+    def damp_forces_of_lanes(nodes, p, count, velocity_lag, lane_sums):  # type: ignore[no-untyped-def]
         for axis in range(2):
             for k in range(count):
                 c, at = nodes.damping[axis, p + k], axis * ROW + k
-                s[at] = (s[at] - c * nodes.mass[p + k] * nodes.v[axis, p + k]) / (1 + c * lag / 2)
+                lane_sums[at] = (lane_sums[at] - c * nodes.mass[p + k] * nodes.v[axis, p + k]) / (
+                    1 + c * velocity_lag / 2
+                )
 
-    return slowed
+    return damp_forces_of_lanes
 
 
-def book_damping(nodes: Any, p: Any, count: Any, dt: Any, s: Any, before: Any, after: Any) -> None:
+def book_damping(nodes: Any, p: Any, count: Any, dt: Any, lane_sums: Any, before: Any, after: Any) -> None:
     """Book the energy taken in half a step `before` and `after` from nodes moved by s, from p on.
 
     With `before`, velocities are those of half a step ago, else of now.
@@ -49,15 +51,15 @@ def book_damping(nodes: Any, p: Any, count: Any, dt: Any, s: Any, before: Any, a
 
 
 @overload(book_damping, jit_options=INNER)
-def _book_damping(nodes, p, count, dt, s, before, after):  # type: ignore[no-untyped-def]
+def _book_damping(nodes, p, count, dt, lane_sums, before, after):  # type: ignore[no-untyped-def]
     if not _is_damped(nodes):
-        return lambda nodes, p, count, dt, s, before, after: None
+        return lambda nodes, p, count, dt, lane_sums, before, after: None
 
-    def booked(nodes, p, count, dt, s, before, after):  # type: ignore[no-untyped-def]
+    def book_damping_of_lanes(nodes, p, count, dt, lane_sums, before, after):  # type: ignore[no-untyped-def]
         for at in range(p, p + count):
             first, last, half = 0.0, 0.0, dt / 2 * nodes.mass[at]
             for axis in range(2):
-                kick = dt / 2 * (s[axis * ROW + at - p] * nodes.inverse_mass[at])
+                kick = dt / 2 * (lane_sums[axis * ROW + at - p] * nodes.inverse_mass[at])
                 speed = nodes.v[axis, at]
                 middle = speed + kick if before else speed
                 pull = nodes.damping[axis, at] * middle
@@ -68,24 +70,24 @@ def _book_damping(nodes, p, count, dt, s, before, after):  # type: ignore[no-unt
             if after:
                 nodes.damped[at] += half * last
 
-    return booked
+    return book_damping_of_lanes
 
 
-def set_damping(ground: Any, nodes: Any, p: Any, place: Any) -> None:
+def set_damping(lattice: Any, nodes: Any, p: Any, place: Any) -> None:
     """Give node p the damping of a fine place, or none if it has no motion of its own."""
 
 
 @overload(set_damping, jit_options=INNER)
-def _set_damping(ground, nodes, p, place):  # type: ignore[no-untyped-def]
+def _set_damping(lattice, nodes, p, place):  # type: ignore[no-untyped-def]
     if not _is_damped(nodes):
-        return lambda ground, nodes, p, place: None
+        return lambda lattice, nodes, p, place: None
 
-    def put(ground, nodes, p, place):  # type: ignore[no-untyped-def]
+    def copy_damping(lattice, nodes, p, place):  # type: ignore[no-untyped-def]
         nodes.damping[0, p] = nodes.damping[1, p] = (
-            value_at_node(ground.nodes, ground.nodes.damping, place) if nodes.kind[p] == FREE else 0.0
+            value_at_node(lattice.node_rows, lattice.node_rows.damping, place) if nodes.kind[p] == FREE else 0.0
         )
 
-    return put
+    return copy_damping
 
 
 def remove_damping(nodes: Any, p: Any, axis: Any) -> None:
@@ -97,7 +99,7 @@ def _remove_damping(nodes, p, axis):  # type: ignore[no-untyped-def]
     if not _is_damped(nodes):
         return lambda nodes, p, axis: None
 
-    def let(nodes, p, axis):  # type: ignore[no-untyped-def]
+    def clear_damping(nodes, p, axis):  # type: ignore[no-untyped-def]
         nodes.damping[axis, p] = 0.0
 
-    return let
+    return clear_damping

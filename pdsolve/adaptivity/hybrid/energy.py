@@ -17,59 +17,59 @@ from pdsolve.operators.simd_lattice.kernel import INNER, ONE, PLANE, displaced
 
 
 @njit(forceinline=True, **INNER)
-def strain_e(table, k, eta_x, eta_y):  # type: ignore[no-untyped-def]
+def strain_e(spring_table, k, eta_x, eta_y):  # type: ignore[no-untyped-def]
     """e of a spring: (|xi + eta|^2 - |xi|^2) / |xi|^2."""
-    x, y, inverse = table[k, 0], table[k, 1], table[k, 4]
+    x, y, inverse = spring_table[k, 0], spring_table[k, 1], spring_table[k, 4]
     return inverse * (2 * (x * eta_x + y * eta_y) + eta_x * eta_x + eta_y * eta_y)
 
 
 @njit(**INNER)
-def fine_bond_energy(ground, fine, u, p):  # type: ignore[no-untyped-def]
+def half_bond_energy_of_node(lattice, fine, u, p):  # type: ignore[no-untyped-def]
     """Half of the energy of a fine node's bonds, J/m."""
     row, lane, energy = p // ROW, p % ROW, 0.0
-    entry = fine.entry[row]
-    for k in range(len(ground.ways)):
-        stiffness = fine.own[entry, k, lane] if entry >= 0 else ground.table[k, 5]
+    entry = fine.stiffness_index[row]
+    for k in range(len(lattice.offsets)):
+        stiffness = fine.row_stiffness[entry, k, lane] if entry >= 0 else lattice.spring_table[k, 5]
         if stiffness == 0:
             continue
-        j = p + ground.ways[k]
-        eta_x, eta_y = displaced(u, fine.shrink, ground.table[k, 0], ground.table[k, 1], p, j)
-        e = strain_e(ground.table, k, eta_x, eta_y)
+        j = p + lattice.offsets[k]
+        eta_x, eta_y = displaced(u, fine.half_shrinkage, lattice.spring_table[k, 0], lattice.spring_table[k, 1], p, j)
+        e = strain_e(lattice.spring_table, k, eta_x, eta_y)
         stretch = e / (np.sqrt(1 + e) + 1)
-        energy += stiffness / ground.table[k, 4] * stretch * stretch / 4
+        energy += stiffness / lattice.spring_table[k, 4] * stretch * stretch / 4
     return energy
 
 
 @njit(**INNER)
-def compact_spring_energy(nodes, table, ways, u, q):  # type: ignore[no-untyped-def]
+def half_spring_energy_of_node(nodes, spring_table, offsets, u, q):  # type: ignore[no-untyped-def]
     """Half of the energy of the springs of a node of a compact lattice, J/m."""
     row, lane, energy = q // ROW, q % ROW, 0.0
-    entry = nodes.entry[row]
+    entry = nodes.stiffness_index[row]
     for k in range(8):
-        stiffness = nodes.own[entry, k, lane] if entry >= 0 else table[k, 5]
+        stiffness = nodes.row_stiffness[entry, k, lane] if entry >= 0 else spring_table[k, 5]
         if stiffness == 0:
             continue
-        eta_x, eta_y = displaced(u, nodes.shrink, table[k, 0], table[k, 1], q, q + ways[k])
-        e = strain_e(table, k, eta_x, eta_y)
-        energy += stiffness / table[k, 4] * e * e / 16
+        eta_x, eta_y = displaced(u, nodes.half_shrinkage, spring_table[k, 0], spring_table[k, 1], q, q + offsets[k])
+        e = strain_e(spring_table, k, eta_x, eta_y)
+        energy += stiffness / spring_table[k, 4] * e * e / 16
     return energy
 
 
-def _relative_displacement(u: Any, shrink: Any, x: Any, y: Any, p: Any, j: Any) -> Any:
+def _relative_displacement(u: Any, half_shrinkage: Any, x: Any, y: Any, p: Any, j: Any) -> Any:
     """How far the nodes j are displaced from the nodes p, in lanes from these places on; less what swelling takes."""
 
 
 @overload(_relative_displacement, jit_options=INNER | {"forceinline": True})
-def _relative_displacement_lanes(u, shrink, x, y, p, j):  # type: ignore[no-untyped-def]
-    if isinstance(shrink, types.NoneType):
-        return lambda u, shrink, x, y, p, j: _displacement_difference(u, p, j)
+def _relative_displacement_lanes(u, half_shrinkage, x, y, p, j):  # type: ignore[no-untyped-def]
+    if isinstance(half_shrinkage, types.NoneType):
+        return lambda u, half_shrinkage, x, y, p, j: _displacement_difference(u, p, j)
 
-    def relieved(u, shrink, x, y, p, j):  # type: ignore[no-untyped-def]
+    def displacement_less_swelling(u, half_shrinkage, x, y, p, j):  # type: ignore[no-untyped-def]
         eta_x, eta_y = _displacement_difference(u, p, j)
-        both = beside(shrink, ONE, p)[0] + beside(shrink, ONE, j)[0]
+        both = beside(half_shrinkage, ONE, p)[0] + beside(half_shrinkage, ONE, j)[0]
         return eta_x + both * x, eta_y + both * y
 
-    return relieved
+    return displacement_less_swelling
 
 
 @njit(forceinline=True, **INNER)
@@ -79,54 +79,54 @@ def _displacement_difference(u, p, j):  # type: ignore[no-untyped-def]
 
 
 @njit(**INNER)
-def row_spring_energies(nodes, table, ways, green, row, u, s):  # type: ignore[no-untyped-def]
+def store_half_spring_energies(nodes, spring_table, offsets, green, row, u, lane_sums):  # type: ignore[no-untyped-def]
     """Set s to half the energies of the springs of a row's lanes, J/m; of coarse ones by Green's strain."""
-    entry, slots, none = nodes.entry[row], len(ways), same(u, 0.0)
-    for lane in range(0, ROW, across(s)):
+    entry, slots, none = nodes.stiffness_index[row], len(offsets), same(u, 0.0)
+    for lane in range(0, ROW, across(lane_sums)):
         p, energy = np.int64(row * ROW + lane), none
         for k in range(slots):
-            x, y = table[k, X], table[k, Y]
-            eta_x, eta_y = _relative_displacement(u, nodes.shrink, x, y, p, np.int64(p + ways[k]))
-            e = table[k, INVERSE] * (2 * (x * eta_x + y * eta_y) + eta_x * eta_x + eta_y * eta_y)
-            w = same(u, table[k, STIFFNESS])
+            x, y = spring_table[k, X], spring_table[k, Y]
+            eta_x, eta_y = _relative_displacement(u, nodes.half_shrinkage, x, y, p, np.int64(p + offsets[k]))
+            e = spring_table[k, INVERSE] * (2 * (x * eta_x + y * eta_y) + eta_x * eta_x + eta_y * eta_y)
+            w = same(u, spring_table[k, STIFFNESS])
             if entry >= 0:
-                w = beside(nodes.own, ONE, np.int64((entry * slots + k) * ROW + lane))[0]
+                w = beside(nodes.row_stiffness, ONE, np.int64((entry * slots + k) * ROW + lane))[0]
                 e = unless_none(w, e, none)
             stretch = e * 0.5 if green else e / (np.sqrt(1.0 + e) + 1.0)
-            energy = energy + w / table[k, INVERSE] * stretch * stretch * 0.25
-        keep((energy,), s, lane)
+            energy = energy + w / spring_table[k, INVERSE] * stretch * stretch * 0.25
+        keep((energy,), lane_sums, lane)
 
 
 @njit(forceinline=True, **INNER)
-def piece_end_displacement(fine, coarse, pieces, n, side, axis):  # type: ignore[no-untyped-def]
+def piece_end_displacement(fine_u, coarse_u, pieces, n, side, axis):  # type: ignore[no-untyped-def]
     """Displacement of an end of a piece."""
-    a, b = pieces.end[n, 2 * side], pieces.end[n, 2 * side + 1]
+    a, b = pieces.end_nodes[n, 2 * side], pieces.end_nodes[n, 2 * side + 1]
     if b < 0:
-        return fine[axis, a]
-    w = pieces.value[n, side]
-    return (1 - w) * coarse[axis, a] + w * coarse[axis, b]
+        return fine_u[axis, a]
+    w = pieces.constants[n, side]
+    return (1 - w) * coarse_u[axis, a] + w * coarse_u[axis, b]
 
 
 @njit(**INNER)
-def piece_energy(pieces, fine, coarse, n):  # type: ignore[no-untyped-def]
+def piece_energy(pieces, fine_u, coarse_u, n):  # type: ignore[no-untyped-def]
     """Energy of a piece of a clipped bond, J/m."""
-    e = piece_strain(pieces, fine, coarse, n)
-    return pieces.value[n, 5] / pieces.value[n, 4] * e * e / 8
+    e = piece_strain_e(pieces, fine_u, coarse_u, n)
+    return pieces.constants[n, 5] / pieces.constants[n, 4] * e * e / 8
 
 
 @njit(**INNER)
-def piece_strain(pieces, fine, coarse, n):  # type: ignore[no-untyped-def]
+def piece_strain_e(pieces, fine_u, coarse_u, n):  # type: ignore[no-untyped-def]
     """e of a piece of a clipped bond."""
-    value = pieces.value[n]
+    value = pieces.constants[n]
     eta_x = (
-        piece_end_displacement(fine, coarse, pieces, n, 1, 0)
-        - piece_end_displacement(fine, coarse, pieces, n, 0, 0)
-        + pieces.relief[n, 0]
+        piece_end_displacement(fine_u, coarse_u, pieces, n, 1, 0)
+        - piece_end_displacement(fine_u, coarse_u, pieces, n, 0, 0)
+        + pieces.swelling_offset[n, 0]
     )
     eta_y = (
-        piece_end_displacement(fine, coarse, pieces, n, 1, 1)
-        - piece_end_displacement(fine, coarse, pieces, n, 0, 1)
-        + pieces.relief[n, 1]
+        piece_end_displacement(fine_u, coarse_u, pieces, n, 1, 1)
+        - piece_end_displacement(fine_u, coarse_u, pieces, n, 0, 1)
+        + pieces.swelling_offset[n, 1]
     )
     return value[4] * (2 * (value[2] * eta_x + value[3] * eta_y) + eta_x * eta_x + eta_y * eta_y)
 
@@ -138,49 +138,49 @@ def kinetic_energy(nodes, p):  # type: ignore[no-untyped-def]
 
 
 @njit(**INNER)
-def energy_of_nodes(ground, zone, now, fine_nodes, coarse_nodes):  # type: ignore[no-untyped-def]
+def strain_and_kinetic_energy(lattice, zone, buffer, fine_nodes, coarse_nodes):  # type: ignore[no-untyped-def]
     """Strain and kinetic energy, J/m, of some nodes and of the pieces that some own; these fine nodes must be
     marked."""
     fine, coarse, energy = zone.fine, zone.coarse, 0.0
-    u, uc = fine.u[now], coarse.u[now]
+    u, coarse_u = fine.u[buffer], coarse.u[buffer]
     for p in fine_nodes:
         if fine.kind[p] == IDLE:
             continue
-        energy += fine_bond_energy(ground, fine, u, p)
+        energy += half_bond_energy_of_node(lattice, fine, u, p)
         if fine.kind[p] == FREE:
             energy += kinetic_energy(fine, p)
     for q in coarse_nodes:
         if coarse.kind[q] == FREE:
-            energy += compact_spring_energy(coarse, ground.coarse_table, ground.coarse_ways, uc, q) + kinetic_energy(
-                coarse, q
-            )
+            energy += half_spring_energy_of_node(
+                coarse, lattice.coarse_spring_table, lattice.coarse_offsets, coarse_u, q
+            ) + kinetic_energy(coarse, q)
     for n in range(zone.counts.pieces):
-        if zone.mark[zone.pieces.owner[n]]:
-            energy += piece_energy(zone.pieces, u, uc, n)
+        if zone.node_mark[zone.pieces.owner[n]]:
+            energy += piece_energy(zone.pieces, u, coarse_u, n)
     return energy
 
 
 @cached_njit(error_model="numpy")
-def fill_strain_energies(ground, zone, now, fine_energy, coarse_energy, far_energy):  # type: ignore[no-untyped-def]
+def fill_strain_energies(lattice, zone, buffer, fine_energy, coarse_energy, far_energy):  # type: ignore[no-untyped-def]
     """Strain energies, J/m, of fine, coarse and far nodes, by their places; half of a piece's belongs to either end."""
-    fine, coarse, pieces, s = zone.fine, zone.coarse, zone.pieces, zone.s[0]
+    fine, coarse, pieces, s = zone.fine, zone.coarse, zone.pieces, zone.lane_sums[0]
     for row in fine.rows[: zone.counts.fine_rows]:
-        row_spring_energies(fine, ground.table, ground.ways, False, row, fine.u[now], s)
+        store_half_spring_energies(fine, lattice.spring_table, lattice.offsets, False, row, fine.u[buffer], s)
         for p in range(row * ROW, row * ROW + ROW):
             fine_energy[p] = s[p % ROW] if fine.kind[p] != IDLE else 0.0
     lattices = (
-        (coarse, zone.counts.coarse_rows, ground.coarse_table, ground.coarse_ways, coarse_energy),
-        (zone.far, zone.counts.far_rows, ground.far_table, ground.far_ways, far_energy),
+        (coarse, zone.counts.coarse_rows, lattice.coarse_spring_table, lattice.coarse_offsets, coarse_energy),
+        (zone.far, zone.counts.far_rows, lattice.far_spring_table, lattice.far_offsets, far_energy),
     )
     for nodes, count, table, ways, energies in lattices:
         for row in nodes.rows[:count]:
-            row_spring_energies(nodes, table, ways, True, row, nodes.u[now], s)
+            store_half_spring_energies(nodes, table, ways, True, row, nodes.u[buffer], s)
             for q in range(row * ROW, row * ROW + ROW):
                 energies[q] = s[q % ROW] if nodes.kind[q] != IDLE else 0.0
     for n in range(zone.counts.pieces):
-        half = piece_energy(pieces, fine.u[now], coarse.u[now], n) / 2
+        half = piece_energy(pieces, fine.u[buffer], coarse.u[buffer], n) / 2
         for which in range(2):
-            a, b, w = pieces.end[n, 2 * which], pieces.end[n, 2 * which + 1], pieces.value[n, which]
+            a, b, w = pieces.end_nodes[n, 2 * which], pieces.end_nodes[n, 2 * which + 1], pieces.constants[n, which]
             if b < 0:
                 fine_energy[a] += half
             else:

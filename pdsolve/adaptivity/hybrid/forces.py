@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from numba import njit
 
-from pdsolve.adaptivity.hybrid.bond_breaking import break_bonds, pull_again
+from pdsolve.adaptivity.hybrid.bond_breaking import pull_again, soften_and_break_bonds
 from pdsolve.adaptivity.hybrid.damping import book_damping, damp_forces
 from pdsolve.adaptivity.hybrid.energy import piece_end_displacement, strain_e
 from pdsolve.codegen.atomics import counted, take
@@ -26,7 +26,7 @@ from pdsolve.lattice.rows import sum_green, sum_narrow, sum_wide
 from pdsolve.numerics.thread_team import meet, wait
 from pdsolve.operators.simd_lattice.kernel import INNER, PLANE, displaced
 
-# Places in `PlateZone.turns`, in memory of its own each: how many parts of a job have been handed out to threads.
+# Places in `PlateZone.job_counters`, in memory of its own each: how many parts of a job threads have taken.
 SUM = 0  # forces on fine rows
 BROKEN = 8  # fine rows with a bond that is to break
 MOVE = 16  # motion of fine rows
@@ -41,19 +41,19 @@ COARSE_PART = 64
 
 
 @njit(forceinline=True, **INNER)
-def _add_clipped_bonds(zone, u, uc, f, fc):  # type: ignore[no-untyped-def]
+def _add_piece_forces(zone, u, coarse_u, f, coarse_f):  # type: ignore[no-untyped-def]
     """Add the forces of clipped bonds; returns the largest e of those that could break."""
     pieces, largest = zone.pieces, 0.0
-    end, value, relief = pieces.end, pieces.value, pieces.relief
+    end, value, relief = pieces.end_nodes, pieces.constants, pieces.swelling_offset
     for n in range(zone.counts.pieces):
         eta_x = (
-            piece_end_displacement(u, uc, pieces, n, 1, 0)
-            - piece_end_displacement(u, uc, pieces, n, 0, 0)
+            piece_end_displacement(u, coarse_u, pieces, n, 1, 0)
+            - piece_end_displacement(u, coarse_u, pieces, n, 0, 0)
             + relief[n, 0]
         )
         eta_y = (
-            piece_end_displacement(u, uc, pieces, n, 1, 1)
-            - piece_end_displacement(u, uc, pieces, n, 0, 1)
+            piece_end_displacement(u, coarse_u, pieces, n, 1, 1)
+            - piece_end_displacement(u, coarse_u, pieces, n, 0, 1)
             + relief[n, 1]
         )
         x, y = value[n, 2], value[n, 3]
@@ -67,223 +67,282 @@ def _add_clipped_bonds(zone, u, uc, f, fc):  # type: ignore[no-untyped-def]
                 f[0, a] += sign * px
                 f[1, a] += sign * py
             else:
-                fc[0, a] += (1 - w) * sign * px
-                fc[1, a] += (1 - w) * sign * py
-                fc[0, b] += w * sign * px
-                fc[1, b] += w * sign * py
+                coarse_f[0, a] += (1 - w) * sign * px
+                coarse_f[1, a] += (1 - w) * sign * py
+                coarse_f[0, b] += w * sign * px
+                coarse_f[1, b] += w * sign * py
     return largest
 
 
 @njit(**INNER)
-def _sum_any_stretch(ground, fine, u, p0, count, s):  # type: ignore[no-untyped-def]
+def _sum_row_by_square_roots(lattice, fine, u, p0, count, lane_sums):  # type: ignore[no-untyped-def]
     """Forces on nodes of a row, one by one, for any stretch."""
-    entry = fine.entry[p0 // ROW]
+    entry = fine.stiffness_index[p0 // ROW]
     for p in range(p0, p0 + count):
         lane, fx, fy = p % ROW, 0.0, 0.0
-        for k in range(len(ground.ways)):
-            pull = fine.own[entry, k, lane] if entry >= 0 else ground.table[k, 5]
+        for k in range(len(lattice.offsets)):
+            pull = fine.row_stiffness[entry, k, lane] if entry >= 0 else lattice.spring_table[k, 5]
             if pull == 0:
                 continue
-            j = p + ground.ways[k]
-            eta_x, eta_y = displaced(u, fine.shrink, ground.table[k, 0], ground.table[k, 1], p, j)
-            e = strain_e(ground.table, k, eta_x, eta_y)
+            j = p + lattice.offsets[k]
+            eta_x, eta_y = displaced(
+                u, fine.half_shrinkage, lattice.spring_table[k, 0], lattice.spring_table[k, 1], p, j
+            )
+            e = strain_e(lattice.spring_table, k, eta_x, eta_y)
             pull *= e / (1 + e + np.sqrt(1 + e))
-            fx += pull * (ground.table[k, 0] + eta_x)
-            fy += pull * (ground.table[k, 1] + eta_y)
-        s[p - p0], s[ROW + p - p0] = fx, fy
+            fx += pull * (lattice.spring_table[k, 0] + eta_x)
+            fy += pull * (lattice.spring_table[k, 1] + eta_y)
+        lane_sums[p - p0], lane_sums[ROW + p - p0] = fx, fy
 
 
 def _make_fine_row_sum(sum_row: Any) -> Any:
     """The sum on some lanes of a fine row, whatever its entry has; `sum_row` is one of `pdsolve.lattice.rows`."""
 
     @njit(forceinline=True, **INNER)
-    def add(ground, fine, u, entry, lane, p, s):  # type: ignore[no-untyped-def]
-        table, ways, shrink, limit = ground.table, ground.ways, fine.shrink, ground.least[0]
-        if entry < 0:
-            return sum_row(u, PLANE, table, ways, None, None, shrink, entry, lane, p, limit, s)
-        if ground.varied:
-            return sum_row(u, PLANE, table, ways, fine.own, fine.edge, shrink, entry, lane, p, 0.0, s)
-        if fine.masked[entry]:
-            return sum_row(u, PLANE, table, ways, fine.masks, None, shrink, entry, lane, p, limit, s)
-        return sum_row(u, PLANE, table, ways, fine.own, None, shrink, entry, lane, p, limit, s)
+    def sum_lanes_of_row(lattice, fine, u, stiffness_index, lane, p, lane_sums):  # type: ignore[no-untyped-def]
+        table, ways, shrink, limit = (
+            lattice.spring_table,
+            lattice.offsets,
+            fine.half_shrinkage,
+            lattice.least_e_bounds[0],
+        )
+        if stiffness_index < 0:
+            return sum_row(u, PLANE, table, ways, None, None, shrink, stiffness_index, lane, p, limit, lane_sums)
+        if lattice.limits_vary:
+            return sum_row(
+                u,
+                PLANE,
+                table,
+                ways,
+                fine.row_stiffness,
+                fine.threshold_e,
+                shrink,
+                stiffness_index,
+                lane,
+                p,
+                0.0,
+                lane_sums,
+            )
+        if fine.has_spring_masks[stiffness_index]:
+            return sum_row(
+                u, PLANE, table, ways, fine.spring_masks, None, shrink, stiffness_index, lane, p, limit, lane_sums
+            )
+        return sum_row(
+            u, PLANE, table, ways, fine.row_stiffness, None, shrink, stiffness_index, lane, p, limit, lane_sums
+        )
 
-    return add
+    return sum_lanes_of_row
 
 
 sum_fine_narrow, sum_fine_wide = _make_fine_row_sum(sum_narrow), _make_fine_row_sum(sum_wide)
 
 
 @njit(**INNER)
-def _sum_fine_rows(ground, zone, now, step, thread, job):  # type: ignore[no-untyped-def]
+def _sum_fine_rows(lattice, zone, buffer, step, thread, job):  # type: ignore[no-untyped-def]
     """Forces f on all fine rows.
 
     Rows with a bond about to break are set aside for the job `BROKEN` of the first thread.
     """
-    fine, s = zone.fine, zone.s[thread]
-    wide, u, breaks, aside = across(s), fine.u[now], job == BROKEN, zone.rows_aside[thread]
+    fine, s = zone.fine, zone.lane_sums[thread]
+    wide, u, breaks, aside = across(s), fine.u[buffer], job == BROKEN, zone.breaking_rows[thread]
     parts_per_row = ROW // wide
-    count = zone.aside_counts[0] if breaks else zone.counts.fine_rows * parts_per_row
+    count = zone.breaking_row_counts[0] if breaks else zone.counts.fine_rows * parts_per_row
     while True:
-        first = take(zone.turns, job) * PART
+        first = take(zone.job_counters, job) * PART
         if first >= count:
             return
         for n in range(first, min(first + PART, count)):
             p = aside[n] if breaks else fine.rows[n // parts_per_row] * ROW + n % parts_per_row * wide
             row, flags = p // ROW, 1
             if breaks:
-                break_bonds(ground, zone, u, p, wide, step)
-            elif fine.wide[row] == 0:
-                flags = sum_fine_narrow(ground, fine, u, fine.entry[row], p % ROW, p, s)
+                soften_and_break_bonds(lattice, zone, u, p, wide, step)
+            elif fine.has_large_stretch[row] == 0:
+                flags = sum_fine_narrow(lattice, fine, u, fine.stiffness_index[row], p % ROW, p, s)
             if flags & 1:
-                fine.wide[row] = fine.wide[row] or not breaks
-                flags = sum_fine_wide(ground, fine, u, fine.entry[row], p % ROW, p, s)
+                fine.has_large_stretch[row] = fine.has_large_stretch[row] or not breaks
+                flags = sum_fine_wide(lattice, fine, u, fine.stiffness_index[row], p % ROW, p, s)
             if flags & 2 and not breaks and step > 0:
-                aside[zone.aside_counts[8 * thread]] = p
-                zone.aside_counts[8 * thread] += 1
+                aside[zone.breaking_row_counts[8 * thread]] = p
+                zone.breaking_row_counts[8 * thread] += 1
                 continue
             if flags & 1:
-                _sum_any_stretch(ground, fine, u, p, wide, s)
-            if breaks or fine.touched[row]:
-                add_forces(fine.f, p, wide, s)
-            store_forces(fine.f, p, wide, s)
+                _sum_row_by_square_roots(lattice, fine, u, p, wide, s)
+            if breaks or fine.has_extra_forces[row]:
+                add_row_forces(fine.f, p, wide, s)
+            store_row_forces(fine.f, p, wide, s)
 
 
 @njit(forceinline=True, **INNER)
-def add_forces(f, p, count, s):  # type: ignore[no-untyped-def]
+def add_row_forces(f, p, count, lane_sums):  # type: ignore[no-untyped-def]
     """Add up all forces in s."""
     for k in range(count):
-        s[k] += f[0, p + k]
-        s[ROW + k] += f[1, p + k]
+        lane_sums[k] += f[0, p + k]
+        lane_sums[ROW + k] += f[1, p + k]
 
 
 @njit(forceinline=True, **INNER)
-def store_forces(f, p, count, s):  # type: ignore[no-untyped-def]
+def store_row_forces(f, p, count, lane_sums):  # type: ignore[no-untyped-def]
     """Store the sums of a row of nodes in the forces f."""
     for k in range(count):
-        f[0, p + k], f[1, p + k] = s[k], s[ROW + k]
+        f[0, p + k], f[1, p + k] = lane_sums[k], lane_sums[ROW + k]
 
 
 @njit(**INNER)
-def _merge_rows_set_aside(zone):  # type: ignore[no-untyped-def]
+def _merge_breaking_rows(zone):  # type: ignore[no-untyped-def]
     """List the rows that all threads have set aside, in order."""
-    aside, count = zone.rows_aside[0], zone.aside_counts[0]
-    for thread in range(1, len(zone.s)):
-        for n in range(zone.aside_counts[8 * thread]):
-            p, m = zone.rows_aside[thread, n], count
+    aside, count = zone.breaking_rows[0], zone.breaking_row_counts[0]
+    for thread in range(1, len(zone.lane_sums)):
+        for n in range(zone.breaking_row_counts[8 * thread]):
+            p, m = zone.breaking_rows[thread, n], count
             while m > 0 and aside[m - 1] > p:
                 aside[m] = aside[m - 1]
                 m -= 1
             aside[m] = p
             count += 1
-    zone.aside_counts[0] = count
+    zone.breaking_row_counts[0] = count
 
 
 @njit(**INNER)
-def _move_fine_rows(zone, now, dt, lag, ends, thread):  # type: ignore[no-untyped-def]
-    """Kick and drift all fine rows; where a sequence `ends`, their damped forces are kept instead."""
-    fine, s = zone.fine, zone.s[thread]
-    wide, u, after, count = across(s), fine.u[now], fine.u[1 - now], zone.counts.fine_rows
+def _move_fine_rows(zone, buffer, dt, velocity_lag, ends_sequence, thread):  # type: ignore[no-untyped-def]
+    """Kick and drift all fine rows; where a sequence `ends_sequence`, their damped forces are kept instead."""
+    fine, s = zone.fine, zone.lane_sums[thread]
+    wide, u, after, count = across(s), fine.u[buffer], fine.u[1 - buffer], zone.counts.fine_rows
     while True:
-        first = take(zone.turns, MOVE) * PART
+        first = take(zone.job_counters, MOVE) * PART
         if first >= count:
             return
         for row in fine.rows[first : min(first + PART, count)]:
             for p in range(row * ROW, row * ROW + ROW, wide):
                 for k in range(wide):
                     s[k], s[ROW + k] = fine.f[0, p + k], fine.f[1, p + k]
-                damp_forces(fine, p, wide, lag, s)
-                if ends:
-                    store_forces(fine.f, p, wide, s)
+                damp_forces(fine, p, wide, velocity_lag, s)
+                if ends_sequence:
+                    store_row_forces(fine.f, p, wide, s)
                 else:
                     book_damping(fine, p, wide, dt, s, True, True)
                     kick_and_drift(u, after, fine.v, fine.inverse_mass, dt, dt / 2, p, s)
 
 
 @njit(**INNER)
-def _sweep_coarse(ground, zone, now, lag, ends, thread, stage):  # type: ignore[no-untyped-def]
-    """Forces on coarse rows and their motion, see `_sweep`.
+def _sum_and_move_coarse_rows(lattice, zone, buffer, velocity_lag, ends_sequence, thread, stage):  # type: ignore[no-untyped-def]
+    """Forces on coarse rows and their motion, see `_sum_and_move_rows`.
 
     The stage LOADED processes touched rows, an earlier stage the others until the first thread reaches LOADED.
     """
-    nodes, rows, table, ways = zone.coarse, zone.counts.coarse_rows, ground.coarse_table, ground.coarse_ways
+    nodes, rows, table, ways = zone.coarse, zone.counts.coarse_rows, lattice.coarse_spring_table, lattice.coarse_offsets
     touched = stage == LOADED
     job = TOUCHED if touched else PLAIN
-    _sweep(ground, zone, nodes, rows, table, ways, now, lag, ends, thread, stage, job, touched)
+    _sum_and_move_rows(
+        lattice, zone, nodes, rows, table, ways, buffer, velocity_lag, ends_sequence, thread, stage, job, touched
+    )
 
 
 @njit(**INNER)
-def _sweep_far(ground, zone, now, lag, ends, thread, gate):  # type: ignore[no-untyped-def]
-    """Forces on far rows and their motion, see `_sweep`, once forces on tied nodes are passed on."""
-    nodes, rows, table, ways = zone.far, zone.counts.far_rows, ground.far_table, ground.far_ways
+def _sum_and_move_far_rows(lattice, zone, buffer, velocity_lag, ends_sequence, thread, gate):  # type: ignore[no-untyped-def]
+    """Forces on far rows and their motion, see `_sum_and_move_rows`, once forces on tied nodes are passed on."""
+    nodes, rows, table, ways = zone.far, zone.counts.far_rows, lattice.far_spring_table, lattice.far_offsets
     meet(gate)
     if thread == 0:
         _pass_border_forces(zone.coarse.f, zone.far.f, zone.tied, zone.counts.tied_nodes)
-    _sweep(ground, zone, nodes, rows, table, ways, now, lag, ends, thread, REST, FAR_PLAIN, False)
+    _sum_and_move_rows(
+        lattice, zone, nodes, rows, table, ways, buffer, velocity_lag, ends_sequence, thread, REST, FAR_PLAIN, False
+    )
     meet(gate)
-    _sweep(ground, zone, nodes, rows, table, ways, now, lag, ends, thread, REST, FAR_TOUCHED, True)
+    _sum_and_move_rows(
+        lattice, zone, nodes, rows, table, ways, buffer, velocity_lag, ends_sequence, thread, REST, FAR_TOUCHED, True
+    )
 
 
 @njit(**INNER)
-def _sweep(ground, zone, nodes, count, table, ways, now, lag, ends, thread, stage, job, touched):  # type: ignore[no-untyped-def]
-    """Forces on rows of a compact lattice, followed by kick and drift unless a sequence `ends`; then forces are kept.
+def _sum_and_move_rows(  # type: ignore[no-untyped-def]
+    lattice,
+    zone,
+    nodes,
+    count,
+    spring_table,
+    offsets,
+    buffer,
+    velocity_lag,
+    ends_sequence,
+    thread,
+    stage,
+    job,
+    has_extra_forces,
+):
+    """Forces on rows of a compact lattice, then kick and drift; with `ends_sequence`, forces are kept instead.
 
-    Rows are those that are `touched`, or the others. Some are taken at a time, as the `job` counts them, until the
-    first thread reaches `stage`. Notes rows with a hot bond.
+    Rows are those with forces besides the springs', if `has_extra_forces`, or the others. Some are taken at a time, as
+    the `job` counts them, until the first thread reaches `stage`. Marks rows with a bond over its bound.
     """
-    s, dt, row_stiffness, limit = zone.s[thread], ground.dt, nodes.own, ground.least[2]
-    wide, u, after = across(s), nodes.u[now], nodes.u[1 - now]
-    while counted(zone.turns, STAGE) < stage:
-        first = take(zone.turns, job) * COARSE_PART
+    s, dt, row_stiffness, limit = zone.lane_sums[thread], lattice.dt, nodes.row_stiffness, lattice.least_e_bounds[2]
+    wide, u, after = across(s), nodes.u[buffer], nodes.u[1 - buffer]
+    while counted(zone.job_counters, STAGE) < stage:
+        first = take(zone.job_counters, job) * COARSE_PART
         if first >= count:
             return
         for row in nodes.rows[first : min(first + COARSE_PART, count)]:
-            if nodes.touched[row] != touched:
+            if nodes.has_extra_forces[row] != has_extra_forces:
                 continue
-            entry, hot = nodes.entry[row], 0
+            entry, hot = nodes.stiffness_index[row], 0
             for lane in range(0, ROW, wide):
                 q = row * ROW + lane
                 if entry >= 0:
-                    hot |= sum_green(u, PLANE, table, ways, row_stiffness, None, nodes.shrink, entry, lane, q, limit, s)
+                    hot |= sum_green(
+                        u,
+                        PLANE,
+                        spring_table,
+                        offsets,
+                        row_stiffness,
+                        None,
+                        nodes.half_shrinkage,
+                        entry,
+                        lane,
+                        q,
+                        limit,
+                        s,
+                    )
                 else:
-                    hot |= sum_green(u, PLANE, table, ways, None, None, nodes.shrink, entry, lane, q, limit, s)
-                if touched:
-                    add_forces(nodes.f, q, wide, s)
-                damp_forces(nodes, q, wide, lag, s)
-                if touched or ends:
-                    store_forces(nodes.f, q, wide, s)
-                if not ends:
+                    hot |= sum_green(
+                        u, PLANE, spring_table, offsets, None, None, nodes.half_shrinkage, entry, lane, q, limit, s
+                    )
+                if has_extra_forces:
+                    add_row_forces(nodes.f, q, wide, s)
+                damp_forces(nodes, q, wide, velocity_lag, s)
+                if has_extra_forces or ends_sequence:
+                    store_row_forces(nodes.f, q, wide, s)
+                if not ends_sequence:
                     book_damping(nodes, q, wide, dt, s, True, True)
                     kick_and_drift(u, after, nodes.v, nodes.inverse_mass, dt, dt / 2, q, s)
-            nodes.wide[row] = hot > 0
+            nodes.has_large_stretch[row] = hot > 0
 
 
 @njit(**INNER)
-def _clear_touched_rows(nodes, count):  # type: ignore[no-untyped-def]
+def _clear_extra_forces(nodes, count):  # type: ignore[no-untyped-def]
     """Set the forces on touched rows to zero."""
     for n in range(count):
         row = nodes.rows[n]
-        if nodes.touched[row]:
+        if nodes.has_extra_forces[row]:
             for p in range(row * ROW, row * ROW + ROW):
                 nodes.f[0, p] = nodes.f[1, p] = 0.0
 
 
 @njit(**INNER)
-def _pass_border_forces(f, fc, border, count):  # type: ignore[no-untyped-def]
+def _pass_border_forces(f, coarse_f, border, count):  # type: ignore[no-untyped-def]
     """Pass forces on border nodes to the coarser nodes that carry them."""
     for n in range(count):
-        p, a, b, w = border.node[n], border.end[n, 0], border.end[n, 1], border.w[n]
+        p, a, b, w = border.node[n], border.carriers[n, 0], border.carriers[n, 1], border.w[n]
         for axis in range(2):
-            fc[axis, a] += (1 - w) * f[axis, p]
-            fc[axis, b] += w * f[axis, p]
+            coarse_f[axis, a] += (1 - w) * f[axis, p]
+            coarse_f[axis, b] += w * f[axis, p]
 
 
 @njit(**INNER)
-def interpolate_border_nodes(u, uc, border, count):  # type: ignore[no-untyped-def]
+def interpolate_border_nodes(u, coarse_u, border, count):  # type: ignore[no-untyped-def]
     """Interpolate border nodes from the coarser ones."""
     for n in range(count):
-        p, a, b, w = border.node[n], border.end[n, 0], border.end[n, 1], border.w[n]
+        p, a, b, w = border.node[n], border.carriers[n, 0], border.carriers[n, 1], border.w[n]
         for axis in range(2):
-            u[axis, p] = (1 - w) * uc[axis, a] + w * uc[axis, b] + border.off[n, axis]
+            u[axis, p] = (1 - w) * coarse_u[axis, a] + w * coarse_u[axis, b] + border.swelling_offset[n, axis]
 
 
 @njit(**INNER)
@@ -306,53 +365,53 @@ def _add_loads(count, loads, fine, coarse, totals, profiles, time, dt):  # type:
 
 
 @njit(**INNER)
-def _initialize_forces(ground, zone, profiles, now, step):  # type: ignore[no-untyped-def]
+def _start_forces_with_loads_and_pieces(lattice, zone, profiles, buffer, step):  # type: ignore[no-untyped-def]
     """Initialize the forces with those of loads and of clipped bonds."""
-    fine, coarse, dt = zone.fine, zone.coarse, ground.dt
-    _clear_touched_rows(fine, zone.counts.fine_rows)
-    _clear_touched_rows(coarse, zone.counts.coarse_rows)
-    _clear_touched_rows(zone.far, zone.counts.far_rows)
+    fine, coarse, dt = zone.fine, zone.coarse, lattice.dt
+    _clear_extra_forces(fine, zone.counts.fine_rows)
+    _clear_extra_forces(coarse, zone.counts.coarse_rows)
+    _clear_extra_forces(zone.far, zone.counts.far_rows)
     _add_loads(zone.counts.loads, zone.loads, fine, coarse, zone.totals, profiles, step * dt, dt if step > 0 else 0.0)
-    interpolate_border_nodes(fine.u[now], coarse.u[now], zone.border, zone.counts.border_nodes)
-    largest = _add_clipped_bonds(zone, fine.u[now], coarse.u[now], fine.f, coarse.f)
+    interpolate_border_nodes(fine.u[buffer], coarse.u[buffer], zone.border, zone.counts.border_nodes)
+    largest = _add_piece_forces(zone, fine.u[buffer], coarse.u[buffer], fine.f, coarse.f)
     zone.totals.clipped_e = largest
     zone.totals.largest_e = max(zone.totals.largest_e, largest)
 
 
 @njit(**INNER)
-def sum_and_move(ground, zone, profiles, now, step, lag, ends, thread, gate):  # type: ignore[no-untyped-def]
-    """All forces at the displacements `now`, those of `step`; kick and drift unless the sequence `ends`.
+def sum_forces_and_move(lattice, zone, profiles, buffer, step, velocity_lag, ends_sequence, thread, gate):  # type: ignore[no-untyped-def]
+    """All forces at the displacements `buffer`, those of `step`; kick and drift unless the sequence `ends_sequence`.
 
-    Velocities are those of half of `lag`, s, ago.
-    All threads call this together; the first thread calls `reset_turns` before each further call.
+    Velocities are those of half of `velocity_lag`, s, ago.
+    All threads call this together; the first thread calls `reset_job_counters` before each further call.
     """
     for stage in (ACTED, BROKE, LOADED, REST):
         if thread == 0 and stage == ACTED:
-            _initialize_forces(ground, zone, profiles, now, step)
-            take(zone.turns, STAGE)
+            _start_forces_with_loads_and_pieces(lattice, zone, profiles, buffer, step)
+            take(zone.job_counters, STAGE)
         elif thread == 0 and stage == BROKE:
-            _merge_rows_set_aside(zone)
+            _merge_breaking_rows(zone)
         else:
-            _sweep_coarse(ground, zone, now, lag, ends, thread, stage)
-            wait(zone.turns, STAGE, min(stage, BROKE), gate)
+            _sum_and_move_coarse_rows(lattice, zone, buffer, velocity_lag, ends_sequence, thread, stage)
+            wait(zone.job_counters, STAGE, min(stage, BROKE), gate)
         if stage == ACTED or (thread == 0 and stage == BROKE):
-            _sum_fine_rows(ground, zone, now, step, thread, SUM if stage == ACTED else BROKEN)
+            _sum_fine_rows(lattice, zone, buffer, step, thread, SUM if stage == ACTED else BROKEN)
         if stage == ACTED:
             meet(gate)
         elif stage == BROKE:
             if thread == 0:
-                if lag > 0:
-                    pull_again(ground, zone, zone.fine.u[now], step)
+                if velocity_lag > 0:
+                    pull_again(lattice, zone, zone.fine.u[buffer], step)
                 _pass_border_forces(zone.fine.f, zone.coarse.f, zone.border, zone.counts.border_nodes)
-                take(zone.turns, STAGE)
-            _move_fine_rows(zone, now, ground.dt, lag, ends, thread)
+                take(zone.job_counters, STAGE)
+            _move_fine_rows(zone, buffer, lattice.dt, velocity_lag, ends_sequence, thread)
     if zone.counts.far_rows > 0:
-        _sweep_far(ground, zone, now, lag, ends, thread, gate)
+        _sum_and_move_far_rows(lattice, zone, buffer, velocity_lag, ends_sequence, thread, gate)
     meet(gate)
 
 
 @njit(**INNER)
-def reset_turns(zone):  # type: ignore[no-untyped-def]
+def reset_job_counters(zone):  # type: ignore[no-untyped-def]
     """Reset the counters from which threads take rows."""
-    zone.turns[:] = 0
-    zone.aside_counts[:] = 0
+    zone.job_counters[:] = 0
+    zone.breaking_row_counts[:] = 0

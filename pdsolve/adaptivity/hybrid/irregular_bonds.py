@@ -15,9 +15,9 @@ from numpy.typing import NDArray
 
 from pdmesh.model import selection
 from pdmesh.model.neighbours import ROWS
-from pdsolve.adaptivity.hybrid.coarse_cells import HybridPlate, count_full_squares, strips
+from pdsolve.adaptivity.hybrid.coarse_cells import HybridPlate, count_full_squares, row_ranges
 from pdsolve.adaptivity.hybrid.lattice import BELOW, LEFT
-from pdsolve.adaptivity.hybrid.springs import Springs, e_of_stretch
+from pdsolve.adaptivity.hybrid.springs import Springs, e_from_stretch
 from pdsolve.bonds.assembly import Paired, Part, stiffness_bound
 from pdsolve.model import Model
 from pdsolve.numerics.dilation import in_square
@@ -32,13 +32,13 @@ ROUND_OFF = 1e-12  # relative: stiffnesses this near to those of a full lattice 
 class IrregularBonds(NamedTuple):
     """k bonds of s nodes, in the order of a full family; those of r of them, whose bonds are all that differ."""
 
-    node: NDArray[np.int64]  # (s,) rows of the grid
+    grid_rows: NDArray[np.int64]  # (s,) rows of the grid
     bond_row: NDArray[np.int64]  # (s,) of the r
-    springs: NDArray[np.float64]  # (r, k) stiffness, N/m^2; 0 without a bond
-    kind: NDArray[np.int32]  # (r,) which of the limits a node's bonds have
+    stiffness: NDArray[np.float64]  # (r, k) stiffness, N/m^2; 0 without a bond
+    limit_row: NDArray[np.int32]  # (r,) which of the limits a node's bonds have
     peak: NDArray[np.float64]  # (j, k) e, of j different nodes
     limit: NDArray[np.float64]
-    family: NDArray[np.int64]  # (r,) bonds that count in damage
+    family_size: NDArray[np.int64]  # (r,) bonds that count in damage
     stiffness_bound: NDArray[np.float64]  # (r,) as in `Operator`
 
 
@@ -46,7 +46,7 @@ def find_irregular_bonds(plate: HybridPlate, springs: tuple[Springs, ...]) -> Ir
     """Bonds of all nodes near irregular places; `springs` holds those of each material."""
     reach = int(np.abs(springs[0].dx).max())
     places, is_close = _places_near_irregular(plate, reach)
-    rows = plate.rows_at(places)
+    rows = plate.grid_rows_at(places)
     order = np.argsort(rows)
     sorted_rows, wanted = rows[order], is_close[order]
     first, which = np.unique(first_equivalent_rows(plate, sorted_rows[wanted], reach), return_inverse=True)
@@ -56,47 +56,47 @@ def find_irregular_bonds(plate: HybridPlate, springs: tuple[Springs, ...]) -> Ir
     if not count:
         return irregular_bonds
     numbers = np.flatnonzero(wanted)
-    parts = _bonds_by_parts(part_of_model(plate.model, sorted_rows), numbers, first, which)
+    parts = _bonds_of_nodes_by_parts(part_of_model(plate.model, sorted_rows), numbers, first, which)
     limits = _store_bonds(plate, parts, sorted_rows, numbers[first], springs, irregular_bonds)
     return irregular_bonds._replace(peak=limits[:, 0].copy(), limit=limits[:, 1].copy())
 
 
 def _places_near_irregular(plate: HybridPlate, reach: int) -> tuple[NDArray[np.int64], NDArray[np.bool_]]:
     """Places (k,) of the nodes within three of a family's reaches of an irregular place, and which are within two."""
-    stride, rows = plate.at.stride, plate.at.places // plate.at.stride
+    stride, rows = plate.numbering.stride, plate.numbering.places // plate.numbering.stride
     places, is_close = [], []
-    for low, high in strips(rows, stride, WIDE):
+    for low, high in row_ranges(rows, stride, WIDE):
         first = max(low - 3 * reach, 0)
         odd, strip = (
-            _mask_irregular(plate, reach, first, min(high + 3 * reach, rows)),
+            _mask_irregular_places(plate, reach, first, min(high + 3 * reach, rows)),
             np.s_[low - first : high - first],
         )
-        near = np.flatnonzero(plate.has_node_in(low, high) & in_square(odd, 3 * reach)[strip])
+        near = np.flatnonzero(plate.mask_nodes_in(low, high) & in_square(odd, 3 * reach)[strip])
         places.append(near + low * stride)
         is_close.append(in_square(odd, 2 * reach)[strip].ravel()[near])
     return np.concatenate(places), np.concatenate(is_close)
 
 
-def _mask_irregular(plate: HybridPlate, reach: int, low: int, high: int) -> NDArray[np.bool_]:
-    """Mask of places in rows `low` to `high` - 1 without a node or a whole cell, at an interface, or next to a
+def _mask_irregular_places(plate: HybridPlate, reach: int, first_row: int, end_row: int) -> NDArray[np.bool_]:
+    """Mask of places in rows `first_row` to `end_row` - 1 without a node or a whole cell, at an interface, or next to a
     pre-crack."""
-    at = plate.at
-    first, last = max(low - 1, 0), min(high + 1, at.places // at.stride)
-    odd = np.abs(plate.areas_in(first, last) - 1) > ROUND_OFF
+    numbering = plate.numbering
+    first, last = max(first_row - 1, 0), min(end_row + 1, numbering.places // numbering.stride)
+    odd = np.abs(plate.area_shares_in(first, last) - 1) > ROUND_OFF
     odd |= count_full_squares(~odd) < 4
     if plate.model.settings.regions:
-        field = plate.materials_in(first, last)
+        field = plate.material_numbers_in(first, last)
         for axis in (0, 1):
             interface = np.diff(field, axis=axis) != 0
             odd |= np.pad(interface, [(0, int(a == axis)) for a in (0, 1)])
-    odd = odd[low - first : high - first]
+    odd = odd[first_row - first : end_row - first]
     around = reach + 1
-    near = np.zeros((high - low + 2 * around, at.stride), dtype=bool)
+    near = np.zeros((end_row - first_row + 2 * around, numbering.stride), dtype=bool)
     for x0, y0, x1, y1 in plate.cracks:
         share = np.linspace(0, 1, 2 + int(4 * np.hypot(x1 - x0, y1 - y0)))
         x, y = np.round(x0 + share * (x1 - x0)).astype(int), np.round(y0 + share * (y1 - y0)).astype(int)
-        row = y + BELOW - low + around
-        inside = (x >= 0) & (x <= at.nx) & (y >= 0) & (y <= at.ny) & (row >= 0) & (row < len(near))
+        row = y + BELOW - first_row + around
+        inside = (x >= 0) & (x <= numbering.nx) & (y >= 0) & (y <= numbering.ny) & (row >= 0) & (row < len(near))
         near[row[inside], LEFT + x[inside]] = True
     if near.any():
         odd |= in_square(near, around)[around:-around]
@@ -115,7 +115,7 @@ def part_of_model(model: Model, rows: NDArray[np.int64]) -> Model:
     return Model(part, settings, model.name)
 
 
-def _bonds_by_parts(
+def _bonds_of_nodes_by_parts(
     model: Model, rows: NDArray[np.int64], first: NDArray[np.int64], which: NDArray[np.int64]
 ) -> Iterator[tuple[NDArray[np.int64], Part]]:
     """Bonds of the `first` of these rows, some at a time: those of nodes near irregular places, beyond which nothing is
@@ -147,7 +147,7 @@ def _store_bonds(
     number = np.full((2 * reach + 1, 2 * reach + 1), -1)
     number[springs[0].dy + reach, springs[0].dx + reach] = np.arange(len(springs[0].dx))
     full = np.array([material_springs.table[:, 5] for material_springs in springs])
-    material, area = plate.model.material_of, plate.areas_of(sorted_rows) * plate.h**2
+    material, area = plate.model.material_of, plate.area_shares_of(sorted_rows) * plate.h**2
     number_by_limits: dict[bytes, int] = {}
     for chunk, part in parts:
         bonds, slot = part.bonds, np.searchsorted(numbers, chunk)
@@ -157,16 +157,18 @@ def _store_bonds(
         k, row = number[step[:, 1] + reach, step[:, 0] + reach], sorted_rows[source]
         stiffness = bonds.stiffness * area[source] / np.hypot(*xi.T)
         usual = full[material[row], k]
-        irregular_bonds.springs[slot[at], k] = np.where(np.abs(stiffness - usual) < ROUND_OFF * usual, usual, stiffness)
+        irregular_bonds.stiffness[slot[at], k] = np.where(
+            np.abs(stiffness - usual) < ROUND_OFF * usual, usual, stiffness
+        )
         limits = np.zeros((len(chunk), 2, full.shape[1]))
-        limits[at, 0, k], limits[at, 1, k] = e_of_stretch(bonds.peak), e_of_stretch(bonds.limit)
-        irregular_bonds.kind[slot] = _number_limits(limits, number_by_limits)
-        irregular_bonds.family[slot] = part.family[chunk - part.first]
+        limits[at, 0, k], limits[at, 1, k] = e_from_stretch(bonds.peak), e_from_stretch(bonds.limit)
+        irregular_bonds.limit_row[slot] = _number_distinct_limits(limits, number_by_limits)
+        irregular_bonds.family_size[slot] = part.family[chunk - part.first]
         irregular_bonds.stiffness_bound[slot] = stiffness_bound(bonds, bonds.stiffness, True)
     return np.frombuffer(b"".join(number_by_limits)).reshape(-1, 2, full.shape[1])
 
 
-def _number_limits(limits: NDArray[np.float64], number_by_limits: dict[bytes, int]) -> NDArray[np.int64]:
+def _number_distinct_limits(limits: NDArray[np.float64], number_by_limits: dict[bytes, int]) -> NDArray[np.int64]:
     """Number (n,) of each of these (n, 2, k) in `number_by_limits`, to which new ones are added; few differ."""
     bits = limits.reshape(len(limits), -1).view(np.int64)
     _, first, which = np.unique(bits @ np.arange(1, 2 * bits.shape[1], 2), return_index=True, return_inverse=True)
@@ -203,12 +205,12 @@ def first_equivalent_rows(plate: HybridPlate, rows: NDArray[np.int64], reach: in
     return np.asarray(first[which])
 
 
-def _number_positions(at: NDArray[np.int64], crack: NDArray[np.float64], far: int) -> NDArray[np.int64]:
+def _number_positions(places: NDArray[np.int64], crack: NDArray[np.float64], far: int) -> NDArray[np.int64]:
     """A number for each of these places (k, 2) that tells how they lie to a crack along an axis, up to `far` from its
     ends."""
-    numbers = np.zeros(len(at), dtype=np.int64)
+    numbers = np.zeros(len(places), dtype=np.int64)
     for end in (crack[:2], crack[2:]):
-        for away in np.clip(at - np.floor(end).astype(np.int64), -far, far).T:
+        for away in np.clip(places - np.floor(end).astype(np.int64), -far, far).T:
             numbers = (2 * far + 1) * numbers + away + far
     return numbers
 

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pdmesh.model.document import Absorb
-from pdsolve.adaptivity.hybrid.coarse_cells import HybridPlate, strips
+from pdsolve.adaptivity.hybrid.coarse_cells import HybridPlate, row_ranges
 from pdsolve.adaptivity.hybrid.irregular_bonds import IrregularBonds
 from pdsolve.adaptivity.hybrid.node_rows import NodeRows
 from pdsolve.adaptivity.hybrid.springs import STIFFNESS, Springs
@@ -25,17 +25,17 @@ class _Fields(NamedTuple):
 
     mass: NDArray[np.float64]
     material: NDArray[np.uint8]
-    own: NDArray[np.int32]
+    irregular_row: NDArray[np.int32]
     no_fail: NDArray[np.bool_]
-    bits: NDArray[np.uint64]
+    bond_bits: NDArray[np.uint64]
     damping: NDArray[np.float64]
 
 
 def create_node_rows(plate: HybridPlate, irregular_bonds: IrregularBonds, springs: tuple[Springs, ...]) -> NodeRows:
     """The rows of a plate with these irregular nodes; `springs` are those of each material in a full lattice."""
-    full = _bond_bits(np.array([one.table[:, STIFFNESS] for one in springs]))
+    full_family_bits = _bond_bits(np.array([one.table[:, STIFFNESS] for one in springs]))
     model, run = plate.model, plate.model.settings.run
-    usual_values = model.materials[0].rho * plate.h**2, 0, -1, False, full[0], run.damping
+    usual_values = model.materials[0].rho * plate.h**2, 0, -1, False, full_family_bits[0], run.damping
     kinds = np.float64, np.uint8, np.int32, np.bool_, np.uint64, np.float64
     # What a node deep in a plate has
     usual = _Fields(*(np.array(value, dtype=kind) for value, kind in zip(usual_values, kinds, strict=True)))
@@ -47,7 +47,7 @@ def create_node_rows(plate: HybridPlate, irregular_bonds: IrregularBonds, spring
     for column, nothing in zip(columns, (0, 0, -1, False, 0, 0), strict=True):
         column[0][EMPTY] = nothing
     entries, count = [], 2
-    for fields in _fields_by_strip(plate, irregular_bonds, full, slowed):
+    for fields in _node_constants_by_rows(plate, irregular_bonds, full_family_bits, slowed):
         same = np.logical_and.reduce([values == one for values, one in zip(fields, usual, strict=True)])
         entry = np.where(same.reshape(-1, ROW).all(axis=1), USUAL, -1).astype(np.int32)
         entry[(fields.mass == 0).reshape(-1, ROW).all(axis=1)] = EMPTY
@@ -60,32 +60,38 @@ def create_node_rows(plate: HybridPlate, irregular_bonds: IrregularBonds, spring
     return NodeRows(np.concatenate(entries), *row_fields[:5], None if slowed is None else row_fields.damping)
 
 
-def _fields_by_strip(
-    plate: HybridPlate, irregular_bonds: IrregularBonds, full: NDArray[np.uint64], slowed: NDArray[np.float64] | None
+def _node_constants_by_rows(
+    plate: HybridPlate,
+    irregular_bonds: IrregularBonds,
+    full_family_bits: NDArray[np.uint64],
+    node_damping: NDArray[np.float64] | None,
 ) -> Iterator[_Fields]:
-    """The constants of all places, strip by strip; `full` are the bonds of each material in a full lattice.
+    """The constants of all places, strip by strip; `full_family_bits` are the bonds of each material in a full lattice.
 
-    `slowed` (n,) is the damping of all nodes, 1/s.
+    `node_damping` (n,) is the damping of all nodes, 1/s.
     """
     rho = np.array([constants.rho for constants in plate.model.materials])
     lasts = unbreakable(plate.model)
-    place, bits = plate.places_of(irregular_bonds.node), _bond_bits(irregular_bonds.springs)
+    place, bits = plate.places_of(irregular_bonds.grid_rows), _bond_bits(irregular_bonds.stiffness)
     order = np.argsort(place)
-    for low, high in strips(plate.at.places // plate.at.stride, plate.at.stride):
-        rows, material = plate.rows_in(low, high).ravel(), plate.materials_in(low, high).ravel()
-        first, has_node = low * plate.at.stride, rows >= 0
-        mass = plate.areas_in(low, high).ravel() * rho[material] * plate.h**2
+    for low, high in row_ranges(plate.numbering.places // plate.numbering.stride, plate.numbering.stride):
+        rows, material = plate.grid_rows_in(low, high).ravel(), plate.material_numbers_in(low, high).ravel()
+        first, has_node = low * plate.numbering.stride, rows >= 0
+        mass = plate.area_shares_in(low, high).ravel() * rho[material] * plate.h**2
         in_strip = order[slice(*np.searchsorted(place, (first, first + len(rows)), sorter=order))]
         fields = _Fields(
             mass=mass,
             material=material,
-            own=np.full(len(rows), -1, dtype=np.int32),
+            irregular_row=np.full(len(rows), -1, dtype=np.int32),
             no_fail=has_node & lasts[rows],
-            bits=np.where(has_node, full[material], np.uint64(0)),
-            damping=np.zeros(len(rows)) if slowed is None else np.where(has_node, slowed[rows], 0.0),
+            bond_bits=np.where(has_node, full_family_bits[material], np.uint64(0)),
+            damping=np.zeros(len(rows)) if node_damping is None else np.where(has_node, node_damping[rows], 0.0),
         )
         irregular_rows = irregular_bonds.bond_row[in_strip]
-        fields.own[place[in_strip] - first], fields.bits[place[in_strip] - first] = irregular_rows, bits[irregular_rows]
+        fields.irregular_row[place[in_strip] - first], fields.bond_bits[place[in_strip] - first] = (
+            irregular_rows,
+            bits[irregular_rows],
+        )
         yield fields
 
 

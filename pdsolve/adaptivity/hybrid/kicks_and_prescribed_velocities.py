@@ -14,9 +14,9 @@ from pdsolve.operators.simd_lattice.kernel import INNER
 
 
 @njit(**INNER)
-def _kick_and_drift_rows(nodes, count, now, dt, drifts):  # type: ignore[no-untyped-def]
+def _kick_and_drift_rows(nodes, count, buffer, dt, drifts):  # type: ignore[no-untyped-def]
     """Half a kick, m/s, of all rows by the stored forces, and a drift over `dt`, s, if `drifts`."""
-    u, after, v, f = nodes.u[now], nodes.u[1 - now], nodes.v, nodes.f
+    u, after, v, f = nodes.u[buffer], nodes.u[1 - buffer], nodes.v, nodes.f
     for n in range(count):
         row = nodes.rows[n]
         for axis in range(2):
@@ -28,23 +28,23 @@ def _kick_and_drift_rows(nodes, count, now, dt, drifts):  # type: ignore[no-unty
 
 
 @njit(**INNER)
-def _book_damping_of_rows(nodes, count, dt, s, starts):  # type: ignore[no-untyped-def]
-    """Book what damping takes in the half of a step with which a sequence `starts`, or else ends; `s` is scratch."""
+def _book_damping_of_rows(nodes, count, dt, lane_sums, begins_sequence):  # type: ignore[no-untyped-def]
+    """Book what damping takes in the first half of a step, with `begins_sequence`, or the last; `lane_sums` scratch."""
     for n in range(count):
         p = nodes.rows[n] * ROW
         for k in range(ROW):
-            s[k], s[ROW + k] = nodes.f[0, p + k], nodes.f[1, p + k]
-        book_damping(nodes, p, ROW, dt, s, not starts, starts)
+            lane_sums[k], lane_sums[ROW + k] = nodes.f[0, p + k], nodes.f[1, p + k]
+        book_damping(nodes, p, ROW, dt, lane_sums, not begins_sequence, begins_sequence)
 
 
 @njit(**INNER)
-def kick_and_drift_all(ground, zone, now, drifts):  # type: ignore[no-untyped-def]
+def kick_and_drift_all(lattice, zone, buffer, drifts):  # type: ignore[no-untyped-def]
     """Half a kick of all nodes and a drift if `drifts`."""
     counts = zone.counts
     lattices = (zone.fine, counts.fine_rows), (zone.coarse, counts.coarse_rows), (zone.far, counts.far_rows)
     for nodes, rows in lattices:
-        _book_damping_of_rows(nodes, rows, ground.dt, zone.s[0], drifts)
-        _kick_and_drift_rows(nodes, rows, now, ground.dt, drifts)
+        _book_damping_of_rows(nodes, rows, lattice.dt, zone.lane_sums[0], drifts)
+        _kick_and_drift_rows(nodes, rows, buffer, lattice.dt, drifts)
 
 
 @njit(**INNER)
@@ -71,32 +71,32 @@ def restore_held_velocities(fine, coarse, holds, count):  # type: ignore[no-unty
 
 
 @njit(**INNER)
-def hold_components(fine, coarse, holds, count, totals, dt, profiles, now, step, ends, starts):  # type: ignore[no-untyped-def]
-    """Book the holding forces until `step` unless a sequence `starts`, and hold on from there unless it `ends`."""
+def hold_components(fine, coarse, holds, count, totals, dt, profiles, buffer, step, ends_sequence, begins_sequence):  # type: ignore[no-untyped-def]
+    """Book the holding forces until `step`, unless `begins_sequence`, and hold from there on unless `ends_sequence`."""
     for n in range(count):
         on, entry = holds.node_and_entry[n, 0], holds.entries[holds.node_and_entry[n, 1]]
         if on >= 0:
-            _hold_component(fine, on, entry, totals, dt, profiles, now, step, ends, starts)
+            _hold_component(fine, on, entry, totals, dt, profiles, buffer, step, ends_sequence, begins_sequence)
         else:
-            _hold_component(coarse, -1 - on, entry, totals, dt, profiles, now, step, ends, starts)
+            _hold_component(coarse, -1 - on, entry, totals, dt, profiles, buffer, step, ends_sequence, begins_sequence)
 
 
 @njit(**INNER)
-def _hold_component(nodes, p, entry, totals, dt, profiles, now, step, ends, starts):  # type: ignore[no-untyped-def]
+def _hold_component(nodes, p, entry, totals, dt, profiles, buffer, step, ends_sequence, begins_sequence):  # type: ignore[no-untyped-def]
     """Book the force on the held component of node p until `step`, and hold it from there; see `hold_components`."""
     axis, profile, time, speed = entry.axis, entry.profile, step * dt, entry.mean_speed
     u, force = nodes.u, nodes.f[axis, p]
     if entry.kind == VELOCITY:
         speed = entry.value * factor_at(profiles, profile, time)
-    if not starts:
+    if not begins_sequence:
         totals.work -= (entry.force + force) / 2 * dt * entry.mean_speed
         totals.work += nodes.mass[p] / 2 * (speed**2 - entry.last_speed**2)
         entry.force, entry.last_speed = force, speed
-    if ends:
+    if ends_sequence:
         return
     if entry.kind == DISPLACEMENT:
-        speed = (entry.value * factor_at(profiles, profile, time + dt) - u[now, axis, p]) / dt
+        speed = (entry.value * factor_at(profiles, profile, time + dt) - u[buffer, axis, p]) / dt
     else:
         speed = entry.value * factor_at(profiles, profile, time + dt / 2)
     nodes.v[axis, p] = entry.mean_speed = speed
-    u[1 - now, axis, p] = u[now, axis, p] + dt * speed
+    u[1 - buffer, axis, p] = u[buffer, axis, p] + dt * speed

@@ -49,72 +49,72 @@ def number_plate(nx: int, ny: int) -> Numbering:
 
 
 @njit(forceinline=True, **INNER)
-def fine_place(at, ix, iy):  # type: ignore[no-untyped-def]
+def fine_place(numbering, ix, iy):  # type: ignore[no-untyped-def]
     """The place p of the fine node (ix, iy)."""
-    return (iy + BELOW) * at.stride + LEFT + ix
+    return (iy + BELOW) * numbering.stride + LEFT + ix
 
 
 @njit(forceinline=True, **INNER)
-def fine_column(at, p):  # type: ignore[no-untyped-def]
+def fine_column(numbering, p):  # type: ignore[no-untyped-def]
     """The column ix of the fine node at place p."""
-    return p % at.stride - LEFT
+    return p % numbering.stride - LEFT
 
 
 @njit(forceinline=True, **INNER)
-def fine_row(at, p):  # type: ignore[no-untyped-def]
+def fine_row(numbering, p):  # type: ignore[no-untyped-def]
     """The row iy of the fine node at place p."""
-    return p // at.stride - BELOW
+    return p // numbering.stride - BELOW
 
 
 @njit(forceinline=True, **INNER)
-def coarse_place(at, x, y):  # type: ignore[no-untyped-def]
+def coarse_place(numbering, x, y):  # type: ignore[no-untyped-def]
     """The place q of the coarse node (x, y)."""
-    return (y + BELOW_COARSE) * at.coarse_stride + LEFT + x
+    return (y + BELOW_COARSE) * numbering.coarse_stride + LEFT + x
 
 
 @njit(forceinline=True, **INNER)
-def coarse_column(at, q):  # type: ignore[no-untyped-def]
+def coarse_column(numbering, q):  # type: ignore[no-untyped-def]
     """The column x of the coarse node at place q."""
-    return q % at.coarse_stride - LEFT
+    return q % numbering.coarse_stride - LEFT
 
 
 @njit(forceinline=True, **INNER)
-def coarse_row(at, q):  # type: ignore[no-untyped-def]
+def coarse_row(numbering, q):  # type: ignore[no-untyped-def]
     """The row y of the coarse node at place q."""
-    return q // at.coarse_stride - BELOW_COARSE
+    return q // numbering.coarse_stride - BELOW_COARSE
 
 
 @njit(forceinline=True, **INNER)
-def cell_place(at, x, y):  # type: ignore[no-untyped-def]
+def cell_place(numbering, x, y):  # type: ignore[no-untyped-def]
     """The place c of the cell (x, y)."""
-    return (y + AROUND) * at.cell_stride + AROUND + x
+    return (y + AROUND) * numbering.cell_stride + AROUND + x
 
 
 @njit(forceinline=True, **INNER)
-def cell_column(at, c):  # type: ignore[no-untyped-def]
+def cell_column(numbering, c):  # type: ignore[no-untyped-def]
     """The column X of the cell at place c."""
-    return c % at.cell_stride - AROUND
+    return c % numbering.cell_stride - AROUND
 
 
 @njit(forceinline=True, **INNER)
-def cell_row(at, c):  # type: ignore[no-untyped-def]
+def cell_row(numbering, c):  # type: ignore[no-untyped-def]
     """The row Y of the cell at place c."""
-    return c // at.cell_stride - AROUND
+    return c // numbering.cell_stride - AROUND
 
 
 @njit(forceinline=True, **INNER)
-def far_place(at, x, y):  # type: ignore[no-untyped-def]
+def far_place(numbering, x, y):  # type: ignore[no-untyped-def]
     """The place q of the far node (x, y)."""
-    return (y + BELOW_COARSE) * at.far_stride + LEFT + x
+    return (y + BELOW_COARSE) * numbering.far_stride + LEFT + x
 
 
 @njit(forceinline=True, **INNER)
-def far_column(at, q):  # type: ignore[no-untyped-def]
+def far_column(numbering, q):  # type: ignore[no-untyped-def]
     """The column x of the far node at place q."""
-    return q % at.far_stride - LEFT
+    return q % numbering.far_stride - LEFT
 
 
 @njit(forceinline=True, **INNER)
-def far_row(at, q):  # type: ignore[no-untyped-def]
+def far_row(numbering, q):  # type: ignore[no-untyped-def]
     """The row y of the far node at place q."""
-    return q // at.far_stride - BELOW_COARSE
+    return q // numbering.far_stride - BELOW_COARSE

@@ -10,7 +10,7 @@ from numba import njit
 from pdsolve.adaptivity.hybrid.arrays import AHEAD, EVERY
 from pdsolve.adaptivity.hybrid.energy import strain_e
 from pdsolve.adaptivity.hybrid.far_cells import divide_far_cells
-from pdsolve.adaptivity.hybrid.forces import interpolate_border_nodes, reset_turns, sum_and_move
+from pdsolve.adaptivity.hybrid.forces import interpolate_border_nodes, reset_job_counters, sum_forces_and_move
 from pdsolve.adaptivity.hybrid.kicks_and_prescribed_velocities import (
     hold_components,
     kick_and_drift_all,
@@ -27,8 +27,13 @@ from pdsolve.adaptivity.hybrid.lattice import (
     fine_row,
 )
 from pdsolve.adaptivity.hybrid.node_rows import value_at_node
-from pdsolve.adaptivity.hybrid.precracks import lasts
-from pdsolve.adaptivity.hybrid.regrid import list_affected_nodes, mark_cells_in_disc, rebuild_lists, refine_cells
+from pdsolve.adaptivity.hybrid.precracks import is_unbreakable
+from pdsolve.adaptivity.hybrid.regrid import (
+    list_affected_nodes,
+    mark_and_list_cells_in_disc,
+    rebuild_lists_of_rows_and_loads,
+    refine_cells,
+)
 from pdsolve.codegen.jit_cache import cached_njit
 from pdsolve.codegen.vector_code import ROW
 from pdsolve.numerics.thread_team import meet
@@ -39,129 +44,148 @@ SPARE = 64  # rows: room for so many more is always kept
 
 
 @njit(**INNER)
-def _list_cells_near_broken(ground, zone):  # type: ignore[no-untyped-def]
+def _list_cells_near_damaged_nodes(lattice, zone):  # type: ignore[no-untyped-def]
     """List the cells to refine near nodes with a broken or softened bond."""
-    at, count = ground.at, 0
-    for n in range(zone.counts.refined_nodes, zone.counts.stirred_nodes):
-        p = zone.stirs[n]
-        count = mark_cells_in_disc(at, zone.cells, zone.new_cells, count, fine_column(at, p), fine_row(at, p), AHEAD)
+    numbering, count = lattice.numbering, 0
+    for n in range(zone.counts.refined_damaged_nodes, zone.counts.damaged_nodes):
+        p = zone.damaged_nodes[n]
+        count = mark_and_list_cells_in_disc(
+            numbering, zone.cells, zone.new_cells, count, fine_column(numbering, p), fine_row(numbering, p), AHEAD
+        )
     return count
 
 
 @njit(**INNER)
-def _list_cells_near_stretched(ground, zone, now, count):  # type: ignore[no-untyped-def]
+def _list_cells_near_stretched_bonds(lattice, zone, buffer, count):  # type: ignore[no-untyped-def]
     """List the cells to refine near the nodes of a stretched coarse bond; returns their new `count`."""
-    at, coarse, table = ground.at, zone.coarse, ground.coarse_table
-    u = coarse.u[now]
+    numbering, coarse, table = lattice.numbering, zone.coarse, lattice.coarse_spring_table
+    u = coarse.u[buffer]
     for n in range(zone.counts.coarse_rows):
         row = coarse.rows[n]
-        if coarse.wide[row] == 0:
+        if coarse.has_large_stretch[row] == 0:
             continue
         for lane in range(ROW):
             q = row * ROW + lane
-            if coarse.kind[q] == IDLE or _is_coarse_unbreakable(ground, q):
+            if coarse.kind[q] == IDLE or _is_coarse_unbreakable(lattice, q):
                 continue
             for k in range(8):
-                entry, j = coarse.entry[row], q + ground.coarse_ways[k]
-                if (entry >= 0 and coarse.own[entry, k, lane] == 0) or _is_coarse_unbreakable(ground, j):
+                entry, j = coarse.stiffness_index[row], q + lattice.coarse_offsets[k]
+                if (entry >= 0 and coarse.row_stiffness[entry, k, lane] == 0) or _is_coarse_unbreakable(lattice, j):
                     continue
-                eta_x, eta_y = displaced(u, coarse.shrink, table[k, 0], table[k, 1], q, j)
-                if strain_e(table, k, eta_x, eta_y) > _refinement_e(ground, q):
-                    x, y = 2 * coarse_column(at, q), 2 * coarse_row(at, q)
-                    count = mark_cells_in_disc(at, zone.cells, zone.new_cells, count, x, y, AHEAD)
+                eta_x, eta_y = displaced(u, coarse.half_shrinkage, table[k, 0], table[k, 1], q, j)
+                if strain_e(table, k, eta_x, eta_y) > _refinement_e(lattice, q):
+                    x, y = 2 * coarse_column(numbering, q), 2 * coarse_row(numbering, q)
+                    count = mark_and_list_cells_in_disc(numbering, zone.cells, zone.new_cells, count, x, y, AHEAD)
                     break
     return count
 
 
 @njit(**INNER)
-def _refinement_e(ground, q):  # type: ignore[no-untyped-def]
+def _refinement_e(lattice, q):  # type: ignore[no-untyped-def]
     """The e of a coarse bond at which the cells beside it are refined."""
-    p = fine_place(ground.at, 2 * coarse_column(ground.at, q), 2 * coarse_row(ground.at, q))
-    return ground.bounds[value_at_node(ground.nodes, ground.nodes.material, p), 2]
+    p = fine_place(lattice.numbering, 2 * coarse_column(lattice.numbering, q), 2 * coarse_row(lattice.numbering, q))
+    return lattice.e_bounds[value_at_node(lattice.node_rows, lattice.node_rows.material, p), 2]
 
 
 @njit(**INNER)
-def _is_coarse_unbreakable(ground, q):  # type: ignore[no-untyped-def]
+def _is_coarse_unbreakable(lattice, q):  # type: ignore[no-untyped-def]
     """Whether the bonds of a coarse node are unbreakable."""
-    return lasts(ground, fine_place(ground.at, 2 * coarse_column(ground.at, q), 2 * coarse_row(ground.at, q)))
+    return is_unbreakable(
+        lattice,
+        fine_place(lattice.numbering, 2 * coarse_column(lattice.numbering, q), 2 * coarse_row(lattice.numbering, q)),
+    )
 
 
 @njit(**INNER)
-def _has_room(zone, rows):  # type: ignore[no-untyped-def]
-    """Whether the arrays have room for `rows` more fine rows, for new irregular rows, and for all bonds to break."""
-    events = ROW * (zone.counts.fine_rows + rows) * zone.fine.own.shape[1]
-    entries = zone.counts.stiffness_rows + rows + SPARE
-    return entries <= len(zone.fine.own) and zone.counts.broken_bonds + events <= len(zone.breaks.step)
+def _arrays_have_room(zone, new_fine_rows):  # type: ignore[no-untyped-def]
+    """Whether arrays have room for `new_fine_rows` more rows, for new irregular rows, and for all bonds to break."""
+    events = ROW * (zone.counts.fine_rows + new_fine_rows) * zone.fine.row_stiffness.shape[1]
+    entries = zone.counts.stiffness_rows + new_fine_rows + SPARE
+    return entries <= len(zone.fine.row_stiffness) and zone.counts.broken_bonds + events <= len(zone.breaks.step)
 
 
 @njit(**INNER)
-def _divide_far_cells(ground, zone, now):  # type: ignore[no-untyped-def]
+def _divide_far_cells(lattice, zone, buffer):  # type: ignore[no-untyped-def]
     """Make far cells coarse where it is due, before the cells in `zone.new_cells` become fine."""
     count = zone.counts.new_cells
-    if zone.counts.far_rows > 0 and divide_far_cells(ground, zone, now):
-        rebuild_lists(ground, zone)
+    if zone.counts.far_rows > 0 and divide_far_cells(lattice, zone, buffer):
+        rebuild_lists_of_rows_and_loads(lattice, zone)
         zone.counts.new_cells = count
         for c in zone.new_cells[:count]:
             zone.cells[c] = FINE
 
 
 @njit(**INNER)
-def _adapt_cells(ground, zone, now, looks):  # type: ignore[no-untyped-def]
-    """Refine where noted, or where found if it `looks`; or note that room is lacking."""
-    if looks:
-        zone.counts.new_cells = _list_cells_near_stretched(ground, zone, now, _list_cells_near_broken(ground, zone))
-        _divide_far_cells(ground, zone, now)
-    begins, rows = zone.counts.regrids == 0, 0
+def _refine_cells_if_due(lattice, zone, buffer, checks_bonds):  # type: ignore[no-untyped-def]
+    """Refine where noted, or where found if it `checks_bonds`; or note that room is lacking."""
+    if checks_bonds:
+        zone.counts.new_cells = _list_cells_near_stretched_bonds(
+            lattice, zone, buffer, _list_cells_near_damaged_nodes(lattice, zone)
+        )
+        _divide_far_cells(lattice, zone, buffer)
+    begins, rows = zone.counts.cell_changes == 0, 0
     if begins or zone.counts.new_cells > 0:
-        rows = list_affected_nodes(ground, zone)
-    zone.counts.lacks_room = not _has_room(zone, rows)
+        rows = list_affected_nodes(lattice, zone)
+    zone.counts.lacks_room = not _arrays_have_room(zone, rows)
     if zone.counts.lacks_room == 0 and (begins or zone.counts.new_cells > 0):
-        refine_cells(ground, zone, now)
+        refine_cells(lattice, zone, buffer)
 
 
 @njit(**INNER)
-def _drift_and_hold(ground, zone, profiles, now, step, starts, ends):  # type: ignore[no-untyped-def]
+def _drift_and_hold(lattice, zone, profiles, buffer, step, begins_sequence, ends_sequence):  # type: ignore[no-untyped-def]
     """Begin a sequence by a drift and hold until the next step; at the start, only store the holding forces."""
     fine, coarse, holds, count = zone.fine, zone.coarse, zone.holds, zone.counts.holds
-    if starts and ends:
+    if begins_sequence and ends_sequence:
         store_holding_forces(fine, coarse, holds, count)
     else:
-        if starts:
-            kick_and_drift_all(ground, zone, now, starts)
-        hold_components(fine, coarse, holds, count, zone.totals, ground.dt, profiles, now, step, ends, starts)
-    if not ends:
-        interpolate_border_nodes(coarse.u[1 - now], zone.far.u[1 - now], zone.tied, zone.counts.tied_nodes)
+        if begins_sequence:
+            kick_and_drift_all(lattice, zone, buffer, begins_sequence)
+        hold_components(
+            fine, coarse, holds, count, zone.totals, lattice.dt, profiles, buffer, step, ends_sequence, begins_sequence
+        )
+    if not ends_sequence:
+        interpolate_border_nodes(coarse.u[1 - buffer], zone.far.u[1 - buffer], zone.tied, zone.counts.tied_nodes)
 
 
 @cached_njit(nogil=True, error_model="numpy")
-def advance(ground, zone, profiles, now, first, last, drifted, thread, gate):  # type: ignore[no-untyped-def]
+def advance(lattice, zone, profiles, buffer, first, last, has_drifted, thread, gate):  # type: ignore[no-untyped-def]
     """Take the steps `first` to `last` - 1; returns the end code, the step, and the current displacement buffer.
 
-    At the end, velocities are synchronous with displacements and all forces are kept. `drifted` continues a march that
-    ended for lack of room. With last = first, nodes are derived from the cells if needed, and the initial forces
-    computed. All threads call this together.
+    At the end, velocities are synchronous with displacements and all forces are kept. With `has_drifted`, it
+    continues one that ended for lack of room. With last = first, nodes are derived from the cells if needed, and the
+    initial forces computed. All threads call this together.
     """
-    for step in range(first if drifted else first - 1, max(first, last)):
-        starts, ends, largest = step < first, step == last - 1, 0.0
-        if not starts or ends:
-            if starts or step % EVERY == 0:
+    for step in range(first if has_drifted else first - 1, max(first, last)):
+        begins_sequence, ends_sequence, largest = step < first, step == last - 1, 0.0
+        if not begins_sequence or ends_sequence:
+            if begins_sequence or step % EVERY == 0:
                 if thread == 0:
-                    _adapt_cells(ground, zone, now, step >= first + drifted)
+                    _refine_cells_if_due(lattice, zone, buffer, step >= first + has_drifted)
                 meet(gate)
                 if zone.counts.lacks_room != 0:
-                    return ROOM, step, now
-            sum_and_move(ground, zone, profiles, now, step, 0.0 if starts else ground.dt, ends, thread, gate)
+                    return ROOM, step, buffer
+            sum_forces_and_move(
+                lattice,
+                zone,
+                profiles,
+                buffer,
+                step,
+                0.0 if begins_sequence else lattice.dt,
+                ends_sequence,
+                thread,
+                gate,
+            )
             largest = zone.totals.clipped_e
             meet(gate)
         if thread == 0:
-            reset_turns(zone)
-            _drift_and_hold(ground, zone, profiles, now, step, starts, ends)
+            reset_job_counters(zone)
+            _drift_and_hold(lattice, zone, profiles, buffer, step, begins_sequence, ends_sequence)
         meet(gate)
-        if largest > ground.least[0]:
-            return CLIP, step, now
-        if not ends:
-            now = 1 - now
+        if largest > lattice.least_e_bounds[0]:
+            return CLIP, step, buffer
+        if not ends_sequence:
+            buffer = 1 - buffer
     if thread == 0 and last > first:
-        kick_and_drift_all(ground, zone, now, last == first)
+        kick_and_drift_all(lattice, zone, buffer, last == first)
         restore_held_velocities(zone.fine, zone.coarse, zone.holds, zone.counts.holds)
-    return DONE, last - 1, now
+    return DONE, last - 1, buffer

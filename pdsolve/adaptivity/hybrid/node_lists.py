@@ -17,27 +17,27 @@ from pdsolve.operators.simd_lattice.kernel import INNER
 class NodeLists(NamedTuple):
     """The current nodes of the fine and the coarse lattice; a coarse node and the fine one it lies on are one row."""
 
-    fine: NDArray[np.int64]  # (k,) places on their lattice, in order
-    coarse: NDArray[np.int32]  # (q,)
+    fine_places: NDArray[np.int64]  # (k,) places on their lattice, in order
+    coarse_places: NDArray[np.int32]  # (q,)
     fine_rows: NDArray[np.int64]  # (k,) rows among all n nodes
     coarse_rows: NDArray[np.int32]  # (q,)
 
 
 @njit(forceinline=True, **INNER)
-def _fine_place_of_coarse(at, q):  # type: ignore[no-untyped-def]
+def _fine_place_of_coarse(numbering, q):  # type: ignore[no-untyped-def]
     """The fine place that a coarse node lies on."""
-    y, x = q // at.coarse_stride, q % at.coarse_stride
-    return (2 * (y - BELOW_COARSE) + BELOW) * at.stride + LEFT + 2 * (x - LEFT)
+    y, x = q // numbering.coarse_stride, q % numbering.coarse_stride
+    return (2 * (y - BELOW_COARSE) + BELOW) * numbering.stride + LEFT + 2 * (x - LEFT)
 
 
 @cached_njit(nogil=True, error_model="numpy")
-def number_nodes(at, fine, coarse, fine_rows, coarse_rows):  # type: ignore[no-untyped-def]
+def number_current_nodes(numbering, fine, coarse, fine_rows, coarse_rows):  # type: ignore[no-untyped-def]
     """Set the rows of both kinds of nodes; returns the fine places (n,) of all nodes."""
     places = np.empty(0, np.int64)
     for fills in (False, True):
         i, j, n = 0, 0, 0
         while i < len(fine) or j < len(coarse):
-            beneath = _fine_place_of_coarse(at, np.int64(coarse[j])) if j < len(coarse) else np.int64(2**62)
+            beneath = _fine_place_of_coarse(numbering, np.int64(coarse[j])) if j < len(coarse) else np.int64(2**62)
             p = fine[i] if i < len(fine) else np.int64(2**62)
             if fills:
                 places[n] = min(p, beneath)
@@ -54,22 +54,34 @@ def number_nodes(at, fine, coarse, fine_rows, coarse_rows):  # type: ignore[no-u
 
 
 @cached_njit(nogil=True, error_model="numpy")
-def list_bonds_and_springs(kind, entry, own, coarse_entry, coarse_own, lost, ways, twin_bonds, lists, bonds, springs):  # type: ignore[no-untyped-def]
+def list_bonds_and_springs(  # type: ignore[no-untyped-def]
+    node_kinds,
+    stiffness_index,
+    row_stiffness,
+    coarse_stiffness_index,
+    coarse_row_stiffness,
+    broken_bits,
+    offsets,
+    twin_bonds,
+    lists,
+    bonds,
+    springs,
+):
     """Set the mask (k, family) of past and present bonds of fine nodes to nodes that exist, and the bits (q, 1) of the
     springs of coarse nodes, without those that are fine bonds too: `twin_bonds` (8,) says which, -1: none.
 
     The first five are columns of the `LatticeNodes` of both lattices.
     """
     fine, coarse, fine_rows, coarse_rows = lists
-    half = len(ways) // 2
+    half = len(offsets) // 2
     for i in range(len(fine)):
         p, lane = fine[i], fine[i] % ROW
-        row = entry[p // ROW]
+        row = stiffness_index[p // ROW]
         row = -2 - row if row < 0 else row
-        for k in range(len(ways)):
-            j = p + ways[k]
-            word = lost[p] >> np.uint64(k) if k < half else lost[j] >> np.uint64(k - half)
-            bonds[i, k] = (own[row, k, lane] > 0 or word & np.uint64(1) != 0) and kind[j] != IDLE
+        for k in range(len(offsets)):
+            j = p + offsets[k]
+            word = broken_bits[p] >> np.uint64(k) if k < half else broken_bits[j] >> np.uint64(k - half)
+            bonds[i, k] = (row_stiffness[row, k, lane] > 0 or word & np.uint64(1) != 0) and node_kinds[j] != IDLE
     i = 0
     for j in range(len(coarse)):
         row, lane, spring_bits = coarse[j] // ROW, coarse[j] % ROW, 0
@@ -77,7 +89,7 @@ def list_bonds_and_springs(kind, entry, own, coarse_entry, coarse_own, lost, way
             i += 1
         twin = i < len(fine) and fine_rows[i] == coarse_rows[j]
         for k in range(8):
-            has_spring = coarse_entry[row] < 0 or coarse_own[row, k, lane] > 0
+            has_spring = coarse_stiffness_index[row] < 0 or coarse_row_stiffness[row, k, lane] > 0
             if has_spring and not (twin and twin_bonds[k] >= 0 and bonds[i, twin_bonds[k]]):
                 spring_bits |= 128 >> k
         springs[j, 0] = spring_bits
@@ -109,19 +121,19 @@ def gather_values(values, coarse_values, inverse_mass, coarse_inverse_mass, bord
 
 
 @cached_njit(nogil=True, error_model="numpy")
-def scatter_values(value, rate, u, v, kind, coarse_u, coarse_v, coarse_kind, border, lists):  # type: ignore[no-untyped-def]
+def scatter_values(value, rate, u, v, node_kinds, coarse_u, coarse_v, coarse_node_kinds, border, lists):  # type: ignore[no-untyped-def]
     """Set displacements and velocities (2, .) of both lattices to values and rates (n, 2); border nodes follow."""
     fine, coarse, fine_rows, coarse_rows = lists
     node, end, w, off = border
     for j in range(len(coarse)):
         q, n = coarse[j], coarse_rows[j]
-        if coarse_kind[q] == FREE:
+        if coarse_node_kinds[q] == FREE:
             for axis in range(2):
                 coarse_u[axis, q], coarse_v[axis, q] = value[n, axis], rate[n, axis]
     for i in range(len(fine)):
         p = fine[i]
         for axis in range(2):
-            if kind[p] == FREE:
+            if node_kinds[p] == FREE:
                 u[axis, p], v[axis, p] = value[fine_rows[i], axis], rate[fine_rows[i], axis]
     for b in range(len(node)):
         for axis in range(2):
@@ -160,13 +172,13 @@ def scatter_far_values(value, rate, u, v, coarse_u, tied, far, far_rows):  # typ
 
 
 @cached_njit(nogil=True, error_model="numpy")
-def pack_spring_bits(entry, row_stiffness, places):  # type: ignore[no-untyped-def]
+def pack_spring_bits(stiffness_index, row_stiffness, places):  # type: ignore[no-untyped-def]
     """The bits (f, 1) of the springs of nodes of a compact lattice at these places (f,)."""
     spring_bits = np.zeros((len(places), 1), np.uint8)
     for j in range(len(places)):
         row, lane, bits = places[j] // ROW, places[j] % ROW, 0
         for k in range(8):
-            if entry[row] < 0 or row_stiffness[row, k, lane] > 0:
+            if stiffness_index[row] < 0 or row_stiffness[row, k, lane] > 0:
                 bits |= 128 >> k
         spring_bits[j, 0] = bits
     return spring_bits

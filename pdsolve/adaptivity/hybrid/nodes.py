@@ -25,174 +25,183 @@ from pdsolve.operators.simd_lattice.kernel import INNER
 
 
 @njit(**INNER)
-def count_quarters_in(at, cells, ix, iy, cell_kind):  # type: ignore[no-untyped-def]
+def count_quarters_in_cell_kind(numbering, cells, ix, iy, cell_kind):  # type: ignore[no-untyped-def]
     """Number of quarters around a fine node in cells of a kind."""
     count = 0
     for sy in (-1, 0):
         for sx in (-1, 0):
-            count += cells[cell_place(at, (ix + sx) >> 1, (iy + sy) >> 1)] == cell_kind
+            count += cells[cell_place(numbering, (ix + sx) >> 1, (iy + sy) >> 1)] == cell_kind
     return count
 
 
 @njit(**INNER)
-def fine_node_kind(at, cells, ix, iy, mass):  # type: ignore[no-untyped-def]
+def fine_node_kind(numbering, cells, ix, iy, mass):  # type: ignore[no-untyped-def]
     """Kind of a fine node with this cell mass: IDLE, FREE, or BORDER next to coarse cells."""
-    if mass == 0 or count_quarters_in(at, cells, ix, iy, FINE) == 0:
+    if mass == 0 or count_quarters_in_cell_kind(numbering, cells, ix, iy, FINE) == 0:
         return IDLE
-    return BORDER if count_quarters_in(at, cells, ix, iy, COARSE) > 0 else FREE
+    return BORDER if count_quarters_in_cell_kind(numbering, cells, ix, iy, COARSE) > 0 else FREE
 
 
 @njit(**INNER)
-def set_fine_node(at, mass, cells, fine, p):  # type: ignore[no-untyped-def]
+def set_fine_node_kind_and_mass(numbering, mass, cells, fine, p):  # type: ignore[no-untyped-def]
     """Set kind and mass of a fine node with the whole cell `mass`."""
-    ix, iy = fine_column(at, p), fine_row(at, p)
-    fine.kind[p] = fine_node_kind(at, cells, ix, iy, mass)
+    ix, iy = fine_column(numbering, p), fine_row(numbering, p)
+    fine.kind[p] = fine_node_kind(numbering, cells, ix, iy, mass)
     fine_quarters, coarse_quarters = (
-        count_quarters_in(at, cells, ix, iy, FINE),
-        count_quarters_in(at, cells, ix, iy, COARSE),
+        count_quarters_in_cell_kind(numbering, cells, ix, iy, FINE),
+        count_quarters_in_cell_kind(numbering, cells, ix, iy, COARSE),
     )
     fine.mass[p] = mass * fine_quarters / (fine_quarters + coarse_quarters) if fine_quarters > 0 else 0.0
     fine.inverse_mass[p] = 1 / fine.mass[p] if fine.kind[p] == FREE else 0.0
 
 
 @njit(**INNER)
-def carriers_on_edge(ground, kind, x, y, direction, w):  # type: ignore[no-untyped-def]
+def coarse_carriers_on_edge(lattice, node_kinds, x, y, direction, w):  # type: ignore[no-untyped-def]
     """The coarse nodes that a place on an edge moves with, and the share of the second.
 
     Where a pre-crack cuts the edge, the place moves with nodes on its own side. It is extrapolated from the two next
-    ones, so that a rotating face is not stretched, or follows one where there are no two. `kind` is that of coarse
+    ones, so that a rotating face is not stretched, or follows one where there are no two. `node_kinds` are of coarse
     nodes.
     """
-    q = coarse_place(ground.at, x, y)
+    q = coarse_place(lattice.numbering, x, y)
     if w == 0:
         return q, q, 0.0
-    step = 1 if direction == 0 else ground.at.coarse_stride
-    second, cut = q + step, ground.edge_cut[direction, q]
+    step = 1 if direction == 0 else lattice.numbering.coarse_stride
+    second, cut = q + step, lattice.edge_cut_share[direction, q]
     if cut == 0:
         return q, second, w
     if w < cut:
         inner = q - step
-        return (q, inner, -w) if kind[inner] == FREE and ground.edge_cut[direction, inner] == 0 else (q, q, 0.0)
+        return (
+            (q, inner, -w)
+            if node_kinds[inner] == FREE and lattice.edge_cut_share[direction, inner] == 0
+            else (q, q, 0.0)
+        )
     inner = second + step
-    can_extrapolate = kind[inner] == FREE and ground.edge_cut[direction, second] == 0
+    can_extrapolate = node_kinds[inner] == FREE and lattice.edge_cut_share[direction, second] == 0
     return (second, inner, w - 1) if can_extrapolate else (second, second, 0.0)
 
 
 @njit(**INNER)
-def border_carriers(ground, kind, p):  # type: ignore[no-untyped-def]
+def coarse_carriers_of_border_node(lattice, node_kinds, p):  # type: ignore[no-untyped-def]
     """The coarse nodes that fine node p, on a line between cells, moves with, and the share of the second; see
-    `carriers_on_edge`."""
-    ix, iy = fine_column(ground.at, p), fine_row(ground.at, p)
+    `coarse_carriers_on_edge`."""
+    ix, iy = fine_column(lattice.numbering, p), fine_row(lattice.numbering, p)
     odd_x, odd_y = ix % 2, iy % 2
-    return carriers_on_edge(ground, kind, ix // 2, iy // 2, 0 if odd_x else 1, 0.5 * (odd_x + odd_y))
+    return coarse_carriers_on_edge(lattice, node_kinds, ix // 2, iy // 2, 0 if odd_x else 1, 0.5 * (odd_x + odd_y))
 
 
 @njit(**INNER)
-def _copy_table_to_row(coarse, row, table):  # type: ignore[no-untyped-def]
+def _give_row_own_stiffness(coarse, row, spring_table):  # type: ignore[no-untyped-def]
     """Give a row of coarse nodes its own stiffnesses, initially those of the table."""
-    coarse.entry[row] = row
+    coarse.stiffness_index[row] = row
     for k in range(8):
         for lane in range(ROW):
-            coarse.own[row, k, lane] = table[k, 5] if coarse.kind[row * ROW + lane] != IDLE else 0.0
+            coarse.row_stiffness[row, k, lane] = spring_table[k, 5] if coarse.kind[row * ROW + lane] != IDLE else 0.0
 
 
 @njit(**INNER)
-def set_coarse_node(ground, cells, fine, coarse, q):  # type: ignore[no-untyped-def]
+def set_coarse_node_properties(lattice, cells, fine, coarse, q):  # type: ignore[no-untyped-def]
     """Kind, mass and springs of a coarse node, which is on the border next to far cells.
 
     Its row gets its own stiffnesses when they first differ.
     """
-    at = ground.at
-    x, y = coarse_column(at, q), coarse_row(at, q)
+    numbering = lattice.numbering
+    x, y = coarse_column(numbering, q), coarse_row(numbering, q)
     mass, row = 0.0, q // ROW
     for sy in (-1, 0):
         for sx in (-1, 0):
-            c = cell_place(at, x + sx, y + sy)
+            c = cell_place(numbering, x + sx, y + sy)
             if cells[c] == COARSE:
-                mass += ground.cell[2, ground.mix[c]] * corner_area_share(ground, x + sx, y + sy, -sx, -sy)
-    tied = count_far_cells_around(at, cells, x, y) > 0
+                mass += lattice.cell_constants[2, lattice.constants_of_cell[c]] * corner_area_share(
+                    lattice, x + sx, y + sy, -sx, -sy
+                )
+    tied = count_far_cells_around(numbering, cells, x, y) > 0
     coarse.kind[q] = IDLE if mass == 0 else BORDER if tied else FREE
     for k in range(8):
-        stiffness = coarse_spring_stiffness(ground, cells, q, x, y, k)
-        if coarse.entry[row] < 0 and stiffness != ground.coarse_table[k, 5]:
-            _copy_table_to_row(coarse, row, ground.coarse_table)
-        if coarse.entry[row] >= 0:
-            coarse.own[row, k, q % ROW] = stiffness
+        stiffness = coarse_spring_stiffness(lattice, cells, q, x, y, k)
+        if coarse.stiffness_index[row] < 0 and stiffness != lattice.coarse_spring_table[k, 5]:
+            _give_row_own_stiffness(coarse, row, lattice.coarse_spring_table)
+        if coarse.stiffness_index[row] >= 0:
+            coarse.row_stiffness[row, k, q % ROW] = stiffness
     if mass > 0:
         for dy in (-1, 0, 1):
             for dx in (-1, 0, 1):
                 ix, iy = 2 * x + dx, 2 * y + dy
-                mass += _mass_from_fine(ground, coarse.kind, fine, fine_place(at, ix, iy), q)
+                mass += _mass_passed_by_fine_node(lattice, coarse.kind, fine, fine_place(numbering, ix, iy), q)
     coarse.mass[q] = mass
     coarse.inverse_mass[q] = 1 / mass if mass > 0 and not tied else 0.0
 
 
 @njit(**INNER)
-def _mass_from_fine(ground, kind, fine, p, q):  # type: ignore[no-untyped-def]
+def _mass_passed_by_fine_node(lattice, node_kinds, fine, p, q):  # type: ignore[no-untyped-def]
     """Mass that a fine node passes to coarse node q."""
     if fine.kind[p] != BORDER:
         return 0.0
-    a, b, w = border_carriers(ground, kind, p)
+    a, b, w = coarse_carriers_of_border_node(lattice, node_kinds, p)
     w = max(w, 0.0)  # mass goes to the next one
     return fine.mass[p] * ((1 - w if a == q else 0.0) + (w if b == q else 0.0))
 
 
 @njit(**INNER)
-def coarse_spring_stiffness(ground, cells, q, x, y, k):  # type: ignore[no-untyped-def]
+def coarse_spring_stiffness(lattice, cells, q, x, y, k):  # type: ignore[no-untyped-def]
     """Stiffness of coarse spring k of a node: half from each coarse cell along an edge; 0 if a pre-crack cuts it."""
-    at = ground.at
-    dx, dy = ground.coarse_dx[k], ground.coarse_dy[k]
-    owner, which = (q, k) if k < 4 else (q + ground.coarse_ways[k], k - 4)
-    if (ground.coarse_bits[owner] >> which) & 1:
+    numbering = lattice.numbering
+    dx, dy = lattice.coarse_dx[k], lattice.coarse_dy[k]
+    owner, which = (q, k) if k < 4 else (q + lattice.coarse_offsets[k], k - 4)
+    if (lattice.cut_spring_bits[owner] >> which) & 1:
         return 0.0
     x0, y0 = x + min(dx, 0), y + min(dy, 0)
-    c = cell_place(at, x0, y0)
+    c = cell_place(numbering, x0, y0)
     if dx != 0 and dy != 0:
-        return ground.cell[1, ground.mix[c]] if cells[c] == COARSE else 0.0
+        return lattice.cell_constants[1, lattice.constants_of_cell[c]] if cells[c] == COARSE else 0.0
     along_y = 1 if dy != 0 else 0
-    first = _edge_stiffness(ground, cells, x0, y0, along_y, 0)
-    return first + _edge_stiffness(ground, cells, x0 - along_y, y0 - 1 + along_y, along_y, 1)
+    first = _cell_edge_stiffness(lattice, cells, x0, y0, along_y, 0)
+    return first + _cell_edge_stiffness(lattice, cells, x0 - along_y, y0 - 1 + along_y, along_y, 1)
 
 
 @njit(**INNER)
-def _edge_stiffness(ground, cells, x, y, along_y, second):  # type: ignore[no-untyped-def]
+def _cell_edge_stiffness(lattice, cells, x, y, along_y, second):  # type: ignore[no-untyped-def]
     """Stiffness of the first or `second` of two edges of a cell that are parallel to an axis.
 
     Of a cell that a pre-crack crosses between them, each is that of a free strip: k = w (C11 - C66^2 / C11) for the
     width w over the cell's.
     """
-    c = cell_place(ground.at, x, y)
+    c = cell_place(lattice.numbering, x, y)
     if cells[c] != COARSE:
         return 0.0
-    k1, k2 = ground.cell[0, ground.mix[c]], ground.cell[1, ground.mix[c]]
-    across = _crack_share_across(ground, x, y, along_y)
+    k1, k2 = (
+        lattice.cell_constants[0, lattice.constants_of_cell[c]],
+        lattice.cell_constants[1, lattice.constants_of_cell[c]],
+    )
+    across = _crack_position_across_cell(lattice, x, y, along_y)
     if across == 0:
         return 0.5 * k1
     return (1 - across if second else across) * (k1 + k2 - k2 * k2 / (k1 + k2))
 
 
 @njit(**INNER)
-def _crack_share_across(ground, x, y, along_y):  # type: ignore[no-untyped-def]
+def _crack_position_across_cell(lattice, x, y, along_y):  # type: ignore[no-untyped-def]
     """Where, from the first of a cell's edges parallel to an axis to the second, a pre-crack crosses between them; 0:
     nowhere."""
-    q = coarse_place(ground.at, x, y)
-    opposite = q + (ground.at.coarse_stride if along_y else 1)
-    first, second = ground.edge_cut[1 - along_y, q], ground.edge_cut[1 - along_y, opposite]
+    q = coarse_place(lattice.numbering, x, y)
+    opposite = q + (lattice.numbering.coarse_stride if along_y else 1)
+    first, second = lattice.edge_cut_share[1 - along_y, q], lattice.edge_cut_share[1 - along_y, opposite]
     return (first + second) / 2 if first > 0 and second > 0 else 0.0
 
 
 @njit(**INNER)
-def corner_area_share(ground, x, y, right, above):  # type: ignore[no-untyped-def]
+def corner_area_share(lattice, x, y, right, above):  # type: ignore[no-untyped-def]
     """Share of a corner in its cell's area, over a quarter: corners on a side of a pre-crack have the side's."""
-    if not ground.cut_cells[cell_place(ground.at, x, y)]:
+    if not lattice.cut_cells[cell_place(lattice.numbering, x, y)]:
         return 1.0
     for along_y, second in ((0, above), (1, right)):
-        across = _crack_share_across(ground, x, y, along_y)
+        across = _crack_position_across_cell(lattice, x, y, along_y)
         if across > 0:
             return 2 * (1 - across if second else across)
-    q, stride = coarse_place(ground.at, x, y), ground.at.coarse_stride
-    low, high = ground.edge_cut[0, q], ground.edge_cut[0, q + stride]
-    near, far = ground.edge_cut[1, q], ground.edge_cut[1, q + 1]
+    q, stride = coarse_place(lattice.numbering, x, y), lattice.numbering.coarse_stride
+    low, high = lattice.edge_cut_share[0, q], lattice.edge_cut_share[0, q + stride]
+    near, far = lattice.edge_cut_share[1, q], lattice.edge_cut_share[1, q + 1]
     for corner in range(4):
         is_right, is_above = corner % 2, corner // 2
         along, up = (high if is_above else low), (far if is_right else near)
@@ -203,32 +212,36 @@ def corner_area_share(ground, x, y, right, above):  # type: ignore[no-untyped-de
 
 
 @njit(**INNER)
-def interpolate_coarse(ground, kind, values, ix, iy, x, y, out):  # type: ignore[no-untyped-def]
-    """Interpolate values (2, q) of coarse nodes, with kinds `kind`, at a fine place of cell x, y, into out (2,).
+def interpolate_coarse(lattice, node_kinds, values, ix, iy, x, y, out):  # type: ignore[no-untyped-def]
+    """Interpolate values (2, q) of coarse nodes, with kinds `node_kinds`, at a fine place of cell x, y, into out (2,).
 
     In a cell crossed by a pre-crack, values are extrapolated from a neighbouring cell on the place's own side; without
     one, they are the mean over the visible corners.
     """
-    at = ground.at
-    if not ground.cut_cells[cell_place(at, x, y)]:
-        _interpolate_bilinear(at, values, ix, iy, x, y, out)
+    numbering = lattice.numbering
+    if not lattice.cut_cells[cell_place(numbering, x, y)]:
+        _interpolate_bilinear(numbering, values, ix, iy, x, y, out)
         return
     for dx, dy in ((0, -1), (0, 1), (-1, 0), (1, 0)):
-        if ground.cut_cells[cell_place(at, x + dx, y + dy)]:
+        if lattice.cut_cells[cell_place(numbering, x + dx, y + dy)]:
             continue
-        q = coarse_place(at, x + dx, y + dy)
-        active = kind[q] == FREE and kind[q + 1] == FREE
-        active = active and kind[q + at.coarse_stride] == FREE and kind[q + at.coarse_stride + 1] == FREE
-        if active and is_visible(ground.cracks, ix, iy, 2.0 * (x + dx) + 1, 2.0 * (y + dy) + 1):
-            _interpolate_bilinear(at, values, ix, iy, x + dx, y + dy, out)
+        q = coarse_place(numbering, x + dx, y + dy)
+        active = node_kinds[q] == FREE and node_kinds[q + 1] == FREE
+        active = (
+            active
+            and node_kinds[q + numbering.coarse_stride] == FREE
+            and node_kinds[q + numbering.coarse_stride + 1] == FREE
+        )
+        if active and is_visible(lattice.cracks, ix, iy, 2.0 * (x + dx) + 1, 2.0 * (y + dy) + 1):
+            _interpolate_bilinear(numbering, values, ix, iy, x + dx, y + dy, out)
             return
-    _average_visible_corners(at, ground.cracks, values, ix, iy, x, y, out)
+    _average_visible_corners(numbering, lattice.cracks, values, ix, iy, x, y, out)
 
 
 @njit(**INNER)
-def _interpolate_bilinear(at, values, ix, iy, x, y, out):  # type: ignore[no-untyped-def]
+def _interpolate_bilinear(numbering, values, ix, iy, x, y, out):  # type: ignore[no-untyped-def]
     """Bilinear interpolation or extrapolation from the corners of a cell."""
-    wx, wy, q, stride = (ix - 2 * x) / 2, (iy - 2 * y) / 2, coarse_place(at, x, y), at.coarse_stride
+    wx, wy, q, stride = (ix - 2 * x) / 2, (iy - 2 * y) / 2, coarse_place(numbering, x, y), numbering.coarse_stride
     for axis in range(2):
         low = values[axis, q] if wx == 0 else (1 - wx) * values[axis, q] + wx * values[axis, q + 1]
         q2 = q + stride
@@ -237,7 +250,7 @@ def _interpolate_bilinear(at, values, ix, iy, x, y, out):  # type: ignore[no-unt
 
 
 @njit(**INNER)
-def _average_visible_corners(at, cracks, values, ix, iy, x, y, out):  # type: ignore[no-untyped-def]
+def _average_visible_corners(numbering, cracks, values, ix, iy, x, y, out):  # type: ignore[no-untyped-def]
     """Mean of the corners visible from the place, or the nearest corner if none is."""
     wx, wy, total = (ix - 2 * x) / 2, (iy - 2 * y) / 2, 0.0
     out[0] = out[1] = 0.0
@@ -246,7 +259,7 @@ def _average_visible_corners(at, cracks, values, ix, iy, x, y, out):  # type: ig
             w = (wx if dx else 1 - wx) * (wy if dy else 1 - wy)
             if w == 0 or not is_visible(cracks, ix, iy, 2.0 * (x + dx), 2.0 * (y + dy)):
                 continue
-            q = coarse_place(at, x + dx, y + dy)
+            q = coarse_place(numbering, x + dx, y + dy)
             total += w
             out[0] += w * values[0, q]
             out[1] += w * values[1, q]
@@ -254,16 +267,16 @@ def _average_visible_corners(at, cracks, values, ix, iy, x, y, out):  # type: ig
         out[0] /= total
         out[1] /= total
         return
-    q = coarse_place(at, x + (wx > 0.5), y + (wy > 0.5))
+    q = coarse_place(numbering, x + (wx > 0.5), y + (wy > 0.5))
     out[0], out[1] = values[0, q], values[1, q]
 
 
 @njit(**INNER)
-def coarse_cell_beside(at, cells, ix, iy):  # type: ignore[no-untyped-def]
+def coarse_cell_beside(numbering, cells, ix, iy):  # type: ignore[no-untyped-def]
     """Lower left corner of a coarse cell that contains or touches a fine node; (-1, -1) without one."""
     for sy in (0, -1):
         for sx in (0, -1):
             x, y = (ix + sx) >> 1, (iy + sy) >> 1
-            if cells[cell_place(at, x, y)] == COARSE:
+            if cells[cell_place(numbering, x, y)] == COARSE:
                 return x, y
     return -1, -1

@@ -23,7 +23,7 @@ from pdsolve.adaptivity.hybrid.node_lists import (
     gather_far_values,
     gather_values,
     list_bonds_and_springs,
-    number_nodes,
+    number_current_nodes,
     pack_spring_bits,
     scatter_far_values,
     scatter_values,
@@ -64,19 +64,29 @@ class HybridOperator(TwoLatticeOperator[HybridEngine]):
         self._fine, self._coarse, self._far = fine, coarse.astype(np.int32), far.astype(np.int32)
         del coarse, far
         self._fine_rows, self._coarse_rows = np.zeros(len(fine), np.int64), np.zeros(len(self._coarse), np.int32)
-        self.places = number_nodes(hybrid.plate.at, fine, self._coarse, self._fine_rows, self._coarse_rows)
+        self.places = number_current_nodes(
+            hybrid.plate.numbering, fine, self._coarse, self._fine_rows, self._coarse_rows
+        )
         self._far_rows = self._number_far_nodes()
         self._lists = NodeLists(fine, self._coarse, self._fine_rows, self._coarse_rows)
-        self._bonds = np.zeros((len(fine), len(hybrid.ground.ways)), dtype=np.bool_)  # past and present ones
+        self._bonds = np.zeros((len(fine), len(hybrid.lattice.offsets)), dtype=np.bool_)  # past and present ones
         self._springs = np.zeros((len(self._coarse), 1), dtype=np.uint8)  # bits, without those that are fine bonds too
-        ground = hybrid.ground
-        number = {(int(dx), int(dy)): k for k, (dx, dy) in enumerate(zip(ground.dx, ground.dy, strict=True))}
-        ways = zip(ground.coarse_dx.tolist(), ground.coarse_dy.tolist(), strict=True)
+        lattice = hybrid.lattice
+        number = {(int(dx), int(dy)): k for k, (dx, dy) in enumerate(zip(lattice.dx, lattice.dy, strict=True))}
+        ways = zip(lattice.coarse_dx.tolist(), lattice.coarse_dy.tolist(), strict=True)
         # which bond of the fine family each spring (8,) of the coarse lattice is too; -1: none
         same = np.array([number.get((2 * dx, 2 * dy), -1) for dx, dy in ways])
-        columns = zone.fine.kind, zone.fine.entry, zone.fine.own, zone.coarse.entry, zone.coarse.own
-        list_bonds_and_springs(*columns, zone.lost, ground.ways, same, self._lists, self._bonds, self._springs)
-        self._far_springs = pack_spring_bits(zone.far.entry, zone.far.own, self._far)  # likewise
+        columns = (
+            zone.fine.kind,
+            zone.fine.stiffness_index,
+            zone.fine.row_stiffness,
+            zone.coarse.stiffness_index,
+            zone.coarse.row_stiffness,
+        )
+        list_bonds_and_springs(
+            *columns, zone.broken_bits, lattice.offsets, same, self._lists, self._bonds, self._springs
+        )
+        self._far_springs = pack_spring_bits(zone.far.stiffness_index, zone.far.row_stiffness, self._far)  # likewise
         self._changes = self._cell_counts()
 
     @property
@@ -98,12 +108,12 @@ class HybridOperator(TwoLatticeOperator[HybridEngine]):
     def _cell_counts(self) -> tuple[int, int]:
         """How many changes of cells there have been, and how many cells are coarse."""
         zone = self.engine.zone
-        return int(zone.counts.regrids), int(np.count_nonzero(zone.cells == COARSE))
+        return int(zone.counts.cell_changes), int(np.count_nonzero(zone.cells == COARSE))
 
     @property
     def rows(self) -> NDArray[np.int64]:
         """Rows (n,) of the grid."""
-        return self.engine.plate.rows_at(self.places)
+        return self.engine.plate.grid_rows_at(self.places)
 
     def _rows_at_places(self, places: NDArray[np.int64]) -> NDArray[np.int64]:
         """Rows of the current nodes at fine places."""
@@ -133,19 +143,19 @@ class HybridOperator(TwoLatticeOperator[HybridEngine]):
     def area(self) -> NDArray[np.float64]:
         """Areas (n,), m^2: for a fine node its share of fine cells, for others likewise."""
         plate, zone = self.engine.plate, self.engine.zone
-        nodes = self.engine.ground.nodes
+        nodes = self.engine.lattice.node_rows
         part = zone.fine.mass[self._fine] / values_at_nodes(nodes, nodes.mass, self._fine)
-        cell_areas = plate.areas_of(plate.rows_at(self._fine)) * plate.h**2
+        cell_areas = plate.area_shares_of(plate.grid_rows_at(self._fine)) * plate.h**2
         areas = np.zeros(len(self.places))
         areas[self._fine_rows] = part * cell_areas
-        stride = plate.at.cell_stride
+        stride = plate.numbering.cell_stride
         for rows, coarse in self._coarse_chunks():
-            y, x = np.divmod(coarse, plate.at.coarse_stride)
+            y, x = np.divmod(coarse, plate.numbering.coarse_stride)
             corner = (y - BELOW_COARSE + AROUND) * stride + AROUND + x - LEFT
             around = sum((zone.cells[corner - dy * stride - dx] == COARSE) for dy in (0, 1) for dx in (0, 1))
             areas[rows] += plate.h**2 * around
         for first in range(0, len(self._far), TOGETHER):
-            y, x = np.divmod(self._far[first : first + TOGETHER].astype(np.int64), plate.at.far_stride)
+            y, x = np.divmod(self._far[first : first + TOGETHER].astype(np.int64), plate.numbering.far_stride)
             corner = (2 * (y - BELOW_COARSE) + AROUND) * stride + AROUND + 2 * (x - LEFT)
             around = sum((zone.cells[corner - dy * stride - dx] == FAR) for dy in (0, 2) for dx in (0, 2))
             areas[self._far_rows[first : first + TOGETHER]] += 4 * plate.h**2 * around
@@ -154,14 +164,14 @@ class HybridOperator(TwoLatticeOperator[HybridEngine]):
     @cached_property
     def counts(self) -> tuple[NDArray[Any], NDArray[Any]]:
         """Bonds (n,) of each node at the start, and their number including those cut by pre-cracks."""
-        count, nodes = np.zeros(len(self.places), dtype=np.int16), self.engine.ground.nodes
+        count, nodes = np.zeros(len(self.places), dtype=np.int16), self.engine.lattice.node_rows
         fine = np.zeros(len(self.places), dtype=np.bool_)
         fine[self._fine_rows] = True
         count[self._fine_rows] += self._bonds.sum(axis=1, dtype=np.int16)
         count[self._coarse_rows] += BITS[self._springs[:, 0]]
         count[self._far_rows] += BITS[self._far_springs[:, 0]]
         family = count.copy()
-        family[self._fine_rows] += self._cut[values_at_nodes(nodes, nodes.own, self._fine)].astype(np.int16)
+        family[self._fine_rows] += self._cut[values_at_nodes(nodes, nodes.irregular_row, self._fine)].astype(np.int16)
         for rows, _ in self._coarse_chunks():
             alone = rows[~fine[rows]]
             family[alone] = np.maximum(family[alone], self._count_full_springs(alone))
@@ -170,9 +180,9 @@ class HybridOperator(TwoLatticeOperator[HybridEngine]):
     def _count_full_springs(self, rows: NDArray[np.int64]) -> NDArray[np.int16]:
         """Number of springs of coarse nodes, including those cut by pre-cracks."""
         plate, zone = self.engine.plate, self.engine.zone
-        y, x = np.divmod(self.places[rows], plate.at.stride)
-        corner = ((y - BELOW) // 2 + AROUND) * plate.at.cell_stride + AROUND + (x - LEFT) // 2
-        south, west = plate.at.cell_stride, 1
+        y, x = np.divmod(self.places[rows], plate.numbering.stride)
+        corner = ((y - BELOW) // 2 + AROUND) * plate.numbering.cell_stride + AROUND + (x - LEFT) // 2
+        south, west = plate.numbering.cell_stride, 1
         ne, nw, sw, se = (zone.cells[corner - away] == COARSE for away in (0, west, south + west, south))
         edges = [ne | se, ne | nw, nw | sw, sw | se]
         return np.asarray(sum(is_coarse.astype(np.int16) for is_coarse in (ne, nw, sw, se, *edges)))
@@ -221,7 +231,7 @@ class HybridOperator(TwoLatticeOperator[HybridEngine]):
 
     def _set_node_motion(self, state: State) -> None:
         """Set all lattices to the values and rates of a state; border nodes are interpolated."""
-        zone, now = self.engine.zone, self.engine.now
+        zone, now = self.engine.zone, self.engine.buffer
         fine = zone.fine.u[now], zone.fine.v, zone.fine.kind
         coarse = zone.coarse.u[now], zone.coarse.v, zone.coarse.kind
         border, tied = zone.border.first_nodes(zone.counts.border_nodes), zone.tied.first_nodes(zone.counts.tied_nodes)
@@ -236,10 +246,10 @@ class HybridOperator(TwoLatticeOperator[HybridEngine]):
 
     def copy_to(self, state: State) -> None:
         """Update a state from all lattices; work is known only to the ledger."""
-        zone, now = self.engine.zone, self.engine.now
+        zone, now = self.engine.zone, self.engine.buffer
         self._gather_values(zone.fine.u[now], zone.coarse.u[now], zone.far.u[now], state.value)
         border, count = zone.border, zone.counts.border_nodes
-        state.value[self._rows_at_places(border.node[:count])] += border.off[:count]
+        state.value[self._rows_at_places(border.node[:count])] += border.swelling_offset[:count]
         self._gather_values(zone.fine.v, zone.coarse.v, zone.far.v, state.rate)
         self._gather_accelerations(state.second)
         holds = zone.holds.entries[zone.holds.node_and_entry[: zone.counts.holds, 1]]
@@ -249,7 +259,7 @@ class HybridOperator(TwoLatticeOperator[HybridEngine]):
         rows = rows[self.places[rows] == spenders]
         if state.dissipated.any():  # zeros that have not been written take no memory
             state.dissipated[:] = 0.0
-        state.dissipated[rows] = zone.spent[self.places[rows]] / self.area[rows]
+        state.dissipated[rows] = zone.node_dissipation[self.places[rows]] / self.area[rows]
 
     def accelerations(self) -> NDArray[np.float64]:
         """Accelerations (n, 2), m/s^2, from the most recent sum of forces."""
@@ -264,22 +274,22 @@ class HybridOperator(TwoLatticeOperator[HybridEngine]):
 
     def dissipated_energy(self) -> NDArray[np.float64]:
         """Energy density (n,), J/m^3, dissipated so far by the nodes' broken and softened bonds."""
-        return np.asarray(self.engine.zone.spent[self.places] / self.area)
+        return np.asarray(self.engine.zone.node_dissipation[self.places] / self.area)
 
     def tangent(self, state: State) -> csr_array:
         """Minus the derivative (2 n, 2 n), N/m^4, of the force densities by the values; see `Operator`."""
-        from pdsolve.adaptivity.hybrid.tangent import create_point_weights, tangent_of  # few runs need it
+        from pdsolve.adaptivity.hybrid.tangent import assemble_tangent, create_point_weights  # few runs need it
 
         zone, light = self.engine.zone, np.zeros(len(self.places))
         light[self._fine_rows] = zone.fine.inverse_mass[self._fine]  # 0 of those on the border
         light[self._coarse_rows] = zone.coarse.inverse_mass[self._coarse]
         light[self._far_rows] = zone.far.inverse_mass[self._far]
         coarse, far = self._coarse.astype(np.int64), self._far.astype(np.int64)
-        row_of = np.full(self.engine.plate.at.places, -1, dtype=np.int32)
+        row_of = np.full(self.engine.plate.numbering.places, -1, dtype=np.int32)
         row_of[self.places] = np.arange(len(self.places))
         points = create_point_weights(self.engine, row_of, self._fine, coarse, far)
         del row_of  # of all fine places, beside the tangent
-        return tangent_of(self.engine, points, state.value, self.model.rho, light)
+        return assemble_tangent(self.engine, points, state.value, self.model.rho, light)
 
     def energies(self, state: State) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Strain energy densities (n,), J/m^3, and zeros for softening, which is part of the state."""
@@ -349,20 +359,20 @@ class HybridOperator(TwoLatticeOperator[HybridEngine]):
         start: bool,
     ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
         """Source and target rows (k,) of the bonds of some of the fine, coarse and far nodes, by their numbers."""
-        ground, zone, half = self.engine.ground, self.engine.zone, len(self.engine.ground.ways) // 2
+        lattice, zone, half = self.engine.lattice, self.engine.zone, len(self.engine.lattice.offsets) // 2
         node, k = np.nonzero(self._bonds[fine_numbers])
         fine = self._fine[fine_numbers][node]
-        target = fine + ground.ways[k]
+        target = fine + lattice.offsets[k]
         if not start:
             owner = np.where(k < half, fine, target)
-            intact = are_bonds_intact(ground.nodes, zone.lost, owner, k % half)
+            intact = are_bonds_intact(lattice.node_rows, zone.broken_bits, owner, k % half)
             fine, target = fine[intact], target[intact]
         node, k = np.nonzero(np.unpackbits(self._springs[coarse_numbers], axis=1))
         coarse = self._coarse[coarse_numbers][node].astype(np.int64)
-        ends = [self.engine.fine_places_of_coarse(end) for end in (coarse, coarse + ground.coarse_ways[k])]
+        ends = [self.engine.fine_places_of_coarse(end) for end in (coarse, coarse + lattice.coarse_offsets[k])]
         node, k = np.nonzero(np.unpackbits(self._far_springs[far_numbers], axis=1))
         places = self._far[far_numbers][node].astype(np.int64)
-        far_ends = (self.engine.fine_places_of_far(end) for end in (places, places + ground.far_ways[k]))
+        far_ends = (self.engine.fine_places_of_far(end) for end in (places, places + lattice.far_offsets[k]))
         source, target = (
             np.concatenate([self._rows_at_places(end) for end in end_places])
             for end_places in zip((fine, target), ends, far_ends, strict=True)
@@ -377,7 +387,7 @@ class HybridOperator(TwoLatticeOperator[HybridEngine]):
         step, node, spring = breaks.step[latest], breaks.node[latest], breaks.spring[latest]
         self._looked += len(step)
         if len(node):
-            target = node + self.engine.ground.ways[spring]
+            target = node + self.engine.lattice.offsets[spring]
             both_fine = np.isin(node, self._fine) & np.isin(target, self._fine)
             more = (
                 step[both_fine].astype(np.int64),

@@ -47,75 +47,77 @@ def is_visible(cracks, ax, ay, bx, by):  # type: ignore[no-untyped-def]
 
 
 @njit(**INNER)
-def _box_around_crack(ground, j, margin, most_x, most_y):  # type: ignore[no-untyped-def]
+def _box_around_crack(lattice, j, margin, most_x, most_y):  # type: ignore[no-untyped-def]
     """Range of columns and rows around pre-crack j, clipped to the plate."""
-    px, py, qx, qy = ground.cracks[j, 0], ground.cracks[j, 1], ground.cracks[j, 2], ground.cracks[j, 3]
+    px, py, qx, qy = lattice.cracks[j, 0], lattice.cracks[j, 1], lattice.cracks[j, 2], lattice.cracks[j, 3]
     x0, x1 = max(0, int(np.floor(min(px, qx))) - margin), min(most_x, int(np.ceil(max(px, qx))) + margin)
     y0, y1 = max(0, int(np.floor(min(py, qy))) - margin), min(most_y, int(np.ceil(max(py, qy))) + margin)
     return x0, y0, x1, y1
 
 
 @cached_njit(error_model="numpy")
-def cut_coarse_bonds(ground):  # type: ignore[no-untyped-def]
+def record_precrack_cuts(lattice):  # type: ignore[no-untyped-def]
     """Record the coarse bonds and edges of cells that pre-cracks cut, and the cells they cross."""
-    at = ground.at
-    for j in range(len(ground.cracks)):
-        x0, y0, x1, y1 = _box_around_crack(ground, j, 3, at.nx, at.ny)
-        px, py, qx, qy = ground.cracks[j, 0], ground.cracks[j, 1], ground.cracks[j, 2], ground.cracks[j, 3]
+    numbering = lattice.numbering
+    for j in range(len(lattice.cracks)):
+        x0, y0, x1, y1 = _box_around_crack(lattice, j, 3, numbering.nx, numbering.ny)
+        px, py, qx, qy = lattice.cracks[j, 0], lattice.cracks[j, 1], lattice.cracks[j, 2], lattice.cracks[j, 3]
         for y in range(y0 // 2, y1 // 2 + 1):
             for x in range(x0 // 2, x1 // 2 + 1):
-                q, ax, ay = coarse_place(at, x, y), 2.0 * x, 2.0 * y
+                q, ax, ay = coarse_place(numbering, x, y), 2.0 * x, 2.0 * y
                 for k in range(4):
-                    bx, by = ax + 2 * ground.coarse_dx[k], ay + 2 * ground.coarse_dy[k]
-                    if not crosses_crack(ground.cracks, j, ax, ay, bx, by):
+                    bx, by = ax + 2 * lattice.coarse_dx[k], ay + 2 * lattice.coarse_dy[k]
+                    if not crosses_crack(lattice.cracks, j, ax, ay, bx, by):
                         continue
-                    ground.coarse_bits[q] |= np.uint8(1 << k)
+                    lattice.cut_spring_bits[q] |= np.uint8(1 << k)
                     if k in (0, 2):
                         side_a, side_b = doubled_area(px, py, qx, qy, ax, ay), doubled_area(px, py, qx, qy, bx, by)
-                        ground.edge_cut[k // 2, q] = side_a / (side_a - side_b) if side_a != side_b else 0.5
-                if x >= at.nx // 2 or y >= at.ny // 2:
+                        lattice.edge_cut_share[k // 2, q] = side_a / (side_a - side_b) if side_a != side_b else 0.5
+                if x >= numbering.nx // 2 or y >= numbering.ny // 2:
                     continue
-                diagonals = crosses_crack(ground.cracks, j, ax, ay, ax + 2, ay + 2) or crosses_crack(
-                    ground.cracks, j, ax + 2, ay, ax, ay + 2
+                diagonals = crosses_crack(lattice.cracks, j, ax, ay, ax + 2, ay + 2) or crosses_crack(
+                    lattice.cracks, j, ax + 2, ay, ax, ay + 2
                 )
                 if (
                     diagonals
                     or (ax <= px <= ax + 2 and ay <= py <= ay + 2)
                     or (ax <= qx <= ax + 2 and ay <= qy <= ay + 2)
                 ):
-                    ground.cut_cells[cell_place(at, x, y)] = True
+                    lattice.cut_cells[cell_place(numbering, x, y)] = True
 
 
 @njit(forceinline=True, **INNER)
-def has_bond(ground, lost, p, k):  # type: ignore[no-untyped-def]
+def is_bond_intact(lattice, broken_bits, p, k):  # type: ignore[no-untyped-def]
     """Whether bond k of fine node p is intact."""
-    half = len(ground.ways) // 2
+    half = len(lattice.offsets) // 2
     if k >= half:
-        p, k = p + ground.ways[k], k - half
-    return ((value_at_node(ground.nodes, ground.nodes.bits, p) & ~lost[p]) >> np.uint64(k)) & np.uint64(1) != 0
+        p, k = p + lattice.offsets[k], k - half
+    return (
+        (value_at_node(lattice.node_rows, lattice.node_rows.bond_bits, p) & ~broken_bits[p]) >> np.uint64(k)
+    ) & np.uint64(1) != 0
 
 
 @njit(forceinline=True, **INNER)
-def bond_stiffness(ground, p, k):  # type: ignore[no-untyped-def]
+def bond_stiffness(lattice, p, k):  # type: ignore[no-untyped-def]
     """Stiffness of the whole bond k of node p, including both cells' shares and the surface correction."""
-    row = value_at_node(ground.nodes, ground.nodes.own, p)
+    row = value_at_node(lattice.node_rows, lattice.node_rows.irregular_row, p)
     if row >= 0:
-        return ground.own_springs[row, k]
-    return ground.springs[value_at_node(ground.nodes, ground.nodes.material, p), k]
+        return lattice.irregular_stiffness[row, k]
+    return lattice.material_stiffness[value_at_node(lattice.node_rows, lattice.node_rows.material, p), k]
 
 
 @njit(forceinline=True, **INNER)
-def peak_and_limit(ground, p, k):  # type: ignore[no-untyped-def]
+def peak_and_limit(lattice, p, k):  # type: ignore[no-untyped-def]
     """The e beyond which a bond softens, and the e at which it breaks."""
-    row = value_at_node(ground.nodes, ground.nodes.own, p)
+    row = value_at_node(lattice.node_rows, lattice.node_rows.irregular_row, p)
     if row >= 0:
-        kind = ground.own_kind[row]
-        return ground.own_peak[kind, k], ground.own_limit[kind, k]
-    material = value_at_node(ground.nodes, ground.nodes.material, p)
-    return ground.bounds[material, 0], ground.bounds[material, 1]
+        kind = lattice.irregular_limit_row[row]
+        return lattice.irregular_peak_e[kind, k], lattice.irregular_limit_e[kind, k]
+    material = value_at_node(lattice.node_rows, lattice.node_rows.material, p)
+    return lattice.e_bounds[material, 0], lattice.e_bounds[material, 1]
 
 
 @njit(forceinline=True, **INNER)
-def lasts(ground, p):  # type: ignore[no-untyped-def]
+def is_unbreakable(lattice, p):  # type: ignore[no-untyped-def]
     """Whether the bonds of fine node p do not break."""
-    return value_at_node(ground.nodes, ground.nodes.no_fail, p)
+    return value_at_node(lattice.node_rows, lattice.node_rows.no_fail, p)

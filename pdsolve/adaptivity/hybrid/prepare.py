@@ -18,8 +18,14 @@ from pdsolve.adaptivity.hybrid.irregular_bonds import IrregularBonds, find_irreg
 from pdsolve.adaptivity.hybrid.irregular_rows import create_node_rows
 from pdsolve.adaptivity.hybrid.lattice import AROUND, BELOW, FINE, LEFT
 from pdsolve.adaptivity.hybrid.operator import HybridOperator
-from pdsolve.adaptivity.hybrid.precracks import cut_coarse_bonds, lengthen_cracks
-from pdsolve.adaptivity.hybrid.springs import Springs, coarse_springs, divide_bonds, e_of_stretch, springs_of_materials
+from pdsolve.adaptivity.hybrid.precracks import lengthen_cracks, record_precrack_cuts
+from pdsolve.adaptivity.hybrid.springs import (
+    Springs,
+    coarse_springs,
+    divide_bonds,
+    e_from_stretch,
+    springs_of_materials,
+)
 from pdsolve.conditions import drive, initial_velocity
 from pdsolve.laws.calls import bind
 from pdsolve.laws.pair import no_bonds
@@ -31,7 +37,7 @@ from pdsolve.operators.simd_lattice.layout import aligned
 ROOM = 64  # rows of fine nodes beyond those of the start, at least
 
 
-def create_hybrid_operator(
+def create_hybrid_operator_and_stable_step(
     model: Model, mode: str, precision: str, choose_step: Callable[[Model, float], float], threads: int = 1
 ) -> tuple[HybridOperator, float]:
     """The operator at the start, and the surely stable step, s; `choose_step` chooses the step.
@@ -46,25 +52,25 @@ def create_hybrid_operator(
     give_back()
     bound = float(np.sqrt(2 / max(_stiffness_over_density(plate, springs, irregular_bonds))))
     kind = np.dtype(precision).type
-    ground = create_constants(plate, springs, irregular_bonds, choose_step(model, bound), kind)
-    cut_coarse_bonds(ground)
-    cut = np.append(irregular_bonds.family - np.count_nonzero(irregular_bonds.springs, axis=1), 0)
-    cells = initial_cells(plate, ground.reach, steep_rows=steep)
+    lattice = create_lattice_constants(plate, springs, irregular_bonds, choose_step(model, bound), kind)
+    record_precrack_cuts(lattice)
+    cut = np.append(irregular_bonds.family_size - np.count_nonzero(irregular_bonds.stiffness, axis=1), 0)
+    cells = initial_cells(plate, lattice.reach, steep_rows=steep)
     area = CellAreas(plate)
     plate_drive = drive(model, area, True, np.float64)
     rows = ROOM + 6 * int(np.count_nonzero(cells == FINE))
-    damps = ground.nodes.damping is not None
+    damps = lattice.node_rows.damping is not None
     loads, holds = _create_entries(plate, plate_drive.loads, 4), _create_entries(plate, plate_drive.holds, 1)
     loads.entries["value"] *= area[plate_drive.loads.node]
     loads = loads._replace(entries=loads.entries[loads.entries["value"] != 0])
     if not swells and kind is np.float64:
-        cells = add_far_cells(plate, ground, cells, np.concatenate([loads.entries["place"], holds.entries["place"]]))
+        cells = add_far_cells(plate, lattice, cells, np.concatenate([loads.entries["place"], holds.entries["place"]]))
     zone = create_plate_zone(
-        plate.at, cells, len(ground.ways), rows, ground.varied, threads, swells, damps, dtype=kind
+        plate.numbering, cells, len(lattice.offsets), rows, lattice.limits_vary, threads, swells, damps, dtype=kind
     )._replace(loads=loads, holds=holds)
-    hybrid = HybridEngine(plate, ground, zone, plate_drive)
-    starts = any(isinstance(condition, InitialVelocity | Velocity) for condition in model.settings.conditions)
-    hybrid.start(initial_velocity(model) if starts else None)
+    hybrid = HybridEngine(plate, lattice, zone, plate_drive)
+    begins_sequence = any(isinstance(condition, InitialVelocity | Velocity) for condition in model.settings.conditions)
+    hybrid.start(initial_velocity(model) if begins_sequence else None)
     return HybridOperator(hybrid, cut), bound
 
 
@@ -80,7 +86,7 @@ def rows_of_steep_content(model: Model) -> NDArray[np.int64]:
     return np.unique(np.concatenate(condition_rows))
 
 
-def create_constants(
+def create_lattice_constants(
     plate: HybridPlate,
     springs: tuple[Springs, ...],
     irregular_bonds: IrregularBonds,
@@ -88,16 +94,16 @@ def create_constants(
     kind: type[np.floating] = np.float64,
 ) -> LatticeConstants:
     """Constant arrays for steps of `dt`, s; the effects of pre-cracks on the coarse lattice are not yet recorded."""
-    at, model, h = plate.at, plate.model, plate.h
+    numbering, model, h = plate.numbering, plate.model, plate.h
     kappa = model.settings.run.hybrid.kappa
     first = springs[0]
     coarse = coarse_springs(first, h)
     bounds = np.array(
         [
             [
-                e_of_stretch(material_springs.peak),
-                e_of_stretch(material_springs.limit),
-                e_of_stretch(kappa * material_springs.peak),
+                e_from_stretch(material_springs.peak),
+                e_from_stretch(material_springs.limit),
+                e_from_stretch(kappa * material_springs.peak),
             ]
             for material_springs in springs
         ]
@@ -106,35 +112,35 @@ def create_constants(
     bind(bilinear.LAW)
     return LatticeConstants(
         law=no_bonds(bilinear.LAW),  # a brittle bond is one whose peak is its limit
-        at=at,
+        numbering=numbering,
         h=h,
         dx=first.dx,
         dy=first.dy,
-        table=aligned(first.table.astype(kind)),
-        ways=first.dy * at.stride + first.dx,
+        spring_table=aligned(first.table.astype(kind)),
+        offsets=first.dy * numbering.stride + first.dx,
         coarse_dx=coarse.dx,
         coarse_dy=coarse.dy,
-        coarse_table=aligned(coarse.table.astype(kind)),
-        coarse_ways=coarse.dy * at.coarse_stride + coarse.dx,
-        far_table=aligned(coarse_springs(first, 2 * h).table.astype(kind)),
-        far_ways=coarse.dy * at.far_stride + coarse.dx,
+        coarse_spring_table=aligned(coarse.table.astype(kind)),
+        coarse_offsets=coarse.dy * numbering.coarse_stride + coarse.dx,
+        far_spring_table=aligned(coarse_springs(first, 2 * h).table.astype(kind)),
+        far_offsets=coarse.dy * numbering.far_stride + coarse.dx,
         bond_parts=divide_bonds(first),
         reach=int(np.abs(first.dx).max()),
-        varied=len(springs) > 1 or first.peak < first.limit,
+        limits_vary=len(springs) > 1 or first.peak < first.limit,
         dt=dt,
-        nodes=create_node_rows(plate, irregular_bonds, springs),
-        springs=np.array([material_springs.table[:, 5] for material_springs in springs]),
-        bounds=bounds,
-        least=bounds.min(axis=0),
-        own_springs=irregular_bonds.springs,
-        own_kind=irregular_bonds.kind,
-        own_peak=irregular_bonds.peak,
-        own_limit=irregular_bonds.limit,
-        cell=cell,
-        mix=mix,
-        coarse_bits=np.zeros(at.coarse_places, dtype=np.uint8),
-        edge_cut=np.zeros((2, at.coarse_places)),
-        cut_cells=np.zeros(at.cells, dtype=np.bool_),
+        node_rows=create_node_rows(plate, irregular_bonds, springs),
+        material_stiffness=np.array([material_springs.table[:, 5] for material_springs in springs]),
+        e_bounds=bounds,
+        least_e_bounds=bounds.min(axis=0),
+        irregular_stiffness=irregular_bonds.stiffness,
+        irregular_limit_row=irregular_bonds.limit_row,
+        irregular_peak_e=irregular_bonds.peak,
+        irregular_limit_e=irregular_bonds.limit,
+        cell_constants=cell,
+        constants_of_cell=mix,
+        cut_spring_bits=np.zeros(numbering.coarse_places, dtype=np.uint8),
+        edge_cut_share=np.zeros((2, numbering.coarse_places)),
+        cut_cells=np.zeros(numbering.cells, dtype=np.bool_),
         cracks=lengthen_cracks(plate.cracks),
     )
 
@@ -146,7 +152,7 @@ def _coarse_cell_constants(
 
     They are means of the cell's nodes, weighted by their areas in it.
     """
-    at, rho = plate.at, [material.rho for material in plate.model.materials]
+    numbering, rho = plate.numbering, [material.rho for material in plate.model.materials]
     material_constants = np.array(
         [
             [material_springs.c11 - material_springs.c66, material_springs.c66, plate.h**2 * dense]
@@ -154,11 +160,11 @@ def _coarse_cell_constants(
         ]
     )
     if len(springs) == 1:
-        return np.ascontiguousarray(material_constants.T), np.zeros(at.cells, dtype=np.int32)
-    cell_means = np.zeros((at.ny // 2, at.nx // 2, 3))
-    field = plate.materials_in(0, at.places // at.stride)
+        return np.ascontiguousarray(material_constants.T), np.zeros(numbering.cells, dtype=np.int32)
+    cell_means = np.zeros((numbering.ny // 2, numbering.nx // 2, 3))
+    field = plate.material_numbers_in(0, numbering.places // numbering.stride)
     for (y, part_y), (x, part_x) in itertools.product(enumerate((0.25, 0.5, 0.25)), repeat=2):
-        node_places = np.s_[BELOW + y : BELOW + y + at.ny - 1 : 2, LEFT + x : LEFT + x + at.nx - 1 : 2]
+        node_places = np.s_[BELOW + y : BELOW + y + numbering.ny - 1 : 2, LEFT + x : LEFT + x + numbering.nx - 1 : 2]
         cell_means += part_x * part_y * material_constants[field[node_places]]
     cells, mix = np.unique(cell_means.reshape(-1, 3), axis=0, return_inverse=True)
     around = np.pad(mix.reshape(cell_means.shape[:2]).astype(np.int32), AROUND)
@@ -173,7 +179,7 @@ def _stiffness_over_density(
     rho, every = np.array([material.rho for material in model.materials]), [len(model.grid)]
     if len(springs) > 1:
         every = np.bincount(model.material_of, minlength=len(springs)).tolist()
-    irregular_materials = model.material_of[irregular_bonds.node]
+    irregular_materials = model.material_of[irregular_bonds.grid_rows]
     usual, inside = every - np.bincount(irregular_materials, minlength=len(springs)), []
     for number, material_springs in enumerate(springs):
         if usual[number]:

@@ -66,11 +66,11 @@ def _mean_of_coarse(
 
     A node that is not there counts as one that moves likewise.
     """
-    at, mean = plate.at, np.zeros(1)
-    y, x = np.divmod(place, at.stride)
+    numbering, mean = plate.numbering, np.zeros(1)
+    y, x = np.divmod(place, numbering.stride)
     odd_x, odd_y = (x - LEFT) % 2, (y - BELOW) % 2
     for sign_y in (-1, 1):
         for sign_x in (-1, 1):
-            neighbour = place + sign_y * odd_y * at.stride + sign_x * odd_x
-            mean = mean + values(plate.rows_at(np.where(plate.has_node(neighbour), neighbour, place))) / 4
+            neighbour = place + sign_y * odd_y * numbering.stride + sign_x * odd_x
+            mean = mean + values(plate.grid_rows_at(np.where(plate.has_node(neighbour), neighbour, place))) / 4
     return mean

@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from pdsolve.adaptivity.hybrid.clipped_bonds import replace_pieces, set_row_stiffness
+from pdsolve.adaptivity.hybrid.clipped_bonds import replace_pieces_of_nodes, set_row_stiffness
 from pdsolve.adaptivity.hybrid.damping import remove_damping, set_damping
-from pdsolve.adaptivity.hybrid.energy import energy_of_nodes
-from pdsolve.adaptivity.hybrid.far_cells import set_all_far_nodes
-from pdsolve.adaptivity.hybrid.far_nodes import count_far_cells_around, list_active_rows, list_far_nodes
+from pdsolve.adaptivity.hybrid.energy import strain_and_kinetic_energy
+from pdsolve.adaptivity.hybrid.far_cells import set_all_far_node_properties
+from pdsolve.adaptivity.hybrid.far_nodes import count_far_cells_around, list_far_nodes, list_rows_with_nodes
 from pdsolve.adaptivity.hybrid.forces import interpolate_border_nodes
 from pdsolve.adaptivity.hybrid.lattice import (
     BORDER,
@@ -28,263 +28,267 @@ from pdsolve.adaptivity.hybrid.lattice import (
 )
 from pdsolve.adaptivity.hybrid.node_rows import value_at_node
 from pdsolve.adaptivity.hybrid.nodes import (
-    border_carriers,
+    coarse_carriers_of_border_node,
     coarse_cell_beside,
     interpolate_coarse,
-    set_coarse_node,
-    set_fine_node,
+    set_coarse_node_properties,
+    set_fine_node_kind_and_mass,
 )
-from pdsolve.adaptivity.hybrid.swelling import offset_from_line, set_piece_reliefs
+from pdsolve.adaptivity.hybrid.swelling import offset_from_line, set_piece_swelling_offsets
 from pdsolve.codegen.vector_code import ROW
 from pdsolve.operators.simd_lattice.kernel import INNER
 
 
 @njit(**INNER)
-def mark_cells_in_disc(at, cells, new, count, ix, iy, radius):  # type: ignore[no-untyped-def]
+def mark_and_list_cells_in_disc(numbering, cells, new_cells, count, ix, iy, radius):  # type: ignore[no-untyped-def]
     """List the coarse cells within `radius` of a place (fine spacings); returns how many are listed then.
 
     They are marked as fine at once, so that none is listed twice; `refine_cells` takes them from the list.
     """
     for y in range(int(np.floor((iy - radius) / 2)), int(np.ceil((iy + radius) / 2))):
         for x in range(int(np.floor((ix - radius) / 2)), int(np.ceil((ix + radius) / 2))):
-            if not (0 <= x < at.nx // 2 and 0 <= y < at.ny // 2):
+            if not (0 <= x < numbering.nx // 2 and 0 <= y < numbering.ny // 2):
                 continue
-            c = cell_place(at, x, y)
+            c = cell_place(numbering, x, y)
             if cells[c] != COARSE:
                 continue
             away_x, away_y = max(abs(ix - (2 * x + 1)) - 1, 0), max(abs(iy - (2 * y + 1)) - 1, 0)
             if away_x * away_x + away_y * away_y < radius * radius:
                 cells[c] = FINE
-                new[count] = c
+                new_cells[count] = c
                 count += 1
     return count
 
 
 @njit(**INNER)
-def _mark_reach_of_new_cells(ground, zone):  # type: ignore[no-untyped-def]
+def _mark_reach_of_new_cells(lattice, zone):  # type: ignore[no-untyped-def]
     """Mark all places within the family's reach of the new cells; returns their range of columns and rows."""
-    at, reach = ground.at, ground.reach + 2
-    x0, y0, x1, y1 = at.nx, at.ny, 0, 0
+    numbering, reach = lattice.numbering, lattice.reach + 2
+    x0, y0, x1, y1 = numbering.nx, numbering.ny, 0, 0
     for c in zone.new_cells[: zone.counts.new_cells]:
-        x, y = 2 * cell_column(at, c), 2 * cell_row(at, c)
-        left_side, right = max(x - reach, 0), min(x + reach + 3, at.nx + 1)
-        low, high = max(y - reach, 0), min(y + reach + 3, at.ny + 1)
+        x, y = 2 * cell_column(numbering, c), 2 * cell_row(numbering, c)
+        left_side, right = max(x - reach, 0), min(x + reach + 3, numbering.nx + 1)
+        low, high = max(y - reach, 0), min(y + reach + 3, numbering.ny + 1)
         x0, y0, x1, y1 = min(x0, left_side), min(y0, low), max(x1, right), max(y1, high)
         for iy in range(low, high):
-            for p in range(fine_place(at, left_side, iy), fine_place(at, right, iy)):
-                zone.mark[p] = True
+            for p in range(fine_place(numbering, left_side, iy), fine_place(numbering, right, iy)):
+                zone.node_mark[p] = True
     return x0, y0, x1, y1
 
 
 @njit(**INNER)
-def list_affected_nodes(ground, zone):  # type: ignore[no-untyped-def]
+def list_affected_nodes(lattice, zone):  # type: ignore[no-untyped-def]
     """List, in order, the nodes affected by the new cells; returns the number of affected rows of fine nodes.
 
     Affected are the fine nodes within the family's reach and the coarse nodes at corners; at the start, all of them.
     """
-    at, (x0, y0, x1, y1) = ground.at, _mark_reach_of_new_cells(ground, zone)
-    dirty, rows, last = 0, 0, -1
+    numbering, (x0, y0, x1, y1) = lattice.numbering, _mark_reach_of_new_cells(lattice, zone)
+    affected_fine, rows, last = 0, 0, -1
     for iy in range(y0, y1):
-        for p in range(fine_place(at, x0, iy), fine_place(at, x1, iy)):
-            if zone.mark[p]:
-                zone.mark[p] = False
-                if value_at_node(ground.nodes, ground.nodes.mass, p) > 0:
-                    zone.affected_nodes[dirty] = p
+        for p in range(fine_place(numbering, x0, iy), fine_place(numbering, x1, iy)):
+            if zone.node_mark[p]:
+                zone.node_mark[p] = False
+                if value_at_node(lattice.node_rows, lattice.node_rows.mass, p) > 0:
+                    zone.affected_fine[affected_fine] = p
                     rows += p // ROW != last
-                    dirty, last = dirty + 1, p // ROW
-    zone.counts.dirty = dirty
-    _list_corner_nodes(at, zone, x0, y0, x1, y1)
+                    affected_fine, last = affected_fine + 1, p // ROW
+    zone.counts.affected_fine = affected_fine
+    _list_corner_nodes(numbering, zone, x0, y0, x1, y1)
     return rows
 
 
 @njit(**INNER)
-def _list_corner_nodes(at, zone, x0, y0, x1, y1):  # type: ignore[no-untyped-def]
+def _list_corner_nodes(numbering, zone, x0, y0, x1, y1):  # type: ignore[no-untyped-def]
     """List, in order, the coarse nodes at the corners of the new cells; at the start, all coarse nodes that are
     not amid far cells.
 
     The new cells lie within these columns and rows of fine nodes.
     """
-    begins, around = zone.counts.regrids == 0, 0
+    begins, affected_coarse_count = zone.counts.cell_changes == 0, 0
     if begins:
-        x0, y0, x1, y1 = 0, 0, at.nx + 1, at.ny + 1
+        x0, y0, x1, y1 = 0, 0, numbering.nx + 1, numbering.ny + 1
     for c in zone.new_cells[: zone.counts.new_cells]:
-        p = fine_place(at, 2 * cell_column(at, c), 2 * cell_row(at, c))
-        for corner in (p, p + 2, p + 2 * at.stride, p + 2 * at.stride + 2):
-            zone.mark[corner] = True
+        p = fine_place(numbering, 2 * cell_column(numbering, c), 2 * cell_row(numbering, c))
+        for corner in (p, p + 2, p + 2 * numbering.stride, p + 2 * numbering.stride + 2):
+            zone.node_mark[corner] = True
     for iy in range(y0 + y0 % 2, y1, 2):
         for ix in range(x0 + x0 % 2, x1, 2):
-            p = fine_place(at, ix, iy)
-            if zone.mark[p] or (begins and count_far_cells_around(at, zone.cells, ix // 2, iy // 2) < 4):
-                zone.mark[p] = False
-                zone.affected_coarse[around] = coarse_place(at, ix // 2, iy // 2)
-                around += 1
-    zone.counts.around = around
+            p = fine_place(numbering, ix, iy)
+            if zone.node_mark[p] or (begins and count_far_cells_around(numbering, zone.cells, ix // 2, iy // 2) < 4):
+                zone.node_mark[p] = False
+                zone.affected_coarse[affected_coarse_count] = coarse_place(numbering, ix // 2, iy // 2)
+                affected_coarse_count += 1
+    zone.counts.affected_coarse = affected_coarse_count
 
 
 @njit(**INNER)
-def refine_cells(ground, zone, now):  # type: ignore[no-untyped-def]
-    """Make the marked cells in `zone.new_cells` fine at displacements `now`.
+def refine_cells(lattice, zone, buffer):  # type: ignore[no-untyped-def]
+    """Make the marked cells in `zone.new_cells` fine at displacements `buffer`.
 
     New nodes take the coarse displacements and velocities; the change of energy is booked.
     """
-    new, dirty, dirty_coarse = (
+    new, affected_fine, affected_coarse = (
         zone.new_cells[: zone.counts.new_cells],
-        zone.affected_nodes[: zone.counts.dirty],
+        zone.affected_fine[: zone.counts.affected_fine],
         zone.affected_coarse,
     )
-    dirty_coarse = dirty_coarse[: zone.counts.around]
-    interpolate_border_nodes(zone.fine.u[now], zone.coarse.u[now], zone.border, zone.counts.border_nodes)
-    for p in dirty:
-        zone.mark[p] = True
+    affected_coarse = affected_coarse[: zone.counts.affected_coarse]
+    interpolate_border_nodes(zone.fine.u[buffer], zone.coarse.u[buffer], zone.border, zone.counts.border_nodes)
+    for p in affected_fine:
+        zone.node_mark[p] = True
     for c in new:
         zone.cells[c] = COARSE
-    before = energy_of_nodes(ground, zone, now, dirty, dirty_coarse)
-    _interpolate_new_nodes(ground, zone, new, dirty, now)
-    set_affected_nodes(ground, zone, dirty, dirty_coarse, now)
-    if zone.counts.regrids == 0:
-        set_all_far_nodes(ground, zone)
-    replace_pieces(ground, zone, dirty)
-    set_piece_reliefs(ground, zone)
-    for p in dirty:
-        zone.mark[p] = True
-    zone.totals.refinement += energy_of_nodes(ground, zone, now, dirty, dirty_coarse) - before
-    for p in dirty:
-        zone.mark[p] = False
-    rebuild_lists(ground, zone)
+    before = strain_and_kinetic_energy(lattice, zone, buffer, affected_fine, affected_coarse)
+    _interpolate_new_nodes(lattice, zone, new, affected_fine, buffer)
+    set_affected_node_properties(lattice, zone, affected_fine, affected_coarse, buffer)
+    if zone.counts.cell_changes == 0:
+        set_all_far_node_properties(lattice, zone)
+    replace_pieces_of_nodes(lattice, zone, affected_fine)
+    set_piece_swelling_offsets(lattice, zone)
+    for p in affected_fine:
+        zone.node_mark[p] = True
+    zone.totals.refinement += strain_and_kinetic_energy(lattice, zone, buffer, affected_fine, affected_coarse) - before
+    for p in affected_fine:
+        zone.node_mark[p] = False
+    rebuild_lists_of_rows_and_loads(lattice, zone)
 
 
 @njit(**INNER)
-def set_affected_nodes(ground, zone, dirty, dirty_coarse, now):  # type: ignore[no-untyped-def]
+def set_affected_node_properties(lattice, zone, affected_fine, affected_coarse, buffer):  # type: ignore[no-untyped-def]
     """Set kinds, masses and springs of these nodes."""
     fine, coarse, last = zone.fine, zone.coarse, -1
-    for p in dirty:
-        set_fine_node(ground.at, value_at_node(ground.nodes, ground.nodes.mass, p), zone.cells, fine, p)
-        set_damping(ground, fine, p, p)
-    for q in dirty_coarse:
-        set_coarse_node(ground, zone.cells, fine, coarse, q)
-        x, y = coarse_column(ground.at, q), coarse_row(ground.at, q)
-        set_damping(ground, coarse, q, fine_place(ground.at, 2 * x, 2 * y))
-    for p in dirty:
+    for p in affected_fine:
+        set_fine_node_kind_and_mass(
+            lattice.numbering, value_at_node(lattice.node_rows, lattice.node_rows.mass, p), zone.cells, fine, p
+        )
+        set_damping(lattice, fine, p, p)
+    for q in affected_coarse:
+        set_coarse_node_properties(lattice, zone.cells, fine, coarse, q)
+        x, y = coarse_column(lattice.numbering, q), coarse_row(lattice.numbering, q)
+        set_damping(lattice, coarse, q, fine_place(lattice.numbering, 2 * x, 2 * y))
+    for p in affected_fine:
         if fine.kind[p] == BORDER:
-            a, b, w = border_carriers(ground, coarse.kind, p)
-            off = offset_from_line(ground, fine.shrink, a, b, w)
+            a, b, w = coarse_carriers_of_border_node(lattice, coarse.kind, p)
+            off = offset_from_line(lattice, fine.half_shrinkage, a, b, w)
             for axis in range(2):
-                fine.u[now, axis, p] = (1 - w) * coarse.u[now, axis, a] + w * coarse.u[now, axis, b] + off[axis]
+                fine.u[buffer, axis, p] = (
+                    (1 - w) * coarse.u[buffer, axis, a] + w * coarse.u[buffer, axis, b] + off[axis]
+                )
                 fine.v[axis, p] = 0.0
-    for p in dirty:
+    for p in affected_fine:
         if p // ROW != last:
             last = p // ROW
-            set_row_stiffness(ground, zone, last)
+            set_row_stiffness(lattice, zone, last)
 
 
 @njit(**INNER)
-def _interpolate_new_nodes(ground, zone, new, dirty, now):  # type: ignore[no-untyped-def]
+def _interpolate_new_nodes(lattice, zone, new_cells, affected_fine, buffer):  # type: ignore[no-untyped-def]
     """Give nodes that become free the motion of the coarse ones around them, then make the new cells fine."""
-    at, fine, coarse, two = ground.at, zone.fine, zone.coarse, zone.s[0, :2]
-    for p in dirty:
+    numbering, fine, coarse, two = lattice.numbering, zone.fine, zone.coarse, zone.lane_sums[0, :2]
+    for p in affected_fine:
         if fine.kind[p] == FREE:
             continue
-        ix, iy = fine_column(at, p), fine_row(at, p)
-        x, y = coarse_cell_beside(at, zone.cells, ix, iy)
+        ix, iy = fine_column(numbering, p), fine_row(numbering, p)
+        x, y = coarse_cell_beside(numbering, zone.cells, ix, iy)
         if x < 0:
             continue
-        interpolate_coarse(ground, coarse.kind, coarse.u[now], ix, iy, x, y, two)
+        interpolate_coarse(lattice, coarse.kind, coarse.u[buffer], ix, iy, x, y, two)
         off = 0.0, 0.0
-        if ix % 2 != iy % 2 and not ground.cut_cells[cell_place(at, x, y)]:
-            q = coarse_place(at, ix // 2, iy // 2)
-            off = offset_from_line(ground, fine.shrink, q, q + (1 if ix % 2 else at.coarse_stride), 0.5)
-        fine.u[now, 0, p], fine.u[now, 1, p] = two[0] + off[0], two[1] + off[1]
-        interpolate_coarse(ground, coarse.kind, coarse.v, ix, iy, x, y, two)
+        if ix % 2 != iy % 2 and not lattice.cut_cells[cell_place(numbering, x, y)]:
+            q = coarse_place(numbering, ix // 2, iy // 2)
+            off = offset_from_line(lattice, fine.half_shrinkage, q, q + (1 if ix % 2 else numbering.coarse_stride), 0.5)
+        fine.u[buffer, 0, p], fine.u[buffer, 1, p] = two[0] + off[0], two[1] + off[1]
+        interpolate_coarse(lattice, coarse.kind, coarse.v, ix, iy, x, y, two)
         fine.v[0, p], fine.v[1, p] = two[0], two[1]
-    for c in new:
+    for c in new_cells:
         zone.cells[c] = FINE
 
 
 @njit(**INNER)
-def _list_fine_rows(ground, zone):  # type: ignore[no-untyped-def]
+def _list_fine_rows(lattice, zone):  # type: ignore[no-untyped-def]
     """List rows with fine nodes, and border nodes."""
     fine, coarse, rows, borders = zone.fine, zone.coarse, 0, 0
-    for row in range(len(fine.entry)):
-        if fine.entry[row] == -1:
+    for row in range(len(fine.stiffness_index)):
+        if fine.stiffness_index[row] == -1:
             continue
         fine.rows[rows] = row
         rows += 1
         for p in range(row * ROW, row * ROW + ROW):
             if fine.kind[p] != BORDER:
                 continue
-            a, b, w = border_carriers(ground, coarse.kind, p)
+            a, b, w = coarse_carriers_of_border_node(lattice, coarse.kind, p)
             zone.border.node[borders], zone.border.w[borders] = p, w
-            zone.border.end[borders, 0], zone.border.end[borders, 1] = a, b
-            zone.border.off[borders] = offset_from_line(ground, fine.shrink, a, b, w)
-            fine.touched[row] = coarse.touched[a // ROW] = coarse.touched[b // ROW] = True
+            zone.border.carriers[borders, 0], zone.border.carriers[borders, 1] = a, b
+            zone.border.swelling_offset[borders] = offset_from_line(lattice, fine.half_shrinkage, a, b, w)
+            fine.has_extra_forces[row] = coarse.has_extra_forces[a // ROW] = coarse.has_extra_forces[b // ROW] = True
             borders += 1
     zone.counts.fine_rows, zone.counts.border_nodes = rows, borders
 
 
 @njit(**INNER)
-def rebuild_lists(ground, zone):  # type: ignore[no-untyped-def]
+def rebuild_lists_of_rows_and_loads(lattice, zone):  # type: ignore[no-untyped-def]
     """Rebuild the lists of rows, border nodes, loads and holds once cells have become others."""
     fine, coarse = zone.fine, zone.coarse
-    zone.counts.regrids += 1
-    zone.counts.refined_nodes = zone.counts.stirred_nodes
+    zone.counts.cell_changes += 1
+    zone.counts.refined_damaged_nodes = zone.counts.damaged_nodes
     zone.counts.new_cells = 0
-    fine.touched[:] = False
-    coarse.touched[:] = False
-    zone.counts.coarse_rows = list_active_rows(coarse)
-    list_far_nodes(ground, zone, zone.counts.coarse_rows)
-    _list_fine_rows(ground, zone)
+    fine.has_extra_forces[:] = False
+    coarse.has_extra_forces[:] = False
+    zone.counts.coarse_rows = list_rows_with_nodes(coarse)
+    list_far_nodes(lattice, zone, zone.counts.coarse_rows)
+    _list_fine_rows(lattice, zone)
     for n in range(zone.counts.pieces):
         for which in range(2):
-            a, b = zone.pieces.end[n, 2 * which], zone.pieces.end[n, 2 * which + 1]
+            a, b = zone.pieces.end_nodes[n, 2 * which], zone.pieces.end_nodes[n, 2 * which + 1]
             if b < 0:
-                fine.touched[a // ROW] = True
+                fine.has_extra_forces[a // ROW] = True
             else:
-                coarse.touched[a // ROW] = coarse.touched[b // ROW] = True
-    zone.counts.loads = _distribute_loads(ground.at, zone.cells, fine, coarse, zone.loads)
-    zone.counts.holds = _list_prescribed_nodes(ground.at, fine, coarse, zone.holds)
+                coarse.has_extra_forces[a // ROW] = coarse.has_extra_forces[b // ROW] = True
+    zone.counts.loads = _distribute_loads(lattice.numbering, zone.cells, fine, coarse, zone.loads)
+    zone.counts.holds = _list_prescribed_nodes(lattice.numbering, fine, coarse, zone.holds)
 
 
 @njit(**INNER)
-def _distribute_loads(at, cells, fine, coarse, loads):  # type: ignore[no-untyped-def]
+def _distribute_loads(numbering, cells, fine, coarse, loads):  # type: ignore[no-untyped-def]
     """Distribute loads to moving nodes: those of idle and border nodes go to the coarse nodes around them."""
     count = 0
     for n in range(len(loads.entries)):
         p = loads.entries[n].place
         if fine.kind[p] == FREE:
             loads.node_and_entry[count, 0], loads.node_and_entry[count, 1], loads.share[count] = p, n, 1.0
-            fine.touched[p // ROW] = True
+            fine.has_extra_forces[p // ROW] = True
             count += 1
             continue
-        ix, iy = fine_column(at, p), fine_row(at, p)
-        x, y = coarse_cell_beside(at, cells, ix, iy)
+        ix, iy = fine_column(numbering, p), fine_row(numbering, p)
+        x, y = coarse_cell_beside(numbering, cells, ix, iy)
         for dy in range(2):
             for dx in range(2):
                 wx, wy = (ix - 2 * x) / 2, (iy - 2 * y) / 2
                 w = (wx if dx else 1 - wx) * (wy if dy else 1 - wy)
                 if w > 0:
-                    q = coarse_place(at, x + dx, y + dy)
+                    q = coarse_place(numbering, x + dx, y + dy)
                     loads.node_and_entry[count, 0], loads.node_and_entry[count, 1], loads.share[count] = -1 - q, n, w
-                    coarse.touched[q // ROW] = True
+                    coarse.has_extra_forces[q // ROW] = True
                     count += 1
     return count
 
 
 @njit(**INNER)
-def _list_prescribed_nodes(at, fine, coarse, holds):  # type: ignore[no-untyped-def]
+def _list_prescribed_nodes(numbering, fine, coarse, holds):  # type: ignore[no-untyped-def]
     """List the moving nodes that are held."""
     count = 0
     for n in range(len(holds.entries)):
         p = holds.entries[n].place
-        ix, iy = fine_column(at, p), fine_row(at, p)
+        ix, iy = fine_column(numbering, p), fine_row(numbering, p)
         if fine.kind[p] == FREE:
             holds.node_and_entry[count, 0], holds.node_and_entry[count, 1] = p, n
-            fine.touched[p // ROW] = True
+            fine.has_extra_forces[p // ROW] = True
             remove_damping(fine, p, holds.entries[n].axis)
             count += 1
-        elif ix % 2 == 0 and iy % 2 == 0 and coarse.kind[coarse_place(at, ix // 2, iy // 2)] == FREE:
-            q = coarse_place(at, ix // 2, iy // 2)
+        elif ix % 2 == 0 and iy % 2 == 0 and coarse.kind[coarse_place(numbering, ix // 2, iy // 2)] == FREE:
+            q = coarse_place(numbering, ix // 2, iy // 2)
             holds.node_and_entry[count, 0], holds.node_and_entry[count, 1] = -1 - q, n
-            coarse.touched[q // ROW] = True
+            coarse.has_extra_forces[q // ROW] = True
             remove_damping(coarse, q, holds.entries[n].axis)
             count += 1
     return count

@@ -48,16 +48,16 @@ def springs_of_materials(materials: tuple[Material, ...], ratio: float, h: float
     """Springs of each material, all of one family: 0 where a material has none but another has some."""
     farther = any(has_partial_cells(material) for material in materials)
     xi = offsets(ratio + 0.5 if farther else ratio)
-    moduli = [_modulus(material, ratio, np.hypot(*xi.T)) for material in materials]
+    moduli = [_bond_moduli(material, ratio, np.hypot(*xi.T)) for material in materials]
     in_family = np.logical_or.reduce([c > 0 for c in moduli]) & ((xi[:, 1] > 0) | ((xi[:, 1] == 0) & (xi[:, 0] > 0)))
     xi = np.concatenate([xi[in_family], -xi[in_family]])
     return tuple(
-        _make_family_bonds(one, ratio, h, xi, np.tile(c[in_family], 2))
+        _create_family_springs(one, ratio, h, xi, np.tile(c[in_family], 2))
         for one, c in zip(materials, moduli, strict=True)
     )
 
 
-def _modulus(material: Material, ratio: float, length: NDArray[np.float64]) -> NDArray[np.float64]:
+def _bond_moduli(material: Material, ratio: float, length: NDArray[np.float64]) -> NDArray[np.float64]:
     """Calibrated modulus (k,) of bonds of these lengths, in a lattice of spacing 1."""
     reach, partial = np.full(len(length), float(ratio)), has_partial_cells(material)
     counted = hu_beta(length, reach, np.ones(len(length))) if partial else 1.0
@@ -66,7 +66,7 @@ def _modulus(material: Material, ratio: float, length: NDArray[np.float64]) -> N
     return np.where(c > NOTHING * c.max(), c, 0.0)
 
 
-def _make_family_bonds(
+def _create_family_springs(
     material: Material, ratio: float, h: float, xi: NDArray[np.float64], c: NDArray[np.float64]
 ) -> Springs:
     """Springs of a family xi (k, 2), in spacings, with moduli c (k,)."""
@@ -96,7 +96,7 @@ def _spring_table(xi: NDArray[np.float64], stiffness: NDArray[np.float64]) -> ND
     return table
 
 
-def e_of_stretch(stretch: Any) -> Any:
+def e_from_stretch(stretch: Any) -> Any:
     """e = s (s + 2) of a stretch s."""
     return stretch * (stretch + 2)
 
@@ -108,12 +108,14 @@ class BondParts(NamedTuple):
     cells belongs half to either side; those on the other side end at first[f, k, 2].
     """
 
-    first: NDArray[np.int64]  # (4, k, 3)
-    t: NDArray[np.float64]  # (s, 2) shares of the bond where it begins and ends
+    first_part: NDArray[np.int64]  # (4, k, 3)
+    length_shares: NDArray[np.float64]  # (s, 2) shares of the bond where it begins and ends
     cell: NDArray[np.int64]  # (s, 2) the cell it is in, from the node's own
-    ends: NDArray[np.int64]  # (s, 2, 3) where it begins and ends: coarse node, from the cell's corner, and direction
-    w: NDArray[np.float64]  # (s, 2) how far along that edge
-    sides: NDArray[np.uint64]  # (4, k, 2) the cells of a bond on each side: bits of the window
+    edge_ends: NDArray[
+        np.int64
+    ]  # (s, 2, 3) where it begins and ends: coarse node, from the cell's corner, and direction
+    edge_shares: NDArray[np.float64]  # (s, 2) how far along that edge
+    side_cell_bits: NDArray[np.uint64]  # (4, k, 2) the cells of a bond on each side: bits of the window
 
 
 def divide_bonds(springs: Springs) -> BondParts:

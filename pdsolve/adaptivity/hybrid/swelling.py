@@ -15,7 +15,7 @@ from typing import Any
 from numba import njit, types
 from numba.extending import overload
 
-from pdsolve.adaptivity.hybrid.energy import piece_energy, row_spring_energies
+from pdsolve.adaptivity.hybrid.energy import piece_energy, store_half_spring_energies
 from pdsolve.adaptivity.hybrid.forces import interpolate_border_nodes
 from pdsolve.adaptivity.hybrid.lattice import FREE, coarse_column, coarse_place, coarse_row, fine_place
 from pdsolve.adaptivity.hybrid.node_rows import value_at_node
@@ -24,65 +24,71 @@ from pdsolve.codegen.vector_code import ROW
 from pdsolve.operators.simd_lattice.kernel import INNER
 
 
-def set_piece_reliefs(ground: Any, zone: Any) -> None:
+def set_piece_swelling_offsets(lattice: Any, zone: Any) -> None:
     """Set what the strains of nodes add to the displacements between the ends of pieces, where nodes swell."""
 
 
-@overload(set_piece_reliefs, jit_options=INNER)
-def _set_piece_reliefs(ground, zone):  # type: ignore[no-untyped-def]
+@overload(set_piece_swelling_offsets, jit_options=INNER)
+def _set_piece_swelling_offsets(lattice, zone):  # type: ignore[no-untyped-def]
     fine = zone.types[zone.fields.index("fine")]
-    if isinstance(fine.types[fine.fields.index("shrink")], types.NoneType):
-        return lambda ground, zone: None
+    if isinstance(fine.types[fine.fields.index("half_shrinkage")], types.NoneType):
+        return lambda lattice, zone: None
 
-    def relieve_pieces(ground, zone):  # type: ignore[no-untyped-def]
-        fine, coarse, pieces = zone.fine.shrink, zone.coarse.shrink, zone.pieces
+    def offset_pieces(lattice, zone):  # type: ignore[no-untyped-def]
+        fine, coarse, pieces = zone.fine.half_shrinkage, zone.coarse.half_shrinkage, zone.pieces
         for n in range(zone.counts.pieces):
-            both = _shrink_at(fine, coarse, pieces, n, 0) + _shrink_at(fine, coarse, pieces, n, 1)
-            x0, y0 = offset_from_line(ground, fine, pieces.end[n, 0], pieces.end[n, 1], pieces.value[n, 0])
-            x1, y1 = offset_from_line(ground, fine, pieces.end[n, 2], pieces.end[n, 3], pieces.value[n, 1])
-            pieces.relief[n, 0] = both * pieces.value[n, 2] + x1 - x0
-            pieces.relief[n, 1] = both * pieces.value[n, 3] + y1 - y0
+            both = _half_shrinkage_at_end(fine, coarse, pieces, n, 0) + _half_shrinkage_at_end(
+                fine, coarse, pieces, n, 1
+            )
+            x0, y0 = offset_from_line(
+                lattice, fine, pieces.end_nodes[n, 0], pieces.end_nodes[n, 1], pieces.constants[n, 0]
+            )
+            x1, y1 = offset_from_line(
+                lattice, fine, pieces.end_nodes[n, 2], pieces.end_nodes[n, 3], pieces.constants[n, 1]
+            )
+            pieces.swelling_offset[n, 0] = both * pieces.constants[n, 2] + x1 - x0
+            pieces.swelling_offset[n, 1] = both * pieces.constants[n, 3] + y1 - y0
 
-    return relieve_pieces
+    return offset_pieces
 
 
-def offset_from_line(ground: Any, shrink: Any, a: Any, b: Any, w: Any) -> Any:
-    """How far a place at the share w from coarse node a to b is off the line between them, (x, y) in m.
+def offset_from_line(lattice: Any, half_shrinkage: Any, first_node: Any, second_node: Any, w: Any) -> Any:
+    """How far a place at share w from coarse `first_node` to `second_node` is off their line, (x, y) in m.
 
-    `shrink` (n,) is that of fine nodes. A `b` below 0 is none.
+    `half_shrinkage` (n,) is that of fine nodes. A `second_node` below 0 is none.
     """
 
 
 @overload(offset_from_line, jit_options=INNER)
-def _offset_from_line(ground, shrink, a, b, w):  # type: ignore[no-untyped-def]
-    if isinstance(shrink, types.NoneType):
-        return lambda ground, shrink, a, b, w: (0.0, 0.0)
+def _offset_from_line(lattice, half_shrinkage, first_node, second_node, w):  # type: ignore[no-untyped-def]
+    if isinstance(half_shrinkage, types.NoneType):
+        return lambda lattice, half_shrinkage, first_node, second_node, w: (0.0, 0.0)
 
-    def bent(ground, shrink, a, b, w):  # type: ignore[no-untyped-def]
-        if b < 0 or a == b:
+    def offset_on_bent_line(lattice, half_shrinkage, first_node, second_node, w):  # type: ignore[no-untyped-def]
+        if second_node < 0 or first_node == second_node:
             return 0.0, 0.0
-        at, q = ground.at, min(a, b)
-        level = abs(b - a) == 1
-        along, across = (1, at.stride) if level else (at.stride, 1)
-        p = fine_place(at, 2 * coarse_column(at, q), 2 * coarse_row(at, q))
-        scale = -4 * ground.h * w * (w - 1)
-        on = scale * (shrink[p + 2 * along] - shrink[p]) / 2
-        aside = -scale * _slope(shrink, ground.nodes, p + along, across)
+        numbering, q = lattice.numbering, min(first_node, second_node)
+        level = abs(second_node - first_node) == 1
+        along, across = (1, numbering.stride) if level else (numbering.stride, 1)
+        p = fine_place(numbering, 2 * coarse_column(numbering, q), 2 * coarse_row(numbering, q))
+        scale = -4 * lattice.h * w * (w - 1)
+        on = scale * (half_shrinkage[p + 2 * along] - half_shrinkage[p]) / 2
+        aside = -scale * _limited_difference(half_shrinkage, lattice.node_rows, p + along, across)
         return (on, aside) if level else (aside, on)
 
-    return bent
+    return offset_on_bent_line
 
 
 @njit(**INNER)
-def _slope(values, nodes, p, way):  # type: ignore[no-untyped-def]
+def _limited_difference(values, nodes, p, step):  # type: ignore[no-untyped-def]
     """Difference of values from a place to the next: the smaller of both sides, 0 if they differ in sign.
 
     So it is that of linear values, and no leap at a crack is one.
     """
-    up, down = values[p + way] - values[p], values[p] - values[p - way]
+    up, down = values[p + step] - values[p], values[p] - values[p - step]
     has_next, has_previous = (
-        value_at_node(nodes, nodes.mass, p + way) > 0,
-        value_at_node(nodes, nodes.mass, p - way) > 0,
+        value_at_node(nodes, nodes.mass, p + step) > 0,
+        value_at_node(nodes, nodes.mass, p - step) > 0,
     )
     if not (has_next and has_previous):
         return (up if has_next else 0.0) + (down if has_previous else 0.0)
@@ -92,66 +98,70 @@ def _slope(values, nodes, p, way):  # type: ignore[no-untyped-def]
 
 
 @njit(forceinline=True, **INNER)
-def _shrink_at(fine, coarse, pieces, n, which):  # type: ignore[no-untyped-def]
+def _half_shrinkage_at_end(fine, coarse, pieces, n, side):  # type: ignore[no-untyped-def]
     """Minus half the strain at an end of a piece."""
-    a, b = pieces.end[n, 2 * which], pieces.end[n, 2 * which + 1]
+    a, b = pieces.end_nodes[n, 2 * side], pieces.end_nodes[n, 2 * side + 1]
     if b < 0:
         return fine[a]
-    w = pieces.value[n, which]
+    w = pieces.constants[n, side]
     return (1 - w) * coarse[a] + w * coarse[b]
 
 
 @cached_njit(error_model="numpy")
-def set_all_reliefs(ground, zone, now):  # type: ignore[no-untyped-def]
-    """See `set_piece_reliefs`; border nodes too."""
-    set_piece_reliefs(ground, zone)
+def set_swelling_offsets(lattice, zone, buffer):  # type: ignore[no-untyped-def]
+    """See `set_piece_swelling_offsets`; border nodes too."""
+    set_piece_swelling_offsets(lattice, zone)
     border, count = zone.border, zone.counts.border_nodes
     for n in range(count):
-        border.off[n] = offset_from_line(ground, zone.fine.shrink, border.end[n, 0], border.end[n, 1], border.w[n])
-    interpolate_border_nodes(zone.fine.u[now], zone.coarse.u[now], border, count)
+        border.swelling_offset[n] = offset_from_line(
+            lattice, zone.fine.half_shrinkage, border.carriers[n, 0], border.carriers[n, 1], border.w[n]
+        )
+    interpolate_border_nodes(zone.fine.u[buffer], zone.coarse.u[buffer], border, count)
 
 
 @cached_njit(error_model="numpy")
-def average_to_coarse(ground, fine_values, coarse_values):  # type: ignore[no-untyped-def]
+def average_to_coarse(lattice, fine_values, coarse_values):  # type: ignore[no-untyped-def]
     """Set values of coarse nodes to the mean of fine ones (n,) around them: 1/4, 1/2, 1/4 along each axis.
 
     What a cell holds is so that of its fine nodes. Along an axis on which there is no node on one side, the middle one
     alone counts, so that linear values stay exact.
     """
-    at, nodes = ground.at, ground.nodes
-    for y in range(at.ny // 2 + 1):
-        for x in range(at.nx // 2 + 1):
-            p = fine_place(at, 2 * x, 2 * y)
-            mean = _mean_along_line(fine_values, nodes, p, 1)
+    numbering, nodes = lattice.numbering, lattice.node_rows
+    for y in range(numbering.ny // 2 + 1):
+        for x in range(numbering.nx // 2 + 1):
+            p = fine_place(numbering, 2 * x, 2 * y)
+            mean = _weighted_mean_along_line(fine_values, nodes, p, 1)
             if (
-                value_at_node(nodes, nodes.mass, p + at.stride) > 0
-                and value_at_node(nodes, nodes.mass, p - at.stride) > 0
+                value_at_node(nodes, nodes.mass, p + numbering.stride) > 0
+                and value_at_node(nodes, nodes.mass, p - numbering.stride) > 0
             ):
-                mean = mean / 2 + _mean_along_line(fine_values, nodes, p + at.stride, 1) / 4
-                mean += _mean_along_line(fine_values, nodes, p - at.stride, 1) / 4
-            coarse_values[coarse_place(at, x, y)] = mean
+                mean = mean / 2 + _weighted_mean_along_line(fine_values, nodes, p + numbering.stride, 1) / 4
+                mean += _weighted_mean_along_line(fine_values, nodes, p - numbering.stride, 1) / 4
+            coarse_values[coarse_place(numbering, x, y)] = mean
 
 
 @njit(**INNER)
-def _mean_along_line(values, nodes, p, way):  # type: ignore[no-untyped-def]
+def _weighted_mean_along_line(values, nodes, p, step):  # type: ignore[no-untyped-def]
     """Mean of a value and the next ones on a line, if there are both."""
-    if value_at_node(nodes, nodes.mass, p + way) == 0 or value_at_node(nodes, nodes.mass, p - way) == 0:
+    if value_at_node(nodes, nodes.mass, p + step) == 0 or value_at_node(nodes, nodes.mass, p - step) == 0:
         return values[p]
-    return values[p] / 2 + (values[p - way] + values[p + way]) / 4
+    return values[p] / 2 + (values[p - step] + values[p + step]) / 4
 
 
 @cached_njit(error_model="numpy")
-def total_strain_energy(ground, zone, now):  # type: ignore[no-untyped-def]
+def total_strain_energy(lattice, zone, buffer):  # type: ignore[no-untyped-def]
     """Strain energy of all springs and pieces, J/m."""
-    fine, coarse, energy, s = zone.fine, zone.coarse, 0.0, zone.s[0]
+    fine, coarse, energy, s = zone.fine, zone.coarse, 0.0, zone.lane_sums[0]
     for row in fine.rows[: zone.counts.fine_rows]:
-        row_spring_energies(fine, ground.table, ground.ways, False, row, fine.u[now], s)
+        store_half_spring_energies(fine, lattice.spring_table, lattice.offsets, False, row, fine.u[buffer], s)
         for lane in range(ROW):
             energy += s[lane]
     for row in coarse.rows[: zone.counts.coarse_rows]:
-        row_spring_energies(coarse, ground.coarse_table, ground.coarse_ways, True, row, coarse.u[now], s)
+        store_half_spring_energies(
+            coarse, lattice.coarse_spring_table, lattice.coarse_offsets, True, row, coarse.u[buffer], s
+        )
         for lane in range(ROW):
             energy += s[lane] if coarse.kind[row * ROW + lane] == FREE else 0.0
     for n in range(zone.counts.pieces):
-        energy += piece_energy(zone.pieces, fine.u[now], coarse.u[now], n)
+        energy += piece_energy(zone.pieces, fine.u[buffer], coarse.u[buffer], n)
     return energy

@@ -17,18 +17,18 @@ from pdsolve.adaptivity.hybrid.engine import HybridEngine
 from pdsolve.codegen.vector_code import ROW
 from pdsolve.operators.tangent import of_green_springs, of_springs
 
-XI, STIFFNESS = slice(2, 4), 5  # of `ClippedPieces.value`
+XI, STIFFNESS = slice(2, 4), 5  # of `ClippedPieces.constants`
 
 
 class PointWeights(NamedTuple):
     """Weights by which p points move with n nodes."""
 
-    of_node: csr_array  # (n, n): of the nodes that are tied to others, by those
-    of_point: csr_array  # (p, n)
-    fine: NDArray[np.int64]  # (places,) point of a fine place, -1 without one
-    coarse: NDArray[np.int64]  # (coarse places,)
-    far: NDArray[np.int64]  # (far places,)
-    ends: NDArray[np.int64]  # (2, pieces)
+    node_weights: csr_array  # (n, n): of the nodes that are tied to others, by those
+    point_weights: csr_array  # (p, n)
+    point_at_fine_place: NDArray[np.int64]  # (places,) point of a fine place, -1 without one
+    point_at_coarse_place: NDArray[np.int64]  # (coarse places,)
+    point_at_far_place: NDArray[np.int64]  # (far places,)
+    piece_end_points: NDArray[np.int64]  # (2, pieces)
 
 
 def create_point_weights(
@@ -43,8 +43,10 @@ def create_point_weights(
     `row_at_place` (places,) is the row of each fine place; `fine`, `coarse` and `far` are the places of nodes on the
     lattices.
     """
-    zone, nodes, at = hybrid.zone, int(row_at_place.max()) + 1, hybrid.plate.at
-    row_of_coarse, row_of_far = (np.full(places, -1, dtype=np.int64) for places in (at.coarse_places, at.far_places))
+    zone, nodes, numbering = hybrid.zone, int(row_at_place.max()) + 1, hybrid.plate.numbering
+    row_of_coarse, row_of_far = (
+        np.full(places, -1, dtype=np.int64) for places in (numbering.coarse_places, numbering.far_places)
+    )
     on, far_on = hybrid.fine_places_of_coarse(coarse), hybrid.fine_places_of_far(far)
     row_of_coarse[coarse], row_of_far[far] = row_at_place[on], row_at_place[far_on]
     independent, of_node = np.ones(nodes), csr_array((nodes, nodes))
@@ -53,25 +55,27 @@ def create_point_weights(
         (zone.tied, zone.counts.tied_nodes, row_of_coarse, row_of_far),
     ):
         tied = rows[border.node[:entry_count]].astype(np.int64)
-        of_node = of_node + _interpolation_weights(tied, ends[border.end[:entry_count]], border.w[:entry_count], nodes)
+        of_node = of_node + _interpolation_weights(
+            tied, ends[border.carriers[:entry_count]], border.w[:entry_count], nodes
+        )
         independent[tied] = 0.0
     of_node = (of_node + diags_array(independent)).tocsr()
 
     pieces, entry_count = zone.pieces, int(zone.counts.pieces)
-    of_fine, of_coarse = np.full(at.places, -1), np.full(at.coarse_places, -1)
+    of_fine, of_coarse = np.full(numbering.places, -1), np.full(numbering.coarse_places, -1)
     of_fine[fine], of_coarse[coarse] = np.arange(len(fine)), len(fine) + np.arange(len(coarse))
-    of_far = np.full(at.far_places, -1)
+    of_far = np.full(numbering.far_places, -1)
     of_far[far] = len(fine) + len(coarse) + np.arange(len(far))
     node_rows = np.concatenate([row_at_place[fine], row_at_place[on], row_at_place[far_on]]).astype(np.int64)
     node_points = csr_array((np.ones(len(node_rows)), (np.arange(len(node_rows)), node_rows)), (len(node_rows), nodes))
     point_blocks = [node_points]
     for side in range(2):
-        a, b = pieces.end[:entry_count, 2 * side], pieces.end[:entry_count, 2 * side + 1]
+        a, b = pieces.end_nodes[:entry_count, 2 * side], pieces.end_nodes[:entry_count, 2 * side + 1]
         on_fine = b < 0
         ends = np.column_stack([np.where(on_fine, 0, a), np.maximum(b, 0)])
         rows = row_of_coarse[ends]
         rows[on_fine] = row_at_place[a[on_fine], None]
-        w = np.where(on_fine, 0.0, pieces.value[:entry_count, side])
+        w = np.where(on_fine, 0.0, pieces.constants[:entry_count, side])
         point_blocks.append(_interpolation_weights(np.arange(entry_count), rows, w, nodes, entry_count))
     of_end = len(node_rows) + np.arange(2 * entry_count).reshape(2, entry_count)
     return PointWeights(of_node, (vstack(point_blocks) @ of_node).tocsr(), of_fine, of_coarse, of_far, of_end)
@@ -86,7 +90,7 @@ def _interpolation_weights(
     return coo_array(entries, (nodes if count is None else count, nodes)).tocsr()
 
 
-def tangent_of(
+def assemble_tangent(
     hybrid: HybridEngine,
     points: PointWeights,
     value: NDArray[np.float64],
@@ -98,35 +102,35 @@ def tangent_of(
     Nodes have densities `rho` (n,) and 1 / mass `inverse_mass` (n,), m/kg, which is 0 for tied nodes. Softened bonds
     enter with their secant stiffness.
     """
-    tied = kron(points.of_node, eye_array(2)).tocsr()
+    tied = kron(points.node_weights, eye_array(2)).tocsr()
     density, lightness = (diags_array(np.repeat(field, 2)) for field in (rho, inverse_mass))
     return (density @ tied @ lightness @ _force_tangent(hybrid, points, value)).tocsr()
 
 
 def _force_tangent(hybrid: HybridEngine, points: PointWeights, value: NDArray[np.float64]) -> csr_array:
     """Minus the derivative (2 n, 2 n), N/m^2, of the forces (n, 2), N/m, on independent nodes."""
-    zone, ground = hybrid.zone, hybrid.ground
-    u = points.of_point @ value
-    fine = np.flatnonzero(points.fine >= 0)
-    node, k, stiffness = _list_springs(zone.fine, fine, ground.table)
-    xi = ground.table[k, :2]
-    source, target = points.fine[fine[node]], points.fine[fine[node] + ground.ways[k]]
+    zone, lattice = hybrid.zone, hybrid.lattice
+    u = points.point_weights @ value
+    fine = np.flatnonzero(points.point_at_fine_place >= 0)
+    node, k, stiffness = _list_springs(zone.fine, fine, lattice.spring_table)
+    xi = lattice.spring_table[k, :2]
+    source, target = points.point_at_fine_place[fine[node]], points.point_at_fine_place[fine[node] + lattice.offsets[k]]
     matrix = of_springs(source, target, xi, stiffness * np.sqrt((xi**2).sum(axis=1)), u)
 
     for nodes, number, table, ways in (
-        (zone.coarse, points.coarse, ground.coarse_table, ground.coarse_ways),
-        (zone.far, points.far, ground.far_table, ground.far_ways),
+        (zone.coarse, points.point_at_coarse_place, lattice.coarse_spring_table, lattice.coarse_offsets),
+        (zone.far, points.point_at_far_place, lattice.far_spring_table, lattice.far_offsets),
     ):
         places = np.flatnonzero(number >= 0)
         node, k, stiffness = _list_springs(nodes, places, table)
         source, target = number[places[node]], number[places[node] + ways[k]]
         matrix += of_green_springs(source, target, table[k, :2], stiffness, u)
 
-    piece_count, (first, second) = int(zone.counts.pieces), points.ends
-    piece = zone.pieces.value[:piece_count]
+    piece_count, (first, second) = int(zone.counts.pieces), points.piece_end_points
+    piece = zone.pieces.constants[:piece_count]
     for near, far, sign in ((first, second, 1.0), (second, first, -1.0)):
         matrix += of_green_springs(near, far, sign * piece[:, XI], piece[:, STIFFNESS], u)
-    point_matrix = kron(points.of_point, eye_array(2)).tocsr()
+    point_matrix = kron(points.point_weights, eye_array(2)).tocsr()
     return (point_matrix.T @ matrix @ point_matrix).tocsr()
 
 
@@ -134,7 +138,7 @@ def _list_springs(
     nodes: LatticeNodes, places: NDArray[np.int64], table: NDArray[np.float64]
 ) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.float64]]:
     """Springs of the nodes of a lattice: index of each one's place, index in the `table`, and stiffness, N/m^2."""
-    entry = nodes.entry[places // ROW].astype(np.int64)
-    stiffness = np.where(entry[:, None] < 0, table[:, 5], nodes.own[np.maximum(entry, 0), :, places % ROW])
+    entry = nodes.stiffness_index[places // ROW].astype(np.int64)
+    stiffness = np.where(entry[:, None] < 0, table[:, 5], nodes.row_stiffness[np.maximum(entry, 0), :, places % ROW])
     node, k = np.nonzero(stiffness)
     return node, k, stiffness[node, k]

@@ -29,8 +29,8 @@ class LeafStates(NamedTuple):
     cells: Cells
     place: NDArray[np.float64]  # (n, 2) m
     horizon: NDArray[np.float64]  # (n,) m
-    height: NDArray[np.float64]  # (n,) over what everything is measured by; flagged above the threshold
-    hurt: NDArray[np.bool_]  # (n,) whether a bond has broken
+    criterion_value: NDArray[np.float64]  # (n,) over what everything is measured by; flagged above the threshold
+    has_broken_bond: NDArray[np.bool_]  # (n,) whether a bond has broken
 
 
 def critical_energy_densities(tree: Tree) -> NDArray[np.float64]:
@@ -74,70 +74,78 @@ def relative_stretches(
     return np.where(tree.pinned[cells.root], 0.0, largest)
 
 
-def mask_leaves_to_split(tree: Tree, look: LeafStates, threshold: float) -> NDArray[np.bool_]:
+def mask_leaves_to_split(tree: Tree, leaf_states: LeafStates, threshold: float) -> NDArray[np.bool_]:
     """Mask (n,) of the leaves that split: wanted ones and the coarser ones they touch, without those whose coarser
     neighbour cannot be split."""
-    flagged = look.height > threshold
-    level, can = look.cells.level, tree.splits(look.cells)
+    flagged = leaf_states.criterion_value > threshold
+    level, can = leaf_states.cells.level, tree.can_split(leaf_states.cells)
     to_split = can.copy()
-    to_split[can] = _within(look.place[can], look, flagged, 1.0)
+    to_split[can] = _mask_near_flagged(leaf_states.place[can], leaf_states, flagged, 1.0)
     for at in range(tree.levels - 1, 0, -1):
         coarser = np.flatnonzero(can & (level < at))
-        to_split[coarser] |= _mask_touching(tree, look.cells.taken(coarser), look, to_split & (level == at))
+        to_split[coarser] |= _mask_touching(
+            tree, leaf_states.cells.select(coarser), leaf_states, to_split & (level == at)
+        )
     for at in range(1, tree.levels):
         finer = np.flatnonzero(to_split & (level == at))
-        to_split[finer] = ~_mask_touching(tree, look.cells.taken(finer), look, ~to_split & (level < at))
+        to_split[finer] = ~_mask_touching(tree, leaf_states.cells.select(finer), leaf_states, ~to_split & (level < at))
     return to_split
 
 
-def _within(
-    place: NDArray[np.float64], look: LeafStates, flagged: NDArray[np.bool_], times: float, reach: float | None = None
+def _mask_near_flagged(
+    place: NDArray[np.float64],
+    leaf_states: LeafStates,
+    flagged: NDArray[np.bool_],
+    times: float,
+    reach: float | None = None,
 ) -> NDArray[np.bool_]:
     """Mask of places (k, 2) within `times` horizons of flagged nodes; the horizon is the node's, or `reach`, m."""
     within = np.zeros(len(place), dtype=bool)
-    for level in np.unique(look.cells.level[flagged]):
-        at_level = flagged & (look.cells.level == level)
-        horizon = look.horizon[at_level][0] if reach is None else reach
+    for level in np.unique(leaf_states.cells.level[flagged]):
+        at_level = flagged & (leaf_states.cells.level == level)
+        horizon = leaf_states.horizon[at_level][0] if reach is None else reach
         if len(place):
-            away, _ = tree_of(look.place[at_level]).query(place, distance_upper_bound=2 * times * horizon)
+            away, _ = tree_of(leaf_states.place[at_level]).query(place, distance_upper_bound=2 * times * horizon)
             within |= away <= times * horizon * (1 + ROUND_OFF)
     return within
 
 
-def _mask_touching(tree: Tree, cells: Cells, look: LeafStates, others: NDArray[np.bool_]) -> NDArray[np.bool_]:
+def _mask_touching(tree: Tree, cells: Cells, leaf_states: LeafStates, others: NDArray[np.bool_]) -> NDArray[np.bool_]:
     """Mask of cells (k,) that touch one of the leaves `others` (n,), also at a corner."""
     place, half, touching = (
         tree.place(cells),
         tree.spacing / 2.0 ** (cells.level + 1),
         np.zeros(len(cells.root), dtype=bool),
     )
-    for at in np.unique(look.cells.level[others]) if len(place) else ():
-        at_level = others & (look.cells.level == at)
-        away, _ = tree_of(look.place[at_level]).query(place, p=np.inf, distance_upper_bound=2 * tree.spacing)
+    for at in np.unique(leaf_states.cells.level[others]) if len(place) else ():
+        at_level = others & (leaf_states.cells.level == at)
+        away, _ = tree_of(leaf_states.place[at_level]).query(place, p=np.inf, distance_upper_bound=2 * tree.spacing)
         touching |= away <= (half + tree.spacing / 2.0 ** (at + 1)) * (1 + ROUND_OFF)
     return touching
 
 
 def list_cells_to_merge(
-    tree: Tree, look: LeafStates, calm: NDArray[np.bool_], splits: NDArray[np.bool_], threshold: float
+    tree: Tree, leaf_states: LeafStates, calm: NDArray[np.bool_], splits: NDArray[np.bool_], threshold: float
 ) -> Cells:
     """Cells whose four quarters are leaves, `calm` (n,), and merge."""
-    cells = look.cells
+    cells = leaf_states.cells
     may_merge = calm & (cells.level > 0) & ~splits
-    parents = cells.taken(may_merge).parent()
+    parents = cells.select(may_merge).parent()
     key = tree.ids(parents)
     _, first, count = np.unique(key, return_index=True, return_counts=True)
-    parents = parents.taken(first)
+    parents = parents.select(first)
     quarter_count = (tree.areas(parents.quarters()).reshape(-1, 4) > 0).sum(axis=1)
-    parents = parents.taken(count == quarter_count)
+    parents = parents.select(count == quarter_count)
     horizon = tree.model.settings.horizon.ratio * tree.spacing / 2.0**parents.level
     keep = np.ones(len(parents.root), dtype=bool)
-    place, flagged = tree.place(parents), look.height > threshold
+    place, flagged = tree.place(parents), leaf_states.criterion_value > threshold
     for at in np.unique(parents.level):
         at_level = parents.level == at
         reach = float(horizon[at_level][0])
-        keep[at_level] &= ~_within(place[at_level], look, flagged, FAR, reach)
-        keep[at_level] &= ~_within(place[at_level], look, look.hurt, 1.0, reach + tree.spacing / 2.0**at)
-        finer = look.cells.level + splits > at + 1
-        keep[at_level] &= ~_mask_touching(tree, parents.taken(at_level), look, finer)
-    return parents.taken(keep)
+        keep[at_level] &= ~_mask_near_flagged(place[at_level], leaf_states, flagged, FAR, reach)
+        keep[at_level] &= ~_mask_near_flagged(
+            place[at_level], leaf_states, leaf_states.has_broken_bond, 1.0, reach + tree.spacing / 2.0**at
+        )
+        finer = leaf_states.cells.level + splits > at + 1
+        keep[at_level] &= ~_mask_touching(tree, parents.select(at_level), leaf_states, finer)
+    return parents.select(keep)

@@ -21,36 +21,36 @@ class LeafBonds(NamedTuple):
     """The bonds of n nodes, and the pairs they are made from."""
 
     assembly: Assembly
-    paired: Paired  # all pairs, each looked at by itself
-    lack: NDArray[np.float64]  # (n, ...) what nodes lack, by all their pairs
+    pairs: Paired  # all pairs, each looked at by itself
+    energy_lack: NDArray[np.float64]  # (n, ...) what nodes lack, by all their pairs
 
 
 def create_leaf_bonds(rule: ByPairs) -> LeafBonds:
     """All bonds of a model."""
     rows = np.arange(len(rule.area))
     paired = rule.looked(rule.neighbours.pairs(rows))
-    return _assemble(rule, paired, rule.lack(rows, paired))
+    return _assemble_leaf_bonds(rule, paired, rule.lack(rows, paired))
 
 
-def update_leaf_bonds(rule: ByPairs, model: Model, before: LeafBonds, transfer: LeafOrigins) -> LeafBonds:
+def update_leaf_bonds(rule: ByPairs, model: Model, before: LeafBonds, origins: LeafOrigins) -> LeafBonds:
     """All bonds of a model, reusing those of unchanged nodes from `before`."""
-    stays = transfer.stays
+    stays = origins.stays
     position, delta = model.grid.position, model.grid.delta
     reach = float((model.horizons + delta / 2).max()) * (1 + ROUND_OFF)
     away, _ = tree_of(position[~stays]).query(position, distance_upper_bound=2 * reach)
     near_rows = np.flatnonzero(away <= reach)  # new nodes, and all that may interact with one
     pairs = rule.neighbours.pairs(near_rows)
     fresh = rule.looked(chosen(pairs, ~(stays[pairs.source] & stays[pairs.target])))
-    row = np.full(len(before.lack), -1)
-    row[transfer.before[stays, 0]] = np.flatnonzero(stays)
-    paired = _join_pairs(before.paired, row, fresh, len(stays))
-    lack = np.zeros((len(stays), *before.lack.shape[1:]))
-    lack[stays] = before.lack[transfer.before[stays, 0]]
+    row = np.full(len(before.energy_lack), -1)
+    row[origins.origin_rows[stays, 0]] = np.flatnonzero(stays)
+    paired = _join_pairs(before.pairs, row, fresh, len(stays))
+    lack = np.zeros((len(stays), *before.energy_lack.shape[1:]))
+    lack[stays] = before.energy_lack[origins.origin_rows[stays, 0]]
     changed = np.zeros(len(stays), dtype=bool)
     changed[near_rows] = True
     changed_pairs = np.flatnonzero(changed[paired.pairs.source])
     lack[near_rows] = rule.lack(near_rows, _select_pairs(paired, changed_pairs))
-    return _assemble(rule, paired, lack)
+    return _assemble_leaf_bonds(rule, paired, lack)
 
 
 def _join_pairs(before: Paired, row: NDArray[np.int64], fresh: Paired, nodes: int) -> Paired:
@@ -59,21 +59,21 @@ def _join_pairs(before: Paired, row: NDArray[np.int64], fresh: Paired, nodes: in
     unchanged = np.flatnonzero((source >= 0) & (target >= 0))
     old = _select_pairs(before, unchanged)
     old = old._replace(pairs=Pairs(source[unchanged], target[unchanged], old.pairs.length))
-    columns: list[Any] = list(map(np.concatenate, zip(_columns(old), _columns(fresh), strict=True)))
+    columns: list[Any] = list(map(np.concatenate, zip(_columns_of_pairs(old), _columns_of_pairs(fresh), strict=True)))
     both = Paired(Pairs(*columns[:3]), *columns[3:])
     return _select_pairs(both, np.argsort(both.pairs.source * nodes + both.pairs.target, kind="stable"))
 
 
 def _select_pairs(paired: Paired, which: NDArray[np.int64]) -> Paired:
     """The selected pairs."""
-    columns: list[Any] = [column[which] for column in _columns(paired)]
+    columns: list[Any] = [column[which] for column in _columns_of_pairs(paired)]
     return Paired(Pairs(*columns[:3]), *columns[3:])
 
 
-def _columns(paired: Paired) -> tuple[Any, ...]:
+def _columns_of_pairs(paired: Paired) -> tuple[Any, ...]:
     return (*paired.pairs, *paired[1:])
 
 
-def _assemble(rule: ByPairs, paired: Paired, lack: NDArray[np.float64]) -> LeafBonds:
+def _assemble_leaf_bonds(rule: ByPairs, paired: Paired, lack: NDArray[np.float64]) -> LeafBonds:
     part = rule.part(np.arange(len(rule.area)), paired, lack)
     return LeafBonds(Assembly(part.bonds, rule.area, part.family), paired, lack)

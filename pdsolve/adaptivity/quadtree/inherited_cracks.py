@@ -27,8 +27,8 @@ class PastBonds:
 
     def __init__(self, bonds: Bonds, broken: NDArray[np.int32]) -> None:
         self.bonds, self.broken, self._nodes = bonds, broken, len(bonds.start) - 1
-        self.hurt = np.zeros(self._nodes, dtype=bool)  # which nodes have a broken bond
-        self.hurt[ends(bonds, np.flatnonzero(broken))[0]] = True
+        self.has_broken_bond = np.zeros(self._nodes, dtype=bool)  # which nodes have a broken bond
+        self.has_broken_bond[ends(bonds, np.flatnonzero(broken))[0]] = True
 
     @cached_property
     def source(self) -> Rows:
@@ -39,14 +39,14 @@ class PastBonds:
     def _key(self) -> Rows:
         return self.source * self._nodes + self.bonds.neighbour
 
-    def between(self, source: Rows, target: Rows) -> tuple[NDArray[np.bool_], NDArray[np.int32]]:
+    def find_bonds(self, source: Rows, target: Rows) -> tuple[NDArray[np.bool_], NDArray[np.int32]]:
         """Whether nodes (k,) had bonds to others (k,), and the step in which each broke."""
         key = source * self._nodes + target
         at = np.searchsorted(self._key, key).clip(max=len(self._key) - 1)
         had_bond = self._key[at] == key
         return had_bond, np.where(had_bond, self.broken[at], 0)
 
-    def by_way_of(self, source: Rows, target: Rows, xi: NDArray[np.float64]) -> NDArray[np.int32]:
+    def separation_steps(self, source: Rows, target: Rows, xi: NDArray[np.float64]) -> NDArray[np.int32]:
         """Step (k,) since which a crack separates nodes (k,) from others without a bond, at vectors `xi` (k, 2), m.
 
         A crack separates them if exactly one of the two has lost its bond to a node halfway.
@@ -54,7 +54,7 @@ class PastBonds:
         begin, count = self.bonds.start[source], np.diff(self.bonds.start)[source]
         pair = np.repeat(np.arange(len(source)), count)
         number = np.arange(count.sum()) + np.repeat(begin - np.cumsum(count) + count, count)
-        had_bond, when = self.between(self.bonds.neighbour[number].astype(np.int64), target[pair])
+        had_bond, when = self.find_bonds(self.bonds.neighbour[number].astype(np.int64), target[pair])
         pair, number, when = pair[had_bond], number[had_bond], when[had_bond]
         away = np.hypot(*(self.bonds.xi[number] - xi[pair] / 2).T)
         order = np.lexsort((away, pair))
@@ -65,19 +65,19 @@ class PastBonds:
         return steps
 
 
-def inherit_breaks(before: PastBonds, new: Bonds, transfer: LeafOrigins) -> NDArray[np.int32]:
+def inherit_breaks(old_bonds: PastBonds, new_bonds: Bonds, origins: LeafOrigins) -> NDArray[np.int32]:
     """Steps (b,) in which the new bonds broke; 0 for intact ones."""
-    source, target = bond_sources(new), new.neighbour.astype(np.int64)
+    source, target = bond_sources(new_bonds), new_bonds.neighbour.astype(np.int64)
     steps = np.zeros(len(source), dtype=np.int32)
-    stays, removed = transfer.stays, np.ones(len(before.hurt), dtype=bool)
-    removed[transfer.before[stays, 0]] = False
+    stays, removed = origins.stays, np.ones(len(old_bonds.has_broken_bond), dtype=bool)
+    removed[origins.origin_rows[stays, 0]] = False
     same = stays[source] & stays[target]  # in the order they had
-    steps[same] = before.broken[~removed[before.source] & ~removed[before.bonds.neighbour]]
+    steps[same] = old_bonds.broken[~removed[old_bonds.source] & ~removed[old_bonds.bonds.neighbour]]
     changed_bonds = np.flatnonzero(~same)
     source_origin, target_origin, parts = (
-        transfer.before[source[changed_bonds]],
-        transfer.before[target[changed_bonds]],
-        transfer.parts > 0,
+        origins.origin_rows[source[changed_bonds]],
+        origins.origin_rows[target[changed_bonds]],
+        origins.mass_shares > 0,
     )
     mine, theirs = parts[source[changed_bonds]], parts[target[changed_bonds]]
     has_origin, when = source_origin[:, 0] == target_origin[:, 0], np.zeros(len(changed_bonds), dtype=np.int32)
@@ -86,30 +86,32 @@ def inherit_breaks(before: PastBonds, new: Bonds, transfer: LeafOrigins) -> NDAr
             both_parts = np.flatnonzero(mine[:, a] & theirs[:, b])
             if not len(both_parts):
                 continue
-            had_bond, then = before.between(source_origin[both_parts, a], target_origin[both_parts, b])
+            had_bond, then = old_bonds.find_bonds(source_origin[both_parts, a], target_origin[both_parts, b])
             back = np.flatnonzero(~had_bond)  # of a bond that only one end had
-            had_bond[back], then[back] = before.between(
+            had_bond[back], then[back] = old_bonds.find_bonds(
                 target_origin[both_parts[back], b], source_origin[both_parts[back], a]
             )
             has_origin[both_parts] |= had_bond
             when[both_parts] = np.maximum(when[both_parts], then)
-    unknown = np.flatnonzero(~has_origin & (before.hurt[source_origin[:, 0]] | before.hurt[target_origin[:, 0]]))
+    unknown = np.flatnonzero(
+        ~has_origin & (old_bonds.has_broken_bond[source_origin[:, 0]] | old_bonds.has_broken_bond[target_origin[:, 0]])
+    )
     if len(unknown):
         bonds = changed_bonds[unknown]
-        xi = new.xi[bonds] + transfer.away[source[bonds]] - transfer.away[target[bonds]]
-        when[unknown] = before.by_way_of(source_origin[unknown, 0], target_origin[unknown, 0], xi)
+        xi = new_bonds.xi[bonds] + origins.mass_shift[source[bonds]] - origins.mass_shift[target[bonds]]
+        when[unknown] = old_bonds.separation_steps(source_origin[unknown, 0], target_origin[unknown, 0], xi)
     steps[changed_bonds] = when
     return steps
 
 
-def count_healed_bonds(before: PastBonds, new: Bonds, transfer: LeafOrigins, broken: NDArray[np.int32]) -> int:
+def count_healed_bonds(old_bonds: PastBonds, new_bonds: Bonds, origins: LeafOrigins, broken: NDArray[np.int32]) -> int:
     """Number of new bonds that are intact although a bond between their parent nodes was broken."""
-    child, part = np.nonzero(transfer.parts > 0)
-    old = transfer.before[child, part]
+    child, part = np.nonzero(origins.mass_shares > 0)
+    old = origins.origin_rows[child, part]
     order = np.argsort(old, kind="stable")
-    child, begin = child[order], np.searchsorted(old[order], np.arange(len(before.hurt) + 1))
-    which = np.flatnonzero(before.broken)
-    old_source, old_target = before.source[which], before.bonds.neighbour[which].astype(np.int64)
+    child, begin = child[order], np.searchsorted(old[order], np.arange(len(old_bonds.has_broken_bond) + 1))
+    which = np.flatnonzero(old_bonds.broken)
+    old_source, old_target = old_bonds.source[which], old_bonds.bonds.neighbour[which].astype(np.int64)
     counts = np.diff(begin)
     pairs = counts[old_source] * counts[old_target]
     row, number = np.repeat(np.arange(len(which)), pairs), np.arange(pairs.sum())
@@ -117,6 +119,6 @@ def count_healed_bonds(before: PastBonds, new: Bonds, transfer: LeafOrigins, bro
     wide = counts[old_target[row]]
     source = child[begin[old_source[row]] + number // np.maximum(wide, 1)]
     target = child[begin[old_target[row]] + number % np.maximum(wide, 1)]
-    now = PastBonds(new, broken)
-    has_bond, when = now.between(source, target)
+    now = PastBonds(new_bonds, broken)
+    has_bond, when = now.find_bonds(source, target)
     return int(np.count_nonzero(has_bond & (when == 0)))

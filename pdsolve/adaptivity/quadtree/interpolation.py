@@ -23,7 +23,7 @@ from pdsolve.state import State
 FLAT = 1e-6  # of the largest possible determinant: neighbours in one line give no gradient
 
 
-def gradients(
+def field_gradients(
     bonds: Bonds, intact: NDArray[np.bool_], rows: NDArray[np.int64], *fields: NDArray[np.float64]
 ) -> list[NDArray[np.float64]]:
     """Gradient (k, w, 2) of each field (n, w) at these rows (k,); 0 if a node has too few neighbours."""
@@ -52,24 +52,29 @@ def gradients(
     return field_gradients
 
 
-def interpolate_state(state: State, transfer: LeafOrigins, bonds: Bonds, intact: NDArray[np.bool_]) -> State:
+def interpolate_state(state: State, origins: LeafOrigins, bonds: Bonds, intact: NDArray[np.bool_]) -> State:
     """The state of the new nodes, from that of the old nodes with these bonds."""
     fields = (state.value, state.rate, state.second)
-    means = [(transfer.parts[..., None] * field[transfer.before]).sum(axis=1) for field in fields]
-    stays = transfer.stays
+    means = [(origins.mass_shares[..., None] * field[origins.origin_rows]).sum(axis=1) for field in fields]
+    stays = origins.stays
     for mean, field in zip(means, fields, strict=True):
-        mean[stays] = field[transfer.before[stays, 0]]
-    split, merged = (transfer.away, transfer.apart, transfer.apart), (transfer.away, None, None)
-    for which, ways in ((transfer.split, split), (transfer.merged, merged)):
-        new_rows = np.flatnonzero(which & transfer.away.any(axis=1))
-        rows, at = np.unique(transfer.before[new_rows], return_inverse=True)
-        field_gradients = gradients(bonds, intact, rows, *fields)
-        for mean, gradient, way in zip(means, field_gradients, ways, strict=True):
+        mean[stays] = field[origins.origin_rows[stays, 0]]
+    split, merged = (
+        (origins.mass_shift, origins.quarter_offset, origins.quarter_offset),
+        (origins.mass_shift, None, None),
+    )
+    for which, ways in ((origins.is_quarter, split), (origins.is_merged, merged)):
+        new_rows = np.flatnonzero(which & origins.mass_shift.any(axis=1))
+        rows, at = np.unique(origins.origin_rows[new_rows], return_inverse=True)
+        gradients = field_gradients(bonds, intact, rows, *fields)
+        for mean, gradient, way in zip(means, gradients, ways, strict=True):
             if way is not None:
-                share = transfer.parts[new_rows][..., None, None] * gradient[at.reshape(len(new_rows), 4)]
+                share = origins.mass_shares[new_rows][..., None, None] * gradient[at.reshape(len(new_rows), 4)]
                 mean[new_rows] += np.einsum("kwa,ka->kw", share.sum(axis=1), way[new_rows])
     sums = (
-        np.where(stays, energy[transfer.before[:, 0]], (transfer.parts * energy[transfer.before]).sum(axis=1))
+        np.where(
+            stays, energy[origins.origin_rows[:, 0]], (origins.mass_shares * energy[origins.origin_rows]).sum(axis=1)
+        )
         for energy in (state.dissipated, state.work, state.damped)
     )
     u, v, a = means

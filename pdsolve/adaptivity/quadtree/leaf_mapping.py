@@ -16,17 +16,17 @@ SAME = 1e-9  # of a spacing: a centre of mass this near to the middle is there
 class LeafOrigins(NamedTuple):
     """The origin of m leaves among the n leaves before."""
 
-    before: Rows  # (m, 4) rows that each comes from: itself, the whole, or its four quarters
-    parts: NDArray[np.float64]  # (m, 4) of those, shares of its mass; 0 where there is none
-    split: NDArray[np.bool_]  # (m,) quarters of what was whole
-    merged: NDArray[np.bool_]  # (m,) whole, of what was quarters
-    away: NDArray[np.float64]  # (m, 2) from the place of that mass before to its own, m; 0 of those that stay
-    apart: NDArray[np.float64]  # (m, 2) of quarters: from their common centre of mass, m
+    origin_rows: Rows  # (m, 4) rows that each comes from: itself, the whole, or its four quarters
+    mass_shares: NDArray[np.float64]  # (m, 4) of those, shares of its mass; 0 where there is none
+    is_quarter: NDArray[np.bool_]  # (m,) quarters of what was whole
+    is_merged: NDArray[np.bool_]  # (m,) whole, of what was quarters
+    mass_shift: NDArray[np.float64]  # (m, 2) from the place of that mass before to its own, m; 0 of those that stay
+    quarter_offset: NDArray[np.float64]  # (m, 2) of quarters: from their common centre of mass, m
 
     @property
     def stays(self) -> NDArray[np.bool_]:
         """Mask (m,) of the nodes that are unchanged."""
-        return ~self.split & ~self.merged
+        return ~self.is_quarter & ~self.is_merged
 
 
 def map_leaves(tree: Tree, cells: Cells, splits: NDArray[np.bool_], merged: Cells) -> tuple[Cells, LeafOrigins]:
@@ -42,15 +42,15 @@ def map_leaves(tree: Tree, cells: Cells, splits: NDArray[np.bool_], merged: Cell
     from_quarters = np.where(share > 0, rows(merged.quarters()).reshape(-1, 4), 0)
     stays = ~splits
     stays[from_quarters[share > 0]] = False
-    quarters = tree.exact(cells.taken(splits).quarters())
+    quarters = tree.with_area(cells.select(splits).quarters())
     alone = np.concatenate([np.flatnonzero(stays), rows(quarters.parent())])
-    new = join_cells(cells.taken(stays), quarters, merged)
+    new = join_cells(cells.select(stays), quarters, merged)
     before = np.concatenate([np.repeat(alone[:, None], 4, axis=1), from_quarters])
     parts = np.concatenate([np.tile([1.0, 0.0, 0.0, 0.0], (len(alone), 1)), share])
-    counts = [len(cell_group.root) for cell_group in (cells.taken(stays), quarters, merged)]
+    counts = [len(cell_group.root) for cell_group in (cells.select(stays), quarters, merged)]
     kind = np.repeat([0, 1, 2], counts)
     order = tree.order(new)
-    new, before, parts, kind = new.taken(order), before[order], parts[order], kind[order]
+    new, before, parts, kind = new.select(order), before[order], parts[order], kind[order]
     way = tree.spacing * (tree.offset(new) - (parts[..., None] * tree.offset(cells)[before]).sum(axis=1))
     way[kind == 0] = 0.0
     way[(kind == 2) & (np.abs(way).max(axis=1, initial=0.0) < SAME * tree.spacing)] = 0.0
@@ -63,7 +63,7 @@ def _vectors_from_centre_of_mass(
     tree: Tree, new: Cells, parent_row: Rows, split: NDArray[np.bool_], away: NDArray[np.float64]
 ) -> NDArray[np.float64]:
     """Vectors (m, 2), m, from the centre of mass of four quarters to each; `parent_row` (m,) is their parent's."""
-    vectors, area = np.zeros_like(away), tree.areas(new.taken(split))
+    vectors, area = np.zeros_like(away), tree.areas(new.select(split))
     _, group = np.unique(parent_row[split], return_inverse=True)
     for axis in (0, 1):
         mean = np.bincount(group, area * away[split, axis]) / np.bincount(group, area)

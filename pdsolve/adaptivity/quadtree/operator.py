@@ -71,7 +71,7 @@ class LeafOperator(BondList):
         }
 
 
-def read_history(checkpoint: CheckpointArrays, leaves: int) -> LeafHistory:
+def read_leaf_history(checkpoint: CheckpointArrays, leaves: int) -> LeafHistory:
     """The history stored by `Leaves.checkpoint_arrays` for so many leaves. Raises CheckpointError."""
     return LeafHistory(
         entry(checkpoint, "calm", (leaves,), np.int64, 0).copy(), float(entry(checkpoint, "made", (1,), float)[0])
@@ -96,7 +96,7 @@ def create_tree(model: Model, mode: str, precision: str, kernel: str | None) -> 
 def select_nodes_by_id(model: Model) -> Model:
     """The model with boxes replaced by the ids of their nodes, so that nodes created later are in none."""
 
-    def by_ids(selection):  # type: ignore[no-untyped-def]
+    def replace_box_by_ids(selection):  # type: ignore[no-untyped-def]
         if selection.box is None:
             return selection
         return msgspec.structs.replace(
@@ -104,7 +104,7 @@ def select_nodes_by_id(model: Model) -> Model:
         )
 
     settings = model.settings
-    conditions, regions = (tuple(map(by_ids, every)) for every in (settings.conditions, settings.regions))
+    conditions, regions = (tuple(map(replace_box_by_ids, every)) for every in (settings.conditions, settings.regions))
     settings = msgspec.structs.replace(settings, conditions=conditions, regions=regions)
     return Model(model.grid, settings, model.name)
 
@@ -120,12 +120,12 @@ def _check_precracks(tree: Tree) -> None:
     for _ in range(tree.levels):
         cells = cells.quarters()
         near = shapely.dwithin(shapely.points(tree.place(cells)), shapely.multilinestrings(cracks), tree.spacing)
-        cells = tree.exact(cells.taken(near))
+        cells = tree.with_area(cells.select(near))
         place = shapely.points(tree.place(cells))
         for number, line in enumerate(lines):
             hit = shapely.dwithin(place, line, ON * tree.spacing)
             if hit.any():
-                x, y = tree.place(cells.taken(hit))[0]
+                x, y = tree.place(cells.select(hit))[0]
                 raise _unsupported_error(
                     tree.model,
                     f"$.notch[{number}]",

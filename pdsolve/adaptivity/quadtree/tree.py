@@ -32,7 +32,7 @@ class Cells(NamedTuple):
     level: NDArray[np.int64]  # (n,) how often it was split
     path: NDArray[np.int64]  # (n,) from the root: two bits for each level, that of the first level is the highest
 
-    def taken(self, which: NDArray[np.integer] | NDArray[np.bool_]) -> Cells:
+    def select(self, which: NDArray[np.integer] | NDArray[np.bool_]) -> Cells:
         """The cells of these rows."""
         return Cells(*(column[which] for column in self))
 
@@ -66,7 +66,7 @@ class Tree:
                 self.pinned[model.selected(condition)] = True
         self._by_id = np.argsort(grid.ids)
         self._first = int(grid.ids.max()) + 1
-        self._shares = self._odd_shares()
+        self._shares = self._area_shares_at_edges()
 
     def roots(self) -> Cells:
         """The cells of the model's own nodes."""
@@ -80,20 +80,22 @@ class Tree:
     def ids(self, cells: Cells) -> NDArray[np.int64]:
         """The ids (n,) of the nodes of these cells."""
         path_number = cells.root * 4**cells.level + cells.path
-        return np.where(cells.level > 0, self._begin[cells.level] + path_number, self.model.grid.ids[cells.root])
+        return np.where(
+            cells.level > 0, self._first_id_of_level[cells.level] + path_number, self.model.grid.ids[cells.root]
+        )
 
     def cells(self, ids: NDArray[np.int64]) -> Cells:
         """Cells of the nodes with these ids (n,)."""
-        level = np.searchsorted(self._begin, ids, side="right") - 1
+        level = np.searchsorted(self._first_id_of_level, ids, side="right") - 1
         level = np.where(ids < self._first, 0, level)
-        number = ids - self._begin[level]
+        number = ids - self._first_id_of_level[level]
         at = np.searchsorted(self.model.grid.ids, ids, sorter=self._by_id).clip(max=self.count - 1)
         root = np.where(level == 0, self._by_id[at], number // 4**level)
         return Cells(root, level, np.where(level == 0, 0, number % 4**level))
 
     def leaves(self, ids: NDArray[np.int64]) -> Cells | None:
         """Leaves of the nodes with these ids (n,), in this order; None if they are not all leaves of a plate."""
-        if not len(ids) or ids.min() < self.model.grid.ids.min() or ids.max() >= self._end:
+        if not len(ids) or ids.min() < self.model.grid.ids.min() or ids.max() >= self._end_id:
             return None
         cells = self.cells(ids)
         begin, size = cells.path << (2 * (self.levels - cells.level)), 4 ** (self.levels - cells.level)
@@ -106,12 +108,12 @@ class Tree:
         return cells if (area > 0).all() and abs(area.sum() - total_area) <= TOGETHER * total_area else None
 
     @property
-    def _end(self) -> int:
+    def _end_id(self) -> int:
         """An id larger than any in use."""
-        return int(self._begin[-1] + self.count * 4**self.levels) if self.levels else self._first
+        return int(self._first_id_of_level[-1] + self.count * 4**self.levels) if self.levels else self._first
 
     @cached_property
-    def _begin(self) -> NDArray[np.int64]:
+    def _first_id_of_level(self) -> NDArray[np.int64]:
         """First id (levels + 1,) of each level; the entry for roots is unused."""
         sizes = self.count * 4 ** np.arange(1, self.levels + 1)
         return np.concatenate([[self._first], self._first + np.concatenate([[0], np.cumsum(sizes)[:-1]])])
@@ -138,7 +140,7 @@ class Tree:
             area[odd] = self.area[cells.root[odd]] * share[number[cells.root[odd]], cells.path[odd]]
         return area
 
-    def _odd_shares(self) -> dict[int, tuple[NDArray[np.int64], NDArray[np.float64]]]:
+    def _area_shares_at_edges(self) -> dict[int, tuple[NDArray[np.int64], NDArray[np.float64]]]:
         """For each level, the roots cut by an edge: their index (roots,), -1 for others, and area shares (odd,
         4^level)."""
         grid = self.model.grid
@@ -150,7 +152,7 @@ class Tree:
 
         number = np.full(self.count, -1)
         number[odd] = np.arange(len(odd))
-        cells, before, shares = self.roots().taken(odd), np.ones(len(odd)), {}
+        cells, before, shares = self.roots().select(odd), np.ones(len(odd)), {}
         around = plate.buffer(WHOLE * self.spacing, join_style="mitre")
         shapely.prepare(around)
         for level in range(1, self.levels + 1):
@@ -165,15 +167,15 @@ class Tree:
             shares[level] = number, before.reshape(len(odd), -1)
         return shares
 
-    def exact(self, cells: Cells) -> Cells:
+    def with_area(self, cells: Cells) -> Cells:
         """The cells with a share of the plate."""
-        return cells.taken(self.areas(cells) > 0)
+        return cells.select(self.areas(cells) > 0)
 
-    def splits(self, cells: Cells) -> NDArray[np.bool_]:
+    def can_split(self, cells: Cells) -> NDArray[np.bool_]:
         """Mask (n,) of cells that can be split."""
         can = (cells.level < self.levels) & ~self.pinned[cells.root]
         candidates = np.flatnonzero(can)
-        can[candidates] = self.areas(cells.taken(candidates).quarters()).reshape(-1, 4).any(axis=1)
+        can[candidates] = self.areas(cells.select(candidates).quarters()).reshape(-1, 4).any(axis=1)
         return can
 
     def model_of(self, cells: Cells) -> Model:

@@ -15,7 +15,7 @@ from pdsolve.ranks.part import Part, broken
 from pdsolve.results import Results
 from pdsolve.run.inversion_checks import DisplacementRange, MotionChecks, displacement_range
 from pdsolve.run.measures import BondState, LedgerRow, evaluate_bonds, ledger_terms
-from pdsolve.run.mechanics_records import MechanicsRecords, instability_message, motion_values
+from pdsolve.run.mechanics_records import MechanicsRecords, instability_message, recorded_motion_of_node
 from pdsolve.run.on_ranks.start import RankSystem, SystemOnRanks
 from pdsolve.run.reactions import Reaction
 from pdsolve.state import Broken, State
@@ -30,7 +30,7 @@ class RankReport(NamedTuple):
     broken: int  # directed bonds so far
     last_break_step: int  # step of the last one
     values_are_finite: bool  # whether all displacements of own nodes are finite
-    extent: DisplacementRange
+    displacement_range: DisplacementRange
 
 
 class GatheredReports(NamedTuple):
@@ -39,7 +39,7 @@ class GatheredReports(NamedTuple):
     ledger_row: LedgerRow
     last_break_step: int  # step of the last broken bond, 0 without any
     values_are_finite: bool
-    extent: DisplacementRange
+    displacement_range: DisplacementRange
 
 
 class MechanicsRecordsOnRanks(MechanicsRecords):
@@ -79,7 +79,7 @@ class MechanicsRecordsOnRanks(MechanicsRecords):
                 instability_message(self._whole, self.last, max(self._largest_work, self._heat_energy), node)
             )
         self._largest_work = max(self._largest_work, abs(self.last.work))
-        extent = self.known.extent
+        extent = self.known.displacement_range
         if self._checks.may_be_inverted(extent):
             words = next(
                 (words for words in self._team.everywhere(describe_inverted_triangle) if words is not None), None
@@ -92,7 +92,7 @@ class MechanicsRecordsOnRanks(MechanicsRecords):
         if self._order:
             probe_values = [
                 probe
-                for rank_probes in self._team.everywhere(probe_own_nodes, items=self._owned)
+                for rank_probes in self._team.everywhere(motion_of_own_probes, items=self._owned)
                 for probe in rank_probes
             ]
             probe_values.sort(key=lambda probe: self._order[probe[0]])
@@ -107,10 +107,13 @@ class MechanicsRecordsOnRanks(MechanicsRecords):
         sums = {name: total([report.sums[name] for report in said], count) for name in said[0].sums}
         ledger = LedgerRow(step, step * self._whole.time_step, broken=sum(report.broken for report in said), **sums)
         least, most = (
-            tuple(pick(values) for values in zip(*(getattr(report.extent, end) for report in said), strict=True))
+            tuple(
+                pick(values)
+                for values in zip(*(getattr(report.displacement_range, end) for report in said), strict=True)
+            )
             for end, pick in (("least", min), ("most", max))
         )
-        extent = DisplacementRange(least, most, said[0].extent.kind)
+        extent = DisplacementRange(least, most, said[0].displacement_range.dtype)
         return GatheredReports(
             ledger,
             max(report.last_break_step for report in said),
@@ -169,14 +172,14 @@ def fastest_or_non_finite_node(team: Team, values_are_finite: bool) -> tuple[flo
     return float(wrong.any()), int(ids[wrong.argmax()])
 
 
-def probe_own_nodes(team: Team, grid_rows: list[int]) -> list[tuple[Any, ...]]:
+def motion_of_own_probes(team: Team, grid_rows: list[int]) -> list[tuple[Any, ...]]:
     """The motion of own nodes at rows of the whole grid: row, id, and what is recorded of it."""
     part: Part = team.part
     subdomain: RankSystem = part.now
     d = part.model.grid.dimension
     at, ids = [row - part.slab.begin for row in grid_rows], part.model.grid.ids
     return [
-        (row, int(ids[local_row]), *motion_values(subdomain.state, local_row, d))
+        (row, int(ids[local_row]), *recorded_motion_of_node(subdomain.state, local_row, d))
         for row, local_row in zip(grid_rows, at, strict=True)
     ]
 
@@ -193,12 +196,14 @@ def sum_reactions_over_ranks(team: Team, step: int, time: float) -> list[Reactio
     if team.rank > 0:
         sums = team.received(team.rank - 1, PASSED)
     pull = area[holds.node] * (rho[holds.node] * state.second[holds.node, holds.axis].astype(float) - drive.held_force)
-    np.add.at(sums.pull, d * holds.profile + holds.axis, pull)
-    np.add.at(sums.push, d * loads.profile + loads.axis, area[loads.node] * loads.value)
+    np.add.at(sums.holding_force, d * holds.profile + holds.axis, pull)
+    np.add.at(sums.load_force, d * loads.profile + loads.axis, area[loads.node] * loads.value)
     for number, grip in enumerate(subdomain.acting_conditions):
         displacement = state.value[grip.rows, :d].astype(float)
-        sums.moved[number] = np.add.reduce(np.concatenate([sums.moved[number : number + 1], displacement]), axis=0)
-        sums.nodes[number] += len(grip.rows)
+        sums.displacement_sum[number] = np.add.reduce(
+            np.concatenate([sums.displacement_sum[number : number + 1], displacement]), axis=0
+        )
+        sums.node_count[number] += len(grip.rows)
     if team.rank < team.size - 1:
         team.comm.send(sums, team.rank + 1, PASSED)
         return []
@@ -206,17 +211,17 @@ def sum_reactions_over_ranks(team: Team, step: int, time: float) -> list[Reactio
     for number, grip in enumerate(subdomain.acting_conditions):
         components = slice(d * number, d * number + d)
         factor = float(factor_now(drive.profiles, number, at))
-        force = (sums.pull[components] + factor * sums.push[components]).tolist()
-        mean = (sums.moved[number] / sums.nodes[number]).tolist()
+        force = (sums.holding_force[components] + factor * sums.load_force[components]).tolist()
+        mean = (sums.displacement_sum[number] / sums.node_count[number]).tolist()
         all_reactions.append(Reaction(step, time, grip.number, grip.kind, *force[:2], *mean[:2], *force[2:], *mean[2:]))
     return all_reactions
 
 
 class _ReactionSums(NamedTuple):
-    pull: Array  # (grips d,) of holding forces
-    push: Array  # (grips d,) of loads at factor 1
-    moved: Array  # (grips, d) of displacements
-    nodes: NDArray[np.int64]  # (grips,)
+    holding_force: Array  # (grips d,) of holding forces
+    load_force: Array  # (grips d,) of loads at factor 1
+    displacement_sum: Array  # (grips, d) of displacements
+    node_count: NDArray[np.int64]  # (grips,)
 
 
 def _motion_checks(team: Team) -> MotionChecks:

@@ -121,8 +121,8 @@ def prepare_ranks(model: Model, options: Options, team: Team) -> Prepared:
 def start_rank(
     team: Team,
     options: Options,
-    step: float,
-    bound: float,
+    time_step: float,
+    stable_step: float,
     full_model: Model | None,
     layer_damping: NDArray[np.float64] | None,
 ) -> RankStart:
@@ -136,7 +136,15 @@ def start_rank(
         layer_damping = damping(model) if full_model is None else damping(full_model, slab.begin, slab.end)
     rank_coupling = RankCoupling(part.ghosts, layer_damping, any(team.comm.allgather(bool(layer_damping.any()))))
     prepared = assemble_system(
-        model, options, scheme, part.operator, counted, step, bound, conditions=driven, rank_coupling=rank_coupling
+        model,
+        options,
+        scheme,
+        part.operator,
+        counted,
+        time_step,
+        stable_step,
+        conditions=driven,
+        rank_coupling=rank_coupling,
     )
     part.now = RankSystem(part, prepared)
     velocity = initial_velocity(model, prepared.state.value.shape[1])

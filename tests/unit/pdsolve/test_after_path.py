@@ -102,4 +102,4 @@ def test_when_a_motion_follows(
     settings = msgspec.structs.replace(path_model.settings, run=run)
     monkeypatch.setattr(after_path, "model_of", lambda text, name: dataclasses.replace(path_model, settings=settings))
     path: Any = Part(name="", meta=lambda: {"status": status}, summary=lambda: {"lost": lost}, model=lambda: "")
-    assert after_path.motion_follows(path) is follows
+    assert after_path.is_motion_to_follow(path) is follows

@@ -58,7 +58,7 @@ class Zone:
         self.asked.append(step)
         return self.new
 
-    def energies_around(self, state: object, new: object) -> str:
+    def energies_near_new_cells(self, state: object, new: object) -> str:
         return "around"
 
     def refine(self, new: object) -> Zone | None:
@@ -70,7 +70,9 @@ class Zone:
     def interpolate_at_rows(self, rows: np.ndarray[Any, Any], values: np.ndarray[Any, Any]) -> np.ndarray[Any, Any]:
         return 10.0 * values
 
-    def forces_around(self, state: object, new: object) -> tuple[np.ndarray[Any, Any], np.ndarray[Any, Any]]:
+    def force_densities_near_new_cells(
+        self, state: object, new: object
+    ) -> tuple[np.ndarray[Any, Any], np.ndarray[Any, Any]]:
         return 100.0 * np.ones((4, 3)), np.array([False, False, True, False])
 
 
@@ -99,7 +101,7 @@ def change(zone: Zone, monkeypatch: pytest.MonkeyPatch) -> Any:
     system: Any = Part(operator=zone, drive=before)
     monkeypatch.setattr(body_zones, "zone_operator", lambda system: system.operator)
     monkeypatch.setattr(body_zones, "conserved_energy", lambda one, state, around: 4.0 if one is system else 11.0)
-    monkeypatch.setattr(body_zones, "kick_work", lambda *_: 0.5)
+    monkeypatch.setattr(body_zones, "half_kick_work", lambda *_: 0.5)
     monkeypatch.setattr(
         body_zones, "_system_of_operator", lambda _, operator, step: Part(operator=operator, drive=after)
     )

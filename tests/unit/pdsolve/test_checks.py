@@ -108,7 +108,7 @@ def seen(problem: Prepared, looks: int = 2) -> list[str]:
     watch = MotionChecks(problem.system.model, partial(operator.bonds, start=True))
     with saying() as lines:
         for step in range(looks):
-            watch.check_motion(problem.state.value, operator.broken(), step)
+            watch.warn_of_unreliable_motion(problem.state.value, operator.broken(), step)
     return lines
 
 
@@ -211,5 +211,5 @@ def test_a_node_that_passes_another_is_seen_on_lattices_with_and_without_gaps() 
             u[(place[order] == (x, y)).all(axis=1), 0] = -2.5e-3
             watch = MotionChecks(model, partial(lambda ends, first, last: ends, (source, target)))
             with saying() as lines:
-                watch.check_motion(u, Broken(*np.zeros((3, 0), dtype=np.int64)), 1)
+                watch.warn_of_unreliable_motion(u, Broken(*np.zeros((3, 0), dtype=np.int64)), 1)
             assert len(lines) == 1, (x, y)

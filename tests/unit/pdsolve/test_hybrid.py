@@ -132,9 +132,9 @@ def test_the_compact_lattice_is_as_stiff_as_the_fine_one() -> None:
                 sums.append((stiffness * length**2 * n).sum() / 2 / area)
             assert sums[0] == pytest.approx(sums[1], rel=1e-13)
         cut = divide_bonds(fine)
-        first, last = cut.first[:, :, 0].ravel(), cut.first[:, :, 1].ravel()
+        first, last = cut.first_part[:, :, 0].ravel(), cut.first_part[:, :, 1].ravel()
         for one, other in zip(first, last, strict=True):
-            assert np.diff(cut.t[one:other], axis=1).sum() == pytest.approx(1.0, abs=1e-12)
+            assert np.diff(cut.length_shares[one:other], axis=1).sum() == pytest.approx(1.0, abs=1e-12)
 
 
 @pytest.mark.parametrize("how", ["temperature", "exchange", "supply"])
@@ -150,7 +150,7 @@ def test_cells_beside_an_edge_where_a_content_leaps_are_fine(how: str) -> None:
     x = model.grid.position[:, 0]
     assert set(steep) == set(np.flatnonzero(x == x.min()))
     whole = create_plate(model.moving_part(), "conservative")
-    cells = initial_cells(whole, 4, steep).reshape(-1, whole.at.cell_stride)
+    cells = initial_cells(whole, 4, steep).reshape(-1, whole.numbering.cell_stride)
     across = cells[len(cells) // 2]
     assert across[AROUND : AROUND + 20].tolist() == 5 * [FINE] + 15 * [COARSE]
     assert not (initial_cells(whole, 4) == FINE).any()
@@ -163,12 +163,12 @@ def test_bits_of_cells_are_those_of_the_stretches_of_bonds() -> None:
     for place in range(4):
         for k in range(half):
             for side in range(2):
-                cells = cut.cell[cut.first[place, k, side] : cut.first[place, k, side + 1]]
+                cells = cut.cell[cut.first_part[place, k, side] : cut.first_part[place, k, side + 1]]
                 there = [place % 2 + fine.dx[k], place // 2 + fine.dy[k]]
                 parity = there[0] % 2 + 2 * (there[1] % 2)
                 away = cells - np.array(there) // 2
-                assert int(cut.sides[place, k, side]) == _bits(cells)
-                assert int(cut.sides[parity, k + half, side]) == _bits(away)
+                assert int(cut.side_cell_bits[place, k, side]) == _bits(cells)
+                assert int(cut.side_cell_bits[parity, k + half, side]) == _bits(away)
 
 
 def _bits(cells: NDArray[np.int64]) -> int:

@@ -71,13 +71,19 @@ def test_rows_that_are_alike_have_the_constants_of_each_node() -> None:
     for grid in (whole_lattice(lattice, cracks=crack, outline=(ring,)), rectangle(200, 100, 1e-3, crack / 1e-3)):
         model = plate(grid, 3.0, run=Run(adapt="hybrid", steps=1), conditions=(absorb,))
         hybrid = prepare(model, Options(threads=1)).system.operator.engine  # type: ignore[attr-defined]
-        rows, place = hybrid.ground.nodes, hybrid.plate.fine_places
-        own = values_at_nodes(rows, rows.own, place)
-        springs = np.where(own[:, None] >= 0, hybrid.ground.own_springs[own], 0.0) / hybrid.ground.table[0, 5]
-        found.append(
-            [springs, *(values_at_nodes(rows, values, place) for values in rows[1:] if values is not rows.own)]
+        rows, place = hybrid.lattice.node_rows, hybrid.plate.fine_places
+        own = values_at_nodes(rows, rows.irregular_row, place)
+        springs = (
+            np.where(own[:, None] >= 0, hybrid.lattice.irregular_stiffness[own], 0.0)
+            / hybrid.lattice.spring_table[0, 5]
         )
-        assert len(rows.mass) < 0.4 * len(rows.entry)  # measured: 0.36, most of it of the layer that absorbs
+        found.append(
+            [
+                springs,
+                *(values_at_nodes(rows, values, place) for values in rows[1:] if values is not rows.irregular_row),
+            ]
+        )
+        assert len(rows.mass) < 0.4 * len(rows.row_class)  # measured: 0.36, most of it of the layer that absorbs
         assert values_at_nodes(rows, rows.mass, place) == pytest.approx(2235.0 * hybrid.plate.area * 1e-6, rel=1e-14)
     (springs, *one), (others, *other) = found
     np.testing.assert_allclose(springs, others, atol=1e-12)  # 6e-14: nodes listed one by one have bonds of their own
@@ -95,9 +101,9 @@ def test_nodes_that_lie_in_the_same_way_to_edges_and_cracks_share_their_bonds(mo
     found = find_irregular_bonds(board, springs)
     monkeypatch.setattr(irregular_bonds, "first_equivalent_rows", lambda plate, rows, reach: np.arange(len(rows)))
     alone, which = find_irregular_bonds(board, springs), found.bond_row
-    assert len(found.springs) < 0.5 * len(alone.springs)  # measured: 0.42
-    np.testing.assert_allclose(found.springs[which], alone.springs, rtol=1e-12, atol=0.0)  # measured: 1e-13
+    assert len(found.stiffness) < 0.5 * len(alone.stiffness)  # measured: 0.42
+    np.testing.assert_allclose(found.stiffness[which], alone.stiffness, rtol=1e-12, atol=0.0)  # measured: 1e-13
     np.testing.assert_allclose(found.stiffness_bound[which], alone.stiffness_bound, rtol=1e-12)
-    assert np.array_equal(found.family[which], alone.family)
+    assert np.array_equal(found.family_size[which], alone.family_size)
     for mine, theirs in ((found.peak, alone.peak), (found.limit, alone.limit)):
-        np.testing.assert_allclose(mine[found.kind[which]], theirs[alone.kind], rtol=1e-12)
+        np.testing.assert_allclose(mine[found.limit_row[which]], theirs[alone.limit_row], rtol=1e-12)

@@ -52,8 +52,8 @@ def test_all_within_the_old_horizon_split(ratio: float, count: int) -> None:
     cells = of.roots()
     splits = criteria.mask_leaves_to_split(of, looked(of, cells, np.array([220])), 0.5)
     assert splits.sum() == count
-    new, transfer = map_leaves(of, cells, splits, cells.taken(splits[:0].nonzero()[0]))
-    assert transfer.split.sum() == 4 * count
+    new, transfer = map_leaves(of, cells, splits, cells.select(splits[:0].nonzero()[0]))
+    assert transfer.is_quarter.sum() == 4 * count
     assert len(new.root) == 441 + 3 * count
 
 
@@ -62,7 +62,7 @@ def test_leaves_that_touch_differ_by_one_level() -> None:
     load = Load(box=(-1.0, 10.9e-3, 1.0, 1.0), body_force=(0.0, 1.0))
     of = tree(levels=3, conditions=(load,))
     cells = of.roots()
-    nothing = cells.taken(np.zeros(0, dtype=np.int64))
+    nothing = cells.select(np.zeros(0, dtype=np.int64))
     for _ in range(6):
         splits = criteria.mask_leaves_to_split(of, looked(of, cells, nearest(of, cells, 10.1e-3, 10.1e-3)), 0.5)
         cells, _ = map_leaves(of, cells, splits, nothing)
@@ -134,15 +134,15 @@ def test_cells_that_an_edge_cuts_keep_their_area() -> None:
     whole, v = of.area.sum(), random.normal(size=(of.count, 2))
     filled = SCHEMES["conservative"].fill(of.model_of(cells)).whole()
     state = State(np.zeros_like(v), v, v, *np.ones((3, of.count)))
-    splits = of.splits(cells)
-    new, transfer = map_leaves(of, cells, splits, cells.taken(np.zeros(0, dtype=np.int64)))
+    splits = of.can_split(cells)
+    new, transfer = map_leaves(of, cells, splits, cells.select(np.zeros(0, dtype=np.int64)))
     assert splits.sum() > 0.95 * of.count
     assert len(new.root) < 4 * of.count - 100
     assert of.areas(new).sum() == pytest.approx(whole, rel=1e-13)
     begun = interpolate_state(state, transfer, filled.bonds, np.ones(len(filled.bonds.weight), dtype=bool))
     momentum = of.areas(new) @ begun.rate
     assert momentum == pytest.approx(of.area @ v, abs=1e-14 * np.abs(of.area @ np.abs(v)).max())
-    merged, back = map_leaves(of, new, np.zeros(len(new.root), dtype=bool), cells.taken(splits))
+    merged, back = map_leaves(of, new, np.zeros(len(new.root), dtype=bool), cells.select(splits))
     filled = SCHEMES["conservative"].fill(of.model_of(new)).whole()
     begun = interpolate_state(begun, back, filled.bonds, np.ones(len(filled.bonds.weight), dtype=bool))
     assert np.array_equal(of.ids(merged), of.ids(cells))
@@ -153,7 +153,7 @@ def split_once(of: Tree, state: State, splits: NDArray[np.bool_]) -> tuple[Cells
     """Roots of which these have split, and their state."""
     cells = of.roots()
     bonds = SCHEMES["conservative"].fill(of.model_of(cells)).whole().bonds
-    new, transfer = map_leaves(of, cells, splits, cells.taken(np.zeros(0, dtype=np.int64)))
+    new, transfer = map_leaves(of, cells, splits, cells.select(np.zeros(0, dtype=np.int64)))
     return new, transfer, interpolate_state(state, transfer, bonds, np.ones(len(bonds.weight), dtype=bool))
 
 
@@ -183,7 +183,7 @@ def test_linear_fields_are_split_exactly_and_energy_as_the_formula_has_it() -> N
     loss = kinetic_energy(mass, shaken.rate) - kinetic_energy(whole, after.rate)
     assert loss == pytest.approx(kinetic_energy(mass, apart), abs=1e-14 * kinetic_energy(mass, shaken.rate))
     assert whole @ after.rate == pytest.approx(mass @ shaken.rate, abs=1e-14 * np.abs(mass @ np.abs(shaken.rate)).max())
-    assert transfer.split.all()
+    assert transfer.is_quarter.all()
 
 
 @pytest.mark.parametrize("mode", MODES)
@@ -192,7 +192,7 @@ def test_each_node_has_the_horizon_of_its_own_cell(mode: str) -> None:
     of = tree(16, 16)
     cells = of.roots()
     x, y = of.model.grid.position.T * 1e3
-    new, _ = map_leaves(of, cells, (x > 3.5) & (x < 12.5) & (y > 3.5), cells.taken(np.zeros(0, dtype=np.int64)))
+    new, _ = map_leaves(of, cells, (x > 3.5) & (x < 12.5) & (y > 3.5), cells.select(np.zeros(0, dtype=np.int64)))
     filled = SCHEMES[mode].fill(of.model_of(new)).whole()
     fine = square_grid(32, 32, 5e-4, x0=-2.5e-4, y0=-2.5e-4)
     expected = SCHEMES[mode].fill(plate(fine, 3, area_rule="square")).whole()
@@ -215,8 +215,8 @@ def test_no_bond_heals(mode: str) -> None:
     for _ in range(3):
         bonds = scheme.fill(of.model_of(cells)).whole().bonds
         broken = crossing(of, cells, bonds)
-        splits = of.splits(cells) & (random.uniform(size=len(cells.root)) < 0.3)
-        new, transfer = map_leaves(of, cells, splits, cells.taken(np.zeros(0, dtype=np.int64)))
+        splits = of.can_split(cells) & (random.uniform(size=len(cells.root)) < 0.3)
+        new, transfer = map_leaves(of, cells, splits, cells.select(np.zeros(0, dtype=np.int64)))
         now = scheme.fill(of.model_of(new)).whole().bonds
         before = PastBonds(bonds, broken)
         found = inherit_breaks(before, now, transfer)
@@ -239,19 +239,19 @@ def test_what_has_changed_is_filled_as_all_would_be(mode: str) -> None:
     x, y = grid.position.T
     for near in ((2e-3, 15e-3), (14e-3, 10e-3), (4e-3, 14e-3)):
         close = np.hypot(x - near[0], y - near[1])[cells.root] < 3.1e-3
-        splits = of.splits(cells) & close & (random.uniform(size=len(close)) < 0.7)
-        parents = cells.taken((cells.level == 1) & (cells.path == 0) & ~close).parent()
+        splits = of.can_split(cells) & close & (random.uniform(size=len(close)) < 0.7)
+        parents = cells.select((cells.level == 1) & (cells.path == 0) & ~close).parent()
         cells, transfer = map_leaves(of, cells, splits, parents)
         model = of.model_of(cells)
         rule = scheme.by_pairs(model)
         now, again = update_leaf_bonds(rule, model, now, transfer), create_leaf_bonds(rule)
-        assert transfer.split.any()
+        assert transfer.is_quarter.any()
         for one, other in zip(now.assembly.bonds, again.assembly.bonds, strict=True):
             assert np.array_equal(one, other)
         assert np.array_equal(now.assembly.family, again.assembly.family)
         whole = scheme.fill(model).whole()
         assert np.array_equal(whole.bonds.stiffness, again.assembly.bonds.stiffness)
-    assert transfer.merged.any()
+    assert transfer.is_merged.any()
 
 
 def crossing(of: Tree, cells: Cells, bonds: Any) -> NDArray[np.int32]:

@@ -50,11 +50,14 @@ def test_values_that_are_not_given_are_zero() -> None:
 
 def test_checkpoints_have_the_order_that_they_had() -> None:
     """Files hold these numbers without names."""
-    stored = "fine_rows coarse_rows pieces border_nodes broken_bonds loads holds stirred_nodes regrids refined_nodes"
+    stored = (
+        "fine_rows coarse_rows pieces border_nodes broken_bonds loads holds"
+        " damaged_nodes cell_changes refined_damaged_nodes"
+    )
     assert list(arrays.Counts.__annotations__)[: arrays.STORED] == stored.split()
     assert list(arrays.Totals.__annotations__) == ["work", "dissipated", "refinement", "clipped_e", "largest_e"]
-    assert list(zone.Totals.__annotations__) == ["dissipated", "switched", "largest_e", "damped"]
-    assert list(zone.Counts.__annotations__) == ["broken_bonds", "any_hot", "switches"]
+    assert list(zone.Totals.__annotations__) == ["dissipated", "refinement", "largest_e", "damped"]
+    assert list(zone.Counts.__annotations__) == ["broken_bonds", "refinement_due", "refinements"]
 
 
 def test_no_field_is_hidden_by_an_attribute_of_numpy() -> None:

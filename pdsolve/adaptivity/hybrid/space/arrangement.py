@@ -46,8 +46,8 @@ class FineLattice(NamedTuple):
     divisions: BondDivisions  # of the upper half of the offsets
     reach: int  # spacings, along an axis
     node_volume: float  # h^3, m^3
-    weakness: NDArray[np.float64]  # (p,) of pairs of materials: least e at which bonds break over theirs
-    direction: NDArray[np.int32]  # (q,) row of `xi` of a kind of pieces
+    limit_scale_of_pair: NDArray[np.float64]  # (p,) of pairs of materials: least e at which bonds break over theirs
+    xi_row_of_kind: NDArray[np.int32]  # (q,) row of `xi` of a kind of pieces
     xi: NDArray[np.float64]  # (g, 4) xi, m, from the near end to the far one, and 1 / |xi|^2
 
 
@@ -56,10 +56,10 @@ class ClippedPieces(NamedTuple):
 
     owner: NDArray[np.int32]  # (p,) site of the bond's lower node
     kind: NDArray[np.int32]  # (p,) alike for pieces with the same xi; see `piece_directions`
-    near: NDArray[np.int64]  # (p,) the place of one end, a node if one is; see `_number_place`
-    far: NDArray[np.int64]  # (p,) of the other end
-    k: NDArray[np.float64]  # (p,) stiffness, N/m
-    breaks: NDArray[np.float64]  # (p,) least e at which bonds break over that of its own; 0 if it never breaks
+    near_place: NDArray[np.int64]  # (p,) the place of one end, a node if one is; see `_place_number`
+    far_place: NDArray[np.int64]  # (p,) of the other end
+    stiffness: NDArray[np.float64]  # (p,) stiffness, N/m
+    limit_scale: NDArray[np.float64]  # (p,) least e at which bonds break over that of its own; 0 if it never breaks
 
 
 def empty_pieces(count: int) -> ClippedPieces:
@@ -68,7 +68,7 @@ def empty_pieces(count: int) -> ClippedPieces:
     return ClippedPieces(owner, kind, *np.empty((2, count), np.int64), *np.empty((2, count)))
 
 
-def first_pieces(pieces: ClippedPieces, count: int) -> ClippedPieces:
+def take_first_pieces(pieces: ClippedPieces, count: int) -> ClippedPieces:
     """So many of the first ones."""
     columns: list[Any] = [column[:count] for column in pieces]
     return ClippedPieces(*columns)
@@ -77,20 +77,20 @@ def first_pieces(pieces: ClippedPieces, count: int) -> ClippedPieces:
 class PiecePoints(NamedTuple):
     """The q places at which pieces end, in the order in which pieces name them: nodes, or places on the border."""
 
-    number: NDArray[np.int64]  # (q,) nodes that move it
-    site: NDArray[np.int32]  # (q, 4) their fine sites
-    w: NDArray[np.float64]  # (q, 4) their weights
+    carrier_count: NDArray[np.int64]  # (q,) nodes that move it
+    carrier_sites: NDArray[np.int32]  # (q, 4) their fine sites
+    carrier_weights: NDArray[np.float64]  # (q, 4) their weights
 
 
 @cached_njit(error_model="numpy")
-def classify_nodes(box, node, cells, sites, kind, above):  # type: ignore[no-untyped-def]
-    """Set, for `sites` sites, the `kind` of the fine node there, and whether a coarse node is `above` it."""
+def set_node_kinds(box, node, cells, sites, node_kinds, has_coarse_node):  # type: ignore[no-untyped-def]
+    """Set `node_kinds` and `has_coarse_node` (n,) at the sites `sites`."""
     for site in sites:
         if node[site] < 0:
             continue
         x, y, z = fine_coordinates(box, site)
-        kind[site] = fine_node_kind(box, cells, x, y, z)
-        above[site] = (x | y | z) % 2 == 0 and touches_cell_kind(box, cells, x, y, z, COARSE)
+        node_kinds[site] = fine_node_kind(box, cells, x, y, z)
+        has_coarse_node[site] = (x | y | z) % 2 == 0 and touches_cell_kind(box, cells, x, y, z, COARSE)
 
 
 @njit(**INNER)
@@ -100,12 +100,16 @@ def _fill_cell_bits(box, cells, divisions, x, y, z, coarse, fine):  # type: igno
     coarse[:] = fine[:] = 0
     number, (left_side, front, low) = (
         0,
-        ((x >> 1) + divisions.low[x % 2], (y >> 1) + divisions.low[y % 2], (z >> 1) + divisions.low[z % 2]),
+        (
+            (x >> 1) + divisions.lowest_cell[x % 2],
+            (y >> 1) + divisions.lowest_cell[y % 2],
+            (z >> 1) + divisions.lowest_cell[z % 2],
+        ),
     )
-    for cz in range(low, low + divisions.wide):
-        for cy in range(front, front + divisions.wide):
+    for cz in range(low, low + divisions.cells_around):
+        for cy in range(front, front + divisions.cells_around):
             row = cell_place(box, left_side, cy, cz)
-            for kind in cells[row : row + divisions.wide]:
+            for kind in cells[row : row + divisions.cells_around]:
                 if kind != VOID:
                     word, bit = number // WORD, np.uint64(1) << np.uint64(number % WORD)
                     if kind == COARSE:
@@ -128,39 +132,39 @@ def _have_common_bit(bits_a, bits_b):  # type: ignore[no-untyped-def]
 
 
 @njit(forceinline=True, **INNER)
-def _cell_kind(box, cells, divisions, part, x, y, z):  # type: ignore[no-untyped-def]
+def _cell_kind_of_part(box, cells, divisions, part, x, y, z):  # type: ignore[no-untyped-def]
     """The kind of the cell of a part of a bond of fine node (x, y, z)."""
     return cells[
         cell_place(
             box,
-            (x >> 1) + divisions.cell[part, 0],
-            (y >> 1) + divisions.cell[part, 1],
-            (z >> 1) + divisions.cell[part, 2],
+            (x >> 1) + divisions.cell_offset[part, 0],
+            (y >> 1) + divisions.cell_offset[part, 1],
+            (z >> 1) + divisions.cell_offset[part, 2],
         )
     ]
 
 
 @njit(**INNER)
-def _count_sides(box, cells, divisions, first, x, y, z):  # type: ignore[no-untyped-def]
+def _count_sides_with_cells(box, cells, divisions, first, x, y, z):  # type: ignore[no-untyped-def]
     """Number of sides of a bond with cells."""
     sides = 0
     for side in range(SIDES):
         has_cells = False
         for part in range(first[side], first[side + 1]):
-            has_cells |= _cell_kind(box, cells, divisions, part, x, y, z) != VOID
+            has_cells |= _cell_kind_of_part(box, cells, divisions, part, x, y, z) != VOID
         sides += has_cells
     return sides
 
 
 @cached_njit(error_model="numpy")
-def arrange_bonds(fine, cells, bits, sites, pieces):  # type: ignore[no-untyped-def]
+def store_bond_bits_and_pieces(fine, cells, bits, sites, pieces):  # type: ignore[no-untyped-def]
     """Set the bits of the whole bonds of nodes at the sites `sites`, which are in order, and list their pieces.
 
     Bonds are those of which a node is the lower end. Returns the number of pieces; those for which there is no room are
     only counted.
     """
     box, tiles, of, half, count = fine.box, fine.tiles, fine.divisions, len(fine.tiles.offsets) // 2, 0
-    coarse_bits, fine_bits = np.empty((2, of.through.shape[2]), np.uint64)
+    coarse_bits, fine_bits = np.empty((2, of.passed_cell_bits.shape[2]), np.uint64)
     for site in sites:
         if tiles.node[site] < 0:
             continue
@@ -170,51 +174,50 @@ def arrange_bonds(fine, cells, bits, sites, pieces):  # type: ignore[no-untyped-
             continue
         tile, lane, place = site // ROW, np.uint16(site % ROW), x % 2 + 2 * (y % 2) + 4 * (z % 2)
         for k in range(half):
-            slot, passed = half + k, of.through[place, k]
+            slot, passed = half + k, of.passed_cell_bits[place, k]
             if not (tiles.bits[tile, slot] >> lane) & np.uint16(1):
                 continue
             if not some_coarse or not _have_common_bit(passed, coarse_bits):
                 if not (bits[tile, slot] >> lane) & np.uint16(1):
-                    _set_bits(bits, site, site + tiles.offsets[slot], slot)
+                    _set_bond_bits(bits, site, site + tiles.offsets[slot], slot)
             elif _have_common_bit(passed, fine_bits):
-                count = _divide_bond(fine, cells, site, x, y, z, k, pieces, count)
+                count = _append_pieces_of_bond(fine, cells, site, x, y, z, k, pieces, count)
     return count
 
 
 @njit(**INNER)
-def _set_bits(bits, site, target, slot):  # type: ignore[no-untyped-def]
+def _set_bond_bits(bits, site, target, slot):  # type: ignore[no-untyped-def]
     """Set both directions of a bond."""
     for end, number in ((site, slot), (target, bits.shape[1] - 1 - slot)):
         bits[end // ROW, number] |= np.uint16(1) << np.uint16(end % ROW)
 
 
 @njit(**INNER)
-def _divide_bond(fine, cells, site, x, y, z, k, pieces, count):  # type: ignore[no-untyped-def]
+def _append_pieces_of_bond(fine, cells, site, x, y, z, k, pieces, count):  # type: ignore[no-untyped-def]
     """List the pieces of bond k of the node x, y, z; returns how many there are then."""
     box, tiles, of = fine.box, fine.tiles, fine.divisions
-    slot, first = len(tiles.offsets) // 2 + k, of.first[x % 2 + 2 * (y % 2) + 4 * (z % 2), k]
-    sides = _count_sides(box, cells, of, first, x, y, z)
+    slot, first = len(tiles.offsets) // 2 + k, of.first_part[x % 2 + 2 * (y % 2) + 4 * (z % 2), k]
+    sides = _count_sides_with_cells(box, cells, of, first, x, y, z)
     for side in range(SIDES):
         has_cells = False
         for part in range(first[side], first[side + 1]):
-            has_cells |= _cell_kind(box, cells, of, part, x, y, z) != VOID
+            has_cells |= _cell_kind_of_part(box, cells, of, part, x, y, z) != VOID
         part, last = first[side], first[side + 1]
         while has_cells and part < last:
             begin = part
-            while part < last and _cell_kind(box, cells, of, part, x, y, z) != COARSE:
+            while part < last and _cell_kind_of_part(box, cells, of, part, x, y, z) != COARSE:
                 part += 1
             if part > begin:
                 if count < len(pieces.owner):
-                    length = of.t[part - 1, 1] - of.t[begin, 0]
+                    length = of.length_shares[part - 1, 1] - of.length_shares[begin, 0]
                     ends = _part_end_place(box, of, x, y, z, begin, 0), _part_end_place(box, of, x, y, z, part - 1, 1)
-                    back = of.node[part - 1, 1] and not of.node[begin, 0]
+                    back = of.ends_at_node[part - 1, 1] and not of.ends_at_node[begin, 0]
                     pieces.owner[count], pieces.kind[count] = site, 2 * (begin * PARTS + part - 1 - begin) + back
-                    pieces.near[count], pieces.far[count] = (ends[1], ends[0]) if back else ends
-                    pieces.k[count] = _bond_stiffness(fine, site, slot) / (sides * length)
+                    pieces.near_place[count], pieces.far_place[count] = (ends[1], ends[0]) if back else ends
+                    pieces.stiffness[count] = _bond_stiffness(fine, site, slot) / (sides * length)
                     i, j = tiles.node[site], tiles.node[site + tiles.offsets[slot]]
-                    pieces.breaks[count] = (
-                        0.0 if tiles.unbreakable[i] or tiles.unbreakable[j] else fine.weakness[pair_number(tiles, i, j)]
-                    )
+                    scale = fine.limit_scale_of_pair[pair_number(tiles, i, j)]
+                    pieces.limit_scale[count] = 0.0 if tiles.unbreakable[i] or tiles.unbreakable[j] else scale
                 count += 1
             part += 1
     return count
@@ -232,12 +235,12 @@ def _bond_stiffness(fine, site, slot):  # type: ignore[no-untyped-def]
 @njit(**INNER)
 def _part_end_place(box, divisions, x, y, z, part, side):  # type: ignore[no-untyped-def]
     """The place where a part of a bond of the node x, y, z begins, 0, or ends, 1."""
-    at, unit = divisions.at[part, side], divisions.unit
-    return _number_place(box, unit, unit * (x - x % 2) + at[0], unit * (y - y % 2) + at[1], unit * (z - z % 2) + at[2])
+    at, unit = divisions.end_position[part, side], divisions.units_per_spacing
+    return _place_number(box, unit, unit * (x - x % 2) + at[0], unit * (y - y % 2) + at[1], unit * (z - z % 2) + at[2])
 
 
 @njit(**INNER)
-def _number_place(box, unit, x, y, z):  # type: ignore[no-untyped-def]
+def _place_number(box, unit, x, y, z):  # type: ignore[no-untyped-def]
     """The number of a place (x, y, z) in h / unit: block by block, so that what is near in space is near in memory."""
     side = BLOCK * unit
     across, along = box.sx // BLOCK + 1, box.sy // BLOCK + 1
@@ -259,13 +262,14 @@ def coordinates_of_place(box, unit, place):  # type: ignore[no-untyped-def]
 
 
 @cached_njit(error_model="numpy")
-def merge_pieces(old, stale, new, order, merged):  # type: ignore[no-untyped-def]
+def merge_pieces_into(old, stale, new, order, merged):  # type: ignore[no-untyped-def]
     """Fill what is `merged` with the old pieces whose owners are not `stale` (sites,), and with those `new`, in the
     `order` (q,) of their near ends."""
     at, n = 0, 0
     for m in order:
         while n < len(old.owner) and (
-            old.near[n] < new.near[m] or (old.near[n] == new.near[m] and old.owner[n] < new.owner[m])
+            old.near_place[n] < new.near_place[m]
+            or (old.near_place[n] == new.near_place[m] and old.owner[n] < new.owner[m])
         ):
             at, n = at + _copy_piece(old, n, merged, at, not stale[old.owner[n]]), n + 1
         at += _copy_piece(new, m, merged, at, True)
@@ -278,40 +282,40 @@ def _copy_piece(source, n, target, position, is_wanted):  # type: ignore[no-unty
     """Copy a piece if it is wanted; how many there are then."""
     if not is_wanted:
         return 0
-    target.owner[position], target.kind[position], target.k[position], target.breaks[position] = (
+    target.owner[position], target.kind[position], target.stiffness[position], target.limit_scale[position] = (
         source.owner[n],
         source.kind[n],
-        source.k[n],
-        source.breaks[n],
+        source.stiffness[n],
+        source.limit_scale[n],
     )
-    target.near[position], target.far[position] = source.near[n], source.far[n]
+    target.near_place[position], target.far_place[position] = source.near_place[n], source.far_place[n]
     return 1
 
 
 @cached_njit(error_model="numpy")
-def fill_points(fine, kind, places, points):  # type: ignore[no-untyped-def]
+def fill_piece_point_carriers(fine, node_kinds, places, points):  # type: ignore[no-untyped-def]
     """Fill in what moves the `places` (q,)."""
-    box, unit = fine.box, fine.divisions.unit
+    box, unit = fine.box, fine.divisions.units_per_spacing
     cell = 2 * unit
     for n in range(len(places)):
         x, y, z = coordinates_of_place(box, unit, places[n])
-        sites, w = points.site[n], points.w[n]
+        sites, w = points.carrier_sites[n], points.carrier_weights[n]
         node = fine_site(box, x // unit, y // unit, z // unit)
-        if x % unit == 0 and y % unit == 0 and z % unit == 0 and kind[node] == FREE:
-            _set_own_carrier(node, sites, w)
+        if x % unit == 0 and y % unit == 0 and z % unit == 0 and node_kinds[node] == FREE:
+            _set_node_as_carrier(node, sites, w)
         else:
             beyond = (x % cell / cell, y % cell / cell, z % cell / cell)
             _set_coarse_carriers(box, x // cell, y // cell, z // cell, beyond, sites, w)
-        points.number[n] = 0
+        points.carrier_count[n] = 0
         for m in range(ENDS):
-            points.number[n] += w[m] > 0
+            points.carrier_count[n] += w[m] > 0
 
 
-def create_points(fine: FineLattice, kind: NDArray[np.uint8], places: NDArray[np.int64]) -> PiecePoints:
-    """The points at these places (q,); `kind` is of fine nodes."""
+def create_piece_points(fine: FineLattice, node_kinds: NDArray[np.uint8], places: NDArray[np.int64]) -> PiecePoints:
+    """The points at these places (q,); `node_kinds` is of fine nodes."""
     count = len(places)
     points = PiecePoints(np.zeros(count, np.int64), np.zeros((count, ENDS), np.int32), np.zeros((count, ENDS)))
-    fill_points(fine, kind, places, points)
+    fill_piece_point_carriers(fine, node_kinds, places, points)
     return points
 
 
@@ -323,11 +327,11 @@ def piece_directions(
     The kind of a piece is 2 PARTS times the number of its first part, plus twice that of those that follow it, plus 1
     if its near end is behind its far one.
     """
-    begin = np.repeat(np.arange(len(divisions.t)), PARTS)
-    last = np.minimum(begin + np.tile(np.arange(PARTS), len(divisions.t)), len(divisions.t) - 1)
-    bond = np.searchsorted(divisions.first[:, :, 0].ravel(), begin, side="right") - 1
-    row = table[len(table) // 2 + bond % divisions.first.shape[1]].astype(np.float64)
-    length = divisions.t[last, 1] - divisions.t[begin, 0]
+    begin = np.repeat(np.arange(len(divisions.length_shares)), PARTS)
+    last = np.minimum(begin + np.tile(np.arange(PARTS), len(divisions.length_shares)), len(divisions.length_shares) - 1)
+    bond = np.searchsorted(divisions.first_part[:, :, 0].ravel(), begin, side="right") - 1
+    row = table[len(table) // 2 + bond % divisions.first_part.shape[1]].astype(np.float64)
+    length = divisions.length_shares[last, 1] - divisions.length_shares[begin, 0]
     length[length <= 0] = 1.0  # of no piece
     xi = np.column_stack([length[:, None] * row[:, :3], row[:, INVERSE] / length**2])
     _, which, direction = np.unique(np.round(xi[:, :3] / h, 9), axis=0, return_index=True, return_inverse=True)
@@ -337,7 +341,7 @@ def piece_directions(
 
 
 @njit(**INNER)
-def _set_own_carrier(node, sites, w):  # type: ignore[no-untyped-def]
+def _set_node_as_carrier(node, sites, w):  # type: ignore[no-untyped-def]
     """Fill the sites and weights (4,) of a node."""
     for n in range(ENDS):
         sites[n], w[n] = node, 0.0
@@ -345,15 +349,15 @@ def _set_own_carrier(node, sites, w):  # type: ignore[no-untyped-def]
 
 
 @njit(**INNER)
-def _set_coarse_carriers(box, x, y, z, beyond, sites, w):  # type: ignore[no-untyped-def]
-    """Fill sites and weights (4,) of a place on the border, `beyond` the coarse node (X, Y, Z)."""
+def _set_coarse_carriers(box, x, y, z, cell_shares, sites, w):  # type: ignore[no-untyped-def]
+    """Fill sites and weights (4,) of a place on the border of cell (X, Y, Z), `cell_shares` along its axes."""
     count = 0
     for dz in range(2):
         for dy in range(2):
             for dx in range(2):
-                share = beyond[0] if dx else 1 - beyond[0]
-                share *= beyond[1] if dy else 1 - beyond[1]
-                share *= beyond[2] if dz else 1 - beyond[2]
+                share = cell_shares[0] if dx else 1 - cell_shares[0]
+                share *= cell_shares[1] if dy else 1 - cell_shares[1]
+                share *= cell_shares[2] if dz else 1 - cell_shares[2]
                 if share > 0 and count < ENDS:
                     sites[count], w[count] = fine_site(box, 2 * (x + dx), 2 * (y + dy), 2 * (z + dz)), share
                     count += 1
@@ -370,7 +374,7 @@ def fill_border_carriers(box, border_sites, sites, w):  # type: ignore[no-untype
 
 
 @cached_njit(error_model="numpy")
-def gather_to_coarse(fine, kind, coarse_sites, fine_values, coarse_values):  # type: ignore[no-untyped-def]
+def gather_to_coarse(fine, node_kinds, coarse_sites, fine_values, coarse_values):  # type: ignore[no-untyped-def]
     """Set `coarse_values` (k,) of coarse nodes at the fine sites `coarse_sites` to their shares of the `fine_values`
     (sites,) of all fine nodes that are not free."""
     box, tiles = fine.box, fine.tiles
@@ -381,14 +385,14 @@ def gather_to_coarse(fine, kind, coarse_sites, fine_values, coarse_values):  # t
             for dy in range(max(y - 1, 0), min(y + 2, box.sy)):
                 for dx in range(max(x - 1, 0), min(x + 2, box.sx)):
                     site = fine_site(box, dx, dy, dz)
-                    if tiles.node[site] >= 0 and kind[site] != FREE:
+                    if tiles.node[site] >= 0 and node_kinds[site] != FREE:
                         share = 0.5 ** (abs(dx - x) + abs(dy - y) + abs(dz - z))
                         coarse_values[n] += share * fine_values[site]
 
 
 @cached_njit(error_model="numpy")
-def interpolate_fine(box, sites, w, row, value, fine_sites, fine_values):  # type: ignore[no-untyped-def]
-    """Fill `fine_values` (k, 3) with the values of fine nodes at the sites `fine_sites`, from `value` (n, 3) of nodes.
+def interpolate_fine(box, sites, w, row, node_values, fine_sites, fine_values):  # type: ignore[no-untyped-def]
+    """Fill `fine_values` (k, 3) with those of fine nodes at the sites `fine_sites`, from `node_values` (n, 3).
 
     Nodes that were there before are those with a `row` (sites,) of at least 0; others lie in coarse cells.
     `sites` and `w` are scratch.
@@ -396,7 +400,7 @@ def interpolate_fine(box, sites, w, row, value, fine_sites, fine_values):  # typ
     for n in range(len(fine_sites)):
         if row[fine_sites[n]] >= 0:
             for axis in range(3):
-                fine_values[n, axis] = value[row[fine_sites[n]], axis]
+                fine_values[n, axis] = node_values[row[fine_sites[n]], axis]
             continue
         x, y, z = fine_coordinates(box, fine_sites[n])
         for axis in range(3):
@@ -410,7 +414,7 @@ def interpolate_fine(box, sites, w, row, value, fine_sites, fine_values):  # typ
         for m in range(count):
             w[m] = 1.0 / count
             for axis in range(3):
-                fine_values[n, axis] += w[m] * value[row[sites[m]], axis]
+                fine_values[n, axis] += w[m] * node_values[row[sites[m]], axis]
 
 
 @cached_njit(nogil=True, error_model="numpy")
@@ -443,17 +447,17 @@ __all__ = [
     "ClippedPieces",
     "FineLattice",
     "PiecePoints",
-    "arrange_bonds",
-    "classify_nodes",
     "coordinates_of_place",
     "count_bonds",
-    "create_points",
+    "create_piece_points",
     "empty_pieces",
     "fill_border_carriers",
-    "first_pieces",
     "gather_to_coarse",
     "interpolate_fine",
     "list_bond_targets",
-    "merge_pieces",
+    "merge_pieces_into",
     "piece_directions",
+    "set_node_kinds",
+    "store_bond_bits_and_pieces",
+    "take_first_pieces",
 ]

@@ -102,7 +102,7 @@ def create_spring_tiles(law: Law, sites: Sites, stiffness: NDArray[np.float64]) 
 
 
 @cached_njit(error_model="numpy")
-def set_springs(box, cells, modulus, way, nodes, tiles):  # type: ignore[no-untyped-def]
+def set_coarse_springs(box, cells, modulus, way, nodes, tiles):  # type: ignore[no-untyped-def]
     """Set the springs of the coarse nodes (k, 3) in `nodes`; `modulus` (c,) is that of cells."""
     for n in range(len(nodes)):
         x, y, z = nodes[n]

@@ -21,15 +21,17 @@ class BondDivisions(NamedTuple):
     and end are whole multiples of h / unit.
     """
 
-    first: NDArray[np.int64]  # (8, k, 5)
-    t: NDArray[np.float64]  # (p, 2) shares of the bond where it begins and ends
-    cell: NDArray[np.int64]  # (p, 3) the cell it is in, from the node's own
-    at: NDArray[np.int64]  # (p, 2, 3) h / unit, where it begins and ends, from the corner of the node's cell
-    node: NDArray[np.bool_]  # (p, 2) whether it begins and ends at a node
-    through: NDArray[np.uint64]  # (8, k, w) bits of the cells that the bond passes, of those around its node; see `low`
-    low: NDArray[np.int64]  # (2,) the lowest of the cells around a node that is 0 or 1 from its cell's corner
-    wide: int  # cells around a node along an axis, x fastest
-    unit: int
+    first_part: NDArray[np.int64]  # (8, k, 5)
+    length_shares: NDArray[np.float64]  # (p, 2) shares of the bond where it begins and ends
+    cell_offset: NDArray[np.int64]  # (p, 3) the cell it is in, from the node's own
+    end_position: NDArray[np.int64]  # (p, 2, 3) h / unit, where it begins and ends, from the corner of the node's cell
+    ends_at_node: NDArray[np.bool_]  # (p, 2) whether it begins and ends at a node
+    passed_cell_bits: NDArray[
+        np.uint64
+    ]  # (8, k, w) bits of the cells that the bond passes, of those around its node; see `lowest_cell`
+    lowest_cell: NDArray[np.int64]  # (2,) the lowest of the cells around a node that is 0 or 1 from its cell's corner
+    cells_around: int  # cells around a node along an axis, x fastest
+    units_per_spacing: int
 
 
 def divide_half_family(ways: NDArray[np.int64]) -> BondDivisions:

@@ -17,7 +17,7 @@ class ZoneHistory(NamedTuple):
     source: NDArray[np.int64]  # (b,) fine sites, or rows of the grid
     target: NDArray[np.int64]
     refinement_energy: float  # J, in the plane per unit thickness: energy that refining has made
-    largest: float  # of bonds that do not break: e, or stretch over their limit
+    largest_clipped: float  # of bonds that do not break: e, or stretch over their limit
     openings: Breaks  # bonds that broke in the last step in which any did; rows of nodes may be others since
 
 

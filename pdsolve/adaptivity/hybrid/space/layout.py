@@ -28,25 +28,25 @@ class FullBody(NamedTuple):
     fine: FineLattice
     sites: Sites
     coarse_sites: Sites  # of coarse nodes
-    cut: NDArray[np.int64]  # (n,) bonds of each fine node that pre-cracks cut
-    modulus: NDArray[np.float64]  # (c,) stiffness of coarse cells over that of the first material
+    precrack_cuts: NDArray[np.int64]  # (n,) bonds of each fine node that pre-cracks cut
+    relative_modulus: NDArray[np.float64]  # (c,) stiffness of coarse cells over that of the first material
     stretch_limit: NDArray[np.float64]  # (sites,) of springs of a coarse node; beyond it cells around become fine
-    resistance: float = 0.0  # 1/s^2, of all nodes of any zone: `Operator.stiffness_bound` over density
-    solid: int = 1  # cells that are not void
-    driven: Drive | None = None  # conditions on all fine nodes
+    stiffness_over_density: float = 0.0  # 1/s^2, of all nodes of any zone: `Operator.stiffness_bound` over density
+    solid_cell_count: int = 1  # cells that are not void
+    drive: Drive | None = None  # conditions on all fine nodes
 
 
 class BodyZone(NamedTuple):
     """What follows from the cells; arrays are changed in place, others replaced."""
 
     cells: NDArray[np.uint8]  # (c,)
-    kind: NDArray[np.uint8]  # (sites,) of fine nodes
+    node_kinds: NDArray[np.uint8]  # (sites,) of fine nodes
     has_coarse_node: NDArray[np.bool_]  # (sites,) whether a coarse node is there
     tiles: Tiles  # of bonds whole in fine cells
     springs: Tiles  # of coarse cells
     pieces: ClippedPieces
-    u: NDArray[np.float64]  # (3, m) displacements of fine sites, m
-    u_coarse: NDArray[np.float64]
+    fine_u: NDArray[np.float64]  # (3, m) displacements of fine sites, m
+    coarse_u: NDArray[np.float64]
 
 
 Ends = tuple[NDArray[np.int32], NDArray[np.float64]]
@@ -57,9 +57,9 @@ class SpringNetwork(NamedTuple):
     """What springs there are between n nodes, for a tangent."""
 
     volume: NDArray[np.float64]  # (n,) m^3
-    border: Ends  # rows and weights of the nodes that move fine nodes on the border
-    points: Ends  # likewise of the points at which pieces end
-    ends: NDArray[np.int32]  # (p, 2) points of pieces
+    border_carriers: Ends  # rows and weights of the nodes that move fine nodes on the border
+    point_carriers: Ends  # likewise of the points at which pieces end
+    piece_end_points: NDArray[np.int32]  # (p, 2) points of pieces
     bonds: Bonds  # of fine nodes: tiles, sites of points, points, what densities are of, and whether shares count
     springs: Bonds
     xi: NDArray[np.float64]  # (p, 3) m, of pieces
@@ -87,14 +87,14 @@ def mask_near_cells(
     """Mask (sites,) of fine nodes within `reach` spacings of cells (k, 3); along z behind them within those `above`."""
     marked = np.zeros(-(-box.sx * box.sy * box.sz // ROW) * ROW, dtype=np.bool_)
     inside = marked[: box.sx * box.sy * box.sz].reshape(box.sz, box.sy, box.sx)
-    _mark_near_cells(new_cells, reach, reach if above is None else above, inside)
+    _mark_sites_near_cells(new_cells, reach, reach if above is None else above, inside)
     return marked
 
 
 @cached_njit(error_model="numpy")
-def _mark_near_cells(new, reach, above, marked):  # type: ignore[no-untyped-def]
-    for n in range(len(new)):
-        x, y, z = 2 * new[n, 0], 2 * new[n, 1], 2 * new[n, 2]
+def _mark_sites_near_cells(new_cells, reach, above, marked):  # type: ignore[no-untyped-def]
+    for n in range(len(new_cells)):
+        x, y, z = 2 * new_cells[n, 0], 2 * new_cells[n, 1], 2 * new_cells[n, 2]
         for dz in range(max(z - reach, 0), min(z + above + 3, marked.shape[0])):
             for dy in range(max(y - reach, 0), min(y + reach + 3, marked.shape[1])):
                 marked[dz, dy, max(x - reach, 0) : x + reach + 3] = True
@@ -113,20 +113,22 @@ def rearrange_zone(full_model: FullBody, zone: BodyZone, new_cells: NDArray[np.i
     dirty = np.flatnonzero(
         mask_near_cells(box, new_cells, fine.reach - 1, 0)
     )  # lower ends of bonds that pass these cells
-    arrangement.classify_nodes(box, fine.tiles.node, zone.cells, dirty, zone.kind, zone.has_coarse_node)
+    arrangement.set_node_kinds(box, fine.tiles.node, zone.cells, dirty, zone.node_kinds, zone.has_coarse_node)
     zone = zone._replace(tiles=_copy_tiles(zone.tiles), springs=_copy_tiles(zone.springs))
     new_pieces = arrangement.empty_pieces(2 * len(zone.pieces.owner) + ROOM * len(dirty))
-    count = arrangement.arrange_bonds(fine, zone.cells, zone.tiles.bits, dirty, new_pieces)
+    count = arrangement.store_bond_bits_and_pieces(fine, zone.cells, zone.tiles.bits, dirty, new_pieces)
     if count > len(new_pieces.owner):
         new_pieces = arrangement.empty_pieces(count)
-        arrangement.arrange_bonds(fine, zone.cells, zone.tiles.bits, dirty, new_pieces)
-    stale = np.zeros(len(zone.kind), dtype=bool)
+        arrangement.store_bond_bits_and_pieces(fine, zone.cells, zone.tiles.bits, dirty, new_pieces)
+    stale = np.zeros(len(zone.node_kinds), dtype=bool)
     stale[dirty] = True
-    old, new_pieces = zone.pieces, arrangement.first_pieces(new_pieces, count)
+    old, new_pieces = zone.pieces, arrangement.take_first_pieces(new_pieces, count)
     ordered = arrangement.empty_pieces(len(old.owner) - np.count_nonzero(stale[old.owner]) + count)
-    arrangement.merge_pieces(old, stale, new_pieces, np.argsort(new_pieces.near, kind="stable"), ordered)
+    arrangement.merge_pieces_into(old, stale, new_pieces, np.argsort(new_pieces.near_place, kind="stable"), ordered)
     corners = np.unique((new_cells[:, None] + np.array(list(np.ndindex(2, 2, 2)))).reshape(-1, 3), axis=0)
-    coarse_springs.set_springs(box, zone.cells, full_model.modulus, full_model.coarse_sites.ways, corners, zone.springs)
+    coarse_springs.set_coarse_springs(
+        box, zone.cells, full_model.relative_modulus, full_model.coarse_sites.ways, corners, zone.springs
+    )
     return zone._replace(pieces=ordered)
 
 
@@ -135,20 +137,22 @@ def create_body_zone(full_model: FullBody, cells: NDArray[np.uint8], springs: Ti
     fine, box, count = full_model.fine, full_model.fine.box, len(full_model.sites.node)
     zone = BodyZone(
         cells=cells,
-        kind=np.zeros(count, dtype=np.uint8),
+        node_kinds=np.zeros(count, dtype=np.uint8),
         has_coarse_node=np.zeros(count, dtype=np.bool_),
         tiles=fine.tiles._replace(
             bits=np.zeros_like(fine.tiles.bits), node=fine.tiles.node.copy(), kind=fine.tiles.kind.copy()
         ),
         springs=springs,
         pieces=arrangement.empty_pieces(0),
-        u=aligned(np.zeros((3, full_model.sites.size))),
-        u_coarse=aligned(np.zeros((3, full_model.coarse_sites.size))),
+        fine_u=aligned(np.zeros((3, full_model.sites.size))),
+        coarse_u=aligned(np.zeros((3, full_model.coarse_sites.size))),
     )
-    arrangement.classify_nodes(box, fine.tiles.node, cells, np.arange(count), zone.kind, zone.has_coarse_node)
+    arrangement.set_node_kinds(box, fine.tiles.node, cells, np.arange(count), zone.node_kinds, zone.has_coarse_node)
     inner = cells.reshape(box.padded_shape)[(slice(box.pad, -box.pad),) * 3]
     every = np.argwhere(inner == FINE)[:, ::-1]
     corners = np.column_stack([axis_corners.ravel() for axis_corners in np.meshgrid(
         *(np.arange(side + 1) for side in (box.cx, box.cy, box.cz)), indexing="ij")])  # fmt: skip
-    coarse_springs.set_springs(box, cells, full_model.modulus, full_model.coarse_sites.ways, corners, springs)
+    coarse_springs.set_coarse_springs(
+        box, cells, full_model.relative_modulus, full_model.coarse_sites.ways, corners, springs
+    )
     return rearrange_zone(full_model, zone, np.ascontiguousarray(every)) if len(every) else zone

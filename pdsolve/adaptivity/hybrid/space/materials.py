@@ -50,24 +50,24 @@ def cell_moduli(box: CellBox, tiles: Tiles) -> NDArray[np.float64]:
     inside = tiles.cells[MODULUS, tiles.margin :][: box.sx * box.sy * box.sz]
     modulus = (2.0 * inside.astype(np.float64)).reshape(box.sz, box.sy, box.sx)
     for axis, cells in enumerate((box.cz, box.cy, box.cx)):
-        first, middle, last = (_every_second(modulus, axis, step, cells, 1.0) for step in range(3))
+        first, middle, last = (_take_every_second(modulus, axis, step, cells, 1.0) for step in range(3))
         modulus = (first + 2 * middle + last) / 4
     return np.pad(modulus, box.pad, constant_values=1.0).ravel()
 
 
-def least_peaks(box: CellBox, tiles: Tiles) -> NDArray[np.float64]:
+def least_peak_stretches(box: CellBox, tiles: Tiles) -> NDArray[np.float64]:
     """The least peak (sites,) of a bond's stretch in the cells around each coarse node; infinite without a node."""
     nodes = tiles.node[: box.sx * box.sy * box.sz]
     count = int(np.sqrt(len(tiles.peak)) + 0.5)
     material_peak = tiles.peak[:: count + 1].min(axis=1)  # a bond between two materials has one between theirs
     least_peak = np.where(nodes < 0, np.inf, material_peak[tiles.material[nodes]]).reshape(box.sz, box.sy, box.sx)
     for axis, cells in enumerate((box.cz, box.cy, box.cx)):
-        ends = (_every_second(least_peak, axis, step, cells + 1, np.inf) for step in range(-BESIDE, BESIDE + 1))
+        ends = (_take_every_second(least_peak, axis, step, cells + 1, np.inf) for step in range(-BESIDE, BESIDE + 1))
         least_peak = np.minimum.reduce(list(ends))
     return least_peak.ravel()
 
 
-def _every_second(
+def _take_every_second(
     values: NDArray[np.float64], axis: int, first: int, count: int, outside: float
 ) -> NDArray[np.float64]:
     """So many of every second entry along an axis, from `first` on."""
@@ -79,4 +79,4 @@ def _every_second(
     return np.where(inside.reshape(shape), entries, outside)
 
 
-__all__ = ["MeanDensities", "cell_moduli", "least_peaks", "node_masses", "relative_limits"]
+__all__ = ["MeanDensities", "cell_moduli", "least_peak_stretches", "node_masses", "relative_limits"]

@@ -32,7 +32,7 @@ from pdsolve.adaptivity.hybrid.space.layout import (
 )
 from pdsolve.adaptivity.hybrid.space.materials import MeanDensities, node_masses
 from pdsolve.adaptivity.hybrid.space.zone import mark_cells_in_balls
-from pdsolve.adaptivity.hybrid.springs import e_of_stretch
+from pdsolve.adaptivity.hybrid.springs import e_from_stretch
 from pdsolve.bonds.assembly import Counted
 from pdsolve.checkpoint_validation import entry, like
 from pdsolve.codegen.vector_code import ROW
@@ -74,17 +74,17 @@ class HybridBodyOperator:
         """`zone` is that of its cells."""
         self.full_body, self._zone, self.history, self._threads = full_model, zone, history, threads
         fine, count = full_model.fine, len(full_model.sites.node)
-        self.sites = np.flatnonzero((zone.kind == FREE) | zone.has_coarse_node)
+        self.sites = np.flatnonzero((zone.node_kinds == FREE) | zone.has_coarse_node)
         self.rows = fine.tiles.node[self.sites].astype(np.int64)  # of the grid
         self._row = np.full(count, -1, dtype=np.int32)
         self._row[self.sites] = np.arange(len(self.sites))
-        self._free = np.flatnonzero(zone.kind[self.sites] == FREE)
+        self._free = np.flatnonzero(zone.node_kinds[self.sites] == FREE)
         self._coarse = np.flatnonzero(zone.has_coarse_node[self.sites])
-        self._border = np.flatnonzero(zone.kind == BORDER)
+        self._border = np.flatnonzero(zone.node_kinds == BORDER)
         nodes, border, margin = len(self.sites), len(self._border), full_model.sites.margin
         on, self._w = np.zeros((border, arrangement.ENDS), np.int64), np.zeros((border, arrangement.ENDS))
         arrangement.fill_border_carriers(fine.box, self._border, on, self._w)
-        self._on, self._pieces = self._row[on], pieces.link_pieces(fine, zone.kind, self._row, zone.pieces)
+        self._on, self._pieces = self._row[on], pieces.link_pieces(fine, zone.node_kinds, self._row, zone.pieces)
         volume = fine.node_volume * fine.tiles.cells[VOLUME, margin : margin + count]
         self.volume = self._gather_to_nodes(volume)
         self._border_volume = volume[self._border]
@@ -103,7 +103,7 @@ class HybridBodyOperator:
         """What nodes (n,) have of what is the fine nodes' `fine_values` (sites,)."""
         node_values, coarse = fine_values[self.sites].astype(np.float64), np.zeros(len(self._coarse))
         arrangement.gather_to_coarse(
-            self.full_body.fine, self._zone.kind, self.sites[self._coarse], fine_values, coarse
+            self.full_body.fine, self._zone.node_kinds, self.sites[self._coarse], fine_values, coarse
         )
         node_values[self._coarse] = coarse
         return node_values
@@ -117,7 +117,7 @@ class HybridBodyOperator:
     def _number_tiles(self, tiles: Tiles) -> Tiles:
         """The tiles with the numbers of nodes, followed by those on the border, whose bonds do not break."""
         zone, full_tiles, nodes = self._zone, self.full_body.fine.tiles, len(self.sites)
-        tiles.node[:] = np.where(zone.kind == FREE, self._row, -1)
+        tiles.node[:] = np.where(zone.node_kinds == FREE, self._row, -1)
         tiles.node[self._border] = nodes + np.arange(len(self._border))
         has_node = (tiles.node.reshape(-1, ROW) >= 0).any(axis=1)
         tiles.kind[:] = np.where(has_node, full_tiles.kind, EMPTY)
@@ -147,9 +147,9 @@ class HybridBodyOperator:
 
     def _set_displacements(self, value: NDArray[np.float64]) -> None:
         zone, margin = self._zone, self.full_body.sites.margin
-        pieces.place_displacements(self._free, margin + self.sites[self._free], value, zone.u)
-        pieces.place_displacements(self._coarse, self._coarse_sites, value, zone.u_coarse)
-        pieces.interpolate_border(margin + self._border, self._on, self._w, value, zone.u)
+        pieces.place_displacements(self._free, margin + self.sites[self._free], value, zone.fine_u)
+        pieces.place_displacements(self._coarse, self._coarse_sites, value, zone.coarse_u)
+        pieces.interpolate_border(margin + self._border, self._on, self._w, value, zone.fine_u)
 
     def accumulate_force(self, state: State, out: NDArray[Any], step: int, dt: float) -> None:
         """Add the force densities (n, 3), N/m^3, to `out`; bonds over their limit break in this `step`, `dt` s long.
@@ -160,18 +160,18 @@ class HybridBodyOperator:
         zone, nodes, force, density = self._zone, len(self.sites), self._force, self._density
         force[:], density[:] = 0, 0
         with self._breaking:
-            self._sum_and_break(state, step, dt)
+            self._sum_forces_and_break_bonds(state, step, dt)
         nothing = room_for(ROW * len(zone.springs.offsets) + 1)
         of_state = state.rate, dt, 0, force, state.dissipated
 
         def work(first: int, last: int) -> None:
-            sum_tiles(zone.springs, zone.u_coarse, *of_state, nothing, first, last)
+            sum_tiles(zone.springs, zone.coarse_u, *of_state, nothing, first, last)
 
         share(work, len(zone.springs.kind), self._threads)
-        largest = self._add_pieces(state.value, force)
+        largest = self._add_piece_forces(state.value, force)
         out += density[:nodes] + force / self.volume[:, None]
-        self.history = self.history._replace(largest=max(self.history.largest, largest))
-        if step > 0 and largest > self._peak:
+        self.history = self.history._replace(largest_clipped=max(self.history.largest_clipped, largest))
+        if step > 0 and largest > self._least_peak_e:
             raise LateZoneError(
                 f"step {step}: the fine zone was refined too late (stretch at its border:"
                 f" {self.zone_summary().clipped_stretch:.2f} of critical)",
@@ -179,10 +179,10 @@ class HybridBodyOperator:
             )
 
     @property
-    def _peak(self) -> float:
-        return float(e_of_stretch(self.full_body.fine.tiles.peak.min()))
+    def _least_peak_e(self) -> float:
+        return float(e_from_stretch(self.full_body.fine.tiles.peak.min()))
 
-    def _sum_and_break(self, state: State, step: int, dt: float) -> None:
+    def _sum_forces_and_break_bonds(self, state: State, step: int, dt: float) -> None:
         zone, density = self._zone, self._density
         broken_by_tile: list[tuple[int, Breaks]] = []
         room = ROOM * ROW * len(zone.tiles.offsets)
@@ -192,20 +192,20 @@ class HybridBodyOperator:
             while first < last:
                 begin, breaks.used[0] = first, 0
                 of_state = state.rate, dt, step, density, state.dissipated
-                first = sum_tiles(zone.tiles, zone.u, *of_state, breaks, first, last)
+                first = sum_tiles(zone.tiles, zone.fine_u, *of_state, breaks, first, last)
                 if breaks.used[0]:
                     broken_by_tile.append((begin, taken(breaks)))
 
-        pull_all_again(zone.tiles, zone.u, state.rate, dt, step, self.history.openings, density)
+        pull_all_again(zone.tiles, zone.fine_u, state.rate, dt, step, self.history.openings, density)
         share(work, len(zone.tiles.kind), self._threads)
         if broken_by_tile:
             openings = joined([breaks for _, breaks in sorted(broken_by_tile, key=lambda one: one[0])])
             broken = Broken(*openings.bonds.T)
-            self._remove_broken(broken.source, broken.target)
+            self._remove_broken_from_full_body(broken.source, broken.target)
             self._new.append(broken)
             self.history = self.history._replace(openings=openings)
 
-    def _remove_broken(self, source: NDArray[np.int64], target: NDArray[np.int64]) -> None:
+    def _remove_broken_from_full_body(self, source: NDArray[np.int64], target: NDArray[np.int64]) -> None:
         """Take broken bonds out of those of the whole body too, so that none is there again."""
         bits = self.full_body.fine.tiles.bits
         tile, slot, bit = layout.placed(self._node_sites, source, target)
@@ -218,7 +218,7 @@ class HybridBodyOperator:
             site=(self.full_body.sites.margin + self.sites).astype(np.int32), node=self._row
         )
 
-    def forces_around(
+    def force_densities_near_new_cells(
         self, state: State, new_cells: NDArray[np.int64]
     ) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
         """Force densities (n, 3), N/m^3, on nodes whose bonds may be others since `new_cells` (k, 3) became fine, and
@@ -231,14 +231,14 @@ class HybridBodyOperator:
         zone, density, force = self._zone, self._density, self._force
         force[:], density[:] = 0, 0
         for tiles, u, out, site_mask in (
-            (zone.tiles, zone.u, density, mask_near_cells(box, new_cells, reach + 2)),
-            (zone.springs, zone.u_coarse, force, np.ones(len(zone.springs.node), dtype=np.bool_)),
+            (zone.tiles, zone.fine_u, density, mask_near_cells(box, new_cells, reach + 2)),
+            (zone.springs, zone.coarse_u, force, np.ones(len(zone.springs.node), dtype=np.bool_)),
         ):
             sum_some(tiles, u, state.rate, out, state.dissipated, site_mask)
-        self._add_pieces(state.value, force)
+        self._add_piece_forces(state.value, force)
         return density[: len(self.sites)] + force / self.volume[:, None], which
 
-    def _add_pieces(self, value: NDArray[np.float64], force: NDArray[np.float64]) -> float:
+    def _add_piece_forces(self, value: NDArray[np.float64], force: NDArray[np.float64]) -> float:
         """Add to `force` (n, 3), N, that of pieces and what is on the border; the largest e of pieces."""
         largest = pieces.add_piece_forces(value, self._pieces, force)
         pieces.pass_border_values(self._density[len(self.sites) :], self._on, self._w, self._border_volume, force)
@@ -254,11 +254,12 @@ class HybridBodyOperator:
     def energies(self, state: State) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Strain energy densities (n,), J/m^3, and zeros: no bond softens."""
         every, above = (
-            np.ones(len(site_values), dtype=np.bool_) for site_values in (self._zone.kind, self._zone.springs.node)
+            np.ones(len(site_values), dtype=np.bool_)
+            for site_values in (self._zone.node_kinds, self._zone.springs.node)
         )
         return self._energy_densities(state, every, above), np.zeros(len(self.sites))
 
-    def energies_around(self, state: State, new_cells: NDArray[np.int64]) -> NDArray[np.float64]:
+    def energies_near_new_cells(self, state: State, new_cells: NDArray[np.int64]) -> NDArray[np.float64]:
         """Strain energy densities (n,), J/m^3, without bonds that are as before `new_cells` (k, 3) became fine."""
         box = self.full_body.fine.box
         site_mask, above = (
@@ -278,9 +279,9 @@ class HybridBodyOperator:
         self._set_displacements(state.value)
         zone, nodes, node_energy = self._zone, len(self.sites), np.zeros(len(self.sites))
         bond_density, nothing = np.zeros((2, len(self._density)))
-        sum_some_energies(zone.tiles, zone.u, bond_density, nothing, site_mask)
+        sum_some_energies(zone.tiles, zone.fine_u, bond_density, nothing, site_mask)
         coarse_springs.add_spring_energies(
-            zone.springs, zone.u_coarse, node_energy, np.flatnonzero(above.reshape(-1, ROW).any(axis=1))
+            zone.springs, zone.coarse_u, node_energy, np.flatnonzero(above.reshape(-1, ROW).any(axis=1))
         )
         pieces.add_piece_energies(state.value, self._pieces, site_mask, node_energy)
         pieces.pass_border_values(
@@ -294,11 +295,11 @@ class HybridBodyOperator:
 
     def stiffness_bound(self) -> NDArray[np.float64]:
         """A bound (n,) of the stiffness that resists each node's motion, N/m^4; see `Operator`."""
-        return self.full_body.resistance * self.model.rho
+        return self.full_body.stiffness_over_density * self.model.rho
 
     def tangent(self, state: State) -> csr_array:
         """Minus the derivative (3 n, 3 n), N/m^4, of the force densities by the values; see `Operator`."""
-        from pdsolve.adaptivity.hybrid.space.tangent import tangent_of  # few runs need it
+        from pdsolve.adaptivity.hybrid.space.tangent import assemble_tangent  # few runs need it
 
         zone, nodes, border = self._zone, len(self.sites), len(self._border)
         full_model, margin = self.full_body, self.full_body.sites.margin
@@ -310,17 +311,17 @@ class HybridBodyOperator:
         piece_springs = self._pieces
         of_pieces = pieces.list_stiff_springs(piece_springs)
         free = np.append(self._free, nodes + np.arange(border))
-        linked = SpringNetwork(
+        network = SpringNetwork(
             self.volume,
             (self._on, self._w),
-            (piece_springs.rows, piece_springs.w),
+            (piece_springs.carrier_rows, piece_springs.carrier_weights),
             of_pieces.ends,
             (zone.tiles, sites, free, np.append(self.volume, self._border_volume), False),
             (zone.springs, above, self._coarse, np.ones(nodes), True),
             of_pieces.xi,
             of_pieces.k,
         )
-        return tangent_of(linked, state.value)
+        return assemble_tangent(network, state.value)
 
     def bonds(
         self, first: int = 0, last: int | None = None, start: bool = False
@@ -347,9 +348,9 @@ class HybridBodyOperator:
         """Volumes (n,), and numbers of bonds at the start, with and without those cut by pre-cracks."""
         return self._count_bonds(np.ones(len(self.sites), dtype=np.bool_), np.zeros(len(self.sites), dtype=np.int64))
 
-    def _count_bonds(self, changed: NDArray[np.bool_], before: NDArray[np.int64]) -> Counted:
-        """Volumes (n,) and numbers of bonds at the start; `before` (n,) of those that are not `changed` (n,)."""
-        zone, springs, count = self._zone, self._zone.springs, before
+    def _count_bonds(self, changed: NDArray[np.bool_], known_counts: NDArray[np.int64]) -> Counted:
+        """Volumes (n,) and numbers of bonds at the start; `known_counts` (n,) of those that are not `changed` (n,)."""
+        zone, springs, count = self._zone, self._zone.springs, known_counts
         with self._breaking:
             count[changed] = arrangement.count_bonds(
                 self.sites[changed], self._row, zone.tiles.offsets, zone.tiles.bits
@@ -360,7 +361,7 @@ class HybridBodyOperator:
         above = self._coarse_sites[fresh] - self.full_body.coarse_sites.margin
         count[self._coarse[fresh]] += arrangement.count_bonds(above, springs.node, springs.offsets, springs.bits)
         family = count.copy()
-        family[self._free] += self.full_body.cut[self.rows[self._free]]
+        family[self._free] += self.full_body.precrack_cuts[self.rows[self._free]]
         return Counted(self.volume, family, count)
 
     def broken(self, after: int = 0) -> Broken:
@@ -383,8 +384,8 @@ class HybridBodyOperator:
 
     def zone_summary(self) -> ZoneSummary:
         """Summary of the fine zone."""
-        share, peak = np.count_nonzero(self._zone.cells == FINE) / self.full_body.solid, self._peak
-        stretch = self.history.largest / (1 + np.sqrt(1 + self.history.largest))
+        share, peak = np.count_nonzero(self._zone.cells == FINE) / self.full_body.solid_cell_count, self._least_peak_e
+        stretch = self.history.largest_clipped / (1 + np.sqrt(1 + self.history.largest_clipped))
         return ZoneSummary(self.history.refinement_energy, float(share), float(stretch / (np.sqrt(1 + peak) - 1)))
 
     def mark_cells_to_refine(self, state: State, after_step: int) -> NDArray[np.int64]:
@@ -398,7 +399,7 @@ class HybridBodyOperator:
         hot_sites = np.zeros(26 * max(len(self._coarse), 1), dtype=np.int64)
         unbreakable = fine.tiles.unbreakable[self.rows]
         count = coarse_springs.list_stretched_nodes(
-            box, zone.springs, unbreakable, zone.u_coarse, self.full_body.stretch_limit, hot_sites
+            box, zone.springs, unbreakable, zone.coarse_u, self.full_body.stretch_limit, hot_sites
         )
         sites = np.unique(np.concatenate([sites, hot_sites[:count]]))
         new = np.zeros((np.count_nonzero(zone.cells == COARSE), 3), dtype=np.int64)
@@ -464,7 +465,7 @@ class HybridBodyOperator:
 
     def checkpoint_arrays(self) -> CheckpointArrays:
         """The cells and books for a checkpoint."""
-        books = np.array([self.history.refinement_energy, self.history.largest])
+        books = np.array([self.history.refinement_energy, self.history.largest_clipped])
         site, slot = self.history.openings.places.T
         source, target = (self._row[at].astype(np.int64) for at in (site, site + self._zone.tiles.offsets[slot]))
         arrays = openings_to_arrays(Openings(source, target, self.history.openings.openings))
@@ -476,7 +477,7 @@ class HybridBodyOperator:
             raise CheckpointError("cells are not those of the nodes")
         energy_created, largest = entry(checkpoint, "zone_books", (2,), float).tolist()
         layout.cleared(self._node_sites, broken.source, broken.target, self._zone.tiles.bits)
-        self._remove_broken(broken.source, broken.target)
+        self._remove_broken_from_full_body(broken.source, broken.target)
         source, target = (self.sites[rows] for rows in (broken.source, broken.target))
         openings = layout.opened(self._node_sites, read_openings(checkpoint, len(self.sites), np.float64), broken)
         self.history = ZoneHistory(broken.step.astype(np.int64), source, target, energy_created, largest, openings)

@@ -18,7 +18,7 @@ from pdsolve.adaptivity.hybrid.space.arrangement import (
     ClippedPieces,
     FineLattice,
     coordinates_of_place,
-    create_points,
+    create_piece_points,
 )
 from pdsolve.adaptivity.hybrid.space.box import fine_site
 from pdsolve.codegen.clipped_pieces import TOGETHER, add_pieces
@@ -35,48 +35,48 @@ class PieceSprings(NamedTuple):
     A group that is not full has springs without stiffness.
     """
 
-    number: NDArray[np.int64]  # (q,) nodes that move a point
-    rows: NDArray[np.int32]  # (q, 4) these nodes
-    w: NDArray[np.float64]  # (q, 4) their weights
-    site: NDArray[np.int32]  # (g,) fine site of the near end, or of one less than a spacing from it
-    near: NDArray[np.int32]  # (g,) point at the near end
-    far: NDArray[np.int32]  # (8 g,) point at the far end
-    direction: NDArray[np.int32]  # (8 g,) row of xi
+    carrier_count: NDArray[np.int64]  # (q,) nodes that move a point
+    carrier_rows: NDArray[np.int32]  # (q, 4) these nodes
+    carrier_weights: NDArray[np.float64]  # (q, 4) their weights
+    group_site: NDArray[np.int32]  # (g,) fine site of the near end, or of one less than a spacing from it
+    near_point: NDArray[np.int32]  # (g,) point at the near end
+    far_point: NDArray[np.int32]  # (8 g,) point at the far end
+    xi_row: NDArray[np.int32]  # (8 g,) row of xi
     xi: NDArray[np.float64]  # (d, 4) xi, m, 1 / |xi|^2
-    k: NDArray[np.float64]  # (8 g,) stiffness, N/m
-    breaks: NDArray[np.float64]  # (8 g,) least e at which bonds break over that of its own; 0 if it never breaks
-    u: NDArray[np.float64]  # (q, 4) room for the displacements of points; the last column is 0
-    force: NDArray[np.float64]  # (q, 4) room for their forces
-    top: NDArray[np.float64]  # (8,) room for the largest e times `breaks`
+    stiffness: NDArray[np.float64]  # (8 g,) stiffness, N/m
+    limit_scale: NDArray[np.float64]  # (8 g,) least e at which bonds break over that of its own; 0 if it never breaks
+    point_u: NDArray[np.float64]  # (q, 4) room for the displacements of points; the last column is 0
+    point_force: NDArray[np.float64]  # (q, 4) room for their forces
+    largest_scaled_e: NDArray[np.float64]  # (8,) room for the largest e times `limit_scale`
 
 
 class PieceGroups(NamedTuple):
     """Room for groups of pieces; see `PieceSprings`."""
 
-    site: NDArray[np.int32]
-    near: NDArray[np.int32]
-    far: NDArray[np.int32]
-    direction: NDArray[np.int32]
-    k: NDArray[np.float64]
-    breaks: NDArray[np.float64]
+    group_site: NDArray[np.int32]
+    near_point: NDArray[np.int32]
+    far_point: NDArray[np.int32]
+    xi_row: NDArray[np.int32]
+    stiffness: NDArray[np.float64]
+    limit_scale: NDArray[np.float64]
 
 
 class PlaceTable(NamedTuple):
     """Numbers of places: a hash table whose size is a power of 2, and what is found."""
 
-    key: NDArray[np.int64]  # (size,) place, -1 without one
-    value: NDArray[np.int32]  # (size,)
-    place: NDArray[np.int64]  # (size / 2,) by number
-    run: NDArray[np.int32]  # (size / 2,) scratch: the last of the near ends from which a piece has led there
-    at: NDArray[np.int64]  # (size / 2,) scratch: that piece
+    places_by_hash: NDArray[np.int64]  # (size,) place, -1 without one
+    numbers_by_hash: NDArray[np.int32]  # (size,)
+    place_of_number: NDArray[np.int64]  # (size / 2,) by number
+    last_near_end: NDArray[np.int32]  # (size / 2,) scratch: the last of the near ends from which a piece has led there
+    last_piece: NDArray[np.int64]  # (size / 2,) scratch: that piece
 
 
 def link_pieces(
-    fine: FineLattice, kind: NDArray[np.uint8], row: NDArray[np.int32], pieces: ClippedPieces
+    fine: FineLattice, node_kinds: NDArray[np.uint8], row: NDArray[np.int32], pieces: ClippedPieces
 ) -> PieceSprings:
-    """The springs of pieces; `kind` and `row` (sites,) are those of fine nodes."""
-    count = len(pieces.near)
-    room = count + (TOGETHER - 1) * (np.count_nonzero(np.diff(pieces.near)) + 1) if count else 0
+    """The springs of pieces; `node_kinds` and `row` (sites,) are those of fine nodes."""
+    count = len(pieces.near_place)
+    room = count + (TOGETHER - 1) * (np.count_nonzero(np.diff(pieces.near_place)) + 1) if count else 0
     groups = room // TOGETHER
     size = 1 << max(4, count // SHARED).bit_length() + 1
     while True:
@@ -96,13 +96,15 @@ def link_pieces(
         if points >= 0:
             break
         size *= 2
-    carry = create_points(fine, kind, numbers.place[:points])
+    carry = create_piece_points(fine, node_kinds, numbers.place_of_number[:points])
     u, force = (aligned(np.zeros((points, 4))) for _ in range(2))
-    of_groups = group_arrays.site[:used], group_arrays.near[:used]
-    far, direction = group_arrays.far[: TOGETHER * used], group_arrays.direction[: TOGETHER * used]
-    k, breaks = group_arrays.k[: TOGETHER * used], group_arrays.breaks[: TOGETHER * used]
+    of_groups = group_arrays.group_site[:used], group_arrays.near_point[:used]
+    far, direction = group_arrays.far_point[: TOGETHER * used], group_arrays.xi_row[: TOGETHER * used]
+    k, breaks = group_arrays.stiffness[: TOGETHER * used], group_arrays.limit_scale[: TOGETHER * used]
     ends = *of_groups, far, direction, fine.xi, k, breaks
-    return PieceSprings(carry.number, row[carry.site], carry.w, *ends, u, force, np.zeros(TOGETHER))
+    return PieceSprings(
+        carry.carrier_count, row[carry.carrier_sites], carry.carrier_weights, *ends, u, force, np.zeros(TOGETHER)
+    )
 
 
 class ListedSprings(NamedTuple):
@@ -115,36 +117,36 @@ class ListedSprings(NamedTuple):
 
 def list_stiff_springs(springs: PieceSprings) -> ListedSprings:
     """The springs with a stiffness."""
-    is_stiff = springs.k > 0
-    ends = np.column_stack([np.repeat(springs.near, TOGETHER), springs.far])
-    return ListedSprings(ends[is_stiff], springs.xi[springs.direction[is_stiff], :3], springs.k[is_stiff])
+    is_stiff = springs.stiffness > 0
+    ends = np.column_stack([np.repeat(springs.near_point, TOGETHER), springs.far_point])
+    return ListedSprings(ends[is_stiff], springs.xi[springs.xi_row[is_stiff], :3], springs.stiffness[is_stiff])
 
 
 @cached_njit(error_model="numpy")
 def group_pieces(fine, pieces, numbers, group_arrays):  # type: ignore[no-untyped-def]
     """Put pieces into groups; the numbers of points and of groups, or -1 if there are more points than numbers."""
-    count, m, run, i, unit = 0, 0, -1, 0, fine.divisions.unit
-    for n in range(len(pieces.near)):
-        place = pieces.near[n]
-        if n == 0 or place != pieces.near[n - 1]:
+    count, m, run, i, unit = 0, 0, -1, 0, fine.divisions.units_per_spacing
+    for n in range(len(pieces.near_place)):
+        place = pieces.near_place[n]
+        if n == 0 or place != pieces.near_place[n - 1]:
             m = _fill_last_group(group_arrays, m, i)
-            i, count = _number_place(numbers, place, count)
+            i, count = _find_or_add_number(numbers, place, count)
             run += 1
-        j, count = _number_place(numbers, pieces.far[n], count)
-        if count > len(numbers.place) - 2:
+        j, count = _find_or_add_number(numbers, pieces.far_place[n], count)
+        if count > len(numbers.place_of_number) - 2:
             return -1, 0
-        if numbers.run[j] == run:
-            at = numbers.at[j]
-            group_arrays.k[at] += pieces.k[n]
-            group_arrays.breaks[at] = max(group_arrays.breaks[at], pieces.breaks[n])
+        if numbers.last_near_end[j] == run:
+            at = numbers.last_piece[j]
+            group_arrays.stiffness[at] += pieces.stiffness[n]
+            group_arrays.limit_scale[at] = max(group_arrays.limit_scale[at], pieces.limit_scale[n])
             continue
         if m % TOGETHER == 0:
-            group_arrays.near[m // TOGETHER] = i
+            group_arrays.near_point[m // TOGETHER] = i
             x, y, z = coordinates_of_place(fine.box, unit, place)
-            group_arrays.site[m // TOGETHER] = fine_site(fine.box, x // unit, y // unit, z // unit)
-        numbers.run[j], numbers.at[j] = run, m
-        group_arrays.far[m], group_arrays.direction[m] = j, fine.direction[pieces.kind[n]]
-        group_arrays.k[m], group_arrays.breaks[m] = pieces.k[n], pieces.breaks[n]
+            group_arrays.group_site[m // TOGETHER] = fine_site(fine.box, x // unit, y // unit, z // unit)
+        numbers.last_near_end[j], numbers.last_piece[j] = run, m
+        group_arrays.far_point[m], group_arrays.xi_row[m] = j, fine.xi_row_of_kind[pieces.kind[n]]
+        group_arrays.stiffness[m], group_arrays.limit_scale[m] = pieces.stiffness[n], pieces.limit_scale[n]
         m += 1
     return count, _fill_last_group(group_arrays, m, i) // TOGETHER
 
@@ -153,23 +155,28 @@ def group_pieces(fine, pieces, numbers, group_arrays):  # type: ignore[no-untype
 def _fill_last_group(group_arrays, m, i):  # type: ignore[no-untyped-def]
     """Fill the last group with springs without stiffness; the entries used then."""
     while m % TOGETHER:
-        group_arrays.far[m], group_arrays.direction[m], group_arrays.k[m], group_arrays.breaks[m] = i, 0, 0.0, 0.0
+        group_arrays.far_point[m], group_arrays.xi_row[m], group_arrays.stiffness[m], group_arrays.limit_scale[m] = (
+            i,
+            0,
+            0.0,
+            0.0,
+        )
         m += 1
     return m
 
 
 @njit(**INNER)
-def _number_place(numbers, place, count):  # type: ignore[no-untyped-def]
+def _find_or_add_number(numbers, place, count):  # type: ignore[no-untyped-def]
     """The number of a place, a new one if it has none; and how many there are then."""
-    mask = np.uint64(len(numbers.key) - 1)
+    mask = np.uint64(len(numbers.places_by_hash) - 1)
     away = (np.uint64(place) >> np.uint64(4)) * np.uint64(0x9E3779B97F4A7C15) >> np.uint64(20)
     at = (away << np.uint64(4) | np.uint64(place) & np.uint64(15)) & mask  # places beside each other stay so
-    while numbers.key[at] not in (-1, place):
+    while numbers.places_by_hash[at] not in (-1, place):
         at = (at + np.uint64(1)) & mask
-    if numbers.key[at] < 0:
-        numbers.key[at], numbers.value[at], numbers.place[count] = place, count, place
+    if numbers.places_by_hash[at] < 0:
+        numbers.places_by_hash[at], numbers.numbers_by_hash[at], numbers.place_of_number[count] = place, count, place
         count += 1
-    return numbers.value[at], count
+    return numbers.numbers_by_hash[at], count
 
 
 @cached_njit(nogil=True, error_model="numpy")
@@ -179,29 +186,40 @@ def add_piece_forces(value, pieces, force):  # type: ignore[no-untyped-def]
     Returns the largest e of those that could break.
     """
     _displace_points(value, pieces)
-    u, sums, xi = pieces.u, pieces.force, pieces.xi
+    u, sums, xi = pieces.point_u, pieces.point_force, pieces.xi
     sums[:] = 0
-    pieces.top[:] = 0
-    for g in range(len(pieces.near)):
-        at, near = TOGETHER * g, np.int64(pieces.near[g])
-        add_pieces(u, sums, xi, pieces.far, pieces.direction, pieces.k, pieces.breaks, pieces.top, at, near)
-    for q in range(len(pieces.number)):
-        for m in range(pieces.number[q]):
-            row, share = pieces.rows[q, m], pieces.w[q, m]
+    pieces.largest_scaled_e[:] = 0
+    for g in range(len(pieces.near_point)):
+        at, near = TOGETHER * g, np.int64(pieces.near_point[g])
+        add_pieces(
+            u,
+            sums,
+            xi,
+            pieces.far_point,
+            pieces.xi_row,
+            pieces.stiffness,
+            pieces.limit_scale,
+            pieces.largest_scaled_e,
+            at,
+            near,
+        )
+    for q in range(len(pieces.carrier_count)):
+        for m in range(pieces.carrier_count[q]):
+            row, share = pieces.carrier_rows[q, m], pieces.carrier_weights[q, m]
             for axis in range(3):
                 force[row, axis] += share * sums[q, axis]
-    return pieces.top.max()
+    return pieces.largest_scaled_e.max()
 
 
 @njit(**INNER)
 def _displace_points(value, pieces):  # type: ignore[no-untyped-def]
     """Fill in the displacements of the points."""
-    for q in range(len(pieces.number)):
+    for q in range(len(pieces.carrier_count)):
         x = y = z = 0.0
-        for m in range(pieces.number[q]):
-            row, share = pieces.rows[q, m], pieces.w[q, m]
+        for m in range(pieces.carrier_count[q]):
+            row, share = pieces.carrier_rows[q, m], pieces.carrier_weights[q, m]
             x, y, z = x + share * value[row, 0], y + share * value[row, 1], z + share * value[row, 2]
-        pieces.u[q, 0], pieces.u[q, 1], pieces.u[q, 2] = x, y, z
+        pieces.point_u[q, 0], pieces.point_u[q, 1], pieces.point_u[q, 2] = x, y, z
 
 
 @cached_njit(nogil=True, error_model="numpy")
@@ -209,22 +227,22 @@ def add_piece_energies(value, pieces, site_mask, node_energy):  # type: ignore[n
     """Add the energies of pieces, J, to `node_energy` (n,), half to each end; of those with their near ends at fine
     sites of `site_mask` (sites,) alone."""
     _displace_points(value, pieces)
-    energy, u = pieces.force, pieces.u
+    energy, u = pieces.point_force, pieces.point_u
     energy[:] = 0
-    for n in range(len(pieces.k)):
-        i, j, row, e = pieces.near[n // TOGETHER], pieces.far[n], pieces.xi[pieces.direction[n]], 0.0
-        if not site_mask[pieces.site[n // TOGETHER]] or pieces.k[n] == 0:
+    for n in range(len(pieces.stiffness)):
+        i, j, row, e = pieces.near_point[n // TOGETHER], pieces.far_point[n], pieces.xi[pieces.xi_row[n]], 0.0
+        if not site_mask[pieces.group_site[n // TOGETHER]] or pieces.stiffness[n] == 0:
             continue
         for axis in range(3):
             eta = u[j, axis] - u[i, axis]
             e += row[3] * eta * (2 * row[axis] + eta)
         stretch = e / (np.sqrt(1 + e) + 1)
-        end_energy = pieces.k[n] / row[3] * stretch * stretch / 4
+        end_energy = pieces.stiffness[n] / row[3] * stretch * stretch / 4
         energy[i, 0] += end_energy
         energy[j, 0] += end_energy
-    for q in range(len(pieces.number)):
-        for m in range(pieces.number[q]):
-            node_energy[pieces.rows[q, m]] += pieces.w[q, m] * energy[q, 0]
+    for q in range(len(pieces.carrier_count)):
+        for m in range(pieces.carrier_count[q]):
+            node_energy[pieces.carrier_rows[q, m]] += pieces.carrier_weights[q, m] * energy[q, 0]
 
 
 @cached_njit(nogil=True)

@@ -13,7 +13,7 @@ from pdsolve.adaptivity.hybrid.space.box import FINE, VOID, number_box
 from pdsolve.adaptivity.hybrid.space.divisions import divide_half_family
 from pdsolve.adaptivity.hybrid.space.history import NOTHING
 from pdsolve.adaptivity.hybrid.space.layout import FullBody, create_body_zone
-from pdsolve.adaptivity.hybrid.space.materials import cell_moduli, least_peaks, relative_limits
+from pdsolve.adaptivity.hybrid.space.materials import cell_moduli, least_peak_stretches, relative_limits
 from pdsolve.adaptivity.hybrid.space.operator import HybridBodyOperator
 from pdsolve.adaptivity.hybrid.space.prescribed_motion import nodes_unfit_for_coarse
 from pdsolve.adaptivity.hybrid.space.zone import initial_cells
@@ -48,11 +48,11 @@ def create_body_operator(model: Model, options: Options, threads: int) -> Hybrid
         )
     law, h = law_of(model), tiling.sites.spacing
     full_model = create_full_body(model, tiling.sites, tiling.tiles)._replace(
-        cut=tiling.counted.family - tiling.counted.bonds
+        precrack_cuts=tiling.counted.family - tiling.counted.bonds
     )
     box, tiles = full_model.fine.box, tiling.tiles
     nodes = (int(box.sx) + BLOCK) * (int(box.sy) + BLOCK) * (int(box.sz) + BLOCK)
-    if nodes * full_model.fine.divisions.unit**3 >= 1 << 63:  # integers cannot count where pieces end
+    if nodes * full_model.fine.divisions.units_per_spacing**3 >= 1 << 63:  # integers cannot count where pieces end
         reach = f"{full_model.fine.reach} spacings"
         raise unsupported_error(model, "$.horizon.ratio", reach, f"fewer in a lattice of {nodes} places")
     shape = box.sz, box.sy, box.sx
@@ -67,7 +67,9 @@ def create_body_operator(model: Model, options: Options, threads: int) -> Hybrid
     )
     resistance = float((tiling.stiffness_bound / model.rho).max()) / SEAM
     driven = drive(model, model.grid.cells, True, np.float64)
-    full_model = full_model._replace(resistance=resistance, solid=int(np.count_nonzero(cells != VOID)), driven=driven)
+    full_model = full_model._replace(
+        stiffness_over_density=resistance, solid_cell_count=int(np.count_nonzero(cells != VOID)), drive=driven
+    )
     return create_operator_of_cells(law, full_model, cells, vertex_force(law, tiles.table, h), threads)
 
 
@@ -90,8 +92,10 @@ def create_full_body(model: Model | None, sites: Sites, tiles: Tiles) -> FullBod
     kinds = piece_directions(of, tiles.table, sites.spacing)
     fine = FineLattice(box, tiles, of, reach, sites.spacing**3, relative_limits(tiles), *kinds)
     at = coarse_springs.create_coarse_sites(box, sites.spacing)
-    hot = (Hybrid() if model is None else model.settings.run.hybrid).kappa * least_peaks(box, tiles)
-    return FullBody(model, fine, sites, at, np.zeros(len(sites.site), dtype=np.int64), cell_moduli(box, tiles), hot)
+    stretch_limit = (Hybrid() if model is None else model.settings.run.hybrid).kappa * least_peak_stretches(box, tiles)
+    return FullBody(
+        model, fine, sites, at, np.zeros(len(sites.site), dtype=np.int64), cell_moduli(box, tiles), stretch_limit
+    )
 
 
 def full_block(law: Law, table: NDArray[np.floating], h: float, cells: tuple[int, int, int]) -> FullBody:
@@ -126,7 +130,7 @@ def vertex_force(law: Law, table: NDArray[np.floating], h: float) -> float:
 
 def create_current_drive(operator: HybridBodyOperator, time: float) -> Drive:
     """Conditions of the whole body on the current nodes, with the body forces of `time`, s."""
-    every, model = operator.full_body.driven, operator.full_body.model
+    every, model = operator.full_body.drive, operator.full_body.model
     assert every is not None
     assert model is not None
     holds, loads, cells = every.holds, every.loads, model.grid.cells

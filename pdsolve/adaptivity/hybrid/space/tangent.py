@@ -21,21 +21,24 @@ if TYPE_CHECKING:
     from pdsolve.adaptivity.hybrid.space.layout import SpringNetwork
 
 
-def tangent_of(linked: SpringNetwork, value: NDArray[np.float64]) -> csr_array:
+def assemble_tangent(network: SpringNetwork, value: NDArray[np.float64]) -> csr_array:
     """Minus the derivative (3 n, 3 n), N/m^4, of the force densities (n, 3) at `value`."""
     nodes = len(value)
     points = vstack(
-        [eye_array(nodes), *(_weight_matrix(rows, w, nodes) for rows, w in (linked.border, linked.points))]
+        [
+            eye_array(nodes),
+            *(_weight_matrix(rows, w, nodes) for rows, w in (network.border_carriers, network.point_carriers)),
+        ]
     ).tocsr()
     u, last = points @ value, points.shape[0]
     matrix = csr_array((3 * last, 3 * last))
-    for tiles, sites, rows, volume, share in (linked.bonds, linked.springs):
+    for tiles, sites, rows, volume, share in (network.bonds, network.springs):
         matrix += _tile_tangent(tiles, sites, rows, volume, u, share)
-    near, far = (last - len(linked.points[0]) + linked.ends.astype(np.int64)).T
-    pull = linked.stiffness * np.sqrt((linked.xi**2).sum(axis=1))
+    near, far = (last - len(network.point_carriers[0]) + network.piece_end_points.astype(np.int64)).T
+    pull = network.stiffness * np.sqrt((network.xi**2).sum(axis=1))
     for first, second, sign in ((near, far, 1.0), (far, near, -1.0)):
-        matrix += of_springs(first, second, sign * linked.xi, pull, u)
-    tied, density = kron(points, eye_array(3)).tocsr(), diags_array(np.repeat(1 / linked.volume, 3))
+        matrix += of_springs(first, second, sign * network.xi, pull, u)
+    tied, density = kron(points, eye_array(3)).tocsr(), diags_array(np.repeat(1 / network.volume, 3))
     return (density @ (tied.T @ matrix @ tied)).tocsr()
 
 
@@ -51,12 +54,12 @@ def _tile_tangent(
     rows: NDArray[np.int64],
     volume: NDArray[np.float64],
     u: NDArray[np.float64],
-    share: bool,
+    uses_shares: bool,
 ) -> csr_array:
     """Minus the derivative of the forces, N, on points, of the bonds of `rows`; `volume` is what densities are of."""
     source, target, slot = layout.intact(sites, tiles.bits, rows)
     xi, pull = layout.springs(tiles, sites, source, target, slot)
-    if share:
+    if uses_shares:
         tile, lane = np.divmod(sites.site[source] - sites.margin, tiles.share.shape[2])
         pull *= tiles.share[tile, slot, lane]
     return of_springs(source, target, xi, pull * volume[source], u)

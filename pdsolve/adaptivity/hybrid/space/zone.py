@@ -94,9 +94,11 @@ def _refine_around_cracks(cells: NDArray[np.uint8], cracks: NDArray[np.float64])
 
 
 @cached_njit(error_model="numpy")
-def mark_cells_in_balls(box, cells, places, radius, new):  # type: ignore[no-untyped-def]
-    """Make the coarse cells within `radius` of the fine nodes `places` (k, 3) fine, and list them in `new` (., 3);
-    returns how many there are."""
+def mark_cells_in_balls(box, cells, places, radius, new_cells):  # type: ignore[no-untyped-def]
+    """Make coarse cells within `radius` of the fine nodes `places` (k, 3) fine, and list them in `new_cells` (., 3).
+
+    Returns how many there are.
+    """
     count, half = 0, radius // 2 + 1
     for n in range(len(places)):
         x, y, z = places[n]
@@ -107,7 +109,7 @@ def mark_cells_in_balls(box, cells, places, radius, new):  # type: ignore[no-unt
                     away = _squared_distance(x, cx) + _squared_distance(y, cy) + _squared_distance(z, cz)
                     if cells[c] == COARSE and away < radius * radius:
                         cells[c] = FINE
-                        new[count, 0], new[count, 1], new[count, 2] = cx, cy, cz
+                        new_cells[count, 0], new_cells[count, 1], new_cells[count, 2] = cx, cy, cz
                         count += 1
     return count
 

@@ -397,7 +397,7 @@ def test_the_legend_of_a_crack_covers_no_branch(small_results: Path) -> None:
     from damaged_results import lattice, run
 
     branches = crack_branches(run(lattice(), [(x, x, y) for x in range(5, 16) for y in (-1, 0, 1)]))
-    wide = [replace(one, line=np.zeros_like(one.line)) for one in branches]
+    wide = [replace(one, is_line=np.zeros_like(one.is_line)) for one in branches]
     with Results.open(small_results) as results:
         figure = crack_figure.crack(results, replace(crack_summary.crack(results), branches=wide))
     assert figure.axes[0].get_legend() is None

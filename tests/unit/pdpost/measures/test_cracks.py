@@ -14,7 +14,7 @@ from pdpost.exports import csv_columns
 from pdpost.measures.bond_pairs import read_bond_pairs
 from pdpost.measures.crack_summary import Summary, crack, numbers, sentences
 from pdpost.measures.cracked_nodes import cracked_since, damage_at, separation_at
-from pdpost.measures.cracks import CrackEvents, cluster_nodes, crack_events, is_split
+from pdpost.measures.cracks import CrackEvents, cluster_nodes, crack_events, plate_is_split
 from pdpost.measures.fields import field_values
 from pdpost.measures.fragments import Fragment, Fragments
 from pdpost.measures.release import EnergyRelease
@@ -134,9 +134,9 @@ def test_clusters_and_splits_of_nodes() -> None:
     marked = [at(nodes, x, 0) - 1 for x in (0, 1, 2, 5, 6)]
     cracked = np.isin(np.arange(180), marked)
     assert len(set(cluster_nodes(nodes.position[cracked], nodes.delta[cracked]).tolist())) == 2
-    assert not is_split(nodes, cracked)
-    assert is_split(nodes, nodes.position[:, 0] == nodes.position[3, 0])  # a column, top to bottom
-    assert not is_split(nodes, np.zeros(180, dtype=bool))
+    assert not plate_is_split(nodes, cracked)
+    assert plate_is_split(nodes, nodes.position[:, 0] == nodes.position[3, 0])  # a column, top to bottom
+    assert not plate_is_split(nodes, np.zeros(180, dtype=bool))
 
 
 def test_separation_between_frames() -> None:

@@ -7,7 +7,7 @@ import pytest
 from prescribed_results import MODEL, plate, results_of
 
 from pdpost.measures.cracked_nodes import damage_at
-from pdpost.measures.stress_intensities import FrameFields, _choose_rings
+from pdpost.measures.stress_intensities import CachedFrameFields, _choose_rings
 from pdpost.measures.tip_surroundings import Tip, UndisturbedRoom
 
 REST = {**MODEL, "run": {"solver": "static", "time_step": 1.0}, "horizon": {"ratio": 3.0}}
@@ -25,7 +25,7 @@ def test_nodes_that_have_lost_more_than_six_tenths_of_their_bonds_do_not_count()
     results = results_of(nodes, families, 1e-6 * nodes.position, broken, REST)
     damage = damage_at(results, 10)
     assert damage[inner] == pytest.approx([0.0, 16 / 28, 17 / 28])
-    there = np.isfinite(FrameFields(results)._sample_fields(10).gradient).all(axis=(1, 2))
+    there = np.isfinite(CachedFrameFields(results)._sample_fields(10).gradient).all(axis=(1, 2))
     assert there[inner].tolist() == [True, True, False]
 
 

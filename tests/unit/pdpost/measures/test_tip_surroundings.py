@@ -20,11 +20,11 @@ def test_a_tip_is_that_of_its_pre_crack_until_the_crack_leaves_it() -> None:
     for time in (0.0, 9 * US):
         tip = front.tip_at(time)
         assert tip is not None
-        assert (tip.place.tolist(), tip.way.tolist()) == ([4.5e-3, 0.0], [1.0, 0.0])
+        assert (tip.place.tolist(), tip.direction.tolist()) == ([4.5e-3, 0.0], [1.0, 0.0])
     tip = front.tip_at(15 * US)
     assert tip is not None
     assert tip.place == pytest.approx([10e-3, 0.0], abs=1e-3)
-    assert tip.way == pytest.approx([1.0, 0.0])
+    assert tip.direction == pytest.approx([1.0, 0.0])
     last = front.tip_at(90 * US)
     assert last is not None
     assert last.place == pytest.approx([15e-3, 0.0], abs=1e-12)
@@ -39,9 +39,9 @@ def test_arms_have_tips_of_their_own_from_the_fork_on() -> None:
     assert len(before) == 1
     tips = [tip for tip in after if tip is not None]
     assert len(tips) == 2
-    assert sorted(np.sign(tip.way[1]) for tip in tips) == [-1, 1]
+    assert sorted(np.sign(tip.direction[1]) for tip in tips) == [-1, 1]
     for tip in tips:
-        assert abs(np.degrees(np.arctan2(tip.way[1], tip.way[0]))) == pytest.approx(45, abs=12)
+        assert abs(np.degrees(np.arctan2(tip.direction[1], tip.direction[0]))) == pytest.approx(45, abs=12)
 
 
 def test_tips_of_particles_are_where_the_particles_are() -> None:
@@ -64,7 +64,7 @@ def test_tips_of_particles_are_where_the_particles_are() -> None:
             assert len(tips) == len(expected)
             for tip, (place, way) in zip(tips, expected, strict=True):
                 assert tip.place == pytest.approx(1e-3 * np.array(place))
-                assert tip.way == pytest.approx(way)
+                assert tip.direction == pytest.approx(way)
 
 
 def test_a_crack_of_particles_that_ends_on_another_has_no_tip() -> None:
@@ -111,5 +111,5 @@ def test_room_ends_at_whatever_is_nearest(
     results = run(lattice(20, 25), [], np.array(notch), json.dumps(MODEL | more))
     tip = Tip(np.array([9.5e-3, 0.0]), np.array([1.0, 0.0]))
     room = TipObstacles(results, tip_histories(results, 100)).undisturbed_room(tip, 100, 1e-4)
-    assert room.limit == limit
+    assert room.nearest_obstacle == limit
     assert room.radius == pytest.approx(radius, abs=0.51e-3)

@@ -48,7 +48,7 @@ def test_a_straight_crack_from_its_notch() -> None:
     assert branch.direction == pytest.approx(np.tile([1.0, 0.0], (len(branch.place), 1)))
     assert branch.time[[0, -1]] == pytest.approx([5e-6, 15e-6])
     assert branch.time[1:-1] * 1e3 == pytest.approx(branch.place[1:-1, 0], abs=0.6e-3)
-    assert branch.line.all()
+    assert branch.is_line.all()
 
 
 def test_a_step_ends_a_path() -> None:
@@ -132,7 +132,7 @@ def test_a_ring_is_followed_both_ways() -> None:
     found = crack_branches(run(nodes, [(x, x, 0) for x in range(5, 16)] + around + after))
     assert len(found) == 4
     assert sum(branch.length for branch in found) == pytest.approx((10.5 + 4 * 6 * 2**0.5 + 10) * 1e-3, rel=0.05)
-    assert len({branch.begin for branch in found}) == len({branch.end for branch in found}) == 3
+    assert len({branch.begin_joint for branch in found}) == len({branch.end_joint for branch in found}) == 3
 
 
 def test_a_small_hole_in_a_crack_is_no_fork() -> None:
@@ -145,7 +145,7 @@ def test_a_small_hole_in_a_crack_is_no_fork() -> None:
 def test_a_crack_without_a_pre_crack_runs_both_ways_from_where_it_began() -> None:
     found = crack_branches(run(bare(20, 9), [(abs(x - 10) + 1, x, 0) for x in range(2, 19)], notch=np.empty((0, 4))))
     assert len(found) == 2
-    assert {branch.begin for branch in found} == {found[0].begin}
+    assert {branch.begin_joint for branch in found} == {found[0].begin_joint}
     assert find_forks(found) == []
     assert sorted(branch.place[-1][0] for branch in found) == pytest.approx([2e-3, 18e-3])
     assert sorted(branch.direction[-1][0] for branch in found) == pytest.approx([-1, 1])
@@ -192,9 +192,9 @@ def test_two_cracks_become_one(between: bool) -> None:
     found = crack_branches(run(nodes, stems + trunk, notch=np.empty((0, 4))))
     assert len(found) == 3
     mirrored(found, found, np.array([1.0, -1.0]), (0.0, sum(ends) * 1e-3))
-    joint = found[0].begin
+    joint = found[0].begin_joint
     assert found[0].place[-1] == pytest.approx([49e-3, np.mean(ends) * 1e-3])
-    assert [branch.end for branch in found[1:]] == [joint, joint]
+    assert [branch.end_joint for branch in found[1:]] == [joint, joint]
 
 
 def test_nodes_that_crack_ahead_wait_for_the_crack() -> None:
@@ -222,10 +222,10 @@ def test_what_is_crushed_is_no_line_and_has_no_speed() -> None:
     nodes = bare(60, 41)
     rubble = [(30 + x // 8, x, y) for x in range(30, 60) for y in range(-8, 8)]
     found = crack_branches(run(nodes, [(1 + x, x, 0) for x in range(30)] + rubble, notch=np.empty((0, 4))))
-    main = max(found, key=lambda branch: branch.line.sum())
+    main = max(found, key=lambda branch: branch.is_line.sum())
     inside = main.place[:, 0] > 33e-3
     assert inside.any()
-    assert main.line[inside].mean() < 0.2  # a corner of the block is narrow; measured 0.14
+    assert main.is_line[inside].mean() < 0.2  # a corner of the block is narrow; measured 0.14
     assert np.isnan(main.speed.value[inside]).all()
     assert np.isfinite(main.speed.value[main.place[:, 0] < 20e-3]).all()
     assert main.mean_speed is None
@@ -264,10 +264,10 @@ def test_a_mean_speed_ends_where_the_crack_reaches_the_edge() -> None:
     line = np.abs(across - np.median(across)) < 1e-3
     through = crack_branches(at_steps(nodes, np.where(line, late, -1), time_step=1e-7))[0]
     assert through.mean_speed == pytest.approx(1000.0, rel=0.02)  # measured 1001.8
-    whole = replace(through, inside=None).mean_speed
+    whole = replace(through, points_before_edge=None).mean_speed
     assert whole == pytest.approx(660, abs=20)  # measured 663.7
     short = crack_branches(at_steps(nodes, np.where(line & (along < right - 10e-3), steps, -1), time_step=1e-7))[0]
-    assert short.inside is None
+    assert short.points_before_edge is None
 
 
 @pytest.mark.slow
@@ -340,7 +340,7 @@ def test_time_never_falls_along_a_branch(seed: int) -> None:
     for branch in found:
         assert (np.diff(branch.time) >= 0).all()
         assert (np.diff(branch.along) >= 0).all()
-        stems = [other for other in found if other.end == branch.begin]
+        stems = [other for other in found if other.end_joint == branch.begin_joint]
         if stems:
             assert branch.time[0] >= min(stem.time[-1] for stem in stems) - 1e-15
         assert np.hypot(*branch.direction.T) == pytest.approx(1.0)
