@@ -162,7 +162,7 @@ def info_lines(result: dict[str, Any]) -> list[str]:
     ]
     if result["memory_bytes"] is not None:
         memory, seconds = result["memory_bytes"] / 1e6, result["solve_seconds"]
-        rests = ", if nothing breaks: each break is another rest" if result["at_rest"] else ""
+        rests = ", if nothing breaks: each group of breaking bonds needs another equilibrium" if result["at_rest"] else ""
         lines.append(f"about {memory:.3g} MB of memory and {seconds:.3g} s to solve{rests}")
     if result["most_nodes"] is not None:
         lines.append(_start_line(result["most_nodes"]))
@@ -233,7 +233,7 @@ def plan_lines(result: dict[str, Any]) -> list[str]:
     lines = [f"{label:22}{scene_value:>14}{flat_value:>14}" for label, scene_value, flat_value in rows]
     lines += zone_strengths.lines(result.get("strengths", []))
     if scene_cost["at_rest"]:
-        lines.append("time is that to solve if nothing breaks: each break is another rest")
+        lines.append("time is that to solve if nothing breaks: each group of breaking bonds needs another equilibrium")
     return lines + ([_start_line(scene_cost["most_nodes"])] if scene_cost["most_nodes"] else [])
 
 
