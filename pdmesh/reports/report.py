@@ -48,6 +48,7 @@ IN_KELVIN = {"value": "K", "rate": "K/s", "flux": "K m/s", "coefficient": "m/s"}
 IN_WATTS = {"value": "K", "rate": "W/m^3", "flux": "W/m^2", "coefficient": "W/(m^2 K)"}
 NOTHING = 1e-9  # of the largest force, and of that times the size of the grid: round-off
 SAMPLE = 20_000  # nodes whose bonds stand for those of a larger grid
+IF_NOTHING_BREAKS = "if nothing breaks: each group of breaking bonds needs another equilibrium"
 
 
 def info(document: Document, name: str, mode: str = DEFAULT_MODE) -> dict[str, Any]:
@@ -162,7 +163,7 @@ def info_lines(result: dict[str, Any]) -> list[str]:
     ]
     if result["memory_bytes"] is not None:
         memory, seconds = result["memory_bytes"] / 1e6, result["solve_seconds"]
-        rests = ", if nothing breaks: each break is another rest" if result["at_rest"] else ""
+        rests = f", {IF_NOTHING_BREAKS}" if result["at_rest"] else ""
         lines.append(f"about {memory:.3g} MB of memory and {seconds:.3g} s to solve{rests}")
     if result["most_nodes"] is not None:
         lines.append(_start_line(result["most_nodes"]))
@@ -233,7 +234,7 @@ def plan_lines(result: dict[str, Any]) -> list[str]:
     lines = [f"{label:22}{scene_value:>14}{flat_value:>14}" for label, scene_value, flat_value in rows]
     lines += zone_strengths.lines(result.get("strengths", []))
     if scene_cost["at_rest"]:
-        lines.append("time is that to solve if nothing breaks: each break is another rest")
+        lines.append(f"time is that to solve {IF_NOTHING_BREAKS}")
     return lines + ([_start_line(scene_cost["most_nodes"])] if scene_cost["most_nodes"] else [])
 
 

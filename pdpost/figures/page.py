@@ -26,7 +26,7 @@ from pdpost.measures.balance import balance, energy_remarks, thickness_unit_suff
 from pdpost.measures.diffused_amounts import AMOUNTS, balance_with_unit
 from pdpost.measures.fields import default_field_name
 from pdpost.measures.forces import reactions
-from pdpost.reading.embedded_model import moment, whole
+from pdpost.reading.embedded_model import at_rest, moment, whole
 from pdpost.reading.frame_steps import frames
 from pdpost.reading.stored_fields import OF_DIFFUSION, diffuses
 from pdsolve.results import DamagedError, Nodes, Results, ResultsError
@@ -34,6 +34,7 @@ from pdsolve.results import DamagedError, Nodes, Results, ResultsError
 DPI = 110
 FRAMES = 24  # of the animation
 FIELDS = ("damage", "displacement", "velocity", "acceleration", "energy", *OF_DIFFUSION)
+OF_MOTION = {"velocity", "acceleration"}  # zero in equilibrium
 UNITS = {"E": "Pa", "rho": "kg/m³", "G0": "J/m²", "D": "m²/s", "C_solid": "mol/m³", "C_sat": "mol/m³"}
 VIEWPORT = '<meta name="viewport" content="width=device-width, initial-scale=1">\n'
 STYLE = """
@@ -75,7 +76,7 @@ def report(results: Results, name: str) -> str:
         ("Balance", _balance(results) if moves else _masses(results)),
         ("Scene", [*scene_images, _conditions(nodes, model)]),
         ("Grid", [_table(_grid(results, nodes))]),
-        ("Settings", [_table(_settings(model, meta))]),
+        ("Settings", [_table(_settings(model, meta, static=at_rest(results)))]),
         ("Provenance", [_table((title, meta[key]) for key, title in PROVENANCE.items() if key in meta)]),
     ]
     body = "\n".join(f"<h2>{for_html(title)}</h2>\n" + "\n".join(parts) for title, parts in sections)
@@ -104,7 +105,7 @@ def _grid(results: Results, nodes: Nodes) -> dict[str, str]:
     }
 
 
-def _settings(model: dict[str, Any], meta: Mapping[str, Any]) -> dict[str, str]:
+def _settings(model: dict[str, Any], meta: Mapping[str, Any], *, static: bool) -> dict[str, str]:
     run = model.get("run", {})
     made_of = model.get("medium") or model["material"]
     settings = {name: f"{_text(value)} {UNITS.get(name, '')}".rstrip() for name, value in made_of.items()}
@@ -114,7 +115,7 @@ def _settings(model: dict[str, Any], meta: Mapping[str, Any]) -> dict[str, str]:
     settings["horizon"] = f"{model.get('horizon', {}).get('ratio', 3.0):g} spacings"
     second, prefix = prefixed(float(meta["time_step"]))
     step, sure = (f"{meta[name] * second:.4g} {prefix}s" for name in ("time_step", "stable_time_step"))
-    settings["time step"] = f"{step}, stable up to {sure}"
+    settings["time step"] = step if static else f"{step}, stable up to {sure}"
     settings |= {name: _text(value) for name, value in run.items() if name != "time_step"}
     settings |= {
         name.removeprefix("Peridynamics/"): _text(value) for name, value in model.get("parameters", {}).items()
@@ -179,6 +180,8 @@ def _crack(results: Results) -> list[str]:
 def _fields(results: Results, step: int) -> list[str]:
     parts = []
     for name in FIELDS:
+        if name in OF_MOTION and at_rest(results):
+            continue
         try:
             parts.append(_image(field_figure.field(results, name, step), name))
         except DamagedError:

@@ -115,6 +115,18 @@ def test_what_is_said_of_load_steps_is_in_seconds(command: str, here: Path, caps
     assert "e+06" not in said
 
 
+@pytest.mark.slow
+def test_the_report_of_load_steps_has_nothing_that_moves(here: Path) -> None:
+    for words, name in ([], "moves"), (["--static"], "rests"):
+        assert main(["held.json", *words, "-q", "--threads", "1", "-o", f"{name}.sqlite"]) == 0
+        assert pdpost(["report", f"{name}.sqlite", "-o", f"{name}.html", "-q"]) == 0
+    moves, rests = (Path(f"{name}.html").read_text() for name in ("moves", "rests"))
+    for text in 'alt="velocity"', 'alt="acceleration"', "stable up to":
+        assert text in moves
+        assert text not in rests
+    assert 'alt="displacement"' in rests
+
+
 def test_a_run_stopped_within_a_load_step_says_how_to_go_on(
     here: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
