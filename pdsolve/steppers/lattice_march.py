@@ -236,13 +236,13 @@ def sweep_tiles(tiles, tile_motion, drive, state, dt, sweeps, breaks, thread, ga
 @njit(**INNER)
 def _pull_again(tiles, tile_motion, sweep_state):  # type: ignore[no-untyped-def]
     """Put the second pulls of the thread's bonds that broke one step ago where those of its tiles are summed."""
-    breaks, motion, pulls = sweep_state.breaks, sweep_state.motion, tile_motion.v[sweep_state.after]
+    breaks, motion, pulls = sweep_state.breaks, sweep_state.motion, tile_motion.v[sweep_state.next_buffer]
     last = first = breaks.used[0]
     while first > 0 and breaks.bonds[first - 1, 0] == motion.step - 1:
         first -= 1
     for n in range(first, last):
         tile = breaks.places[n, 0] // ROW
-        if not tile_motion.pulled[tile]:
+        if not tile_motion.has_failure_pulls[tile]:
             _clear_pulls(tiles, tile_motion, pulls, tile)
         pull_again(tiles, motion, pulls, breaks, n)
 
@@ -250,7 +250,7 @@ def _pull_again(tiles, tile_motion, sweep_state):  # type: ignore[no-untyped-def
 @njit(**INNER)
 def _clear_pulls(tiles, tile_motion, pulls, tile):  # type: ignore[no-untyped-def]
     """Begin the sum of the pulls of a tile's bonds."""
-    tile_motion.pulled[tile] = True
+    tile_motion.has_failure_pulls[tile] = True
     pulls[:, tiles.margin + tile * ROW : tiles.margin + tile * ROW + ROW] = 0
 
 
