@@ -271,8 +271,7 @@ class BondList:
             column = getattr(self.columns, name)
             which = np.flatnonzero(column)
             source, target = ends(self._bonds, which)
-            if name != "opening" or len(which):
-                checkpoint |= {name: column[which], f"{name}_source": source, f"{name}_target": target}
+            checkpoint |= {name: column[which], f"{name}_source": source, f"{name}_target": target}
         if len(self._torn_bonds.bond):
             _, target = ends(self._bonds, self._torn_bonds.bond)
             force_and_growth = np.column_stack([self._torn_bonds.force, self._torn_bonds.growth])

@@ -24,9 +24,7 @@ class Openings(NamedTuple):
 
 
 def openings_to_arrays(openings: Openings) -> dict[str, NDArray[Any]]:
-    """Arrays of a checkpoint; none without any such bond."""
-    if not len(openings.source):
-        return {}
+    """Arrays of a checkpoint; ranks gather them by name, so that they are there without any such bond too."""
     source, target, stretch = (column[np.lexsort((openings.target, openings.source))] for column in openings)
     ends = {"opening_source": source.astype(np.int64), "opening_target": target.astype(np.int64)}
     return {"opening": stretch, **ends}

@@ -144,6 +144,7 @@ class LatticeMarch:
                 sweep = self._sweep_tiles(state, first, last, sweep, min(sweep + BETWEEN_LOOKS, ends))
             if ends == 0:
                 return  # compiled
+        self._operator.drop_openings_before(last - 1)
         after = (last - first + 1) % 2
         for axis in range(len(tile_motion.u[0])):
             state.value[:, axis], state.rate[:, axis] = (

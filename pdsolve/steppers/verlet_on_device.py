@@ -158,6 +158,8 @@ class VerletOnDevice:
         if drive.varies:
             put_loads(drive, self._last * self._dt)
         operator.fetch()
+        if isinstance(operator, SpaceOnDevice):
+            operator.drop_openings_before(self._last)
         self._ahead = False
 
 

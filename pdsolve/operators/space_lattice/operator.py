@@ -101,6 +101,7 @@ class SpaceLattice:
             self.extend(np.array(sorted(waiting)))
             for tile in sorted(waiting):
                 work(tile, tile + 1)
+        self.drop_openings_before(step)
         if broken_by_tile:
             self.take_out(joined([breaks for _, breaks in sorted(broken_by_tile, key=lambda one: one[0])]))
 
@@ -112,6 +113,10 @@ class SpaceLattice:
         """Note bonds that are broken now, in the order of steps."""
         self._new.append(Broken(*breaks.bonds.T))
         self.openings = selected(breaks, breaks.bonds[:, 0] == breaks.bonds[-1, 0])
+
+    def drop_openings_before(self, step: int) -> None:
+        """Forget the bonds that broke before a step: they have pulled for a second time."""
+        self.openings = selected(self.openings, self.openings.bonds[:, 0] >= step)
 
     def energies(self, state: State) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """The energy densities (n,), J/m^3, that nodes hold, and that softening has spent so far."""
