@@ -10,8 +10,8 @@ LATTICE = tuple(
     Mutant(MARCH, line, becomes, VERLET)
     for line, becomes in (
         ("    tile_motion.has_failure_pulls[tile] = False\n", ""),
-        ("selected(new, np.lexsort((new.places[:, 0] // ROW, new.bonds[:, 0])))", "selected(new, slice(-1))"),
-        ("joined(breaks + self._collect_breaks())", "self._collect_breaks()[0]"),
+        ("select_breaks(new, np.lexsort((new.places[:, 0] // ROW, new.bonds[:, 0])))", "select_breaks(new, slice(-1))"),
+        ("join_breaks(breaks + self._collect_breaks())", "self._collect_breaks()[0]"),
         ("        pull_again(tiles, motion, pulls, breaks, n)\n", "        pass\n"),
         ("v = advanced(advanced(v, a, half), a, half)", "v = advanced(v, a, dt)"),
         ("(drive.before[i, axis] + drive.force[i, axis]) / 2", "drive.force[i, axis]"),

@@ -92,7 +92,7 @@ class Breaks(NamedTuple):
     used: NDArray[np.int64]  # (1,) bonds
     bonds: NDArray[np.int64]  # (., 3) step, and rows of source and target
     places: NDArray[np.int64]  # (., 2) site of the source, from the first tile on, and slot
-    openings: NDArray[np.float64]  # (.,) stretch one step before
+    stretch_before: NDArray[np.float64]  # (.,) of each, one step before
 
 
 @register_jitable
@@ -102,19 +102,19 @@ def room_for(bonds: int) -> Breaks:
     return Breaks(np.zeros(1, dtype=np.int64), *columns)
 
 
-def taken(breaks: Breaks, first: int = 0) -> Breaks:
+def copy_breaks(breaks: Breaks, first: int = 0) -> Breaks:
     """A copy of the breaks from `first` on."""
     last = int(breaks.used[0])
     return Breaks._make([np.array([last - first]), *(column[first:last].copy() for column in breaks[1:])])
 
 
-def joined(breaks: Sequence[Breaks]) -> Breaks:
+def join_breaks(breaks: Sequence[Breaks]) -> Breaks:
     """Some breaks one after the other."""
     columns = zip(*(one[1:] for one in breaks), strict=True)
     return Breaks._make([sum((one.used for one in breaks), np.zeros(1, np.int64)), *map(np.concatenate, columns)])
 
 
-def selected(breaks: Breaks, which: NDArray[Any]) -> Breaks:
+def select_breaks(breaks: Breaks, which: NDArray[Any]) -> Breaks:
     """Some of the breaks, by mask (b,) or by numbers (k,)."""
     columns = [column[: breaks.used[0]][which] for column in breaks[1:]]
     return Breaks._make([np.array([len(columns[0])]), *columns])
@@ -274,11 +274,11 @@ def _update_slot(tiles, motion, pulls, dissipated, breaks, t, lane, slot):  # ty
 
 
 @njit(**INNER)
-def _record(breaks, step, i, j, site, slot, opening):  # type: ignore[no-untyped-def]
+def _record(breaks, step, i, j, site, slot, stretch_before):  # type: ignore[no-untyped-def]
     """Record a bond that breaks."""
     n = breaks.used[0]
     breaks.bonds[n, 0], breaks.bonds[n, 1], breaks.bonds[n, 2] = step, i, j
-    breaks.places[n, 0], breaks.places[n, 1], breaks.openings[n] = site, slot, opening
+    breaks.places[n, 0], breaks.places[n, 1], breaks.stretch_before[n] = site, slot, stretch_before
     breaks.used[0] = n + 1
 
 
@@ -295,7 +295,7 @@ def pull_again(tiles, motion, pulls, breaks, n):  # type: ignore[no-untyped-def]
     stretch = _stretch(row, u, place, offset)
     last = _stretch_before(row, u, motion.rate, motion.dt, place, offset, near, far)
     limits = tiles.peak[pair, slot], tiles.limit[pair, slot]
-    pull = second_force(tiles.law, np.float64(stretch), last, breaks.openings[n], worst, *limits)
+    pull = second_force(tiles.law, np.float64(stretch), last, breaks.stretch_before[n], worst, *limits)
     pull *= stiffness(tiles, row, t, place, offset) / (1 + stretch)
     for axis in range(len(u)):
         pulls[axis, near] += pull * (row[axis] + (u[axis, place + offset] - u[axis, place]))

@@ -25,7 +25,7 @@ class PairColumns(NamedTuple):
     limit: NDArray[np.floating]  # (b,) stretch above which it is gone; both infinite where it must not break
     worst: NDArray[np.floating]  # (b,) the largest stretch above the peak, 0 if never there; (0,) if bonds are linear
     broken: NDArray[np.int32]  # (b,) step in which the bond broke, 0 while intact
-    opening: NDArray[np.floating]  # (b,) stretch one step before the bond broke, until it has pulled for a second
+    pending: NDArray[np.floating]  # (b,) stretch one step before the bond broke, until it has pulled for a second
     # time; 0 of all others, and the least number above 0 in place of a stretch of 0
     matches_work: bool = True  # whether bonds that soften or break in a step add `matching_force` to it
 
@@ -46,8 +46,8 @@ def pair_law(kind: type[Any], pair: Pair) -> Law:
         """Columns of these bonds (b,)."""
         count, precision = len(bonds.limit), bonds.limit.dtype
         worst = np.zeros(0 if linear else count, precision)
-        broken, opening = np.zeros(count, np.int32), np.zeros(count, precision)
-        return kind(bonds.stiffness, bonds.peak, bonds.limit, worst, broken, opening)
+        broken, pending = np.zeros(count, np.int32), np.zeros(count, precision)
+        return kind(bonds.stiffness, bonds.peak, bonds.limit, worst, broken, pending)
 
     straight = _accumulate_one_sided if pair.elastic_in_compression else _accumulate_straight
     curve = straight if pair.bond_strain_energy is None else _accumulate_curved
@@ -57,7 +57,7 @@ def pair_law(kind: type[Any], pair: Pair) -> Law:
         passes=Passes(_accumulate_linear if linear else curve),
         energy=_energy_linear if linear else _energy,
         update_bond=_update_softening_bond if softens else _update_elastic_bond,
-        bond_history=("worst", "opening") if softens else ("opening",),
+        bond_history=("worst", "pending") if softens else ("pending",),
         pair=pair,
     )
 
@@ -88,15 +88,15 @@ def _break(law, bond, now, i, j, k, worst, f):  # type: ignore[no-untyped-def]
     before, c = stretch_before(bond, now, i, j), law.stiffness[k] * bond.length / 4
     _match_work(law, bond, before, worst, k, f)
     if law.matches_work and before < law.limit[k] and before < bond.stretch:
-        law.opening[k] = before if before != 0 else TINY
+        law.pending[k] = before if before != 0 else TINY
     return broken_energy(law, c, bond.stretch, before, law.peak[k], law.limit[k])
 
 
 @njit(**INNER)
 def _pull_again(law, bond, now, i, j, k, worst, f):  # type: ignore[no-untyped-def]
     """Add the second pull of bond k, N/m^3, to f (w,), if it broke one step ago."""
-    if law.broken[k] == now.step - 1 and law.opening[k] != 0:
-        before, first, law.opening[k] = stretch_before(bond, now, i, j), law.opening[k], 0
+    if law.broken[k] == now.step - 1 and law.pending[k] != 0:
+        before, first, law.pending[k] = stretch_before(bond, now, i, j), law.pending[k], 0
         _add(law, bond, k, second_force(law, bond.stretch, before, first, worst, law.peak[k], law.limit[k]), f)
 
 

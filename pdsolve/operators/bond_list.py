@@ -18,7 +18,7 @@ from pdsolve.model import Model
 from pdsolve.numerics.thread_team import share
 from pdsolve.operators import bond_list_loops as loops
 from pdsolve.operators.family_stiffness_bound import resistance
-from pdsolve.operators.openings import read_openings
+from pdsolve.operators.pending_pulls import read_pending_pulls
 from pdsolve.operators.protocol import CheckpointArrays
 from pdsolve.state import Broken, State, Unknown
 
@@ -280,10 +280,10 @@ class BondList:
 
     def restore(self, checkpoint: CheckpointArrays, broken: Broken) -> None:
         """Restore the history of bonds and the broken bonds of a checkpoint."""
-        memory = {name: self._memory(checkpoint, name) for name in self._bond_history_names() if name != "opening"}
-        if "opening" in self._bond_history_names():
-            openings = read_openings(checkpoint, self._nodes, self.columns.opening.dtype)
-            memory["opening"] = openings.stretch, openings.source, openings.target
+        memory = {name: self._memory(checkpoint, name) for name in self._bond_history_names() if name != "pending"}
+        if "pending" in self._bond_history_names():
+            pending = read_pending_pulls(checkpoint, self._nodes, self.columns.pending.dtype)
+            memory["pending"] = pending.stretch, pending.source, pending.target
         for name, (values, source, target) in {"broken": broken, **memory}.items():
             column, bonds = getattr(self.columns, name), find(self._bonds, source, target)
             column[:] = 0

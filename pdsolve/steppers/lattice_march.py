@@ -25,13 +25,13 @@ from pdsolve.lattice.sums import (
     UNDONE,
     Breaks,
     Motion,
+    copy_breaks,
     has_room,
-    joined,
+    join_breaks,
     pull_again,
     room_for,
-    selected,
+    select_breaks,
     sum_lanes,
-    taken,
 )
 from pdsolve.numerics.thread_team import gate_of, meet, side_by_side
 from pdsolve.operators.simd_lattice.layout import aligned
@@ -144,7 +144,7 @@ class LatticeMarch:
                 sweep = self._sweep_tiles(state, first, last, sweep, min(sweep + BETWEEN_LOOKS, ends))
             if ends == 0:
                 return  # compiled
-        self._operator.drop_openings_before(last - 1)
+        self._operator.drop_pending_before(last - 1)
         after = (last - first + 1) % 2
         for axis in range(len(tile_motion.u[0])):
             state.value[:, axis], state.rate[:, axis] = (
@@ -162,7 +162,7 @@ class LatticeMarch:
             sweep_tiles(self._operator.tiles, self._course, drive, state, self._dt, sweeps, breaks, thread, gate)
 
         breaks: list[Breaks] = []
-        self._share_openings()
+        self._share_pending()
         stop[0], gate = -1, gate_of(threads)
         side_by_side(lambda thread: sweep(thread, begin, end, False, gate), threads)
         while stop[0] >= 0:
@@ -171,15 +171,15 @@ class LatticeMarch:
             self._operator.extend(np.flatnonzero(self._course.waiting_state == NO_MEMORY))
             stop[0] = -1
             sweep(0, end - 1, end, True, gate_of(1))
-        new = joined(breaks + self._collect_breaks())
+        new = join_breaks(breaks + self._collect_breaks())
         if new.used[0]:  # the same on any number of threads: in the order of steps, and of tiles
-            self._operator.take_out(selected(new, np.lexsort((new.places[:, 0] // ROW, new.bonds[:, 0]))))
+            self._operator.take_out(select_breaks(new, np.lexsort((new.places[:, 0] // ROW, new.bonds[:, 0]))))
         return end
 
-    def _share_openings(self) -> None:
+    def _share_pending(self) -> None:
         """Give each thread the bonds of its tiles that broke in the last step, before those that it will break."""
-        openings, count, threads = self._operator.openings, len(self._operator.tiles.kind), self._operator.threads
-        tile = openings.places[:, 0] // ROW
+        pending, count, threads = self._operator.pending, len(self._operator.tiles.kind), self._operator.threads
+        tile = pending.places[:, 0] // ROW
         for thread in range(threads):
             own = (tile >= count * thread // threads) & (tile < count * (thread + 1) // threads)
             breaks = self._breaks[thread]
@@ -187,13 +187,13 @@ class LatticeMarch:
             room = used + ROOM * ROW * len(self._operator.sites.ways)
             if room > len(breaks.bonds):
                 breaks = self._breaks[thread] = room_for(room)
-            for column, values in zip(breaks[1:], openings[1:], strict=True):
+            for column, values in zip(breaks[1:], pending[1:], strict=True):
                 column[:used] = values[own]
             breaks.used[0] = used
 
     def _collect_breaks(self) -> list[Breaks]:
         """The bonds of each thread that broke since the last call, whose room is free again."""
-        new = [taken(breaks, shared) for breaks, shared in zip(self._breaks, self._shared, strict=True)]
+        new = [copy_breaks(breaks, shared) for breaks, shared in zip(self._breaks, self._shared, strict=True)]
         for breaks, shared in zip(self._breaks, self._shared, strict=True):
             breaks.used[0] = shared
         return new

@@ -106,7 +106,7 @@ class VerletOnDevice:
         for sweep in range(steps + 1):
             if sweep % AT_ONCE == 0:
                 if sweep > 0:
-                    self._operator.fetch()  # there is room for so many breaks
+                    self._operator.fetch(first + sweep - 2)  # there is room for so many breaks
                 self._factors.write(first + sweep - 1, min(AT_ONCE, steps + 1 - sweep))
             phase = STARTS * (sweep == 0) + ENDS * (sweep == steps)
             self._launch_step(first + sweep - 1, phase, sweep % AT_ONCE)
@@ -157,9 +157,7 @@ class VerletOnDevice:
         drive.held_force[self._holds.entry_order] = forces
         if drive.varies:
             put_loads(drive, self._last * self._dt)
-        operator.fetch()
-        if isinstance(operator, SpaceOnDevice):
-            operator.drop_openings_before(self._last)
+        operator.fetch(self._last)
         self._ahead = False
 
 

@@ -76,7 +76,7 @@ def test_a_checkpoint_between_both_pulls_has_what_is_left(material: Material, di
     straight.advance(1, 5)
     before.advance(1, 2)
     past, ids, stored = broken(before), before.system.model.grid.ids, kept(before)
-    assert any(name.startswith(("opening", "torn")) for name in stored)
+    assert any(name.startswith(("pending", "torn")) for name in stored)
     restore_state(*after, 1, stored, Breaks(past.step, ids[past.source], ids[past.target]))
     again = kept(after)
     assert again.keys() == stored.keys()

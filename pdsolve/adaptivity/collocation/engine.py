@@ -27,7 +27,7 @@ from pdsolve.codegen.vector_code import ROW
 from pdsolve.conditions import Drive
 from pdsolve.errors import CheckpointError, UnstableError
 from pdsolve.numerics.thread_team import gate_of, side_by_side
-from pdsolve.operators.openings import pulls_to_arrays, read_pulls
+from pdsolve.operators.pending_pulls import pulls_to_arrays, read_pulls
 from pdsolve.operators.protocol import CheckpointArrays
 
 

@@ -193,7 +193,7 @@ class FamiliesOnDevice(Padded, Families):
             self._write_torn()
             self.needs_upload = False
 
-    def fetch(self) -> None:
+    def fetch(self, step: int) -> None:
         """Nothing: what bonds remember is the processor's."""
 
 

@@ -7,7 +7,7 @@ are (fma), and nowhere else. Symbols as in `Blocks`; m nodes in whole blocks.
 
     gone     (w, m) bits of the slots of a node's block: its bond there is broken; 32 a word
     soft     (w, m) likewise: it has softened, and has its own `pull`, `own_edge` and `worst` (slots, 64)
-    own_edge of a bond that broke in the last step: its stretch one step before that; `opened` (m,) the last step in
+    own_edge of a bond that broke in the last step: its stretch one step before that; `last_break` (m,) the last step in
              which a bond of the node broke
     broken   (slots, 64) step in which the bond broke, 0 while intact
     torn     (blocks,) whether a bond of the block has broken or softened since the host looked
@@ -18,12 +18,12 @@ are (fma), and nowhere else. Symbols as in `Blocks`; m nodes in whole blocks.
       __global const REAL *stiffness, __global const REAL *edge, __global const REAL *peak,                            \
       __global const REAL *limit, __global uint *gone, __global int *broken, __global int *torn,                      \
       __global double *dissipated, __global uint *soft, __global REAL *pull, __global REAL *own_edge,                 \
-      __global REAL *worst, __global int *opened
+      __global REAL *worst, __global int *last_break
 #define SUM REAL
 #define ABSENT(i) false
 #define FORCE_ARGUMENTS                                                                                                \
   start, slots, ids, vectors, stiffness, edge, peak, limit, gone, broken, torn, dissipated, soft, pull, own_edge, worst,  \
-      opened
+      last_break
 
 /* 1 / (1 + e + sqrt(1 + e)) */
 inline REAL over_root(REAL e, REAL size) {
@@ -60,7 +60,7 @@ inline void sum_bonds(FORCE_PARAMETERS, __global const REAL *before, __global co
   REAL here_x = u[i], here_y = u[m + i], fx = 0, fy = 0;
   int first = start[b], last = start[b + 1];
 #ifdef MATCHING_FORCE
-  bool opens = opened[i] == step - 1;
+  bool is_pending = last_break[i] == step - 1;
 #endif
   for (int slot = first; slot < last; ++slot) {
     __global const int *row = slots + 8L * slot;
@@ -68,7 +68,7 @@ inline void sum_bonds(FORCE_PARAMETERS, __global const REAL *before, __global co
     uint bit = 1u << ((slot - first) % 32);
     REAL w = stiffness[64 * row[5] + lane], most = edge[64 * row[6] + lane];
 #ifdef MATCHING_FORCE
-    bool is_gone = gone[place] & bit, pulls_again = is_gone && opens && broken[own] == step - 1;
+    bool is_gone = gone[place] & bit, pulls_again = is_gone && is_pending && broken[own] == step - 1;
 #else
     bool is_gone = gone[place] & bit, pulls_again = false;
 #endif
@@ -121,7 +121,7 @@ inline void sum_bonds(FORCE_PARAMETERS, __global const REAL *before, __global co
         else
 #endif
           dissipated[i] += DISSIPATED_AT_BREAK(c, stretch, last, highest, end);
-        broken[own] = opened[i] = step;
+        broken[own] = last_break[i] = step;
 #ifdef MATCHING_FORCE
         own_edge[own] = last < (double)end && last < stretch ? (REAL)last : end;
 #endif
@@ -158,7 +158,7 @@ inline void sum_bonds(FORCE_PARAMETERS, __global const REAL *before, __global co
 inline bool sum_short(FORCE_PARAMETERS, __global const REAL *u, int m, int step, int i, SUM *force) {
   int b = i / 64, lane = i % 64, first = start[b], last = start[b + 1];
   for (int k = i; k < i + TOGETHER; ++k)
-    if (opened[k] == step - 1)
+    if (last_break[k] == step - 1)
       return false;
   REALS here_x = LOAD(u + i), here_y = LOAD(u + m + i), fx = 0, fy = 0;
   INTEGERS others = 0;

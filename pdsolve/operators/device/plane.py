@@ -13,7 +13,6 @@ from pdsolve.laws.law import Law
 from pdsolve.operators.device.padded import Padded
 from pdsolve.operators.device.runtime import Session
 from pdsolve.operators.device.source import pair_functions, together
-from pdsolve.operators.openings import last_breaks
 from pdsolve.operators.protocol import CheckpointArrays
 from pdsolve.operators.simd_lattice import layout
 from pdsolve.operators.simd_lattice.kernel import LANES, LIMITS, Blocks
@@ -71,13 +70,13 @@ class PlaneOnDevice(Padded, SimdLattice):
         )
         self.dissipated = upload(self.tracks.dissipated)
         self._pull, self._worst = (upload(self.tracks.worst) for _ in range(2))
-        self._edge, self._opened = upload(self._own_edge), upload(np.full(self.room, -1, dtype=np.int32))
+        self._edge, self._last_break = upload(self._own_edge), upload(np.full(self.room, -1, dtype=np.int32))
 
     @property
     def arguments(self) -> list[Any]:
         """The buffers of `FORCE_PARAMETERS`, in order."""
         history = self._gone, self._broken_in, self._torn, self.dissipated, self._soft
-        return [*self._tables, *history, self._pull, self._edge, self._worst, self._opened]
+        return [*self._tables, *history, self._pull, self._edge, self._worst, self._last_break]
 
     def source(self) -> str:
         """What the bonds are in OpenCL C."""
@@ -103,14 +102,14 @@ class PlaneOnDevice(Padded, SimdLattice):
             write(self._worst, worst)
             self._own_edge[:] = self.blocks.edge[rows[:, BOUND]]
             write(self._pull, self.blocks.stiffness[rows[:, PULL]])
-        openings, opened = self._openings(), np.full(self.room, -1, dtype=np.int32)
-        slot, lane = np.divmod(self._find(openings.source, openings.target), LANES)
-        self._own_edge[slot, lane], opened[openings.source] = openings.stretch, self.tracks.broken[slot, lane]
+        pending, last_break = self._pending_pulls(), np.full(self.room, -1, dtype=np.int32)
+        slot, lane = np.divmod(self._find(pending.source, pending.target), LANES)
+        self._own_edge[slot, lane], last_break[pending.source] = pending.stretch, self.tracks.broken[slot, lane]
         write(self._edge, self._own_edge)
-        write(self._opened, opened)
+        write(self._last_break, last_break)
         self.needs_upload = False
 
-    def fetch(self) -> None:
+    def fetch(self, step: int) -> None:
         """Bring the history of bonds up to the device's, where bonds have broken or softened."""
         torn = np.zeros(len(self.blocks.start) - 1, dtype=np.int32)
         self.session.read(self._torn, torn)
@@ -128,10 +127,10 @@ class PlaneOnDevice(Padded, SimdLattice):
         self.session.write(self._torn, np.zeros_like(torn))
         if not self._law.matches_work:
             return
-        last = last_breaks(self.broken())
+        last = self.broken(step - 1)
         slot, lane = np.divmod(self._find(last.source, last.target), LANES)
         stretch, limit = self._own_edge[slot, lane], self.blocks.limit[self.blocks.slots[slot, LIMITS], lane]
-        self._open(slot[stretch < limit], lane[stretch < limit], stretch[stretch < limit])
+        self._set_pending(slot[stretch < limit], lane[stretch < limit], stretch[stretch < limit])
 
     def _read(self, buffer: Any, values: NDArray[Any], of: slice) -> None:
         """Read some slots (., 64) of the device's into those of the host."""

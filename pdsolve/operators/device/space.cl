@@ -9,8 +9,8 @@ and nowhere else. Symbols as in `Tiles`; m sites with margins, `count` offsets.
     worst     (tiles, count, 16) largest stretch of a bond above its peak, 0 if never there
     breaks    (., 4) site, offset and step of broken bonds, of which `used` counts all: those beyond `room` are lost;
               and one more than the place of the next one of the same site and step, 0 of the last
-    openings  (.,) their stretches one step before
-    opened    (m,) one more than the place of the first of a site's bonds that broke in the last step in which any did
+    stretches (.,) their stretches one step before
+    first_break (m,) one more than the place of the first of a site's bonds that broke in the last step in which any did
 */
 
 #define FORCE_PARAMETERS                                                                                               \
@@ -18,13 +18,13 @@ and nowhere else. Symbols as in `Tiles`; m sites with margins, `count` offsets.
       __global const uchar *kind, __global const int *node, __global const uchar *held,                                \
       __global const uchar *material, __global const double *peak, __global const double *limit,                      \
       __global uint *intact, __global int *breaks, __global int *used, __global double *dissipated,                   \
-      __global int *memory, __global int *torn, __global double *worst, __global double *openings,                     \
-      __global int *opened
+      __global int *memory, __global int *torn, __global double *worst, __global double *stretches,                     \
+      __global int *first_break
 #define SUM double
 #define ABSENT(i) (node[i] < 0)
 #define FORCE_ARGUMENTS                                                                                                \
   offsets, table, c, cells, kind, node, held, material, peak, limit, intact, breaks, used, dissipated, memory, torn,    \
-      worst, openings, opened
+      worst, stretches, first_break
 #define INVERSE 6
 #define PULL 7
 #define SHARES 8
@@ -66,7 +66,7 @@ inline double whole_stiffness(__global const REAL *row, __global const REAL *c, 
 inline void pull_again(FORCE_PARAMETERS, __global const REAL *u, __global const REAL *rate, double dt, int m, int step,
                        int i, double *pulled) {
   int tile = (i - MARGIN) / 16;
-  for (int at = opened[i]; at > 0; at = breaks[4L * at - 1]) {
+  for (int at = first_break[i]; at > 0; at = breaks[4L * at - 1]) {
     if (breaks[4L * at - 2] != step - 1)
       return;
     int slot = breaks[4L * at - 3], j = i + offsets[slot];
@@ -83,7 +83,7 @@ inline void pull_again(FORCE_PARAMETERS, __global const REAL *u, __global const 
     largest = worst[((long)tile * COUNT + slot) * 16 + (i - MARGIN) % 16];
 #endif
     double stretch = stretched(row, eta[0], eta[1], eta[2]), before = stretched_before(row, last[0], last[1], last[2]);
-    double more = SECOND_FORCE(stretch, before, openings[at - 1], largest, peak[COUNT * pair + slot],
+    double more = SECOND_FORCE(stretch, before, stretches[at - 1], largest, peak[COUNT * pair + slot],
                               limit[COUNT * pair + slot]);
     more *= whole_stiffness(row, c, cells, kind[tile], m, i, j) / (1.0 + stretch);
     for (int axis = 0; axis < 3; ++axis)
@@ -146,11 +146,11 @@ inline void sum_bonds(FORCE_PARAMETERS, __global const REAL *before, __global co
           breaks[4L * at + 1] = slot;
           breaks[4L * at + 2] = step;
           breaks[4L * at + 3] = 0;
-          openings[at] = ago < stretch ? ago : most;
+          stretches[at] = ago < stretch ? ago : most;
           if (broken_before > 0)
             breaks[4L * broken_before - 1] = at + 1;
           else
-            opened[i] = at + 1;
+            first_break[i] = at + 1;
           broken_before = at + 1;
         }
         continue;
@@ -193,7 +193,7 @@ inline void sum_bonds(FORCE_PARAMETERS, __global const REAL *before, __global co
    is long, has broken one step ago or is of a tile with softened ones, and sites are summed one by one. */
 inline bool sum_short(FORCE_PARAMETERS, __global const REAL *u, int m, int step, int i, SUM *force) {
   for (int k = i; k < i + TOGETHER; ++k)
-    if (opened[k] > 0 && breaks[4L * opened[k] - 2] == step - 1)
+    if (first_break[k] > 0 && breaks[4L * first_break[k] - 2] == step - 1)
       return false;
   if (all(LOAD(node + i) < 0))
     return false;

@@ -41,7 +41,6 @@ class SpaceOnDevice(SpaceLattice):
         self._words, self._most = -(-len(tiles.offsets) // WORD), max(FEWEST, EACH * len(bound))
         self._most = min(self._most, int(families.counts(tiles.bits, sites).sum()))
         tables = (tiles.offsets, tiles.table, tiles.c, tiles.cells, tiles.kind, tiles.peak, tiles.limit)
-        self._remembers = law.pair is not None and law.pair.softening is not None
         buffer_sizes = [self.room * size for size in (4 * self._words, 4, 1, 1, 8)]
         buffer_sizes += [4 * len(tiles.kind)] * 2
         buffer_sizes += [16 * self._most, 8 * self._most, 4 * self.room, self._history_bytes() * len(tiles.kind)]
@@ -59,7 +58,7 @@ class SpaceOnDevice(SpaceLattice):
         self._tables = [upload(table) for table in tables]
         self._intact = upload(np.zeros((self._words, self.room), dtype=np.uint32))
         self._breaks, self._used = self.session.zeros(16 * self._most), upload(np.zeros(2, dtype=np.int32))
-        self._stretches, self._opened = self.session.zeros(8 * self._most), self.session.zeros(4 * self.room)
+        self._stretches, self._first_break = self.session.zeros(8 * self._most), self.session.zeros(4 * self.room)
         self._known = 0  # of the device's broken bonds, those that the host has
         self.dissipated = upload(np.zeros(self.room))
         self._memory, self._torn = (upload(np.zeros(len(tiles.kind), dtype=np.int32)) for _ in range(2))
@@ -67,13 +66,13 @@ class SpaceOnDevice(SpaceLattice):
 
     def _history_bytes(self) -> int:
         """Memory of what the bonds of a tile remember, bytes."""
-        return 8 * ROW * len(self.tiles.offsets) if self._remembers else 0
+        return 8 * ROW * len(self.tiles.offsets) if self._softens else 0
 
     @property
     def arguments(self) -> list[Any]:
         """The buffers of `FORCE_PARAMETERS`, in order."""
         history = self._intact, self._breaks, self._used, self.dissipated, self._memory, self._torn, self._worst
-        return [*self._tables, *history, self._stretches, self._opened]
+        return [*self._tables, *history, self._stretches, self._first_break]
 
     def source(self) -> str:
         """What the bonds are in OpenCL C."""
@@ -87,7 +86,7 @@ class SpaceOnDevice(SpaceLattice):
             "NEAR": float(tiles.near).hex(),
             "FLOOR": "-INFINITY" if np.isinf(tiles.floor) else float(tiles.floor).hex(),
         }
-        return body_functions(functions_of(self._law), numbers, self._remembers)
+        return body_functions(functions_of(self._law), numbers, self._softens)
 
     def spread(self, values: NDArray[Any], idle: float = 0.0) -> NDArray[Any]:
         """Nodal values (n, ...) at their sites (..., m)."""
@@ -119,30 +118,30 @@ class SpaceOnDevice(SpaceLattice):
             slot_bits = (bits[:, None] >> lanes & np.uint16(1)).astype(np.uint32).ravel()
             intact_bits[slot // WORD, of_tiles] |= slot_bits << np.uint32(slot % WORD)
         self.session.write(self._intact, intact_bits)
-        if self._remembers:  # what softened bonds remember
+        if self._softens:  # what softened bonds remember
             tiles = self.tiles
             self.session.clear(self._worst)
             self.session.write(self._memory, (tiles.memory >= 0).astype(np.int32))
             self.session.write(self._torn, np.zeros(len(tiles.kind), dtype=np.int32))
             for tile in np.flatnonzero(tiles.memory >= 0).tolist():
                 self.session.write(self._worst, tiles.worst[tiles.memory[tile]], tile * self._history_bytes())
-        self._hand_over_openings()
+        self._hand_over_pending()
         self.needs_upload = False
 
-    def _hand_over_openings(self) -> None:
+    def _hand_over_pending(self) -> None:
         """Put the bonds that broke in the last step before those that will break."""
-        count, opened = len(self.openings.bonds), np.zeros(self.room, dtype=np.int32)
-        site, slot = self.openings.places.T
+        count, first_break = len(self.pending.bonds), np.zeros(self.room, dtype=np.int32)
+        site, slot = self.pending.places.T
         breaks = np.zeros((count, 4), dtype=np.int32)
-        breaks[:, :3] = np.column_stack([self.tiles.margin + site, slot, self.openings.bonds[:, 0]])
+        breaks[:, :3] = np.column_stack([self.tiles.margin + site, slot, self.pending.bonds[:, 0]])
         order = np.argsort(site, kind="stable")  # those of a site one after the other
-        breaks, stretch = breaks[order], self.openings.openings[order]
+        breaks, stretch = breaks[order], self.pending.stretch_before[order]
         breaks[:-1, 3] = np.where(breaks[1:, 0] == breaks[:-1, 0], np.arange(2, count + 1), 0)
-        opened[breaks[::-1, 0]] = np.arange(count, 0, -1)  # the first one
+        first_break[breaks[::-1, 0]] = np.arange(count, 0, -1)  # the first one
         if count:
             self.session.write(self._breaks, breaks)
             self.session.write(self._stretches, stretch)
-        self.session.write(self._opened, opened)
+        self.session.write(self._first_break, first_break)
         self.session.write(self._used, np.array([count, 0], dtype=np.int32))
         self._known = count
 
@@ -162,10 +161,10 @@ class SpaceOnDevice(SpaceLattice):
             recall(self.tiles, torn_tiles[which], slot, lane, worst[which, slot, lane])
         self.session.write(self._torn, np.zeros_like(torn))
 
-    def fetch(self) -> None:
-        """Bring the history of bonds up to the device's. Raises UnstableError if more have broken than there is room
-        for."""
-        if self._remembers:
+    def fetch(self, step: int) -> None:
+        """Bring the history of bonds up to the device's after a step. Raises UnstableError if more have broken than
+        there is room for."""
+        if self._softens:
             self._fetch_memory()
         used = np.zeros(2, dtype=np.int32)
         self.session.read(self._used, used)
@@ -175,6 +174,7 @@ class SpaceOnDevice(SpaceLattice):
                 f"{count} bonds broke since the last record, and a device takes at most {self._most}; use a smaller"
                 " run.ledger, or --device cpu"
             )
+        self.drop_pending_before(step)
         if count == self._known:
             return
         breaks, stretch = np.zeros((count, 4), dtype=np.int32), np.zeros(count)
@@ -190,4 +190,5 @@ class SpaceOnDevice(SpaceLattice):
             bonds = np.column_stack([breaks[:, 2], self.tiles.node[source], target]).astype(np.int64)
             places = np.column_stack([source, slot]).astype(np.int64)
             self.take_out(Breaks(np.array([len(bonds)]), bonds, places, stretch))
-        self._hand_over_openings()
+        self.drop_pending_before(step)
+        self._hand_over_pending()

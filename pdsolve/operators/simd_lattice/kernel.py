@@ -72,7 +72,7 @@ PULLS, STRETCHES = coefficients("float64")[0], stretch_coefficients()
 SQUARE = NARROW * NARROW
 # Edges of a bond that broke in the last step, so that it is looked at in this one: minus its `near` is the size of its
 # stretch one step before it broke, of a bond that was longer then than at the start, or shorter
-OPENING, OPENING_SHORT = -np.inf, -1e30
+PENDING, PENDING_SHORT = -np.inf, -1e30
 LIMITS = 7  # of a slot: row of `peak` and `limit`
 
 # Where a thread's scratch has the sums of the whole block
@@ -263,11 +263,11 @@ def _update_bonds(blocks, tracks, u, before, step, slot, b, first, s):  # type: 
         lane, e = first + k, s[_E + k]
         if e > blocks.edge[blocks.slots[slot, BOUND], lane]:
             row, stretch, i = _own_rows(blocks, slot), e / (1 + np.sqrt(1 + e)), b * LANES + lane
-            opens = blocks.edge[row, lane] <= OPENING_SHORT
-            if opens and tracks.broken[slot, lane] == step:
+            is_pending = blocks.edge[row, lane] <= PENDING_SHORT
+            if is_pending and tracks.broken[slot, lane] == step:
                 continue
             any_changed = True
-            if opens:
+            if is_pending:
                 pull = _pull_again(blocks, tracks, before, step, slot, b, lane, stretch) / (1 + stretch)
                 _add_force(blocks, tracks, u, slot, i, lane, pull, k, s)
                 continue
@@ -283,7 +283,7 @@ def _update_bonds(blocks, tracks, u, before, step, slot, b, first, s):  # type: 
                     tracks.dissipated[i] += broken_energy(blocks.law, c, stretch, last, peak, limit)
                     _break(blocks, tracks, step, slot, lane)
                     if blocks.law.matches_work and last < limit and last < stretch:
-                        blocks.edge[row, lane] = OPENING if last >= 0 else OPENING_SHORT
+                        blocks.edge[row, lane] = PENDING if last >= 0 else PENDING_SHORT
                         blocks.near[row, lane] = -abs(last)
                     continue
                 soften(blocks, tracks, slot, b, lane, stretch, peak, limit)
@@ -332,7 +332,7 @@ def _pull_again(blocks, tracks, before, step, slot, b, lane, stretch):  # type: 
     needs no care from now on."""
     row, law, i = blocks.slots[slot, BOUND], blocks.slots[slot, LIMITS], b * LANES + lane
     first, worst, pull = np.float64(blocks.near[row, lane]), 0.0, 0.0
-    if blocks.edge[row, lane] == OPENING:
+    if blocks.edge[row, lane] == PENDING:
         first = -first
     peak, limit = np.float64(blocks.peak[law, lane]), np.float64(blocks.limit[law, lane])
     if tracks.broken[slot, lane] == step - 1:

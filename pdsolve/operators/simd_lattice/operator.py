@@ -12,14 +12,14 @@ from pdsolve.codegen.plane_slots import BOUND
 from pdsolve.laws.bond_arrays import List, Now
 from pdsolve.laws.calls import bind
 from pdsolve.laws.law import Law
-from pdsolve.operators.openings import Openings, last_breaks, openings_to_arrays, read_openings
+from pdsolve.operators.pending_pulls import PendingPulls, last_breaks, pending_to_arrays, read_pending_pulls
 from pdsolve.operators.protocol import CheckpointArrays
 from pdsolve.operators.simd_lattice import layout
 from pdsolve.operators.simd_lattice.kernel import (
     LANES,
     LIMITS,
-    OPENING,
-    OPENING_SHORT,
+    PENDING,
+    PENDING_SHORT,
     Blocks,
     Tracks,
     energy_densities,
@@ -164,9 +164,9 @@ class SimdLattice:
         slot, lane = np.divmod(softened, LANES)
         source, target = self._ends(softened)
         edge = self.blocks.edge[rows[slot], lane]
-        edge[edge <= OPENING_SHORT] = np.inf
+        edge[edge <= PENDING_SHORT] = np.inf
         arrays = {"worst": worst[softened], "worst_edge": edge, "worst_source": source, "worst_target": target}
-        return arrays | openings_to_arrays(self._openings())
+        return arrays | pending_to_arrays(self._pending_pulls())
 
     def restore(self, checkpoint: CheckpointArrays, broken: Broken) -> None:
         """Restore the history of bonds and the broken bonds of a checkpoint."""
@@ -176,27 +176,30 @@ class SimdLattice:
         values = entry(checkpoint, "worst", rows, self.tracks.worst.dtype)
         edges = entry(checkpoint, "worst_edge", values.shape, self.blocks.edge.dtype, high=np.inf)
         ends = (entry(checkpoint, f"worst_{end}", values.shape, np.int64, 0, nodes) for end in ("source", "target"))
-        softened, openings = self._find(*ends), read_openings(checkpoint, nodes + 1, self.blocks.near.dtype)
+        softened, pending = self._find(*ends), read_pending_pulls(checkpoint, nodes + 1, self.blocks.near.dtype)
         steps[:] = worst[:] = 0
         steps[torn] = broken.step
         worst[softened], edge.ravel()[softened] = values, edges
         self._looked_at, self._broken = self._whole, Broken(*(column[:0] for column in self._broken))
         layout.revive(self._law, self.blocks, self._whole, self.tracks.broken, self.tracks.worst, edge)
-        self._open(*np.divmod(self._find(openings.source, openings.target), LANES), openings.stretch)
+        self._set_pending(*np.divmod(self._find(pending.source, pending.target), LANES), pending.stretch)
 
-    def _openings(self) -> Openings:
+    def _pending_pulls(self) -> PendingPulls:
         """Bonds that broke in the last step and pull once more."""
         last, (near, edge) = last_breaks(self.broken()), (self.blocks.near, self.blocks.edge)
         slot, lane = np.divmod(self._find(last.source, last.target), LANES)
         row = self.blocks.slots[slot, BOUND]
-        opens, stretch = edge[row, lane] <= OPENING_SHORT, np.where(edge[row, lane] == OPENING, -1, 1) * near[row, lane]
-        return Openings(last.source[opens], last.target[opens], stretch[opens].astype(near.dtype))
+        is_pending, stretch = (
+            edge[row, lane] <= PENDING_SHORT,
+            np.where(edge[row, lane] == PENDING, -1, 1) * near[row, lane],
+        )
+        return PendingPulls(last.source[is_pending], last.target[is_pending], stretch[is_pending].astype(near.dtype))
 
-    def _open(self, slot: NDArray[np.int64], lane: NDArray[np.int64], stretch: NDArray[Any]) -> None:
+    def _set_pending(self, slot: NDArray[np.int64], lane: NDArray[np.int64], stretch: NDArray[Any]) -> None:
         """Let broken bonds (k,) pull once more, whose `stretch` was this one step before they broke."""
         row = self.blocks.slots[slot, BOUND]
         self.blocks.near[row, lane] = -np.abs(stretch)
-        self.blocks.edge[row, lane] = np.where(stretch >= 0, OPENING, OPENING_SHORT)
+        self.blocks.edge[row, lane] = np.where(stretch >= 0, PENDING, PENDING_SHORT)
 
     def bytes(self) -> int:
         """Memory of all arrays, bytes, without the rows that slots get as their bonds break."""

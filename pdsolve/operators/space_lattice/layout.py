@@ -11,10 +11,10 @@ from pdsolve.checkpoint_validation import expect_found
 from pdsolve.codegen.pull import NARROW
 from pdsolve.codegen.vector_code import ROW
 from pdsolve.lattice.bond import FIELDS, where_inverse, where_weight
-from pdsolve.lattice.sums import MODULUS, SOFTENED, VOLUME, Breaks, Tiles, selected
+from pdsolve.lattice.sums import MODULUS, SOFTENED, VOLUME, Breaks, Tiles, select_breaks
 from pdsolve.laws.law import Law
 from pdsolve.laws.pair import no_bonds
-from pdsolve.operators.openings import Openings
+from pdsolve.operators.pending_pulls import PendingPulls, last_breaks
 from pdsolve.operators.simd_lattice.layout import aligned
 from pdsolve.operators.space_lattice import families
 from pdsolve.operators.space_lattice.sites import Sites
@@ -176,23 +176,21 @@ def cleared(sites: Sites, source: NDArray[np.int64], target: NDArray[np.int64], 
     np.bitwise_and.at(bits, (tile, slot), ~bit)
 
 
-def opened(sites: Sites, openings: Openings, broken: Broken) -> Breaks:
+def place_pending(sites: Sites, pending: PendingPulls, broken: Broken) -> Breaks:
     """Bonds of a checkpoint that broke in the last step as the kernel has them. Raises CheckpointError."""
-    source, target, stretch = openings
+    (source, target, stretch), last = pending, last_breaks(broken)
     tile, slot, bit = placed(sites, source, target)
-    known = set(zip(broken.source.tolist(), broken.target.tolist(), strict=True))
-    expect_found(
-        np.array([ends in known for ends in zip(source.tolist(), target.tolist(), strict=True)], bool), source, target
-    )
+    broken_keys = last.source * len(sites.site) + last.target
+    expect_found(np.isin(source * len(sites.site) + target, broken_keys), source, target)
     site = tile * ROW + np.log2(bit).astype(np.int64)
     bonds = np.column_stack([np.full(len(source), broken.step.max(initial=0)), source, target])
-    return selected(
+    return select_breaks(
         Breaks(np.array([len(source)]), bonds, np.column_stack([site, slot]), stretch), np.lexsort((slot, site))
     )
 
 
-def with_openings(bits: NDArray[np.uint16], openings: Breaks) -> NDArray[np.uint16]:
+def with_pending(bits: NDArray[np.uint16], pending: Breaks) -> NDArray[np.uint16]:
     """A copy of bits (t, k) with bonds that pull once more."""
-    copy, (site, slot) = bits.copy(), openings.places.T
+    copy, (site, slot) = bits.copy(), pending.places.T
     np.bitwise_or.at(copy, (site // ROW, slot), np.uint16(1) << (site % ROW).astype(np.uint16))
     return copy

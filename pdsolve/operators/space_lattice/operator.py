@@ -14,20 +14,20 @@ from pdsolve.codegen.vector_code import ROW
 from pdsolve.lattice.sums import (
     Breaks,
     Tiles,
-    joined,
+    copy_breaks,
+    join_breaks,
     place_rows,
     pull_all_again,
     recall,
     room_for,
-    selected,
+    select_breaks,
     sum_energies_of_tiles,
     sum_tiles,
-    taken,
 )
 from pdsolve.laws.calls import bind
 from pdsolve.laws.law import Law
 from pdsolve.numerics.thread_team import share
-from pdsolve.operators.openings import Openings, openings_to_arrays, read_openings
+from pdsolve.operators.pending_pulls import PendingPulls, pending_to_arrays, read_pending_pulls
 from pdsolve.operators.protocol import CheckpointArrays
 from pdsolve.operators.simd_lattice.layout import aligned
 from pdsolve.operators.space_lattice import layout
@@ -59,7 +59,7 @@ class SpaceLattice:
         self.u = aligned(np.zeros((3, tiles.cells.shape[1]), dtype=tiles.cells.dtype))
         self._broken = Broken(*(np.zeros(0, dtype=np.int64) for _ in Broken._fields))
         self._new: list[Broken] = []
-        self.openings = room_for(0)  # bonds that broke in the last step in which any did
+        self.pending = room_for(0)  # bonds that broke in the last step in which any did
         self.breaking = RLock()  # held while bits and broken bonds disagree: results ask for both during a march
 
     def to_own_layout(self, state: State) -> State:
@@ -90,20 +90,20 @@ class SpaceLattice:
                 begin, breaks.used[0] = first, 0
                 first = sum_tiles(self.tiles, self.u, *of_state, breaks, first, last)
                 if breaks.used[0]:
-                    broken_by_tile.append((begin, taken(breaks)))
+                    broken_by_tile.append((begin, copy_breaks(breaks)))
                 elif first == begin:
                     waiting.append(first)
                     first += 1
 
-        pull_all_again(self.tiles, self.u, state.rate, dt, step, self.openings, out)
+        pull_all_again(self.tiles, self.u, state.rate, dt, step, self.pending, out)
         self._share(work)
         if waiting:
             self.extend(np.array(sorted(waiting)))
             for tile in sorted(waiting):
                 work(tile, tile + 1)
-        self.drop_openings_before(step)
+        self.drop_pending_before(step)
         if broken_by_tile:
-            self.take_out(joined([breaks for _, breaks in sorted(broken_by_tile, key=lambda one: one[0])]))
+            self.take_out(join_breaks([breaks for _, breaks in sorted(broken_by_tile, key=lambda one: one[0])]))
 
     def extend(self, tile_numbers: NDArray[np.int64]) -> None:
         """Give tiles (s,) whose bonds soften a memory."""
@@ -112,11 +112,11 @@ class SpaceLattice:
     def take_out(self, breaks: Breaks) -> None:
         """Note bonds that are broken now, in the order of steps."""
         self._new.append(Broken(*breaks.bonds.T))
-        self.openings = selected(breaks, breaks.bonds[:, 0] == breaks.bonds[-1, 0])
+        self.pending = select_breaks(breaks, breaks.bonds[:, 0] == breaks.bonds[-1, 0])
 
-    def drop_openings_before(self, step: int) -> None:
+    def drop_pending_before(self, step: int) -> None:
         """Forget the bonds that broke before a step: they have pulled for a second time."""
-        self.openings = selected(self.openings, self.openings.bonds[:, 0] >= step)
+        self.pending = select_breaks(self.pending, self.pending.bonds[:, 0] >= step)
 
     def energies(self, state: State) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """The energy densities (n,), J/m^3, that nodes hold, and that softening has spent so far."""
@@ -172,27 +172,27 @@ class SpaceLattice:
 
     def checkpoint_arrays(self) -> CheckpointArrays:
         """History of bonds for a checkpoint, by the rows of their nodes: nothing of bonds that do not soften."""
-        tiles, (_, bonds, _, stretch) = self.tiles, self.openings
-        openings = openings_to_arrays(Openings(bonds[:, 1], bonds[:, 2], stretch))
+        tiles, (_, bonds, _, stretch) = self.tiles, self.pending
+        pending = pending_to_arrays(PendingPulls(bonds[:, 1], bonds[:, 2], stretch))
         if not self._softens:
-            return openings
+            return pending
         tile = np.flatnonzero(tiles.memory >= 0)
-        remembering = layout.with_openings(tiles.bits, self.openings)[tile]
+        remembering = layout.with_pending(tiles.bits, self.pending)[tile]
         worst = tiles.worst[tiles.memory[tile]]
         worst = worst * ((remembering[..., None] >> np.arange(ROW, dtype=np.uint16)) & np.uint16(1))
         which, slot, lane = np.nonzero(worst)
         site = tile[which] * ROW + lane
         source, target = (tiles.node[at].astype(np.int64) for at in (site, site + tiles.offsets[slot]))
-        return openings | {"worst": worst[which, slot, lane], "worst_source": source, "worst_target": target}
+        return pending | {"worst": worst[which, slot, lane], "worst_source": source, "worst_target": target}
 
     def restore(self, checkpoint: CheckpointArrays, broken: Broken) -> None:
         """Restore the history of bonds and the broken bonds of a checkpoint."""
         bits, _ = self._whole(0, len(self._stiffness_bound))
         layout.cleared(self.sites, broken.source, broken.target, bits)
-        openings = read_openings(checkpoint, len(self._stiffness_bound), np.float64)
-        self.openings = layout.opened(self.sites, openings, broken)
+        pending = read_pending_pulls(checkpoint, len(self._stiffness_bound), np.float64)
+        self.pending = layout.place_pending(self.sites, pending, broken)
         if self._softens:
-            self._recall(checkpoint, layout.with_openings(bits, self.openings))
+            self._recall(checkpoint, layout.with_pending(bits, self.pending))
         self.tiles.bits[:] = bits
         self._broken, self._new = Broken(*(column.astype(np.int64) for column in broken)), []
 

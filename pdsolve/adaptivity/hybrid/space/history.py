@@ -18,7 +18,7 @@ class ZoneHistory(NamedTuple):
     target: NDArray[np.int64]
     refinement_energy: float  # J, in the plane per unit thickness: energy that refining has made
     largest_clipped: float  # of bonds that do not break: e, or stretch over their limit
-    openings: Breaks  # bonds that broke in the last step in which any did; rows of nodes may be others since
+    pending: Breaks  # bonds that broke in the last step in which any did; rows of nodes may be others since
 
 
 NEVER = np.zeros(0, dtype=np.int64)

@@ -42,17 +42,17 @@ from pdsolve.lattice.sums import (
     VOLUME,
     Breaks,
     Tiles,
-    joined,
+    copy_breaks,
+    join_breaks,
     pull_all_again,
     room_for,
     sum_some,
     sum_some_energies,
     sum_tiles,
-    taken,
 )
 from pdsolve.model import Model
 from pdsolve.numerics.thread_team import share
-from pdsolve.operators.openings import Openings, openings_to_arrays, read_openings
+from pdsolve.operators.pending_pulls import PendingPulls, pending_to_arrays, read_pending_pulls
 from pdsolve.operators.protocol import CheckpointArrays
 from pdsolve.operators.space_lattice import layout
 from pdsolve.operators.space_lattice.operator import ROOM
@@ -194,16 +194,16 @@ class HybridBodyOperator:
                 of_state = state.rate, dt, step, density, state.dissipated
                 first = sum_tiles(zone.tiles, zone.fine_u, *of_state, breaks, first, last)
                 if breaks.used[0]:
-                    broken_by_tile.append((begin, taken(breaks)))
+                    broken_by_tile.append((begin, copy_breaks(breaks)))
 
-        pull_all_again(zone.tiles, zone.fine_u, state.rate, dt, step, self.history.openings, density)
+        pull_all_again(zone.tiles, zone.fine_u, state.rate, dt, step, self.history.pending, density)
         share(work, len(zone.tiles.kind), self._threads)
         if broken_by_tile:
-            openings = joined([breaks for _, breaks in sorted(broken_by_tile, key=lambda one: one[0])])
-            broken = Broken(*openings.bonds.T)
+            pending = join_breaks([breaks for _, breaks in sorted(broken_by_tile, key=lambda one: one[0])])
+            broken = Broken(*pending.bonds.T)
             self._remove_broken_from_full_body(broken.source, broken.target)
             self._new.append(broken)
-            self.history = self.history._replace(openings=openings)
+            self.history = self.history._replace(pending=pending)
 
     def _remove_broken_from_full_body(self, source: NDArray[np.int64], target: NDArray[np.int64]) -> None:
         """Take broken bonds out of those of the whole body too, so that none is there again."""
@@ -466,9 +466,9 @@ class HybridBodyOperator:
     def checkpoint_arrays(self) -> CheckpointArrays:
         """The cells and books for a checkpoint."""
         books = np.array([self.history.refinement_energy, self.history.largest_clipped])
-        site, slot = self.history.openings.places.T
+        site, slot = self.history.pending.places.T
         source, target = (self._row[at].astype(np.int64) for at in (site, site + self._zone.tiles.offsets[slot]))
-        arrays = openings_to_arrays(Openings(source, target, self.history.openings.openings))
+        arrays = pending_to_arrays(PendingPulls(source, target, self.history.pending.stretch_before))
         return arrays | {"cells": self._zone.cells.copy(), "zone_books": books}
 
     def restore(self, checkpoint: CheckpointArrays, broken: Broken) -> None:
@@ -479,8 +479,10 @@ class HybridBodyOperator:
         layout.cleared(self._node_sites, broken.source, broken.target, self._zone.tiles.bits)
         self._remove_broken_from_full_body(broken.source, broken.target)
         source, target = (self.sites[rows] for rows in (broken.source, broken.target))
-        openings = layout.opened(self._node_sites, read_openings(checkpoint, len(self.sites), np.float64), broken)
-        self.history = ZoneHistory(broken.step.astype(np.int64), source, target, energy_created, largest, openings)
+        pending = layout.place_pending(
+            self._node_sites, read_pending_pulls(checkpoint, len(self.sites), np.float64), broken
+        )
+        self.history = ZoneHistory(broken.step.astype(np.int64), source, target, energy_created, largest, pending)
 
     def bytes(self) -> int:
         """The memory of all arrays, bytes."""

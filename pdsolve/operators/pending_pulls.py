@@ -1,4 +1,4 @@
-"""Bonds that broke in the last step and pull once more in the next one, for checkpoints.
+"""Bonds that broke in the last step and pull once more in the next one: their arrays in checkpoints.
 
 See `pdsolve.laws.calls.second_force`. Operators keep them where they keep their bonds; here they are by rows of nodes.
 """
@@ -15,7 +15,7 @@ from pdsolve.operators.protocol import CheckpointArrays
 from pdsolve.state import Broken
 
 
-class Openings(NamedTuple):
+class PendingPulls(NamedTuple):
     """Bonds (k,) that broke in the last step."""
 
     source: NDArray[np.int64]  # row of the node whose bond it was
@@ -23,23 +23,23 @@ class Openings(NamedTuple):
     stretch: NDArray[Any]  # one step before it broke
 
 
-def openings_to_arrays(openings: Openings) -> dict[str, NDArray[Any]]:
+def pending_to_arrays(pending: PendingPulls) -> dict[str, NDArray[Any]]:
     """Arrays of a checkpoint; ranks gather them by name, so that they are there without any such bond too."""
-    source, target, stretch = (column[np.lexsort((openings.target, openings.source))] for column in openings)
-    ends = {"opening_source": source.astype(np.int64), "opening_target": target.astype(np.int64)}
-    return {"opening": stretch, **ends}
+    source, target, stretch = (column[np.lexsort((pending.target, pending.source))] for column in pending)
+    ends = {"pending_source": source.astype(np.int64), "pending_target": target.astype(np.int64)}
+    return {"pending": stretch, **ends}
 
 
-def read_openings(checkpoint: CheckpointArrays, nodes: int, kind: DTypeLike) -> Openings:
-    """Openings among so many nodes from a checkpoint, none in one of an older version. Raises CheckpointError."""
-    if "opening" not in checkpoint:
+def read_pending_pulls(checkpoint: CheckpointArrays, nodes: int, kind: DTypeLike) -> PendingPulls:
+    """PendingPulls among so many nodes from a checkpoint, none in one of an older version. Raises CheckpointError."""
+    if "pending" not in checkpoint:
         none = np.zeros(0, dtype=np.int64)
-        return Openings(none, none, np.zeros(0, dtype=kind))
-    stretch = entry(checkpoint, "opening", (None,), kind)
+        return PendingPulls(none, none, np.zeros(0, dtype=kind))
+    stretch = entry(checkpoint, "pending", (None,), kind)
     source, target = (
-        entry(checkpoint, f"opening_{end}", stretch.shape, np.int64, 0, nodes - 1) for end in ("source", "target")
+        entry(checkpoint, f"pending_{end}", stretch.shape, np.int64, 0, nodes - 1) for end in ("source", "target")
     )
-    return Openings(source, target, stretch)
+    return PendingPulls(source, target, stretch)
 
 
 def last_breaks(broken: Broken) -> Broken:
