@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from pathlib import Path
 
 import numpy as np
@@ -45,15 +44,11 @@ def test_the_thesis_mode_reproduces_the_thesis(case: Case, cache: Path) -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize("case", CLAIMED)
 def test_the_conservative_mode_cracks_the_same_way(case: Case, cache: Path) -> None:
-    """Everything the thesis saw happens, though not at the same time: its loads are not diminished.
-
-    The branches below the V-notch stop after 4 mm, and its crack runs on to the edge between them.
-    """
+    """Everything the thesis saw happens, though not at the same time: its loads are not diminished."""
     with Results.open(solved(case, "conservative", cache)) as results:
         values = measured(case, results)
         balance = results.summary()["balance"]
-    for claim, value in zip(case.claims, values, strict=True):
-        assert math.isfinite(value) == (case.name != "v_notch" or "branching" not in claim.what)
+    assert np.isfinite(values).all()
     assert abs(balance) < 1e-3  # measured 4e-6 to 2.1e-4
 
 
