@@ -187,9 +187,9 @@ def _solve(args: argparse.Namespace, ranks: Team | None) -> int:
         from pdsolve.model import ModelWarning, read_model
         from pdsolve.numerics.memory import large_arrays_apart
         from pdsolve.results import ResultsWarning, is_empty, state_of
-        from pdsolve.run.after_path import motion_file
+        from pdsolve.run.after_path import motion_results_file
         from pdsolve.run.simulation import Options, resume, simulate
-        from pdsolve.run.summary_lines import summary_lines
+        from pdsolve.run.summary_lines import format_summary_lines
 
     large_arrays_apart()
     stopping.expect_long_call()
@@ -218,14 +218,14 @@ def _solve(args: argparse.Namespace, ranks: Team | None) -> int:
             output = args.output or Path(args.model.stem + ".sqlite")
             path = commandline.output_path(args.output, args.model, ".sqlite", args.force or is_empty(output))
             if model.settings.run.after == "motion":
-                commandline.output_path(motion_file(path), args.model, ".sqlite", args.force, is_companion=True)
+                commandline.output_path(motion_results_file(path), args.model, ".sqlite", args.force, is_companion=True)
             if not args.force:
                 state_of(path)  # a log without its database is left alone
             with _says_how_to_go_on(path, args), compile_time_said(lambda words: commandline.note(words, args)):
                 results = simulate(model, path, options, watch, visible(shlex.join(["pdsolve", *sys.argv[1:]])))
         with results:
             path, meta, summary = Path(results.name), results.meta(), results.summary()
-    lines = summary_lines(path, summary)
+    lines = format_summary_lines(path, summary)
     if meta["status"] == "interrupted":
         words = f"interrupted; to go on: pdsolve --resume {shlex.quote(str(path))}"
         if ranks is None:
