@@ -126,7 +126,7 @@ def _solved(deck: Deck) -> Generator[None, None, Found]:
 
 def _looked(system: object, state: object, h: float) -> tuple[float, float]:
     """Energy around the upper notch's tip, J/m, and how far up nodes are cracked, m."""
-    shown = system.hybrid  # type: ignore[attr-defined]
+    shown = system.moving_zone_operator  # type: ignore[attr-defined]
     assert isinstance(shown, CollocationOperator)
     held, _ = shown.energies(state)  # type: ignore[arg-type]
     position, rate = system.model.grid.position, state.rate  # type: ignore[attr-defined]

@@ -341,20 +341,22 @@ def _time(text: str) -> str:
 
 def _show_plan(plan: Plan, args: argparse.Namespace) -> int:
     steps = f"{plan.steps} steps of {plan.time_step:.4g} s (stable up to {plan.stable_time_step:.4g} s)"
-    if plan.at_rest:
+    if plan.steps_are_load_steps:
         steps = f"{plan.steps} load steps of {plan.time_step:.4g} s, times without cracks"
-    if plan.along_path:
+    if plan.steps_are_path_steps:
         steps = f"about {plan.steps} steps along the equilibrium path"
-    if plan.in_jumps:
+    if plan.steps_are_cycle_jumps:
         steps = f"at most {plan.steps} steps of jumps of cycles"
     bonds = pair_count(plan.bonds)
     lines = [
         f"{plan.nodes} nodes, {bonds} bonds, {steps}",
         f"about {plan.memory / 1e6:.3g} MB of memory and {plan.wall_time:.3g} s for the steps",
     ]
-    if plan.most is not None:
-        lines.append(f"that is the start: cells that split add to it, up to {plan.most} nodes if all of them do")
-    commandline.report(plan._asdict() | {"bonds": bonds}, lines, args)
+    if plan.largest_node_count is not None:
+        lines.append(
+            f"that is the start: cells that split add to it, up to {plan.largest_node_count} nodes if all of them do"
+        )
+    commandline.report(plan.report_entries() | {"bonds": bonds}, lines, args)
     return commandline.OK
 
 
@@ -377,7 +379,7 @@ def _show_what_is_left(path: Path, args: argparse.Namespace) -> int:
         lines.append(
             f"{steps_left} of {plan.steps} steps are left, about {plan.memory / 1e6:.3g} MB and {seconds:.3g} s"
         )
-        report |= plan._asdict() | {"wall_time": seconds, "left": steps_left}
+        report |= plan.report_entries() | {"wall_time": seconds, "left": steps_left}
     commandline.report(report, lines, args)
     return commandline.OK
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 import dataclasses
 import time
 from functools import cache
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import msgspec
 import numpy as np
@@ -84,6 +84,17 @@ DIFFUSING, DIFFUSING_BOND_BYTES, DIFFUSING_NODE_BYTES = 1.6e8, 90.0, 1700.0
 PRODUCTS, ROUNDS, REFERENCE = 4096, 3000, 0.84e-6  # s of so many products where that was measured
 
 
+REPORT_KEYS = {  # of fields of a plan, where they differ
+    "steps_are_load_steps": "at_rest",
+    "steps_are_path_steps": "along_path",
+    "steps_are_cycle_jumps": "in_jumps",
+    "uses_block_kernels": "in_blocks",
+    "finest_node_count": "finest",
+    "cut_bond_count": "cut",
+    "largest_node_count": "most",
+}
+
+
 class Plan(NamedTuple):
     """Size, memory and time of a run."""
 
@@ -94,13 +105,17 @@ class Plan(NamedTuple):
     stable_time_step: float  # s
     memory: int  # bytes of the process at its peak
     wall_time: float  # s of the time loop, with its ledger and frames; at rest, what breaking adds is left out
-    at_rest: bool = False  # steps are load steps
-    along_path: bool = False  # steps are those of an equilibrium path, about so many
-    in_jumps: bool = False  # steps are jumps of cycles, at most so many
-    in_blocks: bool = True  # summed by the kernels of pairs on lattices; False: bond by bond
-    finest: int | None = None  # nodes of the finest spacing, where the others are twice as far apart and come and go
-    cut: int = 0  # directed bonds that pre-cracks cut
-    most: int | None = None  # nodes if all cells were to split, of which none has at the start
+    steps_are_load_steps: bool = False
+    steps_are_path_steps: bool = False  # of an equilibrium path, about so many
+    steps_are_cycle_jumps: bool = False  # at most so many
+    uses_block_kernels: bool = True  # summed by the kernels of pairs on lattices; False: bond by bond
+    finest_node_count: int | None = None  # where the others are twice as far apart, and come and go
+    cut_bond_count: int = 0  # directed bonds that pre-cracks cut
+    largest_node_count: int | None = None  # nodes if all cells were to split, of which none has at the start
+
+    def report_entries(self) -> dict[str, Any]:
+        """The numbers by their keys in reports."""
+        return {REPORT_KEYS.get(name, name): value for name, value in self._asdict().items()}
 
 
 def estimate_run(model: Model, options: Options = DEFAULT) -> Plan:
@@ -146,19 +161,19 @@ def estimate_run(model: Model, options: Options = DEFAULT) -> Plan:
     warn_of_model(model, np.flatnonzero(count == 0), scheme.partial_cells, scheme.symmetric)
     options = options._replace(threads=1) if moves else options
     plan = estimate_size(settings, options, len(model.grid), int(count.sum()), (step, bound), in_blocks)
-    plan = plan._replace(cut=int((family - count).sum()))
+    plan = plan._replace(cut_bond_count=int((family - count).sum()))
     if splits:
-        plan = plan._replace(most=most, memory=plan.memory + round((SPLITTING - LISTED) * plan.bonds))
-    if in_blocks and model.grid.dimension == 3 and not plan.at_rest:
+        plan = plan._replace(largest_node_count=most, memory=plan.memory + round((SPLITTING - LISTED) * plan.bonds))
+    if in_blocks and model.grid.dimension == 3 and not plan.steps_are_load_steps:
         bytes_per_node = IN_SPACE if model.grid.lattice is None else LATTICE[options.precision]
         memory = round(MEMORY[options.mode][0] + bytes_per_node * len(model.grid))
         plan = plan._replace(wall_time=TILED * plan.wall_time, memory=memory)  # of a body in tiles
     if along_path:
-        plan = plan._replace(wall_time=_estimate_path_wall_time(system, plan), along_path=True)
+        plan = plan._replace(wall_time=_estimate_path_wall_time(system, plan), steps_are_path_steps=True)
     if cycle is not None:
         plan = plan._replace(wall_time=(1 + SWELLING / cycle) * plan.wall_time)
     grid = model.grid  # with a moving zone that of the start
-    return plan._replace(finest=int(np.isclose(grid.delta, grid.delta.min()).sum())) if moves else plan
+    return plan._replace(finest_node_count=int(np.isclose(grid.delta, grid.delta.min()).sum())) if moves else plan
 
 
 def _estimate_path_step_count(run: Run) -> int:
@@ -197,7 +212,7 @@ def _estimate_diffusion_cost(model: Model, options: Options) -> Plan:
         system.stable_time_step,
         round(memory),
         measure_machine_slowdown() * (BEGIN + seconds),
-        cut=int((system.family_sizes - system.initial_bond_counts).sum()),
+        cut_bond_count=int((system.family_sizes - system.initial_bond_counts).sum()),
     )
 
 
@@ -224,8 +239,8 @@ def estimate_size(
             *run_and_stable_time_step,
             round(rest),
             seconds,
-            at_rest=True,
-            in_jumps=tires,
+            steps_are_load_steps=True,
+            steps_are_cycle_jumps=tires,
         )
     least, bytes_per_node = MEMORY[options.mode]
     memory = least + bytes_per_node * node_count + (0 if in_blocks else LISTED * directed_bond_count)
@@ -252,7 +267,7 @@ def estimate_size(
         *run_and_stable_time_step,
         round(memory),
         seconds,
-        in_blocks=in_blocks,
+        uses_block_kernels=in_blocks,
     )
 
 

@@ -82,14 +82,14 @@ class RunRequest(NamedTuple):
     """What is asked of a run, besides its model; see `simulate`. What it is continued on; see `resume`."""
 
     output: Path | None
-    watch: Watcher | None
+    watcher: Watcher | None
     provenance: str = ""
     adaptation: NodeAdaptation | None = None
-    threads: int | None = None
+    thread_count: int | None = None
     team: Team | None = None
     device: str | None = None
     earlier_refinements: tuple[EarlierRefinement, ...] = ()  # after fine cells have come too late
-    compile_time_before: float = 0.0  # s that kernels were compiled for before
+    compile_seconds_before: float = 0.0  # s that kernels were compiled for before
 
 
 def simulate(
@@ -109,7 +109,7 @@ def simulate(
     output = None if output is None else Path(output)
     with _lock_output(output):
         results = _solve_with_restarts(
-            model, options, RunRequest(output, watch, provenance, adapt, compile_time_before=compile_seconds())
+            model, options, RunRequest(output, watch, provenance, adapt, compile_seconds_before=compile_seconds())
         )
     return _solve_motion_after_path(results, output, options.threads, watch)
 
@@ -138,7 +138,7 @@ def _restart_with_earlier_zones(
         )
         step = late_zones.find_restart_checkpoint_step(request.output, earlier_refinements)
         late_zones.warn_of_zone_restart(model, late_zone_error, wider, earlier_refinements, step)
-        model, request = wider, request._replace(earlier_refinements=earlier_refinements, threads=options.threads)
+        model, request = wider, request._replace(earlier_refinements=earlier_refinements, thread_count=options.threads)
         try:
             if step and request.output is not None:
                 return _resume_from_checkpoint(request.output, request)
@@ -191,7 +191,7 @@ def run(
     with _lock_output(output):
         return _solve_new_run(
             *_make_new_recorder(
-                system, state, RunRequest(output, watch, provenance, adapt, compile_time_before=compile_seconds())
+                system, state, RunRequest(output, watch, provenance, adapt, compile_seconds_before=compile_seconds())
             )
         )
 
@@ -229,7 +229,7 @@ def _solve_motion_after_path(
         past = RunHistory(step, 0.0, 0, 0, None, len(system.model.grid))
         return _solve_new_run(
             Recorder(system, state, past, False),
-            RunRequest(target, watch, provenance, compile_time_before=compile_seconds()),
+            RunRequest(target, watch, provenance, compile_seconds_before=compile_seconds()),
         )
 
 
@@ -262,7 +262,7 @@ def resume(
     UnstableError.
     """
     output = Path(output)
-    request = RunRequest(output, watch, "", adapt, threads, team, device, compile_time_before=compile_seconds())
+    request = RunRequest(output, watch, "", adapt, threads, team, device, compile_seconds_before=compile_seconds())
     results, motion = _resume_unless_finished(output, request), motion_results_file(output)
     if needs_motion_after_path(results) and (motion.is_symlink() or (motion.exists() and not is_empty(motion))):
         results.close()
@@ -305,7 +305,7 @@ def _resume_with_earlier_zones(output: Path, request: RunRequest, late_zone_erro
     earlier_refinements = late_zones.read_earlier_refinements(meta, output)
     request = request._replace(output=output, provenance=meta["provenance"], earlier_refinements=earlier_refinements)
     return _restart_with_earlier_zones(
-        model, options_from_metadata(model, meta, request.threads), request, late_zone_error
+        model, options_from_metadata(model, meta, request.thread_count), request, late_zone_error
     )
 
 
@@ -314,7 +314,7 @@ def _resume_from_checkpoint(output: Path, request: RunRequest) -> Results:
         results.verify()
         model, meta = model_of(results.model(), str(output)), results.meta()
         model = model if request.device is None else on_device(model, request.device)
-        options = options_from_metadata(model, meta, request.threads)._replace(team=request.team)
+        options = options_from_metadata(model, meta, request.thread_count)._replace(team=request.team)
         resuming.warn_of_other_processor(output, meta)
         earlier_refinements = request.earlier_refinements or late_zones.read_earlier_refinements(meta, output)
         request = request._replace(
@@ -404,7 +404,7 @@ def _advance_to_end_and_close_results(
 
 def _advance_to_end(recorder: Recorder, writer: Behind, request: RunRequest) -> str:
     """Step to the end, from event to event; returns "finished" or "interrupted"."""
-    watch, adapt = request.watch, request.adaptation
+    watch, adapt = request.watcher, request.adaptation
     run, step = recorder.system.model.settings.run, recorder.frame_step
     interrupted, done, looked, pace = False, False, step, StepBatchTimer(recorder.system.directed_bond_count)
 
@@ -451,7 +451,7 @@ def _advance_to_end(recorder: Recorder, writer: Behind, request: RunRequest) -> 
             with_checkpoint = step == run.steps or done or interrupted
             writer.write(partial(recorder.make_frame, step, with_fields, with_checkpoint))
     recorder.update_last_ledger_row(step)
-    compiled = {"compile_time": compile_seconds() - request.compile_time_before}
+    compiled = {"compile_time": compile_seconds() - request.compile_seconds_before}
     writer.done().write_meta({"summary": json.dumps(run_summary(recorder, step, done) | compiled)})
     recorder.physics_records.warn_at_end()
     recorder.close_rank_databases()

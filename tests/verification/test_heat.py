@@ -228,9 +228,9 @@ def test_a_plan_knows_what_heat_costs() -> None:
     """A body that heats takes longer, by how often its heat is booked; one that is ordinary is listed bond by bond."""
     heats, cold = bar(steps=1000), bar(steps=1000).moving_part()
     seldom, cost, less = estimate_run(bar(D=1e-3, steps=1000), ONE), estimate_run(heats, ONE), estimate_run(cold, ONE)
-    assert (cost.in_blocks, less.in_blocks) == (True, True)
+    assert (cost.uses_block_kernels, less.uses_block_kernels) == (True, True)
     ordinary = bar(material=LAWS["ordinary"][0], steps=1000)
-    assert not estimate_run(ordinary, ONE).in_blocks
+    assert not estimate_run(ordinary, ONE).uses_block_kernels
     assert cost.bonds == less.bonds
     assert cost.wall_time > 4 * less.wall_time
     assert seldom.wall_time < cost.wall_time / 2

@@ -228,6 +228,6 @@ def test_auto_takes_fine_nodes_and_a_plan_knows_the_zone(small: Model) -> None:
     with pytest.warns(ModelWarning, match="swells by a content"):
         assert prepare(auto, ONE).system.kernel_name == "blocks"
     plan = estimate_run(small, ONE)
-    assert plan.in_blocks
-    assert plan.finest is not None
+    assert plan.uses_block_kernels
+    assert plan.finest_node_count is not None
     assert plan.nodes < len(small.grid)

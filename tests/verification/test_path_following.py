@@ -57,7 +57,7 @@ def test_a_notched_beam_peaks_as_is_known(h: float, off: float) -> None:
     assert found[-1] < 0.05 * found.max()
     assert abs(said["balance"]) < 1e-3  # measured: 2e-4
     plan = estimate_run(beam(h), ONE)
-    assert (plan.at_rest, plan.along_path) == (True, True)
+    assert (plan.steps_are_load_steps, plan.steps_are_path_steps) == (True, True)
     assert 0.5 < plan.steps / said["steps"] < 2  # measured: 1.5
 
 

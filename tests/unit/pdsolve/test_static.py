@@ -303,7 +303,7 @@ def test_bonds_that_soften_are_followed() -> None:
 
 def test_a_plan_breaks_nothing() -> None:
     found = estimate_run(cantilever(), Options(threads=1))
-    assert (found.steps, found.at_rest) == (6, True)
+    assert (found.steps, found.steps_are_load_steps) == (6, True)
     assert found.wall_time > 0
 
 
