@@ -202,12 +202,9 @@ def _solve_new_run(recorder: Recorder, request: RunRequest) -> Results:
     start = [recorder.system]  # whose nodes may have changed when the writer is made
 
     def make_new_writer() -> Writer:
-        refinement_meta = (
-            late_zones.earlier_refinement_metadata(request.earlier_refinements) if request.earlier_refinements else {}
-        )
-        writer = recorder.make_database_writer(
-            start[0], request.output, run_metadata(recorder, request.provenance) | refinement_meta
-        )
+        refinement_metadata = late_zones.earlier_refinement_metadata(request.earlier_refinements)
+        metadata = run_metadata(recorder, request.provenance) | refinement_metadata
+        writer = recorder.make_database_writer(start[0], request.output, metadata)
         start.clear()
         return writer
 
