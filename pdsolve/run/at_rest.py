@@ -96,7 +96,7 @@ def _prepare_path(model: Model, options: Options, scheme: Scheme) -> Prepared:
     state = operator.to_own_layout(zero_state(*driven.force.shape))
     bonds, ground = softening_of(model, filling.whole(), contact), supports_of(operator)
     if ground is not None:
-        bonds.stand_on(np.repeat(area, width)[:, None] * ground.stiffness_matrix())
+        bonds.stand_on(np.repeat(area, width)[:, None] * ground.tangent(state))
     stepper = SofteningPathSteps(model, bonded, driven, area, bonds, contact)
     step, bound = model.settings.run.time_step or 1.0, largest_stable_step(operator.stiffness_bound(), model.rho)
     system = System(model, options, scheme, operator, stepper, driven, *filled, step, bound, 0.0, contact=contact)
