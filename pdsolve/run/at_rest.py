@@ -21,9 +21,9 @@ from pdsolve.run.system import Prepared, System
 from pdsolve.schemes.scheme import Scheme
 from pdsolve.state import zero_state
 from pdsolve.steppers.arc_length_steps import ArcLengthSteps
-from pdsolve.steppers.contact_method import ContactMethod
+from pdsolve.steppers.contact_method import EquilibriumMethodWithContact
 from pdsolve.steppers.crack_length_steps import CrackLengthSteps
-from pdsolve.steppers.cycle_or_path_steps import make_cycle_steps
+from pdsolve.steppers.cycle_or_path_steps import make_fatigue_stepper
 from pdsolve.steppers.equilibrium import EquilibriumMethod
 from pdsolve.steppers.load_steps import LoadSteps
 from pdsolve.steppers.newton import FACTORED, FACTORED_IN, Newton
@@ -60,7 +60,7 @@ def prepare_load_steps(model: Model, options: Options, scheme: Scheme, bonds_bre
         pairs = law.pair is not None and contact is None
         method = Newton(operator, area, static.tolerance, static.iterations, free, most, pairs, flows)
     if contact is not None:
-        method = ContactMethod(method, operator, contact)
+        method = EquilibriumMethodWithContact(method, operator, contact)
     breakable = no_fail.breakable() if bonds_break and law.pair is not None else None
     breaking = FamilyBonds(bonds) if of_families and isinstance(bonds, BondList) else breakable
     remember = {"on_equilibrium": bonds.update_history} if isinstance(bonds, BondList) else {}
@@ -71,7 +71,7 @@ def prepare_load_steps(model: Model, options: Options, scheme: Scheme, bonds_bre
     system = System(model, options, scheme, operator, stepper, driven, *filled, step, bound, 0.0)
     system = replace(system, growth=growth, contact=contact)
     if fatigue is not None and (bonds_break or grows):
-        system = replace(system, stepper=make_cycle_steps(model, operator, stepper, breakable, *filled[1:], growth))
+        system = replace(system, stepper=make_fatigue_stepper(model, operator, stepper, breakable, *filled[1:], growth))
     if bonds_break and follows_arc_length(model):
         _refuse_large_body(model, driven)
         arc = ArcLengthSteps(model, operator, driven, area, breaking, **remember, solid_flows=flows)

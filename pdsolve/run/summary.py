@@ -15,7 +15,7 @@ from pdsolve.run.recorder import Recorder
 from pdsolve.steppers.arc_length_steps import ArcLengthSteps
 from pdsolve.steppers.crack_length_steps import CrackLengthSteps
 from pdsolve.steppers.cycle_or_path_steps import CycleOrPathSteps
-from pdsolve.steppers.fatigue_steps import FatigueSteps
+from pdsolve.steppers.fatigue_steps import BondFatigueSteps
 from pdsolve.steppers.load_steps import LoadSteps
 from pdsolve.steppers.paris_steps import ParisSteps
 from pdsolve.steppers.path_steps import SofteningPathSteps
@@ -82,16 +82,16 @@ def run_summary(recorder: Recorder, step: int, stopped_early: bool) -> dict[str,
 
 def _equilibrium_summary(load_stepper: LoadSteps | CycleOrPathSteps | None) -> dict[str, Any]:
     """Iterations and residuals of each load step."""
-    if isinstance(load_stepper, FatigueSteps | ParisSteps):
+    if isinstance(load_stepper, BondFatigueSteps | ParisSteps):
         rows = [cycled._asdict() for cycled in load_stepper.step_results]
         return {
             "method": load_stepper.description,
             "fatigue_steps": rows,
             "first_break": load_stepper.first
-            if isinstance(load_stepper, FatigueSteps) and load_stepper.step_results
+            if isinstance(load_stepper, BondFatigueSteps) and load_stepper.step_results
             else None,
             "first_range": load_stepper.range
-            if isinstance(load_stepper, FatigueSteps) and load_stepper.step_results
+            if isinstance(load_stepper, BondFatigueSteps) and load_stepper.step_results
             else None,
             "cycles_error": load_stepper.cycle_error if isinstance(load_stepper, ParisSteps) else None,
             "cycles_error_of_jumps": load_stepper.jump_error if isinstance(load_stepper, ParisSteps) else None,

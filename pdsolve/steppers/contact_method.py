@@ -30,12 +30,15 @@ SMALLEST = 1 / 64  # of a load step
 FAR = 0.5  # spacings: a node that moves farther in one equilibrium may miss what it meets
 
 
-class ContactMethod:
+class EquilibriumMethodWithContact:
     """A method for an operator with a part that is contact; see `EquilibriumMethod`."""
 
     def __init__(self, method: EquilibriumMethod, operator: Operator, contact: RestingContact) -> None:
         self._method, self._operator, self.contact = method, operator, contact
-        self.description, self.smallest_part = method.description, min(method.smallest_part, SMALLEST)
+        self.description, self.smallest_load_step_part = (
+            method.description,
+            min(method.smallest_load_step_part, SMALLEST),
+        )
 
     def solve_equilibrium(
         self, state: State, conditions: EquilibriumConditions, report_progress: ProgressReport
@@ -60,26 +63,26 @@ class ContactMethod:
             " friction for what can slide"
         )
 
-    def reset_history(self) -> None:
+    def discard_reused_tangent(self) -> None:
         """Discard history, so that what follows depends on the state alone."""
-        self._method.reset_history()
+        self._method.discard_reused_tangent()
 
     def count_unstable_modes(self, state: State, constrained: NDArray[np.bool_]) -> int:
         """Independent displacements along which energy falls; see `EquilibriumMethod`."""
         return self._method.count_unstable_modes(state, constrained)
 
-    def restrain_softly(self, nodes: NDArray[np.bool_]) -> None:
+    def restrain_by_weak_springs(self, nodes: NDArray[np.bool_]) -> None:
         """Restrain these nodes (n,) by weak springs during the solution; see `EquilibriumMethod`."""
-        self._method.restrain_softly(nodes)
+        self._method.restrain_by_weak_springs(nodes)
 
 
-def with_contact_pairs(bonds: Pairs, contact: RestingContact) -> Pairs:
+def append_contact_pairs(bonds: Pairs, contact: RestingContact) -> Pairs:
     """Bonds, and pairs of nodes that touch."""
     (source, target), (i, j) = bonds, contact.holding()
     return np.concatenate([source, i, j]), np.concatenate([target, j, i])
 
 
-def solve_with_contact(
+def solve_until_contact_converges(
     contact: RestingContact | None, solve: Callable[[], PathSolution], measure_residual: Callable[[PathPoint], float]
 ) -> PathSolution:
     """The place on a path that `solve` finds, its iterations and residual, with normals and weights that stay there.

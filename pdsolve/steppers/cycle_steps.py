@@ -46,7 +46,7 @@ class CycleSteps:
                 return
             if step == 1:
                 self._motion.advance(state, 1, 2)
-            self._motion.method.reset_history()
+            self._motion.method.discard_reused_tangent()
             equilibrium = self._take_step(state, step, Equilibrium(0, self._motion.step_results[-1].residual))
             broken = len(self._operator.broken().step)
             self.step_results.append(Cycled(step, equilibrium.iterations, equilibrium.residual, self._cycles, broken))

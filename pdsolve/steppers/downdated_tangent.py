@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pdsolve.state import Broken
-from pdsolve.steppers.reused_factors import solve_columns
+from pdsolve.steppers.reused_factors import solve_right_sides_in_blocks
 
 if TYPE_CHECKING:
     from scipy.sparse import csr_array
@@ -39,14 +39,14 @@ class DowndatedTangent:
         self._matrix, self._solve, self._width = matrix, inverse, free.shape[1]
         self._row = np.where(free.ravel(), np.cumsum(free.ravel()) - 1, -1).reshape(free.shape)
         size = int(free.sum())
-        self._nodes, self._known = len(free), np.unique(_pair_numbers(broken, len(free)))
+        self._nodes, self._known = len(free), np.unique(_unordered_node_pair_ids(broken, len(free)))
         self._ways, self._columns = np.zeros((0, size)), np.zeros((0, size))  # (p, k): b, and X
         self._whole = np.zeros((0, 0))  # (p, p): 1 / k - B^T X
         self._last = 0  # of them from the last call
 
     def remove_bonds_if_few(self, broken: Broken) -> bool:
         """Take all these for broken; False if they are too many."""
-        new = np.setdiff1d(_pair_numbers(broken, self._nodes), self._known)
+        new = np.setdiff1d(_unordered_node_pair_ids(broken, self._nodes), self._known)
         self._last = 0
         if not len(new):
             return True
@@ -67,7 +67,7 @@ class DowndatedTangent:
                 ways[free_bonds, row[free_bonds]] = sign * vectors[free_bonds, axis, -1]
         pulls = values[:, -1] > 0
         ways, stiffness = ways[pulls], values[pulls, -1]
-        columns = solve_columns(self._solve, ways.T).T
+        columns = solve_right_sides_in_blocks(self._solve, ways.T).T
         old, diagonal_block = -self._ways @ columns.T, np.diag(1 / stiffness) - ways @ columns.T
         self._whole = np.block([[self._whole, old], [old.T, diagonal_block]])
         self._ways, self._columns = np.vstack([self._ways, ways]), np.vstack([self._columns, columns])
@@ -76,7 +76,7 @@ class DowndatedTangent:
 
     def solve(self, right: Array) -> Array:
         """The solution for a right side (k,)."""
-        solution = self._solve_with_removed_bonds(right)
+        solution = self._solve_with_original_tangent(right)
         if not len(self._ways):
             return solution
         try:
@@ -85,7 +85,7 @@ class DowndatedTangent:
             return solution
         return np.asarray(solution + share @ self._columns)
 
-    def _solve_with_removed_bonds(self, right: Array) -> Array:
+    def _solve_with_original_tangent(self, right: Array) -> Array:
         """The solution with all bonds, by the columns of those that broke last where the right side is of them."""
         if self._last:
             ways, columns = self._ways[-self._last :], self._columns[-self._last :]
@@ -96,6 +96,6 @@ class DowndatedTangent:
         return self._solve(right)
 
 
-def _pair_numbers(broken: Broken, node_count: int) -> NDArray[np.int64]:
+def _unordered_node_pair_ids(broken: Broken, node_count: int) -> NDArray[np.int64]:
     """A number for each pair of nodes, whichever of them comes first."""
     return np.minimum(broken.source, broken.target) * node_count + np.maximum(broken.source, broken.target)

@@ -33,7 +33,7 @@ class EquilibriumConditions(NamedTuple):
     load: NDArray[np.float64]  # (n, w) body force, N/m^3
     constrained: NDArray[np.bool_]  # (n, w) components that are held
     prescribed: NDArray[np.float64]  # (n, w) where, m
-    swelling_force: float = 0.0  # N/m^3, size of what swelling alone makes of forces; as much counts as external
+    swelling_force_norm: float = 0.0  # N/m^3, size of what swelling alone makes of forces; as much counts as external
     sufficient_residual: float = 0.0  # residual that is enough, where the method would go on to a smaller one
 
 
@@ -48,20 +48,20 @@ class EquilibriumMethod(Protocol):
     """A method to find equilibrium."""
 
     description: str  # which it is, for the record
-    smallest_part: float  # share of a load step that is worth a try, where larger ones do not come to rest
+    smallest_load_step_part: float  # share of a load step that is worth a try, where larger ones do not come to rest
 
     def solve_equilibrium(
         self, state: State, conditions: EquilibriumConditions, report_progress: ProgressReport
     ) -> Equilibrium:
         """Move the values of the state to equilibrium, in place. Raises UnsettledError."""
 
-    def reset_history(self) -> None:
+    def discard_reused_tangent(self) -> None:
         """Discard history, so that what follows depends on the state alone."""
 
     def count_unstable_modes(self, state: State, constrained: NDArray[np.bool_]) -> int:
         """Independent displacements of free components along which energy falls; 0 where that is not known."""
 
-    def restrain_softly(self, nodes: NDArray[np.bool_]) -> None:
+    def restrain_by_weak_springs(self, nodes: NDArray[np.bool_]) -> None:
         """Restrain these nodes (n,) by weak springs during the solution; no force of the springs remains."""
 
 
@@ -72,7 +72,7 @@ def force_densities(operator: Operator, state: State) -> NDArray[np.float64]:
     return out
 
 
-def weighted_tangent(operator: Operator, area: NDArray[np.float64], state: State) -> csr_array:
+def area_weighted_tangent(operator: Operator, area: NDArray[np.float64], state: State) -> csr_array:
     """The tangent times the nodes' areas (n w, n w), N/m^2."""
     from scipy.sparse import diags_array  # SciPy takes long to import, and few runs ask
 
@@ -92,7 +92,7 @@ def relative_residual(
     `round_off_stiffness` in N/m^4.
     """
     load = norm(conditions.load[~conditions.constrained])
-    outside = max(load if load > 0 else norm(neighbour_forces[conditions.constrained]), conditions.swelling_force)
+    outside = max(load if load > 0 else norm(neighbour_forces[conditions.constrained]), conditions.swelling_force_norm)
     imbalance, scale = (
         norm((neighbour_forces + conditions.load)[~conditions.constrained]),
         max(outside, round_off_stiffness * max(norm(state.value), previous_norm)),

@@ -39,7 +39,7 @@ class CrackGrowth(Protocol):
     def restore(self, checkpoint: Mapping[str, NDArray[Any]], broken: Broken) -> None:
         """Restore a checkpoint with these broken bonds."""
 
-    def add_remark(self, key: str, text: str) -> None:
+    def add_remark_once(self, key: str, text: str) -> None:
         """Add a remark to be read together with the crack paths, once for a key."""
 
 
@@ -63,7 +63,7 @@ class CrackedBodySnapshot(NamedTuple):
         growth.restore(self.cracks, self.broken)
 
 
-def largest_K_difference(growth: CrackGrowth, judged_tips: list[tuple[Any, Any]]) -> float:
+def largest_K_difference_between_integrals(growth: CrackGrowth, judged_tips: list[tuple[Any, Any]]) -> float:
     """How far K by interaction integrals and by J are apart, the most of all tips, over K; 0 where only J is known."""
     both = [
         (v.share * growth.toughness(tip), v.released) for tip, v in judged_tips if np.isfinite(v.K1) and v.released > 0
@@ -71,7 +71,7 @@ def largest_K_difference(growth: CrackGrowth, judged_tips: list[tuple[Any, Any]]
     return max((abs(stress_intensity / released - 1) for stress_intensity, released in both), default=0.0)
 
 
-def tip_intensities(growth: CrackGrowth, judged_tips: list[tuple[Any, Any]]) -> NDArray[np.float64]:
+def stress_intensities_of_tips(growth: CrackGrowth, judged_tips: list[tuple[Any, Any]]) -> NDArray[np.float64]:
     """K (k,) of tips, Pa m^0.5, with the size of sqrt(J E') where they have J."""
     stress_intensities = [verdict.share * growth.toughness(tip) for tip, verdict in judged_tips]
     return np.array(

@@ -3,7 +3,7 @@
 Each iteration takes the tangent anew and halves the step while the residual does not fall, so that convergence near
 equilibrium is quadratic. An equilibrium that took few iterations is nearly linear: the next one begins with the old
 tangent, its steps mixed to minimize the residual (D. G. Anderson, J. ACM 12 (1965) 547-560), until that stalls.
-`reset_history` discards the old tangent, so that a resumed run continues bit by bit.
+`discard_reused_tangent` discards the old tangent, so that a resumed run continues bit by bit.
 
 Up to `FACTORED` free components, the tangent is factorized (SuperLU through SciPy). Above, where the factors would not
 fit into memory, equations are solved by conjugate gradients, or by BiCGStab for one-sided bonds.
@@ -25,11 +25,11 @@ from pdsolve.steppers.equilibrium import (
     EquilibriumConditions,
     ProgressReport,
     UnsettledError,
+    area_weighted_tangent,
     force_densities,
     norm,
     relative_residual,
     round_off_stiffness,
-    weighted_tangent,
 )
 from pdsolve.steppers.factors import count_negative_eigenvalues, factorize
 
@@ -60,7 +60,7 @@ SOFT = 1e-6  # of the stiffest component: what a body that nothing supports is h
 class Newton:
     """Solves with an operator's tangent; see `EquilibriumMethod`."""
 
-    smallest_part = 1 / 64
+    smallest_load_step_part = 1 / 64
 
     def __init__(
         self,
@@ -90,16 +90,16 @@ class Newton:
         self._matrix: csr_array | None = None
         self._fresh = False  # whether the tangent is that of the state as it is
 
-    def reset_history(self) -> None:
+    def discard_reused_tangent(self) -> None:
         """Discard the factors of the tangent, so that what follows depends on the state alone."""
         self._inverse = self._matrix = self._lost = None
         self._fresh = False
 
-    def restrain_softly(self, nodes: NDArray[np.bool_]) -> None:
+    def restrain_by_weak_springs(self, nodes: NDArray[np.bool_]) -> None:
         """Restrain these nodes (n,) by weak springs in the equations only, which takes a few more iterations."""
         if self._floating is None or (self._floating != nodes).any():
             self._floating = nodes
-            self.reset_history()
+            self.discard_reused_tangent()
 
     def count_unstable_modes(self, state: State, constrained: NDArray[np.bool_]) -> int:
         """Independent displacements along which energy falls from this equilibrium; 0 where that is not known.
@@ -108,8 +108,8 @@ class Newton:
         """
         if not (self._factored and self._operator.symmetric) or self._floating is not None:
             return 0
-        self.reset_history()  # whose factors would be there beside these
-        matrix, free = self._symmetric_tangent(state), ~constrained.ravel()
+        self.discard_reused_tangent()  # whose factors would be there beside these
+        matrix, free = self._symmetric_part_of_weighted_tangent(state), ~constrained.ravel()
         return count_negative_eigenvalues(matrix[free][:, free])
 
     def solve_equilibrium(
@@ -122,9 +122,9 @@ class Newton:
         start, free, done = state.value.copy(), ~conditions.constrained, 0
         self._before = norm(start)
         if (state.value != np.where(free, state.value, conditions.prescribed)).any():
-            self._move_to_prescribed(state, conditions)
+            self._prescribe_held_and_predict_free_components(state, conditions)
         if self._lost is not None and not self._lost.remove_bonds_if_few(self._operator.broken()):
-            self.reset_history()
+            self.discard_reused_tangent()
         if self._inverse is not None and not self._fresh:
             equilibrium, done = self._iterate_with_old_tangent(state, conditions, report_progress)
             if equilibrium is not None:
@@ -133,7 +133,7 @@ class Newton:
         if equilibrium is not None:
             return equilibrium
         state.value[:] = start
-        self.reset_history()
+        self.discard_reused_tangent()
         loose = "" if self._floating is None else "support the bodies that nothing but contact or --float holds, or "
         raise UnsettledError(
             f"no equilibrium after {done} iterations of {self.description} (tolerance {self._tolerance:g} of the"
@@ -156,13 +156,13 @@ class Newton:
         for done in range(iterations_before, iterations_before + self._most + 1):
             if residual < max(self._tolerance, conditions.sufficient_residual):
                 if done - iterations_before > NEARLY_LINEAR:
-                    self.reset_history()
+                    self.discard_reused_tangent()
                 return Equilibrium(done, residual), done
             report_progress(done, residual)
             if done == iterations_before + self._most or not np.isfinite(residual):
                 break
             if not self._fresh or done > iterations_before:
-                self._set_up_equations(state, free, residual)
+                self._set_up_tangent_solver(state, free, residual)
             self._fresh = False
             assert self._inverse is not None
             pushed = weighted(out)
@@ -182,11 +182,11 @@ class Newton:
                 break
         return None, done
 
-    def _move_to_prescribed(self, state: State, conditions: EquilibriumConditions) -> None:
+    def _prescribe_held_and_predict_free_components(self, state: State, conditions: EquilibriumConditions) -> None:
         """Move held components to their prescribed positions, and the rest by the linear response."""
         free = ~conditions.constrained
         if self._matrix is None:
-            self._set_up_equations(state, free)
+            self._set_up_tangent_solver(state, free)
             self._fresh = False
         assert self._matrix is not None
         assert self._inverse is not None
@@ -231,13 +231,13 @@ class Newton:
         state.value[:] = best_values
         return None, done
 
-    def _set_up_equations(self, state: State, free: NDArray[np.bool_], residual: float = 1.0) -> None:
+    def _set_up_tangent_solver(self, state: State, free: NDArray[np.bool_], residual: float = 1.0) -> None:
         """Set up the equations of this state. A body that nothing supports is held the less, the smaller the residual
         is: it turns by its load's own stiffness then, and converges as one that is supported."""
         from scipy.sparse import diags_array  # here and below: SciPy takes long to import, and few runs ask
 
         symmetric = self._operator.symmetric
-        matrix = self._symmetric_tangent(state) if symmetric else self._operator.tangent(state).tocsr()
+        matrix = self._symmetric_part_of_weighted_tangent(state) if symmetric else self._operator.tangent(state).tocsr()
         self._matrix = matrix
         if self._floating is not None and self._floating.any():
             soft = (
@@ -248,17 +248,17 @@ class Newton:
             )
             matrix = (matrix + diags_array(soft)).tocsr()
         inner = matrix[free.ravel()][:, free.ravel()]
-        self._inverse = self._factor_solver(inner) if self._factored else self._gradient_solver(inner)
+        self._inverse = self._make_direct_solver(inner) if self._factored else self._make_iterative_solver(inner)
         if self._factored and self._pairs:
             self._lost = DowndatedTangent(matrix, free, self._inverse, self._operator.broken())
             self._inverse = self._lost.solve
 
-    def _symmetric_tangent(self, state: State) -> csr_array:
+    def _symmetric_part_of_weighted_tangent(self, state: State) -> csr_array:
         """The symmetric part of the tangent times the nodes' areas, N/m^2."""
-        matrix = weighted_tangent(self._operator, self._area, state)
+        matrix = area_weighted_tangent(self._operator, self._area, state)
         return ((matrix + matrix.T) / 2).tocsr()
 
-    def _factor_solver(self, matrix: csr_array) -> Callable[[Array], Array]:
+    def _make_direct_solver(self, matrix: csr_array) -> Callable[[Array], Array]:
         try:
             return factorize(matrix, self._operator.symmetric)
         except RuntimeError:
@@ -267,7 +267,7 @@ class Newton:
                 " (--float)"
             ) from None
 
-    def _gradient_solver(self, matrix: csr_array) -> Callable[[Array], Array]:
+    def _make_iterative_solver(self, matrix: csr_array) -> Callable[[Array], Array]:
         from scipy.sparse import diags_array
         from scipy.sparse.linalg import bicgstab, cg
 

@@ -30,7 +30,12 @@ from pdsolve.operators.protocol import Operator
 from pdsolve.state import State
 from pdsolve.steppers.cycle_steps import CycleSteps
 from pdsolve.steppers.equilibrium import Equilibrium, UnsettledError
-from pdsolve.steppers.growing_cracks import CrackedBodySnapshot, CrackGrowth, largest_K_difference, tip_intensities
+from pdsolve.steppers.growing_cracks import (
+    CrackedBodySnapshot,
+    CrackGrowth,
+    largest_K_difference_between_integrals,
+    stress_intensities_of_tips,
+)
 from pdsolve.steppers.load_steps import LoadSteps
 
 ALIKE = 1e-6  # of a particle: tips this near to the end of theirs grow together
@@ -73,16 +78,16 @@ class ParisSteps(CycleSteps):
         if any(verdict.share >= 1 and np.isfinite(verdict.K1) for _, verdict in judged):
             self._record_end_of_life("K of the largest loads reached the toughness")
             return previous
-        rate = growth_rates(law, tip_intensities(growth, judged))
+        rate = crack_growth_per_cycle(law, stress_intensities_of_tips(growth, judged))
         if not rate.any():
             self._record_end_of_life("no crack grows: the range of K is not above its threshold")
             return previous
         before = self._take_snapshot(state)
         while True:
-            equilibrium = self._grow_to_next_particle(state, step, judged, rate)
+            equilibrium = self._advance_cycles_to_next_particle(state, step, judged, rate)
             if equilibrium is None:
                 return previous
-            steepest, ahead = self._largest_rate_ratios_of_all_and_grown(state)
+            steepest, ahead = self._largest_rate_ratios_of_all_and_just_grown_tips(state)
             shorter = [
                 growth.growth_length(tip, self._share / 2) < growth.growth_length(tip, self._share) for tip, _ in judged
             ]
@@ -91,20 +96,20 @@ class ParisSteps(CycleSteps):
             self._restore_snapshot(state, before)
             self._share /= 2
         ahead = max(ahead, 1 / STEEPEST)  # of a tip that is stopped, as middles have it
-        cycles, mean = self._cycles - before.cycles, self._at_first * cycles_over_first_rate(ahead)
+        cycles, mean = self._cycles - before.cycles, self._at_first * cycles_relative_to_constant_first_rate(ahead)
         if not before.tips:  # no step before the first says how growth changes: the mean of both ends does
             cycles, mean = mean, self._at_first / float(np.sqrt(ahead))
             self._cycles = before.cycles + cycles
         self.jump_error += abs(cycles - mean)
-        self._apart = largest_K_difference(growth, judged) or self._apart
+        self._apart = largest_K_difference_between_integrals(growth, judged) or self._apart
         assert law.m is not None
         self.K_error += abs(cycles) * law.m * self._apart
         if steepest > STEEPEST:
             message = f"growth is {steepest:.3g} times as fast as before this step, more than {STEEPEST:g} times"
-            growth.add_remark("outruns", f"step {step}: {message}, of particles as short as the spacing")
+            growth.add_remark_once("outruns", f"step {step}: {message}, of particles as short as the spacing")
         return equilibrium
 
-    def _grow_to_next_particle(
+    def _advance_cycles_to_next_particle(
         self, state: State, step: int, judged_tips: list[Any], growth_rate: NDArray[np.float64]
     ) -> Equilibrium | None:
         """Let tips of these rates (k,) grow until the first has grown a particle, and settle; None where life ends."""
@@ -133,12 +138,12 @@ class ParisSteps(CycleSteps):
         )
         self._tips = {tip.particle: _TipHistory(part, r, way) for (tip, _), part, r, way, due in rows if not due}
         chosen = [judged_tip for judged_tip, due in zip(judged_tips, grows, strict=True) if due]
-        return self._lengthen_tips(state, step, chosen, growth_rate[grows].tolist())
+        return self._add_particles_to_tips_and_settle(state, step, chosen, growth_rate[grows].tolist())
 
-    def _largest_rate_ratios_of_all_and_grown(self, state: State) -> tuple[float, float]:
+    def _largest_rate_ratios_of_all_and_just_grown_tips(self, state: State) -> tuple[float, float]:
         """Growth of the tips over what it was in the step before, the largest: of all, and of those that have grown."""
         judged = self._growth.judge_tips(state)
-        rate = growth_rates(self._law, tip_intensities(self._growth, judged)).tolist()
+        rate = crack_growth_per_cycle(self._law, stress_intensities_of_tips(self._growth, judged)).tolist()
         tip_histories = [self._tips.get(tip.particle) for tip, _ in judged]
         more = [
             (now / was.rate, was.grown_length)
@@ -148,7 +153,9 @@ class ParisSteps(CycleSteps):
         grown_ratios = (ratio for ratio, grown_length in more if grown_length == 0)
         return max((ratio for ratio, _ in more), default=1.0), max(grown_ratios, default=1.0)
 
-    def _lengthen_tips(self, state: State, step: int, tips: list[Any], growth_rate: list[float]) -> Equilibrium | None:
+    def _add_particles_to_tips_and_settle(
+        self, state: State, step: int, tips: list[Any], growth_rate: list[float]
+    ) -> Equilibrium | None:
         """Let these tips grow and settle; their children remember their `growth_rate`. Without rest, life ends before
         that."""
         growth, before = self._growth, self._take_snapshot(state)
@@ -175,7 +182,7 @@ class ParisSteps(CycleSteps):
 
     def _restore_snapshot(self, state: State, snapshot: _StepSnapshot) -> None:
         snapshot.body.restore(state, self._operator, self._growth)
-        self._motion.method.reset_history()
+        self._motion.method.discard_reused_tangent()
         self._tips, self._cycles = dict(snapshot.tips), snapshot.cycles
 
     @property
@@ -198,13 +205,13 @@ class ParisSteps(CycleSteps):
         self._cycles, self._share, self.jump_error, self.K_error, self._apart = numbers
 
 
-def cycles_over_first_rate(rate_ratio: float) -> float:
+def cycles_relative_to_constant_first_rate(rate_ratio: float) -> float:
     """Cycles of a length over those at its first rate, where the rate grows to `rate_ratio` times that
     geometrically."""
     return 1.0 if abs(rate_ratio - 1) < ALIKE else float(np.log(rate_ratio) / (rate_ratio - 1))
 
 
-def growth_rates(law: Fatigue, K: NDArray[np.float64]) -> NDArray[np.float64]:
+def crack_growth_per_cycle(law: Fatigue, K: NDArray[np.float64]) -> NDArray[np.float64]:
     """Growth (k,) of tips with these intensities (k,), Pa m^0.5, of the largest loads, m a cycle."""
     assert law.C is not None
     assert law.m is not None

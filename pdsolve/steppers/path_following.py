@@ -57,7 +57,7 @@ class ProportionalLoads(NamedTuple):
     start: Array  # N/m, and m where held, at lambda = 0
     growth: Array  # of it, from lambda = 0 to 1
 
-    def loads_at(self, factor: float) -> Array:
+    def loads_and_displacements_at(self, factor: float) -> Array:
         """Forces, N/m, and places, m."""
         return self.start + factor * self.growth
 
@@ -72,7 +72,7 @@ class LoadingReversals:
             np.zeros(len(is_loading), dtype=int),
         )
 
-    def record_iteration(self, is_loading: NDArray[np.bool_], count_reversals: bool) -> int:
+    def update_and_count_reversed_bonds(self, is_loading: NDArray[np.bool_], count_reversals: bool) -> int:
         """Take those that load in the next iteration, whose turns count or not; returns how many have turned."""
         turned = is_loading != self._loads
         self._times += turned & count_reversals
@@ -80,7 +80,7 @@ class LoadingReversals:
         self._loads = is_loading
         return int(turned.sum())
 
-    def undecided_bonds(self) -> NDArray[np.bool_]:
+    def often_reversing_bonds(self) -> NDArray[np.bool_]:
         """Bonds that load, and turned often and lately."""
         return np.asarray((self._times >= UNDECIDED) & (self._since < DECIDED) & self._loads)
 
@@ -94,7 +94,7 @@ class PathFollower:
         self.solver = ReusedFactorSolver(bonds.symmetric)
         self.largest = 0.0  # N/m, norm of the forces from outside so far: the measure of residuals
 
-    def solve_at_factor(
+    def solve_at_load_factor(
         self, start_displacement: Array, factor: float, report_progress: ProgressReport
     ) -> tuple[PathPoint, int, float]:
         """Equilibrium at this lambda by Newton's method with a line search, its iterations and residual.
@@ -102,7 +102,7 @@ class PathFollower:
         Raises UnsettledError.
         """
         drive, free = self.drive, self._free
-        at = drive.loads_at(factor)
+        at = drive.loads_and_displacements_at(factor)
         value, response = start_displacement.copy(), self.bonds.respond(start_displacement)
         way = np.where(drive.constrained, at - start_displacement, 0.0)
         rest, matrix = self._residual_forces(response, at), self.bonds.tangent(response)
@@ -128,7 +128,7 @@ class PathFollower:
             value = tried
         raise UnsettledError(f"no equilibrium at {factor:.4g} of the loads after {2 * MOST} iterations")
 
-    def solve_at_control(
+    def solve_at_control_increment(
         self,
         last_point: PathPoint,
         guess: PathPoint | None,
@@ -145,14 +145,14 @@ class PathFollower:
         """
         free = self._free
         if guess is None:
-            guess = self._extrapolate(last_point, control_increment)
+            guess = self._extrapolate_along_secant_direction(last_point, control_increment)
         value, factor = guess.value.copy(), guess.factor
         begin = self.control.measure(last_point.value, last_point.spent)
         reach = FAR * max(float(np.abs(last_point.value).max()), float(np.abs(value).max()))
         response, residual = self.bonds.respond(value), np.inf
         turns = LoadingReversals(response.releases > 0)
         for iteration in range(secant_iterations + CONVERGING + 1):
-            at = self.drive.loads_at(factor)
+            at = self.drive.loads_and_displacements_at(factor)
             rest = self._residual_forces(response, at)
             before, residual = residual, self._relative_residual(response, at, rest)
             missed = control_increment - (self.control.measure(value, response.spent) - begin)
@@ -163,14 +163,14 @@ class PathFollower:
             last_one = secant_iterations + (MOST if residual > before / 2 else CONVERGING)
             if not np.isfinite(residual) or iteration >= last_one:
                 break
-            reversals = turns.record_iteration(response.releases > 0, iteration >= secant_iterations)
+            reversals = turns.update_and_count_reversed_bonds(response.releases > 0, iteration >= secant_iterations)
             if reversals <= most_reversals and iteration:
                 secant_iterations = min(secant_iterations, iteration)
             mean = response._replace(
-                slope=np.where(turns.undecided_bonds(), (response.slope + response.secant) / 2, response.slope)
+                slope=np.where(turns.often_reversing_bonds(), (response.slope + response.secant) / 2, response.slope)
             )
             matrix = self.bonds.tangent(mean, iteration < secant_iterations)
-            inner, pushed = matrix[free][:, free], self._free_forces_by_factor(matrix)
+            inner, pushed = matrix[free][:, free], self._free_force_derivative_by_load_factor(matrix)
             a, b = self.solver.solve(inner, np.column_stack([rest, pushed]), iteration == 0).T
             q = self.control.gradient(value, response)
             held_q = float((q * np.where(self.drive.constrained, self.drive.growth, 0.0)).sum())
@@ -191,20 +191,22 @@ class PathFollower:
 
     def relative_residual(self, point: PathPoint) -> float:
         """What is left of the forces at a place, over the largest from outside so far."""
-        response, outside = self.bonds.respond(point.value), self.drive.loads_at(point.factor)
+        response, outside = self.bonds.respond(point.value), self.drive.loads_and_displacements_at(point.factor)
         return self._relative_residual(response, outside, self._residual_forces(response, outside))
 
-    def displacement_by_factor(self, response: Response) -> Array:
+    def displacement_derivative_by_load_factor(self, response: Response) -> Array:
         """Derivative (n, d) of displacements by lambda, of bonds that are straight."""
         matrix = self.bonds.tangent(response, secant=True)
         free = self._free
         way = np.where(self.drive.constrained, self.drive.growth, 0.0)
-        way.ravel()[free] = self.solver.solve(matrix[free][:, free], self._free_forces_by_factor(matrix), True)
+        way.ravel()[free] = self.solver.solve(
+            matrix[free][:, free], self._free_force_derivative_by_load_factor(matrix), True
+        )
         return way
 
-    def _extrapolate(self, last_point: PathPoint, control_increment: float) -> PathPoint:
+    def _extrapolate_along_secant_direction(self, last_point: PathPoint, control_increment: float) -> PathPoint:
         """Where the control is by `control_increment` larger, along the straight direction of growing loads."""
-        way = self.displacement_by_factor(self.bonds.respond(last_point.value))
+        way = self.displacement_derivative_by_load_factor(self.bonds.respond(last_point.value))
         begin, turn = self.control.measure(last_point.value, last_point.spent), max(last_point.factor, 1e-6) * 1e-3
 
         def growth_along(at: float) -> float:
@@ -219,7 +221,7 @@ class PathFollower:
             low, high = (middle, high) if growth_along(middle) < control_increment else (low, middle)
         return PathPoint(last_point.value + high * way, last_point.factor + high, last_point.spent)
 
-    def _free_forces_by_factor(self, matrix: csr_array) -> Array:
+    def _free_force_derivative_by_load_factor(self, matrix: csr_array) -> Array:
         """Forces (f,) that lambda adds on free components at fixed displacements of these, N/m."""
         way = np.where(self.drive.constrained, self.drive.growth, 0.0).ravel()
         return np.asarray((self.drive.growth.ravel() - matrix @ way)[self._free])

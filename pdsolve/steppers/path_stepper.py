@@ -19,7 +19,7 @@ from pdsolve.conditions import Drive, put_loads
 from pdsolve.errors import CheckpointError
 from pdsolve.model import Model, ModelWarning
 from pdsolve.state import State
-from pdsolve.steppers.load_steps import LoadStepProgress, prescribed_positions
+from pdsolve.steppers.load_steps import LoadStepProgress, prescribed_displacements
 
 Array = NDArray[np.float64]
 
@@ -49,7 +49,7 @@ class PathStepper:
         self._model, self._drive, self._area = model, drive, area
         self._held: NDArray[np.bool_] = np.zeros(drive.force.shape, dtype=bool)
         self._held[drive.holds.node, drive.holds.axis] = True
-        self._start, end = self._loads_and_positions(0.0), self._loads_and_positions(1.0)
+        self._start, end = self._loads_and_prescribed_displacements(0.0), self._loads_and_prescribed_displacements(1.0)
         self._growth = end - self._start  # of loads (n, w), N/m, and places, m, from a factor of 0 to 1
         self._driven = self._held if self._growth[self._held].any() else ~self._held
         self._began: tuple[float, float] | None = None  # s, and the share of the path that was done then
@@ -66,7 +66,7 @@ class PathStepper:
 
     def advance(self, state: State, first: int, last: int) -> None:
         """Take the steps `first` to `last` - 1, in place, unless the path has ended. Raises UnsettledError."""
-        self._began = self._began or (clock.monotonic(), self._finished_share())
+        self._began = self._began or (clock.monotonic(), self._finished_path_share())
         for step in range(first, last):
             if not self.ended:
                 self._take_step(state, step)
@@ -92,13 +92,13 @@ class PathStepper:
             f"load {self.step_results[-1].pull / most:.0%} of its peak, spent {self.step_results[-1].spent:.3g} {unit}"
         )
         began, before = self._began or (0.0, 1.0)
-        share = self._finished_share()
+        share = self._finished_path_share()
         if share <= before:
             return said
         seconds_left = (clock.monotonic() - began) * (1 - share) / (share - before)
         return f"{said}, about {seconds_left:.0f} s left"
 
-    def _finished_share(self) -> float:
+    def _finished_path_share(self) -> float:
         """How much of the path is done."""
         raise NotImplementedError
 
@@ -112,9 +112,9 @@ class PathStepper:
         """Record a step that ended under loads and reactions `external_forces` (n, w), N/m."""
         pull = float((external_forces * self._growth)[self._driven].sum())
         self.step_results.append(PathStepResult(step, iterations, residual, factor, pull, dissipated))
-        self._check_peak_load(step)
+        self._warn_past_peak_load_or_end_path(step)
 
-    def _check_peak_load(self, step: int) -> None:
+    def _warn_past_peak_load_or_end_path(self, step: int) -> None:
         """Report, once, loads past their largest; end the path where they are as good as gone."""
         pulls = [abs(path_step.pull) for path_step in self.step_results]
         most, now = max(pulls), pulls[-1]
@@ -137,7 +137,9 @@ class PathStepper:
             stacklevel=2,
         )
 
-    def _loads_and_positions(self, factor: float) -> Array:
+    def _loads_and_prescribed_displacements(self, factor: float) -> Array:
         """Loads (n, w), N/m, and places of what is held, m."""
         put_loads(self._drive, factor)
-        return np.where(self._held, prescribed_positions(self._drive, factor), self._area[:, None] * self._drive.force)
+        return np.where(
+            self._held, prescribed_displacements(self._drive, factor), self._area[:, None] * self._drive.force
+        )

@@ -43,7 +43,7 @@ class Relaxation:
     """Dynamic relaxation with any operator; see `EquilibriumMethod`."""
 
     description = "adaptive dynamic relaxation"
-    smallest_part = 1.0  # smaller parts take as many iterations
+    smallest_load_step_part = 1.0  # smaller parts take as many iterations
 
     def __init__(
         self,
@@ -57,14 +57,14 @@ class Relaxation:
         self._mass = 1.1 * smallest_stable_mass(operator)[:, None] if mass is None else mass
         self._least = round_off_stiffness(2 * float(self._mass.max(initial=0.0)), tolerance)
 
-    def reset_history(self) -> None:
+    def discard_reused_tangent(self) -> None:
         """Does nothing: each solution depends on the state alone."""
 
     def count_unstable_modes(self, state: State, constrained: NDArray[np.bool_]) -> int:
         """0: relaxation leaves what is not stable by itself."""
         return 0
 
-    def restrain_softly(self, nodes: NDArray[np.bool_]) -> None:
+    def restrain_by_weak_springs(self, nodes: NDArray[np.bool_]) -> None:
         """Does nothing: relaxation has no equations to hold nodes in; see `pdsolve.steppers.static_loads`."""
 
     def solve_equilibrium(
@@ -107,13 +107,13 @@ class Relaxation:
             least = min(least, residual)
             if iteration % LOOK == 0:
                 report_progress(iteration, residual)
-            _relaxation_step(state.value, v, out, conditions.load, free, mass, before, start, first, CAP)
+            _take_relaxation_step(state.value, v, out, conditions.load, free, mass, before, start, first, CAP)
             first = False
         return None, self._most
 
 
 @cached_njit(error_model="numpy")
-def _relaxation_step(u, v, out, load, free, mass, previous_residual, start_u, is_first_step, largest_damping):  # type: ignore[no-untyped-def]
+def _take_relaxation_step(u, v, out, load, free, mass, previous_residual, start_u, is_first_step, largest_damping):  # type: ignore[no-untyped-def]
     """One relaxation step of 1 s; `previous_residual` (n, w), over masses, is overwritten by the new one."""
     above = below = 0.0
     for i in range(len(u)):

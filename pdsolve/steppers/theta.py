@@ -50,17 +50,17 @@ class ThetaSteps:
         for step in range(first, last):
             before = content.copy()
             put_loads(drive, (step - 1) * dt)
-            rate = self._book_and_return_rates(state, before, 1 - theta, step)
+            rate = self._compute_rates_and_book_flows(state, before, 1 - theta, step)
             fixed = before + dt * (1 - theta) * (rate + source)
             put_loads(drive, step * dt)
             fixed += dt * theta * source
             prescribe_values(drive, content, step * dt)
             end_content = self._solve_end_content(state, fixed, step)
-            rate = self._book_and_return_rates(state, end_content, theta, step)
+            rate = self._compute_rates_and_book_flows(state, end_content, theta, step)
             content[free] = (fixed + dt * theta * rate)[free]
             state.rate[:, 0] = (content - before) / dt
 
-    def _book_and_return_rates(
+    def _compute_rates_and_book_flows(
         self, state: State, content: NDArray[np.float64], step_share: float, step: int
     ) -> NDArray[np.float64]:
         """Rates (n,) at these contents (n,), of which a share of the step is booked, and so are the sources."""
@@ -84,7 +84,7 @@ class ThetaSteps:
             follows = free & operator.follows(content)
             residual = right_side - content + weight * self._rates_of_potential(operator.potential(content))
             residual[~free] = 0
-            change = np.where(follows, self._solve_linear(state, follows, residual), residual)
+            change = np.where(follows, self._solve_linear_content_change(state, follows, residual), residual)
             if not np.array_equal(follows, free):
                 along = weight * self._rates_of_potential(np.where(follows, change, 0.0))
                 change += np.where(free & ~follows, along, 0.0)
@@ -95,7 +95,7 @@ class ThetaSteps:
             f"step {step}: Newton's method did not end in {ITERATIONS} iterations; use a smaller time step"
         )
 
-    def _solve_linear(
+    def _solve_linear_content_change(
         self, state: State, potential_follows: NDArray[np.bool_], right: NDArray[np.float64]
     ) -> NDArray[np.float64]:
         """Change (n,) of the nodes whose potential follows for the right-hand side `right` (n,), 0 elsewhere."""
@@ -113,10 +113,12 @@ class ThetaSteps:
         def product(change: NDArray[np.float64]) -> NDArray[np.float64]:
             return np.where(potential_follows, volume * (change - weight * self._rates_of_potential(change)), 0.0)
 
-        return conjugate_gradients(product, right, volume * (1 + weight * self._operator.stiffness_bound() / 2))
+        return solve_by_conjugate_gradients(
+            product, right, volume * (1 + weight * self._operator.stiffness_bound() / 2)
+        )
 
 
-def conjugate_gradients(
+def solve_by_conjugate_gradients(
     product: Solve, right: NDArray[np.float64], diagonal: NDArray[np.float64]
 ) -> NDArray[np.float64]:
     """Solution of `product` x = `right` (n,) by conjugate gradients, for a symmetric positive definite `product`.

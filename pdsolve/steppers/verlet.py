@@ -15,7 +15,11 @@ from pdsolve.conditions import Drive, apply_loads, constrained_components
 from pdsolve.operators.protocol import Operator
 from pdsolve.state import State
 from pdsolve.steppers.ghosts import Ghosts
-from pdsolve.steppers.holds import accelerate_held_component, damp_component, prescribe_component
+from pdsolve.steppers.holds import (
+    accelerate_held_component_and_book_work,
+    damp_component_and_return_energy,
+    prescribe_held_component,
+)
 
 
 class Verlet:
@@ -54,7 +58,7 @@ class Verlet:
             self._operator.accumulate_force(state, out, step, dt)
             if before is not None:
                 _accelerate_and_kick(state, drive, out, self._rho, dt, step * dt)
-                _damp_step(state, before, self._rho, self._held, self._damping, dt)
+                _damp_step_and_book_energy(state, before, self._rho, self._held, self._damping, dt)
             else:
                 _accelerate_and_kick(state, drive, out, self._rho, dt, step * dt)
 
@@ -68,7 +72,7 @@ def _kick_and_drift(state, drive, dt, time):  # type: ignore[no-untyped-def]
             v[i, axis] += dt / 2 * a[i, axis]
             u[i, axis] += dt * v[i, axis]
     for e in range(len(drive.holds.node)):
-        prescribe_component(u, v, a, drive.holds, drive.profiles, drive.held_speed, e, dt, time)
+        prescribe_held_component(u, v, a, drive.holds, drive.profiles, drive.held_speed, e, dt, time)
     if drive.varies:
         apply_loads(drive, time)
 
@@ -84,14 +88,14 @@ def _accelerate_and_kick(state, drive, out, rho, dt, time):  # type: ignore[no-u
             work[i] += (before[i, axis] + load[i, axis]) / 2 * (dt * v[i, axis])
     for e in range(len(drive.holds.node)):
         speed, force = drive.held_speed, drive.held_force
-        accelerate_held_component(v, a, rho, work, drive.holds, drive.profiles, speed, force, e, dt, time)
+        accelerate_held_component_and_book_work(v, a, rho, work, drive.holds, drive.profiles, speed, force, e, dt, time)
     for i in range(len(a)):
         for axis in range(a.shape[1]):
             v[i, axis] += dt / 2 * a[i, axis]
 
 
 @cached_njit(error_model="numpy")
-def _damp_step(state, before, rho, constrained, damping, dt):  # type: ignore[no-untyped-def]
+def _damp_step_and_book_energy(state, before, rho, constrained, damping, dt):  # type: ignore[no-untyped-def]
     """Damp the end of a step with c (n,), 1/s, as its beginning, and book the energy taken.
 
     `before` (n, w) are the velocities one step ago.
@@ -100,4 +104,4 @@ def _damp_step(state, before, rho, constrained, damping, dt):  # type: ignore[no
     for i in range(len(v)):
         for axis in range(v.shape[1]):
             if not constrained[i, axis]:
-                state.damped[i] += damp_component(v, a, before, rho, damping[i], i, axis, dt)
+                state.damped[i] += damp_component_and_return_energy(v, a, before, rho, damping[i], i, axis, dt)

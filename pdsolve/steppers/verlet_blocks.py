@@ -26,7 +26,7 @@ from pdsolve.operators.simd_lattice.layout import aligned
 from pdsolve.operators.simd_lattice.operator import SimdLattice
 from pdsolve.state import State
 from pdsolve.steppers.ghosts import Ghosts
-from pdsolve.steppers.holds import accelerate_held_component, prescribe_component
+from pdsolve.steppers.holds import accelerate_held_component_and_book_work, prescribe_held_component
 
 
 class BlockMotion(NamedTuple):
@@ -38,8 +38,8 @@ class BlockMotion(NamedTuple):
     inverse_rho: NDArray[np.floating]  # (m,) 1 / rho
     has_loads: NDArray[np.bool_]  # (blocks,) whether a load acts on the block
     has_only_bonds: NDArray[np.bool_]  # (blocks,) whether neither a load nor a hold does
-    held_entries: NDArray[np.int64]  # (holds,) the held components in the order of their blocks
-    first_held_of_block: NDArray[np.int64]  # (blocks + 1,) those of a block
+    held_entries_in_order: NDArray[np.int64]  # (holds,) the held components in the order of their blocks
+    first_held_entry_of_block: NDArray[np.int64]  # (blocks + 1,) those of a block
     block_order: NDArray[np.int64]  # (own blocks,) the order in which blocks are shared out to threads
     contact_force: NDArray[np.float64]  # (2, m) force density of contact now, N/m^3
     has_contact: NDArray[np.bool_]  # (blocks,) whether contact may act on the block
@@ -80,8 +80,8 @@ class VerletBlocks:
             inverse_rho=_pad_to_blocks(1 / rho, count, 1.0),
             has_loads=loaded,
             has_only_bonds=~loaded & (np.diff(held_start) == 0),
-            held_entries=hold_order,
-            first_held_of_block=held_start,
+            held_entries_in_order=hold_order,
+            first_held_entry_of_block=held_start,
             block_order=turns,
             contact_force=np.zeros((2, LANES * count if contact is not None else 0)),
             has_contact=np.zeros(count, dtype=np.bool_),
@@ -100,13 +100,13 @@ class VerletBlocks:
             if self._contact is not None:
                 lasts = 1
                 if sweep > 0:
-                    lasts, pushes = self._update_contact(self._contact, state, first + sweep - 1, sweep)
+                    lasts, pushes = self._update_contact_forces(self._contact, state, first + sweep - 1, sweep)
                 sweep_count = min(sweep_count, lasts)
-            sweep = self._sweep_blocks(first, last, sweep, sweep + sweep_count, pushes)
+            sweep = self._sweep_blocks_in_threads(first, last, sweep, sweep + sweep_count, pushes)
             if self._ghosts is not None and sweep < ends:
                 self._ghosts.fill(self._operator.tracks.u[sweep % 3])
 
-    def _sweep_blocks(self, first: int, last: int, begin: int, end: int, pushes: Pushes | None) -> int:
+    def _sweep_blocks_in_threads(self, first: int, last: int, begin: int, end: int, pushes: Pushes | None) -> int:
         """Sweep the blocks for `begin` to `end` - 1 of the steps `first` to `last` - 1, less if pairs are to be found;
         returns the sweep to go on with."""
         operator, block_motion, gate = self._operator, self._course, gate_of(self._threads)
@@ -123,10 +123,10 @@ class VerletBlocks:
             begin,
             end,
         )
-        side_by_side(lambda thread: advance_blocks(*arguments, thread, gate), self._threads)
+        side_by_side(lambda thread: advance_blocks_of_thread(*arguments, thread, gate), self._threads)
         return int(block_motion.stop_sweep[0])
 
-    def _update_contact(
+    def _update_contact_forces(
         self, contact: PenaltyContact, state: State, step: int, sweep: int
     ) -> tuple[int, Pushes | None]:
         """Set the forces of contact in a step, with the displacements of the sweep `sweep`; returns for how many steps
@@ -135,7 +135,7 @@ class VerletBlocks:
         now = state._replace(value=self._operator.tracks.u[sweep % 3][:, :nodes].T)
         free = contact.free_steps(now, step, self._dt)
         rows = contact.rows if free == 0 else self._rows[:0]
-        _clear_contact_forces(block_motion.contact_force, block_motion.has_contact, self._rows, rows)
+        _clear_contact_forces_and_mark_blocks(block_motion.contact_force, block_motion.has_contact, self._rows, rows)
         self._rows = rows
         if free > 0:
             return free, None
@@ -152,7 +152,7 @@ def _pad_to_blocks(values: NDArray[Any], block_count: int, padding: float = 0.0)
 
 
 @cached_njit(nogil=True, error_model="numpy")
-def advance_blocks(blocks, tracks, block_motion, drive, pushes, dt, first, last, begin, end, thread, gate):  # type: ignore[no-untyped-def]
+def advance_blocks_of_thread(blocks, tracks, block_motion, drive, pushes, dt, first, last, begin, end, thread, gate):  # type: ignore[no-untyped-def]
     """Take the steps `first` to `last` - 1; `tracks.u[0]` are the displacements before and after.
 
     A sequence of s steps has s + 1 sweeps, of which those from `begin` to `block_motion.stop_sweep` - 1 are done. All
@@ -182,16 +182,16 @@ def advance_blocks(blocks, tracks, block_motion, drive, pushes, dt, first, last,
             if not starts and not ends and block_motion.has_only_bonds[block]:
                 _advance_block_without_loads(blocks, tracks, block_motion, now, before, after, dt, step, block, scratch)
             else:
-                _advance_block(
+                _advance_block_with_loads(
                     blocks, tracks, block_motion, drive, now, before, after, dt, step, starts, ends, block, scratch
                 )
         meet(gate)
     if thread == 0 and end == steps + 1 and steps % 3 != 0:
-        _copy_displacements(u, steps % 3)
+        _copy_displacements_to_first_buffer(u, steps % 3)
 
 
 @cached_njit(error_model="numpy")
-def _clear_contact_forces(contact_force, has_contact, previous_rows, rows):  # type: ignore[no-untyped-def]
+def _clear_contact_forces_and_mark_blocks(contact_force, has_contact, previous_rows, rows):  # type: ignore[no-untyped-def]
     """Clear the forces of contact on the rows `previous_rows`, and set the mask of the blocks of `rows`."""
     has_contact[:] = False
     for i in previous_rows:
@@ -214,12 +214,12 @@ def _advance_block_without_loads(blocks, tracks, block_motion, u, before, after,
 
 
 @njit(forceinline=True, **INNER)
-def _advance_block(  # type: ignore[no-untyped-def]
-    blocks, tracks, block_motion, drive, u, before, after, dt, step, ends_no_step, begins_no_step, block, scratch
+def _advance_block_with_loads(  # type: ignore[no-untyped-def]
+    blocks, tracks, block_motion, drive, u, before, after, dt, step, is_first_sweep, is_last_sweep, block, scratch
 ):
     """End `step` for `block`, unless a sequence starts, and go on to the next one, unless it ends."""
-    if ends_no_step:
-        _read_acceleration(tracks.a, scratch, block)
+    if is_first_sweep:
+        _copy_accelerations_to_scratch(tracks.a, scratch, block)
     else:
         for lane in range(0, LANES, across(scratch)):
             sum_lanes(blocks, tracks, u, before, step, block, lane, scratch)
@@ -232,18 +232,18 @@ def _advance_block(  # type: ignore[no-untyped-def]
                 block_motion.body_force, block_motion.previous_body_force, tracks.v, tracks.work, scratch, dt, block
             )
         _forces_to_accelerations(block_motion.inverse_rho, scratch, block)
-        _store_acceleration(tracks.a, scratch, block)
+        _copy_accelerations_from_scratch(tracks.a, scratch, block)
         _accelerate_held_components(tracks, block_motion, drive, dt, step * dt, block)
-        _read_acceleration(tracks.a, scratch, block)
-        _kick_lanes(tracks.v, scratch, dt, block)
-    if not begins_no_step:
-        _kick_lanes(tracks.v, scratch, dt, block)
-        _drift_lanes(tracks.v, u, after, dt, block)
+        _copy_accelerations_to_scratch(tracks.a, scratch, block)
+        _half_kick_block(tracks.v, scratch, dt, block)
+    if not is_last_sweep:
+        _half_kick_block(tracks.v, scratch, dt, block)
+        _drift_block(tracks.v, u, after, dt, block)
         _prescribe_held_components(tracks, block_motion, drive, after, dt, (step + 1) * dt, block)
 
 
 @njit(**INNER)
-def _copy_displacements(u, last):  # type: ignore[no-untyped-def]
+def _copy_displacements_to_first_buffer(u, last):  # type: ignore[no-untyped-def]
     for axis in range(2):
         for i in range(u.shape[2]):
             u[0, axis, i] = u[last, axis, i]
@@ -252,9 +252,9 @@ def _copy_displacements(u, last):  # type: ignore[no-untyped-def]
 @njit(**INNER)
 def _accelerate_held_components(tracks, block_motion, drive, dt, time, block):  # type: ignore[no-untyped-def]
     v, a, speed, force = tracks.v.T, tracks.a.T, drive.held_speed, drive.held_force
-    for k in range(block_motion.first_held_of_block[block], block_motion.first_held_of_block[block + 1]):
-        e = block_motion.held_entries[k]
-        accelerate_held_component(
+    for k in range(block_motion.first_held_entry_of_block[block], block_motion.first_held_entry_of_block[block + 1]):
+        e = block_motion.held_entries_in_order[k]
+        accelerate_held_component_and_book_work(
             v, a, block_motion.rho, tracks.work, drive.holds, drive.profiles, speed, force, e, dt, time
         )
 
@@ -262,9 +262,9 @@ def _accelerate_held_components(tracks, block_motion, drive, dt, time, block):  
 @njit(**INNER)
 def _prescribe_held_components(tracks, block_motion, drive, u, dt, time, block):  # type: ignore[no-untyped-def]
     v, a = tracks.v.T, tracks.a.T
-    for k in range(block_motion.first_held_of_block[block], block_motion.first_held_of_block[block + 1]):
-        prescribe_component(
-            u.T, v, a, drive.holds, drive.profiles, drive.held_speed, block_motion.held_entries[k], dt, time
+    for k in range(block_motion.first_held_entry_of_block[block], block_motion.first_held_entry_of_block[block + 1]):
+        prescribe_held_component(
+            u.T, v, a, drive.holds, drive.profiles, drive.held_speed, block_motion.held_entries_in_order[k], dt, time
         )
 
 
@@ -296,21 +296,21 @@ def _forces_to_accelerations(inverse_rho, scratch, block):  # type: ignore[no-un
 
 
 @njit(**INNER)
-def _store_acceleration(a, scratch, block):  # type: ignore[no-untyped-def]
+def _copy_accelerations_from_scratch(a, scratch, block):  # type: ignore[no-untyped-def]
     for lane in range(LANES):
         a[0, block * LANES + lane] = scratch[FX + lane]
         a[1, block * LANES + lane] = scratch[FY + lane]
 
 
 @njit(**INNER)
-def _read_acceleration(a, scratch, block):  # type: ignore[no-untyped-def]
+def _copy_accelerations_to_scratch(a, scratch, block):  # type: ignore[no-untyped-def]
     for lane in range(LANES):
         scratch[FX + lane] = a[0, block * LANES + lane]
         scratch[FY + lane] = a[1, block * LANES + lane]
 
 
 @njit(**INNER)
-def _kick_lanes(v, scratch, dt, block):  # type: ignore[no-untyped-def]
+def _half_kick_block(v, scratch, dt, block):  # type: ignore[no-untyped-def]
     half = scratch.dtype.type(dt / 2)
     for lane in range(LANES):
         v[0, block * LANES + lane] += half * scratch[FX + lane]
@@ -318,7 +318,7 @@ def _kick_lanes(v, scratch, dt, block):  # type: ignore[no-untyped-def]
 
 
 @njit(**INNER)
-def _drift_lanes(v, u, next_u, dt, block):  # type: ignore[no-untyped-def]
+def _drift_block(v, u, next_u, dt, block):  # type: ignore[no-untyped-def]
     full_step = v.dtype.type(dt)
     for lane in range(LANES):
         next_u[0, block * LANES + lane] = u[0, block * LANES + lane] + full_step * v[0, block * LANES + lane]

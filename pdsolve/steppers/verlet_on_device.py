@@ -80,9 +80,12 @@ class VerletOnDevice:
         acts[operator.rows(nodes)] = np.arange(len(nodes))
         self._nodes, self._acts = nodes, to_device(acts)
         self._now, self._ago = (to_device(drive.force[nodes]) for _ in range(2))
-        loads, self._holds = _group_by_node(drive.loads, nodes), _group_by_node(drive.holds, nodes)
-        self._load = [to_device(loads.first_entry_of_node), *_entry_columns(drive.loads, loads, to_device)]
-        self._hold = [to_device(self._holds.first_entry_of_node), *_entry_columns(drive.holds, self._holds, to_device)]
+        loads, self._holds = _group_entries_by_node(drive.loads, nodes), _group_entries_by_node(drive.holds, nodes)
+        self._load = [to_device(loads.first_entry_of_node), *_upload_entry_columns(drive.loads, loads, to_device)]
+        self._hold = [
+            to_device(self._holds.first_entry_of_node),
+            *_upload_entry_columns(drive.holds, self._holds, to_device),
+        ]
         self._hold.append(to_device(drive.holds.kind[self._holds.entry_order].astype(np.int32)))
         self._speed, self._force = (
             to_device(column[self._holds.entry_order]) for column in (drive.held_speed, drive.held_force)
@@ -161,14 +164,14 @@ class VerletOnDevice:
         self._ahead = False
 
 
-def _group_by_node(entries: Entries, nodes: NDArray[np.int64]) -> _EntriesByNode:
+def _group_entries_by_node(entries: Entries, nodes: NDArray[np.int64]) -> _EntriesByNode:
     """Entries by these nodes (k,), in ascending order; those of a node in their own order."""
     order = np.argsort(entries.node, kind="stable")
     first = np.searchsorted(entries.node[order], np.append(nodes, np.iinfo(np.int64).max))
     return _EntriesByNode(order, first.astype(np.int32))
 
 
-def _entry_columns(entries: Entries, by_node: _EntriesByNode, to_device: Any) -> list[Any]:
+def _upload_entry_columns(entries: Entries, by_node: _EntriesByNode, to_device: Any) -> list[Any]:
     """Axes, values and profiles of entries on the device."""
     axis, value, profile = (column[by_node.entry_order] for column in (entries.axis, entries.value, entries.profile))
     return [to_device(axis.astype(np.int32)), to_device(value), to_device(profile.astype(np.int32))]

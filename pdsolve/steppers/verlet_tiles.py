@@ -37,7 +37,11 @@ from pdsolve.numerics.thread_team import gate_of, meet, side_by_side
 from pdsolve.operators.simd_lattice.layout import aligned
 from pdsolve.operators.space_lattice.operator import SpaceLattice
 from pdsolve.state import State
-from pdsolve.steppers.holds import accelerate_held_component, damp_component, prescribe_component
+from pdsolve.steppers.holds import (
+    accelerate_held_component_and_book_work,
+    damp_component_and_return_energy,
+    prescribe_held_component,
+)
 
 READY, NO_ROOM, NO_MEMORY = range(3)  # what a tile waits for
 BETWEEN_LOOKS = 16  # sweeps in which nobody else can ask which bonds are broken
@@ -49,14 +53,16 @@ class TileMotion(NamedTuple):
 
     u: tuple[NDArray[np.floating], NDArray[np.floating]]  # (d, m) displacements, m, of even and of odd sweeps
     v: tuple[NDArray[np.floating], NDArray[np.floating]]  # (d, m) velocities, m/s, likewise
-    has_failure_pulls: NDArray[np.bool_]  # (t,) whether pulls of failing bonds are where its next velocities will be
+    next_v_has_failure_forces: NDArray[
+        np.bool_
+    ]  # (t,) whether pulls of failing bonds are where its next velocities will be
     rho: NDArray[np.floating]  # (m,) kg/m^3, 1 without a node
     damping: NDArray[np.float64]  # (n,) of nodes, 1/s
     constrained: NDArray[np.bool_]  # (n, d) whether a component is prescribed
     has_only_bonds: NDArray[np.bool_]  # (t,) whether neither a load nor a hold nor damping acts on the tile
-    held_entries: NDArray[np.int64]  # (holds,) prescribed components in the order of their tiles
-    first_held_of_tile: NDArray[np.int64]  # (t + 1,) those of a tile
-    waiting_state: NDArray[np.uint8]  # (t,) READY, or what a tile waits for
+    held_entries_in_order: NDArray[np.int64]  # (holds,) prescribed components in the order of their tiles
+    first_held_entry_of_tile: NDArray[np.int64]  # (t + 1,) those of a tile
+    waiting_reason: NDArray[np.uint8]  # (t,) READY, or what a tile waits for
     stop_sweep: NDArray[np.int64]  # (1,) the sweep in which tiles wait, or -1
 
 
@@ -86,11 +92,11 @@ class SweepArguments(NamedTuple):
     state: State
     breaks: Breaks  # of the thread
     next_buffer: int  # which of `TileMotion.u` and `TileMotion.v` the motion goes to
-    ends_no_step: bool  # it ends no step
-    begins_no_step: bool  # it begins no step
+    is_first_sweep: bool  # it ends no step
+    is_last_sweep: bool  # it begins no step
 
 
-class LatticeMarch:
+class VerletTiles:
     """Takes steps of bonds in tiles."""
 
     def __init__(
@@ -112,7 +118,7 @@ class LatticeMarch:
         for nodes in (drive.loads.node, np.flatnonzero(damping)):
             plain[(sites.site[nodes] - sites.margin) // ROW] = False
 
-        def like_u() -> NDArray[np.floating]:
+        def zeros_like_u() -> NDArray[np.floating]:
             return aligned(np.zeros((axes, size), dtype=kind))
 
         self._operator, self._dt = operator, dt
@@ -120,16 +126,16 @@ class LatticeMarch:
         self._breaks = [room_for(ROOM * ROW * len(sites.ways)) for _ in range(operator.threads)]
         self._shared = [0] * operator.threads  # bonds at the beginning of these that the operator knows already
         self._course = TileMotion(
-            u=(operator.u, like_u()),
-            v=(like_u(), like_u()),
-            has_failure_pulls=np.zeros(count, dtype=np.bool_),
+            u=(operator.u, zeros_like_u()),
+            v=(zeros_like_u(), zeros_like_u()),
+            next_v_has_failure_forces=np.zeros(count, dtype=np.bool_),
             rho=aligned(spread_rho),
             damping=damping,
             constrained=constrained_components(drive),
             has_only_bonds=plain,
-            held_entries=np.argsort(tile, kind="stable"),
-            first_held_of_tile=np.searchsorted(np.sort(tile), np.arange(count + 1)),
-            waiting_state=np.zeros(count, dtype=np.uint8),
+            held_entries_in_order=np.argsort(tile, kind="stable"),
+            first_held_entry_of_tile=np.searchsorted(np.sort(tile), np.arange(count + 1)),
+            waiting_reason=np.zeros(count, dtype=np.uint8),
             stop_sweep=np.zeros(1, dtype=np.int64),
         )
 
@@ -141,7 +147,7 @@ class LatticeMarch:
         sweep, ends = 0, last - first + 1 if last > first else 0
         while sweep < ends or ends == 0:
             with self._operator.breaking:
-                sweep = self._sweep_tiles(state, first, last, sweep, min(sweep + BETWEEN_LOOKS, ends))
+                sweep = self._sweep_tiles_in_threads(state, first, last, sweep, min(sweep + BETWEEN_LOOKS, ends))
             if ends == 0:
                 return  # compiled
         self._operator.drop_pending_before(last - 1)
@@ -152,31 +158,33 @@ class LatticeMarch:
                 tile_motion.v[after][axis, site],
             )
 
-    def _sweep_tiles(self, state: State, first_step: int, last_step: int, begin: int, end: int) -> int:
+    def _sweep_tiles_in_threads(self, state: State, first_step: int, last_step: int, begin: int, end: int) -> int:
         """Do the sweeps `begin` to `end` - 1 of a sequence of steps, or fewer; returns the one to go on with."""
         threads, stop = self._operator.threads, self._course.stop_sweep
 
         def sweep(thread: int, first: int, last: int, again: bool, gate: Any) -> None:
             sweeps = SweepRange(first_step, last_step, first, last, again)
             drive, breaks = self._of_lanes, self._breaks[thread]
-            sweep_tiles(self._operator.tiles, self._course, drive, state, self._dt, sweeps, breaks, thread, gate)
+            sweep_tiles_of_thread(
+                self._operator.tiles, self._course, drive, state, self._dt, sweeps, breaks, thread, gate
+            )
 
         breaks: list[Breaks] = []
-        self._share_pending()
+        self._hand_pending_breaks_to_threads()
         stop[0], gate = -1, gate_of(threads)
         side_by_side(lambda thread: sweep(thread, begin, end, False, gate), threads)
         while stop[0] >= 0:
             end = int(stop[0]) + 1
-            breaks += self._collect_breaks()
-            self._operator.extend(np.flatnonzero(self._course.waiting_state == NO_MEMORY))
+            breaks += self._collect_and_clear_new_breaks()
+            self._operator.extend(np.flatnonzero(self._course.waiting_reason == NO_MEMORY))
             stop[0] = -1
             sweep(0, end - 1, end, True, gate_of(1))
-        new = join_breaks(breaks + self._collect_breaks())
+        new = join_breaks(breaks + self._collect_and_clear_new_breaks())
         if new.used[0]:  # the same on any number of threads: in the order of steps, and of tiles
             self._operator.take_out(select_breaks(new, np.lexsort((new.places[:, 0] // ROW, new.bonds[:, 0]))))
         return end
 
-    def _share_pending(self) -> None:
+    def _hand_pending_breaks_to_threads(self) -> None:
         """Give each thread the bonds of its tiles that broke in the last step, before those that it will break."""
         pending, count, threads = self._operator.pending, len(self._operator.tiles.kind), self._operator.threads
         tile = pending.places[:, 0] // ROW
@@ -191,7 +199,7 @@ class LatticeMarch:
                 column[:used] = values[own]
             breaks.used[0] = used
 
-    def _collect_breaks(self) -> list[Breaks]:
+    def _collect_and_clear_new_breaks(self) -> list[Breaks]:
         """The bonds of each thread that broke since the last call, whose room is free again."""
         new = [copy_breaks(breaks, shared) for breaks, shared in zip(self._breaks, self._shared, strict=True)]
         for breaks, shared in zip(self._breaks, self._shared, strict=True):
@@ -200,7 +208,7 @@ class LatticeMarch:
 
 
 @cached_njit(nogil=True, error_model="numpy")
-def sweep_tiles(tiles, tile_motion, drive, state, dt, sweeps, breaks, thread, gate):  # type: ignore[no-untyped-def]
+def sweep_tiles_of_thread(tiles, tile_motion, drive, state, dt, sweeps, breaks, thread, gate):  # type: ignore[no-untyped-def]
     """Do sweeps of a sequence of steps; all threads call this together, each with a share of the tiles.
 
     It stops after a sweep in which tiles wait. Prescribed components of `drive` are numbered by the lanes of their
@@ -224,10 +232,12 @@ def sweep_tiles(tiles, tile_motion, drive, state, dt, sweeps, breaks, thread, ga
         if not starts and not again:
             _pull_again(tiles, tile_motion, sweep_state)
         for t in range(first_tile, end_tile):
-            if again and tile_motion.waiting_state[t] == READY:
+            if again and tile_motion.waiting_reason[t] == READY:
                 continue
-            tile_motion.waiting_state[t] = _sweep_tile_or_wait(tiles, tile_motion, drive, sweep_state, buffers, t)
-            if tile_motion.waiting_state[t] != READY:
+            tile_motion.waiting_reason[t] = _sweep_tile_or_return_waiting_reason(
+                tiles, tile_motion, drive, sweep_state, buffers, t
+            )
+            if tile_motion.waiting_reason[t] != READY:
                 tile_motion.stop_sweep[0] = sweep
         meet(gate)
         if tile_motion.stop_sweep[0] == sweep:
@@ -243,35 +253,35 @@ def _pull_again(tiles, tile_motion, sweep_state):  # type: ignore[no-untyped-def
         first -= 1
     for n in range(first, last):
         tile = breaks.places[n, 0] // ROW
-        if not tile_motion.has_failure_pulls[tile]:
-            _clear_pulls(tiles, tile_motion, pulls, tile)
+        if not tile_motion.next_v_has_failure_forces[tile]:
+            _begin_sum_of_failure_forces(tiles, tile_motion, pulls, tile)
         pull_again(tiles, motion, pulls, breaks, n)
 
 
 @njit(**INNER)
-def _clear_pulls(tiles, tile_motion, pulls, tile):  # type: ignore[no-untyped-def]
+def _begin_sum_of_failure_forces(tiles, tile_motion, pulls, tile):  # type: ignore[no-untyped-def]
     """Begin the sum of the pulls of a tile's bonds."""
-    tile_motion.has_failure_pulls[tile] = True
+    tile_motion.next_v_has_failure_forces[tile] = True
     pulls[:, tiles.margin + tile * ROW : tiles.margin + tile * ROW + ROW] = 0
 
 
 @njit(**IN_PLACE)
-def _sweep_tile_or_wait(tiles, tile_motion, drive, sweep_state, buffers, tile):  # type: ignore[no-untyped-def]
+def _sweep_tile_or_return_waiting_reason(tiles, tile_motion, drive, sweep_state, buffers, tile):  # type: ignore[no-untyped-def]
     """End a step for a tile and begin the next one, or one of both; returns what it waits for."""
-    motion, starts = sweep_state.motion, sweep_state.ends_no_step
+    motion, starts = sweep_state.motion, sweep_state.is_first_sweep
     if tiles.kind[tile] == EMPTY:
         return READY
     if not starts:
         waits_for = _sum_tile_forces(tiles, tile_motion, sweep_state, buffers, tile)
         if waits_for != READY:
             return waits_for
-    if tile_motion.has_only_bonds[tile] and not starts and not sweep_state.begins_no_step:
+    if tile_motion.has_only_bonds[tile] and not starts and not sweep_state.is_last_sweep:
         for lane in range(0, ROW, across(motion.u)):
-            _advance_lanes(
+            _advance_lanes_without_loads(
                 tiles, tile_motion, motion, buffers.force, sweep_state.next_buffer, tiles.margin + tile * ROW, lane
             )
     else:
-        _advance_tile(tiles, tile_motion, drive, sweep_state, buffers, tile)
+        _advance_tile_with_loads_and_holds(tiles, tile_motion, drive, sweep_state, buffers, tile)
     return READY
 
 
@@ -284,17 +294,17 @@ def _sum_tile_forces(tiles, tile_motion, sweep_state, buffers, tile):  # type: i
     ]  # of bonds that soften or break: their place is free until the tile is advanced
     if not has_room(tiles, breaks):
         return NO_ROOM
-    if not tile_motion.has_failure_pulls[tile]:
+    if not tile_motion.next_v_has_failure_forces[tile]:
         for lane in range(0, ROW, across(motion.u)):
             keep(zeros(motion.u, tiles.axes), pulls, tiles.margin + tile * ROW + lane)
     for lane in range(0, ROW, across(motion.u)):
         status, f = sum_lanes(tiles, motion, pulls, dissipated, breaks, tile, lane)
         keep(f, buffers.force, lane)
         if status != UNAGED:
-            tile_motion.has_failure_pulls[tile] = True
+            tile_motion.next_v_has_failure_forces[tile] = True
         if status == UNDONE:
             return NO_MEMORY
-    if tile_motion.has_failure_pulls[tile]:
+    if tile_motion.next_v_has_failure_forces[tile]:
         _add_failure_forces(tiles, tile_motion, pulls, buffers.force, tile)
     return READY
 
@@ -302,14 +312,14 @@ def _sum_tile_forces(tiles, tile_motion, sweep_state, buffers, tile):  # type: i
 @njit(**INNER)
 def _add_failure_forces(tiles, tile_motion, pulls, force, tile):  # type: ignore[no-untyped-def]
     """Add the pulls of bonds that softened or broke to the force densities (d, 16) of a tile."""
-    tile_motion.has_failure_pulls[tile] = False
+    tile_motion.next_v_has_failure_forces[tile] = False
     for axis in range(len(force)):
         for lane in range(ROW):
             force[axis, lane] += pulls[axis, tiles.margin + tile * ROW + lane]
 
 
 @njit(**IN_PLACE)
-def _advance_lanes(tiles, tile_motion, motion, force, after, first_site, lane):  # type: ignore[no-untyped-def]
+def _advance_lanes_without_loads(tiles, tile_motion, motion, force, after, first_site, lane):  # type: ignore[no-untyped-def]
     """End a step for some lanes, on which only bonds act, and begin the next one; `first_site` is the tile's first
     site."""
     axes, dt, half, at = tiles.axes, same(motion.u, motion.dt), same(motion.u, motion.dt / 2), first_site + lane
@@ -321,7 +331,7 @@ def _advance_lanes(tiles, tile_motion, motion, force, after, first_site, lane): 
 
 
 @njit(**INNER)
-def _advance_tile(tiles, tile_motion, drive, sweep_state, buffers, tile):  # type: ignore[no-untyped-def]
+def _advance_tile_with_loads_and_holds(tiles, tile_motion, drive, sweep_state, buffers, tile):  # type: ignore[no-untyped-def]
     """End a step for a tile with its force densities, and begin the next one, or one of both."""
     motion, state, after = sweep_state.motion, sweep_state.state, sweep_state.next_buffer
     first_site, dt = tiles.margin + tile * ROW, motion.dt
@@ -335,9 +345,9 @@ def _advance_tile(tiles, tile_motion, drive, sweep_state, buffers, tile):  # typ
             u[axis, lane], v[axis, lane] = motion.u[axis, first_site + lane], motion.rate[axis, first_site + lane]
             buffers.a[axis, lane] = state.second[i, axis] if i >= 0 else 0
             buffers.before[axis, lane] = v[axis, lane] - dt / 2 * buffers.a[axis, lane]
-    if not sweep_state.ends_no_step:
-        _kick_and_damp(tiles, tile_motion, drive, motion, state, v, buffers, tile)
-    if not sweep_state.begins_no_step:
+    if not sweep_state.is_first_sweep:
+        _accelerate_kick_and_damp_tile(tiles, tile_motion, drive, motion, state, v, buffers, tile)
+    if not sweep_state.is_last_sweep:
         _kick_and_drift(tile_motion, drive, u, v, buffers.a, dt, (motion.step + 1) * dt, tile)
     for lane in range(ROW):
         i = tiles.node[tile * ROW + lane]
@@ -353,14 +363,14 @@ def _kick_and_drift(tile_motion, drive, u, v, a, dt, time, tile):  # type: ignor
         for lane in range(ROW):
             v[axis, lane] += dt / 2 * a[axis, lane]
             u[axis, lane] += dt * v[axis, lane]
-    for k in range(tile_motion.first_held_of_tile[tile], tile_motion.first_held_of_tile[tile + 1]):
-        prescribe_component(
-            u.T, v.T, a.T, drive.holds, drive.profiles, drive.held_speed, tile_motion.held_entries[k], dt, time
+    for k in range(tile_motion.first_held_entry_of_tile[tile], tile_motion.first_held_entry_of_tile[tile + 1]):
+        prescribe_held_component(
+            u.T, v.T, a.T, drive.holds, drive.profiles, drive.held_speed, tile_motion.held_entries_in_order[k], dt, time
         )
 
 
 @njit(**INNER)
-def _kick_and_damp(tiles, tile_motion, drive, motion, state, v, buffers, tile):  # type: ignore[no-untyped-def]
+def _accelerate_kick_and_damp_tile(tiles, tile_motion, drive, motion, state, v, buffers, tile):  # type: ignore[no-untyped-def]
     """From the force densities on a tile to accelerations, the second half of the kick, and damping; v are (d, 16)."""
     first_site, a, dt, axes, work = tiles.margin + tile * ROW, buffers.a, motion.dt, len(v), buffers.work
     rho = tile_motion.rho[first_site : first_site + ROW]
@@ -373,10 +383,12 @@ def _kick_and_damp(tiles, tile_motion, drive, motion, state, v, buffers, tile): 
             a[axis, lane] = (buffers.force[axis, lane] + drive.force[i, axis]) / rho[lane]
         for axis in range(axes):
             work[lane] += (drive.before[i, axis] + drive.force[i, axis]) / 2 * (dt * v[axis, lane])
-    for k in range(tile_motion.first_held_of_tile[tile], tile_motion.first_held_of_tile[tile + 1]):
+    for k in range(tile_motion.first_held_entry_of_tile[tile], tile_motion.first_held_entry_of_tile[tile + 1]):
         speed, force, time = drive.held_speed, drive.held_force, motion.step * dt
         of_holds = drive.holds, drive.profiles, speed, force
-        accelerate_held_component(v.T, a.T, rho, work, *of_holds, tile_motion.held_entries[k], dt, time)
+        accelerate_held_component_and_book_work(
+            v.T, a.T, rho, work, *of_holds, tile_motion.held_entries_in_order[k], dt, time
+        )
     for lane in range(ROW):
         i = tiles.node[tile * ROW + lane]
         if i < 0:
@@ -385,4 +397,4 @@ def _kick_and_damp(tiles, tile_motion, drive, motion, state, v, buffers, tile): 
         for axis in range(axes):
             v[axis, lane] += dt / 2 * a[axis, lane]
             if c > 0 and not tile_motion.constrained[i, axis]:
-                state.damped[i] += damp_component(v.T, a.T, buffers.before.T, rho, c, lane, axis, dt)
+                state.damped[i] += damp_component_and_return_energy(v.T, a.T, buffers.before.T, rho, c, lane, axis, dt)
