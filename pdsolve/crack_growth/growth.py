@@ -86,21 +86,21 @@ class Growth:
         return [(tip, self.judge(tip, tips, state)) for tip in tips]
 
     def add_crack_particles(
-        self, judged_tips: list[tuple[Tip, Verdict]], state: State, step: int, particle_share: float = 1.0
+        self, judged_tips: list[tuple[Tip, Verdict]], state: State, step: int, length_share: float = 1.0
     ) -> int:
         """Let these tips grow by a particle each, of that share of its length, and cut the bonds; returns the number of
         new particles."""
         before = len(self.particles.place)
         for tip, verdict in judged_tips:
-            self._grow(tip, verdict, step, particle_share)
+            self._grow(tip, verdict, step, length_share)
         new = len(self.particles.place) - before
         if new:
             self._cut(arms(self.particles)[-new:], state, step)
         return new
 
-    def growth_length(self, tip: Tip, particle_share: float = 1.0) -> float:
+    def growth_length(self, tip: Tip, length_share: float = 1.0) -> float:
         """The length, m, by which a tip grows at once, or a share of it; a spacing at least."""
-        return max(particle_share * self.rules.spacing, 1.0) * float(
+        return max(length_share * self.rules.spacing, 1.0) * float(
             self._model.grid.delta[self._near.nearest(tip.place)]
         )
 

@@ -19,10 +19,8 @@ from pdsolve.steppers.equilibrium import (
     force_densities,
     relative_residual,
 )
-from pdsolve.steppers.path_following import PathPoint
+from pdsolve.steppers.path_following import PathPoint, PathSolution
 from pdsolve.steppers.rigid_body_modes import Pairs
-
-PathSolution = tuple[PathPoint, int, float]  # a place on a path, iterations and residual
 
 LOOKS = 10  # at one equilibrium
 STAYS = 1e-3  # residual of an equilibrium for normals and weights of that place: these are good then
@@ -92,10 +90,10 @@ def solve_until_contact_converges(
     new, count, residual = solve()
     for _ in range(LOOKS if contact is not None else 0):
         assert contact is not None
-        if contact.moved(new.value) > FAR:
+        if contact.moved(new.displacement) > FAR:
             raise UnsettledError(f"bodies in contact move by more than {FAR:g} spacings")
         before = contact.seen
-        contact.see(new.value)
+        contact.see(new.displacement)
         if measure_residual(new) < STAYS:
             contact.see(before)
             return new, count, residual

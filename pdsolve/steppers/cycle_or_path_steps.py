@@ -24,7 +24,7 @@ def make_fatigue_stepper(
     operator: Operator,
     load_steps: LoadSteps,
     breakable: Breakable | None,
-    family: NDArray[np.int64],
+    family_size: NDArray[np.int64],
     uncut_bond_count: NDArray[np.int64],
     growth: CrackGrowth | None,
 ) -> BondFatigueSteps | ParisSteps:
@@ -33,4 +33,4 @@ def make_fatigue_stepper(
     law = model.settings.run.fatigue
     if growth is not None and law is not None:
         return ParisSteps(law, operator, load_steps, growth)
-    return make_bond_fatigue_steps(model, operator, load_steps, breakable, family, uncut_bond_count)
+    return make_bond_fatigue_steps(model, operator, load_steps, breakable, family_size, uncut_bond_count)

@@ -30,9 +30,9 @@ class UnsettledError(ArithmeticError):
 class EquilibriumConditions(NamedTuple):
     """Loads and holds of an equilibrium; n nodes."""
 
-    load: NDArray[np.float64]  # (n, w) body force, N/m^3
+    body_force: NDArray[np.float64]  # (n, w) N/m^3
     constrained: NDArray[np.bool_]  # (n, w) components that are held
-    prescribed: NDArray[np.float64]  # (n, w) where, m
+    prescribed_displacement: NDArray[np.float64]  # (n, w) m
     swelling_force_norm: float = 0.0  # N/m^3, size of what swelling alone makes of forces; as much counts as external
     sufficient_residual: float = 0.0  # residual that is enough, where the method would go on to a smaller one
 
@@ -83,24 +83,24 @@ def relative_residual(
     state: State,
     conditions: EquilibriumConditions,
     neighbour_forces: NDArray[np.float64],
-    round_off_stiffness: float,
-    previous_norm: float = 0.0,
+    reference_stiffness: float,
+    previous_displacement_norm: float = 0.0,
 ) -> float:
     """Residual over external forces; `neighbour_forces` (n, w) are the forces of neighbours.
 
-    External forces count at least as `round_off_stiffness` times the norm of displacements, now or `previous_norm`, m;
-    `round_off_stiffness` in N/m^4.
+    External forces count at least as `reference_stiffness`, N/m^4, times the norm of displacements, m: that of now, or
+    `previous_displacement_norm`.
     """
-    load = norm(conditions.load[~conditions.constrained])
+    load = norm(conditions.body_force[~conditions.constrained])
     outside = max(load if load > 0 else norm(neighbour_forces[conditions.constrained]), conditions.swelling_force_norm)
     imbalance, scale = (
-        norm((neighbour_forces + conditions.load)[~conditions.constrained]),
-        max(outside, round_off_stiffness * max(norm(state.value), previous_norm)),
+        norm((neighbour_forces + conditions.body_force)[~conditions.constrained]),
+        max(outside, reference_stiffness * max(norm(state.value), previous_displacement_norm)),
     )
     return imbalance / scale if scale > 0 else float(imbalance > 0)
 
 
-def round_off_stiffness(largest_stiffness: float, tolerance: float) -> float:
+def reference_stiffness_above_round_off(largest_stiffness: float, tolerance: float) -> float:
     """The smallest reference, N/m^4, for which a residual of `tolerance` exceeds round-off.
 
     Forces of a plate of stiffness `largest_stiffness` (N/m^4) are not known better.

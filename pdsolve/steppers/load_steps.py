@@ -50,8 +50,8 @@ class LoadStepResult(NamedTuple):
     step: int
     iterations: int  # in all
     residual: float  # what is left of the forces over those from outside
-    breaks: int  # times that bonds broke
-    least: float  # share of this step's loads that would have been enough to break the next bond, 1 if none broke
+    break_rounds: int  # times that bonds broke
+    smallest_sufficient_load_share: float  # of this step's loads, to break the next bond; 1 if none broke
 
 
 class LoadStepProgress(NamedTuple):
@@ -60,7 +60,7 @@ class LoadStepProgress(NamedTuple):
     step: int
     iterations: int
     residual: float
-    broken: int  # directed bonds so far
+    broken_bond_count: int  # directed bonds so far
 
 
 class LoadSteps:
@@ -90,9 +90,9 @@ class LoadSteps:
         self.step_results: list[LoadStepResult] = []
         self._remember, self._grow = on_equilibrium, grow_cracks
         self._contact = method.contact if isinstance(method, EquilibriumMethodWithContact) else None
-        self.watch: Callable[[LoadStepProgress], None] | None = None
+        self.on_progress: Callable[[LoadStepProgress], None] | None = None
         self._inner = 0.0  # N/m^3, of `EquilibriumConditions`
-        self._loaded: Callable[[State], object] = lambda state: None
+        self._on_next_equilibrium: Callable[[State], object] = lambda state: None
         self._warned, self._told_loose, self._loose = False, False, cast("LooseBodies | None", None)
         self._supported_bonds: SupportChecker | None = None  # of bodies that are supported
         source, target = operator.bonds(start=True)
@@ -111,12 +111,12 @@ class LoadSteps:
         for step in range(first, last):
             self._take_step(state, step)
 
-    def set_swelling_strain(self, strain: Array, state: State, on_equilibrium: Callable[[State], object]) -> None:
+    def set_swelling_strain(self, strain: Array, state: State, on_next_equilibrium: Callable[[State], object]) -> None:
         """Break bonds by their stretch from these strains (n,), with which the operator has been strained.
 
-        `on_equilibrium` is called with the next equilibrium before bonds break.
+        `on_next_equilibrium` is called with the next equilibrium before bonds break.
         """
-        self._loaded = on_equilibrium
+        self._on_next_equilibrium = on_next_equilibrium
         if self._breaking is not None:
             self._breaking.swell(strain)
         self._inner = norm(force_densities(self._operator, state._replace(value=np.zeros(state.value.shape))))
@@ -145,9 +145,9 @@ class LoadSteps:
         self._store_reactions_and_stop_motion(state)
         return equilibrium
 
-    def external_forces(self, state: State) -> Array:
+    def loads_and_reactions(self, state: State) -> Array:
         """External force densities (n, w) as the plate rests: loads, and reactions of held components."""
-        return self._external_forces(state, self._drive.force.astype(float))
+        return self._loads_and_reactions_under(state, self._drive.force.astype(float))
 
     def raise_if_unsupported(self) -> None:
         """Raise UnsettledError where broken bonds leave a body without supports."""
@@ -179,7 +179,7 @@ class LoadSteps:
         try:
             self._raise_if_loads_on_loose_bodies_unbalanced("")
             equilibrium = self._settle_in_parts_and_book_work(state, before, step, step * self._dt)
-            self._loaded(state)
+            self._on_next_equilibrium(state)
             equilibrium, breaks, least = self.break_overstretched_bonds_and_settle(state, step, equilibrium)
             equilibrium, growth_count = self._grow_cracks_and_settle(state, step, equilibrium)
             self._raise_if_unstable(state)
@@ -280,17 +280,25 @@ class LoadSteps:
         )
 
     def _settle_halfway_and_at_end_of_part(
-        self, state: State, loads: list[Array], places: list[Array], report_progress: ProgressReport
+        self,
+        state: State,
+        loads_at_start_middle_and_end: list[Array],
+        displacements_at_middle_and_end: list[Array],
+        report_progress: ProgressReport,
     ) -> Equilibrium:
         """Find equilibrium half the way to the last of three loads, and there; books the work."""
-        u, pushed, iterations = [state.value.copy()], [self._external_forces(state, loads[0])], 0
-        for load, place in zip(loads[1:], places, strict=True):
+        u, pushed, iterations = (
+            [state.value.copy()],
+            [self._loads_and_reactions_under(state, loads_at_start_middle_and_end[0])],
+            0,
+        )
+        for load, place in zip(loads_at_start_middle_and_end[1:], displacements_at_middle_and_end, strict=True):
             equilibrium = self.method.solve_equilibrium(
                 state, EquilibriumConditions(load, self.held, place, self._inner), report_progress
             )
             iterations += equilibrium.iterations
             u.append(state.value.copy())
-            pushed.append(self._external_forces(state, load))
+            pushed.append(self._loads_and_reactions_under(state, load))
             self._remember(state)
         # work, J/m^3, of forces along the path through three states, quadratic in between
         (u0, um, u1), (f0, fm, f1) = u, pushed
@@ -367,7 +375,7 @@ class LoadSteps:
     def _residual_forces(self, state: State, load: Array) -> Array:
         return np.where(self.held, 0.0, force_densities(self._operator, state) + load)
 
-    def _external_forces(self, state: State, load: Array) -> Array:
+    def _loads_and_reactions_under(self, state: State, load: Array) -> Array:
         """External force densities (n, d): loads, and reactions of held components."""
         return np.where(self.held, -force_densities(self._operator, state), load)
 
@@ -380,14 +388,14 @@ class LoadSteps:
 
     def _make_progress_callback(self, step: int, iterations_before: int) -> Callable[[int, float], None]:
         def report_iteration(iterations: int, residual: float) -> None:
-            if self.watch is not None:
-                self.watch(
+            if self.on_progress is not None:
+                self.on_progress(
                     LoadStepProgress(step, iterations_before + iterations, residual, len(self._operator.broken().step))
                 )
 
         return report_iteration
 
-    def _check_supports_and_restrain_loose_bodies(self, broken: Broken, occasion: str) -> None:
+    def _check_supports_and_restrain_loose_bodies(self, broken: Broken, message_prefix: str) -> None:
         """Check for unsupported bodies, and hold softly what breaking bonds cut free.
 
         Raises ModelError at the start, UnsettledError for loads on what is cut free.
@@ -408,7 +416,7 @@ class LoadSteps:
             )
             return
         if self._contact is not None:
-            alone = loose_bodies.is_loose
+            alone = loose_bodies.is_loose_node
             joined = append_contact_pairs(np.divmod(intact_bonds, nodes), self._contact)
             loose_bodies = find_loose_bodies(model.grid.position, model.grid.ids, joined, self._supported)
             self.method.restrain_by_weak_springs(
@@ -416,27 +424,27 @@ class LoadSteps:
             )  # which touch holds once it presses, in all directions but along a face
             if not loose_bodies.description:
                 return
-        if not model.settings.run.static.floating and not occasion:
+        if not model.settings.run.static.floating and not message_prefix:
             said = (
                 f"{loose_bodies.description}; add supports, or use --float (run.static.floating) if the loads balance"
             )
             raise ModelError(f"{model.name}: $.conditions: {said}")
         self._loose = loose_bodies
-        self._raise_if_loads_on_loose_bodies_unbalanced(occasion)
+        self._raise_if_loads_on_loose_bodies_unbalanced(message_prefix)
         if not model.settings.run.static.floating and not self._told_loose:
             self._told_loose = True
-            said = f"{occasion}{loose_bodies.description}, without loads: it stays where it comes to rest"
+            said = f"{message_prefix}{loose_bodies.description}, without loads: it stays where it comes to rest"
             warnings.warn(f"{model.name}: {said}", ModelWarning, stacklevel=2)
-        self.method.restrain_by_weak_springs(loose_bodies.is_loose)
+        self.method.restrain_by_weak_springs(loose_bodies.is_loose_node)
 
-    def _raise_if_loads_on_loose_bodies_unbalanced(self, occasion: str) -> None:
+    def _raise_if_loads_on_loose_bodies_unbalanced(self, message_prefix: str) -> None:
         """Check that loads on unsupported bodies balance. Raises UnsettledError."""
         if self._loose is not None:
             said = describe_unbalanced_body(
                 self._model.grid.position, self._drive.force * self._area[:, None], self._loose
             )
             if said:
-                raise UnsettledError(f"{occasion}loads of {said} do not balance; add supports")
+                raise UnsettledError(f"{message_prefix}loads of {said} do not balance; add supports")
 
 
 def prescribed_displacements(drive: Drive, time: float) -> Array:

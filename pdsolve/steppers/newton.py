@@ -28,8 +28,8 @@ from pdsolve.steppers.equilibrium import (
     area_weighted_tangent,
     force_densities,
     norm,
+    reference_stiffness_above_round_off,
     relative_residual,
-    round_off_stiffness,
 )
 from pdsolve.steppers.factors import count_negative_eigenvalues, factorize
 
@@ -68,19 +68,19 @@ class Newton:
         area: Array,
         tolerance: float,
         max_iterations: int | None = None,
-        free_count: int = 0,
-        most_factored: int = FACTORED,
+        free_component_count: int = 0,
+        most_factorized_components: int = FACTORED,
         forces_are_pairwise: bool = False,
-        nodes_flow: bool = False,
+        has_plastic_flow: bool = False,
     ) -> None:
-        """`area` (n,) m^2 makes equations symmetric if bonds are; `free_count` is the number of free components;
-        `forces_are_pairwise`: whether forces are those of bonds one by one; `nodes_flow`: whether nodes do, so that the
-        energy of a step is convex and a step is also good that does not lead far beyond its least."""
+        """`area` (n,) m^2 makes equations symmetric if bonds are; `forces_are_pairwise`: whether forces are those of
+        bonds one by one; `has_plastic_flow`: whether nodes flow, so that the energy of a step is convex and a step is
+        also good that does not lead far beyond its least."""
         self._operator, self._area, self._tolerance = operator, area, tolerance
-        self._most, self._flows = max_iterations or (MOST_FLOWING if nodes_flow else MOST), nodes_flow
-        self._least = round_off_stiffness(float(operator.stiffness_bound().max(initial=0.0)), tolerance)
+        self._most, self._flows = max_iterations or (MOST_FLOWING if has_plastic_flow else MOST), has_plastic_flow
+        self._least = reference_stiffness_above_round_off(float(operator.stiffness_bound().max(initial=0.0)), tolerance)
         self._before = 0.0  # m, norm of the displacements that the last equilibrium began with
-        self._factored = free_count <= most_factored
+        self._factored = free_component_count <= most_factorized_components
         way = "factors" if self._factored else "conjugate gradients" if operator.symmetric else "BiCGStab"
         self.description = f"Newton's method with {way}"
         self._floating: NDArray[np.bool_] | None = None  # (n,) nodes that are held softly
@@ -121,7 +121,7 @@ class Newton:
         """
         start, free, done = state.value.copy(), ~conditions.constrained, 0
         self._before = norm(start)
-        if (state.value != np.where(free, state.value, conditions.prescribed)).any():
+        if (state.value != np.where(free, state.value, conditions.prescribed_displacement)).any():
             self._prescribe_held_and_predict_free_components(state, conditions)
         if self._lost is not None and not self._lost.remove_bonds_if_few(self._operator.broken()):
             self.discard_reused_tangent()
@@ -148,8 +148,8 @@ class Newton:
         free, usual = ~conditions.constrained, 0.0  # m, norm of displacements after an iteration
         weight = np.repeat(self._area, free.shape[1])[free.ravel()] if self._operator.symmetric else 1.0
 
-        def weighted(out: Array) -> Array:
-            return np.asarray(weight * (out + conditions.load)[free])
+        def weighted_residual(neighbour_forces: Array) -> Array:
+            return np.asarray(weight * (neighbour_forces + conditions.body_force)[free])
 
         out = force_densities(self._operator, state)
         residual = relative_residual(state, conditions, out, self._least, self._before)
@@ -165,13 +165,15 @@ class Newton:
                 self._set_up_tangent_solver(state, free, residual)
             self._fresh = False
             assert self._inverse is not None
-            pushed = weighted(out)
+            pushed = weighted_residual(out)
             value, step, size = state.value[free], self._inverse(pushed), 1.0
             for _ in range(HALVINGS):
                 state.value[free] = value + size * step
                 out = force_densities(self._operator, state)
                 new_residual = relative_residual(state, conditions, out, self._least, self._before)
-                if new_residual < residual or (self._flows and weighted(out) @ step > -OVERSHOT * (pushed @ step)):
+                if new_residual < residual or (
+                    self._flows and weighted_residual(out) @ step > -OVERSHOT * (pushed @ step)
+                ):
                     break
                 size /= 2
             else:
@@ -190,11 +192,11 @@ class Newton:
             self._fresh = False
         assert self._matrix is not None
         assert self._inverse is not None
-        way = np.where(free, 0.0, conditions.prescribed - state.value).ravel()
+        way = np.where(free, 0.0, conditions.prescribed_displacement - state.value).ravel()
         along = -(self._matrix @ way)[free.ravel()]
         move = way.copy()
         move[free.ravel()] = self._inverse(along)
-        state.value[:] = np.where(free, state.value + move.reshape(free.shape), conditions.prescribed)
+        state.value[:] = np.where(free, state.value + move.reshape(free.shape), conditions.prescribed_displacement)
 
     def _iterate_with_old_tangent(
         self, state: State, conditions: EquilibriumConditions, report_progress: ProgressReport
@@ -210,7 +212,7 @@ class Newton:
             out = force_densities(self._operator, state)
             residual, rest = (
                 relative_residual(state, conditions, out, self._least, self._before),
-                (out + conditions.load)[free],
+                (out + conditions.body_force)[free],
             )
             if residual < max(self._tolerance, conditions.sufficient_residual):
                 return Equilibrium(done, residual), done
@@ -275,8 +277,8 @@ class Newton:
         light = diags_array(1 / np.where(diagonal > 0, diagonal, 1.0))
         method = cg if self._operator.symmetric else bicgstab
 
-        def solve(right: Array) -> Array:
-            solution, _ = method(matrix, right, rtol=INNER, maxiter=INNER_MOST, M=light)
+        def solve(right_side: Array) -> Array:
+            solution, _ = method(matrix, right_side, rtol=INNER, maxiter=INNER_MOST, M=light)
             return np.asarray(solution)
 
         return solve
@@ -290,22 +292,22 @@ class _AndersonMixing:
         self._changes: list[Array] = []  # of the latter alone
         self._products = np.zeros((0, 0))  # of these changes with each other
 
-    def add_step(self, move: Array, change: Array) -> None:
+    def add_step(self, value_change: Array, proposal_change: Array) -> None:
         """Take another step, from the last value to this one."""
-        size = float(np.sqrt(change @ change)) or 1.0  # so that all are as large
-        self._moves = [*self._moves[1 - MIXED :], (move + change) / size]
-        self._changes = [*self._changes[1 - MIXED :], change / size]
+        size = float(np.sqrt(proposal_change @ proposal_change)) or 1.0  # so that all are as large
+        self._moves = [*self._moves[1 - MIXED :], (value_change + proposal_change) / size]
+        self._changes = [*self._changes[1 - MIXED :], proposal_change / size]
         last = np.array([self._changes[-1] @ earlier_change for earlier_change in self._changes])
         before = self._products[-(len(last) - 1) :, -(len(last) - 1) :] if len(last) > 1 else self._products[:0, :0]
         self._products = np.block([[before, last[:-1, None]], [last]])
 
-    def mix_step(self, proposed: Array) -> Array:
+    def mix_step(self, proposed_step: Array) -> Array:
         """The step to take (k,): the proposed one, mixed with earlier ones."""
         if not self._changes:
-            return proposed
-        right = np.array([proposed @ earlier_change for earlier_change in self._changes])
+            return proposed_step
+        right = np.array([proposed_step @ earlier_change for earlier_change in self._changes])
         share = np.linalg.lstsq(self._products, right, rcond=ALIKE)[0]
-        mixed_step = proposed.copy()
+        mixed_step = proposed_step.copy()
         for part, move in zip(share.tolist(), self._moves, strict=True):
             mixed_step -= part * move
         return mixed_step

@@ -34,9 +34,9 @@ class PathStepResult(NamedTuple):
     step: int
     iterations: int  # in all
     residual: float  # what is left of the forces over the largest from outside so far
-    factor: float  # of loads and prescribed displacements
-    pull: float  # work-conjugate of the factor: N/m times m/s of what moves, or of loads
-    spent: float  # J/m, by bonds or cracks
+    load_factor: float  # of loads and prescribed displacements
+    work_conjugate_force: float  # to the load factor: N/m times m/s of what moves, or of loads
+    dissipated_energy: float  # J/m, by bonds or cracks
 
 
 class PathStepper:
@@ -54,15 +54,15 @@ class PathStepper:
         self._driven = self._held if self._growth[self._held].any() else ~self._held
         self._began: tuple[float, float] | None = None  # s, and the share of the path that was done then
         self.step_results: list[PathStepResult] = []
-        self.watch: Callable[[LoadStepProgress], None] | None = None
+        self.on_progress: Callable[[LoadStepProgress], None] | None = None
         self.ended, self.end_reason = False, ""
-        self.lost: float | None = None  # the largest factor of dead loads, past which no equilibrium bears as much
+        self.peak_load_factor: float | None = None  # of dead loads, where no equilibrium further on bears as much
         drive.force[:] = 0
 
     @property
-    def factor(self) -> float:
+    def load_factor(self) -> float:
         """The factor of loads and prescribed displacements now: the time of their profiles, s."""
-        return self.step_results[-1].factor if self.step_results else 0.0
+        return self.step_results[-1].load_factor if self.step_results else 0.0
 
     def advance(self, state: State, first: int, last: int) -> None:
         """Take the steps `first` to `last` - 1, in place, unless the path has ended. Raises UnsettledError."""
@@ -86,11 +86,9 @@ class PathStepper:
         """The load, the spent energy and the time that is left, for a progress display."""
         if not self.step_results:
             return "elastic"
-        most = max(abs(path_step.pull) for path_step in self.step_results) or 1.0
+        most, last = max(abs(row.work_conjugate_force) for row in self.step_results) or 1.0, self.step_results[-1]
         unit = "J/m" if self._model.grid.dimension == 2 else "J"
-        said = (
-            f"load {self.step_results[-1].pull / most:.0%} of its peak, spent {self.step_results[-1].spent:.3g} {unit}"
-        )
+        said = f"load {last.work_conjugate_force / most:.0%} of its peak, spent {last.dissipated_energy:.3g} {unit}"
         began, before = self._began or (0.0, 1.0)
         share = self._finished_path_share()
         if share <= before:
@@ -116,7 +114,7 @@ class PathStepper:
 
     def _warn_past_peak_load_or_end_path(self, step: int) -> None:
         """Report, once, loads past their largest; end the path where they are as good as gone."""
-        pulls = [abs(path_step.pull) for path_step in self.step_results]
+        pulls = [abs(path_step.work_conjugate_force) for path_step in self.step_results]
         most, now = max(pulls), pulls[-1]
         if now < self.end * most:
             self.ended, self.end_reason = True, f"the load has fallen to {self.end:.0%} of its largest"
@@ -124,15 +122,16 @@ class PathStepper:
             self.end_reason = "the steps are over"
         if self._driven[self._held].any() or now >= PASSED * most:
             return
-        self.lost, after = max(path_step.factor for path_step in self.step_results), self._model.settings.run.after
+        self.peak_load_factor = max(path_step.load_factor for path_step in self.step_results)
+        after = self._model.settings.run.after
         if after != "path":
             self.ended, self.end_reason = True, "the loads are past their largest"
         if min(pulls[pulls.index(most) : -1]) < PASSED * most:
             return
         follows = {"path": "goes on at smaller loads", "stop": "ends here", "motion": "ends here, and a motion begins"}
         warnings.warn(
-            f"{self._model.name}: path step {step}: the loads are past their largest, {self.lost:.4g} of those"
-            f" prescribed, where a body under dead loads does not stay at rest; the path {follows[after]}",
+            f"{self._model.name}: path step {step}: the loads are past their largest, {self.peak_load_factor:.4g} of"
+            f" those prescribed, where a body under dead loads does not stay at rest; the path {follows[after]}",
             ModelWarning,
             stacklevel=2,
         )

@@ -41,15 +41,17 @@ class ReusedFactorSolver:
         self._changed = np.zeros(0, dtype=np.int64)  # (p,) components
         self._columns = np.zeros((0, 0))  # (k, p) of the old matrix's inverse
 
-    def solve(self, matrix: csr_array, right: Array, refactor: bool) -> Array:
-        """The solutions for right sides (k,) or (k, r); `refactor` does not use old factors. Raises UnsettledError."""
-        rights = right.reshape(len(right), -1)
-        solution = None if refactor or self._old is None else self._solve_with_old_factors_if_fast(matrix, rights)
+    def solve(self, matrix: csr_array, right_side: Array, force_new_factors: bool) -> Array:
+        """The solutions for right sides (k,) or (k, r); `force_new_factors`: use no old ones. Raises UnsettledError."""
+        rights = right_side.reshape(len(right_side), -1)
+        solution = (
+            None if force_new_factors or self._old is None else self._solve_with_old_factors_if_fast(matrix, rights)
+        )
         if solution is None:
             self._old, self._inverse = matrix, _factorize_without_warnings(matrix, self._symmetric)
-            self._changed, self._columns = np.zeros(0, dtype=np.int64), np.zeros((len(right), 0))
+            self._changed, self._columns = np.zeros(0, dtype=np.int64), np.zeros((len(right_side), 0))
             solution = self._inverse(rights)
-        return solution.reshape(right.shape)
+        return solution.reshape(right_side.shape)
 
     def _solve_with_old_factors_if_fast(self, matrix: csr_array, right: Array) -> Array | None:
         """The solutions; None if they take long."""
@@ -98,10 +100,10 @@ class ReusedFactorSolver:
         return True
 
 
-def solve_right_sides_in_blocks(inverse: Callable[[Array], Array], right: Array) -> Array:
+def solve_right_sides_in_blocks(solve: Callable[[Array], Array], right_sides: Array) -> Array:
     """The solutions for right sides (k, p), some at once."""
-    blocks = range(0, right.shape[1], BLOCK)
-    return np.hstack([right[:, :0], *(inverse(np.asfortranarray(right[:, k : k + BLOCK])) for k in blocks)])
+    blocks = range(0, right_sides.shape[1], BLOCK)
+    return np.hstack([right_sides[:, :0], *(solve(np.asfortranarray(right_sides[:, k : k + BLOCK])) for k in blocks)])
 
 
 def _factorize_without_warnings(matrix: csr_array, symmetric: bool) -> Callable[[Array], Array]:

@@ -21,7 +21,7 @@ FEW = 200  # directed bonds that break at once, beyond which a closer look takes
 class LooseBodies(NamedTuple):
     """Bodies and nodes that can move freely, of n nodes."""
 
-    is_loose: NDArray[np.bool_]  # (n,) all that may
+    is_loose_node: NDArray[np.bool_]  # (n,) all that may
     description: str  # the largest of them in words: how many nodes, and where; empty where there is none
     body_number_of_node: NDArray[np.int64]  # (n,) number of the body that a node belongs to
 
@@ -46,9 +46,9 @@ def find_loose_bodies(
         _find_nodes_with_collinear_or_coplanar_bonds(position[target] - position[source], source, constrained)
         & ~missing[part]
     )
-    is_loose = missing[part] | swinging
-    if not is_loose.any():
-        return LooseBodies(is_loose, "", part)
+    is_loose_node = missing[part] | swinging
+    if not is_loose_node.any():
+        return LooseBodies(is_loose_node, "", part)
     if missing.any():
         number = int(np.flatnonzero(missing)[size[missing].argmax()])
         body_nodes = part == number
@@ -59,7 +59,7 @@ def find_loose_bodies(
         body_nodes, what, more = swinging, f"{int(swinging.sum())} nodes that bonds hold in one direction only", ""
     free = "turn" if missing.any() and constrained[body_nodes].any(axis=0).all() else "move"
     return LooseBodies(
-        is_loose,
+        is_loose_node,
         f"{what} around {_format_centre(position[body_nodes])} (node {ids[body_nodes][0]}) can {free}{more}",
         part,
     )
@@ -70,12 +70,12 @@ def _format_centre(position: NDArray[np.float64]) -> str:
     return f"({', '.join(f'{value:.4g}' for value in position.mean(axis=0))}) m"
 
 
-def _rotation_modes(arm: NDArray[np.float64]) -> NDArray[np.float64]:
+def _rotation_modes(position_from_centre: NDArray[np.float64]) -> NDArray[np.float64]:
     """Displacements of places (n, d), relative to a centre, in a rotation about each axis (n, d, 1 in the plane or
     3)."""
-    if arm.shape[1] == 2:
-        return np.stack([-arm[:, 1], arm[:, 0]], axis=1)[:, :, None]
-    return np.stack([np.cross(axis, arm) for axis in np.eye(3)], axis=2)
+    if position_from_centre.shape[1] == 2:
+        return np.stack([-position_from_centre[:, 1], position_from_centre[:, 0]], axis=1)[:, :, None]
+    return np.stack([np.cross(axis, position_from_centre) for axis in np.eye(3)], axis=2)
 
 
 def _find_unsupported_bodies(
@@ -120,11 +120,14 @@ def _find_unsupported_bodies(
 
 
 def _gram_matrices_of_bodies(
-    modes: NDArray[np.float64], counted: NDArray[np.bool_], body_number_of_node: NDArray[np.int64], body_count: int
+    modes: NDArray[np.float64],
+    is_counted_component: NDArray[np.bool_],
+    body_number_of_node: NDArray[np.int64],
+    body_count: int,
 ) -> NDArray[np.float64]:
-    """Products (count, m, m) of the modes (n, d, m) of each body, summed over the `counted` (n, d) components."""
-    rows = counted.any(axis=1)
-    body_of_row, row_modes = body_number_of_node[rows], modes[rows] * counted[rows][:, :, None]
+    """Products (count, m, m) of the modes (n, d, m) of each body, summed over the counted components."""
+    rows = is_counted_component.any(axis=1)
+    body_of_row, row_modes = body_number_of_node[rows], modes[rows] * is_counted_component[rows][:, :, None]
     products = np.empty((body_count, modes.shape[2], modes.shape[2]))
     for a, b in combinations_with_replacement(range(modes.shape[2]), 2):
         products[:, a, b] = products[:, b, a] = np.bincount(
@@ -164,7 +167,7 @@ def describe_unbalanced_body(
     position: NDArray[np.float64], force: NDArray[np.float64], loose_bodies: LooseBodies
 ) -> str:
     """The first loose body whose forces (n, 2), N/m, have a resultant or a moment, in words; "" if all balance."""
-    for number in np.unique(loose_bodies.body_number_of_node[loose_bodies.is_loose]).tolist():
+    for number in np.unique(loose_bodies.body_number_of_node[loose_bodies.is_loose_node]).tolist():
         body_nodes = loose_bodies.body_number_of_node == number
         arm = position[body_nodes] - position[body_nodes].mean(axis=0)
         push, reach = force[body_nodes], float(np.sqrt((arm**2).sum(axis=1).max()))
