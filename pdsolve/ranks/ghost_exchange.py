@@ -25,7 +25,7 @@ class GhostExchange:
         """
         self._comm, self.seconds = team.comm, 0.0  # s spent on exchanges
         offset = slab.begin
-        self.own_blocks = ((slab.first - offset) // LANES, -(-(slab.last - offset) // LANES))  # of own nodes
+        self.own_block_range = ((slab.first - offset) // LANES, -(-(slab.last - offset) // LANES))  # of own nodes
         owner = np.searchsorted(starts, needed, side="right") - 1
         wanted = [needed[owner == rank] for rank in range(team.size)]
         requested_rows = team.comm.alltoall(wanted)

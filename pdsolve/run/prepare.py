@@ -44,7 +44,7 @@ from pdsolve.schemes import SCHEMES
 from pdsolve.schemes.scheme import Scheme
 from pdsolve.steppers.equilibrium import force_densities
 from pdsolve.steppers.euler import ForwardEuler
-from pdsolve.steppers.static_loads import model_with_content_steps, model_with_load_steps
+from pdsolve.steppers.static_loads import model_at_rest_after_each_content_step, model_with_load_steps
 
 WORTH_HYBRID = 25_000  # nodes of a plate with a fine zone that moves, were they all there
 
@@ -130,7 +130,7 @@ def _prepare_swelling(model: Model, options: Options, scheme: Scheme) -> Prepare
         return _prepare_swelling_zone(model, options, scheme)
     options, rests = options_for_swelling(model, options), model.settings.run.solver == "static"
     if rests:
-        model = model_with_content_steps(model, options.precision)
+        model = model_at_rest_after_each_content_step(model, options.precision)
         system, state = prepare_load_steps(model.moving_part(), options, scheme)
     else:
         system, state = assemble_motion(model.moving_part(), options, scheme)

@@ -81,7 +81,7 @@ class CrackLengthSteps(PathStepper):
             return
         equilibrium, factor, cost = path_point
         spent = cost + (self.step_results[-1].dissipated_energy if self.step_results else 0.0)
-        after = self._area[:, None] * self._motion.loads_and_reactions(state)
+        after = self._area[:, None] * self._motion.loads_and_reactions(state, self._drive.force.astype(float))
         self._record_step(step, equilibrium.iterations, equilibrium.residual, factor, after, spent)
 
     def _load_until_first_tip_grows(self, state: State, step: int) -> tuple[Equilibrium, float, float]:
@@ -115,7 +115,7 @@ class CrackLengthSteps(PathStepper):
         growth, operator, motion, last = self._cracks, self._operator, self._motion, self.step_results[-1]
         checkpoint, value, area = CrackedBodySnapshot.capture(state, operator, growth), state.value.copy(), self._area
         outside, inside, spent = (
-            motion.loads_and_reactions(state),
+            motion.loads_and_reactions(state, self._drive.force.astype(float)),
             force_densities(operator, state),
             float(area @ state.dissipated),
         )
@@ -149,7 +149,9 @@ class CrackLengthSteps(PathStepper):
             self.ended, self.end_reason = True, str(error)
             return None
         way = state.value - value
-        state.work[:] += ((outside + motion.loads_and_reactions(state)) / 2 * way).sum(axis=1)
+        state.work[:] += ((outside + motion.loads_and_reactions(state, self._drive.force.astype(float))) / 2 * way).sum(
+            axis=1
+        )
         state.dissipated[:] -= (cut * way).sum(axis=1) / 2
         return equilibrium, factor, float(area @ state.dissipated) - spent
 

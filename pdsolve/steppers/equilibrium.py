@@ -45,7 +45,7 @@ class Equilibrium(NamedTuple):
 
 
 class EquilibriumMethod(Protocol):
-    """A method to find equilibrium."""
+    """A method to find equilibrium; by default it has no tangent, and no equations."""
 
     description: str  # which it is, for the record
     smallest_load_step_part: float  # share of a load step that is worth a try, where larger ones do not come to rest
@@ -56,13 +56,16 @@ class EquilibriumMethod(Protocol):
         """Move the values of the state to equilibrium, in place. Raises UnsettledError."""
 
     def discard_reused_tangent(self) -> None:
-        """Discard history, so that what follows depends on the state alone."""
+        """Discard the tangent and its factors, where there are any: what follows depends on the state alone."""
+        return
 
     def count_unstable_modes(self, state: State, constrained: NDArray[np.bool_]) -> int:
         """Independent displacements of free components along which energy falls; 0 where that is not known."""
+        return 0
 
     def restrain_by_weak_springs(self, nodes: NDArray[np.bool_]) -> None:
-        """Restrain these nodes (n,) by weak springs during the solution; no force of the springs remains."""
+        """Restrain these nodes (n,) by weak springs in the equations, if there are any; no force of theirs remains."""
+        return
 
 
 def force_densities(operator: Operator, state: State) -> NDArray[np.float64]:

@@ -94,7 +94,7 @@ class LoadSteps:
         self._inner = 0.0  # N/m^3, of `EquilibriumConditions`
         self._on_next_equilibrium: Callable[[State], object] = lambda state: None
         self._warned, self._told_loose, self._loose = False, False, cast("LooseBodies | None", None)
-        self._supported_bonds: SupportChecker | None = None  # of bodies that are supported
+        self._support_checker: SupportChecker | None = None  # of bodies that are supported
         source, target = operator.bonds(start=True)
         self._bonds = source * len(area) + target
         self._check_supports_and_restrain_loose_bodies(operator.broken(), "")
@@ -144,10 +144,6 @@ class LoadSteps:
         equilibrium = self.method.solve_equilibrium(state, conditions, self._make_progress_callback(step, 0))
         self._store_reactions_and_stop_motion(state)
         return equilibrium
-
-    def loads_and_reactions(self, state: State) -> Array:
-        """External force densities (n, w) as the plate rests: loads, and reactions of held components."""
-        return self._loads_and_reactions_under(state, self._drive.force.astype(float))
 
     def raise_if_unsupported(self) -> None:
         """Raise UnsettledError where broken bonds leave a body without supports."""
@@ -289,7 +285,7 @@ class LoadSteps:
         """Find equilibrium half the way to the last of three loads, and there; books the work."""
         u, pushed, iterations = (
             [state.value.copy()],
-            [self._loads_and_reactions_under(state, loads_at_start_middle_and_end[0])],
+            [self.loads_and_reactions(state, loads_at_start_middle_and_end[0])],
             0,
         )
         for load, place in zip(loads_at_start_middle_and_end[1:], displacements_at_middle_and_end, strict=True):
@@ -298,7 +294,7 @@ class LoadSteps:
             )
             iterations += equilibrium.iterations
             u.append(state.value.copy())
-            pushed.append(self._loads_and_reactions_under(state, load))
+            pushed.append(self.loads_and_reactions(state, load))
             self._remember(state)
         # work, J/m^3, of forces along the path through three states, quadratic in between
         (u0, um, u1), (f0, fm, f1) = u, pushed
@@ -375,8 +371,8 @@ class LoadSteps:
     def _residual_forces(self, state: State, load: Array) -> Array:
         return np.where(self.held, 0.0, force_densities(self._operator, state) + load)
 
-    def _loads_and_reactions_under(self, state: State, load: Array) -> Array:
-        """External force densities (n, d): loads, and reactions of held components."""
+    def loads_and_reactions(self, state: State, load: Array) -> Array:
+        """External force densities (n, w): loads, and reactions of held components."""
         return np.where(self.held, -force_densities(self._operator, state), load)
 
     def _store_reactions_and_stop_motion(self, state: State) -> None:
@@ -403,15 +399,15 @@ class LoadSteps:
         model, nodes = self._model, len(self._area)
         intact = np.ones(len(self._bonds), dtype=bool)
         intact[np.searchsorted(self._bonds, broken.source * nodes + broken.target)] = False
-        if self._supported_bonds is not None and self._supported_bonds.accept_if_surely_supported(intact):
+        if self._support_checker is not None and self._support_checker.accept_if_surely_supported(intact):
             return
         intact_bonds = self._bonds[intact]
         loose_bodies = find_loose_bodies(
             model.grid.position, model.grid.ids, np.divmod(intact_bonds, nodes), self._supported
         )
-        self._supported_bonds = None
+        self._support_checker = None
         if not loose_bodies.description:
-            self._supported_bonds = SupportChecker(
+            self._support_checker = SupportChecker(
                 model.grid.position, np.divmod(self._bonds, nodes), self._supported, intact
             )
             return

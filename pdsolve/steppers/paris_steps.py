@@ -90,7 +90,7 @@ class ParisSteps(CycleSteps):
             equilibrium = self._advance_cycles_to_next_particle(state, step, judged, rate)
             if equilibrium is None:
                 return previous_equilibrium
-            steepest, ahead = self._largest_rate_ratios_of_all_and_just_grown_tips(state)
+            steepest, ahead = self._largest_growth_rate_ratios_of_all_and_just_grown_tips(state)
             shorter = [
                 growth.growth_length(tip, self._share / 2) < growth.growth_length(tip, self._share) for tip, _ in judged
             ]
@@ -143,7 +143,7 @@ class ParisSteps(CycleSteps):
         chosen = [judged_tip for judged_tip, due in zip(judged_tips, grows, strict=True) if due]
         return self._add_particles_to_tips_and_settle(state, step, chosen, growth_rate[grows].tolist())
 
-    def _largest_rate_ratios_of_all_and_just_grown_tips(self, state: State) -> tuple[float, float]:
+    def _largest_growth_rate_ratios_of_all_and_just_grown_tips(self, state: State) -> tuple[float, float]:
         """Growth of the tips over what it was in the step before, the largest: of all, and of those that have grown."""
         judged = self._growth.judge_tips(state)
         rate = crack_growth_per_cycle(self._law, stress_intensities_of_tips(self._growth, judged)).tolist()

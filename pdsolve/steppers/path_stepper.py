@@ -105,11 +105,17 @@ class PathStepper:
         raise NotImplementedError
 
     def _record_step(
-        self, step: int, iterations: int, residual: float, factor: float, external_forces: Array, dissipated: float
+        self,
+        step: int,
+        iterations: int,
+        residual: float,
+        load_factor: float,
+        external_forces: Array,
+        dissipated_energy: float,
     ) -> None:
         """Record a step that ended under loads and reactions `external_forces` (n, w), N/m."""
         pull = float((external_forces * self._growth)[self._driven].sum())
-        self.step_results.append(PathStepResult(step, iterations, residual, factor, pull, dissipated))
+        self.step_results.append(PathStepResult(step, iterations, residual, load_factor, pull, dissipated_energy))
         self._warn_past_peak_load_or_end_path(step)
 
     def _warn_past_peak_load_or_end_path(self, step: int) -> None:
@@ -136,9 +142,9 @@ class PathStepper:
             stacklevel=2,
         )
 
-    def _loads_and_prescribed_displacements(self, factor: float) -> Array:
+    def _loads_and_prescribed_displacements(self, load_factor: float) -> Array:
         """Loads (n, w), N/m, and places of what is held, m."""
-        put_loads(self._drive, factor)
+        put_loads(self._drive, load_factor)
         return np.where(
-            self._held, prescribed_displacements(self._drive, factor), self._area[:, None] * self._drive.force
+            self._held, prescribed_displacements(self._drive, load_factor), self._area[:, None] * self._drive.force
         )

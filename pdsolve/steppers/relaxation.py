@@ -20,6 +20,7 @@ from pdsolve.state import State
 from pdsolve.steppers.equilibrium import (
     Equilibrium,
     EquilibriumConditions,
+    EquilibriumMethod,
     ProgressReport,
     UnsettledError,
     force_densities,
@@ -39,7 +40,7 @@ def smallest_stable_mass(operator: Operator) -> NDArray[np.float64]:
     return operator.stiffness_bound() / 2
 
 
-class DynamicRelaxation:
+class DynamicRelaxation(EquilibriumMethod):
     """Dynamic relaxation with any operator; see `EquilibriumMethod`."""
 
     description = "adaptive dynamic relaxation"
@@ -56,16 +57,6 @@ class DynamicRelaxation:
         self._operator, self._tolerance, self._most = operator, tolerance, max_iterations or MOST
         self._mass = 1.1 * smallest_stable_mass(operator)[:, None] if mass is None else mass
         self._least = reference_stiffness_above_round_off(2 * float(self._mass.max(initial=0.0)), tolerance)
-
-    def discard_reused_tangent(self) -> None:
-        """Does nothing: each solution depends on the state alone."""
-
-    def count_unstable_modes(self, state: State, constrained: NDArray[np.bool_]) -> int:
-        """0: relaxation leaves what is not stable by itself."""
-        return 0
-
-    def restrain_by_weak_springs(self, nodes: NDArray[np.bool_]) -> None:
-        """Does nothing: relaxation has no equations to hold nodes in; see `pdsolve.steppers.static_loads`."""
 
     def solve_equilibrium(
         self, state: State, conditions: EquilibriumConditions, report_progress: ProgressReport

@@ -35,8 +35,8 @@ def model_with_load_steps(model: Model, precision: str) -> Model:
         stepped_model = dataclasses.replace(model, settings=msgspec.structs.replace(model.settings, run=changed))
         _raise_for_contradictory_holds_or_missing_loads(stepped_model, [1.0])
         return stepped_model
-    end = max((time for c in _no_fail_conditions(model) for time, _ in c.profile), default=0.0)
-    varies = end > 0 and any(len(c.profile) > 1 for c in _no_fail_conditions(model))
+    end = max((time for c in _mechanical_conditions(model) for time, _ in c.profile), default=0.0)
+    varies = end > 0 and any(len(c.profile) > 1 for c in _mechanical_conditions(model))
     steps = run.static.load_steps or (STEPS if varies else 1)
     if not varies and steps > 1:
         raise ModelError(
@@ -68,8 +68,8 @@ def follows_arc_length(model: Model) -> bool:
 def _model_with_path_steps(model: Model) -> Model:
     """The model in steps of 1 s along its path; its profiles go from 0 to 1 s. Raises ModelError."""
     run = model.settings.run
-    varies = any(len(condition.profile) > 1 for condition in _no_fail_conditions(model))
-    end = max((time for condition in _no_fail_conditions(model) for time, _ in condition.profile), default=0.0)
+    varies = any(len(condition.profile) > 1 for condition in _mechanical_conditions(model))
+    end = max((time for condition in _mechanical_conditions(model) for time, _ in condition.profile), default=0.0)
     conditions = []
     for number, condition in enumerate(model.settings.conditions):
         if not isinstance(condition, Condition) or (varies and len(condition.profile) < 2):
@@ -95,7 +95,7 @@ def _model_with_path_steps(model: Model) -> Model:
     return stepped_model
 
 
-def model_with_content_steps(model: Model, precision: str) -> Model:
+def model_at_rest_after_each_content_step(model: Model, precision: str) -> Model:
     """The model at rest after each time step of a content that swells it. Raises ModelError for an unsupported one."""
     run = model.settings.run
     if precision != "float64":
@@ -113,7 +113,7 @@ def model_with_content_steps(model: Model, precision: str) -> Model:
     return stepped_model
 
 
-def _no_fail_conditions(model: Model) -> list[Condition]:
+def _mechanical_conditions(model: Model) -> list[Condition]:
     return [condition for condition in model.settings.conditions if isinstance(condition, Condition)]
 
 

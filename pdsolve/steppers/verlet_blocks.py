@@ -38,7 +38,7 @@ class BlockMotion(NamedTuple):
     inverse_rho: NDArray[np.floating]  # (m,) 1 / rho
     has_loads: NDArray[np.bool_]  # (blocks,) whether a load acts on the block
     is_without_loads_and_holds: NDArray[np.bool_]  # (blocks,) whether only bonds and contact act on the block
-    held_entries_in_order: NDArray[np.int64]  # (holds,) the held components in the order of their blocks
+    held_entries_by_block: NDArray[np.int64]  # (holds,) the held components in the order of their blocks
     first_held_entry_of_block: NDArray[np.int64]  # (blocks + 1,) those of a block
     block_order_for_threads: NDArray[np.int64]  # (own blocks,) the order in which blocks are shared out to threads
     contact_force: NDArray[np.float64]  # (2, m) force density of contact now, N/m^3
@@ -64,7 +64,7 @@ class VerletBlocks:
         hold_order, loaded = np.argsort(block, kind="stable"), np.zeros(count, dtype=np.bool_)
         loaded[drive.loads.node // LANES] = True
         held_start = np.searchsorted(block[hold_order], np.arange(count + 1))
-        block_range = (0, count) if ghosts is None else ghosts.own_blocks
+        block_range = (0, count) if ghosts is None else ghosts.own_block_range
         # Equal parts of the blocks, one a thread, are to be equal work: blocks at an interface between spacings cost
         # more than others, so that each part takes groups from everywhere
         moving = block_range[1] - block_range[0]
@@ -80,7 +80,7 @@ class VerletBlocks:
             inverse_rho=_pad_to_blocks(1 / rho, count, 1.0),
             has_loads=loaded,
             is_without_loads_and_holds=~loaded & (np.diff(held_start) == 0),
-            held_entries_in_order=hold_order,
+            held_entries_by_block=hold_order,
             first_held_entry_of_block=held_start,
             block_order_for_threads=turns,
             contact_force=np.zeros((2, LANES * count if contact is not None else 0)),
@@ -278,7 +278,7 @@ def _copy_displacements_to_first_buffer(u_buffers, last_buffer):  # type: ignore
 def _accelerate_held_components(tracks, block_motion, drive, dt, time, block):  # type: ignore[no-untyped-def]
     v, a, speed, force = tracks.v.T, tracks.a.T, drive.held_speed, drive.held_force
     for k in range(block_motion.first_held_entry_of_block[block], block_motion.first_held_entry_of_block[block + 1]):
-        e = block_motion.held_entries_in_order[k]
+        e = block_motion.held_entries_by_block[k]
         accelerate_held_component_and_book_work(
             v, a, block_motion.rho, tracks.work, drive.holds, drive.profiles, speed, force, e, dt, time
         )
@@ -289,7 +289,7 @@ def _prescribe_held_components(tracks, block_motion, drive, u, dt, time, block):
     v, a = tracks.v.T, tracks.a.T
     for k in range(block_motion.first_held_entry_of_block[block], block_motion.first_held_entry_of_block[block + 1]):
         prescribe_held_component(
-            u.T, v, a, drive.holds, drive.profiles, drive.held_speed, block_motion.held_entries_in_order[k], dt, time
+            u.T, v, a, drive.holds, drive.profiles, drive.held_speed, block_motion.held_entries_by_block[k], dt, time
         )
 
 

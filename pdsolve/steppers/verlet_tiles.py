@@ -58,7 +58,7 @@ class TileMotion(NamedTuple):
     damping: NDArray[np.float64]  # (n,) of nodes, 1/s
     constrained: NDArray[np.bool_]  # (n, d) whether a component is prescribed
     has_only_bond_forces: NDArray[np.bool_]  # (t,) whether neither a load nor a hold nor damping acts on the tile
-    held_entries_in_order: NDArray[np.int64]  # (holds,) prescribed components in the order of their tiles
+    held_entries_by_tile: NDArray[np.int64]  # (holds,) prescribed components in the order of their tiles
     first_held_entry_of_tile: NDArray[np.int64]  # (t + 1,) those of a tile
     waiting_reason: NDArray[np.uint8]  # (t,) READY, or what a tile waits for
     sweep_with_waiting_tiles: NDArray[np.int64]  # (1,) the sweep in which tiles wait, or -1
@@ -131,7 +131,7 @@ class VerletTiles:
             damping=damping,
             constrained=constrained_components(drive),
             has_only_bond_forces=plain,
-            held_entries_in_order=np.argsort(tile, kind="stable"),
+            held_entries_by_tile=np.argsort(tile, kind="stable"),
             first_held_entry_of_tile=np.searchsorted(np.sort(tile), np.arange(count + 1)),
             waiting_reason=np.zeros(count, dtype=np.uint8),
             sweep_with_waiting_tiles=np.zeros(1, dtype=np.int64),
@@ -376,7 +376,7 @@ def _kick_and_drift_tile(tile_motion, drive, u, v, a, dt, time, tile):  # type: 
             u[axis, lane] += dt * v[axis, lane]
     for k in range(tile_motion.first_held_entry_of_tile[tile], tile_motion.first_held_entry_of_tile[tile + 1]):
         prescribe_held_component(
-            u.T, v.T, a.T, drive.holds, drive.profiles, drive.held_speed, tile_motion.held_entries_in_order[k], dt, time
+            u.T, v.T, a.T, drive.holds, drive.profiles, drive.held_speed, tile_motion.held_entries_by_tile[k], dt, time
         )
 
 
@@ -398,7 +398,7 @@ def _accelerate_kick_and_damp_tile(tiles, tile_motion, drive, motion, state, v, 
         speed, force, time = drive.held_speed, drive.held_force, motion.step * dt
         of_holds = drive.holds, drive.profiles, speed, force
         accelerate_held_component_and_book_work(
-            v.T, a.T, rho, work, *of_holds, tile_motion.held_entries_in_order[k], dt, time
+            v.T, a.T, rho, work, *of_holds, tile_motion.held_entries_by_tile[k], dt, time
         )
     for lane in range(ROW):
         i = tiles.node[tile * ROW + lane]

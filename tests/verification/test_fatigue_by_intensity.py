@@ -179,7 +179,7 @@ def test_a_jump_after_which_growth_is_too_fast_is_taken_back_and_halved(monkeypa
     for each, accepted in ((taken, 0.25), (asked, 1.0)):
         monkeypatch.setattr(
             ParisSteps,
-            "_largest_rate_ratios_of_all_and_just_grown_tips",
+            "_largest_growth_rate_ratios_of_all_and_just_grown_tips",
             lambda self, _, most=accepted: (1.0 if self._share <= most else 3.0, 1.0),
         )
         each.system.stepper.advance(each.state, 1, 2)

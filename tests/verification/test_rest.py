@@ -110,11 +110,11 @@ def test_displacements_are_those_of_a_direct_solution(method: str) -> None:
     if method == "thesis":
         problem = prepare_load_steps(problem.system.model, ONE, SCHEMES["thesis"])
         put_loads(problem.system.drive, 0.0)
-        asked = asked._replace(load=problem.system.drive.force.astype(float))
+        asked = asked._replace(body_force=problem.system.drive.force.astype(float))
     operator, free = problem.system.operator, ~asked.constrained.ravel()
     K = operator.tangent(problem.state)[free][:, free]
     exact = np.zeros(len(free))
-    exact[free] = spsolve(K.tocsc(), asked.load.ravel()[free])
+    exact[free] = spsolve(K.tocsc(), asked.body_force.ravel()[free])
     if method == "relaxation":
         DynamicRelaxation(operator, 1e-8).solve_equilibrium(problem.state, asked, lambda *_: None)
     else:
