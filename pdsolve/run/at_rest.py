@@ -21,14 +21,14 @@ from pdsolve.run.system import Prepared, System
 from pdsolve.schemes.scheme import Scheme
 from pdsolve.state import zero_state
 from pdsolve.steppers.arc_length_steps import ArcLengthSteps
-from pdsolve.steppers.contact_method import ContactMethod
+from pdsolve.steppers.contact_method import EquilibriumMethodWithContact
 from pdsolve.steppers.crack_length_steps import CrackLengthSteps
-from pdsolve.steppers.cycle_or_path_steps import make_cycle_steps
+from pdsolve.steppers.cycle_or_path_steps import make_fatigue_stepper
 from pdsolve.steppers.equilibrium import EquilibriumMethod
 from pdsolve.steppers.load_steps import LoadSteps
 from pdsolve.steppers.newton import FACTORED, FACTORED_IN, Newton
 from pdsolve.steppers.path_steps import SofteningPathSteps
-from pdsolve.steppers.relaxation import Relaxation
+from pdsolve.steppers.relaxation import DynamicRelaxation
 from pdsolve.steppers.static_loads import follows_arc_length, follows_crack_length, follows_softening_path
 
 MOST_ALONG_PATH = {2: FACTORED, 3: 10_000}  # free components by dimension: factors of 5800 in space take 0.5 GB
@@ -54,13 +54,13 @@ def prepare_load_steps(model: Model, options: Options, scheme: Scheme, bonds_bre
     flows = any(SOLIDS[material.solid].flows for material in model.materials)
     method: EquilibriumMethod
     if static.method == "relaxation":
-        method = Relaxation(operator, static.tolerance, static.iterations)
+        method = DynamicRelaxation(operator, static.tolerance, static.iterations)
     else:
         free, most = driven.force.size - len(driven.holds.node), FACTORED_IN[model.grid.dimension]
         pairs = law.pair is not None and contact is None
         method = Newton(operator, area, static.tolerance, static.iterations, free, most, pairs, flows)
     if contact is not None:
-        method = ContactMethod(method, operator, contact)
+        method = EquilibriumMethodWithContact(method, operator, contact)
     breakable = no_fail.breakable() if bonds_break and law.pair is not None else None
     breaking = FamilyBonds(bonds) if of_families and isinstance(bonds, BondList) else breakable
     remember = {"on_equilibrium": bonds.update_history} if isinstance(bonds, BondList) else {}
@@ -71,10 +71,10 @@ def prepare_load_steps(model: Model, options: Options, scheme: Scheme, bonds_bre
     system = System(model, options, scheme, operator, stepper, driven, *filled, step, bound, 0.0)
     system = replace(system, growth=growth, contact=contact)
     if fatigue is not None and (bonds_break or grows):
-        system = replace(system, stepper=make_cycle_steps(model, operator, stepper, breakable, *filled[1:], growth))
+        system = replace(system, stepper=make_fatigue_stepper(model, operator, stepper, breakable, *filled[1:], growth))
     if bonds_break and follows_arc_length(model):
         _refuse_large_body(model, driven)
-        arc = ArcLengthSteps(model, operator, driven, area, breaking, **remember, solid_flows=flows)
+        arc = ArcLengthSteps(model, operator, driven, area, breaking, **remember, has_plastic_flow=flows)
         system = replace(system, stepper=arc)
     if growth is not None and follows_crack_length(model):
         system = replace(system, stepper=CrackLengthSteps(model, operator, driven, area, stepper, growth))

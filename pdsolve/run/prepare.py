@@ -43,8 +43,8 @@ from pdsolve.run.system import Prepared, System
 from pdsolve.schemes import SCHEMES
 from pdsolve.schemes.scheme import Scheme
 from pdsolve.steppers.equilibrium import force_densities
-from pdsolve.steppers.euler import Euler
-from pdsolve.steppers.static_loads import model_with_content_steps, model_with_load_steps
+from pdsolve.steppers.euler import ForwardEuler
+from pdsolve.steppers.static_loads import model_at_rest_after_each_content_step, model_with_load_steps
 
 WORTH_HYBRID = 25_000  # nodes of a plate with a fine zone that moves, were they all there
 
@@ -130,7 +130,7 @@ def _prepare_swelling(model: Model, options: Options, scheme: Scheme) -> Prepare
         return _prepare_swelling_zone(model, options, scheme)
     options, rests = options_for_swelling(model, options), model.settings.run.solver == "static"
     if rests:
-        model = model_with_content_steps(model, options.precision)
+        model = model_at_rest_after_each_content_step(model, options.precision)
         system, state = prepare_load_steps(model.moving_part(), options, scheme)
     else:
         system, state = assemble_motion(model.moving_part(), options, scheme)
@@ -141,7 +141,7 @@ def _prepare_swelling(model: Model, options: Options, scheme: Scheme) -> Prepare
     assert transport is not None
     if not rests:
         cycle = cycle_of(model.settings.run, system.time_step, transport.bound)
-        marches = Euler(transport.operator, transport.drive, cycle * system.time_step)
+        marches = ForwardEuler(transport.operator, transport.drive, cycle * system.time_step)
     assert model.settings.medium is not None
     share = model.settings.medium.broken
     broken = None if share == 1 else BrokenBonds(transport, bonds, share)
@@ -168,7 +168,7 @@ def _prepare_swelling_zone(model: Model, options: Options, scheme: Scheme) -> Pr
     transport = content.system.transport
     assert transport is not None
     cycle = cycle_of(model.settings.run, system.time_step, transport.bound)
-    marches = Euler(transport.operator, transport.drive, cycle * system.time_step)
+    marches = ForwardEuler(transport.operator, transport.drive, cycle * system.time_step)
     broken = None if medium.broken == 1 else BrokenBonds(transport, PlateBrokenBonds(operator.engine), medium.broken)
     stepper = SwellingZone(marches, content.state, operator, model, cycle, broken)
     energy = system.initial_energy + operator.engine.strain_energy()

@@ -405,7 +405,7 @@ def _advance_to_end(recorder: Recorder, writer: Behind, request: RunRequest) -> 
         recorder.system.stepper if isinstance(recorder.system.stepper, CycleOrPathSteps) else recorder.system.load_steps
     )
     if load_stepper is not None:
-        load_stepper.watch = going
+        load_stepper.on_progress = going
     writer.stop = asked
     while step < run.steps and not (interrupted or done):
         looks = run.steps if adapt is None else change_nodes_if_due(recorder, adapt, step)
@@ -446,7 +446,7 @@ def _advance_to_end(recorder: Recorder, writer: Behind, request: RunRequest) -> 
 def _make_progress(recorder: Recorder, step: int, load_step_progress: LoadStepProgress | None = None) -> Progress:
     """Data for a progress display after `step`, or within a load step `load_step_progress`."""
     records, steps = recorder.physics_records, recorder.system.model.settings.run.steps
-    broken = records.broken_bond_count if load_step_progress is None else load_step_progress.broken
+    broken = records.broken_bond_count if load_step_progress is None else load_step_progress.broken_bond_count
     words, stepper = records.progress_text(broken), recorder.system.stepper
     if isinstance(stepper, CycleOrPathSteps):
         words = f"{stepper.progress_text()}, {words}"

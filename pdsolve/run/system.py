@@ -100,11 +100,11 @@ class System:
     def fetch_state(self) -> None:
         """Bring the state up to the steps taken, if a device takes them."""
         if isinstance(self.stepper, OnDevice):
-            self.stepper.fetch()
+            self.stepper.download_state()
 
     def profile_time(self, step_number: int) -> float:
         """Time of the profiles of conditions after `step_number`, s."""
-        return self.stepper.factor if isinstance(self.stepper, CycleOrPathSteps) else step_number * self.time_step
+        return self.stepper.load_factor if isinstance(self.stepper, CycleOrPathSteps) else step_number * self.time_step
 
     @property
     def threads(self) -> int:

@@ -177,14 +177,14 @@ def test_both_tips_of_a_crack_grow_until_they_have_no_room() -> None:
 @pytest.mark.filterwarnings("ignore::pdsolve.model.ModelWarning")
 def test_what_does_not_come_to_rest_is_an_error(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """And what was solved before is kept."""
-    rest_at = LoadSteps.settle_without_booking
+    rest_at = LoadSteps.settle_at_time_without_booking
 
     def fails(motion: LoadSteps, state: State, step: int, time: float) -> Equilibrium:
         if step == 3:
             raise UnsettledError("no rest")
         return rest_at(motion, state, step, time)
 
-    monkeypatch.setattr(LoadSteps, "settle_without_booking", fails)
+    monkeypatch.setattr(LoadSteps, "settle_at_time_without_booking", fails)
     with pytest.raises(UnsettledError, match="path step 3: no rest"):
         simulate(edge_crack(6), tmp_path / "a.sqlite", ONE)
     with Results.open(tmp_path / "a.sqlite") as results:

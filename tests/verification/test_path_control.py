@@ -138,7 +138,7 @@ def test_the_gradient_of_an_opening_is_that_of_its_measure() -> None:
     random = np.random.default_rng(2)
     position, value, way = random.standard_normal((5, 2)), *random.standard_normal((2, 5, 3))
     gap = OpeningControl("a", position, (1, 3))
-    low, high = (gap.measure(value + side * 1e-6 * way, 0.0) for side in (-1, 1))
-    rate = float((gap.gradient(value, None) * way).sum())  # type: ignore[arg-type]
+    low, high = (gap.control_value(value + side * 1e-6 * way, 0.0) for side in (-1, 1))
+    rate = float((gap.gradient_by_displacement(value, None) * way).sum())  # type: ignore[arg-type]
     assert rate == pytest.approx((high - low) / 2e-6, rel=1e-6)
-    assert gap.measure(np.zeros((5, 3)), 0.0) == 0
+    assert gap.control_value(np.zeros((5, 3)), 0.0) == 0

@@ -27,7 +27,7 @@ from pdsolve.conditions import apply_loads
 from pdsolve.laws.calls import added_force, broken_energy, second_share
 from pdsolve.numerics.thread_team import meet
 from pdsolve.operators.simd_lattice.kernel import INNER
-from pdsolve.steppers.holds import accelerate_held_component, prescribe_component
+from pdsolve.steppers.holds import accelerate_held_component_and_book_work, prescribe_held_component
 
 DONE, SWITCH, ROOM = range(3)  # how a march ends: at its last step; as nodes are to be made fine; for want of room
 BEGIN, FORCES, SUM = range(3)  # where in a step it goes on; with `SUM` it ends once forces are summed
@@ -48,7 +48,7 @@ def _kick_and_drift(lattice, zone, drive, time):  # type: ignore[no-untyped-def]
             v[axis, p] += dt / 2 * a[axis, p]
             u[axis, p] += dt * v[axis, p]
     for e in range(len(drive.holds.node)):
-        prescribe_component(u.T, v.T, a.T, drive.holds, drive.profiles, drive.held_speed, e, dt, time)
+        prescribe_held_component(u.T, v.T, a.T, drive.holds, drive.profiles, drive.held_speed, e, dt, time)
     if drive.varies:
         apply_loads(drive, time)
 
@@ -243,7 +243,7 @@ def _move_held_components(lattice, zone, drive, work, rho, time):  # type: ignor
     for e in range(len(drive.holds.node)):
         p, axis = drive.holds.node[e], drive.holds.axis[e]
         v[axis, p] -= dt / 2 * a[axis, p]
-        accelerate_held_component(
+        accelerate_held_component_and_book_work(
             v.T, a.T, rho, work, drive.holds, drive.profiles, drive.held_speed, drive.held_force, e, dt, time
         )
         v[axis, p] += dt / 2 * a[axis, p]
