@@ -262,7 +262,7 @@ class SofteningPathSteps(PathStepper):
                 )
                 break
             except UnsettledError as error:
-                secants = self._choose_secant_iterations_of_next_try(secants, error)
+                secants = self._choose_secant_iterations_and_increment_of_next_try(secants, error)
         if count <= FEW:
             self._more = min(self._more * GROWTH, self._most)
         if new.load_factor > 1:
@@ -275,7 +275,7 @@ class SofteningPathSteps(PathStepper):
         self.ended |= self._is_final_opening_reached(new)
         return new, iterations + count, residual
 
-    def _choose_secant_iterations_of_next_try(self, secant_iterations: int, error: UnsettledError) -> int:
+    def _choose_secant_iterations_and_increment_of_next_try(self, secant_iterations: int, error: UnsettledError) -> int:
         """Secants to begin the step again with, after it did not converge with so many; sets how much more is spent.
 
         Raises the error where nothing is left to try.
