@@ -368,10 +368,8 @@ def work_of_last_path_step(
     By Simpson's rule, exact for these; by the trapezoidal rule next to a much longer or shorter step.
     """
     (first, last, new), (f0, f1, f2) = three_points, external_forces
-    back, ahead = (
-        last.energy_or_arc_length - first.energy_or_arc_length,
-        new.energy_or_arc_length - last.energy_or_arc_length,
-    )
+    back = last.energy_or_arc_length - first.energy_or_arc_length
+    ahead = new.energy_or_arc_length - last.energy_or_arc_length
     if not ALIKE * ahead > back > ahead / ALIKE:
         return np.asarray((f1 + f2) / 2 * (new.displacement - last.displacement))
     steep = ahead / back
