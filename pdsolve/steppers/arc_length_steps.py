@@ -68,12 +68,10 @@ class ArcLengthSteps(PathStepper):
         direction of its last step.
         """
         super().__init__(model, drive, area)
-        self._operator, self._breaking, self._remember, self._flows = (
-            operator,
-            breaking,
-            on_equilibrium,
-            has_plastic_flow,
-        )
+        self._operator = operator
+        self._breaking = breaking
+        self._remember = on_equilibrium
+        self._flows = has_plastic_flow
         self._free = np.flatnonzero(~self._held.ravel())
         static, shape = model.settings.run.static, self._held.shape
         self._tolerance = max(static.tolerance, COARSEST)
@@ -179,9 +177,9 @@ class ArcLengthSteps(PathStepper):
     ) -> PathSolution:
         """The equilibrium at the end of the loads, between the last one and one beyond."""
         last = self._last
-        near = last.displacement + (1 - last.load_factor) / (point_beyond_full_loads.load_factor - last.load_factor) * (
-            point_beyond_full_loads.displacement - last.displacement
-        )
+        beyond = point_beyond_full_loads
+        share = (1 - last.load_factor) / (beyond.load_factor - last.load_factor)
+        near = last.displacement + share * (beyond.displacement - last.displacement)
         new, count, residual = self._find_equilibrium_at_load_factor(state, near, 1.0, step)
         if not norm(new.displacement - near) < BENT * self._more:
             raise UnsettledError("the path bends within the shortest step")
@@ -195,10 +193,8 @@ class ArcLengthSteps(PathStepper):
         self, state: State, start_displacement: Array, load_factor: float, step: int
     ) -> PathSolution:
         """The equilibrium at a factor, from displacements (n, w) near it."""
-        last, value = (
-            self._last.displacement,
-            np.where(self._held, self._start + load_factor * self._growth, start_displacement),
-        )
+        last = self._last.displacement
+        value = np.where(self._held, self._start + load_factor * self._growth, start_displacement)
         new, count, residual = self._solve_in_normal_plane_or_at_load_factor(
             state, PathPoint(value, load_factor, 0.0), None, step
         )

@@ -148,10 +148,8 @@ class CrackLengthSteps(PathStepper):
             self._drive.held_force[:], self._drive.before[:] = held_force, self._drive.force
             self.ended, self.end_reason = True, str(error)
             return None
-        way = state.value - value
-        state.work[:] += ((outside + motion.loads_and_reactions(state, self._drive.force.astype(float))) / 2 * way).sum(
-            axis=1
-        )
+        way, outside_now = state.value - value, motion.loads_and_reactions(state, self._drive.force.astype(float))
+        state.work[:] += ((outside + outside_now) / 2 * way).sum(axis=1)
         state.dissipated[:] -= (cut * way).sum(axis=1) / 2
         return equilibrium, factor, float(area @ state.dissipated) - spent
 
@@ -167,10 +165,8 @@ class CrackLengthSteps(PathStepper):
         iterations = 0
         for _ in range(TRIES):
             equilibrium = settle_at_load_factor(load_factor)
-            iterations, share = (
-                iterations + equilibrium.iterations,
-                self._largest_intensity_to_toughness_ratio_or_raise(state),
-            )
+            iterations += equilibrium.iterations
+            share = self._largest_intensity_to_toughness_ratio_or_raise(state)
             if abs(share - 1) < NEAR or (load_factor == 1 and share < 1):
                 if load_factor == 1:
                     self.ended, self.end_reason = True, REACHED

@@ -168,10 +168,8 @@ class LoadSteps:
         before = self._drive.force.astype(float) if self.step_results else np.zeros(self._drive.force.shape)
         put_loads(self._drive, step * self._dt)
         self.method.discard_reused_tangent()
-        start, spent = (
-            self._norm_of_load_or_held_displacements(state, before),
-            self._dissipated_and_released_energy(state),
-        )
+        start = self._norm_of_load_or_held_displacements(state, before)
+        spent = self._dissipated_and_released_energy(state)
         try:
             self._raise_if_loads_on_loose_bodies_unbalanced("")
             equilibrium = self._settle_in_parts_and_book_work(state, before, step, step * self._dt)
@@ -235,11 +233,9 @@ class LoadSteps:
 
         A part of the way that does not come to rest is halved, and the next part grows if few iterations were enough.
         """
-        at, now, start = (
-            prescribed_displacements(self._drive, time),
-            self._drive.force.astype(float),
-            state.value.copy(),
-        )
+        at = prescribed_displacements(self._drive, time)
+        now = self._drive.force.astype(float)
+        start = state.value.copy()
         done, part, iterations, equilibrium = 0.0, 1.0, 0, Equilibrium(0, 0.0)
         while done < 1:
             end = 1.0 if done + part > 1 - self.method.smallest_load_step_part else done + part
@@ -283,11 +279,9 @@ class LoadSteps:
         report_progress: ProgressReport,
     ) -> Equilibrium:
         """Find equilibrium half the way to the last of three loads, and there; books the work."""
-        u, pushed, iterations = (
-            [state.value.copy()],
-            [self.loads_and_reactions(state, loads_at_start_middle_and_end[0])],
-            0,
-        )
+        u = [state.value.copy()]
+        pushed = [self.loads_and_reactions(state, loads_at_start_middle_and_end[0])]
+        iterations = 0
         for load, place in zip(loads_at_start_middle_and_end[1:], displacements_at_middle_and_end, strict=True):
             equilibrium = self.method.solve_equilibrium(
                 state, EquilibriumConditions(load, self.held, place, self._inner), report_progress
@@ -415,9 +409,8 @@ class LoadSteps:
             alone = loose_bodies.is_loose_node
             joined = append_contact_pairs(np.divmod(intact_bonds, nodes), self._contact)
             loose_bodies = find_loose_bodies(model.grid.position, model.grid.ids, joined, self._supported)
-            self.method.restrain_by_weak_springs(
-                alone
-            )  # which touch holds once it presses, in all directions but along a face
+            # Contact holds these nodes once it presses, in all directions but along a face
+            self.method.restrain_by_weak_springs(alone)
             if not loose_bodies.description:
                 return
         if not model.settings.run.static.floating and not message_prefix:

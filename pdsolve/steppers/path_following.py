@@ -194,10 +194,8 @@ class PathFollower:
 
     def relative_residual(self, point: PathPoint) -> float:
         """What is left of the forces at a place, over the largest from outside so far."""
-        response, outside = (
-            self.bonds.respond(point.displacement),
-            self.drive.loads_and_displacements_at(point.load_factor),
-        )
+        response = self.bonds.respond(point.displacement)
+        outside = self.drive.loads_and_displacements_at(point.load_factor)
         return self._residual_over_external_forces(response, outside, self._free_residual_forces(response, outside))
 
     def displacement_derivative_by_load_factor(self, response: Response) -> Array:
@@ -213,10 +211,8 @@ class PathFollower:
     def _extrapolate_along_secant_direction(self, last_point: PathPoint, control_increment: float) -> PathPoint:
         """Where the control is by `control_increment` larger, along the straight direction of growing loads."""
         way = self.displacement_derivative_by_load_factor(self.bonds.respond(last_point.displacement))
-        begin, turn = (
-            self.control.control_value(last_point.displacement, last_point.energy_or_arc_length),
-            max(last_point.load_factor, 1e-6) * 1e-3,
-        )
+        begin = self.control.control_value(last_point.displacement, last_point.energy_or_arc_length)
+        turn = max(last_point.load_factor, 1e-6) * 1e-3
 
         def control_growth_at(factor_increment: float) -> float:
             value = last_point.displacement + factor_increment * way

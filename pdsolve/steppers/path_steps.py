@@ -262,7 +262,7 @@ class SofteningPathSteps(PathStepper):
                 )
                 break
             except UnsettledError as error:
-                secants = self._choose_secant_iterations_of_next_try(secants, error)
+                secants = self._choose_secant_iterations_and_increment_of_next_try(secants, error)
         if count <= FEW:
             self._more = min(self._more * GROWTH, self._most)
         if new.load_factor > 1:
@@ -275,7 +275,7 @@ class SofteningPathSteps(PathStepper):
         self.ended |= self._is_final_opening_reached(new)
         return new, iterations + count, residual
 
-    def _choose_secant_iterations_of_next_try(self, secant_iterations: int, error: UnsettledError) -> int:
+    def _choose_secant_iterations_and_increment_of_next_try(self, secant_iterations: int, error: UnsettledError) -> int:
         """Secants to begin the step again with, after it did not converge with so many; sets how much more is spent.
 
         Raises the error where nothing is left to try.
@@ -368,10 +368,8 @@ def work_of_last_path_step(
     By Simpson's rule, exact for these; by the trapezoidal rule next to a much longer or shorter step.
     """
     (first, last, new), (f0, f1, f2) = three_points, external_forces
-    back, ahead = (
-        last.energy_or_arc_length - first.energy_or_arc_length,
-        new.energy_or_arc_length - last.energy_or_arc_length,
-    )
+    back = last.energy_or_arc_length - first.energy_or_arc_length
+    ahead = new.energy_or_arc_length - last.energy_or_arc_length
     if not ALIKE * ahead > back > ahead / ALIKE:
         return np.asarray((f1 + f2) / 2 * (new.displacement - last.displacement))
     steep = ahead / back

@@ -184,12 +184,10 @@ def advance_blocks_of_thread(  # type: ignore[no-untyped-def]
             meet(gate)
         previous_u, current_u, next_u = u[(sweep + 2) % 3], u[sweep % 3], u[(sweep + 1) % 3]
         for turn in range(first_turn, end_turn):
-            block, step, starts, ends = (
-                block_motion.block_order_for_threads[turn],
-                first_step + sweep - 1,
-                sweep == 0,
-                sweep == steps,
-            )
+            block = block_motion.block_order_for_threads[turn]
+            step = first_step + sweep - 1
+            starts = sweep == 0
+            ends = sweep == steps
             if not starts and not ends and block_motion.is_without_loads_and_holds[block]:
                 _advance_block_without_loads(
                     blocks, tracks, block_motion, current_u, previous_u, next_u, dt, step, block, scratch

@@ -141,10 +141,8 @@ class VerletTiles:
         """Take the steps `first` to `last` - 1, in place."""
         site, tile_motion = self._operator.sites.site, self._course
         for axis in range(len(tile_motion.u_buffers[0])):
-            tile_motion.u_buffers[0][axis, site], tile_motion.v_buffers[0][axis, site] = (
-                state.value[:, axis],
-                state.rate[:, axis],
-            )
+            tile_motion.u_buffers[0][axis, site] = state.value[:, axis]
+            tile_motion.v_buffers[0][axis, site] = state.rate[:, axis]
         sweep, ends = 0, last - first + 1 if last > first else 0
         while sweep < ends or ends == 0:
             with self._operator.breaking:
@@ -250,11 +248,9 @@ def sweep_tiles_of_thread(tiles, tile_motion, drive, state, dt, sweep_range, bre
 @njit(**INNER)
 def _add_second_forces_of_broken_bonds(tiles, tile_motion, sweep_arguments):  # type: ignore[no-untyped-def]
     """Add the second forces of the thread's bonds that broke one step ago to the failure forces of its tiles."""
-    breaks, motion, failure_force = (
-        sweep_arguments.breaks_of_thread,
-        sweep_arguments.motion,
-        tile_motion.v_buffers[sweep_arguments.next_buffer],
-    )
+    breaks = sweep_arguments.breaks_of_thread
+    motion = sweep_arguments.motion
+    failure_force = tile_motion.v_buffers[sweep_arguments.next_buffer]
     last = first = breaks.used[0]
     while first > 0 and breaks.bonds[first - 1, 0] == motion.step - 1:
         first -= 1
@@ -295,11 +291,9 @@ def _sweep_tile_or_return_waiting_reason(tiles, tile_motion, drive, sweep_argume
 @njit(**IN_PLACE)
 def _sum_tile_forces(tiles, tile_motion, sweep_arguments, buffers, tile):  # type: ignore[no-untyped-def]
     """Fill the force densities on a tile; returns what it waits for."""
-    motion, breaks, dissipated = (
-        sweep_arguments.motion,
-        sweep_arguments.breaks_of_thread,
-        sweep_arguments.state.dissipated,
-    )
+    motion = sweep_arguments.motion
+    breaks = sweep_arguments.breaks_of_thread
+    dissipated = sweep_arguments.state.dissipated
     failure_force = tile_motion.v_buffers[
         sweep_arguments.next_buffer
     ]  # of bonds that soften or break: their place is free until the tile is advanced
