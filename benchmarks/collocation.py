@@ -31,8 +31,8 @@ from pdmesh.model.document import Collocation
 from pdsolve.adaptivity.collocation.operator import CollocationOperator
 from pdsolve.model import Model, ModelWarning
 from pdsolve.options import Options
-from pdsolve.run.measures import compute_ledger_row, damage
-from pdsolve.run.node_changes import find_zone_change
+from pdsolve.run.measures import compute_ledger_row, compute_node_damage
+from pdsolve.run.node_changes import find_zone_change_since_last_call
 from pdsolve.run.prepare import prepare
 
 PAGE = ROOT / "docs" / "verification" / "collocation.md"
@@ -100,13 +100,13 @@ def _solved(deck: Deck) -> Generator[None, None, Found]:
     model, began = deck.model(), time.thread_time()
     problem = prepare(model, Options(threads=1))
     system, state, took = problem.system, problem.state, time.thread_time() - began
-    steps, cpu, begins = model.settings.run.steps, 0.0, system.hybrid.zone_summary().fine_share  # type: ignore[union-attr]
+    steps, cpu, begins = model.settings.run.steps, 0.0, system.moving_zone_operator.zone_summary().fine_share  # type: ignore[union-attr]
     noted: list[tuple[float, float, float]] = []
     for look in range(LOOKS):
         began = time.thread_time()
         system.stepper.advance(state, look * steps // LOOKS + 1, (look + 1) * steps // LOOKS + 1)
         cpu += time.thread_time() - began
-        change = find_zone_change(system)
+        change = find_zone_change_since_last_call(system)
         if change is not None:
             system, state = change.system, change.state
         ledger = compute_ledger_row(system, state, (look + 1) * steps // LOOKS)
@@ -114,9 +114,9 @@ def _solved(deck: Deck) -> Generator[None, None, Found]:
         print(deck.name, f"{1e6 * ledger.time:.1f} us, {cpu:.1f} s,", *noted[-1][1:], file=sys.stderr, flush=True)
         yield
     at, near, top = np.array(noted).T
-    hurt, position = damage(system), system.model.grid.position
+    hurt, position = compute_node_damage(system), system.model.grid.position
     path = position[(hurt > CRACKED) & (position[:, 1] > 0.1)]
-    told = system.hybrid.zone_summary()  # type: ignore[union-attr]
+    told = system.moving_zone_operator.zone_summary()  # type: ignore[union-attr]
     balance = ledger.balance_error(system.initial_energy)
     return Found(
         deck, cpu, took, begins, at, near, balance, top, path, told.fine_share, told.clipped_stretch, position,
@@ -126,13 +126,13 @@ def _solved(deck: Deck) -> Generator[None, None, Found]:
 
 def _looked(system: object, state: object, h: float) -> tuple[float, float]:
     """Energy around the upper notch's tip, J/m, and how far up nodes are cracked, m."""
-    shown = system.hybrid  # type: ignore[attr-defined]
+    shown = system.moving_zone_operator  # type: ignore[attr-defined]
     assert isinstance(shown, CollocationOperator)
     held, _ = shown.energies(state)  # type: ignore[arg-type]
     position, rate = system.model.grid.position, state.rate  # type: ignore[attr-defined]
     own = np.hypot(*(position - (0.05, 0.125 + h / 2)).T) < RADIUS
     moving = shown.engine.lattice.rho / 2 * (rate[own] ** 2).sum(axis=1)
-    cracked = position[(damage(system) > CRACKED) & (position[:, 0] < 0.09), 1]  # type: ignore[arg-type]
+    cracked = position[(compute_node_damage(system) > CRACKED) & (position[:, 0] < 0.09), 1]  # type: ignore[arg-type]
     return float(((moving + held[own]) * shown.area[own]).sum()), float(cracked.max(initial=0.1) - 0.1)
 
 

@@ -27,7 +27,7 @@ from pdsolve.operators.device.runtime import Session
 from pdsolve.operators.device.source import preamble
 from pdsolve.options import Options
 from pdsolve.run.prepare import prepare
-from pdsolve.run.system import Prepared
+from pdsolve.run.system import PreparedRun
 
 STEPS, ROUNDS = 10, 5
 SIDES = {"64k": (400, 160), "400k": (1000, 400)}
@@ -93,7 +93,7 @@ def cube() -> Model:
     return Model(found.grid, found.settings)
 
 
-def marched(prepared: Prepared, clock: Callable[[], float], first: int) -> float:
+def marched(prepared: PreparedRun, clock: Callable[[], float], first: int) -> float:
     """Seconds of a step, of those from `first` on."""
     began = clock()
     prepared.advance(first, first + STEPS)

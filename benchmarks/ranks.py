@@ -43,7 +43,7 @@ from pdsolve.ranks.slabs import BESIDE
 from pdsolve.run.on_ranks import start
 from pdsolve.run.prepare import prepare
 from pdsolve.run.simulation import simulate
-from pdsolve.run.system import Prepared
+from pdsolve.run.system import PreparedRun
 
 STEPS, REPEATS = 10, 12  # of a timed march, in turns
 LATENCY, BANDWIDTH = 2e-6, 10e9  # s, bytes/s: supposed of a network
@@ -109,7 +109,7 @@ def peak(ranks: Team | None) -> float:
     return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
 
 
-def marched(prepared: Prepared, first: int) -> float:
+def marched(prepared: PreparedRun, first: int) -> float:
     """Seconds of a step, of those from `first` on."""
     began = time.perf_counter()
     prepared.advance(first, first + STEPS)
@@ -119,7 +119,7 @@ def marched(prepared: Prepared, first: int) -> float:
 def measured(ranks: Team, nodes: int) -> dict[str, Any]:
     """What a plate of so many nodes takes, on all ranks and on as many threads."""
     model = plate(nodes)
-    many = start.prepare_ranks(model, Options(), ranks)
+    many = start.prepare_run_on_ranks(model, Options(), ranks)
     memory = ranks.everywhere(peak)
     one = prepare(model, Options(threads=ranks.size))
     times: tuple[list[float], list[float]] = ([], [])
@@ -155,7 +155,7 @@ def memory_of_a_run(ranks: Team | None, model: Model) -> dict[str, Any]:
 def step_alone(ranks: Team | None, nodes: int) -> dict[str, float]:
     """The least time of a step of a plate of about so many nodes, and of an exchange in it, s."""
     alone = Options(threads=1)
-    prepared = prepare(plate(nodes), alone) if ranks is None else start.prepare_ranks(plate(nodes), alone, ranks)
+    prepared = prepare(plate(nodes), alone) if ranks is None else start.prepare_run_on_ranks(plate(nodes), alone, ranks)
     found, nodes = [], len(prepared.system.model.grid)
     prepared.advance(1, 2)
     for first in range(2, 2 + 6 * REPEATS * STEPS, STEPS):

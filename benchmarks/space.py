@@ -30,7 +30,7 @@ from pdsolve.numerics.memory import large_arrays_apart
 from pdsolve.numerics.thread_team import cores
 from pdsolve.options import Options
 from pdsolve.run.prepare import prepare
-from pdsolve.run.system import Prepared
+from pdsolve.run.system import PreparedRun
 
 PAGE = Path(__file__).parent.parent / "docs" / "verification" / "accuracy_and_cost.md"
 GLASS = Material(E=65e9, rho=2235.0, G0=204.0, micromodulus="constant", plane="space")
@@ -62,7 +62,7 @@ def cube(side: int, material: Material = GLASS) -> Model:
     return Model(grid, Settings(material=material, horizon=Horizon(3.0), run=Run(time_step=2e-8)))
 
 
-def shaken(model: Model, options: Options) -> Prepared:
+def shaken(model: Model, options: Options) -> PreparedRun:
     """A body in small random motion that breaks nothing."""
     problem = prepare(model, options)
     problem.state.value[:] = 1e-10 * np.random.default_rng(0).standard_normal(problem.state.value.shape)

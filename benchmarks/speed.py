@@ -37,7 +37,7 @@ from pdsolve.model import Model
 from pdsolve.options import Options
 from pdsolve.run.prepare import prepare
 from pdsolve.run.simulation import Progress, simulate
-from pdsolve.run.system import Prepared
+from pdsolve.run.system import PreparedRun
 
 LEAST = 4.0  # times the listed one, in the quick form
 SAMPLE = 0.05  # s of one measurement
@@ -85,7 +85,7 @@ def grids(names: list[str]) -> dict[str, Grid]:
     return found
 
 
-def shaken(grid: Grid, law: str, options: Options) -> Prepared:
+def shaken(grid: Grid, law: str, options: Options) -> PreparedRun:
     """A plate in small random motion that breaks nothing."""
     model = Model(grid, Settings(material=LAWS[law], horizon=Horizon(3.0), run=Run(time_step=2e-8)))
     problem = prepare(model, options)
@@ -96,7 +96,7 @@ def shaken(grid: Grid, law: str, options: Options) -> Prepared:
 class NumpyBonds:
     """The solver as one would write it in numpy: a list of bonds, bincount for the sums."""
 
-    def __init__(self, problem: Prepared) -> None:
+    def __init__(self, problem: PreparedRun) -> None:
         system, state = problem
         bonds = system.scheme.fill(system.model).whole().bonds
         self.i = np.repeat(np.arange(len(bonds.start) - 1), np.diff(bonds.start))
@@ -126,7 +126,7 @@ class NumpyBonds:
             self.v += self.dt / 2 * self.a
 
 
-def stepper(problem: Prepared) -> Callable[[int], None]:
+def stepper(problem: PreparedRun) -> Callable[[int], None]:
     """Takes steps of a problem, one sequence after the other."""
     at = 1
 
@@ -159,7 +159,7 @@ def interleaved(variants: list[Variant], rounds: int) -> dict[str, float]:
 
 def measure(name: str, grid: Grid, law: str, mode: str, rounds: int, threads: int) -> dict[str, Any]:
     """ns a bond and step of all variants on one grid; on one thread only the three in double precision."""
-    made: dict[str, Prepared] = {}
+    made: dict[str, PreparedRun] = {}
     several = dict.fromkeys((threads, 1))
 
     def variant(kernel: str, precision: str, used: int) -> Variant:

@@ -187,9 +187,9 @@ def _solve(args: argparse.Namespace, ranks: Team | None) -> int:
         from pdsolve.model import ModelWarning, read_model
         from pdsolve.numerics.memory import large_arrays_apart
         from pdsolve.results import ResultsWarning, is_empty, state_of
-        from pdsolve.run.after_path import motion_file
+        from pdsolve.run.after_path import motion_results_file
         from pdsolve.run.simulation import Options, resume, simulate
-        from pdsolve.run.summary_lines import summary_lines
+        from pdsolve.run.summary_lines import format_summary_lines
 
     large_arrays_apart()
     stopping.expect_long_call()
@@ -218,14 +218,14 @@ def _solve(args: argparse.Namespace, ranks: Team | None) -> int:
             output = args.output or Path(args.model.stem + ".sqlite")
             path = commandline.output_path(args.output, args.model, ".sqlite", args.force or is_empty(output))
             if model.settings.run.after == "motion":
-                commandline.output_path(motion_file(path), args.model, ".sqlite", args.force, is_companion=True)
+                commandline.output_path(motion_results_file(path), args.model, ".sqlite", args.force, is_companion=True)
             if not args.force:
                 state_of(path)  # a log without its database is left alone
             with _says_how_to_go_on(path, args), compile_time_said(lambda words: commandline.note(words, args)):
                 results = simulate(model, path, options, watch, visible(shlex.join(["pdsolve", *sys.argv[1:]])))
         with results:
             path, meta, summary = Path(results.name), results.meta(), results.summary()
-    lines = summary_lines(path, summary)
+    lines = format_summary_lines(path, summary)
     if meta["status"] == "interrupted":
         words = f"interrupted; to go on: pdsolve --resume {shlex.quote(str(path))}"
         if ranks is None:
@@ -341,20 +341,22 @@ def _time(text: str) -> str:
 
 def _show_plan(plan: Plan, args: argparse.Namespace) -> int:
     steps = f"{plan.steps} steps of {plan.time_step:.4g} s (stable up to {plan.stable_time_step:.4g} s)"
-    if plan.at_rest:
+    if plan.steps_are_load_steps:
         steps = f"{plan.steps} load steps of {plan.time_step:.4g} s, times without cracks"
-    if plan.along_path:
+    if plan.steps_are_path_steps:
         steps = f"about {plan.steps} steps along the equilibrium path"
-    if plan.in_jumps:
+    if plan.steps_are_cycle_jumps:
         steps = f"at most {plan.steps} steps of jumps of cycles"
     bonds = pair_count(plan.bonds)
     lines = [
         f"{plan.nodes} nodes, {bonds} bonds, {steps}",
         f"about {plan.memory / 1e6:.3g} MB of memory and {plan.wall_time:.3g} s for the steps",
     ]
-    if plan.most is not None:
-        lines.append(f"that is the start: cells that split add to it, up to {plan.most} nodes if all of them do")
-    commandline.report(plan._asdict() | {"bonds": bonds}, lines, args)
+    if plan.largest_node_count is not None:
+        lines.append(
+            f"that is the start: cells that split add to it, up to {plan.largest_node_count} nodes if all of them do"
+        )
+    commandline.report(plan.report_entries() | {"bonds": bonds}, lines, args)
     return commandline.OK
 
 
@@ -377,7 +379,7 @@ def _show_what_is_left(path: Path, args: argparse.Namespace) -> int:
         lines.append(
             f"{steps_left} of {plan.steps} steps are left, about {plan.memory / 1e6:.3g} MB and {seconds:.3g} s"
         )
-        report |= plan._asdict() | {"wall_time": seconds, "left": steps_left}
+        report |= plan.report_entries() | {"wall_time": seconds, "left": steps_left}
     commandline.report(report, lines, args)
     return commandline.OK
 

@@ -19,7 +19,7 @@ from pdsolve.adaptivity.collocation.zone import active_areas, renumber_zone
 from pdsolve.model import Model
 from pdsolve.options import Options
 from pdsolve.run.prepare import prepare
-from pdsolve.run.system import Prepared
+from pdsolve.run.system import PreparedRun
 
 H = 1e-3  # m
 STEEL = Material(E=191e9, rho=8000.0, G0=42408.0, plane="strain", micromodulus="constant")
@@ -42,11 +42,11 @@ def torn(adapt: str, ratio: float = 4.0, steps: int = 120, **how: Any) -> Model:
     return cracked(61, 60, ratio, 24.0, conditions=pull, run=run)
 
 
-def prepared(model: Model) -> tuple[Prepared, CollocationEngine]:
+def prepared(model: Model) -> tuple[PreparedRun, CollocationEngine]:
     """A model ready to march, and what marches."""
     problem = prepare(model, Options(threads=1))
-    assert isinstance(problem.system.hybrid, CollocationOperator)
-    return problem, problem.system.hybrid.engine
+    assert isinstance(problem.system.moving_zone_operator, CollocationOperator)
+    return problem, problem.system.moving_zone_operator.engine
 
 
 def activate(engine: CollocationEngine, coarse: NDArray[np.bool_]) -> None:

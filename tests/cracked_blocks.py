@@ -19,7 +19,7 @@ from pdsolve.model import Model
 from pdsolve.options import Options
 from pdsolve.results import Families, Nodes
 from pdsolve.run.prepare import prepare
-from pdsolve.run.system import Prepared
+from pdsolve.run.system import PreparedRun
 
 GLASS = Material(E=1.0, rho=1.0, G0=1e30, micromodulus="constant", plane="space")
 SMALL = 1e-6  # stress: displacements are linear
@@ -30,7 +30,7 @@ Outer = Callable[[NDArray[np.float64], float, float], NDArray[np.float64]]  # u 
 class Block(NamedTuple):
     """A block, prepared, and its displacements under the stress `SMALL`."""
 
-    system: Prepared
+    system: PreparedRun
     u: NDArray[np.float64]  # (n, 3)
     E: float  # of the lattice, along its axes
     nu: float
@@ -80,7 +80,14 @@ def at_rest(
 def front_of(block: Block) -> FrontIntensities:
     """What is found along the front, the first of several, for the stress `SMALL`."""
     system, grid = block.system.system, block.system.system.model.grid
-    nodes = Nodes(grid.ids, grid.position, grid.delta, system.area, system.family, system.family - system.count)
+    nodes = Nodes(
+        grid.ids,
+        grid.position,
+        grid.delta,
+        system.area,
+        system.family_sizes,
+        system.family_sizes - system.initial_bond_counts,
+    )
     material = {"E": block.E, "rho": 1.0, "G0": 1.0, "plane": "space", "model": "ordinary", "nu": block.nu}
     model = {"notch": [], "nodes": [], "version": 2, "run": {"solver": "static"}, "material": material}
     source, target = system.operator.bonds()

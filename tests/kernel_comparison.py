@@ -12,7 +12,7 @@ from pdmesh.model.node_grid import Grid
 from pdsolve.model import Model
 from pdsolve.options import Options
 from pdsolve.run.prepare import prepare
-from pdsolve.run.system import Prepared
+from pdsolve.run.system import PreparedRun
 
 
 def cracked() -> Grid:
@@ -55,7 +55,7 @@ def torn(grid: Grid, **settings: object) -> Model:
     )
 
 
-def both(model: Model, mode: str, precision: str = "float64") -> tuple[Prepared, Prepared]:
+def both(model: Model, mode: str, precision: str = "float64") -> tuple[PreparedRun, PreparedRun]:
     """The problem for the fast kernel and for the listed one."""
     fast, listed = (prepare(model, Options(mode, precision, kernel=kernel)) for kernel in (None, "listed"))
     assert (fast.system.operator.name, listed.system.operator.name) == ("blocks", "listed")

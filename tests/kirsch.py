@@ -14,7 +14,7 @@ from pdmesh.model.document import Material
 from pdmesh.model.gradients import gradients_of
 from pdsolve.options import Options
 from pdsolve.run.prepare import prepare
-from pdsolve.run.system import Prepared
+from pdsolve.run.system import PreparedRun
 
 
 class Found(NamedTuple):
@@ -36,7 +36,7 @@ def classical(position: NDArray[np.float64], nu: float, plane: str) -> NDArray[n
     return np.column_stack([radial * x - around * y, radial * y + around * x])
 
 
-def holed(fineness: int, m: float, material: Material) -> Prepared:
+def holed(fineness: int, m: float, material: Material) -> PreparedRun:
     """The plate of half-width 3 with `fineness` nodes a radius."""
     delta, side = 1 / fineness, 6 * fineness
     full = square_grid(side, side, delta)

@@ -11,13 +11,13 @@ from system_checks import bonds_of
 from pdmesh.model.node_grid import Grid
 from pdsolve.bonds.assembly import Assembly, Bonds, Part
 from pdsolve.model import Model
-from pdsolve.run.assembly import assemble_motion
-from pdsolve.run.system import Prepared
+from pdsolve.run.assembly import prepare_explicit_motion
+from pdsolve.run.system import PreparedRun
 
 Box = tuple[float, float, float, float]  # x0, y0, x1, y1, m; a side of infinite length is not joined
 
 
-def joined(problem: Prepared, box: Box) -> Prepared:
+def joined(problem: PreparedRun, box: Box) -> PreparedRun:
     """The nodes of `problem` with x0 <= x < x1 and y0 <= y < y1, their bonds led around the box."""
     system, bonds = problem.system, bonds_of(problem)
     grid = system.model.grid
@@ -39,10 +39,10 @@ def joined(problem: Prepared, box: Box) -> Prepared:
         image[neighbour].astype(np.int32),
         *(np.ascontiguousarray(column[chosen]) for column in bonds[2:]),
     )
-    assembly = Assembly(own, system.area[rows], system.family[rows])
+    assembly = Assembly(own, system.area[rows], system.family_sizes[rows])
     source = system.scheme.fill(system.model)._replace(area=assembly.area, part=lambda rows: _part(assembly, rows))
     scheme = system.scheme._replace(fill=lambda _: source)
-    return assemble_motion(sub, system.options, scheme)
+    return prepare_explicit_motion(sub, system.options, scheme)
 
 
 def _part(assembly: Assembly, rows: np.ndarray) -> Part:

@@ -32,7 +32,7 @@ from pdsolve.model import Model
 from pdsolve.options import Options
 from pdsolve.run.cell_splitting import CellSplitting
 from pdsolve.run.prepare import prepare
-from pdsolve.run.system import Prepared
+from pdsolve.run.system import PreparedRun
 
 H, RATIO = 1e-3, 4  # m; horizon over spacing
 WIDTHS = (4, 8, 16)  # spacings: half, one and two times two horizons
@@ -106,7 +106,7 @@ def _plate(model: Model, seam: float) -> Marching:
     return _bonds(problem)
 
 
-def _bonds(problem: Prepared) -> Marching:
+def _bonds(problem: PreparedRun) -> Marching:
     """Nodes that have bonds all over."""
     place, state = problem.system.model.grid.position, problem.state
 
@@ -116,7 +116,7 @@ def _bonds(problem: Prepared) -> Marching:
     return Marching(put, problem.advance, lambda: (place, state.rate))
 
 
-def split_where(problem: Prepared, where: Callable[[NDArray[np.float64]], NDArray[np.bool_]]) -> Prepared:
+def split_where(problem: PreparedRun, where: Callable[[NDArray[np.float64]], NDArray[np.bool_]]) -> PreparedRun:
     """Cells, by the places (n, 2) of their middles, are split there and nowhere else."""
     splitting = CellSplitting(problem.system)
     tree = splitting.tree

@@ -15,11 +15,11 @@ from pdmesh.model.node_grid import Grid
 from pdsolve.model import Model
 from pdsolve.operators.protocol import CheckpointArrays
 from pdsolve.options import Options
-from pdsolve.run.assembly import assemble_motion
+from pdsolve.run.assembly import prepare_explicit_motion
 from pdsolve.run.node_changes import NodeChange
 from pdsolve.run.prepare import prepare
 from pdsolve.run.recorder import restore_state
-from pdsolve.run.system import Prepared, System
+from pdsolve.run.system import PreparedRun, System
 from pdsolve.state import State
 
 QUARTERS = np.array([[-1, -1], [1, -1], [-1, 1], [1, 1]]) / 4  # of the spacing: where a node's parts are
@@ -44,7 +44,7 @@ class Moving:
     A bond is broken if one between the same nodes of the lattice, or parts of theirs, was: none heals.
     """
 
-    every = 4
+    steps_between_checks = 4
 
     def __init__(self, coarse: Grid, start: float = 6e-3, speed: float = 0.1e-3, half: float = 1.6e-3) -> None:
         """The middle of the zone, m, after `step` is at `start` + `speed` step, 0; it reaches `half` to each side."""
@@ -77,10 +77,10 @@ class Moving:
             hole_id=np.full(len(ids), -1),
         )
 
-    def restore_system(self, system: System, kept: CheckpointArrays) -> Prepared:
+    def restore_system(self, system: System, kept: CheckpointArrays) -> PreparedRun:
         """As in `NodeAdaptation`."""
         model = dataclasses.replace(system.model, grid=self.grid(kept["ids"]))
-        return assemble_motion(model, system.options, system.scheme)
+        return prepare_explicit_motion(model, system.options, system.scheme)
 
     def change_nodes(self, system: System, state: State, step: int) -> NodeChange | None:
         """As in `NodeAdaptation`."""
@@ -135,7 +135,7 @@ def marched(model: Model, adapt: Moving, options: Options) -> Iterator[tuple[int
     system, state = prepare(model, options)
     for step in range(1, model.settings.run.steps + 1):
         yield step - 1, system, state
-        change = adapt.change_nodes(system, state, step - 1) if (step - 1) % adapt.every == 0 else None
+        change = adapt.change_nodes(system, state, step - 1) if (step - 1) % adapt.steps_between_checks == 0 else None
         if change is not None:
             system, state, _ = change
         system.stepper.advance(state, step, step + 1)
@@ -148,5 +148,5 @@ def _bonded(system: System) -> dict[int, tuple[int, frozenset[int]]]:
     cut = np.searchsorted(source, np.arange(1, len(ids)))
     return {
         int(node): (int(family), frozenset(near.tolist()))
-        for node, family, near in zip(ids, system.family, np.split(ids[target], cut), strict=True)
+        for node, family, near in zip(ids, system.family_sizes, np.split(ids[target], cut), strict=True)
     }

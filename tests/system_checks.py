@@ -14,9 +14,9 @@ from scipy.sparse.linalg import eigsh
 
 from pdsolve.bonds.assembly import Bonds, in_precision
 from pdsolve.model import ModelWarning
-from pdsolve.run.assembly import assemble_motion
+from pdsolve.run.assembly import prepare_explicit_motion
 from pdsolve.run.recorder import make_checkpoint
-from pdsolve.run.system import Prepared
+from pdsolve.run.system import PreparedRun
 from pdsolve.state import Broken
 from pdsolve.steppers.equilibrium import EquilibriumConditions
 from pdsolve.steppers.newton import Newton
@@ -32,45 +32,47 @@ def by_row_sum(tangent: csr_array) -> NDArray[np.float64]:
     return np.asarray(abs(tangent).sum(axis=1)).ravel() / 4
 
 
-def bonds_of(problem: Prepared) -> Bonds:
+def bonds_of(problem: PreparedRun) -> Bonds:
     """All its bonds at the start in one list, in the run's precision."""
     system = problem.system
     return in_precision(system.scheme.fill(system.model).whole().bonds, system.options.precision)
 
 
-def forces(problem: Prepared, step: int = 1, dt: float = 1e-8) -> NDArray[np.float64]:
+def forces(problem: PreparedRun, step: int = 1, dt: float = 1e-8) -> NDArray[np.float64]:
     """Force densities (n, w), N/m^3, of the state as it is; what is over its limit breaks in this `step` of `dt`, s."""
     out = np.zeros(problem.state.value.shape)
     problem.system.operator.accumulate_force(problem.state, out, step, dt)
     return out
 
 
-def broken(problem: Prepared, after: int = 0) -> Broken:
+def broken(problem: PreparedRun, after: int = 0) -> Broken:
     """The bonds broken after a step, in the order of steps, sources and targets, whatever the operator's own."""
     found = problem.system.operator.broken(after)
     order = np.lexsort((found.target, found.source, found.step))
     return Broken(*(column[order] for column in found))
 
 
-def worst(problem: Prepared) -> NDArray[np.floating]:
+def worst(problem: PreparedRun) -> NDArray[np.floating]:
     """The largest stretches that softened bonds remember, in the order of sources and targets."""
     kept = problem.system.operator.checkpoint_arrays()
     return kept["worst"][np.lexsort((kept["worst_target"], kept["worst_source"]))] if "worst" in kept else np.zeros(0)
 
 
-def kept(problem: Prepared) -> dict[str, NDArray[Any]]:
+def kept(problem: PreparedRun) -> dict[str, NDArray[Any]]:
     """A copy of what a checkpoint has."""
     return {name: values.copy() for name, values in make_checkpoint(*problem).items()}
 
 
-def at_step(problem: Prepared, dt: float) -> Prepared:
+def at_step(problem: PreparedRun, dt: float) -> PreparedRun:
     """The same from its start with steps of `dt`, s, be it stable or not."""
     system = problem.system
     run = msgspec.structs.replace(system.model.settings.run, time_step=dt)
     settings = msgspec.structs.replace(system.model.settings, run=run)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", ModelWarning)
-        return assemble_motion(dataclasses.replace(system.model, settings=settings), system.options, system.scheme)
+        return prepare_explicit_motion(
+            dataclasses.replace(system.model, settings=settings), system.options, system.scheme
+        )
 
 
 def sources(bonds: Bonds) -> NDArray[np.int64]:
@@ -78,18 +80,18 @@ def sources(bonds: Bonds) -> NDArray[np.int64]:
     return np.repeat(np.arange(len(bonds.start) - 1), np.diff(bonds.start))
 
 
-def matrix(problem: Prepared) -> csr_array:
+def matrix(problem: PreparedRun) -> csr_array:
     """K (2n, 2n), N/m^4: minus the force densities for small displacements, node i at rows 2i and 2i + 1."""
     rest = problem.state._replace(value=np.zeros(problem.state.value.shape))
     return problem.system.operator.tangent(rest)
 
 
-def weighted(problem: Prepared) -> csr_array:
+def weighted(problem: PreparedRun) -> csr_array:
     """K times the nodes' areas, symmetric in the conservative mode, N/m^2 (a force per unit thickness and length)."""
     return diags_array(np.repeat(problem.system.area, 2)) @ matrix(problem)
 
 
-def true_limit(problem: Prepared) -> float:
+def true_limit(problem: PreparedRun) -> float:
     """2 / omega_max, s, of a symmetric operator: what the step must be below."""
     mass = np.repeat(problem.system.model.rho * problem.system.area, 2)
     K = weighted(problem)
@@ -98,7 +100,7 @@ def true_limit(problem: Prepared) -> float:
     return float(2 / np.sqrt(eigsh(scaled, k=1, which="LA", v0=start, return_eigenvectors=False)[0]))
 
 
-def equilibrium(problem: Prepared, held: NDArray[np.bool_], at: NDArray[np.float64]) -> NDArray[np.float64]:
+def equilibrium(problem: PreparedRun, held: NDArray[np.bool_], at: NDArray[np.float64]) -> NDArray[np.float64]:
     """Displacements (n, 2) at rest under the loads of time 0, the components `held` (n, 2) being those of `at`: by
     Newton's method on a millionth of them, where the plate is as good as linear."""
     system, state = problem.system, problem.state
@@ -110,7 +112,7 @@ def equilibrium(problem: Prepared, held: NDArray[np.bool_], at: NDArray[np.float
     return np.asarray(rest.value / SMALL)
 
 
-def accelerate(problem: Prepared) -> None:
+def accelerate(problem: PreparedRun) -> None:
     """Give all nodes the accelerations that belong to their small displacements."""
     state = problem.state
     pull = matrix(problem) @ state.value.astype(float).ravel()

@@ -22,7 +22,7 @@ from pdsolve.model import Model, ModelWarning
 from pdsolve.options import Options
 from pdsolve.run.assembly import choose_time_step
 from pdsolve.run.measures import LedgerRow, compute_ledger_row
-from pdsolve.run.node_changes import find_zone_change
+from pdsolve.run.node_changes import find_zone_change_since_last_call
 from pdsolve.run.prepare import prepare
 
 H = 1e-3  # m
@@ -201,7 +201,7 @@ def side_by_side(model: Model, steps: int | None = None) -> tuple[Solved, Solved
         settings = msgspec.structs.replace(model.settings, run=run)
         problem = prepare(dataclasses.replace(model, settings=settings), Options(threads=1))
         problem.advance(1, steps + 1)
-        change = find_zone_change(problem.system) if adapt == "hybrid" else None
+        change = find_zone_change_since_last_call(problem.system) if adapt == "hybrid" else None
         system, state = (problem.system, problem.state) if change is None else (change.system, change.state)
         broken, ledger = system.operator.broken(), compute_ledger_row(system, state, steps)
         found.append(Solved(int(broken.step.min(initial=steps)), ledger, ledger.balance_error(system.initial_energy)))

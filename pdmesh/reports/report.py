@@ -65,7 +65,7 @@ def info(document: Document, name: str, mode: str = DEFAULT_MODE) -> dict[str, A
     plate, at_hole = (plate_of(grid, name) if grid.dimension == 2 else None), grid.hole_id >= 0
     ratio = document.horizon.ratio
     run, refused = _estimate(grid, settings_of(document), name, mode)
-    within, cut = count(grid, ratio) if run is None else (run.bonds + run.cut, run.cut)
+    within, cut = count(grid, ratio) if run is None else (run.bonds + run.cut_bond_count, run.cut_bond_count)
     low, high = grid.position.min(axis=0), grid.position.max(axis=0)
     result: dict[str, Any] = {
         "model": name,
@@ -82,7 +82,7 @@ def info(document: Document, name: str, mode: str = DEFAULT_MODE) -> dict[str, A
         "crack_segments": len(grid.cracks),
         "horizon_ratio": ratio,
         "refused": refused,
-        "time_step": run.time_step if run and run.at_rest else document.run.time_step,
+        "time_step": run.time_step if run and run.steps_are_load_steps else document.run.time_step,
         "steps": run.steps if run else document.run.steps,
         "area_rule": document.area_rule,
         "physics": document.physics,
@@ -364,9 +364,11 @@ def _moving(scene: Scene, mode: str) -> dict[str, Any]:
     everywhere = msgspec.structs.replace(settings, run=msgspec.structs.replace(settings.run, adapt="none"))
     scene_plan, flat = (run_of(grid, run_settings, scene.source, mode) for run_settings in (settings, everywhere))
     spacings, nodes = nodes_by_spacing(grid), len(grid)
-    if scene_plan is not None and scene_plan.finest is not None:
+    if scene_plan is not None and scene_plan.finest_node_count is not None:
         nodes, h = scene_plan.nodes, scene.finest
-        spacings = _by_spacing((h, 2 * h), (scene_plan.finest, scene_plan.nodes - scene_plan.finest))
+        spacings = _by_spacing(
+            (h, 2 * h), (scene_plan.finest_node_count, scene_plan.nodes - scene_plan.finest_node_count)
+        )
     return {
         "source": scene.source,
         "mode": mode,
@@ -406,7 +408,10 @@ def _priced(
     )
     settings = msgspec.structs.replace(settings, run=run)
     return _cost(
-        spacings, nodes, bonds, estimate_size(settings, Options(mode), nodes, bonds, steps, scene_plan.in_blocks)
+        spacings,
+        nodes,
+        bonds,
+        estimate_size(settings, Options(mode), nodes, bonds, steps, scene_plan.uses_block_kernels),
     )
 
 
@@ -418,13 +423,13 @@ def _run(counted: int, run: Plan | None) -> dict[str, Any]:
     """Cost of a run; without a plan, the bonds are those within a horizon."""
     return {
         "bonds": pair_count(counted if run is None else run.bonds),
-        "at_rest": run is not None and run.at_rest,
-        "along_path": run is not None and run.along_path,
-        "in_jumps": run is not None and run.in_jumps,
+        "at_rest": run is not None and run.steps_are_load_steps,
+        "along_path": run is not None and run.steps_are_path_steps,
+        "in_jumps": run is not None and run.steps_are_cycle_jumps,
         "smallest_stable_step": None if run is None else run.stable_time_step,
         "time_step": None if run is None else run.time_step,
         "steps": None if run is None else run.steps,
-        "most_nodes": None if run is None else run.most,
+        "most_nodes": None if run is None else run.largest_node_count,
         "memory_bytes": None if run is None else run.memory,
         "solve_seconds": None if run is None else run.wall_time,
     }

@@ -81,7 +81,7 @@ class Swelling:
         self._bonds.swell(strain)
         self._h.second[:, 0] = (more - less) / (2 * SMALL)
 
-    def clamped_energy(self, state: State) -> NDArray[np.float64]:
+    def clamped_energy_density(self, state: State) -> NDArray[np.float64]:
         """The energy densities (n,) that bonds would hold at no displacement, J/m^3: what heat can do at most."""
         now = state.value.copy()
         strain_energy = self._bonds.energies(state._replace(value=np.zeros_like(now)))[0]

@@ -21,44 +21,47 @@ from pdsolve.options import Options
 from pdsolve.results import Results
 from pdsolve.run.prepare import prepare
 from pdsolve.run.recorder import restore_state
-from pdsolve.run.system import Prepared
+from pdsolve.run.system import PreparedRun
 from pdsolve.steppers.equilibrium import force_densities
 
 FRAMES = 50  # of the motion
 ENTRIES = 500  # of its ledger
 
 
-def motion_file(path: Path) -> Path:
-    """The file of the motion after the path in the file `path`."""
-    return path.with_name(f"{path.stem}_motion{path.suffix}")
+def motion_results_file(path_results_file: Path) -> Path:
+    """The file of the motion after the path in the file `path_results_file`."""
+    return path_results_file.with_name(f"{path_results_file.stem}_motion{path_results_file.suffix}")
 
 
-def is_motion_to_follow(path_results: Results) -> bool:
+def needs_motion_after_path(path_results: Results) -> bool:
     """Whether a motion is to follow the run in these results. Raises ResultsError."""
     if path_results.meta().get("status") != "finished" or path_results.summary().get("lost") is None:
         return False
     return model_of(path_results.model(), path_results.name).settings.run.after == "motion"
 
 
-def prepare_motion_after(path_results: Results, threads: int | None) -> tuple[Prepared, int]:
+def prepare_motion_after_path(path_results: Results, threads: int | None) -> tuple[PreparedRun, int]:
     """The motion after a path that it follows, and the last step of the path. Raises ModelError, ResultsError."""
     step, checkpoint = path_results.checkpoint()
     options = Options(path_results.meta()["mode"], "float64", threads, "listed")
     system, state = prepare(
-        _model_in_motion(model_of(path_results.model(), path_results.name), path_results.summary()["lost"]), options
+        _explicit_model_with_constant_loads(
+            model_of(path_results.model(), path_results.name), path_results.summary()["lost"]
+        ),
+        options,
     )
     ahead = system.model.settings.run.steps
-    model = _with_run_settings(
+    model = _model_with_run_settings(
         system.model, steps=step + ahead, every=max(1, ahead // FRAMES), ledger=max(1, ahead // ENTRIES)
     )
     system = dataclasses.replace(system, model=model)
     restore_state(system, state, step, checkpoint, path_results.breaks())
     acceleration = (force_densities(system.operator, state) + system.drive.force) / system.model.rho[:, None]
     state.second[:] = np.where(constrained_components(system.drive), 0.0, acceleration)  # with which motion begins
-    return Prepared(system, state), step
+    return PreparedRun(system, state), step
 
 
-def _model_in_motion(model: Model, load_factor: float) -> Model:
+def _explicit_model_with_constant_loads(model: Model, load_factor: float) -> Model:
     """The model in motion, whose loads and holds stay as they are at a factor of those prescribed."""
     conditions = []
     for condition in model.settings.conditions:
@@ -66,10 +69,10 @@ def _model_in_motion(model: Model, load_factor: float) -> Model:
         conditions.append(msgspec.structs.replace(condition, profile=((0.0, factors(condition, [load_factor])[0]),)))
     settings = msgspec.structs.replace(model.settings, conditions=tuple(conditions))
     still = dataclasses.replace(model, settings=settings)
-    return _with_run_settings(still, solver="explicit", after="path", time_step=None)
+    return _model_with_run_settings(still, solver="explicit", after="path", time_step=None)
 
 
-def _with_run_settings(model: Model, **settings: Any) -> Model:
+def _model_with_run_settings(model: Model, **settings: Any) -> Model:
     """The model with some settings of its run changed."""
     run = msgspec.structs.replace(model.settings.run, **settings)
     return dataclasses.replace(model, settings=msgspec.structs.replace(model.settings, run=run))

@@ -30,13 +30,13 @@ from pdsolve.operators.space_lattice.operator import SpaceLattice
 from pdsolve.options import Options
 from pdsolve.ranks.diffusing import EulerOnRanks
 from pdsolve.run.operator_factory import (
-    add_contact,
     add_ground_supports,
-    blocks_and_contact,
+    add_penalty_contact,
+    compute_stable_time_step,
     make_operator,
-    stable_time_step,
+    split_into_blocks_and_contact,
 )
-from pdsolve.run.system import Prepared, System
+from pdsolve.run.system import PreparedRun, System
 from pdsolve.schemes.scheme import Scheme
 from pdsolve.state import State
 from pdsolve.steppers.ghosts import Ghosts
@@ -57,21 +57,21 @@ class RankCoupling(NamedTuple):
     """What a window of a model has to do with other ranks."""
 
     ghosts: Ghosts
-    damping: NDArray[np.float64]  # (n,) 1/s, of layers that may reach beyond the window
+    damping_rates: NDArray[np.float64]  # (n,) 1/s, of layers that may reach beyond the window
     any_rank_damps: bool  # whether a node of any rank is damped
 
 
-def assemble_motion(model: Model, options: Options, scheme: Scheme) -> Prepared:
+def prepare_explicit_motion(model: Model, options: Options, scheme: Scheme) -> PreparedRun:
     """A model's system and its state at time 0, with the bonds of this scheme. Raises ModelError."""
-    filling = bond_source(model, scheme)
+    filling = make_bond_source(model, scheme)
     bonds, filled = make_operator(model, options, scheme, filling, model.settings.run.cracks == "particles")
-    operator, touching = add_contact(model, filled.area, add_ground_supports(model, filled.area, bonds))
-    bound = stable_time_step(model, operator)
+    operator, touching = add_penalty_contact(model, filled.area, add_ground_supports(model, filled.area, bonds))
+    bound = compute_stable_time_step(model, operator)
     prepared = assemble_system(model, options, scheme, operator, filled, choose_time_step(model, bound), bound)
     if touching is not None:
         touching.rigid.start(prepared.state, prepared.system.drive, prepared.system.time_step)
-    growth = make_crack_growth(model, bonds, filling, prepared.system.drive, prepared.system.time_step)
-    return prepared._replace(system=replace(prepared.system, growth=growth, contact=touching))
+    growth = make_crack_particle_growth(model, bonds, filling, prepared.system.drive, prepared.system.time_step)
+    return prepared._replace(system=replace(prepared.system, crack_growth=growth, contact=touching))
 
 
 def assemble_system(
@@ -79,13 +79,13 @@ def assemble_system(
     options: Options,
     scheme: Scheme,
     operator: Operator,
-    counted: Counted,
+    bond_counts: Counted,
     time_step: float,
     stable_step: float,
     *,
     conditions: Drive | None = None,
     rank_coupling: RankCoupling | None = None,
-) -> Prepared:
+) -> PreparedRun:
     """The system of a model with this operator, and its state.
 
     `time_step`, s, is the run's, `stable_step` the surely stable one; `conditions` are given if not those of the model;
@@ -94,20 +94,23 @@ def assemble_system(
     kind = np.dtype(options.precision).type
     rho = model.rho.astype(kind)
     width = sum(unknown.width for unknown in operator.unknowns)
-    conditions = widened(conditions or drive(model, counted.area, scheme.exact_load, kind), width)
+    conditions = widened(conditions or drive(model, bond_counts.area, scheme.exact_load, kind), width)
     if not conditions.varies:
         conditions = conditions._replace(before=conditions.force)
     velocity, nodes = initial_velocity(model, width), len(model.grid)
     u, v = np.zeros((2, nodes, width), dtype=kind)
     state = State(u, v, initial_acceleration(conditions, rho), *np.zeros((3, nodes)))
-    state, damped = operator.to_own_layout(state), damping(model) if rank_coupling is None else rank_coupling.damping
-    set_initial_motion(state, velocity, damped, conditions)
+    state, damped = (
+        operator.to_own_layout(state),
+        damping(model) if rank_coupling is None else rank_coupling.damping_rates,
+    )
+    set_initial_velocity_and_acceleration(state, velocity, damped, conditions)
     stepper, conditions = make_stepper_and_drive(operator, state, conditions, rho, time_step, damped, rank_coupling)
-    energy = float(np.sum(model.rho / 2 * counted.area * (velocity**2).sum(axis=1))) if velocity.any() else 0.0
+    energy = float(np.sum(model.rho / 2 * bond_counts.area * (velocity**2).sum(axis=1))) if velocity.any() else 0.0
     refuse_fields(model, operator, state)
-    system = System(model, options, scheme, operator, stepper, conditions, *counted, time_step, stable_step, energy)
+    system = System(model, options, scheme, operator, stepper, conditions, *bond_counts, time_step, stable_step, energy)
     stepper.advance(state, 1, 1)  # no step: compiles before the clock runs
-    return Prepared(system, state)
+    return PreparedRun(system, state)
 
 
 def choose_time_step(model: Model, stable_time_step: float) -> float:
@@ -136,29 +139,30 @@ def make_stepper_and_drive(
     drive: Drive,
     rho: NDArray[np.floating],
     time_step: float,
-    damping: NDArray[np.float64],
+    damping_rates: NDArray[np.float64],
     rank_coupling: RankCoupling | None = None,
 ) -> tuple[Stepper, Drive]:
-    """What takes steps of `time_step`, s, of a placed state, and its conditions; `rho` (n,), kg/m^3, `damping` (n,),
-    1/s.
+    """What takes steps of `time_step`, s, of a placed state, and its conditions.
 
-    `rank_coupling` is what a window has to do with other ranks.
+    `rho` (n,) are kg/m^3, `damping_rates` (n,) 1/s; `rank_coupling` is what a window has to do with other ranks.
     """
     ghosts, damps = (
-        (None, bool(damping.any())) if rank_coupling is None else (rank_coupling.ghosts, rank_coupling.any_rank_damps)
+        (None, bool(damping_rates.any()))
+        if rank_coupling is None
+        else (rank_coupling.ghosts, rank_coupling.any_rank_damps)
     )
     if isinstance(operator, OnDevice):
-        return VerletOnDevice((operator, state, drive), rho, time_step, damping), drive
+        return VerletOnDevice((operator, state, drive), rho, time_step, damping_rates), drive
     if isinstance(operator, SpaceLattice) and ghosts is None and rho.dtype == np.float64:  # float32 sums in float64 too
-        return VerletTiles(operator, drive, rho, time_step, damping), drive
-    blocks, touching = blocks_and_contact(operator)
+        return VerletTiles(operator, drive, rho, time_step, damping_rates), drive
+    blocks, touching = split_into_blocks_and_contact(operator)
     if blocks and not damps:
         fused = VerletBlocks(blocks, drive, rho, time_step, touching, ghosts)
         return fused, fused.drive
-    return Verlet(operator, drive, rho, time_step, damping, ghosts), drive
+    return Verlet(operator, drive, rho, time_step, damping_rates, ghosts), drive
 
 
-def make_content_stepper(model: Model, transport: Transport, state: State, team: Team | None) -> Stepper:
+def make_diffusion_stepper(model: Model, transport: Transport, state: State, team: Team | None) -> Stepper:
     """What takes the steps of a transport through a model, on the ranks of a team if there is one."""
     device = model.settings.run.device
     if device != "cpu":
@@ -168,7 +172,7 @@ def make_content_stepper(model: Model, transport: Transport, state: State, team:
     return EulerOnRanks(model, team, transport.operator, transport.drive, transport.time_step)
 
 
-def set_initial_motion(
+def set_initial_velocity_and_acceleration(
     state: State, velocity: NDArray[np.float64], damping_rate: NDArray[np.float64], conditions: Drive
 ) -> None:
     """Set velocities (n, w), m/s, and the accelerations from damping (n,), 1/s, except of prescribed components."""
@@ -180,14 +184,14 @@ def set_initial_motion(
         state.second[:] -= slowed
 
 
-def bond_source(model: Model, scheme: Scheme) -> BondSource:
+def make_bond_source(model: Model, scheme: Scheme) -> BondSource:
     """The bonds of a model; with cracks of particles, none breaks by itself."""
     filling = scheme.fill(model)
     return StaticBreakage(filling).filling() if model.settings.run.cracks == "particles" else filling
 
 
-def make_crack_growth(
-    model: Model, operator: Operator, filling: BondSource, conditions: Drive, time_step: float | None
+def make_crack_particle_growth(
+    model: Model, operator: Operator, bond_source: BondSource, conditions: Drive, time_step: float | None
 ) -> Growth | None:
     """The growth of cracks of particles, if there are any, in steps of `time_step` s; None: at rest. Raises
     ModelError."""
@@ -195,4 +199,4 @@ def make_crack_growth(
         return None
     from pdsolve.crack_growth.growth import Growth, every_of  # shapely takes long to import, and few runs need it
 
-    return Growth(model, operator, filling, conditions, None if time_step is None else every_of(model, time_step))
+    return Growth(model, operator, bond_source, conditions, None if time_step is None else every_of(model, time_step))

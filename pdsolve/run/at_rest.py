@@ -15,9 +15,14 @@ from pdsolve.operators.bond_list import BondList
 from pdsolve.operators.ground_supports import supports_of
 from pdsolve.operators.softening_shear import softening_of
 from pdsolve.options import Options
-from pdsolve.run.assembly import make_crack_growth
-from pdsolve.run.operator_factory import add_contact_at_rest, add_ground_supports, largest_stable_step, make_operator
-from pdsolve.run.system import Prepared, System
+from pdsolve.run.assembly import make_crack_particle_growth
+from pdsolve.run.operator_factory import (
+    add_ground_supports,
+    add_quasi_static_contact,
+    make_operator,
+    stable_time_step_from_stiffness_bound,
+)
+from pdsolve.run.system import PreparedRun, System
 from pdsolve.schemes.scheme import Scheme
 from pdsolve.state import zero_state
 from pdsolve.steppers.arc_length_steps import ArcLengthSteps
@@ -34,20 +39,24 @@ from pdsolve.steppers.static_loads import follows_arc_length, follows_crack_leng
 MOST_ALONG_PATH = {2: FACTORED, 3: 10_000}  # free components by dimension: factors of 5800 in space take 0.5 GB
 
 
-def prepare_load_steps(model: Model, options: Options, scheme: Scheme, bonds_break: bool = True) -> Prepared:
-    """A model in load steps, to be solved at rest; `bonds_break`: whether its bonds break. Raises ModelError."""
-    grows = bonds_break and model.settings.run.cracks == "particles"
-    bonds_break = bonds_break and not grows
-    if bonds_break and follows_softening_path(model):
-        return _prepare_path(model, options, scheme)
+def prepare_quasi_static_run(
+    model: Model, options: Options, scheme: Scheme, bonds_may_break: bool = True
+) -> PreparedRun:
+    """A model in load steps, to be solved at rest; `bonds_may_break`: whether its bonds break. Raises ModelError."""
+    grows = bonds_may_break and model.settings.run.cracks == "particles"
+    bonds_may_break = bonds_may_break and not grows
+    if bonds_may_break and follows_softening_path(model):
+        return _prepare_softening_equilibrium_path(model, options, scheme)
     law, all_bonds, static = law_of(model), scheme.fill(model), model.settings.run.static
-    of_families = bonds_break and law.pair is None and any(material.failure != "none" for material in model.materials)
+    of_families = (
+        bonds_may_break and law.pair is None and any(material.failure != "none" for material in model.materials)
+    )
     no_fail = StaticBreakage(all_bonds)
     filling = all_bonds if of_families else no_fail.filling()
     options = options._replace(kernel="listed") if of_families else options
     bonds, filled = make_operator(model, options, scheme, filling, bonds_are_unbreakable=not of_families)
     area = filling.area
-    operator, contact = add_contact_at_rest(model, area, add_ground_supports(model, area, bonds))
+    operator, contact = add_quasi_static_contact(model, area, add_ground_supports(model, area, bonds))
     driven = drive(model, area, scheme.exact_load, np.float64)
     driven.force[:] = driven.before[:] = driven.held_force[:] = 0  # nothing acts before the first load step
     state = operator.to_own_layout(zero_state(*driven.force.shape))
@@ -61,49 +70,55 @@ def prepare_load_steps(model: Model, options: Options, scheme: Scheme, bonds_bre
         method = Newton(operator, area, static.tolerance, static.iterations, free, most, pairs, flows)
     if contact is not None:
         method = EquilibriumMethodWithContact(method, operator, contact)
-    breakable = no_fail.breakable() if bonds_break and law.pair is not None else None
+    breakable = no_fail.breakable() if bonds_may_break and law.pair is not None else None
     breaking = FamilyBonds(bonds) if of_families and isinstance(bonds, BondList) else breakable
     remember = {"on_equilibrium": bonds.update_history} if isinstance(bonds, BondList) else {}
-    growth = make_crack_growth(model, bonds, filling, driven, None) if grows else None
+    growth = make_crack_particle_growth(model, bonds, filling, driven, None) if grows else None
     fatigue, look = model.settings.run.fatigue, growth.look if growth and not follows_crack_length(model) else None
     stepper = LoadSteps(model, operator, driven, area, method, breaking, None if fatigue else look, **remember)
-    step, bound = float(model.settings.run.time_step or 0.0), largest_stable_step(operator.stiffness_bound(), model.rho)
+    step, bound = (
+        float(model.settings.run.time_step or 0.0),
+        stable_time_step_from_stiffness_bound(operator.stiffness_bound(), model.rho),
+    )
     system = System(model, options, scheme, operator, stepper, driven, *filled, step, bound, 0.0)
-    system = replace(system, growth=growth, contact=contact)
-    if fatigue is not None and (bonds_break or grows):
+    system = replace(system, crack_growth=growth, contact=contact)
+    if fatigue is not None and (bonds_may_break or grows):
         system = replace(system, stepper=make_fatigue_stepper(model, operator, stepper, breakable, *filled[1:], growth))
-    if bonds_break and follows_arc_length(model):
-        _refuse_large_body(model, driven)
+    if bonds_may_break and follows_arc_length(model):
+        _refuse_body_too_large_for_path(model, driven)
         arc = ArcLengthSteps(model, operator, driven, area, breaking, **remember, has_plastic_flow=flows)
         system = replace(system, stepper=arc)
     if growth is not None and follows_crack_length(model):
         system = replace(system, stepper=CrackLengthSteps(model, operator, driven, area, stepper, growth))
-    return Prepared(system, state)
+    return PreparedRun(system, state)
 
 
-def _prepare_path(model: Model, options: Options, scheme: Scheme) -> Prepared:
+def _prepare_softening_equilibrium_path(model: Model, options: Options, scheme: Scheme) -> PreparedRun:
     """A model whose bonds soften, to be followed along its equilibrium path. Raises ModelError."""
     if not scheme.symmetric:
         raise ModelError(f"mode is {scheme.name}; use conservative, as bonds soften in quasi-static analysis")
     filling = scheme.fill(model)
     bonded, filled = make_operator(model, options._replace(kernel="listed"), scheme, filling)
     area = filling.area
-    operator, contact = add_contact_at_rest(model, area, add_ground_supports(model, area, bonded))
+    operator, contact = add_quasi_static_contact(model, area, add_ground_supports(model, area, bonded))
     width = sum(unknown.width for unknown in operator.unknowns)
     driven = widened(drive(model, area, scheme.exact_load, np.float64), width)
-    _refuse_large_body(model, driven)
+    _refuse_body_too_large_for_path(model, driven)
     driven.force[:] = driven.before[:] = driven.held_force[:] = 0
     state = operator.to_own_layout(zero_state(*driven.force.shape))
     bonds, ground = softening_of(model, filling.whole(), contact), supports_of(operator)
     if ground is not None:
         bonds.stand_on(np.repeat(area, width)[:, None] * ground.tangent(state))
     stepper = SofteningPathSteps(model, bonded, driven, area, bonds, contact)
-    step, bound = model.settings.run.time_step or 1.0, largest_stable_step(operator.stiffness_bound(), model.rho)
+    step, bound = (
+        model.settings.run.time_step or 1.0,
+        stable_time_step_from_stiffness_bound(operator.stiffness_bound(), model.rho),
+    )
     system = System(model, options, scheme, operator, stepper, driven, *filled, step, bound, 0.0, contact=contact)
-    return Prepared(system, state)
+    return PreparedRun(system, state)
 
 
-def _refuse_large_body(model: Model, conditions: Drive) -> None:
+def _refuse_body_too_large_for_path(model: Model, conditions: Drive) -> None:
     """Raise ModelError for a body that is too large to be followed along its path."""
     most, (nodes, width) = MOST_ALONG_PATH[model.grid.dimension], conditions.force.shape
     if conditions.force.size - len(conditions.holds.node) > most:

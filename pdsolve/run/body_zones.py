@@ -13,26 +13,26 @@ from pdsolve.adaptivity.hybrid.space.prepare import create_current_drive
 from pdsolve.errors import CheckpointError
 from pdsolve.operators.protocol import CheckpointArrays
 from pdsolve.run.assembly import assemble_system
-from pdsolve.run.energy_steps import conserved_energy, half_kick_work
+from pdsolve.run.energy_steps import half_kick_work_of_acceleration_error, verlet_conserved_energy
 from pdsolve.run.node_changes import NodeChange
-from pdsolve.run.system import Prepared, System
+from pdsolve.run.system import PreparedRun, System
 from pdsolve.state import State, zero_state
 
 
 class BodyRefinement:
     """Makes cells fine around broken bonds and stretched springs; its history is stored in the operator."""
 
-    every = EVERY
+    steps_between_checks = EVERY
 
     def change_nodes(self, system: System, state: State, step: int) -> NodeChange | None:
         """Refine after `step`; None if no cell becomes fine."""
-        before = zone_operator(system)
-        new = before.mark_cells_to_refine(state, step - self.every)
+        before = expect_body_zone_operator(system)
+        new = before.mark_cells_to_refine(state, step - self.steps_between_checks)
         if not len(new):
             return None
-        energy_before = conserved_energy(system, state, before.energies_near_new_cells(state, new))
+        energy_before = verlet_conserved_energy(system, state, before.energies_near_new_cells(state, new))
         after = before.refine(new)
-        fresh = _system_of_operator(system, after, step)
+        fresh = _system_with_refined_operator(system, after, step)
         rows = before.current_rows(after.rows)
         old, booked = rows >= 0, np.zeros((3, len(rows)))  # energy stays where it was: new nodes have none
         for density_after, density_before in zip(booked, state[3:], strict=True):
@@ -47,29 +47,29 @@ class BodyRefinement:
         known_force = (pull + drive.force)[node, axis]
         drive.held_force[:] = np.where(which[node], known_force, previous_force[rows[node], axis])
         energy_created = (
-            conserved_energy(fresh, new_state, after.energies_near_new_cells(new_state, new))
+            verlet_conserved_energy(fresh, new_state, after.energies_near_new_cells(new_state, new))
             - energy_before
-            + half_kick_work(fresh, new_state, pull, which)
+            + half_kick_work_of_acceleration_error(fresh, new_state, pull, which)
         )
         after.history = after.history._replace(refinement_energy=after.history.refinement_energy + energy_created)
         return NodeChange(fresh, new_state, _previous_rows_with_same_bonds(system, fresh, rows))
 
-    def restore_system(self, system: System, checkpoint: CheckpointArrays) -> Prepared:
+    def restore_system(self, initial_system: System, checkpoint: CheckpointArrays) -> PreparedRun:
         """The system of a checkpoint's cells. Raises CheckpointError for cells that no run from here can have."""
-        after = zone_operator(system).restore_cells(checkpoint)
+        after = expect_body_zone_operator(initial_system).restore_cells(checkpoint)
         if not np.array_equal(after.model.grid.ids, checkpoint["ids"]):
             raise CheckpointError("ids of nodes are not those of its cells")
-        fresh = _system_of_operator(system, after, 0)
-        return Prepared(fresh, zero_state(len(after.volume), after.unknowns[0].width))
+        fresh = _system_with_refined_operator(initial_system, after, 0)
+        return PreparedRun(fresh, zero_state(len(after.volume), after.unknowns[0].width))
 
 
-def zone_operator(system: System) -> HybridBodyOperator:
+def expect_body_zone_operator(system: System) -> HybridBodyOperator:
     """The operator of such a run."""
     assert isinstance(system.operator, HybridBodyOperator)
     return system.operator
 
 
-def _system_of_operator(system: System, operator: HybridBodyOperator, step: int) -> System:
+def _system_with_refined_operator(system: System, operator: HybridBodyOperator, step: int) -> System:
     """The system of other nodes."""
     steps, driven = (system.time_step, system.stable_time_step), create_current_drive(operator, step * system.time_step)
     prepared = assemble_system(
@@ -82,11 +82,11 @@ def _previous_rows_with_same_bonds(
     old_system: System, new_system: System, previous_rows: NDArray[np.int64]
 ) -> NDArray[np.int64]:
     """The `previous_rows` (m,) before of nodes that keep their cell and their bonds; -1 for others."""
-    before, after = zone_operator(old_system), zone_operator(new_system)
+    before, after = expect_body_zone_operator(old_system), expect_body_zone_operator(new_system)
     old = np.flatnonzero(previous_rows >= 0)
     rows_before = previous_rows[old]
     same = (before.volume[rows_before] == after.volume[old]) & (
-        old_system.family[rows_before] == new_system.family[old]
+        old_system.family_sizes[rows_before] == new_system.family_sizes[old]
     )
-    same &= old_system.count[rows_before] == new_system.count[old]
+    same &= old_system.initial_bond_counts[rows_before] == new_system.initial_bond_counts[old]
     return np.where(np.isin(np.arange(len(previous_rows)), old[same]), previous_rows, -1)

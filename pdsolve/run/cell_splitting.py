@@ -19,11 +19,11 @@ from pdsolve.conditions import put_loads
 from pdsolve.errors import CheckpointError, UnstableError
 from pdsolve.operators.protocol import CheckpointArrays
 from pdsolve.run.assembly import assemble_system
-from pdsolve.run.energy_steps import conserved_energy as energy_of
-from pdsolve.run.energy_steps import half_kick_work
+from pdsolve.run.energy_steps import half_kick_work_of_acceleration_error
+from pdsolve.run.energy_steps import verlet_conserved_energy as energy_of
 from pdsolve.run.node_changes import NodeChange
-from pdsolve.run.operator_factory import largest_stable_step
-from pdsolve.run.system import Prepared, System
+from pdsolve.run.operator_factory import stable_time_step_from_stiffness_bound
+from pdsolve.run.system import PreparedRun, System
 from pdsolve.state import State
 from pdsolve.steppers.equilibrium import force_densities
 
@@ -31,16 +31,16 @@ from pdsolve.steppers.equilibrium import force_densities
 class CellSplitting:
     """Splits and merges the cells of a run; its history is stored in the operator."""
 
-    def __init__(self, system: System) -> None:
-        """`system` is the system at the start."""
-        self.tree = leaf_operator(system).tree
+    def __init__(self, initial_system: System) -> None:
+        """`initial_system` is the system at the start."""
+        self.tree = expect_leaf_operator(initial_system).tree
         self.settings = self.tree.model.settings.run.split
-        self.every = self.settings.every
+        self.steps_between_checks = self.settings.every
         self._critical = criteria.critical_energy_densities(self.tree)
 
     def change_nodes(self, system: System, state: State, step: int) -> NodeChange | None:
         """Split and merge cells after `step`; None if all stay."""
-        operator, wanted = leaf_operator(system), self.settings
+        operator, wanted = expect_leaf_operator(system), self.settings
         energy, before = operator.energies(state)[0], PastBonds(operator.list, operator.break_steps())
         if wanted.by == "energy":
             height = criteria.energy_shares(self.tree, operator.cells, energy, self._critical)
@@ -60,9 +60,9 @@ class CellSplitting:
         if not splits.any() and not len(merged.root):
             return None
         cells, origins = map_leaves(self.tree, operator.cells, splits, merged)
-        return self._make_change(system, state, step, cells, origins, before, energy)
+        return self._make_node_change(system, state, step, cells, origins, before, energy)
 
-    def _make_change(
+    def _make_node_change(
         self,
         system: System,
         state: State,
@@ -73,9 +73,9 @@ class CellSplitting:
         old_energies: NDArray[np.float64],
     ) -> NodeChange:
         """The leaves `cells` after this step, made from the bonds before and their energies (n,), J/m^3."""
-        old_operator = leaf_operator(system)
-        new, begun = self._prepare_cells(system, cells, origins)
-        operator = leaf_operator(new)
+        old_operator = expect_leaf_operator(system)
+        new, begun = self._prepare_run_with_cells(system, cells, origins)
+        operator = expect_leaf_operator(new)
         broken = inherit_breaks(old_bonds, operator.list, origins)
         assert not count_healed_bonds(old_bonds, operator.list, origins, broken), f"step {step}: a bond has healed"
         operator.set_break_steps(broken)
@@ -86,42 +86,42 @@ class CellSplitting:
         new.drive.held_force[:] = system.drive.held_force
         put_loads(new.drive, step * system.time_step)
         created = energy_of(new, begun, operator.energies(begun)[0]) - energy_of(system, state, old_energies)
-        created += half_kick_work(
+        created += half_kick_work_of_acceleration_error(
             new, begun, force_densities(operator, begun._replace(dissipated=np.zeros_like(begun.dissipated)))
         )
         calm = np.where(origins.stays, old_operator.history.calm_checks[origins.origin_rows[:, 0]], 0)
         operator.history = LeafHistory(calm, old_operator.history.created_energy + created)
         return NodeChange(new, begun, self._previous_rows_with_same_bonds(system, new, origins))
 
-    def _prepare_cells(self, system: System, cells: Cells, origins: LeafOrigins | None = None) -> Prepared:
+    def _prepare_run_with_cells(self, system: System, cells: Cells, origins: LeafOrigins | None = None) -> PreparedRun:
         """The system of these leaves at rest; `origins` is their origin, if any.
 
         Raises UnstableError if the run's step is too long for it.
         """
-        tree, threads = self.tree, system.threads
+        tree, threads = self.tree, system.thread_count
         model = tree.model_of(cells)
         rule = system.scheme.by_pairs(model)
         bonds = (
             create_leaf_bonds(rule)
             if origins is None
-            else update_leaf_bonds(rule, model, leaf_operator(system).filled, origins)
+            else update_leaf_bonds(rule, model, expect_leaf_operator(system).filled, origins)
         )
         operator = LeafOperator(tree, cells, model, bonds, system.scheme, threads)
         steps = system.time_step, system.stable_time_step
         rest = assemble_system(model, system.options, system.scheme, operator, bonds.assembly.counted, *steps)
-        sure = largest_stable_step(operator.stiffness_bound(), model.rho)
+        sure = stable_time_step_from_stiffness_bound(operator.stiffness_bound(), model.rho)
         if sure < system.time_step <= system.stable_time_step:
             raise UnstableError(
                 f"{model.name}: cells have a stable time step of {sure:.4g} s, less than the run's,"
                 f" {system.time_step:.4g} s; use a smaller run.time_step"
             )
-        return Prepared(dataclasses.replace(rest.system, full_model=tree.model), rest.state)
+        return PreparedRun(dataclasses.replace(rest.system, full_model=tree.model), rest.state)
 
     def _previous_rows_with_same_bonds(
         self, old_system: System, new_system: System, origins: LeafOrigins
     ) -> NDArray[np.int64]:
         """Former rows (m,) of nodes that keep their bonds; -1 for others."""
-        before, now = leaf_operator(old_system).list, leaf_operator(new_system).list
+        before, now = expect_leaf_operator(old_system).list, expect_leaf_operator(new_system).list
         origin = np.where(origins.stays, origins.origin_rows[:, 0], -1)
         removed = np.ones(len(before.start) - 1, dtype=bool)
         removed[origin[origins.stays]] = False
@@ -129,21 +129,21 @@ class CellSplitting:
         changed[bond_sources(now)[~origins.stays[now.neighbour]]] = True
         lost = np.zeros(len(removed), dtype=bool)
         lost[bond_sources(before)[removed[before.neighbour]]] = True
-        same = origins.stays & ~changed & ~lost[origin] & (old_system.family[origin] == new_system.family)
+        same = origins.stays & ~changed & ~lost[origin] & (old_system.family_sizes[origin] == new_system.family_sizes)
         return np.where(same, origin, -1)
 
-    def restore_system(self, system: System, checkpoint: CheckpointArrays) -> Prepared:
+    def restore_system(self, initial_system: System, checkpoint: CheckpointArrays) -> PreparedRun:
         """The system of a checkpoint's cells. Raises CheckpointError for ids that are no set of leaves."""
         ids = entry(checkpoint, "ids", (None,), np.int64)
         memory, cells = read_leaf_history(checkpoint, len(ids)), self.tree.leaves(ids)
         if cells is None:
             raise CheckpointError("ids of cells are no whole plate; they must be those of its leaves in order")
-        prepared = self._prepare_cells(system, cells)
-        leaf_operator(prepared.system).history = memory
+        prepared = self._prepare_run_with_cells(initial_system, cells)
+        expect_leaf_operator(prepared.system).history = memory
         return prepared
 
 
-def leaf_operator(system: System) -> LeafOperator:
+def expect_leaf_operator(system: System) -> LeafOperator:
     """The operator of such a run."""
     assert isinstance(system.operator, LeafOperator)
     return system.operator

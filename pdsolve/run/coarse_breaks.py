@@ -10,7 +10,7 @@ from pdsolve.model import Model
 from pdsolve.results import Results
 
 
-def warn_of_coarse_breaks(model: Model, results: Results) -> None:
+def warn_of_broken_bonds_outside_finest_zone(model: Model, results: Results) -> None:
     """Warn for each body of broken bonds of nodes coarser than its finest, which had less strength."""
     grid, weakest_zone_of_each = model.grid, weakest_zones(model.grid, model.settings)
     if not weakest_zone_of_each:

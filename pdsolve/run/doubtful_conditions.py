@@ -19,12 +19,12 @@ LITTLE = 0.1  # of the peak of a profile: a run in which less acts may be one of
 def warn_of_doubtful_conditions(model: Model, time_step: float) -> None:
     """Warn of conditions that hardly act in a run in steps of `time_step`, s, of zeros that set nothing, and of a
     restitution that bodies do not show."""
-    _warn_of_low_profiles(model, time_step)
-    _warn_of_zero_velocities(model)
-    _warn_of_restitution(model)
+    _warn_of_profiles_far_below_peak(model, time_step)
+    _warn_of_ineffective_zero_velocities(model)
+    _warn_of_restitution_of_deformable_bodies(model)
 
 
-def _warn_of_low_profiles(model: Model, time_step: float) -> None:
+def _warn_of_profiles_far_below_peak(model: Model, time_step: float) -> None:
     """Warn of conditions whose profile stays far below its peak in a run in steps of `time_step`, s."""
     run = model.settings.run
     if run.solver == "static" and model.settings.physics == "mechanics":
@@ -46,7 +46,7 @@ def _warn_of_low_profiles(model: Model, time_step: float) -> None:
             )
 
 
-def _warn_of_restitution(model: Model) -> None:
+def _warn_of_restitution_of_deformable_bodies(model: Model) -> None:
     """Say that bodies that deform rebound with more than the restitution of contact."""
     contact, bodies = model.settings.contact, model.grid.bodies
     if contact is None or contact.restitution == 1 or bodies is None or len(bodies.rigid) == len(bodies.names):
@@ -60,7 +60,7 @@ def _warn_of_restitution(model: Model) -> None:
     )
 
 
-def _warn_of_zero_velocities(model: Model) -> None:
+def _warn_of_ineffective_zero_velocities(model: Model) -> None:
     """Warn of a component of an initial velocity that is 0 where an earlier one is not, as it leaves that."""
     earlier: list[tuple[int, InitialVelocity]] = []
     for number, condition in enumerate(model.settings.conditions):

@@ -10,29 +10,29 @@ from pdsolve.run.system import System
 from pdsolve.state import State
 
 
-def conserved_energy(system: System, state: State, strain_energy: NDArray[np.float64]) -> float:
-    """Energy, J/m, of nodes with energy densities `strain_energy` (n,), J/m^3: the sum that Verlet conserves.
+def verlet_conserved_energy(system: System, state: State, strain_energy_density: NDArray[np.float64]) -> float:
+    """Energy, J/m, of nodes with energy densities `strain_energy_density` (n,), J/m^3: the sum that Verlet conserves.
 
     It is m (dt a)^2 / 8 below that of whole steps, which the ledger uses.
     """
     mass = system.model.rho * system.area
     swing = (system.time_step / 2) ** 2 * kinetic_energy(mass, state.second)
-    return kinetic_energy(mass, state.rate) - swing + float(np.sum(system.area * strain_energy))
+    return kinetic_energy(mass, state.rate) - swing + float(np.sum(system.area * strain_energy_density))
 
 
-def half_kick_work(
-    system: System, state: State, force_density: NDArray[np.float64], is_counted: NDArray[np.bool_] | None = None
+def half_kick_work_of_acceleration_error(
+    system: System, state: State, force_density: NDArray[np.float64], included_nodes: NDArray[np.bool_] | None = None
 ) -> float:
     """Work, J/m, in the next half kick of interpolated accelerations that differ from those of the forces.
 
     Verlet follows them for half of a kick. `force_density` (n, w), N/m^3, are the force densities of neighbours; where
-    they are not of `is_counted` nodes (n,), accelerations do not differ.
+    they are not of `included_nodes` nodes (n,), accelerations do not differ.
     """
     rho, drive, dt = system.model.rho[:, None], system.drive, system.time_step
     slowed = system.model.settings.run.damping * state.rate
     excess = rho * (state.second + slowed) - force_density - drive.force
     excess[drive.holds.node, drive.holds.axis] = 0.0
-    if is_counted is not None:
-        excess[~is_counted] = 0.0
+    if included_nodes is not None:
+        excess[~included_nodes] = 0.0
     way = dt * (state.rate + dt / 2 * state.second)
     return float(np.sum(system.area[:, None] * excess / 2 * way))

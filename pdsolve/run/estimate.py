@@ -9,7 +9,7 @@ from __future__ import annotations
 import dataclasses
 import time
 from functools import cache
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import msgspec
 import numpy as np
@@ -23,9 +23,13 @@ from pdsolve.laws import law_of
 from pdsolve.model import Model, counted
 from pdsolve.options import Options, threads_of
 from pdsolve.run.assembly import choose_time_step
-from pdsolve.run.operator_factory import bond_counts_and_stiffness_bound, largest_stable_step, stable_time_step
+from pdsolve.run.operator_factory import (
+    compute_stable_time_step,
+    count_bonds_and_bound_stiffness,
+    stable_time_step_from_stiffness_bound,
+)
 from pdsolve.run.prepare import prepare, select_scheme
-from pdsolve.run.static_start import prepare_static_start
+from pdsolve.run.static_start import prepare_static_equilibrium_at_start
 from pdsolve.run.system import System
 from pdsolve.steppers.arc_length_steps import ArcLengthSteps
 from pdsolve.steppers.crack_length_steps import CrackLengthSteps
@@ -80,6 +84,17 @@ DIFFUSING, DIFFUSING_BOND_BYTES, DIFFUSING_NODE_BYTES = 1.6e8, 90.0, 1700.0
 PRODUCTS, ROUNDS, REFERENCE = 4096, 3000, 0.84e-6  # s of so many products where that was measured
 
 
+REPORT_KEYS = {  # of fields of a plan, where they differ
+    "steps_are_load_steps": "at_rest",
+    "steps_are_path_steps": "along_path",
+    "steps_are_cycle_jumps": "in_jumps",
+    "uses_block_kernels": "in_blocks",
+    "finest_node_count": "finest",
+    "cut_bond_count": "cut",
+    "largest_node_count": "most",
+}
+
+
 class Plan(NamedTuple):
     """Size, memory and time of a run."""
 
@@ -90,19 +105,23 @@ class Plan(NamedTuple):
     stable_time_step: float  # s
     memory: int  # bytes of the process at its peak
     wall_time: float  # s of the time loop, with its ledger and frames; at rest, what breaking adds is left out
-    at_rest: bool = False  # steps are load steps
-    along_path: bool = False  # steps are those of an equilibrium path, about so many
-    in_jumps: bool = False  # steps are jumps of cycles, at most so many
-    in_blocks: bool = True  # summed by the kernels of pairs on lattices; False: bond by bond
-    finest: int | None = None  # nodes of the finest spacing, where the others are twice as far apart and come and go
-    cut: int = 0  # directed bonds that pre-cracks cut
-    most: int | None = None  # nodes if all cells were to split, of which none has at the start
+    steps_are_load_steps: bool = False
+    steps_are_path_steps: bool = False  # of an equilibrium path, about so many
+    steps_are_cycle_jumps: bool = False  # at most so many
+    uses_block_kernels: bool = True  # summed by the kernels of pairs on lattices; False: bond by bond
+    finest_node_count: int | None = None  # where the others are twice as far apart, and come and go
+    cut_bond_count: int = 0  # directed bonds that pre-cracks cut
+    largest_node_count: int | None = None  # nodes if all cells were to split, of which none has at the start
+
+    def report_entries(self) -> dict[str, Any]:
+        """The numbers by their keys in reports."""
+        return {REPORT_KEYS.get(name, name): value for name, value in self._asdict().items()}
 
 
 def estimate_run(model: Model, options: Options = DEFAULT) -> Plan:
     """Cost of solving the model; with a moving fine zone, that of its initial state. Raises ModelError."""
     if model.diffuses:
-        return _estimate_diffusion(model, options)
+        return _estimate_diffusion_cost(model, options)
     model = choose_adaptivity(model, options) if model.settings.run.adapt == "auto" else model
     scheme, settings = select_scheme(model, options), model.settings
     paired, splits = law_of(model).pair is not None, settings.run.adapt == "split"
@@ -111,51 +130,53 @@ def estimate_run(model: Model, options: Options = DEFAULT) -> Plan:
     cycle: int | None = None  # of steps for one of a content
     along_path = False
     paired &= not splits  # which is listed bond by bond
-    prepared = prepare_static_start(model, options, scheme).system if settings.run.start == "static" else None
+    prepared = (
+        prepare_static_equilibrium_at_start(model, options, scheme).system if settings.run.start == "static" else None
+    )
     in_blocks = paired and model.grid.dimension == 2 and (moves or not model.swells)
     if prepared is not None and not moves:
         in_blocks |= paired and prepared.operator.name == "blocks"
-        count, family = prepared.count, prepared.family
-        bound = stable_time_step(model, prepared.operator)
+        count, family = prepared.initial_bond_counts, prepared.family_sizes
+        bound = compute_stable_time_step(model, prepared.operator)
         step = choose_time_step(model, bound)
     elif paired and not (moves or model.swells) and settings.run.solver != "static":
-        counts, stiffness_bound, in_blocks = bond_counts_and_stiffness_bound(model, options, scheme)
+        counts, stiffness_bound, in_blocks = count_bonds_and_bound_stiffness(model, options, scheme)
         count, family = counts.bonds, counts.family
-        bound = largest_stable_step(stiffness_bound, model.rho)
+        bound = stable_time_step_from_stiffness_bound(stiffness_bound, model.rho)
         step = choose_time_step(model, bound)
     else:
         system = prepare(model, options).system
         model = system.model
-        if isinstance(system.stepper, Swelling) and system.load_steps is None:
+        if isinstance(system.stepper, Swelling) and system.load_stepper is None:
             cycle = system.stepper.steps_per_content_step
         in_blocks |= paired and system.operator.name == "blocks"
-        count, family, settings = system.count, system.family, system.model.settings
+        count, family, settings = system.initial_bond_counts, system.family_sizes, system.model.settings
         bound, step = system.stable_time_step, system.time_step
         along_path = isinstance(system.stepper, ArcLengthSteps | CrackLengthSteps | SofteningPathSteps)
         if along_path:
-            run = msgspec.structs.replace(settings.run, steps=_estimate_path_steps(settings.run))
+            run = msgspec.structs.replace(settings.run, steps=_estimate_path_step_count(settings.run))
             settings = msgspec.structs.replace(settings, run=run)
             model = dataclasses.replace(model, settings=settings)
     settings = counted(model, step).settings
     warn_of_model(model, np.flatnonzero(count == 0), scheme.partial_cells, scheme.symmetric)
     options = options._replace(threads=1) if moves else options
     plan = estimate_size(settings, options, len(model.grid), int(count.sum()), (step, bound), in_blocks)
-    plan = plan._replace(cut=int((family - count).sum()))
+    plan = plan._replace(cut_bond_count=int((family - count).sum()))
     if splits:
-        plan = plan._replace(most=most, memory=plan.memory + round((SPLITTING - LISTED) * plan.bonds))
-    if in_blocks and model.grid.dimension == 3 and not plan.at_rest:
+        plan = plan._replace(largest_node_count=most, memory=plan.memory + round((SPLITTING - LISTED) * plan.bonds))
+    if in_blocks and model.grid.dimension == 3 and not plan.steps_are_load_steps:
         bytes_per_node = IN_SPACE if model.grid.lattice is None else LATTICE[options.precision]
         memory = round(MEMORY[options.mode][0] + bytes_per_node * len(model.grid))
         plan = plan._replace(wall_time=TILED * plan.wall_time, memory=memory)  # of a body in tiles
     if along_path:
-        plan = plan._replace(wall_time=_estimate_path_time(system, plan), along_path=True)
+        plan = plan._replace(wall_time=_estimate_path_wall_time(system, plan), steps_are_path_steps=True)
     if cycle is not None:
         plan = plan._replace(wall_time=(1 + SWELLING / cycle) * plan.wall_time)
     grid = model.grid  # with a moving zone that of the start
-    return plan._replace(finest=int(np.isclose(grid.delta, grid.delta.min()).sum())) if moves else plan
+    return plan._replace(finest_node_count=int(np.isclose(grid.delta, grid.delta.min()).sum())) if moves else plan
 
 
-def _estimate_path_steps(run: Run) -> int:
+def _estimate_path_step_count(run: Run) -> int:
     """About how many steps a path takes."""
     load_steps = run.static.load_steps or CRACK_STEPS
     if run.static.control == ARC:
@@ -163,7 +184,7 @@ def _estimate_path_steps(run: Run) -> int:
     return load_steps if run.static.control is not None else round(TAKEN + TAKEN_MORE * load_steps)
 
 
-def _estimate_path_time(system: System, plan: Plan) -> float:
+def _estimate_path_wall_time(system: System, plan: Plan) -> float:
     """Seconds of a path with the steps of a plan, of whose load steps this is the time."""
     if not isinstance(system.stepper, SofteningPathSteps):
         return ARC_STEP * plan.wall_time
@@ -172,10 +193,10 @@ def _estimate_path_time(system: System, plan: Plan) -> float:
     grid, width = system.model.grid, sum(unknown.width for unknown in system.operator.unknowns) / 2  # of two
     across = min(float(np.ptp(grid.position, axis=0).min() / np.median(grid.delta)) + 1, plan.nodes**0.5)  # nodes
     step_time = STEPPED + STEPPED_BOND * plan.bonds * width**2 + STEPPED_FACTORS * plan.nodes * across**2 * width**3
-    return machine_slowdown() * float(BEGIN + plan.steps * step_time)
+    return measure_machine_slowdown() * float(BEGIN + plan.steps * step_time)
 
 
-def _estimate_diffusion(model: Model, options: Options) -> Plan:
+def _estimate_diffusion_cost(model: Model, options: Options) -> Plan:
     """Cost of solving a model of diffusion, which is prepared for this."""
     system = prepare(model, options).system
     bonds, run, nodes = system.directed_bond_count, system.model.settings.run, len(model.grid)
@@ -190,55 +211,84 @@ def _estimate_diffusion(model: Model, options: Options) -> Plan:
         system.time_step,
         system.stable_time_step,
         round(memory),
-        machine_slowdown() * (BEGIN + seconds),
-        cut=int((system.family - system.count).sum()),
+        measure_machine_slowdown() * (BEGIN + seconds),
+        cut_bond_count=int((system.family_sizes - system.initial_bond_counts).sum()),
     )
 
 
 def estimate_size(
-    settings: Settings, options: Options, nodes: int, bonds: int, steps: tuple[float, float], in_blocks: bool = True
+    settings: Settings,
+    options: Options,
+    node_count: int,
+    directed_bond_count: int,
+    run_and_stable_time_step: tuple[float, float],
+    in_blocks: bool = True,
 ) -> Plan:
-    """Cost of solving so many nodes and bonds; `steps`, s, are the run's step and the surely stable one."""
+    """Cost of solving so many nodes and bonds with the run's time step and the surely stable one, s."""
     run = settings.run
-    rest, load_step = load_step_memory_and_time(run, nodes, bonds)
+    rest, load_step = estimate_load_step_memory_and_time(run, node_count, directed_bond_count)
     if run.solver == "static":
-        if any(isinstance(condition, Load) for condition in settings.conditions) and 2 * nodes <= FACTORED:
+        if any(isinstance(condition, Load) for condition in settings.conditions) and 2 * node_count <= FACTORED:
             rest = REST + DEAD * (rest - REST)
         tires = run.fatigue is not None
-        seconds = machine_slowdown() * (BEGIN + run.steps * (JUMPED if tires else 1) * load_step)
-        return Plan(nodes, bonds, run.steps, *steps, round(rest), seconds, at_rest=True, in_jumps=tires)
+        seconds = measure_machine_slowdown() * (BEGIN + run.steps * (JUMPED if tires else 1) * load_step)
+        return Plan(
+            node_count,
+            directed_bond_count,
+            run.steps,
+            *run_and_stable_time_step,
+            round(rest),
+            seconds,
+            steps_are_load_steps=True,
+            steps_are_cycle_jumps=tires,
+        )
     least, bytes_per_node = MEMORY[options.mode]
-    memory = least + bytes_per_node * nodes + (0 if in_blocks else LISTED * bonds)
-    threads = threads_of(options, nodes, in_blocks)
-    update = bonds * BOND[options.precision] + nodes * NODE[options.precision] if in_blocks else bonds * LISTED_BOND
+    memory = least + bytes_per_node * node_count + (0 if in_blocks else LISTED * directed_bond_count)
+    threads = threads_of(options, node_count, in_blocks)
+    update = (
+        directed_bond_count * BOND[options.precision] + node_count * NODE[options.precision]
+        if in_blocks
+        else directed_bond_count * LISTED_BOND
+    )
     if in_blocks and (run.damping or any(isinstance(condition, Absorb) for condition in settings.conditions)):
         update *= DAMPED
     if run.adapt == "collocation":
         update *= COLLOCATED
     ledgers, frames = run.steps / (run.ledger or run.every), run.steps / run.every
     seconds = run.steps * update / (1 + SHARED * (threads - 1))
-    seconds += ledgers * (LEDGER + LEDGER_BOND * bonds) + frames * (FRAME + FRAME_NODE * nodes)
+    seconds += ledgers * (LEDGER + LEDGER_BOND * directed_bond_count) + frames * (FRAME + FRAME_NODE * node_count)
     if run.start == "static":
         memory, seconds = max(memory, rest), seconds + load_step
-    seconds = machine_slowdown() * (seconds + BEGIN + BEGIN_NODE * nodes)
-    return Plan(nodes, bonds, run.steps, *steps, round(memory), seconds, in_blocks=in_blocks)
+    seconds = measure_machine_slowdown() * (seconds + BEGIN + BEGIN_NODE * node_count)
+    return Plan(
+        node_count,
+        directed_bond_count,
+        run.steps,
+        *run_and_stable_time_step,
+        round(memory),
+        seconds,
+        uses_block_kernels=in_blocks,
+    )
 
 
-def load_step_memory_and_time(run: Run, node_count: int, bond_count: int) -> tuple[float, float]:
+def estimate_load_step_memory_and_time(run: Run, node_count: int, directed_bond_count: int) -> tuple[float, float]:
     """Memory (bytes) and time (s on the measured machine) of a load step in which nothing breaks."""
     if run.static.method == "relaxation":
-        return REST + RELAXED_BOND * bond_count, RELAXED * LONG * bond_count * node_count**0.5
+        return REST + RELAXED_BOND * directed_bond_count, RELAXED * LONG * directed_bond_count * node_count**0.5
     if 2 * node_count > FACTORED:
-        return REST + GRADIENT * bond_count, TANGENT * bond_count + WITHOUT * bond_count * node_count**0.5
-    entries = FILL * bond_count * (node_count / 1000) ** GROWTH
+        return (
+            REST + GRADIENT * directed_bond_count,
+            TANGENT * directed_bond_count + WITHOUT * directed_bond_count * node_count**0.5,
+        )
+    entries = FILL * directed_bond_count * (node_count / 1000) ** GROWTH
     return (
-        REST + REST_BOND * bond_count + ENTRY * entries,
-        TANGENT * bond_count + SOLVED * entries + FACTOR * entries**2 / node_count,
+        REST + REST_BOND * directed_bond_count + ENTRY * entries,
+        TANGENT * directed_bond_count + SOLVED * entries + FACTOR * entries**2 / node_count,
     )
 
 
 @cache
-def machine_slowdown() -> float:
+def measure_machine_slowdown() -> float:
     """Time of a multiplication on this machine over that on the measured one, measured once: plans can be compared."""
     values, best = np.full(PRODUCTS, 0.999), float("inf")
     for _ in range(ROUNDS):

@@ -9,11 +9,11 @@ import numpy as np
 from pdsolve.conditions import constrained_components, initial_displacement
 from pdsolve.model import on_device
 from pdsolve.run.prepare import prepare
-from pdsolve.run.system import Prepared
+from pdsolve.run.system import PreparedRun
 from pdsolve.steppers.equilibrium import force_densities
 
 
-def apply_initial_displacements(prepared: Prepared) -> Prepared:
+def apply_initial_displacements(prepared: PreparedRun) -> PreparedRun:
     """A prepared run with initial displacements: with the forces and the energies of time 0, before any step.
 
     What is prescribed at time 0 holds then. Bonds that are stretched too far break in step 0.
@@ -31,4 +31,4 @@ def apply_initial_displacements(prepared: Prepared) -> Prepared:
     holds = system.drive.holds
     system.drive.held_force[:] += pull[holds.node, holds.axis]
     strain = float(np.sum(system.area * (operator.energies(on_processor)[0] + on_processor.dissipated)))
-    return Prepared(dataclasses.replace(system, initial_energy=system.initial_energy + strain), state)
+    return PreparedRun(dataclasses.replace(system, initial_energy=system.initial_energy + strain), state)

@@ -16,7 +16,7 @@ from pdsolve.checks import named, warn
 from pdsolve.laws import limits
 from pdsolve.laws.bond_limits import Sizes
 from pdsolve.model import Model
-from pdsolve.run.inverted_on_lattice import inverted_lattice_triangles
+from pdsolve.run.inverted_on_lattice import find_inverted_lattice_triangles
 from pdsolve.state import Broken
 
 AROUND = 4  # nodes next to a node, of which two and the node are a triangle to look at
@@ -28,12 +28,12 @@ FRACTION = 0.005  # of what breaks a bond: displacements must be known to that, 
 class DisplacementRange(NamedTuple):
     """The least and the largest displacement along each axis, m, and their number type."""
 
-    least: tuple[float, ...]
-    most: tuple[float, ...]
-    dtype: str
+    minimum_by_axis: tuple[float, ...]
+    maximum_by_axis: tuple[float, ...]
+    dtype_name: str
 
 
-def displacement_range(u: NDArray[np.floating]) -> DisplacementRange:
+def compute_displacement_range(u: NDArray[np.floating]) -> DisplacementRange:
     """The extent of displacements (n, d), m."""
     least, most = (tuple(float(of(column)) for column in u.T) for of in (np.min, np.max))  # not over both axes: slow
     return DisplacementRange(least, most, u.dtype.name)
@@ -45,14 +45,14 @@ class MotionChecks:
     def __init__(
         self,
         model: Model,
-        initial_bonds: Callable[[int, int], tuple[NDArray[np.int64], NDArray[np.int64]]],
-        past_warnings: tuple[bool, bool] = (False, False),
+        initial_bonds_of_rows: Callable[[int, int], tuple[NDArray[np.int64], NDArray[np.int64]]],
+        inversion_and_imprecision_warned: tuple[bool, bool] = (False, False),
     ) -> None:
         """`initial_bonds(first, last)` returns the rows of both ends of the initial bonds of sources `first` to `last`
-        - 1; `past_warnings` are the warnings given already, of nodes before, as they have them."""
-        self._model, (self._said, self._vague) = model, past_warnings
-        self._bonds, self._own = initial_bonds, slice(None)
-        self._triangles: _NearestTriangles | None = None  # of nodes off a lattice
+        - 1; `inversion_and_imprecision_warned` are the warnings given already, of nodes before, as they have them."""
+        self._model, (self._said, self._vague) = model, inversion_and_imprecision_warned
+        self._bonds, self._own = initial_bonds_of_rows, slice(None)
+        self._triangles: _NodeTriangles | None = None  # of nodes off a lattice
         self._apart: NDArray[np.bool_] | None = None  # (n,) nodes whose triangle was not bonded at the start
         self._smallest = float(model.grid.delta.min())
         breaking, ratio = [np.inf], model.settings.horizon.ratio
@@ -67,37 +67,42 @@ class MotionChecks:
         self._breaking = min(breaking)  # m, lengthening that breaks or softens a bond
 
     @property
-    def warnings_given(self) -> tuple[bool, bool]:
+    def inversion_and_imprecision_warned(self) -> tuple[bool, bool]:
         """Whether warnings of inverted triangles, and of displacements too large for their precision, are given."""
         return self._said, self._vague
 
-    def warn_of_unreliable_motion(self, u: NDArray[np.floating], broken: Broken, step: int) -> None:
+    def warn_of_inversion_or_imprecision(self, u: NDArray[np.floating], broken: Broken, step: int) -> None:
         """Warn of inverted triangles, and of displacements too large for their precision.
 
         `u` (n, d) are the displacements, m; `broken` are all broken bonds. For bodies in space, only the precision is
         checked.
         """
-        extent = displacement_range(u)
-        if self.may_be_inverted(extent) and (words := self.describe_inverted_triangle(u, broken)) is not None:
-            self.warn_of_inversion(words, step)
-        self.warn_of_imprecision(extent, step)
+        extent = compute_displacement_range(u)
+        if self.triangles_may_be_inverted(extent) and (words := self.describe_inverted_triangle(u, broken)) is not None:
+            self.warn_of_inverted_triangle(words, step)
+        self.warn_of_imprecise_displacements(extent, step)
 
     @property
-    def spacing_and_breaking_length(self) -> tuple[float, float]:
+    def smallest_spacing_and_breaking_elongation(self) -> tuple[float, float]:
         """The smallest spacing, and the lengthening that breaks or softens a bond, m."""
         return self._smallest, self._breaking
 
-    def use_lengths_of_ranks(self, lengths_of_ranks: Sequence[tuple[float, float]], local_rows: slice) -> None:
-        """Take these lengths of all ranks as known, and look at the triangles of `local_rows` alone."""
-        self._smallest, self._breaking = (min(column) for column in zip(*lengths_of_ranks, strict=True))
-        self._own = local_rows
+    def set_lengths_from_all_ranks(
+        self, spacings_and_elongations: Sequence[tuple[float, float]], own_rows: slice
+    ) -> None:
+        """Take these lengths of all ranks as known, and look at the triangles of `own_rows` alone."""
+        self._smallest, self._breaking = (min(column) for column in zip(*spacings_and_elongations, strict=True))
+        self._own = own_rows
 
-    def may_be_inverted(self, displacements: DisplacementRange) -> bool:
+    def triangles_may_be_inverted(self, displacement_range: DisplacementRange) -> bool:
         """Whether triangles may be inverted."""
-        wide = max(most - least for least, most in zip(displacements.least, displacements.most, strict=True))
+        wide = max(
+            most - least
+            for least, most in zip(displacement_range.minimum_by_axis, displacement_range.maximum_by_axis, strict=True)
+        )
         return self._model.grid.dimension == 2 and not self._said and wide >= self._smallest
 
-    def warn_of_inversion(self, triangle_text: str, step: int) -> None:
+    def warn_of_inverted_triangle(self, triangle_text: str, step: int) -> None:
         """Warn, once, of an inverted triangle in `triangle_text`."""
         self._said = True
         warn(
@@ -106,16 +111,19 @@ class MotionChecks:
             " apart; use less compression",
         )
 
-    def warn_of_imprecision(self, displacements: DisplacementRange, step: int) -> None:
+    def warn_of_imprecise_displacements(self, displacement_range: DisplacementRange, step: int) -> None:
         """Warn, once, of displacements too large for their precision."""
-        largest = max(abs(value) for value in (*displacements.least, *displacements.most))
-        error = float(np.finfo(displacements.dtype).eps * largest)
+        largest = max(
+            abs(value) for value in (*displacement_range.minimum_by_axis, *displacement_range.maximum_by_axis)
+        )
+        error = float(np.finfo(displacement_range.dtype_name).eps * largest)
         if not self._vague and error > FRACTION * self._breaking:
             self._vague = True
             warn(
                 self._model,
-                f"step {step}: displacements reach {largest:.3g} m, which {displacements.dtype} knows to {error:.2g} m,"
-                f" and {FRACTION * self._breaking:.2g} m are needed: {self._breaking:.2g} m break a bond",
+                f"step {step}: displacements reach {largest:.3g} m, which {displacement_range.dtype_name} knows to"
+                f" {error:.2g} m, and {FRACTION * self._breaking:.2g} m are needed: {self._breaking:.2g} m break a"
+                " bond",
             )
 
     def describe_inverted_triangle(self, u: NDArray[np.floating], broken: Broken) -> str | None:
@@ -123,26 +131,26 @@ class MotionChecks:
         nodes = len(self._model.grid)
         if self._apart is None:
             self._apart = np.zeros(nodes, dtype=bool)
-        turned = self._inverted_triangles(u)
+        turned = self._find_inverted_triangles(u)
         near = np.zeros(nodes, dtype=bool)
         near[turned[:, 0]] = True
         broken_keys = (nodes * broken.source + broken.target)[near[broken.source]]
         for end in (1, 2):
             turned = turned[~np.isin(nodes * turned[:, 0] + turned[:, end], broken_keys, assume_unique=True)]
-        if len(turned := self._bonded_triangles(turned)):
+        if len(turned := self._select_initially_bonded_triangles(turned)):
             return ", ".join(named(self._model, int(corner)) for corner in turned[0])
         return None
 
-    def _inverted_triangles(self, u: NDArray[np.floating]) -> NDArray[np.int64]:
+    def _find_inverted_triangles(self, u: NDArray[np.floating]) -> NDArray[np.int64]:
         """Corners (t, 3) of the inverted triangles, without those whose nodes were not bonded at the start."""
         assert self._apart is not None
         position, flat = self._model.grid.position, FLAT * self._smallest**2
         inverted = None
         if self._triangles is None:
-            inverted = inverted_lattice_triangles(position, u, self._own, flat, self._apart)
+            inverted = find_inverted_lattice_triangles(position, u, self._own, flat, self._apart)
         if inverted is not None:
             return inverted
-        self._triangles = self._triangles or _largest_triangles(position, flat, self._own)
+        self._triangles = self._triangles or _find_largest_triangle_per_node(position, flat, self._own)
         corners, before = self._triangles
         current_position = position + u
         turned = (
@@ -152,7 +160,7 @@ class MotionChecks:
         )
         return corners[turned & ~self._apart[corners[:, 0]]]
 
-    def _bonded_triangles(self, triangles: NDArray[np.int64]) -> NDArray[np.int64]:
+    def _select_initially_bonded_triangles(self, triangles: NDArray[np.int64]) -> NDArray[np.int64]:
         """The triangles (t, 3) whose nodes were bonded at the start."""
         assert self._apart is not None
         nodes, were_bonded = len(self._model.grid), np.zeros(len(triangles), dtype=bool)
@@ -166,24 +174,26 @@ class MotionChecks:
         return triangles[were_bonded]
 
 
-class _NearestTriangles(NamedTuple):
+class _NodeTriangles(NamedTuple):
     """For each node, a triangle with two of its nearest nodes not in line with it; t of them."""
 
-    corners: NDArray[np.int64]  # (t, 3)
-    double_areas: NDArray[np.float64]  # (t,) twice its area, m^2, with the sign of its sense
+    corner_rows: NDArray[np.int64]  # (t, 3)
+    signed_double_areas: NDArray[np.float64]  # (t,) twice its area, m^2, with the sign of its sense
 
 
-def _largest_triangles(position: NDArray[np.float64], least_double_area: float, local_rows: slice) -> _NearestTriangles:
-    """The largest triangle of each of `local_rows`, if twice its area is at least `least_double_area` (m^2)."""
+def _find_largest_triangle_per_node(
+    position: NDArray[np.float64], least_double_area: float, own_rows: slice
+) -> _NodeTriangles:
+    """The largest triangle of each of `own_rows`, if twice its area is at least `least_double_area` (m^2)."""
     near = tree_of(position).query(position, min(AROUND + 1, len(position)))[1][:, 1:]
     ends, twice = np.zeros((2, len(position)), dtype=np.int64), np.zeros(len(position))
     for pair in combinations(near.T, 2):
         twice_area = _cross_product(*(position[end] - position for end in pair))
         larger = np.abs(twice_area) > np.abs(twice) * (1 + ROUND_OFF)
         ends[:, larger], twice[larger] = np.array(pair)[:, larger], twice_area[larger]
-    low, high, _ = local_rows.indices(len(position))
+    low, high, _ = own_rows.indices(len(position))
     rows = low + np.flatnonzero(np.abs(twice[low:high]) >= least_double_area)
-    return _NearestTriangles(np.column_stack([rows, *ends[:, rows]]), twice[rows])
+    return _NodeTriangles(np.column_stack([rows, *ends[:, rows]]), twice[rows])
 
 
 def _cross_product(a: NDArray[np.float64], b: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -26,12 +26,12 @@ KEY = "sooner"  # of `meta`
 class EarlierRefinement(NamedTuple):
     """From a step on, cells become fine at `kappa` of the stretch that breaks bonds."""
 
-    step: int
-    kappa: float
+    first_step: int
+    kappa_threshold: float
 
 
 def plan_earlier_refinement(
-    model: Model, earlier_refinements: tuple[EarlierRefinement, ...], late: LateZoneError
+    model: Model, earlier_refinements: tuple[EarlierRefinement, ...], late_zone_error: LateZoneError
 ) -> tuple[Model, tuple[EarlierRefinement, ...]]:
     """The model to solve after fine cells came too late, and from when on they are to come sooner.
 
@@ -39,67 +39,74 @@ def plan_earlier_refinement(
     first with the widest from the start, then with fine nodes everywhere.
     """
     run = model.settings.run
-    now = with_kappa(model, earlier_refinements[-1].kappa) if earlier_refinements else model
+    now = with_kappa(model, earlier_refinements[-1].kappa_threshold) if earlier_refinements else model
     wider = widen_zone(now)
-    step = max(late.step - EVERY - 1, 0) // run.every * run.every
+    step = max(late_zone_error.step - EVERY - 1, 0) // run.every * run.every
     if wider.settings.run.adapt == "none":
         return (now if earlier_refinements else wider), ()
     if step == 0 or model.grid.dimension == 3:
         return wider, ()
     return model, (
-        *(refinement for refinement in earlier_refinements if refinement.step < step),
+        *(refinement for refinement in earlier_refinements if refinement.first_step < step),
         EarlierRefinement(step, refinement_kappa(wider)),
     )
 
 
 def warn_of_zone_restart(
     model: Model,
-    late: LateZoneError,
-    wider: Model,
+    late_zone_error: LateZoneError,
+    model_with_wider_zone: Model,
     earlier_refinements: tuple[EarlierRefinement, ...],
     checkpoint_step: int,
 ) -> None:
     """Warn of what is done about cells that came too late: of the step that is gone back to."""
-    if wider.settings.run.adapt == "none":
+    if model_with_wider_zone.settings.run.adapt == "none":
         how = "fine nodes everywhere (run.adapt none)"
     else:
-        how = f"run.hybrid.kappa {earlier_refinements[-1].kappa if earlier_refinements else refinement_kappa(wider):g}"
+        kappa = refinement_kappa(model_with_wider_zone)
+        how = f"run.hybrid.kappa {earlier_refinements[-1].kappa_threshold if earlier_refinements else kappa:g}"
     words = f"begins anew with {how}"
     if earlier_refinements:
-        words = f"goes back to step {checkpoint_step}, and on with {how} from step {earlier_refinements[-1].step} on"
-    warnings.warn(f"{model.name}: {late}; {words}", ModelWarning, stacklevel=4)
+        words = (
+            f"goes back to step {checkpoint_step}, and on with {how} from step {earlier_refinements[-1].first_step} on"
+        )
+    warnings.warn(f"{model.name}: {late_zone_error}; {words}", ModelWarning, stacklevel=4)
 
 
-def find_restart_step(output: Path | None, earlier_refinements: tuple[EarlierRefinement, ...]) -> int:
+def find_restart_checkpoint_step(output: Path | None, earlier_refinements: tuple[EarlierRefinement, ...]) -> int:
     """The step of the checkpoint to go back to, 0 for the start."""
     if output is None or not earlier_refinements or not output.exists():
         return 0
     with Results.open(output) as results:
         step = results.checkpoint_step() if results.has_checkpoint() else 0
-    return step if step <= earlier_refinements[-1].step else 0
+    return step if step <= earlier_refinements[-1].first_step else 0
 
 
-def refine_earlier(system: System, earlier_refinements: tuple[EarlierRefinement, ...], step: int, last: int) -> int:
+def set_due_kappa_and_find_next_change(
+    system: System, earlier_refinements: tuple[EarlierRefinement, ...], step: int, last_step: int
+) -> int:
     """Make cells fine as soon as they are to be after a step; returns the next step from which that changes."""
-    begun = [refinement for refinement in earlier_refinements if refinement.step <= step]
+    begun = [refinement for refinement in earlier_refinements if refinement.first_step <= step]
     if begun and isinstance(system.operator, HybridOperator):
-        system.operator.engine.set_kappa(begun[-1].kappa)
-    return next((refinement.step for refinement in earlier_refinements if refinement.step > step), last)
+        system.operator.engine.set_kappa(begun[-1].kappa_threshold)
+    return next(
+        (refinement.first_step for refinement in earlier_refinements if refinement.first_step > step), last_step
+    )
 
 
-def refinement_metadata(earlier_refinements: tuple[EarlierRefinement, ...]) -> dict[str, Any]:
+def earlier_refinement_metadata(earlier_refinements: tuple[EarlierRefinement, ...]) -> dict[str, Any]:
     """What a database says of cells that come sooner."""
     return {KEY: json.dumps(earlier_refinements)} if earlier_refinements else {}
 
 
-def read_refinement_metadata(meta: Mapping[str, Any], path: Path) -> tuple[EarlierRefinement, ...]:
+def read_earlier_refinements(metadata: Mapping[str, Any], path: Path) -> tuple[EarlierRefinement, ...]:
     """What the metadata of a database say of cells that come sooner. Raises ResultsError."""
     try:
         earlier_refinements = tuple(
-            EarlierRefinement(int(step), float(kappa)) for step, kappa in json.loads(str(meta.get(KEY, "[]")))
+            EarlierRefinement(int(step), float(kappa)) for step, kappa in json.loads(str(metadata.get(KEY, "[]")))
         )
     except (TypeError, ValueError, OverflowError):
         earlier_refinements = (EarlierRefinement(-1, 0.0),)
-    if not all(refinement.step >= 0 and 0 < refinement.kappa < 1 for refinement in earlier_refinements):
-        raise ResultsError(f"{path}: {KEY} is {str(meta[KEY])[:40]!r}; it must be steps and shares of a stretch")
+    if not all(refinement.first_step >= 0 and 0 < refinement.kappa_threshold < 1 for refinement in earlier_refinements):
+        raise ResultsError(f"{path}: {KEY} is {str(metadata[KEY])[:40]!r}; it must be steps and shares of a stretch")
     return earlier_refinements

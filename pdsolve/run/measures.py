@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from pdmesh.model.graphs import connected
 from pdmesh.model.output_fields import CRACKED, USUAL, usual
-from pdsolve.run.swelling_with_fine_zone import SwellingZone
+from pdsolve.run.swelling_with_fine_zone import SwellingStepperWithFineZone
 from pdsolve.run.system import System
 from pdsolve.state import Broken, State
 
@@ -21,12 +21,12 @@ PIECE = 0.02  # of all nodes: smaller parts of a plate do not count as pieces
 class BondState(NamedTuple):
     """Energies and fields of an operator at one state, computed once for all users."""
 
-    strain_energy: NDArray[np.float64]  # (n,) energy in intact bonds, J/m^3
-    softening_energy: NDArray[np.float64]  # (n,) on softening so far, J/m^3
-    broken: Broken  # all so far
+    strain_energy_density: NDArray[np.float64]  # (n,) energy in intact bonds, J/m^3
+    softening_energy_density: NDArray[np.float64]  # (n,) on softening so far, J/m^3
+    broken_bonds: Broken  # all so far
 
 
-def evaluate_bonds(system: System, state: State) -> BondState:
+def compute_bond_state(system: System, state: State) -> BondState:
     """Energies and fields of the operator at this state."""
     return BondState(*system.operator.energies(state), system.operator.broken())
 
@@ -68,69 +68,79 @@ class LedgerRow(NamedTuple):
 def compute_ledger_row(system: System, state: State, step: int, bond_state: BondState | None = None) -> LedgerRow:
     """The ledger entry after `step`, in double precision and the nodes' order; `bond_state` is that of this state, if
     known."""
-    strain, softened, broken = bond_state or evaluate_bonds(system, state)
-    if system.hybrid is not None:
-        sums, zone = system.hybrid.ledger_totals()._asdict(), system.hybrid.zone_summary()._asdict()
+    strain, softened, broken = bond_state or compute_bond_state(system, state)
+    if system.moving_zone_operator is not None:
+        sums, zone = (
+            system.moving_zone_operator.ledger_totals()._asdict(),
+            system.moving_zone_operator.zone_summary()._asdict(),
+        )
         return LedgerRow(step, step * system.time_step, **sums, **zone)
     with np.errstate(over="ignore", invalid="ignore"):  # of a run that becomes unstable
         return LedgerRow(
             step,
             step * system.time_step,
-            broken=system.broken_before + len(broken.step),
-            friction=friction_heat(system, state),
-            **{name: float(np.sum(values())) for name, values in ledger_terms(system, state, strain, softened).items()},
+            broken=system.broken_bonds_of_removed_nodes + len(broken.step),
+            friction=compute_friction_heat(system, state),
+            **{
+                name: float(np.sum(values()))
+                for name, values in per_node_ledger_functions(system, state, strain, softened).items()
+            },
             **({} if system.zone_summary is None else system.zone_summary._asdict()),
         )
 
 
-def ledger_terms(
-    system: System, state: State, strain_energy: NDArray[np.float64], softening_energy: NDArray[np.float64]
+def per_node_ledger_functions(
+    system: System,
+    state: State,
+    strain_energy_density: NDArray[np.float64],
+    softening_energy_density: NDArray[np.float64],
 ) -> dict[str, Callable[[], NDArray[np.float64]]]:
-    """What makes the values (n,) of nodes that add up to an entry of the ledger, by its name; `strain_energy` and
-    `softening_energy` (n,) are J/m^3."""
+    """What makes the values (n,) of nodes that add up to an entry of the ledger, by its name; densities are J/m^3."""
     area, rho, velocity = system.area, system.model.rho, state.rate.astype(np.float64, copy=False)
 
-    def momentum(axis: int) -> NDArray[np.float64]:
+    def compute_node_momentum(axis: int) -> NDArray[np.float64]:
         return np.asarray(rho * area * velocity[:, axis])
 
     axes = range(system.model.grid.dimension)
     return {
         "kinetic": lambda: rho / 2 * area * (velocity**2).sum(axis=1),
-        "strain": lambda: area * strain_energy,
-        "dissipated": lambda: area * (state.dissipated + softening_energy),
+        "strain": lambda: area * strain_energy_density,
+        "dissipated": lambda: area * (state.dissipated + softening_energy_density),
         "work": lambda: area * state.work,
         "damped": lambda: area * state.damped,
-        **{f"momentum_{'xyz'[axis]}": partial(momentum, axis) for axis in axes},
+        **{f"momentum_{'xyz'[axis]}": partial(compute_node_momentum, axis) for axis in axes},
     }
 
 
-def friction_heat(system: System, state: State) -> float:
+def compute_friction_heat(system: System, state: State) -> float:
     """Energy that friction has turned into heat so far, J/m, of a body J."""
     return 0.0 if system.contact is None else system.contact.friction(state)
 
 
-def damage(system: System, broken: Broken | None = None) -> NDArray[np.float64]:
+def compute_node_damage(system: System, broken: Broken | None = None) -> NDArray[np.float64]:
     """Damage (n,): 1 - intact / initial bonds, with bonds cut by a pre-crack counted as broken; 0 without bonds.
 
     `broken` are all broken bonds, if known.
     """
-    family = system.family
+    family = system.family_sizes
     broken = system.operator.broken() if broken is None else broken
-    intact = system.count - np.bincount(broken.source, minlength=len(family))
+    intact = system.initial_bond_counts - np.bincount(broken.source, minlength=len(family))
     return np.where(family > 0, 1 - intact / np.maximum(family, 1), 0.0)
 
 
-def fields(
-    system: System, state: State, names: Iterable[str], bond_state: BondState | None = None
+def compute_output_fields(
+    system: System, state: State, field_names: Iterable[str], bond_state: BondState | None = None
 ) -> dict[str, NDArray[np.floating]]:
     """Fields (n,) of these names at a state; `bond_state` is that of this state, if known."""
     columns: dict[str, NDArray[np.floating]] = {}
-    chosen, usual_ones = tuple(names), () if system.transport else usual(system.model.grid.dimension)
+    chosen, usual_ones = tuple(field_names), () if system.transport else usual(system.model.grid.dimension)
     operator_fields: dict[str, NDArray[np.float64]] = {}
     if chosen == USUAL or not set(chosen) <= set(usual_ones):
         operator_fields |= system.operator.fields(state)
-        rows = system.stepper.rows if isinstance(system.stepper, SwellingZone) else slice(None)
-        for prepared in system.coupled:
+        rows = (
+            system.stepper.current_node_rows if isinstance(system.stepper, SwellingStepperWithFineZone) else slice(None)
+        )
+        for prepared in system.coupled_runs:
             operator_fields |= {
                 name: values[rows] for name, values in prepared.system.operator.fields(prepared.state).items()
             }
@@ -138,9 +148,9 @@ def fields(
         chosen = (*usual_ones, *operator_fields)
     for name in chosen:
         if name == "damage":
-            columns[name] = damage(system, bond_state and bond_state.broken)
+            columns[name] = compute_node_damage(system, bond_state and bond_state.broken_bonds)
         elif name == "energy":
-            columns[name] = bond_state.strain_energy if bond_state else system.operator.energies(state)[0]
+            columns[name] = bond_state.strain_energy_density if bond_state else system.operator.energies(state)[0]
         elif name in operator_fields:
             columns[name] = operator_fields[name]
         else:
@@ -157,7 +167,7 @@ def count_bodies(system: System) -> int:
 
 def count_pieces(system: System) -> int:
     """Number of pieces of the plate: connected components of intact bonds without cracked nodes."""
-    sound = damage(system) <= CRACKED
+    sound = compute_node_damage(system) <= CRACKED
     source, target = system.operator.bonds()
     sound_bonds = sound[source] & sound[target]
     part = connected(len(sound), source[sound_bonds], target[sound_bonds])

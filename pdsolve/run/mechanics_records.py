@@ -16,8 +16,8 @@ from pdsolve.laws.material_checks import negative_secants
 from pdsolve.results import FrameRecord, Results
 from pdsolve.run.inversion_checks import MotionChecks
 from pdsolve.run.measures import BondState, LedgerRow, compute_ledger_row
-from pdsolve.run.operator_factory import intact_stable_time_step
-from pdsolve.run.reactions import Reaction, acting_conditions, compute_reactions
+from pdsolve.run.operator_factory import compute_stable_time_step_of_intact_bonds
+from pdsolve.run.reactions import Reaction, compute_reactions, list_acting_conditions
 from pdsolve.run.system import System
 from pdsolve.state import State
 
@@ -37,7 +37,7 @@ class MechanicsRecords:
         self._find_monitored_nodes()
         self.last, self._heat_energy = (
             compute_ledger_row(system, state, step, bond_state),
-            self._largest_heat_energy(state),
+            self._compute_clamped_swelling_energy(state),
         )
 
     def _initialize_records(self, system: System, step: int, past_results: Results | None) -> None:
@@ -52,24 +52,26 @@ class MechanicsRecords:
         self._probes: list[tuple[float, ...]] = []
         self._reactions: list[Reaction] = []
 
-    def _largest_heat_energy(self, state: State) -> float:
+    def _compute_clamped_swelling_energy(self, state: State) -> float:
         """What heat can do at most, J/m, against which little is round-off; 0 without it."""
         swelling = self._system.stepper
         return (
-            float(np.sum(self._system.area * swelling.clamped_energy(state))) if isinstance(swelling, Swelling) else 0.0
+            float(np.sum(self._system.area * swelling.clamped_energy_density(state)))
+            if isinstance(swelling, Swelling)
+            else 0.0
         )
 
     def switch_system(self, system: System) -> None:
         """Continue with changed nodes."""
         self._system, self._nodes_are_current, self._nodes_changed = system, False, True
         if self._motion_checks is not None:  # it has the nodes before, which are many
-            self._given, self._motion_checks = self._motion_checks.warnings_given, None
+            self._given, self._motion_checks = self._motion_checks.inversion_and_imprecision_warned, None
 
     def _find_monitored_nodes(self) -> None:
         """Find the nodes of conditions and probes among the current nodes."""
         model, run = self._system.model, self._system.model.settings.run
         probes = [*run.probes, *(end for gap in run.gaps for end in gap.ends)]
-        self._acting_conditions = acting_conditions(self._system)
+        self._acting_conditions = list_acting_conditions(self._system)
         self._probed = model.grid.nearest(probes)[1].tolist() if probes else []
         self._motion_checks = MotionChecks(model, partial(self._system.operator.bonds, start=True), self._given)
         self._nodes_are_current = True
@@ -95,12 +97,12 @@ class MechanicsRecords:
             text += f", clipped stretch {fine.clipped_stretch:.2f}" if fine.clipped_stretch else ""
         return text
 
-    def update_last_row(self, state: State, step: int, bond_state: BondState) -> None:
+    def update_last_ledger_row(self, state: State, step: int, bond_state: BondState) -> None:
         """Make this step the last entry."""
         if self.last.step != step:
             self.last, self._heat_energy = (
                 compute_ledger_row(self._system, state, step, bond_state),
-                self._largest_heat_energy(state),
+                self._compute_clamped_swelling_energy(state),
             )
 
     def record_step(self, state: State, step: int, bond_state: BondState) -> None:
@@ -108,7 +110,7 @@ class MechanicsRecords:
         if not self._nodes_are_current:
             self._find_monitored_nodes()
         system = self._system
-        self.update_last_row(state, step, bond_state)
+        self.update_last_ledger_row(state, step, bond_state)
         if self._is_unstable(self.last, bool(np.isfinite(state.value).all())):
             finite = np.isfinite(state.value).all(axis=1)
             worst = int((~finite).argmax() if not finite.all() else np.abs(state.rate).sum(axis=1).argmax())
@@ -116,24 +118,29 @@ class MechanicsRecords:
             raise UnstableError(instability_message(system, self.last, most, node))
         self._largest_work = max(self._largest_work, abs(self.last.work))
         assert self._motion_checks is not None
-        self._motion_checks.warn_of_unreliable_motion(
-            state.value[:, : system.model.grid.dimension], bond_state.broken, step
+        self._motion_checks.warn_of_inversion_or_imprecision(
+            state.value[:, : system.model.grid.dimension], bond_state.broken_bonds, step
         )
         if self._flows:
-            from pdsolve.run.plastic_checks import warn_of_plastic_strain  # few bodies flow
+            from pdsolve.run.plastic_checks import warn_if_plastic_strain_is_large  # few bodies flow
 
-            self._flows = not warn_of_plastic_strain(system, step)
+            self._flows = not warn_if_plastic_strain_is_large(system, step)
         self._ledgers.append(self.last)
         for row in dict.fromkeys(self._probed):
             node = int(system.model.grid.ids[row])
             self._probes.append(
-                (step, self.last.time, node, *recorded_motion_of_node(state, row, system.model.grid.dimension))
+                (
+                    step,
+                    self.last.time,
+                    node,
+                    *list_node_displacement_velocity_acceleration(state, row, system.model.grid.dimension),
+                )
             )
         self._reactions += compute_reactions(self._acting_conditions, system, state, step, self.last.time)
 
     def _is_unstable(self, ledger_row: LedgerRow, values_are_finite: bool) -> bool:
         """Whether energy is created, or values are not `values_are_finite`."""
-        created = _energy_ratio(self._system, ledger_row, max(self._largest_work, self._heat_energy))
+        created = _ratio_of_energy_to_supplied(self._system, ledger_row, max(self._largest_work, self._heat_energy))
         return not (values_are_finite and np.isfinite(ledger_row.kinetic + ledger_row.strain) and created <= RUNAWAY)
 
     def move_records_into(self, frame: FrameRecord) -> FrameRecord:
@@ -189,7 +196,7 @@ class MechanicsRecords:
         warn_of_damping(system.model, last.damped + last.friction, put_in)
 
 
-def recorded_motion_of_node(state: State, row: int, dimension: int) -> list[float]:
+def list_node_displacement_velocity_acceleration(state: State, row: int, dimension: int) -> list[float]:
     """What is recorded of the motion of a node in d dimensions: u, v, a in the plane, and then along z."""
     fields = state.value, state.rate, state.second
     plane, space = ([field[row, axes].tolist() for field in fields] for axes in (slice(2), slice(2, dimension)))
@@ -204,19 +211,19 @@ def instability_message(system: System, ledger_row: LedgerRow, largest_work: flo
     """
     return (
         f"unstable at step {ledger_row.step}, {ledger_row.time:.4g} s, node {node_id}: energy is"
-        f" {_energy_ratio(system, ledger_row, largest_work):.3g} times what was put in; the time step is"
+        f" {_ratio_of_energy_to_supplied(system, ledger_row, largest_work):.3g} times what was put in; the time step is"
         f" {system.time_step:.4g} s, stable up to {system.stable_time_step:.4g} s"
-        f"{_instability_cause(system)}"
+        f"{_instability_cause_text(system)}"
     )
 
 
-def _energy_ratio(system: System, ledger_row: LedgerRow, largest_work: float) -> float:
+def _ratio_of_energy_to_supplied(system: System, ledger_row: LedgerRow, largest_work: float) -> float:
     """The energy that is there over what was put in; 0 where nothing was."""
     energy_supplied = max(abs(ledger_row.work), largest_work) + system.initial_energy
     return (ledger_row.kinetic + ledger_row.strain) / energy_supplied if energy_supplied else 0.0
 
 
-def _instability_cause(system: System) -> str:
+def _instability_cause_text(system: System) -> str:
     """The likely cause of an instability other than the time step."""
     if system.time_step > system.stable_time_step:
         return ""
@@ -225,7 +232,7 @@ def _instability_cause(system: System) -> str:
         names = " and ".join(f"'{name}'" for name in laws)
         return f"; the likely cause is the law {names}, whose secant turns negative"
     if system.scheme.symmetric:
-        intact_step = intact_stable_time_step(system.model, system.operator)
+        intact_step = compute_stable_time_step_of_intact_bonds(system.model, system.operator)
         if system.time_step > intact_step:
             return f", and with the bonds that are left up to {intact_step:.4g} s; take a shorter step (run.time_step)"
         return "; the step is not the cause: check loads and prescribed motion"

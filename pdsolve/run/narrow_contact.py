@@ -10,7 +10,7 @@ from pdsolve.state import State
 RESOLVED = 4.0  # spacings: half-width from which on it is Hertz's
 
 
-def warn_of_narrow_contact(system: System, state: State) -> None:
+def warn_of_unresolved_contact_width(system: System, state: State) -> None:
     """Warn of the narrowest contact of two round bodies under the largest force of a run at rest."""
     contact, bodies = system.contact, system.model.grid.bodies
     if not isinstance(contact, RestingContact) or bodies is None:

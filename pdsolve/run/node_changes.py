@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pdsolve.operators.protocol import CheckpointArrays
-from pdsolve.run.system import Prepared, System, with_moved_zone
+from pdsolve.run.system import PreparedRun, System, system_with_moved_zone
 from pdsolve.state import State, zero_state
 
 
@@ -27,37 +27,43 @@ class NodeChange(NamedTuple):
 class NodeAdaptation(Protocol):
     """Decides when and how nodes change, from the state alone, so that a resumed run equals an uninterrupted one."""
 
-    every: int  # steps between two looks
+    steps_between_checks: int  # steps between two looks
 
     def change_nodes(self, system: System, state: State, step: int) -> NodeChange | None:
         """The nodes after `step`, a multiple of `every`; None if they stay."""
 
-    def restore_system(self, system: System, checkpoint: CheckpointArrays) -> Prepared:
+    def restore_system(self, initial_system: System, checkpoint: CheckpointArrays) -> PreparedRun:
         """The system of a checkpoint with the nodes `checkpoint["ids"]`, in that order.
 
-        `system` is that of the start. The caller restores state, loads and broken bonds.
+        `initial_system` is that of the start. The caller restores state, loads and broken bonds.
         """
 
 
-def find_zone_change(system: System, with_state: bool = True) -> NodeChange | None:
+def find_zone_change_since_last_call(system: System, with_state: bool = True) -> NodeChange | None:
     """The nodes of a moving fine zone if they have changed since the last call; else None.
 
     Without `with_state`, that of the change is of no nodes.
     """
-    assert system.hybrid is not None
-    before, shown = system.hybrid, system.hybrid.operator_if_changed()
+    assert system.moving_zone_operator is not None
+    before, shown = system.moving_zone_operator, system.moving_zone_operator.operator_if_changed()
     if shown is None:
         return None
     row = np.minimum(np.searchsorted(before.places, shown.places), len(before.places) - 1)
     same = (before.places[row] == shown.places) & (before.signature[row] == shown.signature)
     return NodeChange(
-        with_moved_zone(system, shown), shown.state() if with_state else zero_state(0, 2), np.where(same, row, -1)
+        system_with_moved_zone(system, shown),
+        shown.state() if with_state else zero_state(0, 2),
+        np.where(same, row, -1),
     )
 
 
-def restore_zone_system(system: System, checkpoint: CheckpointArrays) -> Prepared:
-    """The system of a checkpoint, for a run that began as `system`."""
-    assert system.hybrid is not None
-    system.hybrid.restore(checkpoint, system.hybrid.broken())
-    change = find_zone_change(system)
-    return Prepared(system, system.hybrid.state()) if change is None else Prepared(change.system, change.state)
+def restore_system_with_moving_zone(initial_system: System, checkpoint: CheckpointArrays) -> PreparedRun:
+    """The system of a checkpoint, for a run that began as `initial_system`."""
+    assert initial_system.moving_zone_operator is not None
+    initial_system.moving_zone_operator.restore(checkpoint, initial_system.moving_zone_operator.broken())
+    change = find_zone_change_since_last_call(initial_system)
+    return (
+        PreparedRun(initial_system, initial_system.moving_zone_operator.state())
+        if change is None
+        else PreparedRun(change.system, change.state)
+    )

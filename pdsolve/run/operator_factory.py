@@ -38,7 +38,7 @@ def make_operator(
     `bonds_are_unbreakable`: no bond breaks, as `bond_source` has it.
     """
     law, kind, nodes = law_of(model, scheme.matches_work), np.dtype(options.precision).type, len(model.grid)
-    tiles = _make_tiles(model, options, scheme, bonds_are_unbreakable)
+    tiles = _make_bond_tiles_if_possible(model, options, scheme, bonds_are_unbreakable)
     if tiles is not None:
         parts = tiles.tiles, tiles.sites, tiles.stiffness_bound
         if model.settings.run.device != "cpu":
@@ -99,36 +99,41 @@ def _make_device_operator(
     return operator, statistics.counted(bond_source.area)
 
 
-def add_ground_supports(model: Model, volume: NDArray[np.float64], bonds: Operator) -> Operator:
+def add_ground_supports(model: Model, volume: NDArray[np.float64], bond_operator: Operator) -> Operator:
     """The operator of a model's bonds with its spring supports and pins, if it has any. `volume` (n,), m^d."""
-    return supported(model, volume, bonds) if model.has_supports else bonds
+    return supported(model, volume, bond_operator) if model.has_supports else bond_operator
 
 
-def add_contact(model: Model, volume: NDArray[np.float64], bonds: Operator) -> tuple[Operator, PenaltyContact | None]:
+def add_penalty_contact(
+    model: Model, volume: NDArray[np.float64], bond_operator: Operator
+) -> tuple[Operator, PenaltyContact | None]:
     """The operator of a model's bonds and of what touches; and the latter. `volume` (n,), m^d. Raises ModelError."""
     if model.settings.contact is None:
-        return bonds, None
-    longest, step = largest_stable_step(touch_bound(model, volume), model.rho), model.settings.run.time_step
+        return bond_operator, None
+    longest, step = (
+        stable_time_step_from_stiffness_bound(touch_bound(model, volume), model.rho),
+        model.settings.run.time_step,
+    )
     if step is not None and step > longest:
         raise ModelError(
             f"{model.name}: $.contact.stiffness is {model.settings.contact.stiffness:g} with steps of {step:.3g} s;"
             f" use steps up to {longest:.3g} s, or less"
         )
-    contact = PenaltyContact(model, volume, bonds)
-    return Together(contact, bonds), contact
+    contact = PenaltyContact(model, volume, bond_operator)
+    return Together(contact, bond_operator), contact
 
 
-def add_contact_at_rest(
-    model: Model, volume: NDArray[np.float64], bonds: Operator
+def add_quasi_static_contact(
+    model: Model, volume: NDArray[np.float64], bond_operator: Operator
 ) -> tuple[Operator, RestingContact | None]:
     """The operator of the bonds of a model at rest and of what touches; and the latter. `volume` (n,), m^d."""
     if model.settings.contact is None:
-        return bonds, None
-    contact = RestingContact(model, volume, bonds)
-    return Together(contact, bonds), contact
+        return bond_operator, None
+    contact = RestingContact(model, volume, bond_operator)
+    return Together(contact, bond_operator), contact
 
 
-def options_for_swelling(model: Model, options: Options) -> Options:
+def choose_kernel_for_swelling(model: Model, options: Options) -> Options:
     """The options of a kernel that knows what swells: blocks in motion, of laws that they can sum so; else the list.
 
     Raises ModelError where the options exclude it.
@@ -149,7 +154,7 @@ def unwrap_bond_operator(operator: Operator) -> Operator:
     return operator
 
 
-def blocks_and_contact(operator: Operator) -> tuple[SimdLattice | None, PenaltyContact | None]:
+def split_into_blocks_and_contact(operator: Operator) -> tuple[SimdLattice | None, PenaltyContact | None]:
     """The blocks of an operator, if they are all there is of it but for contact; and that."""
     if isinstance(operator, Together):
         *others, last = operator.parts
@@ -158,53 +163,57 @@ def blocks_and_contact(operator: Operator) -> tuple[SimdLattice | None, PenaltyC
     return (operator if isinstance(operator, SimdLattice) else None), None
 
 
-def bond_counts_and_stiffness_bound(
+def count_bonds_and_bound_stiffness(
     model: Model, options: Options, scheme: Scheme
 ) -> tuple[Counted, NDArray[np.float64], bool]:
     """Numbers (n,) of the bonds of a pair law, the bound (n,) of their stiffness, N/m^4, and whether blocks can have
     them."""
-    tiles = _make_tiles(model, options, scheme, False)
+    tiles = _make_bond_tiles_if_possible(model, options, scheme, False)
     if tiles is not None:
         area = tiles.counted.area
-        return tiles.counted, tiles.stiffness_bound + _stiffness_bound_beside_bonds(model, area), True
+        return tiles.counted, tiles.stiffness_bound + _stiffness_bound_of_contact_and_supports(model, area), True
     filling = scheme.fill(model)
     statistics = BondStatistics(filling, scheme.symmetric)
     for _ in statistics.parts():
         pass
-    bound = statistics.stiffness_bound + _stiffness_bound_beside_bonds(model, filling.area)
+    bound = statistics.stiffness_bound + _stiffness_bound_of_contact_and_supports(model, filling.area)
     return statistics.counted(filling.area), bound, model.grid.dimension == 2
 
 
-def _stiffness_bound_beside_bonds(model: Model, volume: NDArray[np.float64]) -> NDArray[np.float64]:
+def _stiffness_bound_of_contact_and_supports(model: Model, volume: NDArray[np.float64]) -> NDArray[np.float64]:
     """What contact and supports add to the bound (n,) of each node's stiffness, N/m^4."""
     return touch_bound(model, volume) + support_bound(model, volume)
 
 
-def _make_tiles(model: Model, options: Options, scheme: Scheme, bonds_are_unbreakable: bool) -> Tiled | None:
+def _make_bond_tiles_if_possible(
+    model: Model, options: Options, scheme: Scheme, bonds_are_unbreakable: bool
+) -> Tiled | None:
     """The bonds of a body in tiles, where they can be and options do not exclude it."""
     if model.grid.dimension == 2 or options.kernel == "listed" or numba.config.DISABLE_JIT or not scheme.symmetric:
         return None
     return tiled(model, np.dtype(options.precision).type, bonds_are_unbreakable)
 
 
-def stable_time_step(model: Model, operator: Operator) -> float:
+def compute_stable_time_step(model: Model, operator: Operator) -> float:
     """The longest surely stable step of a motion, s, in which families may lose bonds; infinite without bonds."""
     start, bonds = operator.stiffness_bound(), unwrap_bond_operator(operator)
     breaks = model.settings.run.cracks == "bonds" and any(material.failure != "none" for material in model.materials)
     if breaks and isinstance(bonds, BondList) and bonds.law.torn_stiffness is not None:
         start = np.maximum(start, bonds.law.torn_stiffness(bonds.columns, start))
-    return largest_stable_step(start, model.rho)
+    return stable_time_step_from_stiffness_bound(start, model.rho)
 
 
-def intact_stable_time_step(model: Model, operator: Operator) -> float:
+def compute_stable_time_step_of_intact_bonds(model: Model, operator: Operator) -> float:
     """The longest surely stable step, s, with the bonds that are left, which may be shorter than at the start."""
     bonds = unwrap_bond_operator(operator)
     return (
-        largest_stable_step(bonds.intact_stiffness_bound(), model.rho) if isinstance(bonds, BondList) else float("inf")
+        stable_time_step_from_stiffness_bound(bonds.intact_stiffness_bound(), model.rho)
+        if isinstance(bonds, BondList)
+        else float("inf")
     )
 
 
-def largest_stable_step(stiffness_bound: NDArray[np.float64], rho: NDArray[np.float64]) -> float:
+def stable_time_step_from_stiffness_bound(stiffness_bound: NDArray[np.float64], rho: NDArray[np.float64]) -> float:
     """The longest surely stable step, s, for an operator's `stiffness_bound` (n,); infinite without bonds."""
     largest = float((stiffness_bound / rho).max(initial=0.0))
     return float(np.sqrt(2 / largest)) if largest > 0 else float("inf")

@@ -6,7 +6,7 @@ from typing import Any, Protocol
 
 from pdsolve.results import FrameRecord
 from pdsolve.run.measures import BondState
-from pdsolve.run.system import Prepared, System
+from pdsolve.run.system import PreparedRun, System
 from pdsolve.state import State
 
 
@@ -27,7 +27,7 @@ class PhysicsRecords(Protocol):
     def switch_system(self, system: System) -> None:
         """Continue with changed nodes."""
 
-    def update_last_row(self, state: State, step: int, bond_state: BondState) -> None:
+    def update_last_ledger_row(self, state: State, step: int, bond_state: BondState) -> None:
         """Make this step the last entry, without recording it."""
 
     def record_step(self, state: State, step: int, bond_state: BondState) -> None:
@@ -49,8 +49,10 @@ class PhysicsRecords(Protocol):
 class CoupledRecords:
     """The records of a motion and of what diffuses on the same nodes; see `PhysicsRecords`."""
 
-    def __init__(self, motion: PhysicsRecords, others: tuple[tuple[PhysicsRecords, Prepared], ...]) -> None:
-        self._motion, self._others = motion, others
+    def __init__(
+        self, motion_records: PhysicsRecords, other_records: tuple[tuple[PhysicsRecords, PreparedRun], ...]
+    ) -> None:
+        self._motion, self._others = motion_records, other_records
 
     @property
     def broken_bond_count(self) -> int:
@@ -75,11 +77,11 @@ class CoupledRecords:
         """Go on with other nodes."""
         self._motion.switch_system(system)
 
-    def update_last_row(self, state: State, step: int, bond_state: BondState) -> None:
+    def update_last_ledger_row(self, state: State, step: int, bond_state: BondState) -> None:
         """Make the last entries those of this step, without noting them."""
-        self._motion.update_last_row(state, step, bond_state)
+        self._motion.update_last_ledger_row(state, step, bond_state)
         for records, prepared in self._others:
-            records.update_last_row(prepared.state, step, bond_state)
+            records.update_last_ledger_row(prepared.state, step, bond_state)
 
     def record_step(self, state: State, step: int, bond_state: BondState) -> None:
         """Note this step. Raises UnstableError."""

@@ -13,7 +13,7 @@ from pdsolve.run.system import System
 LARGEST = 0.1  # plastic strain up to which j2 in its total form counts as one for small strains
 
 
-def warn_of_plastic_strain(system: System, step: int) -> bool:
+def warn_if_plastic_strain_is_large(system: System, step: int) -> bool:
     """Warn if the equivalent plastic strain of a node is above `LARGEST`; returns whether one is."""
     solid = getattr(getattr(unwrap_bond_operator(system.operator), "columns", None), "solid", None)
     if solid is None:

@@ -30,16 +30,20 @@ from pdsolve.operators.bond_list import BondList
 from pdsolve.operators.simd_lattice.operator import SimdLattice
 from pdsolve.options import Options, threads_of
 from pdsolve.run.assembly import (
-    assemble_motion,
     assemble_system,
     choose_time_step,
-    make_content_stepper,
-    set_initial_motion,
+    make_diffusion_stepper,
+    prepare_explicit_motion,
+    set_initial_velocity_and_acceleration,
 )
-from pdsolve.run.at_rest import prepare_load_steps
-from pdsolve.run.operator_factory import largest_stable_step, options_for_swelling, unwrap_bond_operator
-from pdsolve.run.swelling_with_fine_zone import PlateBrokenBonds, SwellingZone
-from pdsolve.run.system import Prepared, System
+from pdsolve.run.at_rest import prepare_quasi_static_run
+from pdsolve.run.operator_factory import (
+    choose_kernel_for_swelling,
+    stable_time_step_from_stiffness_bound,
+    unwrap_bond_operator,
+)
+from pdsolve.run.swelling_with_fine_zone import PlateBrokenBonds, SwellingStepperWithFineZone
+from pdsolve.run.system import PreparedRun, System
 from pdsolve.schemes import SCHEMES
 from pdsolve.schemes.scheme import Scheme
 from pdsolve.steppers.equilibrium import force_densities
@@ -49,9 +53,9 @@ from pdsolve.steppers.static_loads import model_at_rest_after_each_content_step,
 WORTH_HYBRID = 25_000  # nodes of a plate with a fine zone that moves, were they all there
 
 
-def prepare(model: Model, options: Options) -> Prepared:
+def prepare(model: Model, options: Options) -> PreparedRun:
     """A model's bonds and conditions, and its state at time 0. Raises ModelError for an unsupported model."""
-    prepared = _prepare_by_kind(
+    prepared = _prepare_by_physics_and_adaptivity(
         choose_adaptivity(model, options) if model.settings.run.adapt == "auto" else model, options
     )
     system = prepared.system
@@ -61,23 +65,25 @@ def prepare(model: Model, options: Options) -> Prepared:
     )
 
 
-def _prepare_by_kind(model: Model, options: Options) -> Prepared:
+def _prepare_by_physics_and_adaptivity(model: Model, options: Options) -> PreparedRun:
     if options.team is not None:
         refuse_on_ranks(model)
     if model.diffuses:
         return _prepare_diffusion(model, options)
     scheme = select_scheme(model, options)
     if model.swells:
-        return _prepare_swelling(model, options, scheme)
+        return _prepare_swelling_motion(model, options, scheme)
     if model.settings.run.cracks == "particles" and model.materials[0].detour is not None:
         options = options._replace(kernel="listed")  # blocks keep the weights that their bonds began with
     if model.settings.run.adapt == "split":
         return _prepare_cell_splitting(model, options, scheme)
     if model.settings.run.adapt != "none":
-        return (_prepare_plate_zone if model.grid.dimension == 2 else _prepare_body_zone)(model, options, scheme)
+        return (_prepare_plate_with_moving_zone if model.grid.dimension == 2 else _prepare_body_with_moving_zone)(
+            model, options, scheme
+        )
     if model.settings.run.solver == "static":
-        return prepare_load_steps(model_with_load_steps(model, options.precision), options, scheme)
-    return assemble_motion(model, options, scheme)
+        return prepare_quasi_static_run(model_with_load_steps(model, options.precision), options, scheme)
+    return prepare_explicit_motion(model, options, scheme)
 
 
 def select_scheme(model: Model, options: Options) -> Scheme:
@@ -98,7 +104,7 @@ def select_scheme(model: Model, options: Options) -> Scheme:
     return scheme
 
 
-def _prepare_diffusion(model: Model, options: Options) -> Prepared:
+def _prepare_diffusion(model: Model, options: Options) -> PreparedRun:
     """A prepared model of diffusion. Raises ModelError for an unsupported one."""
     diffusion.expect_usual(model, options)
     transport, state = diffusion.prepare(model, options.threads, options.kernel == "listed")
@@ -108,32 +114,32 @@ def _prepare_diffusion(model: Model, options: Options) -> Prepared:
         options=options._replace(threads=transport.threads),
         scheme=SCHEMES["conservative"],
         operator=operator,
-        stepper=make_content_stepper(model, transport, state, options.team),
+        stepper=make_diffusion_stepper(model, transport, state, options.team),
         drive=transport.drive,
         area=volume,
-        family=operator.count + transport.blocked,
-        count=operator.count,
+        family_sizes=operator.count + transport.blocked,
+        initial_bond_counts=operator.count,
         time_step=transport.time_step,
         stable_time_step=transport.bound,
         initial_energy=0.0,
         transport=transport,
     )
-    return Prepared(system, state)
+    return PreparedRun(system, state)
 
 
-def _prepare_swelling(model: Model, options: Options, scheme: Scheme) -> Prepared:
+def _prepare_swelling_motion(model: Model, options: Options, scheme: Scheme) -> PreparedRun:
     """A model of a motion that a content swells. Raises ModelError for what cannot be solved so."""
     if not scheme.symmetric:
         expected = "conservative, as $.physics is thermoelastic"
         raise ModelError(f"{model.name}: mode is {scheme.name}; use {expected}")
     if model.settings.run.adapt == "hybrid":
-        return _prepare_swelling_zone(model, options, scheme)
-    options, rests = options_for_swelling(model, options), model.settings.run.solver == "static"
+        return _prepare_swelling_plate_with_zone(model, options, scheme)
+    options, rests = choose_kernel_for_swelling(model, options), model.settings.run.solver == "static"
     if rests:
         model = model_at_rest_after_each_content_step(model, options.precision)
-        system, state = prepare_load_steps(model.moving_part(), options, scheme)
+        system, state = prepare_quasi_static_run(model.moving_part(), options, scheme)
     else:
-        system, state = assemble_motion(model.moving_part(), options, scheme)
+        system, state = prepare_explicit_motion(model.moving_part(), options, scheme)
     content = _prepare_diffusion(model.diffusing_part(system.time_step), Options(threads=options.threads))
     transport, marches, cycle = content.system.transport, content.system.stepper, 1
     bonds = unwrap_bond_operator(system.operator)
@@ -153,14 +159,14 @@ def _prepare_swelling(model: Model, options: Options, scheme: Scheme) -> Prepare
         state.second[:] += np.where(constrained_components(system.drive), 0.0, pull)
         stepper.begin(state)
     energy = system.initial_energy + float(np.sum(system.area * system.operator.energies(state)[0]))
-    return Prepared(
-        replace(system, stepper=stepper, full_model=model, coupled=(content,), initial_energy=energy), state
+    return PreparedRun(
+        replace(system, stepper=stepper, full_model=model, coupled_runs=(content,), initial_energy=energy), state
     )
 
 
-def _prepare_swelling_zone(model: Model, options: Options, scheme: Scheme) -> Prepared:
+def _prepare_swelling_plate_with_zone(model: Model, options: Options, scheme: Scheme) -> PreparedRun:
     """A plate with a moving fine zone that a content swells. Raises ModelError for what cannot be solved so."""
-    system, _ = _prepare_plate_zone(model, options, scheme)
+    system, _ = _prepare_plate_with_moving_zone(model, options, scheme)
     operator, medium = system.operator, model.settings.medium
     assert isinstance(operator, HybridOperator)
     assert medium is not None
@@ -170,12 +176,14 @@ def _prepare_swelling_zone(model: Model, options: Options, scheme: Scheme) -> Pr
     cycle = cycle_of(model.settings.run, system.time_step, transport.bound)
     marches = ForwardEuler(transport.operator, transport.drive, cycle * system.time_step)
     broken = None if medium.broken == 1 else BrokenBonds(transport, PlateBrokenBonds(operator.engine), medium.broken)
-    stepper = SwellingZone(marches, content.state, operator, model, cycle, broken)
+    stepper = SwellingStepperWithFineZone(marches, content.state, operator, model, cycle, broken)
     energy = system.initial_energy + operator.engine.strain_energy()
-    return Prepared(replace(system, stepper=stepper, coupled=(content,), initial_energy=energy), operator.state())
+    return PreparedRun(
+        replace(system, stepper=stepper, coupled_runs=(content,), initial_energy=energy), operator.state()
+    )
 
 
-def _prepare_plate_zone(model: Model, options: Options, scheme: Scheme) -> Prepared:
+def _prepare_plate_with_moving_zone(model: Model, options: Options, scheme: Scheme) -> PreparedRun:
     """A prepared model with a moving fine zone. Raises ModelError for an unsupported one."""
     threads = options.threads or useful_threads(len(model.grid), WORTH_HYBRID)
     shown, bound = create_zone_operator_and_stable_step(
@@ -190,42 +198,52 @@ def _prepare_plate_zone(model: Model, options: Options, scheme: Scheme) -> Prepa
         stepper=FusedMarch(shown),
         drive=shown.engine.drive,
         area=shown.area,
-        family=shown.counts[1],
-        count=shown.counts[0],
+        family_sizes=shown.counts[1],
+        initial_bond_counts=shown.counts[0],
         time_step=float(shown.engine.lattice.dt),
         stable_time_step=bound,
         initial_energy=shown.ledger_totals().kinetic,
         full_model=model,
     )
-    return Prepared(system, state)
+    return PreparedRun(system, state)
 
 
-def _prepare_cell_splitting(model: Model, options: Options, scheme: Scheme) -> Prepared:
+def _prepare_cell_splitting(model: Model, options: Options, scheme: Scheme) -> PreparedRun:
     """A prepared model whose cells can split; none has yet. Raises ModelError for an unsupported one."""
     tree = create_tree(model, scheme.name, options.precision, options.kernel)
     cells = tree.roots()
     now = tree.model_of(cells)
     bonds, threads = create_leaf_bonds(scheme.by_pairs(now)), threads_of(options, len(model.grid), False)
     operator = LeafOperator(tree, cells, now, bonds, scheme, threads)
-    bound = SURE[scheme.name] * largest_stable_step(operator.stiffness_bound(), now.rho) / 2**tree.levels
+    bound = (
+        SURE[scheme.name] * stable_time_step_from_stiffness_bound(operator.stiffness_bound(), now.rho) / 2**tree.levels
+    )
     step = choose_time_step(model, bound)
     rest = assemble_system(now, options, scheme, operator, bonds.assembly.counted, step, bound)
     return _set_initial_velocity(rest, tree.model, initial_velocity(model))  # of which `now` knows nothing
 
 
-def _prepare_body_zone(model: Model, options: Options, scheme: Scheme) -> Prepared:
+def _prepare_body_with_moving_zone(model: Model, options: Options, scheme: Scheme) -> PreparedRun:
     """A prepared body with a moving fine zone. Raises ModelError for an unsupported one."""
     threads = threads_of(options, len(model.grid), True)
     operator = create_body_operator(model, options, threads)
     options = options._replace(threads=threads)
-    bound = largest_stable_step(operator.stiffness_bound(), operator.model.rho)
+    bound = stable_time_step_from_stiffness_bound(operator.stiffness_bound(), operator.model.rho)
     steps, driven = (choose_time_step(model, bound), bound), create_current_drive(operator, 0.0)
     rest = assemble_system(operator.model, options, scheme, operator, operator.counted, *steps, conditions=driven)
     return _set_initial_velocity(rest, model, initial_velocity(model)[operator.rows])
 
 
-def _set_initial_velocity(rest: Prepared, full_model: Model, velocity: NDArray[np.float64]) -> Prepared:
+def _set_initial_velocity(
+    prepared_at_rest: PreparedRun, full_model: Model, velocity: NDArray[np.float64]
+) -> PreparedRun:
     """The start of a run of `full_model`, whose current nodes have these velocities (n, d), m/s."""
-    set_initial_motion(rest.state, velocity, damping(rest.system.model), rest.system.drive)
-    energy = float(np.sum(rest.system.model.rho / 2 * rest.system.area * (velocity**2).sum(axis=1)))
-    return rest._replace(system=replace(rest.system, full_model=full_model, initial_energy=energy))
+    set_initial_velocity_and_acceleration(
+        prepared_at_rest.state, velocity, damping(prepared_at_rest.system.model), prepared_at_rest.system.drive
+    )
+    energy = float(
+        np.sum(prepared_at_rest.system.model.rho / 2 * prepared_at_rest.system.area * (velocity**2).sum(axis=1))
+    )
+    return prepared_at_rest._replace(
+        system=replace(prepared_at_rest.system, full_model=full_model, initial_energy=energy)
+    )

@@ -21,20 +21,20 @@ if TYPE_CHECKING:
 LINE_EVERY = 10.0  # s between two lines of progress where there is no terminal
 
 
-def in_notebook() -> bool:
+def is_in_notebook() -> bool:
     """Whether this process is a notebook's kernel."""
     kernels = sys.modules.get("ipykernel.kernelapp")  # others import it without being one
     return kernels is not None and bool(kernels.IPKernelApp.initialized())
 
 
-def progress_bar(label: str, unit: str, **options: Any) -> Any:
+def make_progress_bar(label: str, unit: str, **tqdm_options: Any) -> Any:
     """A progress bar (tqdm's), as a widget in notebooks that support it; None if nobody would see it."""
-    if not (sys.stderr.isatty() or in_notebook()):
+    if not (sys.stderr.isatty() or is_in_notebook()):
         return None
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # of a notebook without widgets: the bar is one of letters
         from tqdm.auto import tqdm
-    return tqdm(desc=label, unit=unit, dynamic_ncols=True, leave=False, **options)
+    return tqdm(desc=label, unit=unit, dynamic_ncols=True, leave=False, **tqdm_options)
 
 
 class Watch:
@@ -62,7 +62,7 @@ class Watch:
             for number in STOPS:
                 if number == signal.SIGINT or signal.getsignal(number) is not signal.SIG_IGN:  # as under nohup
                     self._before[number] = signal.signal(number, self._request_stop)
-        self._bar = None if self._quiet else progress_bar("preparing (the first run compiles)", " steps")
+        self._bar = None if self._quiet else make_progress_bar("preparing (the first run compiles)", " steps")
         return self._show_progress
 
     def __exit__(self, *_: object) -> None:
@@ -89,20 +89,21 @@ class Watch:
             self._patience = stopping.set_patience(stopping.SAVING)
             self._runs = True
             if self._bar is not None:
-                self._bar.reset(progress.steps)  # the speed, and what is left, are those of steps alone
+                self._bar.reset(progress.last_step)  # the speed, and what is left, are those of steps alone
         elif self._bar is not None:
             self._bar.start_t += compiled - self._compiled
             self._bar.last_print_t += compiled - self._compiled
         self._compiled = compiled
         text = progress.message
-        if progress.going is not None:
-            text = f"{progress.going.iterations} iterations, residual {progress.going.residual:.1e}, {text}"
+        load_step = progress.load_step_progress
+        if load_step is not None:
+            text = f"{load_step.iterations} iterations, residual {load_step.residual:.1e}, {text}"
         if self._bar is not None:
-            self._bar.total = progress.steps
+            self._bar.total = progress.last_step
             self._bar.set_description_str("solving", refresh=False)
             self._bar.set_postfix_str(text, refresh=False)
             self._bar.update(progress.step - self._bar.n)
         elif not self._quiet and time.monotonic() - self._said > LINE_EVERY:
             self._said = time.monotonic()
-            print_to_stderr(f"step {progress.step} of {progress.steps}, {text}")
+            print_to_stderr(f"step {progress.step} of {progress.last_step}, {text}")
         return self.signal is not None

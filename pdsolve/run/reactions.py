@@ -22,9 +22,9 @@ GROUND = tuple(str(kind.__struct_config__.tag) for kind in (Spring, Pin))
 class ActingCondition(NamedTuple):
     """A condition that acts throughout a run, and its nodes."""
 
-    number: int  # in the model's list of conditions
-    kind: str
-    rows: NDArray[np.int64]  # of the grid
+    condition_number: int  # in the model's list of conditions
+    condition_kind: str
+    node_rows: NDArray[np.int64]  # of the grid
 
 
 class Reaction(NamedTuple):
@@ -42,16 +42,16 @@ class Reaction(NamedTuple):
     displacement_z: float = 0.0
 
 
-def acting_conditions(system: System) -> tuple[ActingCondition, ...]:
+def list_acting_conditions(system: System) -> tuple[ActingCondition, ...]:
     """All conditions with forces, in the model's order, which is that of the profiles of `Drive`."""
     return tuple(
-        ActingCondition(number, str(condition.__struct_config__.tag), _nodes_of_condition(system, condition))
+        ActingCondition(number, str(condition.__struct_config__.tag), _find_nodes_of_condition(system, condition))
         for number, condition in enumerate(system.requested_model.settings.conditions)
         if isinstance(condition, Driving)
     )
 
 
-def _nodes_of_condition(system: System, condition: Selection) -> NDArray[np.int64]:
+def _find_nodes_of_condition(system: System, condition: Selection) -> NDArray[np.int64]:
     """Current nodes of a condition; the nearest one if it acts between nodes."""
     grid, full_model = system.model.grid, system.requested_model
     rows = np.flatnonzero(selection.selected(grid, condition.nodes, condition.box))
@@ -70,27 +70,31 @@ def compute_reactions(
     displacement or velocity is taken as 0: only the inertia of the held nodes is neglected while their speed changes.
     The force of a rigid body is that on what it touches.
     """
-    pulls, pushes = _condition_forces(system, state, len(conditions))
+    pulls, pushes = _compute_holding_and_load_forces(system, state, len(conditions))
     reaction_rows, at = [], system.profile_time(step)
-    supports = supports_of(system.operator) if any(grip.kind in GROUND for grip in conditions) else None
+    supports = supports_of(system.operator) if any(grip.condition_kind in GROUND for grip in conditions) else None
     for profile, grip in enumerate(conditions):
         force = (pulls[profile] + float(factor_now(system.drive.profiles, profile, at)) * pushes[profile]).tolist()
-        if grip.kind == RIGID and system.contact is not None:
-            force = (-system.contact.rigid.force_of(grip.rows, len(force))).tolist()
-        if grip.kind in GROUND and supports is not None:
-            force = supports.forces_of(grip.rows, system.area, state).tolist()
-        mean = state.value[grip.rows, : len(force)].astype(float).mean(axis=0).tolist()
+        if grip.condition_kind == RIGID and system.contact is not None:
+            force = (-system.contact.rigid.force_of(grip.node_rows, len(force))).tolist()
+        if grip.condition_kind in GROUND and supports is not None:
+            force = supports.forces_of(grip.node_rows, system.area, state).tolist()
+        mean = state.value[grip.node_rows, : len(force)].astype(float).mean(axis=0).tolist()
         plane = *force[:2], *mean[:2]
-        reaction_rows.append(Reaction(step, time, grip.number, grip.kind, *plane, *force[2:], *mean[2:]))
+        reaction_rows.append(
+            Reaction(step, time, grip.condition_number, grip.condition_kind, *plane, *force[2:], *mean[2:])
+        )
     return reaction_rows
 
 
-def _condition_forces(
+def _compute_holding_and_load_forces(
     system: System, state: State, condition_count: int
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Holding forces (profiles, d), and load forces at factor 1, N/m (in a body N)."""
-    if system.hybrid is not None:
-        return system.hybrid.holding_forces(condition_count), system.hybrid.load_forces(condition_count)
+    if system.moving_zone_operator is not None:
+        return system.moving_zone_operator.holding_forces(condition_count), system.moving_zone_operator.load_forces(
+            condition_count
+        )
     drive, area, rho = system.drive, system.area, system.model.rho
     holds, loads = drive.holds, drive.loads
     pull = area[holds.node] * (rho[holds.node] * state.second[holds.node, holds.axis].astype(float) - drive.held_force)

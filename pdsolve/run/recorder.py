@@ -22,7 +22,7 @@ from pdsolve.diffusion.swelling import Swelling
 from pdsolve.errors import CheckpointError
 from pdsolve.results import Breaks, Epoch, Families, FrameRecord, Nodes, Results, Writer
 from pdsolve.results.schema import taken
-from pdsolve.run.measures import BondState, count_bodies, count_pieces, evaluate_bonds, fields
+from pdsolve.run.measures import BondState, compute_bond_state, compute_output_fields, count_bodies, count_pieces
 from pdsolve.run.mechanics_records import MechanicsRecords
 from pdsolve.run.node_changes import NodeChange
 from pdsolve.run.physics_records import CoupledRecords, PhysicsRecords
@@ -37,39 +37,39 @@ KEPT = 1.0  # s between checkpoints in full precision, with frames
 OLD = 10.0  # s, with entries of the ledger
 
 
-def result_nodes(system: System) -> Nodes:
+def nodes_for_results(system: System) -> Nodes:
     """The nodes in the format of results."""
-    grid, cut = system.model.grid, system.family - system.count
-    return Nodes(grid.ids, grid.position, grid.delta, system.area, system.family, cut)
+    grid, cut = system.model.grid, system.family_sizes - system.initial_bond_counts
+    return Nodes(grid.ids, grid.position, grid.delta, system.area, system.family_sizes, cut)
 
 
-def result_families(system: System, first: int, last: int) -> Families:
-    """Initial families of the rows `first` to `last` - 1; available during a run too."""
+def initial_families_for_results(system: System, first_row: int, end_row: int) -> Families:
+    """Initial families of the rows `first_row` to `end_row` - 1; available during a run too."""
     if system.transport is not None:  # whose links do not break: nobody asks for them
-        return Families(np.zeros(last - first + 1, dtype=np.int64), np.zeros(0, dtype=np.int64))
-    _, target = system.operator.bonds(first, last, start=True)
-    return Families(np.concatenate([[0], np.cumsum(system.count[first:last])]), target)
+        return Families(np.zeros(end_row - first_row + 1, dtype=np.int64), np.zeros(0, dtype=np.int64))
+    _, target = system.operator.bonds(first_row, end_row, start=True)
+    return Families(np.concatenate([[0], np.cumsum(system.initial_bond_counts[first_row:end_row])]), target)
 
 
-def collect_born_nodes(
+def collect_born_nodes_and_families(
     system: System, born_rows: NDArray[np.int64], rows_in_results: NDArray[np.int64], step: int
 ) -> tuple[Nodes, Families]:
     """Nodes born after `step`, `born_rows` (b,) of a set of nodes, and their remaining bonds; `rows_in_results` (n,) as
     in `FrameRecord`."""
-    ends = [*_bonds_of_nodes(system, born_rows)]
-    since, is_born = system.operator.broken(step), np.zeros(len(system.family), dtype=np.bool_)
+    ends = [*_iterate_bonds_of_nodes(system, born_rows)]
+    since, is_born = system.operator.broken(step), np.zeros(len(system.family_sizes), dtype=np.bool_)
     is_born[born_rows] = True
     ends.append((since.source, since.target))
     source, target = (np.concatenate(column) for column in zip(*ends, strict=True))
     source, target = source[is_born[source]], target[is_born[source]]
     order = np.lexsort((target, source))
     source, target = source[order], target[order]
-    count = np.bincount(source, minlength=len(system.family))[born_rows]
-    born_nodes = taken(result_nodes(system), born_rows)._replace(cut=system.family[born_rows] - count)
+    count = np.bincount(source, minlength=len(system.family_sizes))[born_rows]
+    born_nodes = taken(nodes_for_results(system), born_rows)._replace(cut=system.family_sizes[born_rows] - count)
     return born_nodes, Families(np.concatenate([[0], np.cumsum(count)]), rows_in_results[target])
 
 
-def _bonds_of_nodes(
+def _iterate_bonds_of_nodes(
     system: System, node_rows: NDArray[np.int64]
 ) -> Iterator[tuple[NDArray[np.int64], NDArray[np.int64]]]:
     """Source and target rows (k,) of the bonds of at least these nodes."""
@@ -80,7 +80,7 @@ def _bonds_of_nodes(
         yield system.operator.bonds(int(run[0]), int(run[-1]) + 1)
 
 
-def breaks_since(system: System, after_step: int, broken: Broken | None = None) -> Breaks:
+def list_breaks_since(system: System, after_step: int, broken: Broken | None = None) -> Breaks:
     """Bonds broken after a step, in order; from all `broken` ones, if known."""
     ids, all_broken = system.model.grid.ids, system.operator.broken(after_step) if broken is None else broken
     new = np.flatnonzero(all_broken.step > after_step)
@@ -93,30 +93,31 @@ def make_checkpoint(system: System, state: State) -> dict[str, NDArray[Any]]:
     """A copy of everything a resumed run needs to continue bit by bit, except the broken bonds."""
     of_bonds = dict(system.operator.checkpoint_arrays())  # before the state, which it may bring up to date
     arrays = {"held_force": system.drive.held_force}
-    if system.hybrid is None:  # whose operator has the state
+    if system.moving_zone_operator is None:  # whose operator has the state
         arrays |= state._asdict()
-    if system.load_steps is not None:
-        arrays["rested"] = system.load_steps.checkpoint_rows()
+    if system.load_stepper is not None:
+        arrays["rested"] = system.load_stepper.checkpoint_rows()
     if isinstance(system.stepper, CycleOrPathSteps):
         arrays |= system.stepper.checkpoint_arrays()
-    crack_arrays = {} if system.growth is None else system.growth.checkpoint_arrays()
+    crack_arrays = {} if system.crack_growth is None else system.crack_growth.checkpoint_arrays()
     copies = {  # zeros alone, which the system makes when they are read, take no memory
         name: values.copy() if values.any() else np.zeros_like(values) for name, values in arrays.items()
     }
     checkpoint_arrays = copies | of_bonds | crack_arrays
-    for prepared in system.coupled:
+    for prepared in system.coupled_runs:
         checkpoint_arrays |= {
-            _coupled_array_name(prepared.system, name): values for name, values in make_checkpoint(*prepared).items()
+            _checkpoint_name_of_coupled_array(prepared.system, name): values
+            for name, values in make_checkpoint(*prepared).items()
         }
     return checkpoint_arrays
 
 
-def _coupled_array_name(system: System, name: str) -> str:
+def _checkpoint_name_of_coupled_array(system: System, name: str) -> str:
     """The name in a checkpoint of an array of an unknown beside the motion."""
     return f"{system.operator.unknowns[0].name}_{name}"
 
 
-def checkpoint_of_changed_nodes(system: System) -> dict[str, NDArray[Any]]:
+def checkpoint_node_ids_and_broken_bonds(system: System) -> dict[str, NDArray[Any]]:
     """Additional checkpoint data if nodes change: their ids, and which of their bonds are broken."""
     broken = system.operator.broken()
     order = np.lexsort((broken.target, broken.source, broken.step))
@@ -124,38 +125,40 @@ def checkpoint_of_changed_nodes(system: System) -> dict[str, NDArray[Any]]:
 
 
 def restore_state(
-    system: System, state: State, step: int, checkpoint: Mapping[str, NDArray[Any]], broken: Breaks
+    system: System, state: State, step: int, checkpoint: Mapping[str, NDArray[Any]], breaks: Breaks
 ) -> None:
-    """Restore the state after `step` with the bonds `broken` until then. Raises CheckpointError."""
-    for name, values in state._asdict().items() if system.hybrid is None else ():  # which has gone back with it
+    """Restore the state after `step` with the bonds `breaks` until then. Raises CheckpointError."""
+    for name, values in (
+        state._asdict().items() if system.moving_zone_operator is None else ()
+    ):  # which has gone back with it
         values[:] = like(checkpoint, name, values)
     system.drive.held_force[:] = like(checkpoint, "held_force", system.drive.held_force)
-    nodes = len(system.family)
+    nodes = len(system.family_sizes)
     if "ids" in checkpoint:
         (count,) = entry(checkpoint, "broken_step", (None,), np.int64).shape
         past = Broken(*(entry(checkpoint, f"broken_{name}", (count,), np.int64) for name in Broken._fields))
     else:
-        ids, before = system.model.grid.ids, broken.step <= step
+        ids, before = system.model.grid.ids, breaks.step <= step
         order = np.argsort(ids)
-        ends = [column[before] for column in broken[1:]]
+        ends = [column[before] for column in breaks[1:]]
         source, target = (order[np.searchsorted(ids, end, sorter=order).clip(max=nodes - 1)] for end in ends)
         expect_found((ids[source] == ends[0]) & (ids[target] == ends[1]), *ends)
-        past = Broken(broken.step[before], source, target)
+        past = Broken(breaks.step[before], source, target)
     expect_broken(past, step, nodes)
-    if system.hybrid is None:  # whose nodes are not known before it has gone back
+    if system.moving_zone_operator is None:  # whose nodes are not known before it has gone back
         system.operator.restore(checkpoint, past)
-    if system.load_steps is not None:
+    if system.load_stepper is not None:
         load_step_rows = entry(checkpoint, "rested", (step, len(LoadStepResult._fields)), float)
         if not np.array_equal(load_step_rows[:, 0], np.arange(1, step + 1)):
             raise CheckpointError(f"load steps are not 1 to {step}, those until the checkpoint")
-        system.load_steps.restore(load_step_rows, past)
+        system.load_stepper.restore(load_step_rows, past)
     if isinstance(system.stepper, CycleOrPathSteps):
         system.stepper.restore(checkpoint, step)
-    if system.growth is not None:
-        system.growth.restore(checkpoint, past)
+    if system.crack_growth is not None:
+        system.crack_growth.restore(checkpoint, past)
     put_loads(system.drive, system.profile_time(step))
-    for prepared in system.coupled:
-        start = _coupled_array_name(prepared.system, "")
+    for prepared in system.coupled_runs:
+        start = _checkpoint_name_of_coupled_array(prepared.system, "")
         coupled_checkpoint = {
             name.removeprefix(start): values for name, values in checkpoint.items() if name.startswith(start)
         }
@@ -167,64 +170,72 @@ def restore_state(
 def _swell_restored_bonds(system: System, stepper: Swelling, state: State) -> None:
     """Swell the bonds of a restored system; nodes at the border of a fine zone move with that."""
     stepper.swell()
-    if system.hybrid is not None:
-        system.hybrid.copy_to(state)
+    if system.moving_zone_operator is not None:
+        system.moving_zone_operator.copy_to(state)
 
 
 class RunHistory(NamedTuple):
     """History of a resumed run until its checkpoint."""
 
-    step: int
+    checkpoint_step: int
     wall_time: float  # s spent
-    bond_updates: int  # directed bonds times steps
+    bond_update_count: int  # directed bonds times steps
     last_break_step: int  # step in which a bond broke last; 0: none has
     rows_in_results: NDArray[np.int64] | None  # (n,) as in `FrameRecord`
-    node_count_so_far: int  # nodes that ever were
-    results: Results | None = None  # so far; None: it begins
+    node_count_ever: int  # nodes that ever were
+    past_results: Results | None = None  # so far; None: it begins
 
 
-def _physics_records(system: System, state: State, history: RunHistory, bond_state: BondState) -> PhysicsRecords:
+def _make_physics_records(system: System, state: State, history: RunHistory, bond_state: BondState) -> PhysicsRecords:
     """The records of a system from a step on."""
     if system.transport is not None:
-        return MassAccounts(system.transport, state, history.step, history.results)
-    motion = MechanicsRecords(system, state, history.step, bond_state, history.results)
-    if not system.coupled:
+        return MassAccounts(system.transport, state, history.checkpoint_step, history.past_results)
+    motion = MechanicsRecords(system, state, history.checkpoint_step, bond_state, history.past_results)
+    if not system.coupled_runs:
         return motion
     return CoupledRecords(
-        motion, tuple((_physics_records(*prepared, history, bond_state), prepared) for prepared in system.coupled)
+        motion,
+        tuple((_make_physics_records(*prepared, history, bond_state), prepared) for prepared in system.coupled_runs),
     )
 
 
 class Recorder:
     """Records of a run since it last wrote: ledger, broken bonds, births and deaths."""
 
-    def __init__(self, system: System, state: State, history: RunHistory | None, nodes_change: bool) -> None:
+    def __init__(self, system: System, state: State, history: RunHistory | None, nodes_may_change: bool) -> None:
         """`history` is None for a new run, and without results of one that begins after a step, with what broke before.
 
-        `nodes_change`: whether nodes may be born and die.
+        `nodes_may_change`: whether nodes may be born and die.
         """
-        self.system, self.state, self.is_new = system, state, history is None or history.results is None
+        self.system, self.state, self.is_new = system, state, history is None or history.past_results is None
         history = history or RunHistory(0, 0.0, 0, 0, None, len(system.model.grid))
-        self._past, self._began = history._replace(results=None), running_time()
-        self._changes, self._rows, self._count = nodes_change, history.rows_in_results, history.node_count_so_far
-        self._updates, self._since = history.bond_updates, history.step  # until the last change, or where a run goes on
+        self._past, self._began = history._replace(past_results=None), running_time()
+        self._changes, self._rows, self._count = nodes_may_change, history.rows_in_results, history.node_count_ever
+        self._updates, self._since = (
+            history.bond_update_count,
+            history.checkpoint_step,
+        )  # until the last change, or where a run goes on
         self._latest = history.last_break_step  # likewise
         # Of clouds that are no more, or of before the run began
-        self._breaks: list[Breaks] = [breaks_since(system, 0)] if self.is_new else []
+        self._breaks: list[Breaks] = [list_breaks_since(system, 0)] if self.is_new else []
         self._epochs: list[Epoch] = []
-        self.frame_step = self.step = history.step  # of the last frame; of the last entry
+        self.frame_step = self.step = history.checkpoint_step  # of the last frame; of the last entry
         self._kept = clock.perf_counter()
-        self._open_records(history)
+        self._create_physics_records(history)
 
-    def _open_records(self, history: RunHistory) -> None:
+    def _create_physics_records(self, history: RunHistory) -> None:
         """Open the records of the state that the run begins with."""
-        self.bond_state = evaluate_bonds(self.system, self.state)
-        self.physics_records = _physics_records(self.system, self.state, history, self.bond_state)
+        self.bond_state = compute_bond_state(self.system, self.state)
+        self.physics_records = _make_physics_records(self.system, self.state, history, self.bond_state)
 
-    def make_writer(self, system: System, output: Path | None, meta: Mapping[str, Any]) -> Writer:
+    def make_database_writer(self, initial_system: System, output: Path | None, meta: Mapping[str, Any]) -> Writer:
         """The writer of a new database, of a run that begins with this system."""
         return Writer.create(
-            output, result_nodes(system), partial(result_families, system), system.model.grid.cracks, meta
+            output,
+            nodes_for_results(initial_system),
+            partial(initial_families_for_results, initial_system),
+            initial_system.model.grid.cracks,
+            meta,
         )
 
     def open_rank_databases(self, output: Path | None) -> None:
@@ -246,14 +257,14 @@ class Recorder:
         """Whether the last checkpoint is old enough to justify another one, also between frames."""
         return clock.perf_counter() - self._kept > OLD
 
-    def bond_updates(self, step: int) -> int:
+    def count_bond_updates(self, step: int) -> int:
         """Number of directed bonds times steps until this step."""
         return self._updates + self.system.directed_bond_count * (step - self._since)
 
     @property
     def last_break_step(self) -> int:
         """Step of the last broken bond known at the last record; 0 without any."""
-        return int(self.bond_state.broken.step.max(initial=self._latest))
+        return int(self.bond_state.broken_bonds.step.max(initial=self._latest))
 
     def advance(self, first: int, last: int) -> int:
         """Take the steps `first` to `last` - 1; with a moving fine zone there is no state before it is asked for.
@@ -271,13 +282,15 @@ class Recorder:
     def drop_state(self) -> None:
         """Forget the state, which the operator of a moving fine zone has, and energies of nodes."""
         self.state = zero_state(0, 2)
-        self.bond_state = self.bond_state._replace(strain_energy=self.state.work, softening_energy=self.state.work)
+        self.bond_state = self.bond_state._replace(
+            strain_energy_density=self.state.work, softening_energy_density=self.state.work
+        )
 
     def _fetch_state(self) -> None:
         """Bring the state up to the steps taken."""
-        self.system.fetch_state()
-        if self.system.hybrid is not None and not len(self.state.value):
-            self.state = self.system.hybrid.state()
+        self.system.fetch_state_from_device()
+        if self.system.moving_zone_operator is not None and not len(self.state.value):
+            self.state = self.system.moving_zone_operator.state()
 
     def record_node_change(self, step: int, change: NodeChange) -> None:
         """Continue with the nodes changed after `step`, and record births and deaths."""
@@ -289,13 +302,15 @@ class Recorder:
             Broken(*(column[all_broken.step <= step] for column in all_broken))
             for all_broken in (before.operator.broken(), system.operator.broken())
         )
-        self._breaks.append(breaks_since(before, max(self.frame_step, self._since), broken))
-        self._updates, self._since = self.bond_updates(step), step
+        self._breaks.append(list_breaks_since(before, max(self.frame_step, self._since), broken))
+        self._updates, self._since = self.count_bond_updates(step), step
         self._latest = int(broken.step.max(initial=self._latest))
         self.system = dataclasses.replace(
             system,
             initial_energy=before.initial_energy,
-            broken_before=before.broken_before + len(broken.step) - len(broken_after.step),
+            broken_bonds_of_removed_nodes=before.broken_bonds_of_removed_nodes
+            + len(broken.step)
+            - len(broken_after.step),
         )
         del before  # which nothing holds any more: a large one is not to stand beside the new one for long
         self.physics_records.switch_system(self.system)
@@ -307,7 +322,7 @@ class Recorder:
             Epoch(
                 step + 1,
                 self._count,
-                *collect_born_nodes(self.system, new, rows, step),
+                *collect_born_nodes_and_families(self.system, new, rows, step),
                 died,
                 len(rows),
                 self.system.directed_bond_count,
@@ -315,22 +330,22 @@ class Recorder:
         )
         self._rows, self._count = rows, self._count + len(new)
 
-    def update_last_row(self, step: int) -> None:
+    def update_last_ledger_row(self, step: int) -> None:
         """Bring the last ledger row to this step, if they are not there yet."""
         if step != self.step:
-            bond_state = self._evaluate_bonds(step)
-            self.physics_records.update_last_row(self.state, step, bond_state)
+            bond_state = self._update_bond_state(step)
+            self.physics_records.update_last_ledger_row(self.state, step, bond_state)
 
     def record_step(self, step: int) -> None:
         """Record this step. Raises UnstableError."""
-        bond_state = self._evaluate_bonds(step)
+        bond_state = self._update_bond_state(step)
         self.physics_records.record_step(self.state, step, bond_state)
 
-    def _evaluate_bonds(self, step: int) -> BondState:
+    def _update_bond_state(self, step: int) -> BondState:
         """What the operator says of the state after this step, asked once."""
         self._fetch_state()
         if step != self.step:
-            self.bond_state, self.step = evaluate_bonds(self.system, self.state), step
+            self.bond_state, self.step = compute_bond_state(self.system, self.state), step
         return self.bond_state
 
     def make_frame(self, step: int, with_fields: bool, with_checkpoint: bool) -> FrameRecord:
@@ -349,16 +364,17 @@ class Recorder:
         if with_fields:
             names = system.requested_model.settings.run.fields
             field_values = {
-                name: of.astype("<f4") for name, of in fields(system, self.state, names, bond_state).items()
+                name: of.astype("<f4")
+                for name, of in compute_output_fields(system, self.state, names, bond_state).items()
             }
         if isinstance(system.stepper, FusedMarch):
             self.drop_state()
         checkpoint_arrays = make_checkpoint(system, self.state) if with_checkpoint else None
         if checkpoint_arrays is not None and self._changes:
-            checkpoint_arrays |= checkpoint_of_changed_nodes(system)
+            checkpoint_arrays |= checkpoint_node_ids_and_broken_bonds(system)
         broken = [
             *self._breaks,
-            breaks_since(system, max(self.frame_step, self._since), bond_state and bond_state.broken),
+            list_breaks_since(system, max(self.frame_step, self._since), bond_state and bond_state.broken_bonds),
         ]
         frame = FrameRecord(
             step=step,
@@ -372,8 +388,8 @@ class Recorder:
             epochs=self._epochs,
             rows=self._rows,
             particles=()
-            if system.growth is None
-            else system.growth.rows(-1 if self.is_new and step == 0 else self.frame_step),
+            if system.crack_growth is None
+            else system.crack_growth.rows(-1 if self.is_new and step == 0 else self.frame_step),
         )
         self.frame_step, self._breaks, self._epochs = step, [], []
         return self.physics_records.move_records_into(frame)

@@ -30,22 +30,28 @@ from pdsolve.numerics.team import Team
 from pdsolve.options import Options
 from pdsolve.results import Behind, Results, ResultsError, Writer, behind, gone_back, is_empty, put_away, writing_to
 from pdsolve.run import late_zones
-from pdsolve.run.after_path import is_motion_to_follow, motion_file, prepare_motion_after
+from pdsolve.run.after_path import motion_results_file, needs_motion_after_path, prepare_motion_after_path
 from pdsolve.run.body_zones import BodyRefinement
 from pdsolve.run.cell_splitting import CellSplitting
-from pdsolve.run.coarse_breaks import warn_of_coarse_breaks
+from pdsolve.run.coarse_breaks import warn_of_broken_bonds_outside_finest_zone
 from pdsolve.run.doubtful_conditions import warn_of_doubtful_conditions
 from pdsolve.run.initial_displacements import apply_initial_displacements
 from pdsolve.run.late_zones import EarlierRefinement
-from pdsolve.run.narrow_contact import warn_of_narrow_contact
-from pdsolve.run.node_changes import NodeAdaptation, restore_zone_system
+from pdsolve.run.narrow_contact import warn_of_unresolved_contact_width
+from pdsolve.run.node_changes import NodeAdaptation, restore_system_with_moving_zone
 from pdsolve.run.on_ranks import resuming
 from pdsolve.run.on_ranks import start as on_ranks
 from pdsolve.run.on_ranks.recorder import RecorderOnRanks
-from pdsolve.run.pace import Pace, change_nodes_if_due, grow_cracks_if_due, next_multiple, record_zone_motion
+from pdsolve.run.pace import (
+    StepBatchTimer,
+    change_nodes_if_due_and_find_next_step,
+    grow_cracks_if_due_and_find_next_step,
+    next_multiple,
+    record_zone_motion,
+)
 from pdsolve.run.prepare import prepare
 from pdsolve.run.recorder import Recorder, RunHistory, restore_state
-from pdsolve.run.static_start import bring_to_rest_at_start
+from pdsolve.run.static_start import start_in_static_equilibrium
 from pdsolve.run.summary import run_metadata, run_summary
 from pdsolve.run.system import System
 from pdsolve.state import State
@@ -61,12 +67,12 @@ class Progress(NamedTuple):
     """Data for a progress display."""
 
     step: int
-    steps: int
-    broken: int  # directed bonds, as of the last ledger row
-    balance: float  # likewise
+    last_step: int
+    broken_bond_count: int  # directed bonds, as of the last ledger row
+    balance_error: float  # likewise
     message: str = ""  # energy balance
-    fine: ZoneSummary | None = None  # of a fine zone that moves
-    going: LoadStepProgress | None = None  # of a load step that is being solved
+    zone_summary: ZoneSummary | None = None  # of a fine zone that moves
+    load_step_progress: LoadStepProgress | None = None  # of a load step that is being solved
 
 
 Watcher = Callable[[Progress], bool]  # returns whether to stop
@@ -76,14 +82,14 @@ class RunRequest(NamedTuple):
     """What is asked of a run, besides its model; see `simulate`. What it is continued on; see `resume`."""
 
     output: Path | None
-    watch: Watcher | None
+    watcher: Watcher | None
     provenance: str = ""
     adaptation: NodeAdaptation | None = None
-    threads: int | None = None
+    thread_count: int | None = None
     team: Team | None = None
     device: str | None = None
     earlier_refinements: tuple[EarlierRefinement, ...] = ()  # after fine cells have come too late
-    compile_time_before: float = 0.0  # s that kernels were compiled for before
+    compile_seconds_before: float = 0.0  # s that kernels were compiled for before
 
 
 def simulate(
@@ -103,9 +109,9 @@ def simulate(
     output = None if output is None else Path(output)
     with _lock_output(output):
         results = _solve_with_restarts(
-            model, options, RunRequest(output, watch, provenance, adapt, compile_time_before=compile_seconds())
+            model, options, RunRequest(output, watch, provenance, adapt, compile_seconds_before=compile_seconds())
         )
-    return _solve_motion_after(results, output, options.threads, watch)
+    return _solve_motion_after_path(results, output, options.threads, watch)
 
 
 def _lock_output(output: Path | None) -> AbstractContextManager[None]:
@@ -122,27 +128,31 @@ def _solve_with_restarts(model: Model, options: Options, request: RunRequest) ->
         return _restart_with_earlier_zones(model, options, request, late)
 
 
-def _restart_with_earlier_zones(model: Model, options: Options, request: RunRequest, late: LateZoneError) -> Results:
+def _restart_with_earlier_zones(
+    model: Model, options: Options, request: RunRequest, late_zone_error: LateZoneError
+) -> Results:
     """Results of a run whose fine cells came too late: it goes back as often as they do."""
     while True:
-        wider, earlier_refinements = late_zones.plan_earlier_refinement(model, request.earlier_refinements, late)
-        step = late_zones.find_restart_step(request.output, earlier_refinements)
-        late_zones.warn_of_zone_restart(model, late, wider, earlier_refinements, step)
-        model, request = wider, request._replace(earlier_refinements=earlier_refinements, threads=options.threads)
+        wider, earlier_refinements = late_zones.plan_earlier_refinement(
+            model, request.earlier_refinements, late_zone_error
+        )
+        step = late_zones.find_restart_checkpoint_step(request.output, earlier_refinements)
+        late_zones.warn_of_zone_restart(model, late_zone_error, wider, earlier_refinements, step)
+        model, request = wider, request._replace(earlier_refinements=earlier_refinements, thread_count=options.threads)
         try:
             if step and request.output is not None:
                 return _resume_from_checkpoint(request.output, request)
             return _solve_from_start(model, options, request)
         except LateZoneError as again:
-            late = again
+            late_zone_error = again
 
 
 def _solve_from_start(model: Model, options: Options, request: RunRequest) -> Results:
     """Solve a model from its start. Raises LateZoneError besides."""
-    return _solve_new_run(*_prepare_recorder(model, options, request))
+    return _solve_new_run(*_prepare_new_recorder(model, options, request))
 
 
-def _prepare_recorder(model: Model, options: Options, request: RunRequest) -> tuple[Recorder, RunRequest]:
+def _prepare_new_recorder(model: Model, options: Options, request: RunRequest) -> tuple[Recorder, RunRequest]:
     """The records of a run that begins, which alone keep its system and its state."""
     with (
         stopping.patience(stopping.AT_ONCE) if request.earlier_refinements else nullcontext()
@@ -150,18 +160,18 @@ def _prepare_recorder(model: Model, options: Options, request: RunRequest) -> tu
         if options.team is None or model.diffuses:
             prepared = prepare(model, options)
         else:
-            prepared = on_ranks.prepare_ranks(model, options, options.team)
+            prepared = on_ranks.prepare_run_on_ranks(model, options, options.team)
     if has_initial_displacement(model):
         prepared = apply_initial_displacements(prepared)
-    system, state = bring_to_rest_at_start(prepared) if model.settings.run.start == "static" else prepared
+    system, state = start_in_static_equilibrium(prepared) if model.settings.run.start == "static" else prepared
     warn_of_unused(model)
     warn_of_doubtful_conditions(system.model, system.time_step)
     if system.transport is None:
-        warn_of_model(system.model, system.unbonded, system.scheme.partial_cells, system.scheme.symmetric)
-    return _make_recorder(system, state, request)
+        warn_of_model(system.model, system.unbonded_node_rows, system.scheme.partial_cells, system.scheme.symmetric)
+    return _make_new_recorder(system, state, request)
 
 
-def _make_recorder(system: System, state: State, request: RunRequest) -> tuple[Recorder, RunRequest]:
+def _make_new_recorder(system: System, state: State, request: RunRequest) -> tuple[Recorder, RunRequest]:
     """The records of a run that begins, of all ranks if there are many."""
     request = request._replace(adaptation=request.adaptation or required_adaptation(system))
     if isinstance(system, on_ranks.SystemOnRanks):
@@ -180,8 +190,8 @@ def run(
     """Solve a prepared model; arguments are those of `simulate`. Raises UnstableError, ResultsError."""
     with _lock_output(output):
         return _solve_new_run(
-            *_make_recorder(
-                system, state, RunRequest(output, watch, provenance, adapt, compile_time_before=compile_seconds())
+            *_make_new_recorder(
+                system, state, RunRequest(output, watch, provenance, adapt, compile_seconds_before=compile_seconds())
             )
         )
 
@@ -191,35 +201,35 @@ def _solve_new_run(recorder: Recorder, request: RunRequest) -> Results:
     recorder.open_rank_databases(request.output)
     start = [recorder.system]  # whose nodes may have changed when the writer is made
 
-    def new() -> Writer:
+    def make_new_writer() -> Writer:
         refinement_meta = (
-            late_zones.refinement_metadata(request.earlier_refinements) if request.earlier_refinements else {}
+            late_zones.earlier_refinement_metadata(request.earlier_refinements) if request.earlier_refinements else {}
         )
-        writer = recorder.make_writer(
+        writer = recorder.make_database_writer(
             start[0], request.output, run_metadata(recorder, request.provenance) | refinement_meta
         )
         start.clear()
         return writer
 
-    return _advance_and_close(recorder, new, request)
+    return _advance_to_end_and_close_results(recorder, make_new_writer, request)
 
 
-def _solve_motion_after(
+def _solve_motion_after_path(
     path_results: Results, output: Path | None, threads: int | None, watch: Watcher | None
 ) -> Results:
     """The results of the motion that follows a run; those of the run if none does."""
-    if not is_motion_to_follow(path_results):
+    if not needs_motion_after_path(path_results):
         return path_results
     with stopping.patience(stopping.AT_ONCE):
-        (system, state), step = prepare_motion_after(path_results, threads)
+        (system, state), step = prepare_motion_after_path(path_results, threads)
     provenance = path_results.meta()["provenance"]
     path_results.close()
-    target = None if output is None else motion_file(output)
+    target = None if output is None else motion_results_file(output)
     with _lock_output(target):
         past = RunHistory(step, 0.0, 0, 0, None, len(system.model.grid))
         return _solve_new_run(
             Recorder(system, state, past, False),
-            RunRequest(target, watch, provenance, compile_time_before=compile_seconds()),
+            RunRequest(target, watch, provenance, compile_seconds_before=compile_seconds()),
         )
 
 
@@ -232,7 +242,7 @@ def required_adaptation(system: System) -> NodeAdaptation | None:
 
 def _nodes_may_change(system: System, adaptation: NodeAdaptation | None) -> bool:
     """Whether nodes may be born and die."""
-    return adaptation is not None or system.hybrid is not None
+    return adaptation is not None or system.moving_zone_operator is not None
 
 
 def resume(
@@ -252,21 +262,21 @@ def resume(
     UnstableError.
     """
     output = Path(output)
-    request = RunRequest(output, watch, "", adapt, threads, team, device, compile_time_before=compile_seconds())
-    results, motion = _resume_unless_finished(output, request), motion_file(output)
-    if is_motion_to_follow(results) and (motion.is_symlink() or (motion.exists() and not is_empty(motion))):
+    request = RunRequest(output, watch, "", adapt, threads, team, device, compile_seconds_before=compile_seconds())
+    results, motion = _resume_unless_finished(output, request), motion_results_file(output)
+    if needs_motion_after_path(results) and (motion.is_symlink() or (motion.exists() and not is_empty(motion))):
         results.close()
         if motion.is_symlink():
             raise ResultsError(f"{motion} is a link, and the motion of a run is written there; move it away")
         return _resume_unless_finished(motion, request)
-    return _solve_motion_after(results, output, threads, watch)
+    return _solve_motion_after_path(results, output, threads, watch)
 
 
 def _resume_unless_finished(output: Path, request: RunRequest) -> Results:
     """The results of a run that is continued if it is not finished."""
-    if not _is_finished(output):
+    if not _run_is_finished(output):
         with writing_to(output):
-            if not _is_finished(output):
+            if not _run_is_finished(output):
                 try:
                     return _resume_from_checkpoint(output, request)
                 except LateZoneError as late:
@@ -275,7 +285,7 @@ def _resume_unless_finished(output: Path, request: RunRequest) -> Results:
     return Results.open(output)
 
 
-def _is_finished(output: Path) -> bool:
+def _run_is_finished(output: Path) -> bool:
     with Results.open(output) as results:
         return results.meta().get("status") == "finished"
 
@@ -288,13 +298,15 @@ def options_from_metadata(model: Model, metadata: Mapping[str, Any], threads: in
     )
 
 
-def _resume_with_earlier_zones(output: Path, request: RunRequest, late: LateZoneError) -> Results:
+def _resume_with_earlier_zones(output: Path, request: RunRequest, late_zone_error: LateZoneError) -> Results:
     """Results of a continued run whose fine cells came too late, as they would have been without the stop."""
     with Results.open(output) as results:
         model, meta = model_of(results.model(), str(output)), results.meta()
-    earlier_refinements = late_zones.read_refinement_metadata(meta, output)
+    earlier_refinements = late_zones.read_earlier_refinements(meta, output)
     request = request._replace(output=output, provenance=meta["provenance"], earlier_refinements=earlier_refinements)
-    return _restart_with_earlier_zones(model, options_from_metadata(model, meta, request.threads), request, late)
+    return _restart_with_earlier_zones(
+        model, options_from_metadata(model, meta, request.thread_count), request, late_zone_error
+    )
 
 
 def _resume_from_checkpoint(output: Path, request: RunRequest) -> Results:
@@ -302,9 +314,9 @@ def _resume_from_checkpoint(output: Path, request: RunRequest) -> Results:
         results.verify()
         model, meta = model_of(results.model(), str(output)), results.meta()
         model = model if request.device is None else on_device(model, request.device)
-        options = options_from_metadata(model, meta, request.threads)._replace(team=request.team)
+        options = options_from_metadata(model, meta, request.thread_count)._replace(team=request.team)
         resuming.warn_of_other_processor(output, meta)
-        earlier_refinements = request.earlier_refinements or late_zones.read_refinement_metadata(meta, output)
+        earlier_refinements = request.earlier_refinements or late_zones.read_earlier_refinements(meta, output)
         request = request._replace(
             output=output, provenance=meta["provenance"], earlier_refinements=earlier_refinements
         )
@@ -313,18 +325,20 @@ def _resume_from_checkpoint(output: Path, request: RunRequest) -> Results:
             return _solve_with_restarts(model, options, request)
         if request.team is not None and not model.diffuses:
             ranked = resuming.make_resumed_recorder(results, model, options, meta)
-            make = partial(Writer.reopen, output, ranked.reopen_rank_databases(output, results.pieces))
+            make = partial(Writer.reopen, output, ranked.open_further_rank_databases(output, results.pieces))
             results.close()
-            return _advance_and_close(ranked, make, request)
+            return _advance_to_end_and_close_results(ranked, make, request)
         initial_nodes, (step, checkpoint) = results.nodes(0), results.checkpoint()
         with stopping.patience(stopping.AT_ONCE):
             system, state = prepare(model, options)
-        if system.hybrid is None and not checkpoint.keys() >= set(State._fields):
+        if system.moving_zone_operator is None and not checkpoint.keys() >= set(State._fields):
             raise ResultsError(f"{output} has a checkpoint that only {meta['program']} reads; solve it anew")
         adapt = request.adaptation or required_adaptation(system)
-        same = float(meta["time_step"]) == system.time_step and np.array_equal(initial_nodes.family, system.family)
-        if not same or not np.array_equal(initial_nodes.cut, system.family - system.count):
-            raise resuming.other_bonds_error(output, meta, system)
+        same = float(meta["time_step"]) == system.time_step and np.array_equal(
+            initial_nodes.family, system.family_sizes
+        )
+        if not same or not np.array_equal(initial_nodes.cut, system.family_sizes - system.initial_bond_counts):
+            raise resuming.make_changed_bonds_or_time_step_error(output, meta, system)
         before = (breaks := results.breaks().step)[breaks <= step]
         wall, latest = float(meta.get("wall_time", 0.0)), int(before.max(initial=0))
         past = RunHistory(step, wall, results.bond_updates(step), latest, None, len(initial_nodes.ids), results)
@@ -334,24 +348,24 @@ def _resume_from_checkpoint(output: Path, request: RunRequest) -> Results:
         if _nodes_may_change(system, adapt):
             with gone_back(output):
                 system, state = (
-                    restore_zone_system(system, checkpoint)
+                    restore_system_with_moving_zone(system, checkpoint)
                     if adapt is None
                     else adapt.restore_system(system, checkpoint)
                 )
             lives = results.lives()
             rows = lives.at(system.model.grid.ids, step)
-            if not np.array_equal(lives.nodes.family[rows], system.family) or (rows < 0).any():
+            if not np.array_equal(lives.nodes.family[rows], system.family_sizes) or (rows < 0).any():
                 raise ResultsError(f"{output} has other nodes than this version's at step {step}; solve it anew")
-            past = past._replace(rows_in_results=rows, node_count_so_far=int((lives.birth <= step).sum()))
+            past = past._replace(rows_in_results=rows, node_count_ever=int((lives.birth <= step).sum()))
         with gone_back(output):
             resuming.expect_step_within_run(step, model)
             restore_state(system, state, step, checkpoint, results.breaks())
         broken = len(before) - len(system.operator.broken().step)
         energy = float(meta.get("initial_energy", 0.0))  # results of diffusion have none
-        system = dataclasses.replace(system, broken_before=broken, initial_energy=energy)
+        system = dataclasses.replace(system, broken_bonds_of_removed_nodes=broken, initial_energy=energy)
         with gone_back(output):
             recorder = Recorder(system, state, past, _nodes_may_change(system, adapt))
-    return _advance_and_close(
+    return _advance_to_end_and_close_results(
         recorder, partial(_reopen_writer, output, request.earlier_refinements), request._replace(adaptation=adapt)
     )
 
@@ -359,11 +373,13 @@ def _resume_from_checkpoint(output: Path, request: RunRequest) -> Results:
 def _reopen_writer(output: Path, earlier_refinements: tuple[EarlierRefinement, ...]) -> Writer:
     """The writer of a run that is continued."""
     writer = Writer.reopen(output)
-    writer.write_meta(late_zones.refinement_metadata(earlier_refinements) | {"processor": processor_kind()})
+    writer.write_meta(late_zones.earlier_refinement_metadata(earlier_refinements) | {"processor": processor_kind()})
     return writer
 
 
-def _advance_and_close(recorder: Recorder, make_writer: Callable[[], Writer], request: RunRequest) -> Results:
+def _advance_to_end_and_close_results(
+    recorder: Recorder, make_writer: Callable[[], Writer], request: RunRequest
+) -> Results:
     """March to the end from the state of the records; `make_writer` creates the writer, of a new file for a new run."""
     give_back()
     with behind(make_writer, recorder.is_new, request.output) as writer:
@@ -381,50 +397,49 @@ def _advance_and_close(recorder: Recorder, make_writer: Callable[[], Writer], re
         last.close(status)
     results = Results(last.connection, "results in memory") if request.output is None else Results.open(request.output)
     if not recorder.system.model.diffuses:
-        warn_of_coarse_breaks(recorder.system.requested_model, results)
-        warn_of_narrow_contact(recorder.system, recorder.state)
+        warn_of_broken_bonds_outside_finest_zone(recorder.system.requested_model, results)
+        warn_of_unresolved_contact_width(recorder.system, recorder.state)
     return results
 
 
 def _advance_to_end(recorder: Recorder, writer: Behind, request: RunRequest) -> str:
     """Step to the end, from event to event; returns "finished" or "interrupted"."""
-    watch, adapt = request.watch, request.adaptation
+    watch, adapt = request.watcher, request.adaptation
     run, step = recorder.system.model.settings.run, recorder.frame_step
-    interrupted, done, looked, pace = False, False, step, Pace(recorder.system.directed_bond_count)
+    interrupted, done, looked, pace = False, False, step, StepBatchTimer(recorder.system.directed_bond_count)
 
-    def asked() -> bool:
+    def watcher_requests_stop() -> bool:
         """Whether the watcher wants the run to stop."""
         return watch is not None and watch(_make_progress(recorder, step))
 
-    def going(now: LoadStepProgress) -> None:
+    def show_load_step_progress(load_step_progress: LoadStepProgress) -> None:
         """Show the progress of a load step, which is discarded if the run is to stop meanwhile."""
-        if watch is not None and watch(_make_progress(recorder, step, now)):
+        if watch is not None and watch(_make_progress(recorder, step, load_step_progress)):
             raise KeyboardInterrupt("within a load step, which is lost")
 
-    load_stepper = (
-        recorder.system.stepper if isinstance(recorder.system.stepper, CycleOrPathSteps) else recorder.system.load_steps
-    )
-    if load_stepper is not None:
-        load_stepper.on_progress = going
-    writer.stop = asked
+    if recorder.system.equilibrium_stepper is not None:
+        recorder.system.equilibrium_stepper.on_progress = show_load_step_progress
+    writer.stop = watcher_requests_stop
     while step < run.steps and not (interrupted or done):
-        looks = run.steps if adapt is None else change_nodes_if_due(recorder, adapt, step)
-        looks = min(looks, grow_cracks_if_due(recorder, step, run.steps))
-        if request.earlier_refinements:
-            looks = min(looks, late_zones.refine_earlier(recorder.system, request.earlier_refinements, step, run.steps))
-        chunk = pace.choose_step_count(
-            EVERY if recorder.system.hybrid else 1, int(PATIENCE / max(recorder.system.directed_bond_count, 1))
+        looks = run.steps if adapt is None else change_nodes_if_due_and_find_next_step(recorder, adapt, step)
+        looks = min(looks, grow_cracks_if_due_and_find_next_step(recorder, step, run.steps))
+        next_kappa_step = late_zones.set_due_kappa_and_find_next_change(
+            recorder.system, request.earlier_refinements, step, run.steps
+        )
+        chunk = pace.choose_batch_step_count(
+            EVERY if recorder.system.moving_zone_operator else 1,
+            int(PATIENCE / max(recorder.system.directed_bond_count, 1)),
         )
         records = next_multiple(step, run.every), next_multiple(step, run.ledger or run.every), run.steps
-        ends = (step + chunk, looks, *records)
+        ends = (step + chunk, looks, next_kappa_step, *records)
         began = running_time()
         last = recorder.advance(step + 1, min(ends) + 1)
         pace.record_duration(min(ends) - step, running_time() - began)
         step = last
         writer.look()
         is_record = step in records
-        interrupted = asked() and (
-            is_record or _can_stop_after(recorder.system, step, pace.will_soon_be_done(min(records) - step))
+        interrupted = watcher_requests_stop() and (
+            is_record or _can_stop_without_record(recorder.system, step, pace.will_finish_soon(min(records) - step))
         )
         if is_record:
             record_zone_motion(recorder, looked)
@@ -435,8 +450,8 @@ def _advance_to_end(recorder: Recorder, writer: Behind, request: RunRequest) -> 
         if with_fields or done or interrupted or (is_record and recorder.checkpoint_is_old):
             with_checkpoint = step == run.steps or done or interrupted
             writer.write(partial(recorder.make_frame, step, with_fields, with_checkpoint))
-    recorder.update_last_row(step)
-    compiled = {"compile_time": compile_seconds() - request.compile_time_before}
+    recorder.update_last_ledger_row(step)
+    compiled = {"compile_time": compile_seconds() - request.compile_seconds_before}
     writer.done().write_meta({"summary": json.dumps(run_summary(recorder, step, done) | compiled)})
     recorder.physics_records.warn_at_end()
     recorder.close_rank_databases()
@@ -453,15 +468,15 @@ def _make_progress(recorder: Recorder, step: int, load_step_progress: LoadStepPr
     return Progress(step, steps, broken, records.balance_error, words, recorder.system.zone_summary, load_step_progress)
 
 
-def _can_stop_after(system: System, step: int, entry_is_soon: bool) -> bool:
+def _can_stop_without_record(system: System, step: int, ledger_row_is_soon: bool) -> bool:
     """Whether a run can stop after a step without a record.
 
     A moving fine zone is followed from one ledger entry to the next: raises KeyboardInterrupt unless the next one comes
-    `entry_is_soon`.
+    `ledger_row_is_soon`.
     """
-    if system.hybrid is not None and not entry_is_soon:
+    if system.moving_zone_operator is not None and not ledger_row_is_soon:
         raise KeyboardInterrupt(f"at step {step}; steps since the last checkpoint are lost")
-    return system.hybrid is None
+    return system.moving_zone_operator is None
 
 
 def _stop_criterion_is_met(recorder: Recorder, step: int) -> bool:

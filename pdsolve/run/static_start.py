@@ -9,14 +9,14 @@ import numpy as np
 
 from pdsolve.model import Model
 from pdsolve.options import Options
-from pdsolve.run.at_rest import prepare_load_steps
-from pdsolve.run.system import Prepared
+from pdsolve.run.at_rest import prepare_quasi_static_run
+from pdsolve.run.system import PreparedRun
 from pdsolve.schemes.scheme import Scheme
 from pdsolve.steppers.equilibrium import force_densities
 from pdsolve.steppers.load_steps import LoadSteps
 
 
-def bring_to_rest_at_start(prepared: Prepared) -> Prepared:
+def start_in_static_equilibrium(prepared: PreparedRun) -> PreparedRun:
     """A prepared run at rest under what acts at time 0; no bond breaks on the way.
 
     Components with a prescribed velocity or acceleration are held still meanwhile. Energies are relative to the
@@ -24,7 +24,7 @@ def bring_to_rest_at_start(prepared: Prepared) -> Prepared:
     """
     system, state = prepared
     model = system.model
-    rest = prepare_static_start(model, system.options, system.scheme)
+    rest = prepare_static_equilibrium_at_start(model, system.options, system.scheme)
     stepper, operator, drive = rest.system.stepper, rest.system.operator, rest.system.drive
     assert isinstance(stepper, LoadSteps)
     stepper.settle_at_time_zero(rest.state)
@@ -33,14 +33,16 @@ def bring_to_rest_at_start(prepared: Prepared) -> Prepared:
     acceleration = (force_densities(operator, rest.state) + drive.force) / model.rho[:, None]
     state.second[:] = np.where(stepper.held, state.second, acceleration)
     strain = float(np.sum(system.area * operator.energies(rest.state)[0]))
-    return Prepared(dataclasses.replace(system, initial_energy=system.initial_energy + strain), state)
+    return PreparedRun(dataclasses.replace(system, initial_energy=system.initial_energy + strain), state)
 
 
-def prepare_static_start(model: Model, options: Options, scheme: Scheme) -> Prepared:
+def prepare_static_equilibrium_at_start(model: Model, options: Options, scheme: Scheme) -> PreparedRun:
     """The model to be brought to rest, in double precision. Raises ModelError."""
     run = model.settings.run
     rest = msgspec.structs.replace(run, solver="static", start="unloaded", damping=0.0, until=None, quiet=None)
     rest = msgspec.structs.replace(rest, time_step=None, steps=1, device="cpu")  # what acts at time 0, and no later
     settings = msgspec.structs.replace(model.settings, run=rest)
     double = options._replace(precision="float64")
-    return prepare_load_steps(dataclasses.replace(model, settings=settings), double, scheme, bonds_break=False)
+    return prepare_quasi_static_run(
+        dataclasses.replace(model, settings=settings), double, scheme, bonds_may_break=False
+    )

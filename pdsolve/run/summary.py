@@ -37,9 +37,9 @@ def run_metadata(recorder: Recorder, provenance: str) -> dict[str, Any]:
         "processor": processor_kind(),
         "mode": system.options.mode,
         "precision": system.options.precision,
-        "threads": system.threads,
-        "kernel": system.kernel,
-        "device": system.device,
+        "threads": system.thread_count,
+        "kernel": system.kernel_name,
+        "device": system.device_name,
         "time_step": system.time_step,
         "stable_time_step": system.stable_time_step,
         "model": system.requested_model.to_json(),
@@ -59,28 +59,26 @@ def run_summary(recorder: Recorder, step: int, stopped_early: bool) -> dict[str,
         "stable_time_step": system.stable_time_step if np.isfinite(system.stable_time_step) else None,
         "mode": system.options.mode,
         "precision": system.options.precision,
-        "threads": system.threads,
-        "kernel": system.kernel,
-        "device": system.device,
+        "threads": system.thread_count,
+        "kernel": system.kernel_name,
+        "device": system.device_name,
         "wall_time": wall,
-        "bond_updates_per_second": recorder.bond_updates(step) / wall if wall > 0 else 0.0,
+        "bond_updates_per_second": recorder.count_bond_updates(step) / wall if wall > 0 else 0.0,
         "stopped": system.model.settings.run.until if stopped_early else None,
         **recorder.physics_records.summary(),
     }
     if system.contact is not None:  # N/m^5, in space N/m^7; heat, J/m, of a body J
         contact = system.contact
         results["contact"] = {"stiffness": contact.stiffness, "friction": contact.friction(recorder.state)}
-    if system.growth is not None:
-        results |= {"particles": len(system.growth.particles.place), "remarks": system.growth.remarks}
+    if system.crack_growth is not None:
+        results |= {"particles": len(system.crack_growth.particles.place), "remarks": system.crack_growth.remarks}
     if system.zone_summary is not None:
         statistics = system.zone_summary._asdict()
         if isinstance(system.operator, LeafOperator):
             results["split"] = {name: statistics[name] for name in ("refinement", "fine_share")}
         else:
             results["hybrid"] = statistics
-    return results | _equilibrium_summary(
-        system.stepper if isinstance(system.stepper, CycleOrPathSteps) else system.load_steps
-    )
+    return results | _equilibrium_summary(system.equilibrium_stepper)
 
 
 def _equilibrium_summary(load_stepper: LoadSteps | CycleOrPathSteps | None) -> dict[str, Any]:

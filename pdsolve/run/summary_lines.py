@@ -10,10 +10,10 @@ from pdmesh.model.content_amounts import amounts_line
 from pdsolve.run.wall_time import wall_time_text
 
 
-def _diffusion_summary_lines(path: Path, summary: dict[str, Any]) -> list[str]:
+def _diffusion_summary_lines(results_path: Path, summary: dict[str, Any]) -> list[str]:
     masses, share = summary["masses"], summary["dissolved_share"]
     lines = [
-        f"{path}: {summary['nodes']} nodes, {summary['bonds']} bonds, {summary['steps']} steps of"
+        f"{results_path}: {summary['nodes']} nodes, {summary['bonds']} bonds, {summary['steps']} steps of"
         f" {summary['method']} to {summary['time']:.4g} s",
         wall_time_text(summary),
         _amount_balance_text(summary),
@@ -32,7 +32,7 @@ def _amount_balance_text(summary: dict[str, Any]) -> str:
     return amounts_line(amounts["unit"], amounts["inside"], amounts["through"], amounts["supplied"], summary["balance"])
 
 
-def _steps_text(summary: dict[str, Any]) -> tuple[str, str]:
+def _step_kind_and_end_text(summary: dict[str, Any]) -> tuple[str, str]:
     """The kind of a run's steps, and where they ended."""
     if "load_steps" in summary:
         return "load steps", f"{summary['time']:.4g} s"
@@ -47,15 +47,15 @@ def _steps_text(summary: dict[str, Any]) -> tuple[str, str]:
     return "steps", f"{summary['time'] * factor:.4g} {unit}"
 
 
-def summary_lines(path: Path, summary: dict[str, Any]) -> list[str]:
+def format_summary_lines(results_path: Path, summary: dict[str, Any]) -> list[str]:
     """What a run has computed, in lines: its size, time, energies and cracks."""
     if summary.get("physics") == "diffusion":
-        return _diffusion_summary_lines(path, summary)
+        return _diffusion_summary_lines(results_path, summary)
     energy, rested = (
         summary["energy"],
         summary.get("load_steps") or summary.get("path_steps") or summary.get("fatigue_steps"),
     )
-    what, until = _steps_text(summary)
+    what, until = _step_kind_and_end_text(summary)
     how = None
     if rested:
         iterations, residual = sum(step["iterations"] for step in rested), max(step["residual"] for step in rested)
@@ -63,7 +63,7 @@ def summary_lines(path: Path, summary: dict[str, Any]) -> list[str]:
     unit = summary.get("energy_unit", "J/m")
     damped = "".join(f" + {name} {energy[name]:.4g}" for name in ("damped", "friction") if energy[name])
     lines = [
-        f"{path}: {summary['nodes']} nodes, {summary['bonds']} bonds, {summary['steps']} {what} to"
+        f"{results_path}: {summary['nodes']} nodes, {summary['bonds']} bonds, {summary['steps']} {what} to"
         f" {until}, {summary['mode']} mode, {summary['precision']}",
         wall_time_text(summary, how),
         f"broken bonds {summary['broken_bonds']}; energy, {unit}:"

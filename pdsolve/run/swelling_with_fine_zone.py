@@ -33,7 +33,7 @@ class PlateBrokenBonds:
         return Broken(step[new].astype(np.int64), plate.grid_rows_at(node), plate.grid_rows_at(neighbour))
 
 
-class SwellingZone(Swelling):
+class SwellingStepperWithFineZone(Swelling):
     """Steps of a content, of n nodes of the grid, and of a plate that it swells, whose state has the current nodes."""
 
     def __init__(
@@ -51,16 +51,16 @@ class SwellingZone(Swelling):
         operator.engine.recompute_forces()
 
     @property
-    def rows(self) -> NDArray[np.int64]:
+    def current_node_rows(self) -> NDArray[np.int64]:
         """The rows (n,) in the grid of the current nodes."""
         return self._operator.rows
 
-    def with_operator(self, operator: HybridOperator) -> SwellingZone:
+    def switch_operator(self, operator: HybridOperator) -> SwellingStepperWithFineZone:
         """The stepper of the same plate with other current nodes."""
         self._operator = self._bonds = operator
         return self
 
-    def clamped_energy(self, state: State) -> NDArray[np.float64]:
+    def clamped_energy_density(self, state: State) -> NDArray[np.float64]:
         """The energy densities (n,) of the current nodes at no displacement, J/m^3, inside of one material."""
         hybrid, rows = self._operator.engine, self._operator.rows
         lattice, plate = hybrid.lattice, hybrid.plate

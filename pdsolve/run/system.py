@@ -25,7 +25,7 @@ from pdsolve.operators.protocol import Operator
 from pdsolve.operators.simd_lattice.operator import SimdLattice
 from pdsolve.options import Options, threads_of
 from pdsolve.run.operator_factory import unwrap_bond_operator
-from pdsolve.run.swelling_with_fine_zone import SwellingZone
+from pdsolve.run.swelling_with_fine_zone import SwellingStepperWithFineZone
 from pdsolve.schemes.scheme import Scheme
 from pdsolve.state import State
 from pdsolve.steppers.cycle_or_path_steps import CycleOrPathSteps
@@ -52,17 +52,19 @@ class System:
     stepper: Stepper
     drive: Drive  # loads and holds; what they are now changes with time
     area: NDArray[np.float64]  # (n,) m^2
-    family: NDArray[np.int64]  # (n,) bonds that count in damage, those cut by a pre-crack included
-    count: NDArray[np.int64]  # (n,) bonds at the start, those cut by a pre-crack left out
+    family_sizes: NDArray[np.int64]  # (n,) bonds that count in damage, those cut by a pre-crack included
+    initial_bond_counts: NDArray[np.int64]  # (n,) bonds at the start, those cut by a pre-crack left out
     time_step: float  # s
     stable_time_step: float  # surely stable time step, s
     initial_energy: float  # J/m
     full_model: Model | None = None  # all there is to solve, where `model` is of the nodes there are now
-    growth: Growth | None = None  # cracks that are particles
+    crack_growth: Growth | None = None  # cracks that are particles
     contact: PenaltyContact | None = None  # of bodies and crack faces; a part of the operator
     transport: Transport | None = None  # what carries a substance; None: the model moves
-    coupled: tuple[Prepared, ...] = ()  # other unknowns of the same nodes, which the stepper marches too
-    broken_before: int = 0  # directed bonds that broke and are none of the operator's: of nodes that are gone
+    coupled_runs: tuple[PreparedRun, ...] = ()  # other unknowns of the same nodes, which the stepper marches too
+    broken_bonds_of_removed_nodes: int = (
+        0  # directed bonds that broke and are none of the operator's: of nodes that are gone
+    )
 
     @property
     def requested_model(self) -> Model:
@@ -70,34 +72,39 @@ class System:
         return self.full_model or self.model
 
     @property
-    def kernel(self) -> str:
+    def kernel_name(self) -> str:
         """The kernel that sums the forces of bonds, by name."""
         return unwrap_bond_operator(self.operator).name
 
     @property
-    def device(self) -> str:
+    def device_name(self) -> str:
         """What sums bonds: cpu, or the name of a device."""
         return self.stepper.session.about.name.strip() if isinstance(self.stepper, OnDevice) else "cpu"
 
     @property
-    def hybrid(self) -> Moving | None:
+    def moving_zone_operator(self) -> Moving | None:
         """The operator if it has a moving fine zone and its own energy ledger; otherwise None."""
         return cast("Moving", self.operator) if isinstance(self.operator, TwoLatticeOperator) else None
 
     @property
-    def load_steps(self) -> LoadSteps | None:
+    def load_stepper(self) -> LoadSteps | None:
         """What takes load steps, if the model is solved at rest."""
         stepper = self.stepper.motion if isinstance(self.stepper, Swelling) else self.stepper
         return stepper if isinstance(stepper, LoadSteps) else None
 
     @property
+    def equilibrium_stepper(self) -> LoadSteps | CycleOrPathSteps | None:
+        """What steps from equilibrium to equilibrium: load steps, cycles or steps along a path."""
+        return self.stepper if isinstance(self.stepper, CycleOrPathSteps) else self.load_stepper
+
+    @property
     def zone_summary(self) -> ZoneSummary | None:
         """Summary of finer nodes that come and go; None without any."""
-        if self.hybrid is not None:
-            return self.hybrid.zone_summary()
+        if self.moving_zone_operator is not None:
+            return self.moving_zone_operator.zone_summary()
         return self.operator.zone_summary() if isinstance(self.operator, WithZone) else None
 
-    def fetch_state(self) -> None:
+    def fetch_state_from_device(self) -> None:
         """Bring the state up to the steps taken, if a device takes them."""
         if isinstance(self.stepper, OnDevice):
             self.stepper.download_state()
@@ -107,27 +114,27 @@ class System:
         return self.stepper.load_factor if isinstance(self.stepper, CycleOrPathSteps) else step_number * self.time_step
 
     @property
-    def threads(self) -> int:
+    def thread_count(self) -> int:
         """Number of threads that share the work."""
         return threads_of(self.options, len(self.model.grid), isinstance(self.operator, SimdLattice))
 
     @property
-    def has_rank_databases(self) -> bool:
+    def writes_rank_databases(self) -> bool:
         """Whether each rank writes a database of its own, as there are so many nodes."""
         return self.options.team is not None and len(self.model.grid) > self.options.one_file
 
     @property
-    def unbonded(self) -> NDArray[np.int64]:
+    def unbonded_node_rows(self) -> NDArray[np.int64]:
         """Rows (k,) of the nodes without a bond at the start."""
-        return np.flatnonzero(self.count == 0)
+        return np.flatnonzero(self.initial_bond_counts == 0)
 
     @property
     def directed_bond_count(self) -> int:
         """Number of directed bonds at the start."""
-        return int(self.count.sum())
+        return int(self.initial_bond_counts.sum())
 
 
-class Prepared(NamedTuple):
+class PreparedRun(NamedTuple):
     """A system and its state, ready to march."""
 
     system: System
@@ -136,22 +143,22 @@ class Prepared(NamedTuple):
     def advance(self, first: int, last: int) -> None:
         """Take the steps `first` to `last` - 1, in place."""
         self.system.stepper.advance(self.state, first, last)
-        self.system.fetch_state()
+        self.system.fetch_state_from_device()
 
 
-def with_moved_zone(system: System, zone_operator: Moving) -> System:
+def system_with_moved_zone(system: System, zone_operator: Moving) -> System:
     """The system of changed nodes of the same plate."""
     count, family = zone_operator.counts
     stepper: Stepper = FusedMarch(zone_operator)
-    if isinstance(system.stepper, SwellingZone):
+    if isinstance(system.stepper, SwellingStepperWithFineZone):
         assert isinstance(zone_operator, HybridOperator)
-        stepper = system.stepper.with_operator(zone_operator)
+        stepper = system.stepper.switch_operator(zone_operator)
     return replace(
         system,
         model=counted(zone_operator.model, system.time_step),
         operator=zone_operator,
         stepper=stepper,
         area=zone_operator.area,
-        family=family,
-        count=count,
+        family_sizes=family,
+        initial_bond_counts=count,
     )

@@ -10,7 +10,7 @@ from pdmesh.files import FilePath
 from pdmesh.model.bond_counts import pair_count
 from pdsolve.codegen import jit_cache
 from pdsolve.numerics.thread_team import cores
-from pdsolve.run.estimate import machine_slowdown
+from pdsolve.run.estimate import measure_machine_slowdown
 from pdsolve.study import run_model
 from pdsolve.study.description import read_study
 
@@ -31,7 +31,7 @@ def plan_study(path: FilePath, trust: bool = False) -> dict[str, Any]:
     study = read_study(path)
     planned = run_model.planned(study, trust)
     seconds = sum(number * plan.wall_time for _, number, plan in planned)
-    rate, run_plans = machine_slowdown(), [plan for _, number, plan in planned for _ in range(number)]
+    rate, run_plans = measure_machine_slowdown(), [plan for _, number, plan in planned for _ in range(number)]
     workers, compiling = min(cores(), len(run_plans)), 0.0 if jit_cache.is_kept() else rate * COMPILE
     runs = [plan.wall_time + rate * (AROUND + AROUND_NODE * plan.nodes) for plan in run_plans]
     return {

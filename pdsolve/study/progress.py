@@ -6,7 +6,7 @@ import time
 from typing import TYPE_CHECKING, Any
 
 from pdmesh.printing import print_to_stderr
-from pdsolve.run.progress import LINE_EVERY, progress_bar
+from pdsolve.run.progress import LINE_EVERY, make_progress_bar
 from pdsolve.study.one_run import PATIENCE
 
 if TYPE_CHECKING:
@@ -40,7 +40,7 @@ class StudyWatch:
         if self._quiet:
             return
         if self._bar is None:
-            self._bar = progress_bar("solving", " runs", total=progress.runs, initial=done)
+            self._bar = make_progress_bar("solving", " runs", total=progress.runs, initial=done)
         if self._bar is not None:
             self._bar.set_postfix_str(text, refresh=False)
             self._bar.update(done - self._bar.n)

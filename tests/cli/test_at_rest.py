@@ -130,7 +130,7 @@ def test_the_report_of_load_steps_has_nothing_that_moves(here: Path) -> None:
 def test_a_run_stopped_within_a_load_step_says_how_to_go_on(
     here: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    monkeypatch.setattr(Watch, "_show_progress", lambda _, progress: progress.going is not None)
+    monkeypatch.setattr(Watch, "_show_progress", lambda _, progress: progress.load_step_progress is not None)
     assert main(["held.json", "--static", "--threads", "1"]) == 130
     said, last = capsys.readouterr().err.splitlines()
     assert said.endswith("which is lost; to go on: pdsolve --resume held.sqlite")

@@ -35,7 +35,7 @@ from pdsolve.operators.together import Together
 from pdsolve.options import Options
 from pdsolve.run.measures import compute_ledger_row
 from pdsolve.run.prepare import prepare
-from pdsolve.run.system import Prepared
+from pdsolve.run.system import PreparedRun
 from pdsolve.schemes import average_horizon
 from pdsolve.state import Broken, State
 from pdsolve.steppers.verlet import Verlet
@@ -119,7 +119,7 @@ def marked(names: Iterable[str]) -> list[Any]:
     return [pytest.param(name, marks=[pytest.mark.slow] * name.endswith(DEAR)) for name in names]
 
 
-def fresh(name: str) -> Prepared:
+def fresh(name: str) -> PreparedRun:
     """A case, at its start."""
     model, run, kernel, precision, _ = CASES[name]
     if kernel == "together":
@@ -138,15 +138,15 @@ def halves(model: Model) -> Together:
     return Together(*parts)
 
 
-def in_parts(model: Model) -> Prepared:
+def in_parts(model: Model) -> PreparedRun:
     """A model whose bonds are in two operators."""
     (system, state), operator = prepare(model, Options(kernel="listed", threads=1)), halves(model)
     stepper = Verlet(operator, system.drive, model.rho, system.time_step)
-    return Prepared(dataclasses.replace(system, operator=operator, stepper=stepper), operator.to_own_layout(state))
+    return PreparedRun(dataclasses.replace(system, operator=operator, stepper=stepper), operator.to_own_layout(state))
 
 
 @cache
-def prepared(name: str) -> Prepared:
+def prepared(name: str) -> PreparedRun:
     """A case for tests in which nothing breaks."""
     return fresh(name)
 
@@ -293,7 +293,7 @@ def test_verlet_marches_it_as_its_own_stepper_does(name: str) -> None:
     )
 
 
-def torn(name: str) -> tuple[Prepared, State, NDArray[np.float64]]:
+def torn(name: str) -> tuple[PreparedRun, State, NDArray[np.float64]]:
     """A case in which a node at the tip of the crack was moved so far that bonds broke; what was held before, J/m."""
     problem = fresh(name)
     system, x = problem.system, problem.system.model.grid.position

@@ -17,9 +17,9 @@ from pdsolve.conditions import drive_of, entries
 from pdsolve.operators.protocol import CheckpointArrays
 from pdsolve.operators.together import Together
 from pdsolve.options import Options
-from pdsolve.run.measures import compute_ledger_row, count_pieces, damage
+from pdsolve.run.measures import compute_ledger_row, compute_node_damage, count_pieces
 from pdsolve.run.prepare import prepare
-from pdsolve.run.system import Prepared
+from pdsolve.run.system import PreparedRun
 from pdsolve.state import Broken, State, Unknown
 from pdsolve.steppers.euler import ForwardEuler
 from pdsolve.steppers.theta import ThetaSteps
@@ -153,7 +153,7 @@ def test_nodes_on_springs_swing_as_verlet_has_it(dimension: int) -> None:
         assert found == pytest.approx(expected, rel=1e-12)  # measured 4e-16
 
 
-def on_the_ground(kernel: str, share: float) -> Prepared:
+def on_the_ground(kernel: str, share: float) -> PreparedRun:
     """A glass plate that flies off its ground at 1 m/s, the ground `share` times as stiff as its bonds."""
     start = InitialVelocity(box=(-1.0, -1.0, 1.0, 1.0), x=1.0)
     system, state = prepare(plate(square_grid(12, 9), conditions=(start,)), Options(kernel=kernel, threads=1))
@@ -161,7 +161,7 @@ def on_the_ground(kernel: str, share: float) -> Prepared:
     both = Together(system.operator, ground)
     dt = 0.5 * float(np.sqrt(2 * GLASS.rho / both.stiffness_bound().max()))
     stepper = Verlet(both, system.drive, system.model.rho, dt)
-    return Prepared(
+    return PreparedRun(
         dataclasses.replace(system, operator=both, stepper=stepper, time_step=dt), both.to_own_layout(state)
     )
 
@@ -193,7 +193,7 @@ def test_measures_take_two_operators_for_one(kernel: str) -> None:
     assert end.kinetic + end.strain + end.dissipated == pytest.approx(
         start.kinetic, rel=0.02
     )  # measured 1e-2, Verlet's own
-    assert (damage(system).max(), count_pieces(system)) == (0, 1)
+    assert (compute_node_damage(system).max(), count_pieces(system)) == (0, 1)
     K = system.operator.tangent(state._replace(value=np.zeros_like(state.value))).toarray()
     largest = float(np.abs(np.linalg.eigvals(K)).max())
     assert 1 < largest / system.operator.stiffness_bound().max() <= 2  # measured 1.55

@@ -18,7 +18,7 @@ from pdsolve.options import Options
 from pdsolve.results import Breaks
 from pdsolve.run.prepare import prepare
 from pdsolve.run.recorder import restore_state
-from pdsolve.run.system import Prepared
+from pdsolve.run.system import PreparedRun
 
 ORDINARY = Material(E=65e9, rho=2235.0, G0=204.0, nu=0.2, model="ordinary")
 BILINEAR = Material(E=65e9, rho=2235.0, G0=204.0, law="bilinear", kr=2.0)
@@ -53,7 +53,7 @@ def test_a_bond_that_closes_or_stops_pulls_no_more() -> None:
     assert second_force(thesis, 4e-3, 2e-3, 0.0, 0.0, 1e-3, 1e-3) == 0
 
 
-def leaving(material: Material, dimension: int, options: Options) -> Prepared:
+def leaving(material: Material, dimension: int, options: Options) -> PreparedRun:
     """A plate or a block, half of which leaves at 40 m/s."""
     if dimension == 2:
         model = plate(material, None)

@@ -21,7 +21,7 @@ from pdpost.measures.cracked_nodes import damage_with_pre_cracks_at
 from pdpost.measures.strain import families_without_broken_bonds
 from pdsolve.model import Model
 from pdsolve.results import DamagedError, Results, ResultsError
-from pdsolve.run.measures import damage
+from pdsolve.run.measures import compute_node_damage
 from pdsolve.run.node_changes import NodeChange
 from pdsolve.run.simulation import Options, Progress, resume, simulate
 from pdsolve.run.system import System
@@ -56,13 +56,17 @@ def test_each_frame_has_the_nodes_there_were(moving: Path, model: Model) -> None
             assert results.bond_updates(step) == updates
             order = np.argsort(grid.ids)[np.argsort(np.argsort(nodes.ids))]
             assert np.array_equal(nodes.ids, grid.ids[order])
-            assert damage_with_pre_cracks_at(results, step) == pytest.approx(damage(system)[order], abs=1e-15)
+            assert damage_with_pre_cracks_at(results, step) == pytest.approx(compute_node_damage(system)[order], abs=1e-15)
             if step % 10:
                 continue
             frames += 1
             assert np.array_equal(nodes.position, grid.position[order])
             assert np.array_equal(nodes.area, system.area[order])
-            for name, values in (("uy", state.value[:, 1]), ("vx", state.rate[:, 0]), ("damage", damage(system))):
+            for name, values in (
+                ("uy", state.value[:, 1]),
+                ("vx", state.rate[:, 0]),
+                ("damage", compute_node_damage(system)),
+            ):
                 assert np.array_equal(results.field(name, step), values[order].astype("<f4"))
             start, neighbour = families_without_broken_bonds(results, results.families(step), step)
             found = named(nodes.ids, np.repeat(np.arange(len(nodes.ids)), np.diff(start)), neighbour)

@@ -14,7 +14,7 @@ from zoned_plates import struck
 
 from pdpost.measures.cracked_nodes import damage_with_pre_cracks_at
 from pdsolve.results import Results, writer
-from pdsolve.run.pace import Pace
+from pdsolve.run.pace import StepBatchTimer
 from pdsolve.run.simulation import Options, Progress, resume, simulate
 
 TESTS = Path(__file__).parent.parent
@@ -94,7 +94,7 @@ def test_a_stop_between_two_entries_of_the_ledger_is_heard(
     whole, law = solved
     path, heard = tmp_path / "stopped.sqlite", []
     monkeypatch.setattr("pdsolve.run.simulation.PATIENCE", 1.0)
-    monkeypatch.setattr(Pace, "will_soon_be_done", lambda pace, steps: False)
+    monkeypatch.setattr(StepBatchTimer, "will_finish_soon", lambda pace, steps: False)
 
     def stop(progress: Progress) -> bool:
         heard.append(progress.step)
@@ -105,7 +105,7 @@ def test_a_stop_between_two_entries_of_the_ledger_is_heard(
     assert heard[-1] == 50
     with Results.open(path) as results:
         assert (results.meta()["status"], results.checkpoint()[0] < 50) == ("interrupted", True)
-    monkeypatch.setattr(Pace, "will_soon_be_done", lambda pace, steps: True)
+    monkeypatch.setattr(StepBatchTimer, "will_finish_soon", lambda pace, steps: True)
     with resume(path, 1, lambda progress: progress.step > 45) as results:
         assert (results.meta()["status"], results.checkpoint()[0] > 45) == ("interrupted", True)
     resume(path).close()

@@ -22,7 +22,7 @@ from pdsolve.options import Options
 from pdsolve.run.measures import compute_ledger_row
 from pdsolve.run.prepare import prepare
 from pdsolve.run.simulation import resume, simulate
-from pdsolve.run.system import Prepared
+from pdsolve.run.system import PreparedRun
 from pdsolve.schemes import SCHEMES
 from pdsolve.schemes.separation_energy import cost, patch
 from pdsolve.steppers.path_steps import SofteningPathSteps
@@ -33,7 +33,7 @@ CONCRETE = Material(
 shapes = pytest.mark.parametrize("shape", AREA)
 
 
-def made(shape: str = "linear") -> Prepared:
+def made(shape: str = "linear") -> PreparedRun:
     material = msgspec.structs.replace(CONCRETE, shape=shape)
     return prepare(plate(square_grid(11, 9, 0.01), 3, material=material, run=Run(time_step=1e-6)), Options(threads=1))
 
@@ -167,7 +167,7 @@ def bar(h: float, m: float, shape: str, end: float = 4e-4) -> Model:
     return plate(grid, m, material=material, regions=(weaker,), conditions=conditions, run=run)
 
 
-def pulled(model: Model) -> tuple[SofteningPathSteps, Prepared]:
+def pulled(model: Model) -> tuple[SofteningPathSteps, PreparedRun]:
     """The path to its end."""
     prepared = prepare(model, Options(threads=1))
     stepper = prepared.system.stepper
@@ -176,7 +176,7 @@ def pulled(model: Model) -> tuple[SofteningPathSteps, Prepared]:
     return stepper, prepared
 
 
-def crossing(prepared: Prepared) -> float:
+def crossing(prepared: PreparedRun) -> float:
     """Spent by bonds that cross the middle of a bar, J/m."""
     system = prepared.system
     kept, broken = system.operator.checkpoint_arrays(), system.operator.broken()

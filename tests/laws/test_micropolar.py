@@ -13,12 +13,12 @@ from pdsolve.model import ModelError
 from pdsolve.options import Options
 from pdsolve.run.measures import compute_ledger_row
 from pdsolve.run.prepare import prepare
-from pdsolve.run.system import Prepared
+from pdsolve.run.system import PreparedRun
 
 BEAMS = msgspec.structs.replace(GLASS, model="micropolar", nu=0.2)
 
 
-def made(*conditions: object, dt: float | None = None) -> Prepared:
+def made(*conditions: object, dt: float | None = None) -> PreparedRun:
     run = Run(time_step=dt)
     return prepare(plate(square_grid(11, 9), material=BEAMS, conditions=conditions, run=run), Options(threads=1))
 

@@ -13,7 +13,7 @@ from pdsolve.laws.pair_laws import bilinear, brittle
 from pdsolve.model import Model, ModelError
 from pdsolve.options import Options
 from pdsolve.run.prepare import prepare
-from pdsolve.run.static_start import bring_to_rest_at_start
+from pdsolve.run.static_start import start_in_static_equilibrium
 
 SOFT = msgspec.structs.replace(GLASS, law="bilinear", kr=2.0)
 STATE_BASED = msgspec.structs.replace(GLASS, model="ordinary", nu=0.2)
@@ -104,4 +104,4 @@ def test_a_run_does_not_begin_at_rest_where_nodes_remember(material: dict[str, o
     kind = msgspec.structs.replace(GLASS, **({"model": "correspondence", "nu": 0.2, "failure": "none"} | material))
     made = plate(square_grid(9, 8), material=kind, conditions=(held, pull), run=Run(start="static"))
     with pytest.raises(ModelError, match=says):
-        bring_to_rest_at_start(prepare(made, Options()))
+        start_in_static_equilibrium(prepare(made, Options()))

@@ -21,7 +21,7 @@ from pdmesh.model.document import Run
 from pdsolve.model import Model
 from pdsolve.options import Options
 from pdsolve.run.prepare import prepare
-from pdsolve.run.system import Prepared
+from pdsolve.run.system import PreparedRun
 
 H, V = 0.01, 0.02
 
@@ -133,7 +133,7 @@ def spun(shape: object, radius: float | None = None, outlined: bool = True) -> f
     built = build(scene)
     grid = built.grid if outlined else replace(built.grid, outline=())
     system, state = prepare(Model(grid, built.settings), Options(threads=1))
-    Prepared(system, state).advance(1, 1201)
+    PreparedRun(system, state).advance(1, 1201)
     own = system.model.grid.bodies.number == 2  # type: ignore[union-attr]
     place, rate = system.model.grid.position[own] + state.value[own], state.rate[own]
     assert rate[:, 1].mean() > 0  # it has bounced

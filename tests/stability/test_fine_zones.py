@@ -27,7 +27,7 @@ def first_break(adapt: str, tips: bool = True) -> tuple[int, float]:
     """The step in which the struck plate's first bond breaks, and energy that refining made until then over the work;
     with its tips coarse at the start, if wanted."""
     problem = prepare(struck(adapt), Options(threads=1))
-    shown = problem.system.hybrid
+    shown = problem.system.moving_zone_operator
     if shown is not None and not tips:
         shown.engine.zone.cells[shown.engine.zone.cells == FINE] = COARSE
         again(shown.engine)

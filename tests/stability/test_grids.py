@@ -22,7 +22,7 @@ from pdsolve.options import Options
 from pdsolve.run.estimate import estimate_run
 from pdsolve.run.prepare import prepare
 from pdsolve.run.simulation import simulate
-from pdsolve.run.system import Prepared
+from pdsolve.run.system import PreparedRun
 
 ONE = Options(threads=1)
 ON_A_ROW = 9 * 1e-3  # m, the height of nodes to the last bit; 9e-3 is another number
@@ -36,7 +36,7 @@ def warned(model: object) -> list[str]:
     return lines
 
 
-def free_motions(problem: Prepared) -> int:
+def free_motions(problem: PreparedRun) -> int:
     """How many motions nothing resists: zero eigenvalues of K, three of them rigid."""
     values = np.abs(np.linalg.eigvals(matrix(problem).toarray()))
     return int((values < 1e-9 * values.max()).sum())
@@ -73,7 +73,7 @@ def cut_energy(height: float) -> tuple[float, int]:
     middle = (grid.position[:, 0] > 9.5e-3) & (grid.position[:, 0] < 19.5e-3)
     cut = middle[i] & ~np.isin(*keys)
     spent = bonds.stiffness * np.hypot(*bonds.xi.T) * bonds.limit**2 / 4 * whole.system.area[i]
-    lonely = int((left.system.count == 0).sum())
+    lonely = int((left.system.initial_bond_counts == 0).sum())
     return float(spent[cut].sum()) / (GLASS.G0 * 10e-3), lonely
 
 

@@ -34,7 +34,7 @@ def test_round_off_at_the_horizon(failure: Callable[..., None]) -> None:
     families = {}
     for mode in ("thesis", "conservative"):
         problems = [prepare(plate(grid, m, material=CONSTANT), Options(mode, threads=1)) for m in (3.0, 3.015)]
-        counts = [np.unique(problem.system.count[inner]).tolist() for problem in problems]
+        counts = [np.unique(problem.system.initial_bond_counts[inner]).tolist() for problem in problems]
         assert counts[0] == counts[1]
         assert np.array_equal(*(bonds_of(problem).neighbour for problem in problems))
         families[mode] = counts[0]

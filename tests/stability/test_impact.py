@@ -13,7 +13,7 @@ from plates import STEEL, struck_plate
 from pdmesh.model.document import Material
 from pdsolve.options import Options
 from pdsolve.run.prepare import prepare
-from pdsolve.run.recorder import breaks_since
+from pdsolve.run.recorder import list_breaks_since
 
 DURATION = 50e-6  # s
 NOTCH, MIDDLE = 75.5e-3, 100e-3  # m from an end of the plate
@@ -37,7 +37,7 @@ def torn(clamped: bool, material: Material = STEEL) -> dict[str, Torn]:
     """Solve the struck plate and look at each of PLACES."""
     problem = prepare(struck_plate(clamped=clamped, material=material), Options(threads=1))
     problem.advance(1, round(DURATION / problem.system.time_step) + 1)
-    broke = breaks_since(problem.system, 0)
+    broke = list_breaks_since(problem.system, 0)
     x, y = problem.system.model.grid.position[broke.node - 1].T
     off = np.abs(y - MIDDLE)
 

@@ -24,16 +24,16 @@ from pdmesh.model.material_constants import critical_stretch
 from pdmesh.model.node_grid import Grid
 from pdsolve.options import Options
 from pdsolve.run.estimate import estimate_run
-from pdsolve.run.measures import damage
+from pdsolve.run.measures import compute_node_damage
 from pdsolve.run.prepare import prepare
-from pdsolve.run.system import Prepared
+from pdsolve.run.system import PreparedRun
 
 UNBREAKABLE = msgspec.structs.replace(GLASS, G0=1e12)
 SPEED = (1.125 * GLASS.E / GLASS.rho) ** 0.5  # of P waves, m/s
 FIRST = float(critical_stretch(GLASS, np.array([8e-3]))[0])  # stretch at which the first bonds break, the coarse ones
 
 
-def strip(mode: str, m: int, fine: int, coarse: int) -> Prepared:
+def strip(mode: str, m: int, fine: int, coarse: int) -> PreparedRun:
     """A strip of 1 mm nodes left of x = 0 and of 2 mm ones right of it, repeating itself upwards."""
     rows = 4 * m + 8
     y0 = 2e-3 * (rows // 2)
@@ -42,7 +42,7 @@ def strip(mode: str, m: int, fine: int, coarse: int) -> Prepared:
     return joined(whole, (-np.inf, y0, np.inf, y0 + 2e-3))
 
 
-def begin(problem: Prepared, u: NDArray[np.float64], v: NDArray[np.float64]) -> None:
+def begin(problem: PreparedRun, u: NDArray[np.float64], v: NDArray[np.float64]) -> None:
     """Displacements and velocities (n,) along x, and the accelerations that belong to them."""
     problem.state.value[:, 0], problem.state.rate[:, 0] = u, v
     accelerate(problem)
@@ -140,7 +140,7 @@ def crossed(mode: str, stress: float, scales: int) -> Crossing:
     problem.advance(1, 1201)
     x, y = grid.position.T
     off = np.abs(y - middle)
-    on_path = (damage(problem.system) > 0.35) & (off < 3e-3)
+    on_path = (compute_node_damage(problem.system) > 0.35) & (off < 3e-3)
     stray = (np.abs(x - 0.75e-3) < 5e-3) & (off > 5e-3) & (y > 8e-3) & (y < height - 9e-3)
     return Crossing(float(x[on_path].max()), int(stray[broken(problem).source].sum()))
 
@@ -169,7 +169,7 @@ def test_a_crack_that_crosses(failure: Callable[..., None]) -> None:
     )
 
 
-def layered(spacings: tuple[int, ...], lengths: tuple[int, ...], material: Material = UNBREAKABLE) -> Prepared:
+def layered(spacings: tuple[int, ...], lengths: tuple[int, ...], material: Material = UNBREAKABLE) -> PreparedRun:
     """A strip of zones, one after the other along x, whose cells tile it; mm. It repeats itself upwards."""
     widest, m = max(spacings), 3
     rows = 2 * (m + 1) + 3

@@ -20,7 +20,7 @@ from pdsolve.options import Options
 from pdsolve.run.estimate import estimate_run
 from pdsolve.run.measures import compute_ledger_row
 from pdsolve.run.prepare import prepare
-from pdsolve.run.system import Prepared
+from pdsolve.run.system import PreparedRun
 
 UNBREAKABLE = msgspec.structs.replace(GLASS, G0=1e12)
 ROWS, MIDDLE = 40, 19.5e-3  # m: the materials meet half way between two rows
@@ -33,7 +33,7 @@ def layers(contrast: float) -> Model:
     return plate(square_grid(32, ROWS), 3, material=UNBREAKABLE, regions=(region,), run=Run(steps=1))
 
 
-def strip(mode: str, contrast: float) -> Prepared:
+def strip(mode: str, contrast: float) -> PreparedRun:
     """The layers without sides."""
     whole = prepare(layers(contrast), Options(mode, threads=1, kernel="listed"))
     return joined(whole, (10e-3, -np.inf, 22e-3, np.inf))

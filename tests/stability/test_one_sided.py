@@ -16,13 +16,13 @@ from pdsolve.options import Options
 from pdsolve.run.measures import compute_ledger_row
 from pdsolve.run.prepare import prepare
 from pdsolve.run.simulation import UnstableError, simulate
-from pdsolve.run.system import Prepared
+from pdsolve.run.system import PreparedRun
 
 UNBREAKABLE = msgspec.structs.replace(GLASS, G0=1e12)
 PART = 10_000
 
 
-def free_plate(mode: str, step: float | None = None) -> Prepared:
+def free_plate(mode: str, step: float | None = None) -> PreparedRun:
     """A free plate of two scales, 132 nodes, at random velocities of 1e-6 m/s that carry no momentum, marching with a
     `step`, s."""
     model = plate(two_scale_grid(), 3, material=UNBREAKABLE, run=Run(time_step=step))
@@ -33,13 +33,13 @@ def free_plate(mode: str, step: float | None = None) -> Prepared:
     return problem
 
 
-def frequencies(problem: Prepared) -> np.ndarray:
+def frequencies(problem: PreparedRun) -> np.ndarray:
     """omega, 1/s: roots of the eigenvalues of M^-1 K, without those of rigid motion."""
     values = np.linalg.eigvals((matrix(problem) / GLASS.rho).toarray())
     return np.sqrt(values[np.abs(values) > 1e-6 * np.abs(values).max()].astype(complex))
 
 
-def energies(problem: Prepared) -> list[float]:
+def energies(problem: PreparedRun) -> list[float]:
     """Energy over that of the start, after each 10^4 of 10^5 steps."""
     start, found = compute_ledger_row(*problem, 0), []
     for part in range(10):

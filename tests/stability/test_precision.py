@@ -15,10 +15,10 @@ from pdmesh.model.bond_counts import pair_count
 from pdmesh.model.document import InitialVelocity, Load, Run
 from pdsolve.model import Model
 from pdsolve.options import Options
-from pdsolve.run.measures import compute_ledger_row, damage
+from pdsolve.run.measures import compute_ledger_row, compute_node_damage
 from pdsolve.run.prepare import prepare
 from pdsolve.run.simulation import simulate
-from pdsolve.run.system import Prepared
+from pdsolve.run.system import PreparedRun
 
 COLUMNS, ROWS = 101, 42
 TIP = 50e-3  # m, where a column of nodes is
@@ -36,11 +36,11 @@ def duran(tip: float = TIP, pull: float = 3e9) -> Model:
     return plate(grid, 4, conditions=loads, run=Run(time_step=25e-9))
 
 
-def asymmetry(problem: Prepared) -> tuple[float, int]:
+def asymmetry(problem: PreparedRun) -> tuple[float, int]:
     """Largest difference of the displacements of both halves over the largest displacement, and the nodes whose damage
     is not that of their mirror image."""
     u = problem.state.value.astype(float).reshape(ROWS, COLUMNS, 2)
-    damaged = damage(problem.system).reshape(ROWS, COLUMNS)
+    damaged = compute_node_damage(problem.system).reshape(ROWS, COLUMNS)
     mirrored = u[::-1] * [1, -1]
     return float(np.abs(u - mirrored).max() / np.abs(u).max()), int((damaged != damaged[::-1]).sum())
 
@@ -86,13 +86,13 @@ def test_the_tip_of_a_crack(failure: Callable[..., None], monkeypatch: pytest.Mo
     cut = {}
     for end in (TIP - 1e-12, TIP, TIP + 1e-12):
         problem = prepare(duran(end), Options(threads=1))
-        lost = (problem.system.family - problem.system.count).reshape(ROWS, COLUMNS)
+        lost = (problem.system.family_sizes - problem.system.initial_bond_counts).reshape(ROWS, COLUMNS)
         assert np.array_equal(lost, lost[::-1])
         cut[end] = int(lost.sum())
     assert len(set(cut.values())) == 1
     monkeypatch.setattr("pdmesh.model.visibility.SLACK", 0.0)
     exact = prepare(duran(), Options(threads=1))
-    lost = (exact.system.family - exact.system.count).reshape(ROWS, COLUMNS)
+    lost = (exact.system.family_sizes - exact.system.initial_bond_counts).reshape(ROWS, COLUMNS)
     nodes = int((lost != lost[::-1]).sum())
     assert nodes == 4
     exact.advance(1, 1801)
@@ -108,7 +108,7 @@ def test_the_tip_of_a_crack(failure: Callable[..., None], monkeypatch: pytest.Mo
     )
 
 
-def spinning(precision: str) -> Prepared:
+def spinning(precision: str) -> PreparedRun:
     """A free plate of 13 x 8 nodes that flies at 100 m/s and turns at 2e4 rad/s."""
     grid = square_grid(13, 8)
     x, y = (grid.position - grid.position.mean(axis=0)).T
@@ -120,7 +120,7 @@ def spinning(precision: str) -> Prepared:
     return prepare(model, Options(precision=precision, threads=1))
 
 
-def shape_error(problem: Prepared) -> float:
+def shape_error(problem: PreparedRun) -> float:
     """How far nodes are, at most, from where a rigid motion would have brought them; in spacings."""
     x = problem.system.model.grid.position
     now = x + problem.state.value

@@ -93,7 +93,7 @@ def test_far_from_the_origin(failure: Callable[..., None]) -> None:
     for away in (0.0, 1.0):
         grid = square_grid(30, 30, 1e-9, x0=away)
         model = plate(grid, 3, material=CONSTANT, run=Run(steps=1))
-        families = prepare(model, Options("thesis", threads=1)).system.count.reshape(30, 30)[4:-4, 4:-4]
+        families = prepare(model, Options("thesis", threads=1)).system.initial_bond_counts.reshape(30, 30)[4:-4, 4:-4]
         with saying() as says:
             estimate_run(model, Options(threads=1))
         found[away] = (np.unique(families).tolist(), says)

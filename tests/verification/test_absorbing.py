@@ -13,7 +13,7 @@ from pdmesh.model.document import Absorb
 from pdmesh.scene.scene import DEEP
 from pdsolve.options import Options
 from pdsolve.run.prepare import prepare
-from pdsolve.run.system import Prepared
+from pdsolve.run.system import PreparedRun
 
 DELTA, RATIO = 1e-3, 4
 HORIZON = RATIO * DELTA
@@ -21,7 +21,7 @@ WIDTH = 2 * HORIZON  # of the pulse exp(-(s / width)^2)
 SPEED = {"P": (1.125 * GLASS.E / GLASS.rho) ** 0.5, "S": (0.375 * GLASS.E / GLASS.rho) ** 0.5}  # m/s
 
 
-def send(problem: Prepared, kind: str, n: NDArray[np.float64], middle: NDArray[np.float64], across: float) -> None:
+def send(problem: PreparedRun, kind: str, n: NDArray[np.float64], middle: NDArray[np.float64], across: float) -> None:
     """Put a pulse at `middle` that goes along n, and as 1 / e of it to both sides as `across`, m."""
     state, x = problem.state, problem.system.model.grid.position - middle
     s, q = x @ n / WIDTH, x @ [-n[1], n[0]] / across
@@ -31,7 +31,7 @@ def send(problem: Prepared, kind: str, n: NDArray[np.float64], middle: NDArray[n
     accelerate(problem)
 
 
-def energy(problem: Prepared, edge: float) -> float:
+def energy(problem: PreparedRun, edge: float) -> float:
     """Energy left of the layer, J/m."""
     system, state = problem.system, problem.state
     moving = system.model.rho / 2 * (state.rate.astype(float) ** 2).sum(axis=1)

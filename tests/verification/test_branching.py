@@ -17,7 +17,7 @@ from plates import GLASS, plate, square_grid
 
 from pdmesh.model.document import Load, Run
 from pdsolve.options import Options
-from pdsolve.run.measures import damage
+from pdsolve.run.measures import compute_node_damage
 from pdsolve.run.prepare import prepare
 
 CRACKED, SHAKEN = 0.35, 1e-8  # damage; m
@@ -58,12 +58,12 @@ def branched(delta: float, ratio: float, seed: int | None = None, **material: ob
     while done * step < 65e-6:
         system.stepper.advance(state, done + 1, done + 21)
         done += 20
-        cracked = damage(system) > CRACKED
+        cracked = compute_node_damage(system) > CRACKED
         if cracked.any() and x[cracked].max() > 0.1 - 1.6 * delta:
             far = done * step * 1e6
             break
     off = cracked & (y > 1.6 * delta) & (x > 0.05)
-    picture = damage(system).reshape(rows, columns)
+    picture = compute_node_damage(system).reshape(rows, columns)
     return Branched(
         first=float(system.operator.broken().step.min() * step * 1e6),
         branch=float(x[off].min(initial=np.inf) * 1e3),

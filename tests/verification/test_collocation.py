@@ -50,7 +50,10 @@ def test_where_all_is_fine_it_is_the_uniform_run(profile: str) -> None:
     broken = uniform.system.operator.broken()
     assert len(broken.step) > 500
     assert len(broken.step) == 2 * len(engine.broken().step)
-    ledger, shown = compute_ledger_row(uniform.system, uniform.state, 120), type(problem.system.hybrid)(engine)
+    ledger, shown = (
+        compute_ledger_row(uniform.system, uniform.state, 120),
+        type(problem.system.moving_zone_operator)(engine),
+    )
     shown.energies(shown.state())
     found = shown.ledger_totals()
     for name in ("kinetic", "strain", "dissipated", "work"):
@@ -170,7 +173,7 @@ def test_a_crack_takes_fine_nodes_with_it() -> None:
     assert 0.5 < told.clipped_stretch < 1
     assert engine.zone.totals.largest_e < engine.lattice.limit
     assert len(engine.broken().step) > 1000
-    shown = type(problem.system.hybrid)(engine)
+    shown = type(problem.system.moving_zone_operator)(engine)
     shown.energies(shown.state())
     found = shown.ledger_totals()
     missing = found.kinetic + found.strain + found.dissipated - found.work - told.refinement

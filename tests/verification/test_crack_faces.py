@@ -16,10 +16,10 @@ from pdmesh.model.node_grid import Grid
 from pdsolve.bonds.assembly import BondSource, Part
 from pdsolve.model import Model
 from pdsolve.options import Options
-from pdsolve.run.assembly import assemble_motion
+from pdsolve.run.assembly import prepare_explicit_motion
 from pdsolve.run.prepare import prepare
-from pdsolve.run.recorder import breaks_since
-from pdsolve.run.system import Prepared
+from pdsolve.run.recorder import list_breaks_since
+from pdsolve.run.system import PreparedRun
 from pdsolve.schemes import SCHEMES, average_horizon
 
 ONE = Options(threads=1)
@@ -49,12 +49,14 @@ def filled(model: Model, faces: Faces, tip: tuple[float, float] = (0.0, 0.0)) ->
     return corrected._replace(part=part)
 
 
-def with_faces(model: Model, faces: Faces) -> Prepared:
+def with_faces(model: Model, faces: Faces) -> PreparedRun:
     """The model with such bonds."""
-    return assemble_motion(model, ONE, SCHEMES["conservative"]._replace(fill=lambda model: filled(model, faces)))
+    return prepare_explicit_motion(
+        model, ONE, SCHEMES["conservative"]._replace(fill=lambda model: filled(model, faces))
+    )
 
 
-def energies(problem: Prepared, u: NDArray[np.float64]) -> NDArray[np.float64]:
+def energies(problem: PreparedRun, u: NDArray[np.float64]) -> NDArray[np.float64]:
     """Densities (n,) of energy of small displacements (n, 2)."""
     bonds, i = bonds_of(problem), sources(bonds_of(problem))
     stretch = ((u[bonds.neighbour] - u[i]) * bonds.xi).sum(axis=1) / (bonds.xi**2).sum(axis=1)
@@ -134,7 +136,7 @@ def field(position: NDArray[np.float64], mode: Literal[1, 2]) -> NDArray[np.floa
 
 def around_a_tip(
     fineness: int, m: int, faces: Faces, mode: Literal[1, 2], ahead: int = 0
-) -> tuple[Prepared, NDArray[np.float64]]:
+) -> tuple[PreparedRun, NDArray[np.float64]]:
     """A square with a crack to its middle, or `ahead` spacings further, the classical displacements held in an outer
     layer: the problem, and what is at rest."""
     delta, side = 1 / fineness, int(2 * HALF * fineness)
@@ -214,7 +216,7 @@ def test_the_notches_of_kalthoff_and_winkler_hold(faces: Faces, first: float) ->
     grid, settings, _ = build_grid(read_geo(GEOMETRIES / "kalthoff_winkler.geo"))
     problem = with_faces(Model(grid, settings), faces)
     problem.advance(1, round(22e-6 / problem.system.time_step))
-    broke = breaks_since(problem.system, 0)
+    broke = list_breaks_since(problem.system, 0)
     x, y = (1e3 * grid.position[np.searchsorted(grid.ids, broke.node)]).T
     time = broke.step * problem.system.time_step
     near = np.minimum(np.abs(y - 75.5), np.abs(y - 124.5)) < 3

@@ -24,7 +24,7 @@ from pdmesh.model.document import (
 from pdsolve.options import Options
 from pdsolve.run.measures import compute_ledger_row
 from pdsolve.run.prepare import prepare
-from pdsolve.run.system import Prepared
+from pdsolve.run.system import PreparedRun
 
 COLUMNS, ROWS = 31, 20
 TOP, BOTTOM = (0.0, 8.4e-3, 30e-3, 1e-2), (0.0, -1e-2, 30e-3, -8.4e-3)
@@ -61,7 +61,7 @@ ACTIONS: dict[str, tuple[AnyCondition, ...]] = {
 }
 
 
-def prepared(material: Material, action: str, share: float) -> Prepared:
+def prepared(material: Material, action: str, share: float) -> PreparedRun:
     """A cracked plate at `share` of the bound of Silling and Askari, the root of 2 below that of symmetric bonds."""
     grid = dataclasses.replace(square_grid(COLUMNS, ROWS, y0=-9.5e-3), cracks=np.array([[0.0, 0.0, 10e-3, 0.0]]))
     problem = prepare(plate(grid, 3, material=material, conditions=ACTIONS[action]), Options(threads=1))
@@ -73,7 +73,7 @@ def missing(material: Material, action: str, share: float) -> tuple[float, int]:
     return missing_of(prepared(material, action, share))
 
 
-def missing_of(problem: Prepared) -> tuple[float, int]:
+def missing_of(problem: PreparedRun) -> tuple[float, int]:
     """The same of a problem."""
     looks = np.rint(np.linspace(0, 7e-6, 15) / problem.system.time_step).astype(int)
     amiss = []

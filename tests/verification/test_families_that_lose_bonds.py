@@ -15,7 +15,7 @@ from pdsolve.model import Model
 from pdsolve.options import Options
 from pdsolve.run.measures import compute_ledger_row
 from pdsolve.run.mechanics_records import instability_message
-from pdsolve.run.operator_factory import intact_stable_time_step, unwrap_bond_operator
+from pdsolve.run.operator_factory import compute_stable_time_step_of_intact_bonds, unwrap_bond_operator
 from pdsolve.run.prepare import prepare
 from pdsolve.run.simulation import simulate
 
@@ -40,7 +40,7 @@ def test_the_stable_step_is_stable_while_bonds_break(failure: str, control: str,
     model = torn(failure=failure, control=control, pull=pull)
     system, _ = prepare(model, Options(threads=1))
     assert system.stable_time_step == pytest.approx(
-        intact_stable_time_step(model, unwrap_bond_operator(system.operator)), rel=1e-9
+        compute_stable_time_step_of_intact_bonds(model, unwrap_bond_operator(system.operator)), rel=1e-9
     )
     with simulate(model, None, Options(threads=1)) as results:
         found = results.summary()
@@ -98,7 +98,7 @@ def test_the_stable_step_without_control_is_that_of_torn_families() -> None:
     """Without a control, torn families side by side are stiffer than the intact body."""
     model = torn(control="none")
     system, _ = prepare(model, Options(threads=1))
-    intact = intact_stable_time_step(model, unwrap_bond_operator(system.operator))
+    intact = compute_stable_time_step_of_intact_bonds(model, unwrap_bond_operator(system.operator))
     assert intact / system.stable_time_step == pytest.approx(1.109, abs=0.005)
 
 
@@ -112,4 +112,4 @@ def test_a_step_that_became_too_long_is_said_to_be_the_cause() -> None:
     operator.columns.inverse[:] *= 3  # as of families that have lost bonds
     said = instability_message(system, entry, 1.0, node)
     assert "not the cause" not in said
-    assert mentions(said, f"{intact_stable_time_step(system.model, operator):.4g} s", "run.time_step")
+    assert mentions(said, f"{compute_stable_time_step_of_intact_bonds(system.model, operator):.4g} s", "run.time_step")

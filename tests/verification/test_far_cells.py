@@ -22,7 +22,7 @@ from pdsolve.numerics.thread_team import cores
 from pdsolve.options import Options
 from pdsolve.results import Results
 from pdsolve.run.measures import compute_ledger_row
-from pdsolve.run.node_changes import find_zone_change
+from pdsolve.run.node_changes import find_zone_change_since_last_call
 from pdsolve.run.prepare import prepare
 from pdsolve.run.simulation import resume, simulate
 
@@ -161,9 +161,9 @@ def test_a_crack_runs_as_without_far_cells(monkeypatch: pytest.MonkeyPatch) -> N
     for worth in (1, 2**60):
         monkeypatch.setattr(far_cells, "WORTH_FAR", worth)
         problem = prepare(pulled(), Options(threads=1))
-        nodes = len(problem.system.family)
+        nodes = len(problem.system.family_sizes)
         problem.advance(1, 281)
-        change = find_zone_change(problem.system)
+        change = find_zone_change_since_last_call(problem.system)
         assert change is not None
         entry = compute_ledger_row(change.system, change.state, 280)
         found.append((nodes, change.system.operator.broken(), entry))
@@ -208,7 +208,7 @@ def test_threads_do_not_show() -> None:
         problem = prepare(pulled(), Options(threads=threads))
         problem.advance(1, 101)
         problem.advance(101, 221)
-        operator = problem.system.hybrid
+        operator = problem.system.moving_zone_operator
         assert operator is not None
         found.append(operator.engine.checkpoint_arrays())
     assert len(found[0]["break_step"]) > 100

@@ -11,13 +11,13 @@ from system_checks import broken, forces, worst
 from pdmesh.model.document import Run
 from pdsolve.options import Options
 from pdsolve.run.prepare import prepare
-from pdsolve.run.system import Prepared
+from pdsolve.run.system import PreparedRun
 
 LAWS = {"brittle": {"law": "brittle"}, "bilinear": {"law": "bilinear", "kr": 3.0}}
 NODES = (0, 3, 57, 100, 110, 131)  # corner, edge, middle, both sides of the interface, the other corner
 
 
-def deformed(law: str, profile: str, plane: str) -> Prepared:
+def deformed(law: str, profile: str, plane: str) -> PreparedRun:
     """A two-scale plate, its bonds partly broken and partly softened by a large random displacement, then let go."""
     material = msgspec.structs.replace(GLASS, micromodulus=profile, plane=plane, **LAWS[law])
     problem = prepare(

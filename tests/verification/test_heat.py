@@ -123,7 +123,7 @@ def test_a_body_begins_at_the_temperature_without_stress() -> None:
         conditions=(InitialConcentration(nodes=(1,), value=310.0),), run=Run(),
     )  # fmt: skip
     system, _ = prepare(Model(grid(places(8, 8), H), settings), ONE)
-    T = system.coupled[0].state.value[:, 0].reshape(8, 8)
+    T = system.coupled_runs[0].state.value[:, 0].reshape(8, 8)
     assert T[0].tolist() == [310.0, *[350.0] * 3, *[300.0] * 4]
     assert (T[1:] == [350.0] * 4 + [300.0] * 4).all()
 
@@ -182,12 +182,12 @@ def test_blocks_and_the_list_swell_alike(name: str, G0: float) -> None:
         system, state = run = prepare(
             bar(*ends(clamped=True), material=material, steps=300), ONE._replace(kernel=kernel)
         )
-        system.coupled[0].state.value[100:220] -= 120.0
+        system.coupled_runs[0].state.value[100:220] -= 120.0
         assert isinstance(system.stepper, Swelling)
         system.stepper.swell()
-        held = system.stepper.clamped_energy(state)
+        held = system.stepper.clamped_energy_density(state)
         run.advance(1, 201)
-        assert system.kernel == kernel
+        assert system.kernel_name == kernel
         found.append((held, state.value, *system.operator.energies(state), state.work, state.dissipated))
         steps = np.sort(system.operator.broken().step)
         assert len(steps) > 1000  # measured 6080 and 1538
@@ -228,9 +228,9 @@ def test_a_plan_knows_what_heat_costs() -> None:
     """A body that heats takes longer, by how often its heat is booked; one that is ordinary is listed bond by bond."""
     heats, cold = bar(steps=1000), bar(steps=1000).moving_part()
     seldom, cost, less = estimate_run(bar(D=1e-3, steps=1000), ONE), estimate_run(heats, ONE), estimate_run(cold, ONE)
-    assert (cost.in_blocks, less.in_blocks) == (True, True)
+    assert (cost.uses_block_kernels, less.uses_block_kernels) == (True, True)
     ordinary = bar(material=LAWS["ordinary"][0], steps=1000)
-    assert not estimate_run(ordinary, ONE).in_blocks
+    assert not estimate_run(ordinary, ONE).uses_block_kernels
     assert cost.bonds == less.bonds
     assert cost.wall_time > 4 * less.wall_time
     assert seldom.wall_time < cost.wall_time / 2

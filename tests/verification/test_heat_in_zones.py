@@ -17,12 +17,12 @@ from pdsolve.model import Model, ModelWarning
 from pdsolve.options import Options
 from pdsolve.results import Results
 from pdsolve.run.estimate import estimate_run
-from pdsolve.run.measures import compute_ledger_row, fields
-from pdsolve.run.node_changes import find_zone_change
+from pdsolve.run.measures import compute_ledger_row, compute_output_fields
+from pdsolve.run.node_changes import find_zone_change_since_last_call
 from pdsolve.run.prepare import prepare
 from pdsolve.run.simulation import resume, simulate
-from pdsolve.run.swelling_with_fine_zone import PlateBrokenBonds, SwellingZone
-from pdsolve.run.system import Prepared
+from pdsolve.run.swelling_with_fine_zone import PlateBrokenBonds, SwellingStepperWithFineZone
+from pdsolve.run.system import PreparedRun
 
 pytestmark = pytest.mark.slow  # kernels of plates that swell take long to compile
 
@@ -40,16 +40,16 @@ def notched(**run: object) -> Model:
 
 
 @pytest.fixture(scope="module")
-def plate() -> Prepared:
+def plate() -> PreparedRun:
     """That at rest."""
     return prepare(notched(), ONE)
 
 
-def pulled(plate: Prepared, T: NDArray[np.float64] | float, u: NDArray[np.float64]) -> NDArray[np.float64]:
+def pulled(plate: PreparedRun, T: NDArray[np.float64] | float, u: NDArray[np.float64]) -> NDArray[np.float64]:
     """Force densities (n, 2), N/m^3, at temperatures of all nodes of the grid above T0 and displacements (n, 2)."""
     stepper, found = plate.system.stepper, np.zeros_like(u)
-    assert isinstance(stepper, SwellingZone)
-    plate.system.coupled[0].state.value[:, 0] = T0 + T
+    assert isinstance(stepper, SwellingStepperWithFineZone)
+    plate.system.coupled_runs[0].state.value[:, 0] = T0 + T
     stepper.swell()
     plate.state.value[:] = u
     plate.system.operator.accumulate_force(plate.state, found, 1, 0.0)
@@ -68,7 +68,7 @@ def whole_grid() -> NDArray[np.float64]:
     return notched().grid.position
 
 
-def test_a_free_plate_that_is_hotter_everywhere_is_free_of_stress(plate: Prepared) -> None:
+def test_a_free_plate_that_is_hotter_everywhere_is_free_of_stress(plate: PreparedRun) -> None:
     """Fine and coarse nodes and the border between them; held, it has E (alpha dT)^2 / (1 - nu)."""
     position, hotter = plate.system.model.grid.position, 100.0
     held = pulled(plate, hotter, np.zeros_like(position))
@@ -77,19 +77,19 @@ def test_a_free_plate_that_is_hotter_everywhere_is_free_of_stress(plate: Prepare
     middle = np.argmin(np.hypot(*(position - [0.75 * LONG, WIDE / 2]).T))
     assert energy[middle] == pytest.approx(E * (ALPHA * hotter) ** 2 / (1 - 1 / 3), rel=0.03)  # measured 1.7 %
     total = float((plate.system.area * energy).sum())
-    assert plate.system.hybrid.engine.strain_energy() == pytest.approx(total, rel=1e-11)  # type: ignore[union-attr]
+    assert plate.system.moving_zone_operator.engine.strain_energy() == pytest.approx(total, rel=1e-11)  # type: ignore[union-attr]
     free = pulled(plate, hotter, ALPHA * hotter * position)
     assert np.abs(free).max() < 1e-12 * np.abs(held).max()  # measured 3e-15
 
 
 @pytest.mark.parametrize("slope", [(1.0, 0.0), (0.0, 1.0), (0.7, -0.4)])
-def test_linear_temperatures_make_no_stress(plate: Prepared, slope: tuple[float, float]) -> None:
+def test_linear_temperatures_make_no_stress(plate: PreparedRun, slope: tuple[float, float]) -> None:
     """In terms of the forces of stresses that change by E alpha times as much a metre: nothing but finite rotations."""
     free = pulled(plate, whole_grid() @ slope, bent(plate.system.model.grid.position, slope))
     assert np.abs(free).max() < 1e-4 * E * ALPHA * np.hypot(*slope)  # measured 2.4e-5; 1 without `off_line`
 
 
-def test_a_clamped_plate_pushes_evenly(plate: Prepared) -> None:
+def test_a_clamped_plate_pushes_evenly(plate: PreparedRun) -> None:
     """Its halves with E alpha dT / (1 - nu), across coarse nodes and across the fine ones ahead of the tip."""
     position, hotter = plate.system.model.grid.position, 10.0
     force = pulled(plate, hotter, np.zeros_like(position))[:, 0] * plate.system.area
@@ -102,7 +102,7 @@ def test_a_clamped_plate_pushes_evenly(plate: Prepared) -> None:
 def test_a_cell_that_becomes_fine_has_its_temperature_at_once() -> None:
     """New nodes of a free plate with linear temperatures feel no force, and refining makes no energy."""
     plate, slope = prepare(notched(), ONE), (0.7, -0.4)
-    operator = plate.system.hybrid
+    operator = plate.system.moving_zone_operator
     assert operator is not None
     free = pulled(plate, whole_grid() @ slope, bent(plate.system.model.grid.position, slope))
     zone, numbering = operator.engine.zone, operator.engine.plate.numbering
@@ -111,12 +111,12 @@ def test_a_cell_that_becomes_fine_has_its_temperature_at_once() -> None:
     new = np.flatnonzero((zone.cells == COARSE) & (cell % numbering.cell_stride > numbering.cell_stride // 2))
     zone.new_cells[: len(new)], zone.counts.new_cells, zone.cells[new] = new, len(new), FINE
     operator.engine.recompute_forces()
-    change = find_zone_change(plate.system)
+    change = find_zone_change_since_last_call(plate.system)
     assert change is not None
     assert len(change.state.value) > len(free) + 500
-    force = change.system.hybrid.accelerations() * change.system.model.rho[:, None]  # type: ignore[union-attr]
+    force = change.system.moving_zone_operator.accelerations() * change.system.model.rho[:, None]  # type: ignore[union-attr]
     assert np.abs(force).max() < 1e-4 * E * ALPHA * np.hypot(*slope)
-    held = float((change.system.area * change.system.stepper.clamped_energy(change.state)).sum())  # type: ignore[attr-defined]
+    held = float((change.system.area * change.system.stepper.clamped_energy_density(change.state)).sum())  # type: ignore[attr-defined]
     assert abs(zone.totals.refinement - before) < 1e-9 * held
 
 
@@ -165,7 +165,7 @@ def test_a_stopped_run_goes_on_to_the_same_bits(small: Model, tmp_path: Path) ->
     """Stopped while the crack runs; frames have the temperatures of their nodes."""
     whole, path = tmp_path / "whole.sqlite", tmp_path / "stopped.sqlite"
     simulate(small, whole, ONE).close()
-    simulate(small, path, ONE, watch=lambda progress: progress.broken > 100).close()
+    simulate(small, path, ONE, watch=lambda progress: progress.broken_bond_count > 100).close()
     with Results.open(path) as results:
         assert results.meta()["status"] == "interrupted"
     resume(path, 1).close()
@@ -178,22 +178,22 @@ def test_threads_do_not_show_and_broken_bonds_are_known(small: Model) -> None:
     for threads in (1, 2):
         problem = prepare(small, Options(threads=threads))
         problem.advance(1, 281)
-        change = find_zone_change(problem.system)
+        change = find_zone_change_since_last_call(problem.system)
         assert change is not None
         found.append(change)
     one, two = found
     for value, other in zip(one.state, two.state, strict=True):
         assert np.array_equal(value, other)
-    assert np.array_equal(one.system.coupled[0].state.value, two.system.coupled[0].state.value)
-    operator = one.system.hybrid
+    assert np.array_equal(one.system.coupled_runs[0].state.value, two.system.coupled_runs[0].state.value)
+    operator = one.system.moving_zone_operator
     assert operator is not None
     own, ids = operator.broken(), one.system.model.grid.ids
     every, grid = PlateBrokenBonds(operator.engine).broken(), small.grid  # type: ignore[arg-type]
     assert len(own.step) > 100
     for side in ("source", "target"):
         assert np.array_equal(ids[getattr(own, side)], grid.ids[getattr(every, side)])
-    assert fields(one.system, one.state, ("c",))["c"].tolist() == pytest.approx(
-        one.system.coupled[0].state.value[operator.rows, 0].tolist()  # type: ignore[union-attr]
+    assert compute_output_fields(one.system, one.state, ("c",))["c"].tolist() == pytest.approx(
+        one.system.coupled_runs[0].state.value[operator.rows, 0].tolist()  # type: ignore[union-attr]
     )
     ledger = compute_ledger_row(one.system, one.state, 280)
     assert abs(ledger.balance_error(one.system.initial_energy)) < 0.05
@@ -226,8 +226,8 @@ def test_auto_takes_fine_nodes_and_a_plan_knows_the_zone(small: Model) -> None:
     run = msgspec.structs.replace(small.settings.run, adapt="auto")
     auto = Model(small.grid, msgspec.structs.replace(small.settings, run=run))
     with pytest.warns(ModelWarning, match="swells by a content"):
-        assert prepare(auto, ONE).system.kernel == "blocks"
+        assert prepare(auto, ONE).system.kernel_name == "blocks"
     plan = estimate_run(small, ONE)
-    assert plan.in_blocks
-    assert plan.finest is not None
+    assert plan.uses_block_kernels
+    assert plan.finest_node_count is not None
     assert plan.nodes < len(small.grid)

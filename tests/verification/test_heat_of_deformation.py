@@ -52,7 +52,7 @@ def test_a_stretched_body_is_colder(counts: tuple[int, ...], kernel: str | None,
     found = prepare(body(counts=counts, material=material, time_step=1e-10, steps=10), ONE._replace(kernel=kernel))
     found.state.value[:] = stretch * found.system.model.grid.position
     found.advance(1, 12)
-    T = found.system.coupled[0].state.value[:, 0].reshape(counts[::-1])[middle]
+    T = found.system.coupled_runs[0].state.value[:, 0].reshape(counts[::-1])[middle]
     trace = {"stress": 2 * E / (1 - 1 / 3), "strain": 2 * E * (1 + 1 / 4) / ((1 + 1 / 4) * (1 - 2 / 4))}[plane]
     trace = 3 * E / (1 - 2 / 4) if len(counts) == 3 else trace
     colder = -ALPHA * T0 * trace * stretch / CAPACITY

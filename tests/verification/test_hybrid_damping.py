@@ -19,9 +19,9 @@ from pdsolve.model import Model
 from pdsolve.numerics.thread_team import cores
 from pdsolve.options import Options
 from pdsolve.run.measures import LedgerRow, compute_ledger_row
-from pdsolve.run.node_changes import find_zone_change
+from pdsolve.run.node_changes import find_zone_change_since_last_call
 from pdsolve.run.prepare import prepare
-from pdsolve.run.system import Prepared
+from pdsolve.run.system import PreparedRun
 
 FLAT = Displacement(box=(-1.0, -1.0, 1.0, 1.0), y=0.0)
 LAYER = Absorb(box=(0.08 - 1e-5, -1.0, 1.0, 1.0))  # a fifth of the plate
@@ -35,16 +35,18 @@ def damped(adapt: str, damping: float = 3e3) -> Model:
     return dataclasses.replace(model, settings=msgspec.structs.replace(model.settings, run=run, conditions=conditions))
 
 
-def hybrid(problem: Prepared) -> HybridEngine:
+def hybrid(problem: PreparedRun) -> HybridEngine:
     """The operator of a hybrid run."""
-    found = problem.system.hybrid
+    found = problem.system.moving_zone_operator
     assert found is not None
     return found.engine
 
 
-def ledger(problem: Prepared, step: int) -> LedgerRow:
+def ledger(problem: PreparedRun, step: int) -> LedgerRow:
     """The books of the nodes there are now."""
-    change = find_zone_change(problem.system) if problem.system.hybrid is not None else None
+    change = (
+        find_zone_change_since_last_call(problem.system) if problem.system.moving_zone_operator is not None else None
+    )
     system, state = problem if change is None else (change.system, change.state)
     return compute_ledger_row(system, state, step)
 

@@ -16,9 +16,9 @@ from pdsolve.model import Model
 from pdsolve.numerics.thread_team import cores
 from pdsolve.options import Options
 from pdsolve.run.measures import LedgerRow, compute_ledger_row
-from pdsolve.run.node_changes import find_zone_change
+from pdsolve.run.node_changes import find_zone_change_since_last_call
 from pdsolve.run.prepare import prepare
-from pdsolve.run.system import Prepared
+from pdsolve.run.system import PreparedRun
 
 
 def pulled(adapt: str) -> Model:
@@ -32,20 +32,22 @@ def pulled(adapt: str) -> Model:
     return plate(grid, 4, conditions=(*loads, held), run=Run(steps=260, every=65, adapt=adapt))
 
 
-def hybrid(problem: Prepared) -> HybridEngine:
+def hybrid(problem: PreparedRun) -> HybridEngine:
     """The operator of a hybrid run."""
-    found = problem.system.hybrid
+    found = problem.system.moving_zone_operator
     assert found is not None
     return found.engine
 
 
-def followed(problem: Prepared) -> Prepared:
+def followed(problem: PreparedRun) -> PreparedRun:
     """The nodes there are now."""
-    change = find_zone_change(problem.system) if problem.system.hybrid is not None else None
-    return problem if change is None else Prepared(change.system, change.state)
+    change = (
+        find_zone_change_since_last_call(problem.system) if problem.system.moving_zone_operator is not None else None
+    )
+    return problem if change is None else PreparedRun(change.system, change.state)
 
 
-def ledger(problem: Prepared, step: int) -> LedgerRow:
+def ledger(problem: PreparedRun, step: int) -> LedgerRow:
     """The books of the nodes there are now."""
     return compute_ledger_row(*followed(problem), step)
 
@@ -57,9 +59,9 @@ def test_fine_everywhere_it_is_the_uniform_plate() -> None:
     run = hybrid(one)
     run.zone.cells[run.zone.cells == COARSE] = FINE
     again(run)
-    change = find_zone_change(one.system)
+    change = find_zone_change_since_last_call(one.system)
     assert change is not None
-    system, nodes = change.system, change.system.hybrid
+    system, nodes = change.system, change.system.moving_zone_operator
     assert nodes is not None
     rough = 1e-6 * np.random.default_rng(3).standard_normal((len(other.state.value), 2))
     run.zone.fine.u[0][:, run.plate.fine_places] = rough.T
@@ -79,8 +81,8 @@ def test_fine_everywhere_it_is_the_uniform_plate() -> None:
     limit = 1e-11 * np.abs(out).max()  # measured 7e-13
     assert np.abs(state.second[back] * STEEL.rho - out)[free].max() < limit
     assert held[back] == pytest.approx(other.system.operator.energies(other.state)[0], rel=1e-9)
-    assert system.family[back].tolist() == other.system.family.tolist()
-    assert system.count[back].tolist() == other.system.count.tolist()
+    assert system.family_sizes[back].tolist() == other.system.family_sizes.tolist()
+    assert system.initial_bond_counts[back].tolist() == other.system.initial_bond_counts.tolist()
 
 
 @pytest.mark.slow

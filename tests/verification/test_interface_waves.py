@@ -15,14 +15,14 @@ from pdmesh.model.document import Collocation
 from pdsolve.model import ModelWarning
 from pdsolve.options import Options
 from pdsolve.run.prepare import prepare
-from pdsolve.run.system import Prepared
+from pdsolve.run.system import PreparedRun
 
 SPEED = (1.125 * GLASS.E / GLASS.rho) ** 0.5  # of P waves, m/s
 RATIO = 4
 REACH = RATIO * 1e-3
 
 
-def strip(mode: str, length: float) -> Prepared:
+def strip(mode: str, length: float) -> PreparedRun:
     """A strip of 1 mm nodes over 2.2 `length` (m) left of x = 0 and of 2 mm ones over 0.65 to its right, repeating
     itself upwards; conical, m = 4."""
     rows = 4 * RATIO + 8

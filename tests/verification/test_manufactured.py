@@ -18,7 +18,7 @@ from scipy.spatial.transform import Rotation
 from pdmesh.model.document import Displacement, Run
 from pdmesh.model.material_constants import lame
 from pdsolve.options import Options
-from pdsolve.run.at_rest import prepare_load_steps
+from pdsolve.run.at_rest import prepare_quasi_static_run
 from pdsolve.run.prepare import select_scheme
 from pdsolve.steppers.equilibrium import EquilibriumConditions
 from pdsolve.steppers.newton import Newton
@@ -40,7 +40,7 @@ def error(side: int, order: int, ratio: float, degrees: float = 0.0) -> float:
     model = model_with_load_steps(
         plate(grid, ratio, material=rubber, conditions=(held,), run=Run(solver="static")), "float64"
     )
-    system, state = prepare_load_steps(model, ONE, select_scheme(model, ONE))
+    system, state = prepare_quasi_static_run(model, ONE, select_scheme(model, ONE))
     r, along = 0.5 + Y, np.column_stack([np.sin(X), np.cos(X)]) @ turn.T
     first, shear = lame(1.0, 0.3)
     load = (shear * (r - 1 / r) + first * np.log(r) / r - first / r)[:, None] * along

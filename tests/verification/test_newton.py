@@ -17,7 +17,7 @@ from pdsolve.model import Model
 from pdsolve.options import Options
 from pdsolve.run.prepare import prepare
 from pdsolve.run.simulation import simulate
-from pdsolve.run.system import Prepared
+from pdsolve.run.system import PreparedRun
 from pdsolve.steppers.equilibrium import EquilibriumConditions
 from pdsolve.steppers.load_steps import LoadSteps
 from pdsolve.steppers.newton import Newton
@@ -39,7 +39,7 @@ LAWS = {
 }
 
 
-def pulled(law: dict[str, Any]) -> tuple[Prepared, EquilibriumConditions]:
+def pulled(law: dict[str, Any]) -> tuple[PreparedRun, EquilibriumConditions]:
     """A block of 12 x 9 nodes, held on the left, pulled and sheared on the right; and its conditions."""
     material = msgspec.structs.replace(SOFT, **law)
     pull = 5e-3 if material.solid == "j2" else 0.1

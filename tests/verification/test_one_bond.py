@@ -14,13 +14,13 @@ from pdmesh.model.document import Displacement, Material, Run
 from pdsolve.options import Options
 from pdsolve.run.measures import compute_ledger_row
 from pdsolve.run.prepare import prepare
-from pdsolve.run.system import Prepared
+from pdsolve.run.system import PreparedRun
 
 DELTA, STEP = 1e-3, 1e-8
 KR = 2.5
 
 
-def led(material: Material, mode: str, path: tuple[float, ...]) -> Prepared:
+def led(material: Material, mode: str, path: tuple[float, ...]) -> PreparedRun:
     """Two nodes, the first held, the second led through stretches in sqrt(s_p s_0), 1000 steps from one to the next."""
     grid = square_grid(2, 1, DELTA)
     bare = bonds_of(prepare(plate(grid, 2, material=material, run=Run(time_step=STEP)), Options(mode, threads=1)))
@@ -34,7 +34,7 @@ def led(material: Material, mode: str, path: tuple[float, ...]) -> Prepared:
     return prepare(model, Options(mode, threads=1))
 
 
-def force(problem: Prepared) -> tuple[float, float]:
+def force(problem: PreparedRun) -> tuple[float, float]:
     """Stretch, and force of the bond over its stiffness."""
     u = problem.state.value
     return float((u[1, 0] - u[0, 0]) / DELTA), float(forces(problem, dt=STEP)[0, 0] / bonds_of(problem).stiffness[0])

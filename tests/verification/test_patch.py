@@ -11,13 +11,13 @@ from system_checks import bonds_of, broken, matrix
 
 from pdsolve.options import Options
 from pdsolve.run.prepare import prepare
-from pdsolve.run.system import Prepared
+from pdsolve.run.system import PreparedRun
 
 UNBREAKABLE = msgspec.structs.replace(GLASS, G0=1e12)
 STRAINS = {"xx": [[1.0, 0.0], [0.0, 0.0]], "yy": [[0.0, 0.0], [0.0, 1.0]], "xy": [[0.0, 0.5], [0.5, 0.0]]}
 
 
-def residual(problem: Prepared, strain: str, delta: float) -> NDArray[np.float64]:
+def residual(problem: PreparedRun, strain: str, delta: float) -> NDArray[np.float64]:
     """Force densities (n, 2) under a small uniform strain, in E * strain / delta."""
     position, E = problem.system.model.grid.position, problem.system.model.materials[0].E
     u = position @ np.array(STRAINS[strain]).T
@@ -40,7 +40,7 @@ def test_no_force_inside_one_scale(mode: str, profile: str, m: int) -> None:
         assert np.abs(force).max() > 0.01  # the edges, which no load holds
 
 
-def marched(problem: Prepared, u: NDArray[np.float64]) -> NDArray[np.float64]:
+def marched(problem: PreparedRun, u: NDArray[np.float64]) -> NDArray[np.float64]:
     """Force densities (n, 2) by the kernel that marches: of one step from rest, in which nothing moves yet."""
     problem.state.value[:] = u
     problem.advance(1, 2)

@@ -106,7 +106,7 @@ def test_a_path_by_an_opening_is_planned_with_its_steps() -> None:
     """A body with rotations takes longer, by the bonds' entries and those of factors at least."""
     model = beam(Static(control="mouth", opening=1e-4, load_steps=16))
     plan = estimate_run(model, ONE)
-    assert (plan.along_path, plan.steps) == (True, 16)
+    assert (plan.steps_are_path_steps, plan.steps) == (True, 16)
     turning = msgspec.structs.replace(model.settings.material, model="micropolar", nu=0.18)
     turns = estimate_run(Model(model.grid, msgspec.structs.replace(model.settings, material=turning)), ONE)
     assert turns.wall_time > 1.2 * plan.wall_time

@@ -21,7 +21,7 @@ from pdsolve.options import Options
 from pdsolve.run.measures import compute_ledger_row
 from pdsolve.run.prepare import prepare
 from pdsolve.run.simulation import resume, simulate
-from pdsolve.run.system import Prepared
+from pdsolve.run.system import PreparedRun
 from pdsolve.steppers.equilibrium import UnsettledError, force_densities
 from pdsolve.steppers.static_loads import model_with_load_steps
 
@@ -142,7 +142,7 @@ def test_a_bar_that_flows_is_as_strong_as_its_section(control: str, strain: floa
     assert abs(missing) <= 1e-3
 
 
-def ring(shares: float, steps: int) -> tuple[Prepared, float]:
+def ring(shares: float, steps: int) -> tuple[PreparedRun, float]:
     """A ring of 604 nodes, twice as wide outside, under a pressure inside that grows to `shares` of its collapse."""
     spacing, inner = 1e-3, 8e-3
     x, y = (axis.ravel() * spacing for axis in np.meshgrid(*[np.arange(-16.5, 17)] * 2))

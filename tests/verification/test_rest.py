@@ -20,8 +20,8 @@ from pdsolve.bonds.assembly import BondSource, Part
 from pdsolve.conditions import put_loads
 from pdsolve.model import Model
 from pdsolve.options import Options
-from pdsolve.run.at_rest import prepare_load_steps
-from pdsolve.run.system import Prepared
+from pdsolve.run.at_rest import prepare_quasi_static_run
+from pdsolve.run.system import PreparedRun
 from pdsolve.schemes import SCHEMES
 from pdsolve.schemes.average_horizon import Corrections, fill
 from pdsolve.schemes.scheme import Scheme
@@ -48,7 +48,7 @@ class Linear:
         out -= (self._matrix @ state.value.ravel()).reshape(out.shape)
 
 
-def pulled(delta: float) -> tuple[Prepared, EquilibriumConditions]:
+def pulled(delta: float) -> tuple[PreparedRun, EquilibriumConditions]:
     """A plate of 1 x 0.5, three columns clamped, the last one pulled; and what it is to be at rest under."""
     columns, rows = round(1 / delta), int(0.5 / delta)
     conditions = (
@@ -56,7 +56,7 @@ def pulled(delta: float) -> tuple[Prepared, EquilibriumConditions]:
         Load(box=((columns - 1.1) * delta, -1.0, 2.0, 1.0), body_force=(1e-6, 0.0)),
     )
     model = plate(square_grid(columns, rows, delta), 3, material=UNIT, conditions=conditions, run=Run(solver="static"))
-    problem = prepare_load_steps(model_with_load_steps(model, "float64"), ONE, BARE)
+    problem = prepare_quasi_static_run(model_with_load_steps(model, "float64"), ONE, BARE)
     put_loads(problem.system.drive, 0.0)
     stepper = problem.system.stepper
     assert isinstance(stepper, LoadSteps)
@@ -66,7 +66,7 @@ def pulled(delta: float) -> tuple[Prepared, EquilibriumConditions]:
 
 
 def count(
-    operator: Any, problem: Prepared, asked: EquilibriumConditions, mass: NDArray[np.float64], tolerance: float
+    operator: Any, problem: PreparedRun, asked: EquilibriumConditions, mass: NDArray[np.float64], tolerance: float
 ) -> int:
     problem.state.value[:] = 0
     relaxation = DynamicRelaxation(operator, tolerance, mass=mass)
@@ -108,7 +108,7 @@ def test_relaxation_takes_as_long_as_is_known(delta: float, known: tuple[int, ..
 def test_displacements_are_those_of_a_direct_solution(method: str) -> None:
     problem, asked = pulled(0.04)
     if method == "thesis":
-        problem = prepare_load_steps(problem.system.model, ONE, SCHEMES["thesis"])
+        problem = prepare_quasi_static_run(problem.system.model, ONE, SCHEMES["thesis"])
         put_loads(problem.system.drive, 0.0)
         asked = asked._replace(body_force=problem.system.drive.force.astype(float))
     operator, free = problem.system.operator, ~asked.constrained.ravel()
@@ -163,7 +163,7 @@ def bent(rows: int, m: float, scheme: Scheme) -> float:
     )
     run = Run(solver="static", static=Static())
     model = plate(grid, m, material=UNIT, conditions=conditions, run=run)
-    problem = prepare_load_steps(model_with_load_steps(model, "float64"), ONE, scheme)
+    problem = prepare_quasi_static_run(model_with_load_steps(model, "float64"), ONE, scheme)
     problem.advance(1, 2)
     inertia, shear = 0.1**3 / 12, 1 / (2 * (1 + 1 / 3))
     return float(-problem.state.value[middle, 1] / (force / (48 * inertia) + force / (4 * 5 / 6 * shear * 0.1)))

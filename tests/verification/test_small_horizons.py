@@ -158,7 +158,7 @@ def test_few_neighbours_are_named() -> None:
         model = plate(square_grid(12, 12), m, material=GLASS)
         system, _ = prepare(model, Options(mode))
         with pytest.warns(ModelWarning, match=f"E along the axes {said} that given"):
-            warn_of_model(model, system.unbonded, system.scheme.partial_cells, system.scheme.symmetric)
+            warn_of_model(model, system.unbonded_node_rows, system.scheme.partial_cells, system.scheme.symmetric)
 
 
 @pytest.mark.parametrize(("plane", "nu"), [("stress", 0.2), ("strain", 0.15)])
@@ -172,7 +172,7 @@ def test_beams_are_not_calibrated_and_say_so(plane: str, nu: float) -> None:
     model = plate(square_grid(12, 12), 2.0, material=material)
     system, _ = prepare(model, Options())
     with pytest.warns(ModelWarning, match=f"is {young:.3g} times that given and Poisson's ratio {poisson:.3g}"):
-        warn_of_model(model, system.unbonded, system.scheme.partial_cells, system.scheme.symmetric)
+        warn_of_model(model, system.unbonded_node_rows, system.scheme.partial_cells, system.scheme.symmetric)
 
 
 def test_the_lattice_of_the_thesis() -> None:

@@ -21,7 +21,7 @@ from pdsolve.laws.pair_laws.brittle import LAW
 from pdsolve.model import Model
 from pdsolve.numerics.thread_team import cores
 from pdsolve.results import Results
-from pdsolve.run.body_zones import zone_operator
+from pdsolve.run.body_zones import expect_body_zone_operator
 from pdsolve.run.prepare import prepare
 from pdsolve.run.simulation import Options, resume, simulate
 from pdsolve.state import zero_state
@@ -107,7 +107,7 @@ def solved(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def test_cells_around_a_stretched_spring_become_fine(axis: int) -> None:
     """A coarse node moves by 0.9 of the critical stretch of the spring behind it: this one alone is beyond kappa."""
     problem = prepare(block("hybrid"), Options(threads=1))
-    operator, state = zone_operator(problem.system), problem.state
+    operator, state = expect_body_zone_operator(problem.system), problem.state
     spacings, limit = place(operator), operator.full_body.fine.tiles.peak.min()
     node = np.array([40, 8, 20])
     state.value[(spacings == node).all(axis=1), axis] = 0.9 * 2 * H * limit
@@ -192,7 +192,7 @@ def test_surfaces_that_cut_cells_have_fine_rings(shape: str) -> None:
 def test_refining_looks_at_all_that_changes() -> None:
     """Forces, energies and numbers of bonds after some cells became fine, beside those of the whole body."""
     problem = prepare(block("hybrid"), Options(threads=1))
-    before, state = zone_operator(problem.system), problem.state
+    before, state = expect_body_zone_operator(problem.system), problem.state
     state.value[:] = 1e-4 * H * np.random.default_rng(5).standard_normal(state.value.shape)
     cells = before.cells.reshape(before.full_body.fine.box.padded_shape)
     z, y, x = np.nonzero((cells[..., 1:] == COARSE) & (cells[..., :-1] == FINE))  # beside the zone

@@ -15,7 +15,7 @@ from pdsolve.adaptivity.hybrid.space.operator import HybridBodyOperator
 from pdsolve.adaptivity.hybrid.space.prepare import vertex_force
 from pdsolve.laws.pair_laws.brittle import LAW
 from pdsolve.model import Model
-from pdsolve.run.body_zones import zone_operator
+from pdsolve.run.body_zones import expect_body_zone_operator
 from pdsolve.run.prepare import prepare
 from pdsolve.run.simulation import Options, simulate
 
@@ -31,7 +31,7 @@ def halves(other: Material) -> HybridBodyOperator:
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         built = pdmesh.build(body)
-    whole = zone_operator(prepare(Model(built.grid, built.settings), Options(threads=1)).system).full_body
+    whole = expect_body_zone_operator(prepare(Model(built.grid, built.settings), Options(threads=1)).system).full_body
     whole.fine.tiles.c[:, whole.sites.site] = 1
     return at_random(whole, 2, vertex_force(LAW, whole.fine.tiles.table, H))
 
@@ -77,7 +77,7 @@ def test_the_sure_step_is_stable_in_two_materials() -> None:
 def test_a_spring_makes_cells_fine_by_the_material_around_it(right: bool) -> None:
     """Stretched by half of what breaks bonds of the strong material, many times what breaks those of the other."""
     problem = prepare(block("hybrid", other=TOUGH), Options(threads=1))
-    operator, state = zone_operator(problem.system), problem.state
+    operator, state = expect_body_zone_operator(problem.system), problem.state
     peak = operator.full_body.fine.tiles.peak
     assert peak.min() < 0.2 * peak.max()
     moved = (place(operator) == [34, 8, 20] if right else place(operator) == [8, 8, 34]).all(axis=1)

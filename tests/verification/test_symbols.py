@@ -12,18 +12,18 @@ from plates import GLASS, plate, square_grid
 
 from pdsolve.options import Options
 from pdsolve.run.prepare import prepare
-from pdsolve.run.system import Prepared
+from pdsolve.run.system import PreparedRun
 
 SIDE = 21
 UNIT = msgspec.structs.replace(GLASS, E=1.0, rho=1.0, model="correspondence", failure="none", nu=0.2)
 
 
-def made(ratio: float, **material: object) -> Prepared:
+def made(ratio: float, **material: object) -> PreparedRun:
     kind = msgspec.structs.replace(UNIT, **material)
     return prepare(plate(square_grid(SIDE, SIDE, 1.0), ratio, material=kind), Options(threads=1))
 
 
-def eigenvalues(problem: Prepared, kx: int, ky: int) -> list[float]:
+def eigenvalues(problem: PreparedRun, kx: int, ky: int) -> list[float]:
     """Those of the symbol at (kx pi, ky pi), by the forces on the middle node."""
     system, state = problem
     middle, found = SIDE**2 // 2, []

@@ -15,10 +15,10 @@ from pdmesh.model.document import Load, Material, Run
 from pdmesh.model.node_grid import Grid
 from pdsolve.model import Model
 from pdsolve.options import Options
-from pdsolve.run.measures import damage
+from pdsolve.run.measures import compute_node_damage
 from pdsolve.run.prepare import prepare
-from pdsolve.run.recorder import breaks_since
-from pdsolve.run.system import Prepared
+from pdsolve.run.recorder import list_breaks_since
+from pdsolve.run.system import PreparedRun
 
 MODES = ("thesis", "conservative")
 LAWS = {"brittle": GLASS, "bilinear": msgspec.structs.replace(GLASS, law="bilinear", kr=3.0)}
@@ -49,7 +49,7 @@ def cracked(turn: NDArray[np.float64], order: NDArray[np.int64] | None, material
     return plate(model_grid, 3, material=material, conditions=loads, run=Run(time_step=4e-8))
 
 
-def run(model: Model, mode: str, steps: int = 150) -> Prepared:
+def run(model: Model, mode: str, steps: int = 150) -> PreparedRun:
     """The problem after some steps, with bonds broken and bonds left."""
     problem = prepare(model, Options(mode, threads=1))
     problem.advance(1, steps + 1)
@@ -87,7 +87,7 @@ def test_a_run_turns_with_its_plate(mode: str, law: str, turn: str, scales: int)
     other = run(cracked(TURNS[turn], None, LAWS[law], grid_of(scales)), mode)
     expected = turned(plain.state.value, TURNS[turn])
     assert np.abs(other.state.value - expected).max() <= 1e-12 * np.abs(expected).max()  # measured 2e-14
-    assert all(map(np.array_equal, breaks_since(other.system, 0), breaks_since(plain.system, 0)))
+    assert all(map(np.array_equal, list_breaks_since(other.system, 0), list_breaks_since(plain.system, 0)))
 
 
 @pytest.mark.quick_cases(4)
@@ -103,7 +103,7 @@ def test_a_run_does_not_depend_on_the_numbering(mode: str, law: str, scales: int
     assert (
         np.abs(other.state.value - plain.state.value[order]).max() <= 1e-12 * np.abs(plain.state.value).max()
     )  # measured 2e-14
-    assert np.array_equal(damage(other.system), damage(plain.system)[order])
+    assert np.array_equal(compute_node_damage(other.system), compute_node_damage(plain.system)[order])
 
 
 @pytest.mark.parametrize("mode", MODES)
@@ -117,7 +117,7 @@ def test_a_symmetric_run_stays_symmetric(mode: str) -> None:
         for a, b in ((9.4e-3, 1.0), (-9.4e-3, -1.0))
     )
     problem = run(plate(grid, 3, conditions=loads, run=Run(time_step=4e-8)), mode)
-    u, damaged = problem.state.value.reshape(SIDE, SIDE, 2), damage(problem.system).reshape(SIDE, SIDE)
+    u, damaged = problem.state.value.reshape(SIDE, SIDE, 2), compute_node_damage(problem.system).reshape(SIDE, SIDE)
     assert np.abs(u[..., 0] - u[::-1, :, 0]).max() <= 1e-12 * np.abs(u).max()  # measured 4e-15
     assert np.abs(u[..., 1] + u[::-1, :, 1]).max() <= 1e-12 * np.abs(u).max()  # measured 2e-14
     assert np.array_equal(damaged, damaged[::-1])
@@ -141,4 +141,4 @@ def test_a_run_has_no_length_of_its_own(mode: str, law: str) -> None:
     large = plate(large_grid, 3, material=material, conditions=loads, run=Run(time_step=4e-8 * scale))
     a, b = run(small, mode), run(large, mode)
     assert np.abs(b.state.value / scale - a.state.value).max() <= 1e-12 * np.abs(a.state.value).max()  # measured 0
-    assert all(map(np.array_equal, breaks_since(a.system, 0), breaks_since(b.system, 0)))
+    assert all(map(np.array_equal, list_breaks_since(a.system, 0), list_breaks_since(b.system, 0)))

@@ -20,7 +20,7 @@ from pdsolve.model import Model, read_model
 from pdsolve.options import Options
 from pdsolve.run.prepare import prepare
 from pdsolve.run.simulation import simulate
-from pdsolve.run.summary_lines import summary_lines
+from pdsolve.run.summary_lines import format_summary_lines
 
 ORDINARY = Material(E=65e9, rho=2235.0, G0=204.0, nu=0.2, model="ordinary")
 BILINEAR = Material(E=65e9, rho=2235.0, G0=204.0, law="bilinear", kr=2.0)
@@ -122,7 +122,7 @@ def test_a_run_says_what_a_cut_cost_beside_g0_times_its_area(mode: str, share: f
     assert cracks["area"] == pytest.approx(0.01, rel=0.02)  # measured 1.014
     assert cracks["cost"] == pytest.approx(204.0 * cracks["area"])
     assert cracks["spent"] / cracks["cost"] == pytest.approx(share, abs=0.01)  # measured 0.975; 0
-    (line,) = [line for line in summary_lines(Path("half.sqlite"), found) if line.startswith("cracks: area ")]
+    (line,) = [line for line in format_summary_lines(Path("half.sqlite"), found) if line.startswith("cracks: area ")]
     assert line.endswith(f"{cracks['spent'] / cracks['cost']:.2f} of that")
 
 

@@ -16,13 +16,13 @@ from pdmesh.model.lattice_calibration import calibration
 from pdmesh.reports.bonds_and_step import SURFACES, stable_step
 from pdsolve.options import Options
 from pdsolve.run.prepare import prepare
-from pdsolve.run.system import Prepared
+from pdsolve.run.system import PreparedRun
 
 ONE = Options(threads=1)
 UNBREAKABLE = msgspec.structs.replace(GLASS, G0=1e12)
 
 
-def growth(problem: Prepared, time_step: float, steps: int) -> float:
+def growth(problem: PreparedRun, time_step: float, steps: int) -> float:
     """Largest displacement after some steps over that of a random start."""
     problem = at_step(problem, time_step)
     state = problem.state
@@ -34,7 +34,7 @@ def growth(problem: Prepared, time_step: float, steps: int) -> float:
     return float(np.abs(state.value).max() / start)
 
 
-def problem_of(scales: int, m: int, profile: str, mode: str = "conservative") -> Prepared:
+def problem_of(scales: int, m: int, profile: str, mode: str = "conservative") -> PreparedRun:
     """A free plate of one or two scales."""
     grid = square_grid(25, 25) if scales == 1 else interface_grid(20, 8, 10)
     return prepare(

@@ -14,7 +14,7 @@ from pdmesh.model.lattice_calibration import calibration, hu_beta, offsets
 from pdmesh.model.material_constants import micromodulus
 from pdsolve.options import Options
 from pdsolve.run.prepare import prepare
-from pdsolve.run.system import Prepared
+from pdsolve.run.system import PreparedRun
 
 UNIT = Material(E=1.0, rho=1.0, G0=1.0)
 
@@ -45,7 +45,7 @@ def test_speeds_of_long_waves(m: int, profile: str) -> None:
     assert found == pytest.approx(SPEEDS[m, profile], abs=6e-5)  # measured: all digits
 
 
-def ring(m: int, profile: str, nodes: int) -> Prepared:
+def ring(m: int, profile: str, nodes: int) -> PreparedRun:
     """A strip of the conservative mode's lattice that repeats itself upwards every row and along x after `nodes`."""
     side = nodes + 6 * m + 8
     material = msgspec.structs.replace(GLASS, micromodulus=profile)
@@ -54,7 +54,7 @@ def ring(m: int, profile: str, nodes: int) -> Prepared:
     return joined(whole, (x0, y0, x0 + 1e-3 * nodes, y0 + 1e-3))
 
 
-def frequency(problem: Prepared, waves: int, axis: int, periods: float, share: float) -> tuple[float, float]:
+def frequency(problem: PreparedRun, waves: int, axis: int, periods: float, share: float) -> tuple[float, float]:
     """Angular frequency of a standing wave of `waves` in the ring, marched at `share` of the bound, and the step."""
     nodes = len(problem.system.model.grid)
     problem = at_step(problem, share * problem.system.stable_time_step)

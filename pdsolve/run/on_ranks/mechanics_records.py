@@ -13,9 +13,13 @@ from pdsolve.numerics.ordered_sums import Branches, branches, total
 from pdsolve.numerics.team import PASSED, Team
 from pdsolve.ranks.part import Part, broken
 from pdsolve.results import Results
-from pdsolve.run.inversion_checks import DisplacementRange, MotionChecks, displacement_range
-from pdsolve.run.measures import BondState, LedgerRow, evaluate_bonds, ledger_terms
-from pdsolve.run.mechanics_records import MechanicsRecords, instability_message, recorded_motion_of_node
+from pdsolve.run.inversion_checks import DisplacementRange, MotionChecks, compute_displacement_range
+from pdsolve.run.measures import BondState, LedgerRow, compute_bond_state, per_node_ledger_functions
+from pdsolve.run.mechanics_records import (
+    MechanicsRecords,
+    instability_message,
+    list_node_displacement_velocity_acceleration,
+)
 from pdsolve.run.on_ranks.start import RankSystem, SystemOnRanks
 from pdsolve.run.reactions import Reaction
 from pdsolve.state import Broken, State
@@ -26,8 +30,8 @@ Array = NDArray[np.float64]
 class RankReport(NamedTuple):
     """What a rank says of a step."""
 
-    sums: dict[str, Branches]  # of the ledger
-    broken: int  # directed bonds so far
+    ledger_sums: dict[str, Branches]  # of the ledger
+    broken_bond_count: int  # directed bonds so far
     last_break_step: int  # step of the last one
     values_are_finite: bool  # whether all displacements of own nodes are finite
     displacement_range: DisplacementRange
@@ -57,12 +61,12 @@ class MechanicsRecordsOnRanks(MechanicsRecords):
         self._order = {row: number for number, row in enumerate(rows)}
         subdomain: RankSystem = self._team.part.now
         self._kinds, self._checks = subdomain.acting_conditions, subdomain.motion_checks
-        lengths_of_all = self._team.everywhere(spacing_and_breaking_length)
-        self._team.everywhere(use_lengths_of_ranks, lengths_of_all)
+        lengths_of_all = self._team.everywhere(own_smallest_spacing_and_breaking_elongation)
+        self._team.everywhere(set_lengths_from_all_ranks, lengths_of_all)
         self.known = self._gather_reports(resumed_step)
         self.last, self._heat_energy = self.known.ledger_row, 0.0
 
-    def update_last_row(self, state: State, step: int, bond_state: BondState | None) -> None:
+    def update_last_ledger_row(self, state: State, step: int, bond_state: BondState | None) -> None:
         """Make this step the last entry."""
         if self.last.step != step:
             self.known = self._gather_reports(step)
@@ -70,9 +74,9 @@ class MechanicsRecordsOnRanks(MechanicsRecords):
 
     def record_step(self, state: State, step: int, bond_state: BondState | None) -> None:
         """Record the ledger, the probes and the reactions of this step. Raises UnstableError."""
-        self.update_last_row(state, step, bond_state)
+        self.update_last_ledger_row(state, step, bond_state)
         if self._is_unstable(self.last, self.known.values_are_finite):  # the error is that of one process
-            worst = self._team.everywhere(fastest_or_non_finite_node, self.known.values_are_finite)
+            worst = self._team.everywhere(find_fastest_or_non_finite_own_node, self.known.values_are_finite)
             most = max(speed for speed, _ in worst)
             node = next(node for speed, node in worst if speed == most)
             raise UnstableError(
@@ -80,19 +84,19 @@ class MechanicsRecordsOnRanks(MechanicsRecords):
             )
         self._largest_work = max(self._largest_work, abs(self.last.work))
         extent = self.known.displacement_range
-        if self._checks.may_be_inverted(extent):
+        if self._checks.triangles_may_be_inverted(extent):
             words = next(
-                (words for words in self._team.everywhere(describe_inverted_triangle) if words is not None), None
+                (words for words in self._team.everywhere(describe_own_inverted_triangle) if words is not None), None
             )
             if words is not None:
-                self._checks.warn_of_inversion(words, step)
-        self._checks.warn_of_imprecision(extent, step)
+                self._checks.warn_of_inverted_triangle(words, step)
+        self._checks.warn_of_imprecise_displacements(extent, step)
         self._ledgers.append(self.last)
         time = self.last.time
         if self._order:
             probe_values = [
                 probe
-                for rank_probes in self._team.everywhere(motion_of_own_probes, items=self._owned)
+                for rank_probes in self._team.everywhere(list_motion_of_own_probes, items=self._owned)
                 for probe in rank_probes
             ]
             probe_values.sort(key=lambda probe: self._order[probe[0]])
@@ -102,18 +106,20 @@ class MechanicsRecordsOnRanks(MechanicsRecords):
 
     def _gather_reports(self, step: int) -> GatheredReports:
         """The ledger entry after a step, from all ranks."""
-        said: list[RankReport] = self._team.everywhere(report_step, step)
+        said: list[RankReport] = self._team.everywhere(make_rank_report, step)
         count = len(self._whole.model.grid)
-        sums = {name: total([report.sums[name] for report in said], count) for name in said[0].sums}
-        ledger = LedgerRow(step, step * self._whole.time_step, broken=sum(report.broken for report in said), **sums)
+        sums = {name: total([report.ledger_sums[name] for report in said], count) for name in said[0].ledger_sums}
+        ledger = LedgerRow(
+            step, step * self._whole.time_step, broken=sum(report.broken_bond_count for report in said), **sums
+        )
         least, most = (
             tuple(
                 pick(values)
                 for values in zip(*(getattr(report.displacement_range, end) for report in said), strict=True)
             )
-            for end, pick in (("least", min), ("most", max))
+            for end, pick in (("minimum_by_axis", min), ("maximum_by_axis", max))
         )
-        extent = DisplacementRange(least, most, said[0].displacement_range.dtype)
+        extent = DisplacementRange(least, most, said[0].displacement_range.dtype_name)
         return GatheredReports(
             ledger,
             max(report.last_break_step for report in said),
@@ -122,64 +128,66 @@ class MechanicsRecordsOnRanks(MechanicsRecords):
         )
 
 
-def rank_bond_state(team: Team, step: int) -> BondState:
+def compute_rank_bond_state_once(team: Team, step: int) -> BondState:
     """What the operator says of the window's state after a step, asked once."""
     subdomain: RankSystem = team.part.now
     if subdomain.bond_state_step != step:
-        subdomain.bond_state, subdomain.bond_state_step = evaluate_bonds(subdomain.system, subdomain.state), step
+        subdomain.bond_state, subdomain.bond_state_step = compute_bond_state(subdomain.system, subdomain.state), step
     return subdomain.bond_state
 
 
-def report_step(team: Team, step: int) -> RankReport:
+def make_rank_report(team: Team, step: int) -> RankReport:
     """What this rank says of the state after a step."""
     part: Part = team.part
     subdomain: RankSystem = part.now
-    bond_state, slab = rank_bond_state(team, step), part.slab
+    bond_state, slab = compute_rank_bond_state_once(team, step), part.slab
     with np.errstate(over="ignore", invalid="ignore"):  # of a run that becomes unstable
-        values = ledger_terms(subdomain.system, subdomain.state, bond_state.strain_energy, bond_state.softening_energy)
+        values = per_node_ledger_functions(
+            subdomain.system, subdomain.state, bond_state.strain_energy_density, bond_state.softening_energy_density
+        )
         sums = {name: branches(of()[part.own], slab.first, slab.nodes) for name, of in values.items()}
     mine, u = broken(part), subdomain.state.value[part.own]
     d = subdomain.system.model.grid.dimension
     finite = bool(np.isfinite(u).all())
-    return RankReport(sums, len(mine.step), int(mine.step.max(initial=0)), finite, displacement_range(u[:, :d]))
+    return RankReport(sums, len(mine.step), int(mine.step.max(initial=0)), finite, compute_displacement_range(u[:, :d]))
 
 
-def spacing_and_breaking_length(team: Team) -> tuple[float, float]:
+def own_smallest_spacing_and_breaking_elongation(team: Team) -> tuple[float, float]:
     """The lengths by which this rank's window looks at the motion."""
-    return _motion_checks(team).spacing_and_breaking_length
+    return _motion_checks(team).smallest_spacing_and_breaking_elongation
 
 
-def use_lengths_of_ranks(team: Team, lengths_of_ranks: list[tuple[float, float]]) -> None:
+def set_lengths_from_all_ranks(team: Team, spacings_and_elongations: list[tuple[float, float]]) -> None:
     """Look at the motion of own nodes by the lengths of all ranks."""
-    _motion_checks(team).use_lengths_of_ranks(lengths_of_ranks, team.part.own)
+    _motion_checks(team).set_lengths_from_all_ranks(spacings_and_elongations, team.part.own)
 
 
-def describe_inverted_triangle(team: Team) -> str | None:
+def describe_own_inverted_triangle(team: Team) -> str | None:
     """An inverted triangle of own nodes, in words."""
     subdomain: RankSystem = team.part.now
     return subdomain.motion_checks.describe_inverted_triangle(subdomain.state.value[:, :2], Broken(*broken(team.part)))
 
 
-def fastest_or_non_finite_node(team: Team, values_are_finite: bool) -> tuple[float, int]:
+def find_fastest_or_non_finite_own_node(team: Team, all_values_are_finite: bool) -> tuple[float, int]:
     """The speed of the fastest own node along all axes, m/s, and its id; or 1 and the first that is not finite, or
     0."""
     part: Part = team.part
     state, ids = part.now.state, part.model.grid.ids[part.own]
-    if values_are_finite:
+    if all_values_are_finite:
         speed = np.abs(state.rate[part.own]).sum(axis=1)
         return float(speed.max()), int(ids[speed.argmax()])
     wrong = ~np.isfinite(state.value[part.own]).all(axis=1)
     return float(wrong.any()), int(ids[wrong.argmax()])
 
 
-def motion_of_own_probes(team: Team, grid_rows: list[int]) -> list[tuple[Any, ...]]:
+def list_motion_of_own_probes(team: Team, grid_rows: list[int]) -> list[tuple[Any, ...]]:
     """The motion of own nodes at rows of the whole grid: row, id, and what is recorded of it."""
     part: Part = team.part
     subdomain: RankSystem = part.now
     d = part.model.grid.dimension
     at, ids = [row - part.slab.begin for row in grid_rows], part.model.grid.ids
     return [
-        (row, int(ids[local_row]), *recorded_motion_of_node(subdomain.state, local_row, d))
+        (row, int(ids[local_row]), *list_node_displacement_velocity_acceleration(subdomain.state, local_row, d))
         for row, local_row in zip(grid_rows, at, strict=True)
     ]
 
@@ -199,11 +207,11 @@ def sum_reactions_over_ranks(team: Team, step: int, time: float) -> list[Reactio
     np.add.at(sums.holding_force, d * holds.profile + holds.axis, pull)
     np.add.at(sums.load_force, d * loads.profile + loads.axis, area[loads.node] * loads.value)
     for number, grip in enumerate(subdomain.acting_conditions):
-        displacement = state.value[grip.rows, :d].astype(float)
+        displacement = state.value[grip.node_rows, :d].astype(float)
         sums.displacement_sum[number] = np.add.reduce(
             np.concatenate([sums.displacement_sum[number : number + 1], displacement]), axis=0
         )
-        sums.node_count[number] += len(grip.rows)
+        sums.node_count[number] += len(grip.node_rows)
     if team.rank < team.size - 1:
         team.comm.send(sums, team.rank + 1, PASSED)
         return []
@@ -213,7 +221,11 @@ def sum_reactions_over_ranks(team: Team, step: int, time: float) -> list[Reactio
         factor = float(factor_now(drive.profiles, number, at))
         force = (sums.holding_force[components] + factor * sums.load_force[components]).tolist()
         mean = (sums.displacement_sum[number] / sums.node_count[number]).tolist()
-        all_reactions.append(Reaction(step, time, grip.number, grip.kind, *force[:2], *mean[:2], *force[2:], *mean[2:]))
+        all_reactions.append(
+            Reaction(
+                step, time, grip.condition_number, grip.condition_kind, *force[:2], *mean[:2], *force[2:], *mean[2:]
+            )
+        )
     return all_reactions
 
 

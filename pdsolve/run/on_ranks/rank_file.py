@@ -42,7 +42,7 @@ class RankFile:
         step_arrays = {f"{name}@{step}": values for name, values in checkpoint.items()} or None
         frame = FrameRecord(step, time, fields, NOTHING, (), (), step_arrays, first=self._first, keeps=self._kept)
         self._kept = step if step_arrays else self._kept
-        self._thread.begin(partial(self._write_and_report, frame))
+        self._thread.begin(partial(self._write_frame_and_notify_rank_0, frame))
 
     def close(self) -> None:
         """Close the database after everything is written. Raises WriteError."""
@@ -51,7 +51,7 @@ class RankFile:
         if self._writer is not None:
             self._writer.close("finished")
 
-    def _write_and_report(self, frame: FrameRecord) -> None:
+    def _write_frame_and_notify_rank_0(self, frame: FrameRecord) -> None:
         error: ResultsError | None = None
         try:
             if self._writer is None:
@@ -64,7 +64,7 @@ class RankFile:
             self._team.comm.send(error, 0, WRITTEN)
 
 
-def wait_for_rank_files(team: Team) -> None:
+def wait_until_all_ranks_wrote_frame(team: Team) -> None:
     """Wait until all ranks have written a frame. Raises WriteError if one could not."""
     errors = [team.received(rank, WRITTEN) for rank in range(team.size)]
     for error in errors:

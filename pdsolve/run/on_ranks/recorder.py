@@ -18,7 +18,7 @@ from pdsolve.results.schema import CHUNK, Births, taken
 from pdsolve.run.measures import count_bodies
 from pdsolve.run.on_ranks import frames, split
 from pdsolve.run.on_ranks.mechanics_records import MechanicsRecordsOnRanks
-from pdsolve.run.on_ranks.rank_file import wait_for_rank_files
+from pdsolve.run.on_ranks.rank_file import wait_until_all_ranks_wrote_frame
 from pdsolve.run.on_ranks.start import SystemOnRanks
 from pdsolve.run.recorder import KEPT, Recorder, RunHistory
 from pdsolve.run.system import System
@@ -37,11 +37,11 @@ class RecorderOnRanks(Recorder):
         self._files: tuple[str, ...] = ()  # of all ranks, if each has one
         super().__init__(system, state, history, False)
 
-    def _open_records(self, history: RunHistory) -> None:
+    def _create_physics_records(self, history: RunHistory) -> None:
         """Open the records of the state that the run begins with."""
         assert isinstance(self.system, SystemOnRanks)
         self.physics_records: MechanicsRecordsOnRanks = MechanicsRecordsOnRanks(
-            self.system, history.step, history.results
+            self.system, history.checkpoint_step, history.past_results
         )
 
     @property
@@ -49,9 +49,9 @@ class RecorderOnRanks(Recorder):
         """Step of the last broken bond known at the last record; 0 without any."""
         return max(self._latest, self.physics_records.known.last_break_step)
 
-    def update_last_row(self, step: int) -> None:
+    def update_last_ledger_row(self, step: int) -> None:
         """Bring the last ledger row to this step."""
-        self.physics_records.update_last_row(self.state, step, None)
+        self.physics_records.update_last_ledger_row(self.state, step, None)
 
     def record_step(self, step: int) -> None:
         """Record this step. Raises UnstableError."""
@@ -59,7 +59,7 @@ class RecorderOnRanks(Recorder):
 
     def bodies_are_split(self) -> bool:
         """Whether there are more pieces than bodies."""
-        return split.count_pieces(self._team, len(self.system.model.grid)) > count_bodies(self.system)
+        return split.count_pieces_over_ranks(self._team, len(self.system.model.grid)) > count_bodies(self.system)
 
     def make_frame(self, step: int, with_fields: bool, with_checkpoint: bool) -> FrameRecord:
         """All records since the last frame, for writing; see `Recorder`."""
@@ -69,14 +69,16 @@ class RecorderOnRanks(Recorder):
         names = self.system.requested_model.settings.run.fields if with_fields else None
         after = max(self.frame_step, self._since)
         said: list[frames.FrameDescription] = self._team.everywhere(
-            frames.send_frame, step, after, names, with_checkpoint
+            frames.send_frame_to_rank_0, step, after, names, with_checkpoint
         )
-        breaks = np.concatenate([rank_rows.breaks for rank_rows in said], axis=1)
+        breaks = np.concatenate([rank_rows.new_breaks for rank_rows in said], axis=1)
         order = np.lexsort((breaks[2], breaks[1], breaks[0]))
-        local_arrays = iter(self._team.part.sending.buffers)
+        local_arrays = iter(self._team.part.sending.sent_arrays)
         fields, checkpoint = (
-            frames.receive_columns(self._team, local_arrays, [getattr(rank_rows, name) for rank_rows in said])
-            for name in ("fields", "checkpoint")
+            frames.receive_columns_from_ranks(
+                self._team, local_arrays, [getattr(rank_rows, name) for rank_rows in said]
+            )
+            for name in ("fields", "checkpoint_arrays")
         )
         self.frame_step = step
         return self.physics_records.move_records_into(
@@ -89,30 +91,32 @@ class RecorderOnRanks(Recorder):
                 probes=(),
                 checkpoint=checkpoint if with_checkpoint else None,
                 wall_time=self.wall_time(),
-                ready=partial(wait_for_rank_files, self._team) if self._files else None,
+                ready=partial(wait_until_all_ranks_wrote_frame, self._team) if self._files else None,
             )
         )
 
-    def make_writer(self, system: System, output: Path | None, meta: Mapping[str, Any]) -> Writer:
+    def make_database_writer(self, initial_system: System, output: Path | None, meta: Mapping[str, Any]) -> Writer:
         """The writer of a new database, of a run that begins with this system."""
         team = self._team
-        assert isinstance(system, SystemOnRanks)
-        grid = system.model.grid
+        assert isinstance(initial_system, SystemOnRanks)
+        grid = initial_system.model.grid
 
         @lru_cache(1)
-        def batch(number: int) -> tuple[Nodes, Families]:
-            return frames.gather_nodes(team, number * BATCH, min((number + 1) * BATCH, len(grid)))
+        def gather_batch(batch_number: int) -> tuple[Nodes, Families]:
+            return frames.gather_nodes_and_families(
+                team, batch_number * BATCH, min((batch_number + 1) * BATCH, len(grid))
+            )
 
-        def nodes(first: int, last: int) -> Nodes:
-            begin = first // BATCH * BATCH
-            return taken(batch(first // BATCH)[0], np.arange(first - begin, last - begin))
+        def read_nodes(first_row: int, end_row: int) -> Nodes:
+            begin = first_row // BATCH * BATCH
+            return taken(gather_batch(first_row // BATCH)[0], np.arange(first_row - begin, end_row - begin))
 
-        def families(first: int, last: int) -> Families:
-            begin, (start, target) = first // BATCH * BATCH, batch(first // BATCH)[1]
-            start = start[first - begin : last - begin + 1]
+        def read_families(first_row: int, end_row: int) -> Families:
+            begin, (start, target) = first_row // BATCH * BATCH, gather_batch(first_row // BATCH)[1]
+            start = start[first_row - begin : end_row - begin + 1]
             return Families(start - start[0], target[start[0] : start[-1]])
 
-        births = Births(len(grid), grid.dimension, system.directed_bond_count, nodes, families)
+        births = Births(len(grid), grid.dimension, initial_system.directed_bond_count, read_nodes, read_families)
         if self._files:
             meta = {**meta, pieces.KEY: json.dumps([pieces.Pieces(0, self._files)])}
         return Writer.begin(output, births, grid.cracks, meta)
@@ -122,22 +126,23 @@ class RecorderOnRanks(Recorder):
 
         Databases of an earlier run are removed after all names are checked. Raises WriteError.
         """
-        if self.system.has_rank_databases and output is not None:
-            self._open_rank_database(output, 0)
+        if self.system.writes_rank_databases and output is not None:
+            self._open_rank_database_set(output, 0)
 
-    def reopen_rank_databases(self, output: Path, piece_sets: tuple[pieces.Pieces, ...]) -> tuple[str, ...]:
-        """Let each rank write another file beside the index `output`, if it has `piece_sets` of them; returns their
-        names."""
-        if piece_sets:
-            self._open_rank_database(output, len(piece_sets))
+    def open_further_rank_databases(
+        self, output: Path, earlier_rank_databases: tuple[pieces.Pieces, ...]
+    ) -> tuple[str, ...]:
+        """Let each rank write another file beside the index `output` if it has earlier ones; returns their names."""
+        if earlier_rank_databases:
+            self._open_rank_database_set(output, len(earlier_rank_databases))
         return self._files
 
-    def _open_rank_database(self, output: Path, number: int) -> None:
+    def _open_rank_database_set(self, output: Path, set_number: int) -> None:
         real = Path(os.path.realpath(output))
-        self._files = pieces.files_of(real, number, self._team.size)
+        self._files = pieces.files_of(real, set_number, self._team.size)
         for name in self._files:
             expect_piece(real.parent / name, real.name)
-        if number == 0:
+        if set_number == 0:
             remove(output)
         self._team.everywhere(frames.open_rank_file, items=[str(real.parent / name) for name in self._files])
 

@@ -24,9 +24,9 @@ from pdsolve.options import Options
 from pdsolve.ranks import part as parts
 from pdsolve.ranks.part import Part
 from pdsolve.results import Breaks, Results, ResultsError, ResultsWarning, gone_back
-from pdsolve.run.on_ranks.frames import HELD, held_component_rows
+from pdsolve.run.on_ranks.frames import HELD, held_components_by_condition_and_axis
 from pdsolve.run.on_ranks.recorder import BATCH, RecorderOnRanks
-from pdsolve.run.on_ranks.start import RankSystem, SystemOnRanks, prepare_ranks
+from pdsolve.run.on_ranks.start import RankSystem, SystemOnRanks, prepare_run_on_ranks
 from pdsolve.run.recorder import RunHistory
 from pdsolve.run.system import System
 from pdsolve.state import Broken, State
@@ -36,18 +36,18 @@ def make_resumed_recorder(results: Results, model: Model, options: Options, meta
     """The records of a run that goes on on many ranks."""
     options = options._replace(one_file=0 if results.pieces else len(model.grid))
     assert options.team is not None
-    system, state = prepare_ranks(model, options, options.team)
+    system, state = prepare_run_on_ranks(model, options, options.team)
     step, output = results.checkpoint_step(), Path(results.name)
     assert isinstance(system, SystemOnRanks)
-    if float(meta["time_step"]) != system.time_step or not has_same_families(system, results):
-        raise other_bonds_error(output, meta, system)
+    if float(meta["time_step"]) != system.time_step or not has_same_family_sizes(system, results):
+        raise make_changed_bonds_or_time_step_error(output, meta, system)
     before = results.breaks().step
     latest = int(before[before <= step].max(initial=0))
     wall, nodes = float(meta.get("wall_time", 0.0)), len(system.model.grid)
     past = RunHistory(step, wall, results.bond_updates(step), latest, None, nodes, results)
     with gone_back(output):
         expect_step_within_run(step, system.model)
-        restore_ranks(system, state, step, results)
+        restore_all_ranks(system, state, step, results)
         system = dataclasses.replace(system, initial_energy=float(meta.get("initial_energy", 0.0)))
         return RecorderOnRanks(system, state, past)
 
@@ -63,7 +63,7 @@ def warn_of_other_processor(output: Path, meta: Mapping[str, Any]) -> None:
         warnings.warn(words, ResultsWarning, stacklevel=2)
 
 
-def other_bonds_error(output: Path, meta: Mapping[str, Any], system: System) -> ResultsError:
+def make_changed_bonds_or_time_step_error(output: Path, meta: Mapping[str, Any], system: System) -> ResultsError:
     """The error of a run whose bonds or step are not those of this version."""
     return ResultsError(
         f"{output} is of a run by {meta['program']} with a step of {meta['time_step']:.6g} s, and this version has"
@@ -77,7 +77,7 @@ def expect_step_within_run(step: int, model: Model) -> None:
         raise CheckpointError(f"step is {step}; the run has {model.settings.run.steps}")
 
 
-def has_same_families(system: SystemOnRanks, results: Results) -> bool:
+def has_same_family_sizes(system: SystemOnRanks, results: Results) -> bool:
     """Whether the nodes of a database have the families of this system."""
     assert system.team is not None
     nodes = len(system.model.grid)
@@ -85,37 +85,43 @@ def has_same_families(system: SystemOnRanks, results: Results) -> bool:
         return False
     for first in range(0, nodes, BATCH):
         last = min(first + BATCH, nodes)
-        if not all(system.team.everywhere(_rank_has_same_families, first, last, *results.bonded(first, last))):
+        if not all(system.team.everywhere(_rank_has_same_family_sizes, first, last, *results.bonded(first, last))):
             return False
     return True
 
 
-def _rank_has_same_families(
-    team: Team, first: int, last: int, family: NDArray[np.int64], cut: NDArray[np.int64]
+def _rank_has_same_family_sizes(
+    team: Team, first_row: int, end_row: int, family_sizes: NDArray[np.int64], cut_bond_counts: NDArray[np.int64]
 ) -> bool:
     """Whether own nodes among these rows have these families."""
     part: Part = team.part
-    begin, end = max(first, part.slab.first), min(last, part.slab.last)
+    begin, end = max(first_row, part.slab.first), min(end_row, part.slab.last)
     if begin >= end:
         return True
-    rows, entries = slice(begin - part.slab.begin, end - part.slab.begin), slice(begin - first, end - first)
+    rows, entries = slice(begin - part.slab.begin, end - part.slab.begin), slice(begin - first_row, end - first_row)
     count = part.counted.family[rows] - part.counted.bonds[rows]
-    return bool((part.counted.family[rows] == family[entries]).all() and (count == cut[entries]).all())
+    return bool(
+        (part.counted.family[rows] == family_sizes[entries]).all() and (count == cut_bond_counts[entries]).all()
+    )
 
 
-def restore_ranks(system: SystemOnRanks, state: State, step: int, results: Results) -> None:
+def restore_all_ranks(system: SystemOnRanks, state: State, step: int, results: Results) -> None:
     """Restore the state of all ranks after `step`. Raises CheckpointError."""
     team, nodes = system.team, len(system.model.grid)
     assert team is not None
     for name, values in state._asdict().items():
-        _scatter_to_ranks(system, name, results.entries(name), values[:1])
-    counts = np.array(team.everywhere(_count_held_components)).T  # of each condition and axis, by rank
+        _scatter_state_array_to_ranks(system, name, results.entries(name), values[:1])
+    counts = np.array(
+        team.everywhere(_count_held_components_by_condition_and_axis)
+    ).T  # of each condition and axis, by rank
     held_force = entry(_read_checkpoint_arrays(results, [HELD]), HELD, (int(counts.sum()),), np.float64)
     ends = np.concatenate([[0], np.cumsum(counts.ravel())])
     runs = [held_force[first:last] for first, last in pairwise(ends)]
     team.everywhere(_set_held_forces, items=[runs[rank :: team.size] for rank in range(team.size)])
-    broken = _broken_by_rows(system.model.grid, results.breaks(), step)
-    of_bonds, of_nodes = (set().union(*names) for names in zip(*team.everywhere(_checkpoint_names), strict=True))
+    broken = _find_broken_bonds_by_rows(system.model.grid, results.breaks(), step)
+    of_bonds, of_nodes = (
+        set().union(*names) for names in zip(*team.everywhere(_names_of_bond_and_node_checkpoint_arrays), strict=True)
+    )
     node_arrays = _read_checkpoint_arrays(results, of_nodes)
     shared = [
         {name: values.reshape(nodes, -1)[slab.begin : slab.end] for name, values in node_arrays.items()}
@@ -130,31 +136,34 @@ def _read_checkpoint_arrays(results: Results, names: Iterable[str]) -> Checkpoin
     return {name: np.concatenate(parts) for name, parts in pieces_by_name.items() if parts}
 
 
-def _scatter_to_ranks(
-    system: SystemOnRanks, name: str, parts: Iterator[NDArray[Any]], sample_row: NDArray[Any]
+def _scatter_state_array_to_ranks(
+    system: SystemOnRanks, array_name: str, array_pieces: Iterator[NDArray[Any]], sample_row: NDArray[Any]
 ) -> None:
     """Give all ranks their rows of an array of the state, whose `sample_row` (1, ...) is as long as one. Raises
     CheckpointError."""
     first, nodes, team = 0, len(system.model.grid), system.team
     assert team is not None
-    for values in parts:
+    for values in array_pieces:
         piece = entry(
-            {name: values}, name, (None, *sample_row.shape[1:]) if sample_row.ndim > 1 else (None, 1), sample_row.dtype
+            {array_name: values},
+            array_name,
+            (None, *sample_row.shape[1:]) if sample_row.ndim > 1 else (None, 1),
+            sample_row.dtype,
         )
         last = first + len(piece)
         shares = [
             (max(slab.begin, first), piece[max(slab.begin - first, 0) : max(slab.end - first, 0)])
             for slab in system.slabs
         ]
-        team.everywhere(_set_rows_of_rank, name, items=shares)
+        team.everywhere(_set_own_state_rows, array_name, items=shares)
         first = last
     if first != nodes:
-        raise CheckpointError(f"'{name}' has {first} nodes; it must have {nodes}")
+        raise CheckpointError(f"'{array_name}' has {first} nodes; it must have {nodes}")
 
 
-def _broken_by_rows(grid: Grid, breaks: Breaks, step: int) -> Broken:
+def _find_broken_bonds_by_rows(grid: Grid, breaks: Breaks, last_step: int) -> Broken:
     """The bonds broken until a step, by rows. Raises CheckpointError."""
-    before = breaks.step <= step
+    before = breaks.step <= last_step
     ends = [column[before] for column in breaks[1:]]
     if grid.lattice is not None:
         source, target = (end - 1 for end in ends)
@@ -165,33 +174,35 @@ def _broken_by_rows(grid: Grid, breaks: Breaks, step: int) -> Broken:
         source, target = (order[at] for at in place)
         expect_found((grid.ids[source] == ends[0]) & (grid.ids[target] == ends[1]), *ends)
     broken = Broken(breaks.step[before], source, target)
-    expect_broken(broken, step, len(grid))
+    expect_broken(broken, last_step, len(grid))
     return broken
 
 
-def _set_rows_of_rank(team: Team, name: str, share: tuple[int, NDArray[Any]]) -> None:
+def _set_own_state_rows(team: Team, array_name: str, first_row_and_values: tuple[int, NDArray[Any]]) -> None:
     """Take over some rows, from the first on, of an array of the state of a window."""
     part: Part = team.part
-    first, values = share
-    array = getattr(part.now.state, name)
+    first, values = first_row_and_values
+    array = getattr(part.now.state, array_name)
     at = first - part.slab.begin
     if len(values):
         array[at : at + len(values)] = values.reshape(-1, *array.shape[1:])
 
 
-def _count_held_components(team: Team) -> list[int]:
+def _count_held_components_by_condition_and_axis(team: Team) -> list[int]:
     """How many held components own nodes have, of each condition and axis."""
-    return [len(rows) for rows in held_component_rows(team.part.now)]
+    return [len(rows) for rows in held_components_by_condition_and_axis(team.part.now)]
 
 
-def _set_held_forces(team: Team, forces_by_condition: list[NDArray[np.float64]]) -> None:
+def _set_held_forces(team: Team, forces_by_condition_and_axis: list[NDArray[np.float64]]) -> None:
     """Take over the forces that hold own nodes, of each condition and axis."""
     subdomain: RankSystem = team.part.now
-    for rows, values in zip(held_component_rows(subdomain), forces_by_condition, strict=True):
+    for rows, values in zip(
+        held_components_by_condition_and_axis(subdomain), forces_by_condition_and_axis, strict=True
+    ):
         subdomain.system.drive.held_force[rows] = values
 
 
-def _checkpoint_names(team: Team) -> tuple[list[str], list[str]]:
+def _names_of_bond_and_node_checkpoint_arrays(team: Team) -> tuple[list[str], list[str]]:
     """The names of what this rank's operator keeps of bonds, and of nodes."""
     operator_arrays = parts.checkpoint_arrays(team.part)
     of_bonds = [name for name in operator_arrays if parts.is_of_bonds(operator_arrays, name)]

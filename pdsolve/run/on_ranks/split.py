@@ -10,26 +10,28 @@ from pdmesh.model.graphs import connected
 from pdmesh.model.output_fields import CRACKED
 from pdsolve.numerics.team import Team
 from pdsolve.ranks.part import Part, broken
-from pdsolve.run.measures import PIECE, damage
+from pdsolve.run.measures import PIECE, compute_node_damage
 from pdsolve.run.on_ranks.start import RankSystem
 
 
-def count_pieces(team: Team, node_count: int) -> int:
+def count_pieces_over_ranks(team: Team, node_count: int) -> int:
     """Number of pieces of all `node_count`; see `pdsolve.run.measures.count_pieces`."""
-    pairs = np.concatenate(team.everywhere(pieces_joined_across_ranks), axis=1)
+    pairs = np.concatenate(team.everywhere(label_own_pieces_and_find_pairs_across_ranks), axis=1)
     labels, ends = np.unique(pairs, return_inverse=True)
-    counts, alone = zip(*team.everywhere(piece_sizes, labels, PIECE * node_count), strict=True)
+    counts, alone = zip(
+        *team.everywhere(count_nodes_of_pieces_and_other_large_pieces, labels, PIECE * node_count), strict=True
+    )
     component = connected(len(labels), *ends.reshape(2, -1)) if len(labels) else np.zeros(0, dtype=np.int64)
     joined = np.bincount(component, weights=np.sum(counts, axis=0)) if len(labels) else np.zeros(0)
     return int(sum(alone)) + int((joined > PIECE * node_count).sum())
 
 
-def pieces_joined_across_ranks(team: Team) -> NDArray[np.int64]:
+def label_own_pieces_and_find_pairs_across_ranks(team: Team) -> NDArray[np.int64]:
     """The pairs (2, k) of pieces, by the row of a node in the whole grid, that a bond joins to one of another rank."""
     part: Part = team.part
     subdomain: RankSystem = part.now
     local_rows, nodes = part.own, len(part.model.grid)
-    sound = damage(subdomain.system, broken(part)) <= CRACKED
+    sound = compute_node_damage(subdomain.system, broken(part)) <= CRACKED
     source, target = part.operator.bonds(local_rows.start, local_rows.stop)
     inside = (target >= local_rows.start) & (target < local_rows.stop)
     sound_bonds = inside & sound[source] & sound[target]
@@ -46,12 +48,14 @@ def pieces_joined_across_ranks(team: Team) -> NDArray[np.int64]:
     return np.unique(shared[0, np.array([source, target])[:, across]].astype(np.int64), axis=1)
 
 
-def piece_sizes(team: Team, labels: NDArray[np.int64], smallest_counted: float) -> tuple[NDArray[np.int64], int]:
+def count_nodes_of_pieces_and_other_large_pieces(
+    team: Team, piece_labels: NDArray[np.int64], least_node_count: float
+) -> tuple[NDArray[np.int64], int]:
     """How many own nodes each of these pieces (k,) has, and how many others have more nodes than the
-    `smallest_counted`."""
+    `least_node_count`."""
     subdomain: RankSystem = team.part.now
     names, counts = np.unique(subdomain.pieces, return_counts=True)
-    node_counts = np.zeros(len(labels), dtype=np.int64)
-    has_label = np.isin(names, labels)
-    node_counts[np.searchsorted(labels, names[has_label])] = counts[has_label]
-    return node_counts, int((counts[~has_label] > smallest_counted).sum())
+    node_counts = np.zeros(len(piece_labels), dtype=np.int64)
+    has_label = np.isin(names, piece_labels)
+    node_counts[np.searchsorted(piece_labels, names[has_label])] = counts[has_label]
+    return node_counts, int((counts[~has_label] > least_node_count).sum())

@@ -21,12 +21,12 @@ from pdsolve.ranks.part import Part, added_up
 from pdsolve.ranks.slabs import Slab
 from pdsolve.run.assembly import RankCoupling, assemble_system, choose_time_step
 from pdsolve.run.inversion_checks import MotionChecks
-from pdsolve.run.measures import BondState, evaluate_bonds
+from pdsolve.run.measures import BondState, compute_bond_state
 from pdsolve.run.on_ranks.rank_file import RankFile
-from pdsolve.run.operator_factory import largest_stable_step, make_operator
+from pdsolve.run.operator_factory import make_operator, stable_time_step_from_stiffness_bound
 from pdsolve.run.prepare import select_scheme
 from pdsolve.run.reactions import ActingCondition
-from pdsolve.run.system import Prepared, System
+from pdsolve.run.system import PreparedRun, System
 from pdsolve.schemes import SCHEMES
 from pdsolve.state import State
 
@@ -37,19 +37,19 @@ class SystemOnRanks(System):
 
     team: Team | None = None
     slabs: tuple[Slab, ...] = ()
-    bond_count: int = 0  # directed bonds of all ranks at the start
-    unbonded_rows: NDArray[np.int64] | None = None  # (k,) rows of nodes of all ranks without bonds
+    directed_bonds_of_all_ranks: int = 0  # directed bonds of all ranks at the start
+    unbonded_rows_of_all_ranks: NDArray[np.int64] | None = None  # (k,) rows of nodes of all ranks without bonds
 
     @property
-    def unbonded(self) -> NDArray[np.int64]:
+    def unbonded_node_rows(self) -> NDArray[np.int64]:
         """Rows (k,) of the nodes of all ranks without a bond at the start."""
-        assert self.unbonded_rows is not None
-        return self.unbonded_rows
+        assert self.unbonded_rows_of_all_ranks is not None
+        return self.unbonded_rows_of_all_ranks
 
     @property
     def directed_bond_count(self) -> int:
         """Number of directed bonds of all ranks at the start."""
-        return self.bond_count
+        return self.directed_bonds_of_all_ranks
 
 
 class StepperOnRanks:
@@ -66,17 +66,19 @@ class StepperOnRanks:
 class RankSystem:
     """What a rank marches: the system and the state of its window, and what has been asked of them."""
 
-    def __init__(self, part: Part, prepared: Prepared) -> None:
+    def __init__(self, part: Part, prepared: PreparedRun) -> None:
         self.system, self.state = prepared
         self.acting_conditions = tuple(
             ActingCondition(
-                number, str(condition.__struct_config__.tag), _own_rows(self.system.model.selected(condition), part.own)
+                number,
+                str(condition.__struct_config__.tag),
+                _select_own_rows(self.system.model.selected(condition), part.own),
             )
             for number, condition in enumerate(self.system.model.settings.conditions)
             if isinstance(condition, Driving)
         )
         self.motion_checks = MotionChecks(self.system.model, partial(self.system.operator.bonds, start=True))
-        self.bond_state: BondState = evaluate_bonds(self.system, self.state)
+        self.bond_state: BondState = compute_bond_state(self.system, self.state)
         self.bond_state_step = 0  # that this is of
         self.file: RankFile | None = None  # of this rank alone
         self.pieces = np.zeros(0, dtype=np.int64)  # (k,) of each own node, where it is asked for
@@ -85,25 +87,25 @@ class RankSystem:
 class RankStart(NamedTuple):
     """What a rank says of its start."""
 
-    kinetic: Branches  # energy, J/m
+    kinetic_energy: Branches  # energy, J/m
     is_at_rest: bool  # whether no own node moves
 
 
-def prepare_ranks(model: Model, options: Options, team: Team) -> Prepared:
+def prepare_run_on_ranks(model: Model, options: Options, team: Team) -> PreparedRun:
     """A motion on all ranks of a team, and the state of rank 0's window. Raises ModelError."""
     refuse_on_ranks(model)
     select_scheme(model, options)
     slabs, parts = built(model, options, team, make_operator)
     largest = np.array([max(report.resistance for report in parts)])
-    bound = largest_stable_step(largest, np.ones(1))
+    bound = stable_time_step_from_stiffness_bound(largest, np.ones(1))
     step = choose_time_step(model, bound)
     layers = any(isinstance(condition, Absorb) for condition in model.settings.conditions)
     listed = layers and model.grid.lattice is None
     damped = [damping(model, slab.begin, slab.end) if listed else None for slab in slabs]
     plain, full_model = options._replace(team=None), None if model.grid.lattice is None else model
-    begun = team.everywhere(start_rank, plain, step, bound, full_model, items=damped)
+    begun = team.everywhere(prepare_rank_system, plain, step, bound, full_model, items=damped)
     rests = all(report.is_at_rest for report in begun)
-    energy = 0.0 if rests else total([report.kinetic for report in begun], len(model.grid))
+    energy = 0.0 if rests else total([report.kinetic_energy for report in begun], len(model.grid))
     subdomain: RankSystem = team.part.now
     same = {field.name: getattr(subdomain.system, field.name) for field in fields(System)}
     same |= {
@@ -113,28 +115,33 @@ def prepare_ranks(model: Model, options: Options, team: Team) -> Prepared:
         "initial_energy": energy,
     }
     lonely, bonds = np.concatenate([report.lonely for report in parts]), sum(report.bonds for report in parts)
-    return Prepared(
-        SystemOnRanks(**same, team=team, slabs=tuple(slabs), bond_count=bonds, unbonded_rows=lonely), subdomain.state
+    return PreparedRun(
+        SystemOnRanks(
+            **same, team=team, slabs=tuple(slabs), directed_bonds_of_all_ranks=bonds, unbonded_rows_of_all_ranks=lonely
+        ),
+        subdomain.state,
     )
 
 
-def start_rank(
+def prepare_rank_system(
     team: Team,
     options: Options,
     time_step: float,
     stable_step: float,
     full_model: Model | None,
-    layer_damping: NDArray[np.float64] | None,
+    layer_damping_rates: NDArray[np.float64] | None,
 ) -> RankStart:
-    """Make the system of this rank's window; `layer_damping` (m,), 1/s, is known of listed nodes with layers that
+    """Make the system of this rank's window; `layer_damping_rates` (m,), 1/s, is known of listed nodes with layers that
     absorb."""
     part: Part = team.part
     model, slab, counted = part.model, part.slab, part.counted
     scheme, kind = SCHEMES[options.mode], np.dtype(options.precision).type
     driven = drive(model, counted.area, scheme.exact_load, kind, part.own, partial(added_up, team))
-    if layer_damping is None:
-        layer_damping = damping(model) if full_model is None else damping(full_model, slab.begin, slab.end)
-    rank_coupling = RankCoupling(part.ghosts, layer_damping, any(team.comm.allgather(bool(layer_damping.any()))))
+    if layer_damping_rates is None:
+        layer_damping_rates = damping(model) if full_model is None else damping(full_model, slab.begin, slab.end)
+    rank_coupling = RankCoupling(
+        part.ghosts, layer_damping_rates, any(team.comm.allgather(bool(layer_damping_rates.any())))
+    )
     prepared = assemble_system(
         model,
         options,
@@ -152,11 +159,11 @@ def start_rank(
     return RankStart(branches(kinetic, slab.first, slab.nodes), not velocity[part.own].any())
 
 
-def advance_rank(team: Team, first: int, last: int) -> None:
-    """Take the steps `first` to `last` - 1."""
+def advance_rank(team: Team, first_step: int, end_step: int) -> None:
+    """Take the steps `first_step` to `end_step` - 1."""
     subdomain: RankSystem = team.part.now
-    subdomain.system.stepper.advance(subdomain.state, first, last)
+    subdomain.system.stepper.advance(subdomain.state, first_step, end_step)
 
 
-def _own_rows(rows: NDArray[np.int64], local_rows: slice) -> NDArray[np.int64]:
-    return np.asarray(rows[(rows >= local_rows.start) & (rows < local_rows.stop)])
+def _select_own_rows(rows: NDArray[np.int64], own_rows: slice) -> NDArray[np.int64]:
+    return np.asarray(rows[(rows >= own_rows.start) & (rows < own_rows.stop)])

@@ -87,7 +87,7 @@ def test_what_a_moving_zone_refuses_is_fine_everywhere(changes: dict[str, object
     model = plate(square_grid(24, 20), **({"run": Run(steps=1, adapt="auto")} | changes))
     with pytest.warns(ModelWarning, match=naming("$.run.adapt", *words)):
         found = prepare(model, Options()).system
-    assert found.hybrid is None
+    assert found.moving_zone_operator is None
     assert found.requested_model.settings.run.adapt == "none"
 
 
@@ -95,7 +95,7 @@ def test_nodes_on_no_lattice_are_solved_as_they_are() -> None:
     grid = square_grid(24, 20)
     grid = dataclasses.replace(grid, position=grid.position * np.array([1.0, 1.01]))
     with pytest.warns(ModelWarning, match=naming("$.run.adapt", "$.nodes")):
-        assert prepare(plate(grid, run=Run(steps=1, adapt="auto")), Options()).system.hybrid is None
+        assert prepare(plate(grid, run=Run(steps=1, adapt="auto")), Options()).system.moving_zone_operator is None
 
 
 def stretched(speed: float, adapt: str = "hybrid", kappa: float = 0.7) -> Model:

@@ -14,8 +14,8 @@ from plates import plate, square_grid
 from pdmesh.model.document import Displacement, Load, Run
 from pdsolve.model import Model
 from pdsolve.run import after_path
-from pdsolve.run.after_path import _model_in_motion, prepare_motion_after
-from pdsolve.run.system import Prepared
+from pdsolve.run.after_path import _explicit_model_with_constant_loads, prepare_motion_after_path
+from pdsolve.run.system import PreparedRun
 
 GROWS = ((0.0, 0.0), (2.0, 8.0))
 
@@ -29,7 +29,7 @@ def path_model() -> Model:
 
 
 def test_loads_stay_at_what_they_are_at_a_factor(path_model: Model) -> None:
-    model = _model_in_motion(path_model, 0.25)
+    model = _explicit_model_with_constant_loads(path_model, 0.25)
     assert [one.profile for one in model.settings.conditions] == [((0.0, 1.0),), ((0.0, 0.25),)]
     run = model.settings.run
     assert (run.solver, run.after, run.time_step) == ("explicit", "path", None)
@@ -59,12 +59,12 @@ def test_it_goes_on_from_the_path(
         done.append(("let go", operator, state))
         return np.arange(2.0 * nodes).reshape(nodes, 2)
 
-    def prepare(model: Model, options: Any) -> Prepared:
+    def prepare(model: Model, options: Any) -> PreparedRun:
         done.append(("prepare", model.settings.conditions[1].profile, *options[:4]))
         run = msgspec.structs.replace(model.settings.run, steps=ahead)
         settings = msgspec.structs.replace(model.settings, run=run)
         moving: Any = System(dataclasses.replace(model, settings=settings), "operator", drive)
-        return Prepared(moving, first)
+        return PreparedRun(moving, first)
 
     monkeypatch.setattr(after_path, "prepare", prepare)
     monkeypatch.setattr(after_path, "model_of", lambda text, name: path_model)
@@ -72,7 +72,7 @@ def test_it_goes_on_from_the_path(
     monkeypatch.setattr(after_path, "force_densities", force_densities)
     path: Any = Part(name="path.sqlite", model=lambda: "text", breaks=lambda: "breaks")
     path.checkpoint, path.meta, path.summary = lambda: (7, "kept"), lambda: {"mode": "thesis"}, lambda: {"lost": 0.5}
-    (system, state), step = prepare_motion_after(path, 3)
+    (system, state), step = prepare_motion_after_path(path, 3)
     assert (state, step) == (first, 7)
     assert done == [
         ("prepare", ((0.0, 0.5),), "thesis", "float64", 3, "listed"),
@@ -102,4 +102,4 @@ def test_when_a_motion_follows(
     settings = msgspec.structs.replace(path_model.settings, run=run)
     monkeypatch.setattr(after_path, "model_of", lambda text, name: dataclasses.replace(path_model, settings=settings))
     path: Any = Part(name="", meta=lambda: {"status": status}, summary=lambda: {"lost": lost}, model=lambda: "")
-    assert after_path.is_motion_to_follow(path) is follows
+    assert after_path.needs_motion_after_path(path) is follows

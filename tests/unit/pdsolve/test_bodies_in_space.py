@@ -18,10 +18,10 @@ from pdmesh.model.node_grid import grid_of
 from pdsolve.model import Model
 from pdsolve.operators.contact.operator import pair_stiffness
 from pdsolve.options import Options
-from pdsolve.run.measures import compute_ledger_row, damage
+from pdsolve.run.measures import compute_ledger_row, compute_node_damage
 from pdsolve.run.prepare import prepare
-from pdsolve.run.reactions import acting_conditions, compute_reactions
-from pdsolve.run.system import Prepared
+from pdsolve.run.reactions import compute_reactions, list_acting_conditions
+from pdsolve.run.system import PreparedRun
 
 UNIT = Material(E=1.0, rho=1.0, G0=1e9, plane="space")
 HEAVY = msgspec.structs.replace(UNIT, rho=3.0)
@@ -32,7 +32,7 @@ def plate() -> Body:
     return Body(Box((0, 0, 0), (1, 1, 0.3)), H, UNIT)
 
 
-def prepared(body: Body) -> Prepared:
+def prepared(body: Body) -> PreparedRun:
     built = build(body)
     return prepare(Model(built.grid, built.settings), Options(threads=1))
 
@@ -160,8 +160,8 @@ def test_a_rigid_ball_bounces_from_a_plate() -> None:
     ball = plate().rigid(Sphere((0.5, 0.5, 0.5), 0.2), "ball", 0.05, (0.0, 0.0, -1e-3), (0.0, 0.1, 0.0), spacing=0.05)
     (system, state), steps, pushed = prepared(ball), 120, 0.0
     for step in range(1, steps + 1):
-        Prepared(system, state).advance(step, step + 1)
-        (found,) = compute_reactions(acting_conditions(system), system, state, step, step * system.time_step)
+        PreparedRun(system, state).advance(step, step + 1)
+        (found,) = compute_reactions(list_acting_conditions(system), system, state, step, step * system.time_step)
         pushed -= found.force_z * system.time_step
     rows = system.model.grid.rigid
     momentum = ((system.area * system.model.rho)[rows] * state.rate[rows, 2]).sum()
@@ -186,14 +186,14 @@ def test_a_box_that_tumbles_keeps_its_angular_momentum_and_its_energy() -> None:
         return np.asarray(mass[rows] @ np.cross(arm, state.rate[rows]))
 
     before = angular()
-    Prepared(system, state).advance(1, steps + 1)
+    PreparedRun(system, state).advance(1, steps + 1)
     assert angular() == pytest.approx(before, rel=2e-3)  # of steps that turn it by .05
     assert abs(compute_ledger_row(system, state, steps).balance_error(system.initial_energy)) < 2e-3
     turned = state.value[rows] - state.value[rows].mean(axis=0)
     assert np.abs(turned).max() > 0.3
 
 
-def struck() -> Prepared:
+def struck() -> PreparedRun:
     """A ball on a brittle plate, of LAMMPS's example `peri`, with a smaller plate."""
     glass = Material(E=1.5 * 14.9e9, rho=2200.0, G0=20.0, plane="space", micromodulus="constant")
     h = 0.5e-3
@@ -214,7 +214,7 @@ def test_contact_of_a_ball_on_a_plate_has_the_constants_of_lammps() -> None:
 def test_a_ball_breaks_a_plate_into_mirror_symmetric_quarters() -> None:
     system, state = both = struck()
     both.advance(1, 81)
-    of, x = damage(system), system.model.grid.position
+    of, x = compute_node_damage(system), system.model.grid.position
     assert of.max() > 0.3
     order = np.lexsort(np.round(x, 7).T)
     for mirror in ([-1, 1, 1], [1, -1, 1]):

@@ -11,7 +11,7 @@ import pytest
 from pdsolve.errors import CheckpointError
 from pdsolve.run import body_zones
 from pdsolve.run.body_zones import BodyRefinement, _previous_rows_with_same_bonds
-from pdsolve.run.system import Prepared
+from pdsolve.run.system import PreparedRun
 from pdsolve.state import State
 
 ROWS = np.array([0, 2, -1, 1])  # before: of the first node, too
@@ -25,7 +25,9 @@ def systems(**changed: list[float]) -> tuple[Any, Any]:
         after[key] = np.array(given)
     return tuple(  # type: ignore[return-value]
         Part(
-            operator=Part(volume=np.array(one["volume"])), family=np.array(one["family"]), count=np.array(one["count"])
+            operator=Part(volume=np.array(one["volume"])),
+            family_sizes=np.array(one["family"]),
+            initial_bond_counts=np.array(one["count"]),
         )
         for one in (values, after)
     )
@@ -43,7 +45,7 @@ def systems(**changed: list[float]) -> tuple[Any, Any]:
 def test_nodes_that_keep_their_cell_and_bonds(
     changed: dict[str, list[float]], expected: list[int], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(body_zones, "zone_operator", lambda system: system.operator)
+    monkeypatch.setattr(body_zones, "expect_body_zone_operator", lambda system: system.operator)
     assert _previous_rows_with_same_bonds(*systems(**changed), ROWS).tolist() == expected
 
 
@@ -99,11 +101,13 @@ def change(zone: Zone, monkeypatch: pytest.MonkeyPatch) -> Any:
     before.held_force, force = np.array([5.0, 7.0]), np.arange(12.0).reshape(4, 3)
     after = Part(force=force, holds=Part(node=np.array([0, 3, 2]), axis=np.array([1, 2, 0])), held_force=np.zeros(3))
     system: Any = Part(operator=zone, drive=before)
-    monkeypatch.setattr(body_zones, "zone_operator", lambda system: system.operator)
-    monkeypatch.setattr(body_zones, "conserved_energy", lambda one, state, around: 4.0 if one is system else 11.0)
-    monkeypatch.setattr(body_zones, "half_kick_work", lambda *_: 0.5)
+    monkeypatch.setattr(body_zones, "expect_body_zone_operator", lambda system: system.operator)
     monkeypatch.setattr(
-        body_zones, "_system_of_operator", lambda _, operator, step: Part(operator=operator, drive=after)
+        body_zones, "verlet_conserved_energy", lambda one, state, around: 4.0 if one is system else 11.0
+    )
+    monkeypatch.setattr(body_zones, "half_kick_work_of_acceleration_error", lambda *_: 0.5)
+    monkeypatch.setattr(
+        body_zones, "_system_with_refined_operator", lambda _, operator, step: Part(operator=operator, drive=after)
     )
     monkeypatch.setattr(body_zones, "_previous_rows_with_same_bonds", lambda *_: "origin")
     motion = [np.full((4, 3), value) for value in (1.0, 2.0, 3.0)]
@@ -129,19 +133,19 @@ def test_the_energy_made_by_a_refinement_is_added_up(zone: Zone, change: Any) ->
     """11 J after less 4 J before and 0.5 J of forces; 100 J of earlier ones."""
     assert change.system.operator.history.refinement_energy == 107.5
     assert change[2] == "origin"
-    assert zone.asked == [256 - BodyRefinement.every]  # what broke since the last look
+    assert zone.asked == [256 - BodyRefinement.steps_between_checks]  # what broke since the last look
 
 
 def test_without_cells_to_refine_nothing_changes(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(body_zones, "zone_operator", lambda system: system.operator)
+    monkeypatch.setattr(body_zones, "expect_body_zone_operator", lambda system: system.operator)
     assert BodyRefinement().change_nodes(Part(operator=Zone([], [])), "state", 256) is None  # type: ignore[arg-type]
 
 
 def test_a_checkpoint_of_other_cells_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
     after = Part(model=Part(grid=Part(ids=np.array([1, 2]))), volume=np.ones(2), unknowns=[Part(width=3)])
-    monkeypatch.setattr(body_zones, "zone_operator", lambda system: Part(restore_cells=lambda kept: after))
+    monkeypatch.setattr(body_zones, "expect_body_zone_operator", lambda system: Part(restore_cells=lambda kept: after))
     steps: list[int] = []
-    monkeypatch.setattr(body_zones, "_system_of_operator", lambda system, operator, step: steps.append(step))
+    monkeypatch.setattr(body_zones, "_system_with_refined_operator", lambda system, operator, step: steps.append(step))
     assert BodyRefinement().restore_system(Part(), {"ids": np.array([1, 2])}).state.value.shape == (2, 3)  # type: ignore[arg-type]
     assert steps == [0]
     with pytest.raises(CheckpointError, match="ids of nodes"):
@@ -151,10 +155,10 @@ def test_a_checkpoint_of_other_cells_is_refused(monkeypatch: pytest.MonkeyPatch)
 def test_loads_of_new_nodes_are_those_of_the_time_of_the_step(monkeypatch: pytest.MonkeyPatch) -> None:
     times: list[float] = []
     monkeypatch.setattr(body_zones, "create_current_drive", lambda after, time: times.append(time))
-    assemble: Any = lambda *words, conditions: Part(system=Prepared(words[5:7], None))  # noqa: E731
+    assemble: Any = lambda *words, conditions: Part(system=PreparedRun(words[5:7], None))  # noqa: E731
     monkeypatch.setattr(body_zones, "assemble_system", assemble)
     monkeypatch.setattr(body_zones.dataclasses, "replace", lambda system, full_model: (system, full_model))
     system: Any = Part(time_step=0.5, stable_time_step=0.7, options=None, scheme=None, full_model="whole")
-    found: Any = body_zones._system_of_operator(system, Part(model=None, counted=None), 8)  # type: ignore[arg-type]
+    found: Any = body_zones._system_with_refined_operator(system, Part(model=None, counted=None), 8)  # type: ignore[arg-type]
     assert times == [4.0]
     assert (found[0][0], found[1]) == ((0.5, 0.7), "whole")

@@ -21,10 +21,10 @@ from pdsolve.model import Model, ModelError
 from pdsolve.options import Options
 from pdsolve.run.inversion_checks import MotionChecks
 from pdsolve.run.mechanics_records import MechanicsRecords
-from pdsolve.run.plastic_checks import warn_of_plastic_strain
+from pdsolve.run.plastic_checks import warn_if_plastic_strain_is_large
 from pdsolve.run.prepare import prepare
 from pdsolve.run.simulation import simulate
-from pdsolve.run.system import Prepared
+from pdsolve.run.system import PreparedRun
 from pdsolve.state import Broken
 
 
@@ -94,7 +94,7 @@ def test_a_probe_off_the_plate_is_refused() -> None:
         simulate(model)
 
 
-def moved(matrix: list[list[float]], away: float = 0.0, kind: str = "float64") -> Prepared:
+def moved(matrix: list[list[float]], away: float = 0.0, kind: str = "float64") -> PreparedRun:
     """A plate whose nodes are where this matrix brings them, and so far away."""
     problem = prepare(plate(square_grid(9, 8)), Options(precision=kind, threads=1))
     x = problem.system.model.grid.position
@@ -102,13 +102,13 @@ def moved(matrix: list[list[float]], away: float = 0.0, kind: str = "float64") -
     return problem
 
 
-def seen(problem: Prepared, looks: int = 2) -> list[str]:
+def seen(problem: PreparedRun, looks: int = 2) -> list[str]:
     """What a watch says of that, looking so many times."""
     operator = problem.system.operator
     watch = MotionChecks(problem.system.model, partial(operator.bonds, start=True))
     with saying() as lines:
         for step in range(looks):
-            watch.warn_of_unreliable_motion(problem.state.value, operator.broken(), step)
+            watch.warn_of_inversion_or_imprecision(problem.state.value, operator.broken(), step)
     return lines
 
 
@@ -193,7 +193,7 @@ def test_the_equivalent_plastic_strain_is_warned_of_above_a_tenth(strain: tuple[
         model=plate(square_grid(2, 1)), operator=SimpleNamespace(columns=SimpleNamespace(solid=solid))
     )
     with saying() as lines:
-        assert warn_of_plastic_strain(system, 3) == told  # type: ignore[arg-type]
+        assert warn_if_plastic_strain_is_large(system, 3) == told  # type: ignore[arg-type]
     assert len(lines) == told
 
 
@@ -211,5 +211,5 @@ def test_a_node_that_passes_another_is_seen_on_lattices_with_and_without_gaps() 
             u[(place[order] == (x, y)).all(axis=1), 0] = -2.5e-3
             watch = MotionChecks(model, partial(lambda ends, first, last: ends, (source, target)))
             with saying() as lines:
-                watch.warn_of_unreliable_motion(u, Broken(*np.zeros((3, 0), dtype=np.int64)), 1)
+                watch.warn_of_inversion_or_imprecision(u, Broken(*np.zeros((3, 0), dtype=np.int64)), 1)
             assert len(lines) == 1, (x, y)

@@ -18,19 +18,19 @@ from pdsolve.options import Options
 from pdsolve.run.estimate import estimate_run as planned
 from pdsolve.run.measures import compute_ledger_row
 from pdsolve.run.prepare import prepare
-from pdsolve.run.system import Prepared
+from pdsolve.run.system import PreparedRun
 
 DT = 2e-8
 LEFT, RIGHT = (0.0, 0.0, 0.0, 5e-3), (9e-3, 0.0, 9e-3, 5e-3)
 RAMP = ((0.0, 0.0), (40 * DT, 1.0), (60 * DT, 1.0), (80 * DT, -0.5))
 
 
-def driven(*conditions: AnyCondition, time_step: float = DT) -> Prepared:
+def driven(*conditions: AnyCondition, time_step: float = DT) -> PreparedRun:
     """A strip of 10 x 6 nodes with these conditions."""
     return prepare(plate(square_grid(10, 6), conditions=conditions, run=Run(time_step=time_step)), Options())
 
 
-def left(problem: Prepared) -> np.ndarray:
+def left(problem: PreparedRun) -> np.ndarray:
     """The rows of the left column."""
     return np.flatnonzero(problem.system.model.grid.position[:, 0] == 0)
 

@@ -21,11 +21,11 @@ from pdsolve.model import Model, ModelError, read_model
 from pdsolve.operators.contact.kernel import ease
 from pdsolve.operators.contact.operator import pair_stiffness, touch_bound
 from pdsolve.options import Options
-from pdsolve.run.measures import compute_ledger_row, damage
+from pdsolve.run.measures import compute_ledger_row, compute_node_damage
 from pdsolve.run.prepare import prepare
-from pdsolve.run.reactions import acting_conditions, compute_reactions
+from pdsolve.run.reactions import compute_reactions, list_acting_conditions
 from pdsolve.run.simulation import resume
-from pdsolve.run.system import Prepared
+from pdsolve.run.system import PreparedRun
 from pdsolve.state import State
 
 H = 0.01
@@ -37,7 +37,7 @@ def cube(side: int, start: tuple[float, ...], delta: float = H) -> NDArray[np.fl
     return np.stack(np.meshgrid(*along, indexing="ij"), axis=-1).reshape(-1, len(start))
 
 
-def pressed(prepared: Prepared, shift: NDArray[np.float64]) -> tuple[NDArray[np.float64], State]:
+def pressed(prepared: PreparedRun, shift: NDArray[np.float64]) -> tuple[NDArray[np.float64], State]:
     """Forces (n, d), N, of contact alone, the second body moved by `shift` (d,) from where it was; and the state."""
     system, _ = prepared
     assert system.contact is not None
@@ -49,7 +49,7 @@ def pressed(prepared: Prepared, shift: NDArray[np.float64]) -> tuple[NDArray[np.
     return out * system.area[:, None], state
 
 
-def on_a_wall(d: int, delta: float = H) -> Prepared:
+def on_a_wall(d: int, delta: float = H) -> PreparedRun:
     """A square or a cube that stands on a larger one."""
     parts = [cube(16, d * (0.0,)), cube(6, (*(d - 1) * (5 * H,), 16 * H), delta)]
     grid = grid_of(parts, H)
@@ -112,7 +112,7 @@ def test_pairs_hold_no_more_than_they_are_allowed_and_what_they_hold_less_is_los
     assert contact._pressed_energies(state).sum() < 1e-12 * before.sum()
 
 
-def closed(crack: bool, contact: bool, side: int = 40) -> tuple[float, Prepared]:
+def closed(crack: bool, contact: bool, side: int = 40) -> tuple[float, PreparedRun]:
     """Force on the top of a unit plate, pressed together by .001, with a crack across half of it; N/m."""
     scene = Scene(box(0, 0, 1, 1), 1 / side, UNIT, run=Run(damping=2.0))
     scene = scene.crack([(0, 0.5 + 0.5 / side), (0.5, 0.5 + 0.5 / side)]) if crack else scene
@@ -122,7 +122,7 @@ def closed(crack: bool, contact: bool, side: int = 40) -> tuple[float, Prepared]
     prepared = prepare(Model(built.grid, built.settings), Options(threads=1))
     steps = int(12 / prepared.system.time_step)
     prepared.advance(1, steps + 1)
-    return compute_reactions(acting_conditions(prepared.system), *prepared, steps, 12.0)[1].force_y, prepared
+    return compute_reactions(list_acting_conditions(prepared.system), *prepared, steps, 12.0)[1].force_y, prepared
 
 
 @pytest.mark.slow
@@ -197,7 +197,7 @@ def test_a_mirror_image_stays_one(G0: float, rigid: bool) -> None:
     system, state = prepared = prepare(Model(grid, settings), Options(threads=1))
     prepared.advance(1, 101)
     x, y = np.round(grid.position / h * 2).astype(int).T
-    order, other, of = np.lexsort((y, x)), np.lexsort((-y, x)), damage(system)
+    order, other, of = np.lexsort((y, x)), np.lexsort((-y, x)), compute_node_damage(system)
     assert (of.max() > 0.5) == (G0 < 1)
     assert np.array_equal(of[order], of[other])
     u = state.value[other] * [1, -1]

@@ -21,7 +21,7 @@ from pdsolve.results import Results
 from pdsolve.run import operator_factory
 from pdsolve.run.prepare import prepare
 from pdsolve.run.simulation import Options, resume, simulate
-from pdsolve.run.system import Prepared
+from pdsolve.run.system import PreparedRun
 
 pytestmark = needs_opencl
 MATERIALS = {
@@ -36,13 +36,13 @@ EVERYWHERE = (-1.0, -1.0, 1.0, 1.0)
 precisions = pytest.mark.parametrize("precision", ["float64", pytest.param("float32", marks=pytest.mark.slow)])
 
 
-def two(model: Model, mode: str = "conservative", precision: str = "float64") -> tuple[Prepared, Prepared]:
+def two(model: Model, mode: str = "conservative", precision: str = "float64") -> tuple[PreparedRun, PreparedRun]:
     """The problem for the processor and for the device."""
     options = Options(mode, precision, threads=1)
     return prepare(model, options), prepare(on_device(model, "opencl"), options)
 
 
-def same(here: Prepared, there: Prepared) -> None:
+def same(here: PreparedRun, there: PreparedRun) -> None:
     """Expect all that a checkpoint has, the broken bonds and the energies to be equal to the last bit."""
     own, other = kept(here), kept(there)
     for name in {*own, *other} - {"worst", "worst_edge", "worst_source", "worst_target"}:

@@ -17,7 +17,7 @@ from pdsolve.operators.simd_lattice.state_based import Families
 from pdsolve.options import Options
 from pdsolve.run.measures import compute_ledger_row
 from pdsolve.run.prepare import prepare
-from pdsolve.run.system import Prepared
+from pdsolve.run.system import PreparedRun
 
 SVK: dict[str, Any] = {"model": "correspondence", "solid": "svk"}
 LAWS: dict[str, dict[str, Any]] = {
@@ -39,7 +39,7 @@ def glass(law: str) -> Material:
     return msgspec.structs.replace(GLASS, **({"nu": 0.2} | LAWS[law]))
 
 
-def gone(problem: Prepared) -> set[tuple[int, int, int]]:
+def gone(problem: PreparedRun) -> set[tuple[int, int, int]]:
     """Step and both nodes of each broken bond."""
     return set(zip(*(column.tolist() for column in problem.system.operator.broken()), strict=True))
 

@@ -18,7 +18,7 @@ from pdsolve.operators.bond_list import BondList
 from pdsolve.operators.space_lattice.state_based import FamiliesInTiles
 from pdsolve.options import Options
 from pdsolve.run.prepare import prepare
-from pdsolve.run.system import Prepared
+from pdsolve.run.system import PreparedRun
 
 H = 1e-3  # m
 GLASS = Material(E=65e9, rho=2235.0, G0=2.0, micromodulus="constant", plane="space", model="ordinary", nu=0.2)
@@ -40,14 +40,14 @@ def body(failure: str = "stretch") -> Model:
     return Model(made.grid, settings)
 
 
-def prepared(kernel: str | None, precision: str = "float64", threads: int = 1, failure: str = "stretch") -> Prepared:
+def prepared(kernel: str | None, precision: str = "float64", threads: int = 1, failure: str = "stretch") -> PreparedRun:
     """The body, in a list or in tiles."""
     found = prepare(body(failure), Options(kernel=kernel, precision=precision, threads=threads))
     assert type(found.system.operator) is (BondList if kernel == "listed" else FamiliesInTiles)
     return found
 
 
-def forces(of: Prepared, u: NDArray[np.float64]) -> NDArray[np.float64]:
+def forces(of: PreparedRun, u: NDArray[np.float64]) -> NDArray[np.float64]:
     """Force densities (n, 3) at displacements u (n, 3), N/m^3; nothing breaks."""
     kind, operator = of.state.value.dtype, of.system.operator
     out = np.zeros(u.shape, kind)
@@ -55,19 +55,19 @@ def forces(of: Prepared, u: NDArray[np.float64]) -> NDArray[np.float64]:
     return out.astype(float)
 
 
-def shaken(size: float, of: Prepared) -> NDArray[np.float64]:
+def shaken(size: float, of: PreparedRun) -> NDArray[np.float64]:
     """Displacements (n, 3) of nodes, m."""
     return np.asarray(size * H * np.random.default_rng(1).uniform(-1, 1, (len(of.system.area), 3)))
 
 
 @pytest.fixture(scope="module")
-def pair() -> tuple[Prepared, Prepared]:
+def pair() -> tuple[PreparedRun, PreparedRun]:
     return prepared("listed"), prepared(None)
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("size", [1e-8, 1e-4, 0.05])
-def test_forces_are_those_of_the_list(pair: tuple[Prepared, Prepared], size: float) -> None:
+def test_forces_are_those_of_the_list(pair: tuple[PreparedRun, PreparedRun], size: float) -> None:
     """Measured: 5e-16, 4e-16 and 4e-16 of the largest; the last have bonds beyond the polynomials. Net: 1e-17."""
     listed, tiles = (forces(one, shaken(size, one)) for one in pair)
     assert np.abs(tiles - listed).max() < 1e-14 * np.abs(listed).max()
@@ -76,14 +76,14 @@ def test_forces_are_those_of_the_list(pair: tuple[Prepared, Prepared], size: flo
 
 
 @pytest.mark.slow
-def test_in_single_precision(pair: tuple[Prepared, Prepared]) -> None:
+def test_in_single_precision(pair: tuple[PreparedRun, PreparedRun]) -> None:
     """Measured: 2.5e-7 of the largest."""
     single, u = prepared(None, "float32"), shaken(1e-4, pair[0])
     listed = forces(pair[0], u.astype(np.float32).astype(float))
     assert np.abs(forces(single, u) - listed).max() < 1e-6 * np.abs(listed).max()
 
 
-def marched(of: Prepared, steps: int) -> tuple[NDArray[np.int64], ...]:
+def marched(of: PreparedRun, steps: int) -> tuple[NDArray[np.int64], ...]:
     of.advance(1, steps + 1)
     return tuple(of.system.operator.broken())
 
@@ -106,7 +106,7 @@ def test_the_same_bonds_break(failure: str) -> None:
 
 
 @pytest.mark.slow
-def test_threads_have_the_same_bits(pair: tuple[Prepared, Prepared]) -> None:
+def test_threads_have_the_same_bits(pair: tuple[PreparedRun, PreparedRun]) -> None:
     u = shaken(1e-4, pair[0])
     assert np.array_equal(forces(pair[1], u), forces(prepared(None, threads=2), u))
 

@@ -152,7 +152,9 @@ def test_an_interrupt_before_the_first_frame_leaves_nothing(
         assert list(tmp_path.iterdir()) == []
 
 
-@pytest.mark.parametrize("place", ["pdsolve.run.simulation.prepare", "pdsolve.run.simulation._advance_and_close"])
+@pytest.mark.parametrize(
+    "place", ["pdsolve.run.simulation.prepare", "pdsolve.run.simulation._advance_to_end_and_close_results"]
+)
 def test_old_results_stay_until_a_run_is_prepared(
     small_plate: Model, small_results: Path, monkeypatch: pytest.MonkeyPatch, place: str
 ) -> None:

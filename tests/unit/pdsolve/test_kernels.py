@@ -16,19 +16,19 @@ from pdsolve.laws.pair_laws import brittle
 from pdsolve.operators.bond_list import BondList
 from pdsolve.options import Options
 from pdsolve.run.prepare import prepare
-from pdsolve.run.system import Prepared
+from pdsolve.run.system import PreparedRun
 from pdsolve.state import State
 from pdsolve.steppers.verlet import Verlet
 
 
-def random_problem(mode: str = "conservative", precision: str = "float64", size: float = 1e-7) -> Prepared:
+def random_problem(mode: str = "conservative", precision: str = "float64", size: float = 1e-7) -> PreparedRun:
     """A two-scale plate with random displacements of this size, m."""
     problem = prepare(plate(two_scale_grid(), run=Run(time_step=1e-8)), Options(mode, precision))
     problem.state.value[:] = size * np.random.default_rng(1).standard_normal(problem.state.value.shape)
     return problem
 
 
-def numpy_forces(problem: Prepared) -> np.ndarray:
+def numpy_forces(problem: PreparedRun) -> np.ndarray:
     """The same from the definition, |xi + eta| - |xi| over |xi|."""
     bonds, u = bonds_of(problem), problem.state.value.astype(float)
     source = np.repeat(np.arange(len(u)), np.diff(bonds.start))

@@ -111,8 +111,8 @@ def test_the_nodes_of_another_model_are_not_gone_on_with(alone: Team, tmp_path: 
             model = torn(steps=20, until=None)
             if not cracked:
                 model = Model(dataclasses.replace(model.grid, cracks=np.empty((0, 4))), model.settings)
-            system = start.prepare_ranks(model, Options(), alone).system
-            assert resuming.has_same_families(system, results) == cracked
+            system = start.prepare_run_on_ranks(model, Options(), alone).system
+            assert resuming.has_same_family_sizes(system, results) == cracked
 
 
 @pytest.mark.parametrize(

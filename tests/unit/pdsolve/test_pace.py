@@ -2,17 +2,17 @@
 
 from __future__ import annotations
 
-from pdsolve.run.pace import PIECE, Pace
+from pdsolve.run.pace import PIECE, StepBatchTimer
 
 
 def test_a_piece_takes_no_longer_than_it_should() -> None:
-    pace = Pace(10**9)  # of which a step is supposed to take 100 s
-    assert pace.choose_step_count(1, 1000) == 1
+    pace = StepBatchTimer(10**9)  # of which a step is supposed to take 100 s
+    assert pace.choose_batch_step_count(1, 1000) == 1
     for each in (1e-3, 0.04, 2.0, 1e-6, 0.01):
-        steps = pace.choose_step_count(1, 1000)
+        steps = pace.choose_batch_step_count(1, 1000)
         pace.record_duration(steps, steps * each)
-        assert 1 <= pace.choose_step_count(1, 1000) <= 1000
-        assert pace.choose_step_count(1, 1000) * each <= max(PIECE, each) * (1 + 1e-9)
-        assert pace.choose_step_count(8, 1000) >= 8
-    assert pace.will_soon_be_done(70)
-    assert not pace.will_soon_be_done(80)
+        assert 1 <= pace.choose_batch_step_count(1, 1000) <= 1000
+        assert pace.choose_batch_step_count(1, 1000) * each <= max(PIECE, each) * (1 + 1e-9)
+        assert pace.choose_batch_step_count(8, 1000) >= 8
+    assert pace.will_finish_soon(70)
+    assert not pace.will_finish_soon(80)

@@ -47,7 +47,7 @@ def at(step: int) -> Progress:
 
 def test_a_bar_stands_at_the_step(monkeypatch: pytest.MonkeyPatch) -> None:
     bar = Bar()
-    monkeypatch.setattr(progress, "progress_bar", lambda *_: bar)
+    monkeypatch.setattr(progress, "make_progress_bar", lambda *_: bar)
     with Watch() as watch:
         for step in (10, 25, 60):
             assert watch(at(step)) is False
@@ -60,7 +60,7 @@ def test_a_line_is_said_after_a_while_and_again(
 ) -> None:
     now = [1000.0]
     monkeypatch.setattr(progress, "time", Part(monotonic=lambda: now[0]))
-    monkeypatch.setattr(progress, "progress_bar", lambda *_: None)
+    monkeypatch.setattr(progress, "make_progress_bar", lambda *_: None)
     with Watch() as watch, Watch(quiet=True) as silent:
         for seconds in (5.0, 10.0, 10.5, 15.0, 21.0):
             now[0] = 1000.0 + seconds
@@ -78,7 +78,7 @@ def test_a_study_counts_what_failed_as_done(
         bars.append(Bar(initial))
         return bars[-1]
 
-    monkeypatch.setattr(of_studies, "progress_bar", new)
+    monkeypatch.setattr(of_studies, "make_progress_bar", new)
     with StudyWatch() as watch:
         for finished, failed in ((3, 1), (5, 1), (5, 4)):
             watch(StudyProgress(20, finished, failed))
@@ -86,7 +86,7 @@ def test_a_study_counts_what_failed_as_done(
     assert bars[0].texts == ["1 failed", "1 failed", "4 failed", "closed"]
     now = [1000.0]
     monkeypatch.setattr(of_studies, "time", Part(monotonic=lambda: now[0]))
-    monkeypatch.setattr(of_studies, "progress_bar", lambda *_, **__: None)
+    monkeypatch.setattr(of_studies, "make_progress_bar", lambda *_, **__: None)
     with StudyWatch() as watch:
         for seconds, finished in ((9.0, 1), (11.0, 2), (12.0, 3), (22.0, 4)):
             now[0] = 1000.0 + seconds

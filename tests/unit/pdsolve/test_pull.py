@@ -39,7 +39,7 @@ def test_a_bond_pulls_both_ends_alike(precision: str) -> None:
     no_fail = plate(pairs, 1.4, material=msgspec.structs.replace(GLASS, G0=1e12))
     problem = prepare(no_fail, Options(precision=precision, threads=1))
     assert problem.system.operator.name == "blocks"
-    assert problem.system.count.tolist() == [1] * 80
+    assert problem.system.initial_bond_counts.tolist() == [1] * 80
     random = np.random.default_rng(0)
     for size in np.geomspace(1e-9, 0.3e-3, 60):  # e from 1e-6 to 0.6
         problem.state.value[:] = size * random.standard_normal((80, 2))

@@ -20,9 +20,9 @@ from pdsolve.model import Model, ModelError
 from pdsolve.options import Options
 from pdsolve.run.measures import compute_ledger_row
 from pdsolve.run.prepare import prepare
-from pdsolve.run.reactions import acting_conditions, compute_reactions
+from pdsolve.run.reactions import compute_reactions, list_acting_conditions
 from pdsolve.run.simulation import resume
-from pdsolve.run.system import Prepared
+from pdsolve.run.system import PreparedRun
 
 H, MASS, V = 0.01, 0.02, 1e-2
 
@@ -35,7 +35,7 @@ def falling(gap: float = 0.5 * H, friction: float = 0.0, run: Run | None = None,
     return Model(built.grid, built.settings)
 
 
-def momentum(prepared: Prepared) -> np.ndarray:
+def momentum(prepared: PreparedRun) -> np.ndarray:
     """Momentum along x and y, and about the origin."""
     system, state = prepared
     mass, x = system.area * system.model.rho, system.model.grid.position + state.value
@@ -118,8 +118,8 @@ def test_a_held_body_keeps_its_velocity_and_its_work_is_booked() -> None:
 @pytest.mark.slow
 def test_the_reaction_of_a_rigid_body_is_its_force_on_what_it_touches() -> None:
     prepared = prepare(falling(), Options(threads=1))
-    (system, state), given = prepared, acting_conditions(prepared.system)
-    assert [grip.kind for grip in given] == ["rigid"]
+    (system, state), given = prepared, list_acting_conditions(prepared.system)
+    assert [grip.condition_kind for grip in given] == ["rigid"]
     rows, pushed, before = system.model.grid.bodies.number == 1, 0.0, -V  # type: ignore[union-attr]
     for step in range(1, 301):
         prepared.advance(step, step + 1)

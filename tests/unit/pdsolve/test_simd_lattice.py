@@ -23,9 +23,9 @@ from pdsolve.operators.simd_lattice.operator import SimdLattice
 from pdsolve.options import Options
 from pdsolve.run.measures import compute_ledger_row
 from pdsolve.run.prepare import prepare
-from pdsolve.run.recorder import breaks_since, restore_state
+from pdsolve.run.recorder import list_breaks_since, restore_state
 from pdsolve.run.simulation import simulate
-from pdsolve.run.system import Prepared
+from pdsolve.run.system import PreparedRun
 
 SOFT = msgspec.structs.replace(GLASS, law="bilinear", kr=2.0)
 
@@ -75,13 +75,13 @@ def test_a_whole_run(name: str, mode: str, law: str) -> None:
     )
 
 
-def blocks_of(problem: Prepared) -> Blocks:
+def blocks_of(problem: PreparedRun) -> Blocks:
     """The arrays of the fast kernel."""
     assert isinstance(problem.system.operator, SimdLattice)
     return problem.system.operator.blocks
 
 
-def stretched(problem: Prepared, strain: float) -> None:
+def stretched(problem: PreparedRun, strain: float) -> None:
     """Put the plate, at rest, under this strain along x."""
     problem.state.value[:] = 0
     problem.state.value[:, 0] = strain * problem.system.model.grid.position[:, 0]
@@ -108,13 +108,13 @@ def test_bonds_that_have_softened_stay_so_when_they_are_let_go(mode: str) -> Non
     assert not nearly(fast.state.second, new.state.second, 0.05)  # measured 0.095 and 0.12
     assert nearly(fast.system.operator.energies(fast.state)[1], listed.system.operator.energies(listed.state)[1], 1e-12)
     assert fast.system.operator.energies(fast.state)[1].max() > 0
-    restore_state(*again, 2, kept(fast), breaks_since(fast.system, 0))
+    restore_state(*again, 2, kept(fast), list_breaks_since(fast.system, 0))
     assert flags.any()
     assert np.array_equal(of_again, flags)
     for problem in (fast, again):
         problem.advance(3, 6)
     assert fast.state.second.tobytes() == again.state.second.tobytes()
-    restore_state(*fast, 0, at_rest, breaks_since(fast.system, 0))
+    restore_state(*fast, 0, at_rest, list_breaks_since(fast.system, 0))
     assert not flags.any()
     assert not of_new.any()
 
@@ -215,7 +215,7 @@ def test_bonds_are_found_by_their_ends(name: str, mode: str) -> None:
     problem = prepare(plate(GRIDS[name]), Options(mode))
     blocks = blocks_of(problem)
     bonds = bonds_of(problem)
-    source = np.repeat(np.arange(len(problem.system.count)), np.diff(bonds.start))
+    source = np.repeat(np.arange(len(problem.system.initial_bond_counts)), np.diff(bonds.start))
     numbers = layout.find(blocks, blocks.mask, source, bonds.neighbour.astype(np.int64))
     assert np.array_equal(np.sort(numbers), layout.there(blocks.mask))
     for found, expected in zip(layout.ends(blocks, numbers), (source, bonds.neighbour), strict=True):

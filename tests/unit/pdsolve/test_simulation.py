@@ -21,8 +21,8 @@ from pdmesh.model.document import Run
 from pdsolve.model import Model, ModelError, ModelWarning
 from pdsolve.results import Breaks, Results, ResultsError
 from pdsolve.run.estimate import estimate_run
-from pdsolve.run.measures import CRACKED, count_pieces, damage
-from pdsolve.run.recorder import breaks_since, restore_state
+from pdsolve.run.measures import CRACKED, compute_node_damage, count_pieces
+from pdsolve.run.recorder import list_breaks_since, restore_state
 from pdsolve.run.simulation import Options, Progress, UnstableError, prepare, resume, simulate
 
 
@@ -88,7 +88,7 @@ def test_a_watcher_sees_progress(small_plate: Model) -> None:
     steps = [progress.step for progress in seen]  # more of them where steps take long
     assert steps == sorted(steps)
     assert {20, 40, 60} <= set(steps)
-    assert seen[-1].broken > 0
+    assert seen[-1].broken_bond_count > 0
 
 
 def test_too_large_a_step_is_stopped_and_told(small_plate: Model, tmp_path: Path) -> None:
@@ -151,15 +151,15 @@ def test_a_torn_problem_goes_back(small_plate: Model, kernel: str) -> None:
     """Bonds that broke later are whole again, and the way from there is the same to the last bit."""
     problem = prepare(bilinear(small_plate), Options(kernel=kernel))
     problem.advance(1, 41)
-    before, broke = kept(problem), breaks_since(problem.system, 0)
+    before, broke = kept(problem), list_breaks_since(problem.system, 0)
     problem.advance(41, 61)
-    after = problem.state.value.copy(), breaks_since(problem.system, 0)
+    after = problem.state.value.copy(), list_breaks_since(problem.system, 0)
     assert 0 < len(broke.step) < len(after[1].step)
     restore_state(*problem, 40, before, broke)
-    assert breaks_since(problem.system, 0).step.tolist() == broke.step.tolist()
+    assert list_breaks_since(problem.system, 0).step.tolist() == broke.step.tolist()
     problem.advance(41, 61)
     assert np.array_equal(problem.state.value, after[0])
-    assert all(np.array_equal(*columns) for columns in zip(breaks_since(problem.system, 0), after[1], strict=True))
+    assert all(np.array_equal(*columns) for columns in zip(list_breaks_since(problem.system, 0), after[1], strict=True))
 
 
 def test_a_checkpoint_of_another_version_is_refused(small_plate: Model, tmp_path: Path) -> None:
@@ -226,8 +226,8 @@ def test_pieces_are_not_joined_by_cracked_nodes(kernel: str) -> None:
     ids = problem.system.model.grid.ids
     broke = Breaks(np.ones(inside.sum(), dtype=np.int64), ids[source[inside]], ids[target[inside]])
     restore_state(*problem, 1, kept(problem), broke)
-    assert damage(problem.system)[between].min() > CRACKED
-    assert damage(problem.system)[~between].max() == 0
+    assert compute_node_damage(problem.system)[between].min() > CRACKED
+    assert compute_node_damage(problem.system)[~between].max() == 0
     for side in (column < 9, column > 11):
         assert (between[source] & side[target]).sum() > 100
     assert count_pieces(problem.system) == 2

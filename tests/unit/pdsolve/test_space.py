@@ -118,7 +118,7 @@ def test_what_is_said_of_a_run_is_what_it_does(model: str) -> None:
         system.time_step,
         system.stable_time_step,
     )
-    assert said.in_blocks == (model == "bond") == (system.operator.name == "blocks")
+    assert said.uses_block_kernels == (model == "bond") == (system.operator.name == "blocks")
 
 
 @pytest.mark.slow

@@ -136,7 +136,7 @@ def test_a_crack_between_its_mirror_images_grows_straight(grown: Path) -> None:
 def test_a_run_interrupted_in_its_first_load_step_goes_on_to_the_same_bits(tmp_path: Path) -> None:
     path, model = tmp_path / "stopped.sqlite", cantilever(Static(), conditions=(FOOT, PULL))
     with pytest.raises(KeyboardInterrupt):
-        simulate(model, path, Options(threads=1), lambda progress: progress.going is not None)
+        simulate(model, path, Options(threads=1), lambda progress: progress.load_step_progress is not None)
     resume(path, 1).close()
     with simulate(model, None, Options(threads=1)) as results, Results.open(path) as others:
         assert results.history().tolist() == others.history().tolist()
@@ -148,7 +148,7 @@ def test_an_interrupted_run_goes_on_to_the_same_bits(grown: Path, tmp_path: Path
     path = tmp_path / "stopped.sqlite"
 
     def stop(progress: Progress) -> bool:
-        return progress.step >= 4 and progress.going is not None
+        return progress.step >= 4 and progress.load_step_progress is not None
 
     with pytest.raises(KeyboardInterrupt):
         simulate(cantilever(), path, Options(threads=1), stop)
@@ -303,7 +303,7 @@ def test_bonds_that_soften_are_followed() -> None:
 
 def test_a_plan_breaks_nothing() -> None:
     found = estimate_run(cantilever(), Options(threads=1))
-    assert (found.steps, found.at_rest) == (6, True)
+    assert (found.steps, found.steps_are_load_steps) == (6, True)
     assert found.wall_time > 0
 
 
@@ -366,7 +366,7 @@ def test_iterations_are_those_that_were_allowed() -> None:
     seen: list[int] = []
 
     def look(now: Progress) -> bool:
-        seen.extend([] if now.going is None else [now.going.iterations])
+        seen.extend([] if now.load_step_progress is None else [now.load_step_progress.iterations])
         return False
 
     with pytest.raises(UnsettledError, match=naming("1 iterations", "Newton", expected="load steps")) as error:

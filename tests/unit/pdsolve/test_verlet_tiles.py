@@ -15,7 +15,7 @@ from pdsolve.conditions import damping
 from pdsolve.model import Model
 from pdsolve.options import Options
 from pdsolve.run.prepare import prepare
-from pdsolve.run.system import Prepared
+from pdsolve.run.system import PreparedRun
 from pdsolve.steppers import verlet_tiles
 from pdsolve.steppers.verlet import Verlet
 from pdsolve.steppers.verlet_tiles import VerletTiles
@@ -38,7 +38,7 @@ def driven(rate: float = 0.0) -> Model:
     return changed(block, conditions=conditions, run=msgspec.structs.replace(block.settings.run, damping=rate))
 
 
-def started(model: Model, threads: int = 1) -> Prepared:
+def started(model: Model, threads: int = 1) -> PreparedRun:
     """A body whose nodes fly apart, so that bonds soften and break in each step."""
     prepared = prepare(model, Options(threads=threads))
     velocity = np.random.default_rng(1).standard_normal(prepared.state.rate.shape)
@@ -46,7 +46,7 @@ def started(model: Model, threads: int = 1) -> Prepared:
     return prepared
 
 
-def outcome(prepared: Prepared) -> list[np.ndarray]:
+def outcome(prepared: PreparedRun) -> list[np.ndarray]:
     """All arrays that steps change."""
     operator, state = prepared.system.operator, prepared.state
     broken = operator.broken()

@@ -19,7 +19,7 @@ from pdmesh.model.materials.solids import SOLIDS
 from pdsolve.model import ModelError
 from pdsolve.options import Options
 from pdsolve.run.prepare import prepare
-from pdsolve.run.static_start import bring_to_rest_at_start
+from pdsolve.run.static_start import start_in_static_equilibrium
 
 SHARED = {"E", "rho", "G0", "critical_stretch", "nu", "alpha", "T0", "model", "micromodulus", "plane", "sight"}
 SHARED |= {"gamma", "failure", "calibration", "coarse"}
@@ -68,7 +68,7 @@ def test_what_goes_with_what_is_prepared(name: str, where: str) -> None:
     model = plate(CRACKED, 3, material=material, conditions=held, **({} if run is None else {"run": run}))
     found = prepare(model, Options("thesis" if run is None else "conservative"))
     if where == "static start":
-        bring_to_rest_at_start(found)
+        start_in_static_equilibrium(found)
     assert found.system.directed_bond_count > 0
 
 
@@ -84,6 +84,6 @@ def test_what_does_not_is_refused() -> None:
             material = msgspec.structs.replace(GLASS, **changes)
             model = plate(CRACKED, 3, material=material, **({} if run is None else {"run": run}))
             with pytest.raises(ModelError):
-                bring_to_rest_at_start(prepare(model, Options("thesis" if run is None else "conservative")))
+                start_in_static_equilibrium(prepare(model, Options("thesis" if run is None else "conservative")))
             refused += 1
     assert refused > 40

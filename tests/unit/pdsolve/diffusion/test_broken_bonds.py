@@ -18,7 +18,7 @@ from pdmesh.model.medium import Medium
 from pdsolve.model import Model, ModelError
 from pdsolve.run.prepare import prepare
 from pdsolve.run.simulation import Options, resume, simulate
-from pdsolve.run.system import Prepared
+from pdsolve.run.system import PreparedRun
 from pdsolve.state import Broken
 
 H, CELLS = 1e-3, 14  # m
@@ -27,7 +27,7 @@ HOT, COLD = 400.0, 300.0  # K, at the first and the last node along x
 ONE = Options(threads=1)
 
 
-def strip(share: float, dimension: int, ratio: float, corrected: bool = True, **run: object) -> Prepared:
+def strip(share: float, dimension: int, ratio: float, corrected: bool = True, **run: object) -> PreparedRun:
     """A strip whose ends are held at two temperatures, with all bonds across its middle broken."""
     counts = (CELLS, 3, 3)[:dimension]
     axes = np.meshgrid(*[H * (np.arange(count) + 0.5) for count in counts], indexing="ij")
@@ -50,9 +50,9 @@ def strip(share: float, dimension: int, ratio: float, corrected: bool = True, **
     return found
 
 
-def along(found: Prepared) -> NDArray[np.float64]:
+def along(found: PreparedRun) -> NDArray[np.float64]:
     """The mean temperatures (CELLS,) across a strip."""
-    return np.asarray(found.system.coupled[0].state.value[:, 0].reshape(-1, CELLS).mean(axis=0))
+    return np.asarray(found.system.coupled_runs[0].state.value[:, 0].reshape(-1, CELLS).mean(axis=0))
 
 
 @pytest.mark.parametrize("dimension", [2, 3])

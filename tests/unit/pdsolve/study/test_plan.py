@@ -23,7 +23,7 @@ def test_a_run_is_taken_by_the_process_that_is_free_first(runs: list[float], wor
 def promised(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, times: int, kept: bool = True) -> dict[str, float]:
     """What repetitions of the Duran plate are said to take by two processes, on the machine of the estimate."""
     for module in (plan, estimate):
-        monkeypatch.setattr(module, "machine_slowdown", lambda: 1.0)
+        monkeypatch.setattr(module, "measure_machine_slowdown", lambda: 1.0)
     monkeypatch.setattr(plan, "cores", lambda: 2)
     monkeypatch.setattr(jit_cache, "is_kept", lambda: kept)
     path = tmp_path / "study.toml"
