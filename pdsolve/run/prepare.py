@@ -190,8 +190,8 @@ def _prepare_plate_zone(model: Model, options: Options, scheme: Scheme) -> Prepa
         stepper=FusedMarch(shown),
         drive=shown.engine.drive,
         area=shown.area,
-        family=shown.counts[1],
-        count=shown.counts[0],
+        family=shown.initial_bond_counts_and_family_sizes[1],
+        count=shown.initial_bond_counts_and_family_sizes[0],
         time_step=float(shown.engine.lattice.dt),
         stable_time_step=bound,
         initial_energy=shown.ledger_totals().kinetic,
@@ -204,7 +204,7 @@ def _prepare_cell_splitting(model: Model, options: Options, scheme: Scheme) -> P
     """A prepared model whose cells can split; none has yet. Raises ModelError for an unsupported one."""
     tree = create_tree(model, scheme.name, options.precision, options.kernel)
     cells = tree.roots()
-    now = tree.model_of(cells)
+    now = tree.model_of_leaves(cells)
     bonds, threads = create_leaf_bonds(scheme.by_pairs(now)), threads_of(options, len(model.grid), False)
     operator = LeafOperator(tree, cells, now, bonds, scheme, threads)
     bound = SURE[scheme.name] * largest_stable_step(operator.stiffness_bound(), now.rho) / 2**tree.levels
@@ -220,7 +220,9 @@ def _prepare_body_zone(model: Model, options: Options, scheme: Scheme) -> Prepar
     options = options._replace(threads=threads)
     bound = largest_stable_step(operator.stiffness_bound(), operator.model.rho)
     steps, driven = (choose_time_step(model, bound), bound), create_current_drive(operator, 0.0)
-    rest = assemble_system(operator.model, options, scheme, operator, operator.counted, *steps, conditions=driven)
+    rest = assemble_system(
+        operator.model, options, scheme, operator, operator.volumes_and_bond_counts, *steps, conditions=driven
+    )
     return _set_initial_velocity(rest, model, initial_velocity(model)[operator.rows])
 
 

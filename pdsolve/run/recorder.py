@@ -168,7 +168,7 @@ def _swell_restored_bonds(system: System, stepper: Swelling, state: State) -> No
     """Swell the bonds of a restored system; nodes at the border of a fine zone move with that."""
     stepper.swell()
     if system.hybrid is not None:
-        system.hybrid.copy_to(state)
+        system.hybrid.copy_to_state(state)
 
 
 class RunHistory(NamedTuple):

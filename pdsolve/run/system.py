@@ -141,7 +141,7 @@ class Prepared(NamedTuple):
 
 def with_moved_zone(system: System, zone_operator: Moving) -> System:
     """The system of changed nodes of the same plate."""
-    count, family = zone_operator.counts
+    count, family = zone_operator.initial_bond_counts_and_family_sizes
     stepper: Stepper = FusedMarch(zone_operator)
     if isinstance(system.stepper, SwellingZone):
         assert isinstance(zone_operator, HybridOperator)

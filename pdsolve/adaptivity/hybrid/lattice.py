@@ -27,43 +27,48 @@ IDLE, FREE, BORDER = 0, 1, 2  # nodes; those on the border move with coarser one
 class Numbering(NamedTuple):
     """A rectangle of nx by ny fine cells, both even."""
 
-    nx: int
-    ny: int
-    stride: int  # places from a fine node to the one above
-    places: int  # of fine nodes
+    fine_cells_x: int
+    fine_cells_y: int
+    fine_stride: int  # places from a fine node to the one above
+    fine_place_count: int  # of fine nodes
     coarse_stride: int
-    coarse_places: int
+    coarse_place_count: int
     far_stride: int
-    far_places: int
+    far_place_count: int
     cell_stride: int
-    cells: int
+    cell_count: int
 
 
-def number_plate(nx: int, ny: int) -> Numbering:
+def create_numbering(fine_cells_x: int, fine_cells_y: int) -> Numbering:
     """The numbering of a plate of nx by ny fine cells."""
-    stride, coarse, far = (ROW * -(-(LEFT + count + 1 + BELOW) // ROW) for count in (nx, nx // 2, nx // 4))
-    rows, coarse_rows, far_rows = ny + 1 + 2 * BELOW, *(count + 1 + 2 * BELOW_COARSE for count in (ny // 2, ny // 4))
-    cells = nx // 2 + 2 * AROUND
-    places = rows * stride, coarse_rows * coarse, far_rows * far, cells * (ny // 2 + 2 * AROUND)
-    return Numbering(nx, ny, stride, places[0], coarse, places[1], far, places[2], cells, places[3])
+    stride, coarse, far = (
+        ROW * -(-(LEFT + count + 1 + BELOW) // ROW) for count in (fine_cells_x, fine_cells_x // 2, fine_cells_x // 4)
+    )
+    rows, coarse_rows, far_rows = (
+        fine_cells_y + 1 + 2 * BELOW,
+        *(count + 1 + 2 * BELOW_COARSE for count in (fine_cells_y // 2, fine_cells_y // 4)),
+    )
+    cells = fine_cells_x // 2 + 2 * AROUND
+    places = rows * stride, coarse_rows * coarse, far_rows * far, cells * (fine_cells_y // 2 + 2 * AROUND)
+    return Numbering(fine_cells_x, fine_cells_y, stride, places[0], coarse, places[1], far, places[2], cells, places[3])
 
 
 @njit(forceinline=True, **INNER)
 def fine_place(numbering, ix, iy):  # type: ignore[no-untyped-def]
     """The place p of the fine node (ix, iy)."""
-    return (iy + BELOW) * numbering.stride + LEFT + ix
+    return (iy + BELOW) * numbering.fine_stride + LEFT + ix
 
 
 @njit(forceinline=True, **INNER)
 def fine_column(numbering, p):  # type: ignore[no-untyped-def]
     """The column ix of the fine node at place p."""
-    return p % numbering.stride - LEFT
+    return p % numbering.fine_stride - LEFT
 
 
 @njit(forceinline=True, **INNER)
 def fine_row(numbering, p):  # type: ignore[no-untyped-def]
     """The row iy of the fine node at place p."""
-    return p // numbering.stride - BELOW
+    return p // numbering.fine_stride - BELOW
 
 
 @njit(forceinline=True, **INNER)
