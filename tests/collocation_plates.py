@@ -76,7 +76,7 @@ def _accelerations(lattice, zone):  # type: ignore[no-untyped-def]
     steps.sum_forces_of_fine_rows(lattice, zone, 0, len(zone.rows_with_fine_nodes))
     found = zone.f / (lattice.rho * lattice.h**2)
     steps.sum_coarse_accelerations(lattice, zone)
-    for q in zone.coarse_places:
+    for q in zone.active_coarse_places:
         found[:, q] = zone.f[:, q]
     return found
 

@@ -151,7 +151,7 @@ def _collocation(engine: CollocationEngine, seam: float) -> Marching:
 
 def _hybrid(hybrid: HybridEngine, model: Model, seam: float) -> Marching:
     """Cells are fine left of the seam alone."""
-    zone, wide = hybrid.zone, hybrid.plate.numbering.cell_stride
+    zone, wide = hybrid.zone, hybrid.plate.numbering.cell_row_stride
     cell = np.arange(hybrid.plate.numbering.cell_count)
     left = (
         (2 * hybrid.plate.spacing * (cell % wide - AROUND) < seam)

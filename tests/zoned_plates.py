@@ -151,13 +151,13 @@ def zoned(
     hybrid = shown.engine
     numbering = hybrid.plate.numbering
     cell = np.arange(numbering.cell_count)
-    wanted = fine(cell % numbering.cell_stride - 6, cell // numbering.cell_stride - 6) & (
+    wanted = fine(cell % numbering.cell_row_stride - 6, cell // numbering.cell_row_stride - 6) & (
         hybrid.zone.cell_kinds != VOID
     )
     hybrid.zone.cell_kinds[hybrid.zone.cell_kinds == FINE] = COARSE
     hybrid.zone.cell_kinds[wanted] = FINE
     if far is not None:
-        x, y = (one - 6 for one in (cell % numbering.cell_stride, cell // numbering.cell_stride))
+        x, y = (one - 6 for one in (cell % numbering.cell_row_stride, cell // numbering.cell_row_stride))
         inside = (x >= 0) & (y >= 0) & (x < numbering.fine_cells_x // 4 * 2) & (y < numbering.fine_cells_y // 4 * 2)
         hybrid.zone.cell_kinds[inside & far(x // 2, y // 2)] = FAR
     return again(hybrid)

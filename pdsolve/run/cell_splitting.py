@@ -115,7 +115,7 @@ class CellSplitting:
         bonds = (
             create_leaf_bonds(rule)
             if origins is None
-            else update_leaf_bonds(rule, model, leaf_operator(system).filled, origins)
+            else update_leaf_bonds(rule, model, leaf_operator(system).leaf_bonds, origins)
         )
         operator = LeafOperator(tree, cells, model, bonds, system.scheme, threads)
         steps = system.time_step, system.stable_time_step

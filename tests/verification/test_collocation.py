@@ -24,7 +24,7 @@ from pdmesh.model.document import Collocation, Run
 from pdsolve.adaptivity.collocation.engine import CollocationEngine
 from pdsolve.adaptivity.collocation.layout import EDGE, KNOWN, WHOLE, dilate_mask
 from pdsolve.adaptivity.collocation.zone import BETWEEN, COARSE, FINE
-from pdsolve.adaptivity.hybrid.springs import fine_springs
+from pdsolve.adaptivity.hybrid.springs import create_fine_springs
 from pdsolve.codegen.vector_code import ROW
 from pdsolve.errors import UnstableError
 from pdsolve.options import Options
@@ -89,7 +89,7 @@ def test_a_linear_field_is_at_rest_and_a_quadratic_one_nearly(ratio: int, error:
     """Residual 1e-14 of C11 grad u over h; at u_x = x^2 coarse nodes are exact, and fine ones off by what
     interpolating costs, in 2.4 E: measured 0.129, 0.077, 0.045 and 0.022; a reference has the numbers above."""
     engine = ragged(ratio)
-    springs = fine_springs(STEEL, ratio, H)
+    springs = create_fine_springs(STEEL, ratio, H)
     c11, c66 = springs.c11, springs.c66
     lattice, zone, position = engine.lattice, engine.zone, H * places(engine)
     clean, active = sound(engine), engine.active_places()
@@ -160,11 +160,11 @@ def test_a_crack_takes_fine_nodes_with_it() -> None:
     there is of energy, and fine nodes come where the crack goes; on as many threads as one likes."""
     model = torn("collocation", ratio=8.0, steps=150, damping=0.0)
     problem, engine = prepared(model)
-    share, cut = engine.zone_summary().fine_share, engine.zone.cut_bits.copy()
+    share, cut = engine.zone_summary().fine_share, engine.zone.cut_bond_bits.copy()
     for last in range(10, 151, 10):
         problem.advance(last - 9, last + 1)
-        assert np.all(engine.zone.cut_bits & cut == cut)
-        cut = engine.zone.cut_bits.copy()
+        assert np.all(engine.zone.cut_bond_bits & cut == cut)
+        cut = engine.zone.cut_bond_bits.copy()
     told = engine.zone_summary()
     assert told.fine_share > share + 0.05
     assert 0.5 < told.clipped_stretch < 1

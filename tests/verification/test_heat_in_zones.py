@@ -108,7 +108,9 @@ def test_a_cell_that_becomes_fine_has_its_temperature_at_once() -> None:
     zone, numbering = operator.engine.zone, operator.engine.plate.numbering
     before = float(zone.totals.refinement_energy)
     cell = np.arange(numbering.cell_count)
-    new = np.flatnonzero((zone.cell_kinds == COARSE) & (cell % numbering.cell_stride > numbering.cell_stride // 2))
+    new = np.flatnonzero(
+        (zone.cell_kinds == COARSE) & (cell % numbering.cell_row_stride > numbering.cell_row_stride // 2)
+    )
     zone.new_cells[: len(new)], zone.counts.new_cells, zone.cell_kinds[new] = new, len(new), FINE
     operator.engine.compute_initial_forces()
     change = find_zone_change(plate.system)

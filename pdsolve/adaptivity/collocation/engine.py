@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -172,7 +172,8 @@ class CollocationEngine:
 
     def _strain_and_kinetic_energy_of_coarse_nodes(self) -> float:
         return self._strain_and_kinetic_energy_at_places(
-            self.zone.coarse_places, self._energy_densities_of_rows_and_coarse_nodes(self.zone.rows_with_fine_nodes[:0])
+            self.zone.active_coarse_places,
+            self._energy_densities_of_rows_and_coarse_nodes(self.zone.rows_with_fine_nodes[:0]),
         )
 
     def active_places(self) -> NDArray[np.int64]:
@@ -214,8 +215,9 @@ class CollocationEngine:
         """Arrays for a checkpoint, from which a run continues bit by bit."""
         zone, places = self.zone, self.active_places()
         broken = self.break_events()
-        checkpoint = {f"break_{name}": column.copy() for name, column in broken._asdict().items()}
-        checkpoint |= pulls_to_arrays(broken.step, broken.pull, broken.growth)
+        columns = ("break_step", broken.step), ("break_node", broken.node), ("break_spring", broken.bond_number)
+        checkpoint: dict[str, NDArray[Any]] = {name: column.copy() for name, column in columns}
+        checkpoint |= pulls_to_arrays(broken.step, broken.force_at_break, broken.stretch_growth_at_break)
         checkpoint |= {
             name: field[:, places].copy()
             for name, field in (("fine_u", zone.u), ("fine_v", zone.v), ("fine_a", zone.a))
@@ -224,7 +226,7 @@ class CollocationEngine:
         checkpoint |= {
             "total": zone.totals.values(),
             "number": zone.counts.values(),
-            "coarse": zone.coarse_places.copy(),
+            "coarse": zone.active_coarse_places.copy(),
         }
         checkpoint |= {"spent": zone.node_dissipation[places].copy(), "damped": zone.damped_energy[places].copy()}
         return checkpoint | {"places": places, "own_work": self.work[places].copy()}
@@ -233,14 +235,14 @@ class CollocationEngine:
         """Restore a checkpoint, beginning with the initial state. Raises CheckpointError."""
         lattice, active = self.lattice, np.zeros(self.lattice.numbering.place_count, dtype=np.bool_)
         coarse = entry(checkpoint, "coarse", (None,), np.int64)
-        if not np.isin(coarse, self.zone.coarse_places).all():
+        if not np.isin(coarse, self.zone.active_coarse_places).all():
             raise CheckpointError("coarse nodes are none at the start; they must be some of those")
         active[coarse] = True
         breaks = self._read_checkpoint_breaks(checkpoint)
-        node, spring = breaks.node.astype(np.int64), breaks.spring.astype(np.int64)
+        node, spring = breaks.node.astype(np.int64), breaks.bond_number.astype(np.int64)
         half = len(lattice.neighbour_offsets) // 2
         for ends, k in ((node, spring), (node + lattice.neighbour_offsets[spring], spring + half)):
-            np.bitwise_or.at(self.zone.cut_bits, (ends // ROW, k), (1 << (ends % ROW)).astype(np.uint16))
+            np.bitwise_or.at(self.zone.cut_bond_bits, (ends // ROW, k), (1 << (ends % ROW)).astype(np.uint16))
             kinds = self.zone.simd_row_kinds
             kinds[ends // ROW] = np.maximum(kinds[ends // ROW], 1)
         self.zone = zone_with_active_coarse_nodes(lattice, self.plate, self.zone, active, self.settings.seam_damping)
@@ -281,12 +283,12 @@ class CollocationEngine:
             entry(checkpoint, "break_spring", step.shape, np.int32, 0, half - 1),
             *read_pulls(checkpoint, len(step)),
         )
-        node, spring = breaks.node.astype(np.int64), breaks.spring.astype(np.int64)
+        node, spring = breaks.node.astype(np.int64), breaks.bond_number.astype(np.int64)
         target = node + lattice.neighbour_offsets[spring]
         has_node = np.zeros(lattice.numbering.place_count, dtype=np.bool_)
         has_node[self.plate.place_of_grid_row] = True
         inside = has_node[node] & (target >= 0) & (target < len(has_node)) & has_node[target.clip(0, len(has_node) - 1)]
-        intact = self.zone.cut_bits[node // ROW, spring] >> (node % ROW).astype(np.uint16) & 1 == 0
+        intact = self.zone.cut_bond_bits[node // ROW, spring] >> (node % ROW).astype(np.uint16) & 1 == 0
         if not (inside & intact).all() or len(np.unique(node * half + spring)) < len(node):
             raise CheckpointError("a broken bond is none of the plate, or there twice")
         return breaks

@@ -82,7 +82,7 @@ class CollocationPlate(NamedTuple):
     place_of_grid_row: NDArray[np.int64]  # (n,) of each row of the grid
     grid_row_at_place: NDArray[np.int32]  # (places,) of the grid, -1 without a node
     node_areas: NDArray[np.float64]  # (n,) of nodes, m^2
-    cut_bits: NDArray[np.uint16]  # (places / 16, k) a bit for each bond that is cut or broken
+    cut_bond_bits: NDArray[np.uint16]  # (places / 16, k) a bit for each bond that is cut or broken
     precrack_cut_counts: NDArray[np.int64]  # (places,) bonds that pre-cracks cut
     has_full_family: NDArray[np.bool_]  # (places,) nodes whose family is whole and uncut
     has_condition: NDArray[np.bool_]  # (places,) nodes that are loaded, held or do not break
@@ -108,7 +108,7 @@ def create_constants_and_plate(
 ) -> tuple[LatticeConstants, CollocationPlate]:
     """Constant arrays of a plate, before its time step is chosen. Raises GridError, ModelError."""
     h, material = float(model.grid.delta[0]), model.materials[0]
-    n = springs.table[:, :2] * np.sqrt(springs.table[:, 4:5])
+    n = springs.spring_table[:, :2] * np.sqrt(springs.spring_table[:, 4:5])
     ways = springs.family_dy * numbering.row_stride + springs.family_dx
     row = np.full(numbering.place_count, -1, dtype=np.int32)
     row[place_of_grid_row] = np.arange(len(place_of_grid_row))
@@ -127,7 +127,7 @@ def create_constants_and_plate(
         spacing=h,
         rho=material.rho,
         dt=0.0,
-        spring_table=np.ascontiguousarray(springs.table),
+        spring_table=np.ascontiguousarray(springs.spring_table),
         squared_direction_components=np.ascontiguousarray(n**2),
         neighbour_offsets=ways,
         cell_area_share=area_share,
@@ -183,10 +183,10 @@ def dilate_mask(marked: NDArray[np.bool_], numbering: Numbering, reach: int) -> 
     return near
 
 
-def classify_rows(lattice: LatticeConstants, cut_bits: NDArray[np.uint16]) -> NDArray[np.uint8]:
+def classify_rows(lattice: LatticeConstants, cut_bond_bits: NDArray[np.uint16]) -> NDArray[np.uint8]:
     """Kind of each row of 16 places."""
     at_edge = np.where(lattice.edge_row_stiffness_index >= 0, KNOWN, EDGE)
-    return np.where(mask_edge_rows(lattice), at_edge, np.where(cut_bits.any(axis=1), CUT, WHOLE)).astype(np.uint8)
+    return np.where(mask_edge_rows(lattice), at_edge, np.where(cut_bond_bits.any(axis=1), CUT, WHOLE)).astype(np.uint8)
 
 
 def mask_edge_rows(lattice: LatticeConstants) -> NDArray[np.bool_]:
@@ -217,7 +217,7 @@ def _cut_bonds_across_holes(
     lattice: LatticeConstants,
     springs: Springs,
     grid_row_at_place: NDArray[np.int32],
-    cut_bits: NDArray[np.uint16],
+    cut_bond_bits: NDArray[np.uint16],
 ) -> NDArray[np.bool_]:
     """Remove the bonds that a hole or the outline separates; returns a mask (places,) of their nodes."""
     numbering, hidden = lattice.numbering, np.zeros(lattice.numbering.place_count, dtype=np.bool_)
@@ -240,37 +240,37 @@ def _cut_bonds_across_holes(
             grid_row_at_place[around[in_plate]].astype(np.int64),
             grid_row_at_place[neighbours[in_plate]].astype(np.int64),
         )
-        length = np.full(len(i), float(np.hypot(*springs.table[k, :2])))
+        length = np.full(len(i), float(np.hypot(*springs.spring_table[k, :2])))
         parted = ~sight.inside(Pairs(i, j, length))
         for ends, spring in (
             (around[in_plate][parted], k),
             (neighbours[in_plate][parted], k + len(lattice.neighbour_offsets) // 2),
         ):
-            np.bitwise_or.at(cut_bits, (ends // ROW, spring), (1 << (ends % ROW)).astype(np.uint16))
+            np.bitwise_or.at(cut_bond_bits, (ends // ROW, spring), (1 << (ends % ROW)).astype(np.uint16))
             hidden[ends] = True
     return hidden
 
 
 @cached_njit(error_model="numpy")
-def _cut_bonds_across_precracks(lattice, cut_bits, places, cracks, precrack_cut_counts):  # type: ignore[no-untyped-def]
+def _cut_bonds_across_precracks(lattice, cut_bond_bits, places, cracks, precrack_cut_counts):  # type: ignore[no-untyped-def]
     """Cut and count the bonds of these nodes that cross a pre-crack."""
     numbering = lattice.numbering
     for p in places:
         ix, iy = p % numbering.row_stride - numbering.left_margin, p // numbering.row_stride - numbering.row_margin
         for k in range(len(lattice.neighbour_offsets)):
-            if lattice.cell_area_share[0, p + lattice.neighbour_offsets[k]] == 0 or is_bond_cut(cut_bits, p, k):
+            if lattice.cell_area_share[0, p + lattice.neighbour_offsets[k]] == 0 or is_bond_cut(cut_bond_bits, p, k):
                 continue
             x, y = (
                 ix + np.round(lattice.spring_table[k, 0] / lattice.spacing),
                 iy + np.round(lattice.spring_table[k, 1] / lattice.spacing),
             )
             if not is_visible(cracks, ix, iy, x, y):
-                mark_bond_cut(cut_bits, p, k)
+                mark_bond_cut(cut_bond_bits, p, k)
                 precrack_cut_counts[p] += 1
 
 
 @cached_njit(error_model="numpy")
-def _store_surface_correction_and_full_families(lattice, cut_bits, places, full_family):  # type: ignore[no-untyped-def]
+def _store_surface_correction_and_full_families(lattice, cut_bond_bits, places, full_family):  # type: ignore[no-untyped-def]
     """Store the energy of a full family over that of these nodes, and mark the nodes with a whole family."""
     full_x, full_y = 0.0, 0.0
     for k in range(len(lattice.neighbour_offsets)):
@@ -281,7 +281,7 @@ def _store_surface_correction_and_full_families(lattice, cut_bits, places, full_
         held_x, held_y, is_full = 0.0, 0.0, lattice.cell_area_share[0, p] == 1
         for k in range(len(lattice.neighbour_offsets)):
             share = lattice.cell_area_share[0, p + lattice.neighbour_offsets[k]]
-            if share == 0 or is_bond_cut(cut_bits, p, k):
+            if share == 0 or is_bond_cut(cut_bond_bits, p, k):
                 is_full = False
                 continue
             is_full &= share == 1
@@ -295,12 +295,12 @@ def _store_surface_correction_and_full_families(lattice, cut_bits, places, full_
 
 
 @cached_njit(error_model="numpy")
-def is_bond_cut(cut_bits, p, k):  # type: ignore[no-untyped-def]
+def is_bond_cut(cut_bond_bits, p, k):  # type: ignore[no-untyped-def]
     """Whether bond k of a node is cut or broken."""
-    return (np.int64(cut_bits[p // 16, k]) >> (p % 16)) & 1 != 0
+    return (np.int64(cut_bond_bits[p // 16, k]) >> (p % 16)) & 1 != 0
 
 
 @cached_njit(error_model="numpy")
-def mark_bond_cut(cut_bits, p, k):  # type: ignore[no-untyped-def]
+def mark_bond_cut(cut_bond_bits, p, k):  # type: ignore[no-untyped-def]
     """Mark bond k of node p as cut."""
-    cut_bits[p // 16, k] = np.uint16(np.int64(cut_bits[p // 16, k]) | (1 << (p % 16)))
+    cut_bond_bits[p // 16, k] = np.uint16(np.int64(cut_bond_bits[p // 16, k]) | (1 << (p % 16)))

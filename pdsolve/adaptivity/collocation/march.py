@@ -43,7 +43,7 @@ def _kick_and_drift(lattice, zone, drive, time):  # type: ignore[no-untyped-def]
                 for axis in range(2):
                     v[axis, p] += dt / 2 * a[axis, p]
                     u[axis, p] += dt * v[axis, p]
-    for p in zone.coarse_places:
+    for p in zone.active_coarse_places:
         for axis in range(2):
             v[axis, p] += dt / 2 * a[axis, p]
             u[axis, p] += dt * v[axis, p]
@@ -68,7 +68,7 @@ def mark_stretched_coarse_pairs(lattice, zone, kappa):  # type: ignore[no-untype
     stretch = np.sqrt(1 + lattice.limit_strain) - 1
     hot = kappa * stretch * (kappa * stretch + 2)
     u, any_hot = zone.u, False
-    for q in zone.coarse_places:
+    for q in zone.active_coarse_places:
         for s in range(len(lattice.stencil_offsets)):
             j = q + lattice.stencil_offsets[s]
             x, y = u[0, j] - u[0, q], u[1, j] - u[1, q]
@@ -87,7 +87,7 @@ def mark_stretched_coarse_pairs(lattice, zone, kappa):  # type: ignore[no-untype
 def sum_coarse_accelerations(lattice, zone):  # type: ignore[no-untyped-def]
     """Accelerations of active coarse nodes from their stencils."""
     u = zone.u
-    for q in zone.coarse_places:
+    for q in zone.active_coarse_places:
         x, y = 0.0, 0.0
         for s in range(len(lattice.stencil_offsets)):
             j = q + lattice.stencil_offsets[s]
@@ -107,10 +107,10 @@ def sum_forces_of_fine_rows(lattice, zone, first, last):  # type: ignore[no-unty
 def _sum_forces_of_row(lattice, zone, row):  # type: ignore[no-untyped-def]
     """Add the forces on the nodes of one row; returns a bit for each node with a bond over its bound."""
     over, exact = store_row_forces(
-        lattice, zone.cut_bits, zone.simd_row_kinds[row], zone.break_and_accuracy_bounds, zone.u, zone.f, row
+        lattice, zone.cut_bond_bits, zone.simd_row_kinds[row], zone.break_and_accuracy_bounds, zone.u, zone.f, row
     )
     if not exact:
-        store_row_forces_by_square_roots(lattice, zone.cut_bits, zone.simd_row_kinds[row], zone.u, zone.f, row)
+        store_row_forces_by_square_roots(lattice, zone.cut_bond_bits, zone.simd_row_kinds[row], zone.u, zone.f, row)
     return over
 
 
@@ -155,10 +155,10 @@ def _add_forces_of_newly_broken_bonds(lattice, zone, step):  # type: ignore[no-u
     breaks, n = zone.break_events, zone.counts.broken_bonds
     while n > 0 and breaks.step[n - 1] >= step - 1:
         n -= 1
-        p, k = breaks.node[n], breaks.spring[n]
+        p, k = breaks.node[n], breaks.bond_number[n]
         stretch, before, _ = _stretch_now_before_and_limit(lattice, zone, p, k)
-        share = 1.0 if breaks.step[n] == step else second_share(breaks.growth[n], stretch - before)
-        _add_force_of_broken_bond(lattice, zone, p, k, breaks.pull[n] * share / (1 + stretch))
+        share = 1.0 if breaks.step[n] == step else second_share(breaks.stretch_growth_at_break[n], stretch - before)
+        _add_force_of_broken_bond(lattice, zone, p, k, breaks.force_at_break[n] * share / (1 + stretch))
 
 
 @njit(**INNER)
@@ -200,9 +200,9 @@ def _break_bond_and_book_energy(lattice, zone, step, p, k):  # type: ignore[no-u
     break_bond(lattice, zone, p, k)
     zone.has_new_breaks[p // ROW] = zone.has_new_breaks[j // ROW] = 1
     zone.break_events.step[count] = step
-    zone.break_events.node[count], zone.break_events.spring[count] = (p, k) if k < half else (j, k - half)
-    zone.break_events.pull[count] = added_force(lattice.bond_law, stretch, before, 0.0, limit, limit)
-    zone.break_events.growth[count] = stretch - before
+    zone.break_events.node[count], zone.break_events.bond_number[count] = (p, k) if k < half else (j, k - half)
+    zone.break_events.force_at_break[count] = added_force(lattice.bond_law, stretch, before, 0.0, limit, limit)
+    zone.break_events.stretch_growth_at_break[count] = stretch - before
     zone.counts.broken_bonds += 1
     if zone.node_kinds[j] != FINE:
         zone.counts.refinement_due = 1
@@ -234,7 +234,7 @@ def _finish_kicks(lattice, zone, drive, work):  # type: ignore[no-untyped-def]
                     load, before = drive.force[p, axis], drive.before[p, axis]
                     _kick_component(lattice, zone, p, axis, zone.f[axis, p] * light + load / lattice.rho, dt)
                     work[p] += (before + load) / 2 * (dt * (v[axis, p] - dt / 2 * a[axis, p]))
-    for p in zone.coarse_places:
+    for p in zone.active_coarse_places:
         for axis in range(2):
             _kick_component(lattice, zone, p, axis, zone.f[axis, p], dt)
 
@@ -312,9 +312,9 @@ def store_strain_energy_densities(lattice, zone, rows, densities):  # type: igno
     """
     interpolate_fictitious_nodes(zone, zone.u)
     for row in rows:
-        store_row_energy_densities(lattice, zone.cut_bits, zone.simd_row_kinds[row], zone.u, densities, row)
+        store_row_energy_densities(lattice, zone.cut_bond_bits, zone.simd_row_kinds[row], zone.u, densities, row)
     u = zone.u
-    for q in zone.coarse_places:
+    for q in zone.active_coarse_places:
         energy = 0.0
         for s in range(len(lattice.stencil_offsets)):
             j = q + lattice.stencil_offsets[s]

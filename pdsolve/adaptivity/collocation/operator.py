@@ -43,7 +43,7 @@ class CollocationOperator(TwoLatticeOperator[CollocationEngine]):
         self._switches = int(engine.zone.counts.refinements)
         # as they are now: the bonds of the start are asked for while others march
         self._cut, self._before = (
-            engine.zone.cut_bits.copy(),
+            engine.zone.cut_bond_bits.copy(),
             BreakEvents._make(column.copy() for column in engine.break_events()),
         )
 
@@ -165,7 +165,7 @@ class CollocationOperator(TwoLatticeOperator[CollocationEngine]):
         sources, targets = [], []
         places_of_kind = places[self._kind[places] == FINE]
         node, k = _list_intact_bonds(
-            lattice, self._cut if start else self.engine.zone.cut_bits, self._kind, places_of_kind
+            lattice, self._cut if start else self.engine.zone.cut_bond_bits, self._kind, places_of_kind
         )
         sources.append(places_of_kind[node])
         targets.append(places_of_kind[node] + lattice.neighbour_offsets[k])
@@ -198,26 +198,26 @@ class CollocationOperator(TwoLatticeOperator[CollocationEngine]):
 
 
 @cached_njit(error_model="numpy")
-def _count_intact_bonds(lattice, cut_bits, node_kinds, places):  # type: ignore[no-untyped-def]
+def _count_intact_bonds(lattice, cut_bond_bits, node_kinds, places):  # type: ignore[no-untyped-def]
     """Number of bonds of each place to active nodes that are neither cut nor broken."""
     counts = np.zeros(len(places), dtype=np.int64)
     for n in range(len(places)):
         for k in range(len(lattice.neighbour_offsets)):
             neighbour_kind = node_kinds[places[n] + lattice.neighbour_offsets[k]]
-            if neighbour_kind in (FINE, COARSE) and not is_bond_cut(cut_bits, places[n], k):
+            if neighbour_kind in (FINE, COARSE) and not is_bond_cut(cut_bond_bits, places[n], k):
                 counts[n] += 1
     return counts
 
 
 @cached_njit(error_model="numpy")
-def _list_intact_bonds(lattice, cut_bits, node_kinds, places):  # type: ignore[no-untyped-def]
+def _list_intact_bonds(lattice, cut_bond_bits, node_kinds, places):  # type: ignore[no-untyped-def]
     """Intact bonds of some places to active nodes: the place of each bond and its index in the family."""
-    count = _count_intact_bonds(lattice, cut_bits, node_kinds, places).sum()
+    count = _count_intact_bonds(lattice, cut_bond_bits, node_kinds, places).sum()
     node, spring, at = np.zeros(count, dtype=np.int64), np.zeros(count, dtype=np.int64), 0
     for n in range(len(places)):
         for k in range(len(lattice.neighbour_offsets)):
             neighbour_kind = node_kinds[places[n] + lattice.neighbour_offsets[k]]
-            if neighbour_kind in (FINE, COARSE) and not is_bond_cut(cut_bits, places[n], k):
+            if neighbour_kind in (FINE, COARSE) and not is_bond_cut(cut_bond_bits, places[n], k):
                 node[at], spring[at] = n, k
                 at += 1
     return node, spring

@@ -15,7 +15,7 @@ from pdsolve.adaptivity.collocation.operator import CollocationOperator
 from pdsolve.adaptivity.collocation.simd_rows import largest_stiffness_bound
 from pdsolve.adaptivity.collocation.zone import create_collocation_zone, mask_eligible_coarse
 from pdsolve.adaptivity.hybrid.coarse_cells import check_model_supported, create_unsupported_error
-from pdsolve.adaptivity.hybrid.springs import fine_springs
+from pdsolve.adaptivity.hybrid.springs import create_fine_springs
 from pdsolve.conditions import drive, initial_velocity
 from pdsolve.model import Model
 from pdsolve.operators.stencils import StencilError, elastic, longest, stencil_of
@@ -41,7 +41,7 @@ def create_collocation_operator_and_stable_step(
     if ratio < LEAST:
         raise create_unsupported_error(model, "$.horizon.ratio", f"{ratio:g}", f"at least {LEAST:g}")
     h = float(model.grid.delta[0])
-    springs = fine_springs(material, ratio, h)
+    springs = create_fine_springs(material, ratio, h)
     try:
         stencil = stencil_of(ratio / 2, elastic(springs.c11, springs.c66, 2), 2)
     except StencilError as error:
@@ -56,7 +56,7 @@ def create_collocation_operator_and_stable_step(
     # of fine nodes: those at edges, and one full family for all others
     odd = np.flatnonzero((plate.grid_row_at_place >= 0) & ~plate.has_full_family)
     stiffness = largest_stiffness_bound(
-        lattice, plate.cut_bits, np.concatenate([odd, np.flatnonzero(plate.has_full_family)[:1]])
+        lattice, plate.cut_bond_bits, np.concatenate([odd, np.flatnonzero(plate.has_full_family)[:1]])
     )
     bound = min(float(np.sqrt(2 * lattice.rho / stiffness)), longest(stencil, 2 * h, material.rho))
     lattice = lattice._replace(dt=choose_step(model, bound))

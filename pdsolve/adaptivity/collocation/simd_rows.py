@@ -21,7 +21,7 @@ G0, G1, G2, G3, G4, G5, G6, G7, G8, G9, G10 = coefficients("float64")[1]
 
 
 @njit(forceinline=True, **INNER)
-def _lane_stiffness(lattice, cut_bits, u, row_kind, p, row, k, lane, surface_correction):  # type: ignore[no-untyped-def]
+def _lane_stiffness(lattice, cut_bond_bits, u, row_kind, p, row, k, lane, surface_correction):  # type: ignore[no-untyped-def]
     """Stiffness of bond k in the lanes from place p on, 0 without one; `surface_correction` is that of these nodes."""
     if row_kind == KNOWN:
         w = stacked(
@@ -35,7 +35,7 @@ def _lane_stiffness(lattice, cut_bits, u, row_kind, p, row, k, lane, surface_cor
     else:
         w = same(u, lattice.spring_table[k, 5])
     if row_kind != WHOLE:
-        w = w * intact(cut_bits, u, row, k, lane)
+        w = w * intact(cut_bond_bits, u, row, k, lane)
     return w
 
 
@@ -55,12 +55,12 @@ def surface_corrected_stiffness(lattice, p, k, surface_correction):  # type: ign
 
 
 @njit(forceinline=True, **INNER)
-def _force_factor_polynomial(e):  # type: ignore[no-untyped-def]
+def _force_factor_polynomial(quadratic_strain):  # type: ignore[no-untyped-def]
     """g(e) for |e| up to WIDE."""
-    narrow = (((G5 * e + G4) * e + G3) * e + G2) * e + G1
-    wide = (((G10 * e + G9) * e + G8) * e + G7) * e + G6
-    e2 = e * e
-    return (wide * (e2 * e2 * e) + narrow) * e + G0
+    narrow = (((G5 * quadratic_strain + G4) * quadratic_strain + G3) * quadratic_strain + G2) * quadratic_strain + G1
+    wide = (((G10 * quadratic_strain + G9) * quadratic_strain + G8) * quadratic_strain + G7) * quadratic_strain + G6
+    e2 = quadratic_strain * quadratic_strain
+    return (wide * (e2 * e2 * quadratic_strain) + narrow) * quadratic_strain + G0
 
 
 @njit(forceinline=True, **INNER)
@@ -73,7 +73,7 @@ def _relative_displacement_and_quadratic_strain(lattice, u, displacement, p, k):
 
 
 @njit(**INNER)
-def store_row_forces(lattice, cut_bits, row_kind, e_bounds, u, f, row):  # type: ignore[no-untyped-def]
+def store_row_forces(lattice, cut_bond_bits, row_kind, e_bounds, u, f, row):  # type: ignore[no-untyped-def]
     """Forces (2, places), N/m, on the nodes of a row; returns a bit for each with a bond over its limit, and exactness.
 
     `e_bounds` (2, places) are the e beyond which a bond breaks and the e^2 beyond which the polynomial is not exact.
@@ -90,7 +90,7 @@ def store_row_forces(lattice, cut_bits, row_kind, e_bounds, u, f, row):  # type:
         most, widest = none, none
         for k in range(len(lattice.neighbour_offsets)):
             x, y, e = _relative_displacement_and_quadratic_strain(lattice, u, displacement, p, k)
-            w = _lane_stiffness(lattice, cut_bits, u, row_kind, p, row, k, lane, surface_correction)
+            w = _lane_stiffness(lattice, cut_bond_bits, u, row_kind, p, row, k, lane, surface_correction)
             if row_kind != WHOLE:
                 e = unless_none(w, e, none)
             most, widest = larger(e, most), larger(e * e, widest)
@@ -104,7 +104,7 @@ def store_row_forces(lattice, cut_bits, row_kind, e_bounds, u, f, row):  # type:
 
 
 @njit(**INNER)
-def store_row_forces_by_square_roots(lattice, cut_bits, row_kind, u, f, row):  # type: ignore[no-untyped-def]
+def store_row_forces_by_square_roots(lattice, cut_bond_bits, row_kind, u, f, row):  # type: ignore[no-untyped-def]
     """Forces (2, places), N/m, on the nodes of a row by square roots, exact for any stretch."""
     none = same(u, 0.0)
     for lane in range(0, ROW, across(u)):
@@ -117,7 +117,7 @@ def store_row_forces_by_square_roots(lattice, cut_bits, row_kind, u, f, row):  #
         )
         for k in range(len(lattice.neighbour_offsets)):
             x, y, e = _relative_displacement_and_quadratic_strain(lattice, u, displacement, p, k)
-            w = _lane_stiffness(lattice, cut_bits, u, row_kind, p, row, k, lane, surface_correction)
+            w = _lane_stiffness(lattice, cut_bond_bits, u, row_kind, p, row, k, lane, surface_correction)
             e = unless_none(w, e, none)
             q2 = e + 1.0
             pull = w * (e / (q2 + np.sqrt(q2)))
@@ -126,7 +126,7 @@ def store_row_forces_by_square_roots(lattice, cut_bits, row_kind, u, f, row):  #
 
 
 @njit(**INNER)
-def store_row_energy_densities(lattice, cut_bits, row_kind, u, densities, row):  # type: ignore[no-untyped-def]
+def store_row_energy_densities(lattice, cut_bond_bits, row_kind, u, densities, row):  # type: ignore[no-untyped-def]
     """Energy densities (1, places), J/m^3, of the nodes of a row: half of each bond's."""
     none, part = same(u, 0.0), 0.25 / lattice.spacing**2
     for lane in range(0, ROW, across(u)):
@@ -138,7 +138,7 @@ def store_row_energy_densities(lattice, cut_bits, row_kind, u, densities, row): 
         )
         for k in range(len(lattice.neighbour_offsets)):
             _, _, e = _relative_displacement_and_quadratic_strain(lattice, u, displacement, p, k)
-            w = _lane_stiffness(lattice, cut_bits, u, row_kind, p, row, k, lane, surface_correction)
+            w = _lane_stiffness(lattice, cut_bond_bits, u, row_kind, p, row, k, lane, surface_correction)
             e = unless_none(w, e, none)
             stretch = e / (np.sqrt(e + 1.0) + 1.0)
             energy = energy + w * (stretch * stretch) * (part / lattice.spring_table[k, 4])
@@ -185,9 +185,9 @@ def quadratic_strain_one_step_ago(lattice, u, v, p, k):  # type: ignore[no-untyp
 def break_bond(lattice, zone, p, k):  # type: ignore[no-untyped-def]
     """Break bond k of node p at both of its ends."""
     half = len(lattice.neighbour_offsets) // 2
-    mark_bond_cut(zone.cut_bits, p, k)
+    mark_bond_cut(zone.cut_bond_bits, p, k)
     j = p + lattice.neighbour_offsets[k]
-    mark_bond_cut(zone.cut_bits, j, k + half if k < half else k - half)
+    mark_bond_cut(zone.cut_bond_bits, j, k + half if k < half else k - half)
     for row in (p // ROW, j // ROW):
         if zone.simd_row_kinds[row] == WHOLE:
             zone.simd_row_kinds[row] = CUT
@@ -201,20 +201,20 @@ def is_bond_over_limit(lattice, zone, u, p, k):  # type: ignore[no-untyped-def]
     j = p + lattice.neighbour_offsets[k]
     return not (
         lattice.cell_area_share[0, j] == 0
-        or is_bond_cut(zone.cut_bits, p, k)
+        or is_bond_cut(zone.cut_bond_bits, p, k)
         or lattice.no_fail[p]
         or lattice.no_fail[j]
     )
 
 
 @cached_njit(error_model="numpy")
-def largest_stiffness_bound(lattice, cut_bits, places):  # type: ignore[no-untyped-def]
+def largest_stiffness_bound(lattice, cut_bond_bits, places):  # type: ignore[no-untyped-def]
     """The largest row sum of stiffness of these nodes, N/m^4 (see `pdsolve.bonds.assembly.stiffness_bound`)."""
     most = 0.0
     for p in places:
         xx, yy, xy = 0.0, 0.0, 0.0
         for k in range(len(lattice.neighbour_offsets)):
-            if lattice.cell_area_share[0, p + lattice.neighbour_offsets[k]] == 0 or is_bond_cut(cut_bits, p, k):
+            if lattice.cell_area_share[0, p + lattice.neighbour_offsets[k]] == 0 or is_bond_cut(cut_bond_bits, p, k):
                 continue
             pull = bond_stiffness_over_own_cell_share(lattice, p, k) * lattice.spring_table[k, 4] / lattice.spacing**2
             x, y = lattice.spring_table[k, 0], lattice.spring_table[k, 1]

@@ -37,7 +37,7 @@ def assemble_tangent(
     fine = active[node_kinds[active] == FINE]
     room = len(fine) * len(lattice.neighbour_offsets)
     node, k, pull = np.zeros(room, dtype=np.int64), np.zeros(room, dtype=np.int64), np.zeros(room)
-    count = _list_fine_bonds(lattice, zone.cut_bits, fine, node, k, pull)
+    count = _list_fine_bonds(lattice, zone.cut_bond_bits, fine, node, k, pull)
     node, k, pull = node[:count], k[:count], pull[:count]
     xi = lattice.spring_table[k, :2]
     pull *= np.sqrt((xi**2).sum(axis=1)) / lattice.spacing**2
@@ -56,13 +56,13 @@ def assemble_tangent(
 
 
 @cached_njit(error_model="numpy")
-def _list_fine_bonds(lattice, cut_bits, places, node, spring, stiffness):  # type: ignore[no-untyped-def]
+def _list_fine_bonds(lattice, cut_bond_bits, places, node, spring, stiffness):  # type: ignore[no-untyped-def]
     """Fill the list of bonds; returns how many there are."""
     count = 0
     for n in range(len(places)):
         p = places[n]
         for k in range(len(lattice.neighbour_offsets)):
-            if lattice.cell_area_share[0, p + lattice.neighbour_offsets[k]] == 0 or is_bond_cut(cut_bits, p, k):
+            if lattice.cell_area_share[0, p + lattice.neighbour_offsets[k]] == 0 or is_bond_cut(cut_bond_bits, p, k):
                 continue
             node[count], spring[count], stiffness[count] = n, k, bond_stiffness_over_own_cell_share(lattice, p, k)
             count += 1

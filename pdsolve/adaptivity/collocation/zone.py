@@ -38,9 +38,9 @@ class BreakEvents(NamedTuple):
 
     step: NDArray[np.int32]
     node: NDArray[np.int32]  # place of one of both nodes
-    spring: NDArray[np.int32]  # its number among those of that node
-    pull: NDArray[np.float64]  # force over stiffness with which it broke
-    growth: NDArray[np.float64]  # of its stretch in that step
+    bond_number: NDArray[np.int32]  # its number among those of that node
+    force_at_break: NDArray[np.float64]  # force over stiffness with which it broke
+    stretch_growth_at_break: NDArray[np.float64]  # of its stretch in that step
 
 
 class Totals(Record):
@@ -67,11 +67,11 @@ class CollocationZone(NamedTuple):
     v: NDArray[np.float64]  # (2, places) m/s; within a step the mean since the last one
     a: NDArray[np.float64]  # (2, places) m/s^2
     f: NDArray[np.float64]  # (2, places) N/m
-    cut_bits: NDArray[np.uint16]  # (places / 16, k) a bit for each bond that is cut or broken
+    cut_bond_bits: NDArray[np.uint16]  # (places / 16, k) a bit for each bond that is cut or broken
     simd_row_kinds: NDArray[np.uint8]  # (places / 16,) of rows
     node_kinds: NDArray[np.uint8]  # (places,) NONE, FINE, COARSE or BETWEEN
     rows_with_fine_nodes: NDArray[np.int64]  # (r,) rows of 16 places with active fine nodes
-    coarse_places: NDArray[np.int64]  # (c,) places of active coarse nodes
+    active_coarse_places: NDArray[np.int64]  # (c,) places of active coarse nodes
     fictitious_nodes: NDArray[
         np.int64
     ]  # (b, 5) places of fictitious nodes that bonds reach, and of those they are between
@@ -170,11 +170,11 @@ def create_collocation_zone(
         v=v,
         a=a,
         f=f,
-        cut_bits=plate.cut_bits,
-        simd_row_kinds=classify_rows(lattice, plate.cut_bits),
+        cut_bond_bits=plate.cut_bond_bits,
+        simd_row_kinds=classify_rows(lattice, plate.cut_bond_bits),
         node_kinds=np.zeros(places, dtype=np.uint8),
         rows_with_fine_nodes=nothing,
-        coarse_places=nothing,
+        active_coarse_places=nothing,
         fictitious_nodes=nothing.reshape(0, 5),
         node_dissipation=spent,
         damping=damping,
@@ -214,7 +214,7 @@ def zone_with_active_coarse_nodes(
     return zone._replace(
         node_kinds=node,
         rows_with_fine_nodes=rows,
-        coarse_places=np.flatnonzero(node == COARSE),
+        active_coarse_places=np.flatnonzero(node == COARSE),
         fictitious_nodes=between,
         damping=damping,
         break_and_accuracy_bounds=np.where(

@@ -24,9 +24,9 @@ from pdmesh.model.refused_settings import impossible
 from pdmesh.model.selection import components, given_of
 from pdmesh.model.values_at_places import largest
 from pdmesh.model.values_of_place import Value, is_of_place
-from pdsolve.adaptivity.hybrid.coarse_cells import create_hybrid_plate, initial_cells, precrack_tips
+from pdsolve.adaptivity.hybrid.coarse_cells import create_hybrid_plate, initial_cell_kinds, precrack_tips
 from pdsolve.adaptivity.hybrid.lattice import COARSE, FINE
-from pdsolve.adaptivity.hybrid.springs import springs_of_materials
+from pdsolve.adaptivity.hybrid.springs import create_springs_of_materials
 from pdsolve.errors import LateZoneError, UnstableError
 from pdsolve.model import Model, ModelError, ModelNote
 from pdsolve.options import Options
@@ -118,8 +118,8 @@ def _choose_with_reason(model: Model, options: Options) -> tuple[Adapt, str]:
 def predict_zone_size_and_cost(model: Model, options: Options) -> ZoneSizeAndCostPrediction:
     """Predicts what a moving fine zone will cost. Raises ModelError for a model that the method does not support."""
     plate = create_hybrid_plate(model, options.mode)
-    springs = springs_of_materials(model.materials, model.settings.horizon.ratio, plate.spacing)
-    cells = initial_cells(plate, int(np.abs(springs[0].family_dx).max()))
+    springs = create_springs_of_materials(model.materials, model.settings.horizon.ratio, plate.spacing)
+    cells = initial_cell_kinds(plate, int(np.abs(springs[0].family_dx).max()))
     fine, coarse = (int(np.count_nonzero(cells == kind)) for kind in (FINE, COARSE))
     begins = fine / max(fine + coarse, 1)
     q = _estimate_largest_strain(model) / (

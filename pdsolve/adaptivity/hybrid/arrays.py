@@ -60,7 +60,7 @@ class LatticeConstants(NamedTuple):
         np.uint8
     ]  # (q,) coarse bonds that no pre-crack cuts, of the first four springs: inverted
     edge_cut_position: NDArray[np.float64]  # (2, q) where a pre-crack cuts the edge to the east, and to the north; or 0
-    cut_cells: NDArray[np.bool_]  # (c,) cells that a pre-crack crosses
+    is_cell_cut: NDArray[np.bool_]  # (c,) cells that a pre-crack crosses
     precrack_segments: NDArray[np.float64]  # (j, 4) segments in fine spacings
 
 
@@ -148,9 +148,9 @@ class BreakEvents(NamedTuple):
 
     step: NDArray[np.int32]
     node: NDArray[np.int64]
-    spring: NDArray[np.int32]
-    pull: NDArray[np.float64]  # force with which it broke over |xi|, N/m^2
-    growth: NDArray[np.float64]  # of its stretch in that step
+    bond_number: NDArray[np.int32]
+    force_at_break: NDArray[np.float64]  # force with which it broke over |xi|, N/m^2
+    stretch_growth_at_break: NDArray[np.float64]  # of its stretch in that step
 
 
 class Counts(Record):

@@ -52,8 +52,8 @@ def _mark_damaged_node(zone, p):  # type: ignore[no-untyped-def]
 def _record_break(zone, step, p, k, pull, growth):  # type: ignore[no-untyped-def]
     """Record a bond that breaks with a `pull` after some `growth` of its stretch."""
     n = zone.counts.broken_bonds
-    zone.break_events.step[n], zone.break_events.node[n], zone.break_events.spring[n] = step, p, k
-    zone.break_events.pull[n], zone.break_events.growth[n] = pull, growth
+    zone.break_events.step[n], zone.break_events.node[n], zone.break_events.bond_number[n] = step, p, k
+    zone.break_events.force_at_break[n], zone.break_events.stretch_growth_at_break[n] = pull, growth
     zone.counts.broken_bonds += 1
 
 
@@ -150,11 +150,11 @@ def add_second_pulls_of_broken_bonds(lattice, zone, u, step):  # type: ignore[no
         n -= 1
     while n > 0 and breaks.step[n - 1] == step - 1:
         n -= 1
-        p, k = breaks.node[n], breaks.spring[n]
+        p, k = breaks.node[n], breaks.bond_number[n]
         j, x, y = p + lattice.neighbour_offsets[k], lattice.spring_table[k, 0], lattice.spring_table[k, 1]
         eta_x, eta_y = displaced(u, fine.half_shrinkage, x, y, p, j)
         now = stretch_from_quadratic_strain(spring_quadratic_strain(lattice.spring_table, k, eta_x, eta_y))
         growth = now - _stretch_one_step_ago(lattice, fine, p, j, k, eta_x, eta_y)
-        pull = breaks.pull[n] * second_share(breaks.growth[n], growth) / (1 + now)
+        pull = breaks.force_at_break[n] * second_share(breaks.stretch_growth_at_break[n], growth) / (1 + now)
         fine.f[0, p] += pull * (x + eta_x)
         fine.f[1, p] += pull * (y + eta_y)

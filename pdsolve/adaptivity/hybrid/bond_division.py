@@ -11,8 +11,6 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-NEAR = 1e-9  # of a cell: places this near to a line between cells are on it
-
 
 class BondPart(NamedTuple):
     """The part of a bond in one cell."""
@@ -76,9 +74,3 @@ def _shares_at_cell_line_crossings(start: int, step: int) -> list[float]:
     low, high = sorted((start, start + step))
     shares = ((line - start) / step for line in range(low + low % 2, high + 1, 2))
     return [share for share in shares if 0 < share < 1]
-
-
-def cell_line_below(coordinate: float) -> tuple[int, float]:
-    """The line between cells at or below a coordinate in cells, and the share of a cell beyond it."""
-    below = int(coordinate // 1) if coordinate % 1 < 1 - NEAR else int(coordinate // 1) + 1
-    return below, 0.0 if abs(coordinate - below) < NEAR else coordinate - below

@@ -74,7 +74,7 @@ class HybridPlate(NamedTuple):
             return self.listed_nodes.place_of_grid_row[rows]
         y, x = np.divmod(rows, self.node_counts[0])
         return np.asarray(
-            (y + BELOW + self.first_node_indices[1]) * self.numbering.fine_stride
+            (y + BELOW + self.first_node_indices[1]) * self.numbering.fine_row_stride
             + LEFT
             + self.first_node_indices[0]
             + x
@@ -84,7 +84,7 @@ class HybridPlate(NamedTuple):
         """Rows of the grid at fine places (k,) with nodes."""
         if self.listed_nodes is not None:
             return self.listed_nodes.grid_row_at_place[places].astype(np.int64)
-        y, x = np.divmod(places, self.numbering.fine_stride)
+        y, x = np.divmod(places, self.numbering.fine_row_stride)
         return np.asarray(
             (y - BELOW - self.first_node_indices[1]) * self.node_counts[0] + x - LEFT - self.first_node_indices[0]
         )
@@ -111,32 +111,36 @@ class HybridPlate(NamedTuple):
         """Mask (k,) of the fine places with a node."""
         if self.listed_nodes is not None:
             return np.asarray(self.listed_nodes.grid_row_at_place[places] >= 0)
-        y, x = np.divmod(places, self.numbering.fine_stride)
+        y, x = np.divmod(places, self.numbering.fine_row_stride)
         y, x = y - BELOW - self.first_node_indices[1], x - LEFT - self.first_node_indices[0]
         return np.asarray((y >= 0) & (y < self.node_counts[1]) & (x >= 0) & (x < self.node_counts[0]))
 
     def grid_rows_in_lattice_rows(self, first_row: int, end_row: int) -> NDArray[np.int64]:
         """Rows (end_row - first_row, stride) of the grid at the fine places of these rows, -1 without a node."""
-        places = np.arange(first_row * self.numbering.fine_stride, end_row * self.numbering.fine_stride)
-        return np.where(self.has_node(places), self.grid_rows_at(places), -1).reshape(-1, self.numbering.fine_stride)
+        places = np.arange(first_row * self.numbering.fine_row_stride, end_row * self.numbering.fine_row_stride)
+        return np.where(self.has_node(places), self.grid_rows_at(places), -1).reshape(
+            -1, self.numbering.fine_row_stride
+        )
 
     def mask_nodes_in_lattice_rows(self, first_row: int, end_row: int) -> NDArray[np.bool_]:
         """Whether there are nodes at these places, as in `grid_rows_in_lattice_rows`."""
         if self.listed_nodes is not None:
-            return self.listed_nodes.grid_row_at_place.reshape(-1, self.numbering.fine_stride)[first_row:end_row] >= 0
+            return (
+                self.listed_nodes.grid_row_at_place.reshape(-1, self.numbering.fine_row_stride)[first_row:end_row] >= 0
+            )
         (x, y), (nx, ny) = self.first_node_indices, self.node_counts
-        row, column = np.arange(first_row, end_row) - BELOW - y, np.arange(self.numbering.fine_stride) - LEFT - x
+        row, column = np.arange(first_row, end_row) - BELOW - y, np.arange(self.numbering.fine_row_stride) - LEFT - x
         return np.asarray(np.logical_and.outer((row >= 0) & (row < ny), (column >= 0) & (column < nx)))
 
     def area_shares_in_lattice_rows(self, first_row: int, end_row: int) -> NDArray[np.float64]:
         """Areas of the cells of nodes at these places over h^2, 0 without a node, as in `grid_rows_in_lattice_rows`."""
         if self.listed_nodes is not None:
-            rows = self.listed_nodes.grid_row_at_place.reshape(-1, self.numbering.fine_stride)[first_row:end_row]
+            rows = self.listed_nodes.grid_row_at_place.reshape(-1, self.numbering.fine_row_stride)[first_row:end_row]
             return np.where(rows >= 0, self.listed_nodes.cell_area_share[rows], 0.0)
         (x, y), (nx, ny) = self.first_node_indices, self.node_counts
         along, across = (
-            np.zeros(self.numbering.fine_stride),
-            np.zeros(self.numbering.fine_place_count // self.numbering.fine_stride),
+            np.zeros(self.numbering.fine_row_stride),
+            np.zeros(self.numbering.fine_place_count // self.numbering.fine_row_stride),
         )
         along[LEFT + x : LEFT + x + nx], across[BELOW + y : BELOW + y + ny] = (
             _cell_shares_along_side(nx),
@@ -146,7 +150,7 @@ class HybridPlate(NamedTuple):
 
     def material_numbers_in_lattice_rows(self, first_row: int, end_row: int) -> NDArray[np.uint8]:
         """Numbers of the materials of nodes at these places, 0 without one, as in `grid_rows_in_lattice_rows`."""
-        materials = np.zeros((end_row - first_row, self.numbering.fine_stride), dtype=np.uint8)
+        materials = np.zeros((end_row - first_row, self.numbering.fine_row_stride), dtype=np.uint8)
         if self.model.settings.regions:
             rows = self.grid_rows_in_lattice_rows(first_row, end_row)
             materials[rows >= 0] = self.model.material_of[rows[rows >= 0]]
@@ -235,13 +239,13 @@ def _create_listed_plate(model: Model, h: float, origin: NDArray[np.float64]) ->
     numbering = create_numbering(nx, ny)
     cracks = (grid.cracks - np.tile(origin, 2)) / h
     check_no_precrack_on_node(model, cracks, nx, ny)
-    place = (row + BELOW) * numbering.fine_stride + LEFT + column
+    place = (row + BELOW) * numbering.fine_row_stride + LEFT + column
     rows = np.full(numbering.fine_place_count, -1, dtype=np.int32)
     rows[place] = np.arange(len(place))
     if grid.areas is not None:
         areas = grid.areas / h**2
     else:  # a quarter of each adjacent square between nodes
-        areas = count_full_squares_around_places((rows >= 0).reshape(-1, numbering.fine_stride)).ravel()[place] / 4
+        areas = count_full_squares_around_places((rows >= 0).reshape(-1, numbering.fine_row_stride)).ravel()[place] / 4
     listed = ListedNodes(place, rows, areas)
     return HybridPlate(model, numbering, h, origin, cracks, (0, 0), (nx + 1, ny + 1), listed)
 
@@ -263,7 +267,7 @@ def count_full_squares_around_places(has_node: NDArray[np.bool_]) -> NDArray[np.
     return counts
 
 
-def initial_cells(
+def initial_cell_kinds(
     plate: HybridPlate, reach: int, steep_content_rows: NDArray[np.int64] | None = None
 ) -> NDArray[np.uint8]:
     """Initial cells (c,): fine near tips of pre-cracks, where an outline cuts cells, around the nodes
@@ -281,13 +285,13 @@ def initial_cells(
         cells[in_disc(cut, (reach + RING + 1) / 2) & good] = FINE
         cells[in_disc(cut, (reach + 2) / 2) & ~in_plate & ~good] = EMPTY
     cells = np.pad(cells, AROUND, constant_values=VOID)
-    node_y, node_x = np.divmod(places_unfit_for_coarse(plate), numbering.fine_stride)
+    node_y, node_x = np.divmod(places_unfit_for_coarse(plate), numbering.fine_row_stride)
     for below, left_side in ((0, 0), (0, 1), (1, 0), (1, 1)):
         corner = AROUND + (node_y - BELOW - below) // 2, AROUND + (node_x - LEFT - left_side) // 2
         cells[corner] = np.where(cells[corner] == COARSE, FINE, cells[corner])
     if steep_content_rows is not None and len(steep_content_rows):
         beside_steep = np.zeros_like(cells, dtype=bool)
-        y, x = np.divmod(plate.places_of_grid_rows(steep_content_rows), numbering.fine_stride)
+        y, x = np.divmod(plate.places_of_grid_rows(steep_content_rows), numbering.fine_row_stride)
         for below, left_side in ((0, 0), (0, 1), (1, 0), (1, 1)):
             beside_steep[AROUND + (y - BELOW - below) // 2, AROUND + (x - LEFT - left_side) // 2] = True
         cells[in_disc(beside_steep, (reach + RING + 1) / 2) & (cells == COARSE)] = FINE
@@ -305,7 +309,7 @@ def _mask_plate_cells_and_whole_cells(plate: HybridPlate) -> tuple[NDArray[np.bo
     numbering = plate.numbering
     in_plate, good = np.zeros((2, numbering.fine_cells_y // 2, numbering.fine_cells_x // 2), dtype=bool)
     good[:] = True
-    for low, high in split_rows_into_ranges(len(in_plate), numbering.fine_stride):  # of cells
+    for low, high in split_rows_into_ranges(len(in_plate), numbering.fine_row_stride):  # of cells
         first = BELOW + 2 * low - 1
         last = first + 2 * (high - low) + 3
         has_node, areas = plate.mask_nodes_in_lattice_rows(first, last), plate.area_shares_in_lattice_rows(first, last)
@@ -328,7 +332,7 @@ def count_full_squares_in_cells(plate: HybridPlate) -> NDArray[np.uint8]:
     """Number (c,) of squares with a node at all four corners, in each cell."""
     numbering = plate.numbering
     counts = np.zeros((numbering.fine_cells_y // 2, numbering.fine_cells_x // 2), dtype=np.uint8)
-    for low, high in split_rows_into_ranges(len(counts), numbering.fine_stride):
+    for low, high in split_rows_into_ranges(len(counts), numbering.fine_row_stride):
         full_squares = mask_full_squares(plate.mask_nodes_in_lattice_rows(BELOW + 2 * low, BELOW + 2 * high + 1))[
             :-1, LEFT : LEFT + numbering.fine_cells_x
         ]

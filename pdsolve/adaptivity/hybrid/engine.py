@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from functools import cached_property
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,7 +18,11 @@ from pdsolve.adaptivity.hybrid.lattice import BELOW, BELOW_COARSE, COARSE, FAR, 
 from pdsolve.adaptivity.hybrid.march import CLIP, DONE, advance
 from pdsolve.adaptivity.hybrid.node_constants import are_bonds_intact
 from pdsolve.adaptivity.hybrid.springs import quadratic_strain_from_stretch
-from pdsolve.adaptivity.hybrid.swelling import average_to_coarse, set_swelling_offsets, total_strain_energy
+from pdsolve.adaptivity.hybrid.swelling import (
+    average_fine_values_to_coarse,
+    set_all_swelling_offsets,
+    total_strain_energy,
+)
 from pdsolve.checkpoint_validation import entry, like
 from pdsolve.codegen.vector_code import ROW
 from pdsolve.conditions import Drive
@@ -96,14 +100,14 @@ class HybridEngine:
     def fine_places_of_coarse(self, coarse: NDArray[np.int64]) -> NDArray[np.int64]:
         """Fine places (k,) that coarse nodes lie on."""
         numbering = self.plate.numbering
-        y, x = np.divmod(coarse, numbering.coarse_stride)
-        return np.asarray((2 * (y - BELOW_COARSE) + BELOW) * numbering.fine_stride + LEFT + 2 * (x - LEFT))
+        y, x = np.divmod(coarse, numbering.coarse_row_stride)
+        return np.asarray((2 * (y - BELOW_COARSE) + BELOW) * numbering.fine_row_stride + LEFT + 2 * (x - LEFT))
 
     def fine_places_of_far(self, far: NDArray[np.int64]) -> NDArray[np.int64]:
         """Fine places (k,) that far nodes lie on."""
         numbering = self.plate.numbering
-        y, x = np.divmod(far, numbering.far_stride)
-        return np.asarray((4 * (y - BELOW_COARSE) + BELOW) * numbering.fine_stride + LEFT + 4 * (x - LEFT))
+        y, x = np.divmod(far, numbering.far_row_stride)
+        return np.asarray((4 * (y - BELOW_COARSE) + BELOW) * numbering.fine_row_stride + LEFT + 4 * (x - LEFT))
 
     def advance(self, first: int, last: int) -> None:
         """Take the steps `first` to `last` - 1. Raises LateZoneError if a clipped bond exceeds its limit."""
@@ -120,13 +124,13 @@ class HybridEngine:
         slowing = [nodes.damping for nodes in lattices]
         counts.load_shares, counts.held_components, self.lattice = 0, 0, lattice._replace(dt=dt)
         try:
-            self._set_damping(None, None)
+            self._replace_damping(None, None)
             self._advance(step + 1, step + 1)
         finally:
             counts.load_shares, counts.held_components, self.lattice = loads, holds, lattice
-            self._set_damping(*slowing)
+            self._replace_damping(*slowing)
 
-    def _set_damping(self, fine: NDArray[np.float64] | None, coarse: NDArray[np.float64] | None) -> None:
+    def _replace_damping(self, fine: NDArray[np.float64] | None, coarse: NDArray[np.float64] | None) -> None:
         """Damp the nodes so from now on; see `LatticeNodes.damping`."""
         zone = self.zone
         self.zone = zone._replace(fine=zone.fine._replace(damping=fine), coarse=zone.coarse._replace(damping=coarse))
@@ -172,8 +176,8 @@ class HybridEngine:
         assert fine is not None
         assert coarse is not None
         fine[self._fine_places_of_grid] = strain / -2
-        average_to_coarse(self.lattice, fine, coarse)
-        set_swelling_offsets(self.lattice, self.zone, self.buffer)
+        average_fine_values_to_coarse(self.lattice, fine, coarse)
+        set_all_swelling_offsets(self.lattice, self.zone, self.buffer)
 
     def strain_energy(self) -> float:
         """Strain energy of all springs, J/m."""
@@ -194,10 +198,10 @@ class HybridEngine:
             now.coarse._replace(half_shrinkage=half_shrinkage.coarse),
         )
         self.zone = now._replace(fine=fine, coarse=coarse)
-        set_swelling_offsets(self.lattice, self.zone, self.buffer)
+        set_all_swelling_offsets(self.lattice, self.zone, self.buffer)
         energy = self.strain_energy()
         self.zone = now
-        set_swelling_offsets(self.lattice, self.zone, self.buffer)
+        set_all_swelling_offsets(self.lattice, self.zone, self.buffer)
         return energy
 
     def book_work(self, work: float) -> None:
@@ -275,8 +279,9 @@ class HybridEngine:
     def checkpoint_arrays(self) -> CheckpointArrays:
         """Arrays for a checkpoint, from which a run continues bit by bit."""
         zone, broken = self.zone, self.break_events()
-        checkpoint = {f"break_{name}": column.copy() for name, column in broken._asdict().items()}
-        checkpoint |= pulls_to_arrays(broken.step, broken.pull, broken.growth)
+        columns = ("break_step", broken.step), ("break_node", broken.node), ("break_spring", broken.bond_number)
+        checkpoint: dict[str, NDArray[Any]] = {name: column.copy() for name, column in columns}
+        checkpoint |= pulls_to_arrays(broken.step, broken.force_at_break, broken.stretch_growth_at_break)
         for name, nodes, rows in self._lattice_nodes_and_rows():
             idle = nodes.node_kinds.reshape(-1, ROW)[rows] == IDLE
             for field, values in (("u", nodes.u[self.buffer]), ("v", nodes.v), ("f", nodes.f)):
@@ -318,7 +323,7 @@ class HybridEngine:
         ):  # exactly these are broken, besides those missing at the start
             bit = np.uint64(1) << np.uint64(k)
             lost[before[before_spring == k]] &= ~bit
-            lost[node[breaks.spring == k]] |= bit
+            lost[node[breaks.bond_number == k]] |= bit
         for _, nodes, rows in self._lattice_nodes_and_rows():
             for array in nodes[:3]:
                 array.reshape(-1, array.shape[-1] // ROW, ROW)[:, rows] = 0
@@ -327,9 +332,9 @@ class HybridEngine:
             self.zone = arrays.enlarge_zone(self.zone)
         self.derive_nodes_from_cells()
         zone = self.zone
-        for name, column in zone.break_events._asdict().items():
-            column[: len(node)] = breaks._asdict()[name]
-        self._restore_counts(checkpoint, node, breaks.spring)
+        for name, values in breaks._asdict().items():
+            getattr(zone.break_events, name)[: len(node)] = values
+        self._restore_counts_and_damaged_nodes(checkpoint, node, breaks.bond_number)
         if self.lattice.softens_or_limits_vary:
             rows = zone.fine.active_rows[: zone.counts.active_fine_rows]
             stiffness_rows = np.where(
@@ -376,7 +381,9 @@ class HybridEngine:
             raise CheckpointError("a broken bond is none of the plate, or there twice")
         return arrays.BreakEvents(step, node, spring, *read_pulls(checkpoint, len(step)))
 
-    def _restore_counts(self, checkpoint: CheckpointArrays, node: NDArray[np.int64], spring: NDArray[np.int32]) -> None:
+    def _restore_counts_and_damaged_nodes(
+        self, checkpoint: CheckpointArrays, node: NDArray[np.int64], spring: NDArray[np.int32]
+    ) -> None:
         """Restore the counts of a checkpoint with these broken bonds, and the nodes with softened or broken bonds."""
         zone, numbers = self.zone, entry(checkpoint, "number", (None,), np.int64)
         if len(numbers) < STORED:

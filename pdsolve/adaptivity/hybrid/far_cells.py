@@ -64,11 +64,11 @@ def add_far_cells(
         or lattice.node_constants.damping is not None
     ):
         return cells
-    new_cells = cells.reshape(-1, numbering.cell_stride).copy()
+    new_cells = cells.reshape(-1, numbering.cell_row_stride).copy()
     inner = new_cells[AROUND : AROUND + rows, AROUND : AROUND + columns]
-    cut = lattice.cut_cells.reshape(new_cells.shape)[AROUND : AROUND + rows, AROUND : AROUND + columns]
+    cut = lattice.is_cell_cut.reshape(new_cells.shape)[AROUND : AROUND + rows, AROUND : AROUND + columns]
     odd = (inner != COARSE) | cut
-    y, x = np.divmod(driven_places, numbering.fine_stride)
+    y, x = np.divmod(driven_places, numbering.fine_row_stride)
     odd[((y - BELOW) // 2).clip(max=rows - 1), ((x - LEFT) // 2).clip(max=columns - 1)] = True
     odd = in_square(odd, AWAY)[: rows // 2 * 2, : columns // 2 * 2]
     far = ~(odd[::2, ::2] | odd[1::2, ::2] | odd[::2, 1::2] | odd[1::2, 1::2])
@@ -85,9 +85,9 @@ def _divide_and_list_far_cells_near(numbering, cells, x, y, listed, count):  # t
         for column in range(max(x - NEAR, 0) // 2, (min(x + NEAR, numbering.fine_cells_x // 2 - 1)) // 2 + 1):
             c = cell_place(numbering, 2 * column, 2 * row)
             if cells[c] == FAR:
-                cells[c] = cells[c + 1] = cells[c + numbering.cell_stride] = cells[c + numbering.cell_stride + 1] = (
-                    COARSE
-                )
+                cells[c] = cells[c + 1] = cells[c + numbering.cell_row_stride] = cells[
+                    c + numbering.cell_row_stride + 1
+                ] = COARSE
                 listed[count] = c
                 count += 1
     return count

@@ -43,14 +43,14 @@ def far_carriers_of_coarse_node(numbering, x, y):  # type: ignore[no-untyped-def
     first = far_place(numbering, x // 2, y // 2)
     if x % 2 == 0 and y % 2 == 0:
         return first, first, 0.0
-    return first, first + (1 if x % 2 else numbering.far_stride), 0.5
+    return first, first + (1 if x % 2 else numbering.far_row_stride), 0.5
 
 
 @njit(**INNER)
 def interpolate_far_at_coarse_node(numbering, values, x, y, out):  # type: ignore[no-untyped-def]
     """Interpolate values (2, .) of far nodes at coarse node x, y, into out (2,)."""
     q, wx, wy = far_place(numbering, x // 2, y // 2), 0.5 * (x % 2), 0.5 * (y % 2)
-    right, above = (1 if wx > 0 else 0), (numbering.far_stride if wy > 0 else 0)
+    right, above = (1 if wx > 0 else 0), (numbering.far_row_stride if wy > 0 else 0)
     for axis in range(2):
         low = (1 - wx) * values[axis, q] + wx * values[axis, q + right]
         high = (1 - wx) * values[axis, q + above] + wx * values[axis, q + above + right]

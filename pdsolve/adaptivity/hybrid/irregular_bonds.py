@@ -63,7 +63,7 @@ def find_irregular_bonds(plate: HybridPlate, springs: tuple[Springs, ...]) -> Ir
 
 def _places_near_irregular(plate: HybridPlate, reach: int) -> tuple[NDArray[np.int64], NDArray[np.bool_]]:
     """Places (k,) of the nodes within three of a family's reaches of an irregular place, and which are within two."""
-    stride, rows = plate.numbering.fine_stride, plate.numbering.fine_place_count // plate.numbering.fine_stride
+    stride, rows = plate.numbering.fine_row_stride, plate.numbering.fine_place_count // plate.numbering.fine_row_stride
     places, is_close = [], []
     for low, high in split_rows_into_ranges(rows, stride, WIDE):
         first = max(low - 3 * reach, 0)
@@ -81,7 +81,7 @@ def _mask_irregular_places(plate: HybridPlate, reach: int, first_row: int, end_r
     """Mask of places in rows `first_row` to `end_row` - 1 without a node or a whole cell, at an interface, or next to a
     pre-crack."""
     numbering = plate.numbering
-    first, last = max(first_row - 1, 0), min(end_row + 1, numbering.fine_place_count // numbering.fine_stride)
+    first, last = max(first_row - 1, 0), min(end_row + 1, numbering.fine_place_count // numbering.fine_row_stride)
     odd = np.abs(plate.area_shares_in_lattice_rows(first, last) - 1) > ROUND_OFF
     odd |= count_full_squares_around_places(~odd) < 4
     if plate.model.settings.regions:
@@ -91,7 +91,7 @@ def _mask_irregular_places(plate: HybridPlate, reach: int, first_row: int, end_r
             odd |= np.pad(interface, [(0, int(a == axis)) for a in (0, 1)])
     odd = odd[first_row - first : end_row - first]
     around = reach + 1
-    near = np.zeros((end_row - first_row + 2 * around, numbering.fine_stride), dtype=bool)
+    near = np.zeros((end_row - first_row + 2 * around, numbering.fine_row_stride), dtype=bool)
     for x0, y0, x1, y1 in plate.precrack_segments:
         share = np.linspace(0, 1, 2 + int(4 * np.hypot(x1 - x0, y1 - y0)))
         x, y = np.round(x0 + share * (x1 - x0)).astype(int), np.round(y0 + share * (y1 - y0)).astype(int)
@@ -153,7 +153,7 @@ def _store_irregular_bonds(
     reach = int(np.abs(springs[0].family_dx).max()) + 1
     number = np.full((2 * reach + 1, 2 * reach + 1), -1)
     number[springs[0].family_dy + reach, springs[0].family_dx + reach] = np.arange(len(springs[0].family_dx))
-    full = np.array([material_springs.table[:, 5] for material_springs in springs])
+    full = np.array([material_springs.spring_table[:, 5] for material_springs in springs])
     material, area = plate.model.material_of, plate.area_shares_of_grid_rows(sorted_rows) * plate.spacing**2
     number_by_limits: dict[bytes, int] = {}
     for chunk, part in parts:

@@ -35,7 +35,7 @@ def create_node_constants(
     plate: HybridPlate, irregular_bonds: IrregularBonds, springs: tuple[Springs, ...]
 ) -> NodeConstants:
     """The rows of a plate with these irregular nodes; `springs` are those of each material in a full lattice."""
-    full_family_bits = _bits_of_existing_bonds(np.array([one.table[:, STIFFNESS] for one in springs]))
+    full_family_bits = _bits_of_existing_bonds(np.array([one.spring_table[:, STIFFNESS] for one in springs]))
     model, run = plate.model, plate.model.settings.run
     usual_values = model.materials[0].rho * plate.spacing**2, 0, -1, False, full_family_bits[0], run.damping
     kinds = np.float64, np.uint8, np.int32, np.bool_, np.uint64, np.float64
@@ -80,13 +80,13 @@ def _node_constants_by_rows(
     )
     order = np.argsort(place)
     for low, high in split_rows_into_ranges(
-        plate.numbering.fine_place_count // plate.numbering.fine_stride, plate.numbering.fine_stride
+        plate.numbering.fine_place_count // plate.numbering.fine_row_stride, plate.numbering.fine_row_stride
     ):
         rows, material = (
             plate.grid_rows_in_lattice_rows(low, high).ravel(),
             plate.material_numbers_in_lattice_rows(low, high).ravel(),
         )
-        first, has_node = low * plate.numbering.fine_stride, rows >= 0
+        first, has_node = low * plate.numbering.fine_row_stride, rows >= 0
         mass = plate.area_shares_in_lattice_rows(low, high).ravel() * rho[material] * plate.spacing**2
         in_strip = order[slice(*np.searchsorted(place, (first, first + len(rows)), sorter=order))]
         fields = _ConstantsOfPlaces(

@@ -29,13 +29,13 @@ class Numbering(NamedTuple):
 
     fine_cells_x: int
     fine_cells_y: int
-    fine_stride: int  # places from a fine node to the one above
+    fine_row_stride: int  # places from a fine node to the one above
     fine_place_count: int  # of fine nodes
-    coarse_stride: int
+    coarse_row_stride: int
     coarse_place_count: int
-    far_stride: int
+    far_row_stride: int
     far_place_count: int
-    cell_stride: int
+    cell_row_stride: int
     cell_count: int
 
 
@@ -56,70 +56,70 @@ def create_numbering(fine_cells_x: int, fine_cells_y: int) -> Numbering:
 @njit(forceinline=True, **INNER)
 def fine_place(numbering, ix, iy):  # type: ignore[no-untyped-def]
     """The place p of the fine node (ix, iy)."""
-    return (iy + BELOW) * numbering.fine_stride + LEFT + ix
+    return (iy + BELOW) * numbering.fine_row_stride + LEFT + ix
 
 
 @njit(forceinline=True, **INNER)
 def fine_column(numbering, p):  # type: ignore[no-untyped-def]
     """The column ix of the fine node at place p."""
-    return p % numbering.fine_stride - LEFT
+    return p % numbering.fine_row_stride - LEFT
 
 
 @njit(forceinline=True, **INNER)
 def fine_row(numbering, p):  # type: ignore[no-untyped-def]
     """The row iy of the fine node at place p."""
-    return p // numbering.fine_stride - BELOW
+    return p // numbering.fine_row_stride - BELOW
 
 
 @njit(forceinline=True, **INNER)
 def coarse_place(numbering, x, y):  # type: ignore[no-untyped-def]
     """The place q of the coarse node (x, y)."""
-    return (y + BELOW_COARSE) * numbering.coarse_stride + LEFT + x
+    return (y + BELOW_COARSE) * numbering.coarse_row_stride + LEFT + x
 
 
 @njit(forceinline=True, **INNER)
 def coarse_column(numbering, q):  # type: ignore[no-untyped-def]
     """The column x of the coarse node at place q."""
-    return q % numbering.coarse_stride - LEFT
+    return q % numbering.coarse_row_stride - LEFT
 
 
 @njit(forceinline=True, **INNER)
 def coarse_row(numbering, q):  # type: ignore[no-untyped-def]
     """The row y of the coarse node at place q."""
-    return q // numbering.coarse_stride - BELOW_COARSE
+    return q // numbering.coarse_row_stride - BELOW_COARSE
 
 
 @njit(forceinline=True, **INNER)
 def cell_place(numbering, x, y):  # type: ignore[no-untyped-def]
     """The place c of the cell (x, y)."""
-    return (y + AROUND) * numbering.cell_stride + AROUND + x
+    return (y + AROUND) * numbering.cell_row_stride + AROUND + x
 
 
 @njit(forceinline=True, **INNER)
 def cell_column(numbering, c):  # type: ignore[no-untyped-def]
     """The column X of the cell at place c."""
-    return c % numbering.cell_stride - AROUND
+    return c % numbering.cell_row_stride - AROUND
 
 
 @njit(forceinline=True, **INNER)
 def cell_row(numbering, c):  # type: ignore[no-untyped-def]
     """The row Y of the cell at place c."""
-    return c // numbering.cell_stride - AROUND
+    return c // numbering.cell_row_stride - AROUND
 
 
 @njit(forceinline=True, **INNER)
 def far_place(numbering, x, y):  # type: ignore[no-untyped-def]
     """The place q of the far node (x, y)."""
-    return (y + BELOW_COARSE) * numbering.far_stride + LEFT + x
+    return (y + BELOW_COARSE) * numbering.far_row_stride + LEFT + x
 
 
 @njit(forceinline=True, **INNER)
 def far_column(numbering, q):  # type: ignore[no-untyped-def]
     """The column x of the far node at place q."""
-    return q % numbering.far_stride - LEFT
+    return q % numbering.far_row_stride - LEFT
 
 
 @njit(forceinline=True, **INNER)
 def far_row(numbering, q):  # type: ignore[no-untyped-def]
     """The row y of the far node at place q."""
-    return q // numbering.far_stride - BELOW_COARSE
+    return q // numbering.far_row_stride - BELOW_COARSE

@@ -26,8 +26,8 @@ class NodeLists(NamedTuple):
 @njit(forceinline=True, **INNER)
 def _fine_place_of_coarse(numbering, q):  # type: ignore[no-untyped-def]
     """The fine place that a coarse node lies on."""
-    y, x = q // numbering.coarse_stride, q % numbering.coarse_stride
-    return (2 * (y - BELOW_COARSE) + BELOW) * numbering.fine_stride + LEFT + 2 * (x - LEFT)
+    y, x = q // numbering.coarse_row_stride, q % numbering.coarse_row_stride
+    return (2 * (y - BELOW_COARSE) + BELOW) * numbering.fine_row_stride + LEFT + 2 * (x - LEFT)
 
 
 @cached_njit(nogil=True, error_model="numpy")

@@ -66,7 +66,7 @@ def coarse_carriers_on_edge(lattice, node_kinds, x, y, direction, w):  # type: i
     q = coarse_place(lattice.numbering, x, y)
     if w == 0:
         return q, q, 0.0
-    step = 1 if direction == 0 else lattice.numbering.coarse_stride
+    step = 1 if direction == 0 else lattice.numbering.coarse_row_stride
     second, cut = q + step, lattice.edge_cut_position[direction, q]
     if cut == 0:
         return q, second, w
@@ -187,7 +187,7 @@ def _crack_position_across_cell(lattice, x, y, along_y):  # type: ignore[no-unty
     """Where, from the first of a cell's edges parallel to an axis to the second, a pre-crack crosses between them; 0:
     nowhere."""
     q = coarse_place(lattice.numbering, x, y)
-    opposite = q + (lattice.numbering.coarse_stride if along_y else 1)
+    opposite = q + (lattice.numbering.coarse_row_stride if along_y else 1)
     first, second = lattice.edge_cut_position[1 - along_y, q], lattice.edge_cut_position[1 - along_y, opposite]
     return (first + second) / 2 if first > 0 and second > 0 else 0.0
 
@@ -195,13 +195,13 @@ def _crack_position_across_cell(lattice, x, y, along_y):  # type: ignore[no-unty
 @njit(**INNER)
 def corner_area_share(lattice, x, y, right, above):  # type: ignore[no-untyped-def]
     """Share of a corner in its cell's area, over a quarter: corners on a side of a pre-crack have the side's."""
-    if not lattice.cut_cells[cell_place(lattice.numbering, x, y)]:
+    if not lattice.is_cell_cut[cell_place(lattice.numbering, x, y)]:
         return 1.0
     for along_y, second in ((0, above), (1, right)):
         across = _crack_position_across_cell(lattice, x, y, along_y)
         if across > 0:
             return 2 * (1 - across if second else across)
-    q, stride = coarse_place(lattice.numbering, x, y), lattice.numbering.coarse_stride
+    q, stride = coarse_place(lattice.numbering, x, y), lattice.numbering.coarse_row_stride
     low, high = lattice.edge_cut_position[0, q], lattice.edge_cut_position[0, q + stride]
     near, far = lattice.edge_cut_position[1, q], lattice.edge_cut_position[1, q + 1]
     for corner in range(4):
@@ -221,18 +221,18 @@ def interpolate_coarse_at_fine_place(lattice, node_kinds, values, ix, iy, x, y, 
     one, they are the mean over the visible corners.
     """
     numbering = lattice.numbering
-    if not lattice.cut_cells[cell_place(numbering, x, y)]:
+    if not lattice.is_cell_cut[cell_place(numbering, x, y)]:
         _interpolate_bilinear(numbering, values, ix, iy, x, y, out)
         return
     for dx, dy in ((0, -1), (0, 1), (-1, 0), (1, 0)):
-        if lattice.cut_cells[cell_place(numbering, x + dx, y + dy)]:
+        if lattice.is_cell_cut[cell_place(numbering, x + dx, y + dy)]:
             continue
         q = coarse_place(numbering, x + dx, y + dy)
         active = node_kinds[q] == FREE and node_kinds[q + 1] == FREE
         active = (
             active
-            and node_kinds[q + numbering.coarse_stride] == FREE
-            and node_kinds[q + numbering.coarse_stride + 1] == FREE
+            and node_kinds[q + numbering.coarse_row_stride] == FREE
+            and node_kinds[q + numbering.coarse_row_stride + 1] == FREE
         )
         if active and is_visible(lattice.precrack_segments, ix, iy, 2.0 * (x + dx) + 1, 2.0 * (y + dy) + 1):
             _interpolate_bilinear(numbering, values, ix, iy, x + dx, y + dy, out)
@@ -243,7 +243,7 @@ def interpolate_coarse_at_fine_place(lattice, node_kinds, values, ix, iy, x, y, 
 @njit(**INNER)
 def _interpolate_bilinear(numbering, values, ix, iy, x, y, out):  # type: ignore[no-untyped-def]
     """Bilinear interpolation or extrapolation from the corners of a cell."""
-    wx, wy, q, stride = (ix - 2 * x) / 2, (iy - 2 * y) / 2, coarse_place(numbering, x, y), numbering.coarse_stride
+    wx, wy, q, stride = (ix - 2 * x) / 2, (iy - 2 * y) / 2, coarse_place(numbering, x, y), numbering.coarse_row_stride
     for axis in range(2):
         low = values[axis, q] if wx == 0 else (1 - wx) * values[axis, q] + wx * values[axis, q + 1]
         q2 = q + stride

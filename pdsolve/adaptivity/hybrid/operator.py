@@ -154,14 +154,14 @@ class HybridOperator(TwoLatticeOperator[HybridEngine]):
         cell_areas = plate.area_shares_of_grid_rows(plate.grid_rows_at(self._fine)) * plate.spacing**2
         areas = np.zeros(len(self.places))
         areas[self._fine_rows] = part * cell_areas
-        stride = plate.numbering.cell_stride
+        stride = plate.numbering.cell_row_stride
         for rows, coarse in self._coarse_rows_and_places_in_chunks():
-            y, x = np.divmod(coarse, plate.numbering.coarse_stride)
+            y, x = np.divmod(coarse, plate.numbering.coarse_row_stride)
             corner = (y - BELOW_COARSE + AROUND) * stride + AROUND + x - LEFT
             around = sum((zone.cell_kinds[corner - dy * stride - dx] == COARSE) for dy in (0, 1) for dx in (0, 1))
             areas[rows] += plate.spacing**2 * around
         for first in range(0, len(self._far), TOGETHER):
-            y, x = np.divmod(self._far[first : first + TOGETHER].astype(np.int64), plate.numbering.far_stride)
+            y, x = np.divmod(self._far[first : first + TOGETHER].astype(np.int64), plate.numbering.far_row_stride)
             corner = (2 * (y - BELOW_COARSE) + AROUND) * stride + AROUND + 2 * (x - LEFT)
             around = sum((zone.cell_kinds[corner - dy * stride - dx] == FAR) for dy in (0, 2) for dx in (0, 2))
             areas[self._far_rows[first : first + TOGETHER]] += 4 * plate.spacing**2 * around
@@ -188,9 +188,9 @@ class HybridOperator(TwoLatticeOperator[HybridEngine]):
     def _count_full_springs(self, rows: NDArray[np.int64]) -> NDArray[np.int16]:
         """Number of springs of coarse nodes, including those cut by pre-cracks."""
         plate, zone = self.engine.plate, self.engine.zone
-        y, x = np.divmod(self.places[rows], plate.numbering.fine_stride)
-        corner = ((y - BELOW) // 2 + AROUND) * plate.numbering.cell_stride + AROUND + (x - LEFT) // 2
-        south, west = plate.numbering.cell_stride, 1
+        y, x = np.divmod(self.places[rows], plate.numbering.fine_row_stride)
+        corner = ((y - BELOW) // 2 + AROUND) * plate.numbering.cell_row_stride + AROUND + (x - LEFT) // 2
+        south, west = plate.numbering.cell_row_stride, 1
         ne, nw, sw, se = (zone.cell_kinds[corner - away] == COARSE for away in (0, west, south + west, south))
         edges = [ne | se, ne | nw, nw | sw, sw | se]
         return np.asarray(sum(is_coarse.astype(np.int16) for is_coarse in (ne, nw, sw, se, *edges)))
@@ -408,7 +408,7 @@ class HybridOperator(TwoLatticeOperator[HybridEngine]):
         """Bonds broken after a step between current fine nodes: step, source row and target row of each."""
         broken = self._broken  # more have broken since, if any
         breaks, latest = self.engine.break_events(), slice(self._looked, None)
-        step, node, spring = breaks.step[latest], breaks.node[latest], breaks.spring[latest]
+        step, node, spring = breaks.step[latest], breaks.node[latest], breaks.bond_number[latest]
         self._looked += len(step)
         if len(node):
             target = node + self.engine.lattice.neighbour_offsets[spring]

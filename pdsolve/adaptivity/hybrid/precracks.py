@@ -96,7 +96,7 @@ def record_precrack_cuts(lattice):  # type: ignore[no-untyped-def]
                     or (ax <= px <= ax + 2 and ay <= py <= ay + 2)
                     or (ax <= qx <= ax + 2 and ay <= qy <= ay + 2)
                 ):
-                    lattice.cut_cells[cell_place(numbering, x, y)] = True
+                    lattice.is_cell_cut[cell_place(numbering, x, y)] = True
 
 
 @njit(forceinline=True, **INNER)

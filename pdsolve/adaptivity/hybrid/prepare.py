@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from pdmesh.model.document import Concentration, Exchange, InitialVelocity, Source, Velocity
 from pdsolve import conditions
 from pdsolve.adaptivity.hybrid.arrays import LatticeConstants, LoadOrHold, LoadsOrHolds, create_plate_zone
-from pdsolve.adaptivity.hybrid.coarse_cells import CellAreas, HybridPlate, create_hybrid_plate, initial_cells
+from pdsolve.adaptivity.hybrid.coarse_cells import CellAreas, HybridPlate, create_hybrid_plate, initial_cell_kinds
 from pdsolve.adaptivity.hybrid.engine import HybridEngine
 from pdsolve.adaptivity.hybrid.far_cells import add_far_cells
 from pdsolve.adaptivity.hybrid.irregular_bonds import IrregularBonds, find_irregular_bonds
@@ -22,9 +22,9 @@ from pdsolve.adaptivity.hybrid.precracks import lengthen_cracks, record_precrack
 from pdsolve.adaptivity.hybrid.springs import (
     Springs,
     coarse_springs,
+    create_springs_of_materials,
     divide_bonds,
     quadratic_strain_from_stretch,
-    springs_of_materials,
 )
 from pdsolve.conditions import drive, initial_velocity
 from pdsolve.laws.calls import bind
@@ -47,7 +47,7 @@ def create_hybrid_operator_and_stable_step(
     swells, steep = model.swells, rows_of_steep_content(model)
     model = model.moving_part() if swells else model
     plate = create_hybrid_plate(model, mode)
-    springs = springs_of_materials(model.materials, model.settings.horizon.ratio, plate.spacing)
+    springs = create_springs_of_materials(model.materials, model.settings.horizon.ratio, plate.spacing)
     irregular_bonds = find_irregular_bonds(plate, springs)
     give_back()
     bound = float(np.sqrt(2 / max(_stiffness_over_density(plate, springs, irregular_bonds))))
@@ -55,7 +55,7 @@ def create_hybrid_operator_and_stable_step(
     lattice = create_lattice_constants(plate, springs, irregular_bonds, choose_step(model, bound), kind)
     record_precrack_cuts(lattice)
     cut = np.append(irregular_bonds.family_size - np.count_nonzero(irregular_bonds.stiffness, axis=1), 0)
-    cells = initial_cells(plate, lattice.family_reach, steep_content_rows=steep)
+    cells = initial_cell_kinds(plate, lattice.family_reach, steep_content_rows=steep)
     area = CellAreas(plate)
     plate_drive = drive(model, area, True, np.float64)
     rows = ROOM + 6 * int(np.count_nonzero(cells == FINE))
@@ -129,20 +129,20 @@ def create_lattice_constants(
         spacing=h,
         family_dx=first.family_dx,
         family_dy=first.family_dy,
-        spring_table=aligned(first.table.astype(kind)),
-        neighbour_offsets=first.family_dy * numbering.fine_stride + first.family_dx,
+        spring_table=aligned(first.spring_table.astype(kind)),
+        neighbour_offsets=first.family_dy * numbering.fine_row_stride + first.family_dx,
         coarse_dx=coarse.family_dx,
         coarse_dy=coarse.family_dy,
-        coarse_spring_table=aligned(coarse.table.astype(kind)),
-        coarse_neighbour_offsets=coarse.family_dy * numbering.coarse_stride + coarse.family_dx,
-        far_spring_table=aligned(coarse_springs(first, 2 * h).table.astype(kind)),
-        far_neighbour_offsets=coarse.family_dy * numbering.far_stride + coarse.family_dx,
+        coarse_spring_table=aligned(coarse.spring_table.astype(kind)),
+        coarse_neighbour_offsets=coarse.family_dy * numbering.coarse_row_stride + coarse.family_dx,
+        far_spring_table=aligned(coarse_springs(first, 2 * h).spring_table.astype(kind)),
+        far_neighbour_offsets=coarse.family_dy * numbering.far_row_stride + coarse.family_dx,
         bond_parts=divide_bonds(first),
         family_reach=int(np.abs(first.family_dx).max()),
         softens_or_limits_vary=len(springs) > 1 or first.peak_stretch < first.limit_stretch,
         dt=dt,
         node_constants=create_node_constants(plate, irregular_bonds, springs),
-        material_bond_stiffness=np.array([material_springs.table[:, 5] for material_springs in springs]),
+        material_bond_stiffness=np.array([material_springs.spring_table[:, 5] for material_springs in springs]),
         strain_bounds=bounds,
         least_strain_bounds=bounds.min(axis=0),
         irregular_bond_stiffness=irregular_bonds.stiffness,
@@ -153,7 +153,7 @@ def create_lattice_constants(
         constants_index_of_cell=mix,
         cut_coarse_spring_bits=np.zeros(numbering.coarse_place_count, dtype=np.uint8),
         edge_cut_position=np.zeros((2, numbering.coarse_place_count)),
-        cut_cells=np.zeros(numbering.cell_count, dtype=np.bool_),
+        is_cell_cut=np.zeros(numbering.cell_count, dtype=np.bool_),
         precrack_segments=lengthen_cracks(plate.precrack_segments),
     )
 
@@ -175,7 +175,7 @@ def _coarse_cell_constants(
     if len(springs) == 1:
         return np.ascontiguousarray(material_constants.T), np.zeros(numbering.cell_count, dtype=np.int32)
     cell_means = np.zeros((numbering.fine_cells_y // 2, numbering.fine_cells_x // 2, 3))
-    field = plate.material_numbers_in_lattice_rows(0, numbering.fine_place_count // numbering.fine_stride)
+    field = plate.material_numbers_in_lattice_rows(0, numbering.fine_place_count // numbering.fine_row_stride)
     for (y, part_y), (x, part_x) in itertools.product(enumerate((0.25, 0.5, 0.25)), repeat=2):
         node_places = np.s_[
             BELOW + y : BELOW + y + numbering.fine_cells_y - 1 : 2, LEFT + x : LEFT + x + numbering.fine_cells_x - 1 : 2
@@ -199,10 +199,10 @@ def _stiffness_over_density(
     for number, material_springs in enumerate(springs):
         if usual[number]:
             x, y, inverse, k = (
-                material_springs.table[:, 0],
-                material_springs.table[:, 1],
-                material_springs.table[:, 4],
-                material_springs.table[:, 5] / plate.spacing**2,
+                material_springs.spring_table[:, 0],
+                material_springs.spring_table[:, 1],
+                material_springs.spring_table[:, 4],
+                material_springs.spring_table[:, 5] / plate.spacing**2,
             )
             a, b, c = ((k * inverse * term).sum() for term in (x * x, y * y, x * y))
             inside.append(((a + b) / 2 + np.hypot((a - b) / 2, c)) / rho[number])

@@ -69,10 +69,10 @@ def _mean_of_coarse_nodes_around(
     A node that is not there counts as one that moves likewise.
     """
     numbering, mean = plate.numbering, np.zeros(1)
-    y, x = np.divmod(place, numbering.fine_stride)
+    y, x = np.divmod(place, numbering.fine_row_stride)
     odd_x, odd_y = (x - LEFT) % 2, (y - BELOW) % 2
     for sign_y in (-1, 1):
         for sign_x in (-1, 1):
-            neighbour = place + sign_y * odd_y * numbering.fine_stride + sign_x * odd_x
+            neighbour = place + sign_y * odd_y * numbering.fine_row_stride + sign_x * odd_x
             mean = mean + values(plate.grid_rows_at(np.where(plate.has_node(neighbour), neighbour, place))) / 4
     return mean

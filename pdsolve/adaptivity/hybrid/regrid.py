@@ -34,7 +34,7 @@ from pdsolve.adaptivity.hybrid.nodes import (
     set_coarse_node_properties,
     set_fine_node_kind_and_mass,
 )
-from pdsolve.adaptivity.hybrid.swelling import offset_from_line, set_piece_swelling_offsets
+from pdsolve.adaptivity.hybrid.swelling import set_piece_swelling_offsets, swelling_offset_from_line
 from pdsolve.codegen.vector_code import ROW
 from pdsolve.operators.simd_lattice.kernel import INNER
 
@@ -109,7 +109,7 @@ def _list_corner_nodes(numbering, zone, x0, y0, x1, y1):  # type: ignore[no-unty
         x0, y0, x1, y1 = 0, 0, numbering.fine_cells_x + 1, numbering.fine_cells_y + 1
     for c in zone.new_cells[: zone.counts.new_cells]:
         p = fine_place(numbering, 2 * cell_column(numbering, c), 2 * cell_row(numbering, c))
-        for corner in (p, p + 2, p + 2 * numbering.fine_stride, p + 2 * numbering.fine_stride + 2):
+        for corner in (p, p + 2, p + 2 * numbering.fine_row_stride, p + 2 * numbering.fine_row_stride + 2):
             zone.is_node_marked[corner] = True
     for iy in range(y0 + y0 % 2, y1, 2):
         for ix in range(x0 + x0 % 2, x1, 2):
@@ -177,7 +177,7 @@ def set_affected_node_properties(lattice, zone, affected_fine, affected_coarse, 
     for p in affected_fine:
         if fine.node_kinds[p] == BORDER:
             a, b, w = coarse_carriers_of_border_node(lattice, coarse.node_kinds, p)
-            off = offset_from_line(lattice, fine.half_shrinkage, a, b, w)
+            off = swelling_offset_from_line(lattice, fine.half_shrinkage, a, b, w)
             for axis in range(2):
                 fine.u[buffer, axis, p] = (
                     (1 - w) * coarse.u[buffer, axis, a] + w * coarse.u[buffer, axis, b] + off[axis]
@@ -202,9 +202,11 @@ def _interpolate_new_nodes_and_refine_cells(lattice, zone, new_cells, affected_f
             continue
         interpolate_coarse_at_fine_place(lattice, coarse.node_kinds, coarse.u[buffer], ix, iy, x, y, two)
         off = 0.0, 0.0
-        if ix % 2 != iy % 2 and not lattice.cut_cells[cell_place(numbering, x, y)]:
+        if ix % 2 != iy % 2 and not lattice.is_cell_cut[cell_place(numbering, x, y)]:
             q = coarse_place(numbering, ix // 2, iy // 2)
-            off = offset_from_line(lattice, fine.half_shrinkage, q, q + (1 if ix % 2 else numbering.coarse_stride), 0.5)
+            off = swelling_offset_from_line(
+                lattice, fine.half_shrinkage, q, q + (1 if ix % 2 else numbering.coarse_row_stride), 0.5
+            )
         fine.u[buffer, 0, p], fine.u[buffer, 1, p] = two[0] + off[0], two[1] + off[1]
         interpolate_coarse_at_fine_place(lattice, coarse.node_kinds, coarse.v, ix, iy, x, y, two)
         fine.v[0, p], fine.v[1, p] = two[0], two[1]
@@ -227,7 +229,9 @@ def _list_fine_rows_and_border_nodes(lattice, zone):  # type: ignore[no-untyped-
             a, b, w = coarse_carriers_of_border_node(lattice, coarse.node_kinds, p)
             zone.border_nodes.border_node[borders], zone.border_nodes.second_carrier_weight[borders] = p, w
             zone.border_nodes.carrier_nodes[borders, 0], zone.border_nodes.carrier_nodes[borders, 1] = a, b
-            zone.border_nodes.swelling_offset[borders] = offset_from_line(lattice, fine.half_shrinkage, a, b, w)
+            zone.border_nodes.swelling_offset[borders] = swelling_offset_from_line(
+                lattice, fine.half_shrinkage, a, b, w
+            )
             fine.has_extra_forces[row] = coarse.has_extra_forces[a // ROW] = coarse.has_extra_forces[b // ROW] = True
             borders += 1
     zone.counts.active_fine_rows, zone.counts.border_nodes = rows, borders

@@ -32,23 +32,23 @@ class Springs(NamedTuple):
 
     family_dx: NDArray[np.int64]  # (k,) spacings to the neighbour
     family_dy: NDArray[np.int64]
-    table: NDArray[np.float64]  # (k, 8) xi, 2 xi / |xi|^2, 1 / |xi|^2, k (N/m^2)
+    spring_table: NDArray[np.float64]  # (k, 8) xi, 2 xi / |xi|^2, 1 / |xi|^2, k (N/m^2)
     peak_stretch: float  # stretch beyond which a bond softens; where it is the limit, it is brittle
     limit_stretch: float  # stretch at which a bond breaks
     c11: float  # N/m^2
     c66: float
 
 
-def fine_springs(material: Material, ratio: float, h: float) -> Springs:
+def create_fine_springs(material: Material, ratio: float, h: float) -> Springs:
     """Springs of the fine lattice of spacing `h`, m: calibrated bonds with a `ratio` of horizon to spacing."""
-    return springs_of_materials((material,), ratio, h)[0]
+    return create_springs_of_materials((material,), ratio, h)[0]
 
 
-def springs_of_materials(materials: tuple[Material, ...], ratio: float, h: float) -> tuple[Springs, ...]:
+def create_springs_of_materials(materials: tuple[Material, ...], ratio: float, h: float) -> tuple[Springs, ...]:
     """Springs of each material, all of one family: 0 where a material has none but another has some."""
     farther = any(has_partial_cells(material) for material in materials)
     xi = offsets(ratio + 0.5 if farther else ratio)
-    moduli = [_bond_moduli(material, ratio, np.hypot(*xi.T)) for material in materials]
+    moduli = [_calibrated_bond_moduli(material, ratio, np.hypot(*xi.T)) for material in materials]
     in_family = np.logical_or.reduce([c > 0 for c in moduli]) & ((xi[:, 1] > 0) | ((xi[:, 1] == 0) & (xi[:, 0] > 0)))
     xi = np.concatenate([xi[in_family], -xi[in_family]])
     return tuple(
@@ -57,7 +57,7 @@ def springs_of_materials(materials: tuple[Material, ...], ratio: float, h: float
     )
 
 
-def _bond_moduli(material: Material, ratio: float, length: NDArray[np.float64]) -> NDArray[np.float64]:
+def _calibrated_bond_moduli(material: Material, ratio: float, length: NDArray[np.float64]) -> NDArray[np.float64]:
     """Calibrated modulus (k,) of bonds of these lengths, in a lattice of spacing 1."""
     reach, partial = np.full(len(length), float(ratio)), has_partial_cells(material)
     counted = hu_beta(length, reach, np.ones(len(length))) if partial else 1.0
@@ -86,7 +86,7 @@ def coarse_springs(fine: Springs, h: float) -> Springs:
     dx, dy = np.array(COARSE_OFFSETS, dtype=np.int64).T
     stiffness = np.where(dx * dy == 0, fine.c11 - fine.c66, fine.c66)
     table = _spring_table(2 * h * np.column_stack([dx, dy]).astype(float), stiffness)
-    return fine._replace(family_dx=dx, family_dy=dy, table=table)
+    return fine._replace(family_dx=dx, family_dy=dy, spring_table=table)
 
 
 def _spring_table(xi: NDArray[np.float64], stiffness: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -40,10 +40,10 @@ def _overload_set_piece_swelling_offsets(lattice, zone):  # type: ignore[no-unty
             both = _half_shrinkage_at_end(fine, coarse, pieces, n, 0) + _half_shrinkage_at_end(
                 fine, coarse, pieces, n, 1
             )
-            x0, y0 = offset_from_line(
+            x0, y0 = swelling_offset_from_line(
                 lattice, fine, pieces.end_nodes[n, 0], pieces.end_nodes[n, 1], pieces.spring_constants[n, 0]
             )
-            x1, y1 = offset_from_line(
+            x1, y1 = swelling_offset_from_line(
                 lattice, fine, pieces.end_nodes[n, 2], pieces.end_nodes[n, 3], pieces.spring_constants[n, 1]
             )
             pieces.swelling_offset[n, 0] = both * pieces.spring_constants[n, 2] + x1 - x0
@@ -52,15 +52,15 @@ def _overload_set_piece_swelling_offsets(lattice, zone):  # type: ignore[no-unty
     return offset_pieces
 
 
-def offset_from_line(lattice: Any, half_shrinkage: Any, first_node: Any, second_node: Any, w: Any) -> Any:
+def swelling_offset_from_line(lattice: Any, half_shrinkage: Any, first_node: Any, second_node: Any, w: Any) -> Any:
     """How far a place at share w from coarse `first_node` to `second_node` is off their line, (x, y) in m.
 
     `half_shrinkage` (n,) is that of fine nodes. A `second_node` below 0 is none.
     """
 
 
-@overload(offset_from_line, jit_options=INNER)
-def _overload_offset_from_line(lattice, half_shrinkage, first_node, second_node, w):  # type: ignore[no-untyped-def]
+@overload(swelling_offset_from_line, jit_options=INNER)
+def _overload_swelling_offset_from_line(lattice, half_shrinkage, first_node, second_node, w):  # type: ignore[no-untyped-def]
     if isinstance(half_shrinkage, types.NoneType):
         return lambda lattice, half_shrinkage, first_node, second_node, w: (0.0, 0.0)
 
@@ -69,18 +69,18 @@ def _overload_offset_from_line(lattice, half_shrinkage, first_node, second_node,
             return 0.0, 0.0
         numbering, q = lattice.numbering, min(first_node, second_node)
         level = abs(second_node - first_node) == 1
-        along, across = (1, numbering.fine_stride) if level else (numbering.fine_stride, 1)
+        along, across = (1, numbering.fine_row_stride) if level else (numbering.fine_row_stride, 1)
         p = fine_place(numbering, 2 * coarse_column(numbering, q), 2 * coarse_row(numbering, q))
         scale = -4 * lattice.spacing * w * (w - 1)
         on = scale * (half_shrinkage[p + 2 * along] - half_shrinkage[p]) / 2
-        aside = -scale * _limited_difference(half_shrinkage, lattice.node_constants, p + along, across)
+        aside = -scale * _minmod_difference(half_shrinkage, lattice.node_constants, p + along, across)
         return (on, aside) if level else (aside, on)
 
     return offset_on_bent_line
 
 
 @njit(**INNER)
-def _limited_difference(values, node_constants, p, step):  # type: ignore[no-untyped-def]
+def _minmod_difference(values, node_constants, p, step):  # type: ignore[no-untyped-def]
     """Difference of values from a place to the next: the smaller of both sides, 0 if they differ in sign.
 
     So it is that of linear values, and no leap at a crack is one.
@@ -108,12 +108,12 @@ def _half_shrinkage_at_end(fine, coarse, pieces, n, side):  # type: ignore[no-un
 
 
 @cached_njit(error_model="numpy")
-def set_swelling_offsets(lattice, zone, buffer):  # type: ignore[no-untyped-def]
+def set_all_swelling_offsets(lattice, zone, buffer):  # type: ignore[no-untyped-def]
     """See `set_piece_swelling_offsets`; border nodes too."""
     set_piece_swelling_offsets(lattice, zone)
     border, count = zone.border_nodes, zone.counts.border_nodes
     for n in range(count):
-        border.swelling_offset[n] = offset_from_line(
+        border.swelling_offset[n] = swelling_offset_from_line(
             lattice,
             zone.fine.half_shrinkage,
             border.carrier_nodes[n, 0],
@@ -124,7 +124,7 @@ def set_swelling_offsets(lattice, zone, buffer):  # type: ignore[no-untyped-def]
 
 
 @cached_njit(error_model="numpy")
-def average_to_coarse(lattice, fine_values, coarse_values):  # type: ignore[no-untyped-def]
+def average_fine_values_to_coarse(lattice, fine_values, coarse_values):  # type: ignore[no-untyped-def]
     """Set values of coarse nodes to the mean of fine ones (n,) around them: 1/4, 1/2, 1/4 along each axis.
 
     What a cell holds is so that of its fine nodes. Along an axis on which there is no node on one side, the middle one
@@ -136,11 +136,11 @@ def average_to_coarse(lattice, fine_values, coarse_values):  # type: ignore[no-u
             p = fine_place(numbering, 2 * x, 2 * y)
             mean = _weighted_mean_along_line(fine_values, nodes, p, 1)
             if (
-                value_at_node(nodes, nodes.mass, p + numbering.fine_stride) > 0
-                and value_at_node(nodes, nodes.mass, p - numbering.fine_stride) > 0
+                value_at_node(nodes, nodes.mass, p + numbering.fine_row_stride) > 0
+                and value_at_node(nodes, nodes.mass, p - numbering.fine_row_stride) > 0
             ):
-                mean = mean / 2 + _weighted_mean_along_line(fine_values, nodes, p + numbering.fine_stride, 1) / 4
-                mean += _weighted_mean_along_line(fine_values, nodes, p - numbering.fine_stride, 1) / 4
+                mean = mean / 2 + _weighted_mean_along_line(fine_values, nodes, p + numbering.fine_row_stride, 1) / 4
+                mean += _weighted_mean_along_line(fine_values, nodes, p - numbering.fine_row_stride, 1) / 4
             coarse_values[coarse_place(numbering, x, y)] = mean
 
 

@@ -36,19 +36,21 @@ class LeafHistory(NamedTuple):
 class LeafOperator(BondList):
     """The operator of some leaves of a tree."""
 
-    def __init__(self, tree: Tree, cells: Cells, model: Model, filled: LeafBonds, scheme: Scheme, threads: int) -> None:
-        """`model` is the model of the leaves, `filled` are its bonds."""
+    def __init__(
+        self, tree: Tree, cells: Cells, model: Model, leaf_bonds: LeafBonds, scheme: Scheme, threads: int
+    ) -> None:
+        """`model` is the model of the leaves, `leaf_bonds` are its bonds."""
         law = law_of(model, scheme.matches_work)
-        super().__init__(law, model, filled.assembly.bonds, scheme.symmetric, "float64", threads)
-        self.tree, self.cells, self.filled = tree, cells, filled
+        super().__init__(law, model, leaf_bonds.assembly.bonds, scheme.symmetric, "float64", threads)
+        self.tree, self.cells, self.leaf_bonds = tree, cells, leaf_bonds
         self.history = LeafHistory(np.zeros(len(cells.root_row), dtype=np.int64), 0.0)
-        area = filled.assembly.area
+        area = leaf_bonds.assembly.area
         self._fine = float(area[cells.level > 0].sum() / area.sum())
 
     @property
     def all_bonds(self) -> Bonds:
         """All bonds (b,), including broken ones."""
-        return self.filled.assembly.bonds
+        return self.leaf_bonds.assembly.bonds
 
     def break_steps(self) -> NDArray[np.int32]:
         """The step (b,) in which each bond broke, 0 while intact."""

@@ -37,10 +37,10 @@ from pdmesh.model.node_grid import Grid, document_of, whole_lattice
 from pdmesh.model.refused_settings import impossible
 from pdmesh.quantities import UNITS
 from pdsolve.__main__ import main as solve_command
-from pdsolve.adaptivity.hybrid.coarse_cells import create_hybrid_plate, initial_cells
+from pdsolve.adaptivity.hybrid.coarse_cells import create_hybrid_plate, initial_cell_kinds
 from pdsolve.adaptivity.hybrid.lattice import AROUND, COARSE, FINE
 from pdsolve.adaptivity.hybrid.prepare import rows_of_steep_content
-from pdsolve.adaptivity.hybrid.springs import coarse_springs, divide_bonds, fine_springs
+from pdsolve.adaptivity.hybrid.springs import coarse_springs, create_fine_springs, divide_bonds
 from pdsolve.checks import warn_of_created_energy
 from pdsolve.model import Model, ModelError, ModelWarning
 from pdsolve.options import Options
@@ -121,12 +121,12 @@ def test_the_mode_of_the_thesis_is_refused() -> None:
 def test_the_compact_lattice_is_as_stiff_as_the_fine_one() -> None:
     """C11 and C66 of a cell's springs, at m = 3 and 4, are those of a fine family; stretches of a bond fill it."""
     for m in (3.0, 4.0):
-        fine = fine_springs(GLASS, m, 1e-3)
+        fine = create_fine_springs(GLASS, m, 1e-3)
         coarse = coarse_springs(fine, 1e-3)
         for power in ((4, 0), (2, 2)):
             sums = []
             for springs, area in ((fine, 1e-6), (coarse, 4e-6)):
-                x, y, stiffness = springs.table[:, 0], springs.table[:, 1], springs.table[:, 5]
+                x, y, stiffness = springs.spring_table[:, 0], springs.spring_table[:, 1], springs.spring_table[:, 5]
                 length = np.hypot(x, y)
                 n = (x / length) ** power[0] * (y / length) ** power[1]
                 sums.append((stiffness * length**2 * n).sum() / 2 / area)
@@ -150,15 +150,15 @@ def test_cells_beside_an_edge_where_a_content_leaps_are_fine(how: str) -> None:
     x = model.grid.position[:, 0]
     assert set(steep) == set(np.flatnonzero(x == x.min()))
     whole = create_hybrid_plate(model.moving_part(), "conservative")
-    cells = initial_cells(whole, 4, steep).reshape(-1, whole.numbering.cell_stride)
+    cells = initial_cell_kinds(whole, 4, steep).reshape(-1, whole.numbering.cell_row_stride)
     across = cells[len(cells) // 2]
     assert across[AROUND : AROUND + 20].tolist() == 5 * [FINE] + 15 * [COARSE]
-    assert not (initial_cells(whole, 4) == FINE).any()
+    assert not (initial_cell_kinds(whole, 4) == FINE).any()
 
 
 def test_bits_of_cells_are_those_of_the_stretches_of_bonds() -> None:
     """At the largest horizon too; seen from its other end, a bond has the same cells."""
-    fine = fine_springs(GLASS, 6.0, 1e-3)
+    fine = create_fine_springs(GLASS, 6.0, 1e-3)
     cut, half = divide_bonds(fine), len(fine.family_dx) // 2
     for place in range(4):
         for k in range(half):

@@ -16,7 +16,7 @@ from pdsolve.adaptivity.hybrid import irregular_bonds
 from pdsolve.adaptivity.hybrid.coarse_cells import create_hybrid_plate
 from pdsolve.adaptivity.hybrid.irregular_bonds import find_irregular_bonds
 from pdsolve.adaptivity.hybrid.node_constants import values_at_nodes
-from pdsolve.adaptivity.hybrid.springs import fine_springs
+from pdsolve.adaptivity.hybrid.springs import create_fine_springs
 from pdsolve.options import Options
 from pdsolve.run.prepare import prepare
 
@@ -99,7 +99,7 @@ def test_nodes_that_lie_in_the_same_way_to_edges_and_cracks_share_their_bonds(mo
     ring = 1e-3 * np.array([[0, 0], [180, 0], [180, 100], [0, 100]])
     model = plate(whole_lattice(lattice, cracks=cracks, outline=(ring,)), 3.0, run=Run(adapt="hybrid", steps=1))
     board = create_hybrid_plate(model, "conservative")
-    springs = (fine_springs(model.materials[0], 3.0, board.spacing),)
+    springs = (create_fine_springs(model.materials[0], 3.0, board.spacing),)
     found = find_irregular_bonds(board, springs)
     monkeypatch.setattr(irregular_bonds, "find_first_equivalent_rows", lambda plate, rows, reach: np.arange(len(rows)))
     alone, which = find_irregular_bonds(board, springs), found.bond_row_of_node

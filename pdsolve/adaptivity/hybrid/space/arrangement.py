@@ -58,8 +58,8 @@ class ClippedPieces(NamedTuple):
 
     owner_site: NDArray[np.int32]  # (p,) site of the bond's lower node
     piece_kind: NDArray[np.int32]  # (p,) alike for pieces with the same xi; see `number_and_list_piece_vectors`
-    near_place: NDArray[np.int64]  # (p,) the place of one end, a node if one is; see `_place_number`
-    far_place: NDArray[np.int64]  # (p,) of the other end
+    near_end_place: NDArray[np.int64]  # (p,) the place of one end, a node if one is; see `_place_number`
+    far_end_place: NDArray[np.int64]  # (p,) of the other end
     stiffness: NDArray[np.float64]  # (p,) stiffness, N/m
     least_over_own_limit_strain: NDArray[
         np.float64
@@ -220,7 +220,7 @@ def _append_pieces_of_bond(fine, cells, site, x, y, z, k, pieces, count):  # typ
                         site,
                         2 * (begin * PARTS + part - 1 - begin) + back,
                     )
-                    pieces.near_place[count], pieces.far_place[count] = (ends[1], ends[0]) if back else ends
+                    pieces.near_end_place[count], pieces.far_end_place[count] = (ends[1], ends[0]) if back else ends
                     pieces.stiffness[count] = _bond_stiffness(fine, site, slot) / (sides * length)
                     i, j = tiles.node[site], tiles.node[site + tiles.offsets[slot]]
                     scale = fine.least_over_own_limit_strain_of_material_pair[pair_number(tiles, i, j)]
@@ -277,8 +277,8 @@ def merge_pieces_into(old, is_owner_stale, new, order, merged):  # type: ignore[
     at, n = 0, 0
     for m in order:
         while n < len(old.owner_site) and (
-            old.near_place[n] < new.near_place[m]
-            or (old.near_place[n] == new.near_place[m] and old.owner_site[n] < new.owner_site[m])
+            old.near_end_place[n] < new.near_end_place[m]
+            or (old.near_end_place[n] == new.near_end_place[m] and old.owner_site[n] < new.owner_site[m])
         ):
             at, n = at + _copy_piece(old, n, merged, at, not is_owner_stale[old.owner_site[n]]), n + 1
         at += _copy_piece(new, m, merged, at, True)
@@ -302,9 +302,9 @@ def _copy_piece(source, source_index, target, target_index, is_wanted):  # type:
         source.stiffness[source_index],
         source.least_over_own_limit_strain[source_index],
     )
-    target.near_place[target_index], target.far_place[target_index] = (
-        source.near_place[source_index],
-        source.far_place[source_index],
+    target.near_end_place[target_index], target.far_end_place[target_index] = (
+        source.near_end_place[source_index],
+        source.far_end_place[source_index],
     )
     return 1
 

@@ -112,12 +112,12 @@ def _copy_tiles(tiles: Tiles) -> Tiles:
     return tiles._replace(bits=tiles.bits.copy(), node=tiles.node.copy(), kind=tiles.kind.copy())
 
 
-def zone_after_refinement(full_model: FullBody, zone: BodyZone, new_cells: NDArray[np.int64]) -> BodyZone:
+def zone_after_refinement(full_body: FullBody, zone: BodyZone, new_cells: NDArray[np.int64]) -> BodyZone:
     """The zone after the cells `new_cells` (k, 3), which are fine already, have become so.
 
     Bits and numbers are new arrays: results may still ask for bonds of before.
     """
-    fine, box = full_model.fine_lattice, full_model.fine_lattice.box
+    fine, box = full_body.fine_lattice, full_body.fine_lattice.box
     dirty = np.flatnonzero(
         mask_near_cells(box, new_cells, fine.reach - 1, 0)
     )  # lower ends of bonds that pass these cells
@@ -132,22 +132,22 @@ def zone_after_refinement(full_model: FullBody, zone: BodyZone, new_cells: NDArr
     stale[dirty] = True
     old, new_pieces = zone.clipped_pieces, arrangement.take_first_pieces(new_pieces, count)
     ordered = arrangement.allocate_pieces(len(old.owner_site) - np.count_nonzero(stale[old.owner_site]) + count)
-    arrangement.merge_pieces_into(old, stale, new_pieces, np.argsort(new_pieces.near_place, kind="stable"), ordered)
+    arrangement.merge_pieces_into(old, stale, new_pieces, np.argsort(new_pieces.near_end_place, kind="stable"), ordered)
     corners = np.unique((new_cells[:, None] + np.array(list(np.ndindex(2, 2, 2)))).reshape(-1, 3), axis=0)
     coarse_springs.set_coarse_springs(
         box,
         zone.cell_kinds,
-        full_model.relative_cell_modulus,
-        full_model.coarse_sites.ways,
+        full_body.relative_cell_modulus,
+        full_body.coarse_sites.ways,
         corners,
         zone.coarse_springs,
     )
     return zone._replace(clipped_pieces=ordered)
 
 
-def create_body_zone(full_model: FullBody, cells: NDArray[np.uint8], springs: Tiles) -> BodyZone:
+def create_body_zone(full_body: FullBody, cells: NDArray[np.uint8], springs: Tiles) -> BodyZone:
     """The zone of cells (c,)."""
-    fine, box, count = full_model.fine_lattice, full_model.fine_lattice.box, len(full_model.fine_sites.node)
+    fine, box, count = full_body.fine_lattice, full_body.fine_lattice.box, len(full_body.fine_sites.node)
     zone = BodyZone(
         cell_kinds=cells,
         node_kinds=np.zeros(count, dtype=np.uint8),
@@ -157,8 +157,8 @@ def create_body_zone(full_model: FullBody, cells: NDArray[np.uint8], springs: Ti
         ),
         coarse_springs=springs,
         clipped_pieces=arrangement.allocate_pieces(0),
-        fine_u=aligned(np.zeros((3, full_model.fine_sites.size))),
-        coarse_u=aligned(np.zeros((3, full_model.coarse_sites.size))),
+        fine_u=aligned(np.zeros((3, full_body.fine_sites.size))),
+        coarse_u=aligned(np.zeros((3, full_body.coarse_sites.size))),
     )
     arrangement.set_node_kinds(box, fine.tiles.node, cells, np.arange(count), zone.node_kinds, zone.has_coarse_node)
     inner = cells.reshape(box.padded_shape)[(slice(box.void_margin, -box.void_margin),) * 3]
@@ -166,6 +166,6 @@ def create_body_zone(full_model: FullBody, cells: NDArray[np.uint8], springs: Ti
     corners = np.column_stack([axis_corners.ravel() for axis_corners in np.meshgrid(
         *(np.arange(side + 1) for side in (box.cells_x, box.cells_y, box.cells_z)), indexing="ij")])  # fmt: skip
     coarse_springs.set_coarse_springs(
-        box, cells, full_model.relative_cell_modulus, full_model.coarse_sites.ways, corners, springs
+        box, cells, full_body.relative_cell_modulus, full_body.coarse_sites.ways, corners, springs
     )
-    return zone_after_refinement(full_model, zone, np.ascontiguousarray(every)) if len(every) else zone
+    return zone_after_refinement(full_body, zone, np.ascontiguousarray(every)) if len(every) else zone

@@ -70,10 +70,10 @@ class HybridBodyOperator:
     symmetric = True
     unknowns: tuple[Unknown, ...] = (Unknown("u", 3, 2),)
 
-    def __init__(self, full_model: FullBody, zone: BodyZone, history: ZoneHistory, threads: int) -> None:
+    def __init__(self, full_body: FullBody, zone: BodyZone, history: ZoneHistory, threads: int) -> None:
         """`zone` is that of its cells."""
-        self.full_body, self._zone, self.history, self._threads = full_model, zone, history, threads
-        fine, count = full_model.fine_lattice, len(full_model.fine_sites.node)
+        self.full_body, self._zone, self.history, self._threads = full_body, zone, history, threads
+        fine, count = full_body.fine_lattice, len(full_body.fine_sites.node)
         self.sites = np.flatnonzero((zone.node_kinds == FREE) | zone.has_coarse_node)
         self.rows = fine.tiles.node[self.sites].astype(np.int64)  # of the grid
         self._row = np.full(count, -1, dtype=np.int32)
@@ -81,7 +81,7 @@ class HybridBodyOperator:
         self._free = np.flatnonzero(zone.node_kinds[self.sites] == FREE)
         self._coarse = np.flatnonzero(zone.has_coarse_node[self.sites])
         self._border = np.flatnonzero(zone.node_kinds == BORDER)
-        nodes, border, margin = len(self.sites), len(self._border), full_model.fine_sites.margin
+        nodes, border, margin = len(self.sites), len(self._border), full_body.fine_sites.margin
         on, self._w = np.zeros((border, arrangement.ENDS), np.int64), np.zeros((border, arrangement.ENDS))
         arrangement.fill_border_carriers(fine.box, self._border, on, self._w)
         self._on, self._pieces = (
@@ -316,10 +316,10 @@ class HybridBodyOperator:
         from pdsolve.adaptivity.hybrid.space.tangent import assemble_tangent  # few runs need it
 
         zone, nodes, border = self._zone, len(self.sites), len(self._border)
-        full_model, margin = self.full_body, self.full_body.fine_sites.margin
+        full_body, margin = self.full_body, self.full_body.fine_sites.margin
         every = (margin + np.append(self.sites, self._border)).astype(np.int32)
-        sites = full_model.fine_sites._replace(site=every, node=zone.fine_tiles.node)
-        at = full_model.coarse_sites
+        sites = full_body.fine_sites._replace(site=every, node=zone.fine_tiles.node)
+        at = full_body.coarse_sites
         above = at._replace(site=np.full(nodes, at.margin, dtype=np.int32), node=zone.coarse_springs.node)
         above.site[self._coarse] = self._coarse_sites
         piece_springs = self._pieces

@@ -38,7 +38,7 @@ class PieceSprings(NamedTuple):
     carrier_count: NDArray[np.int64]  # (q,) nodes that move a point
     carrier_rows: NDArray[np.int32]  # (q, 4) these nodes
     carrier_weights: NDArray[np.float64]  # (q, 4) their weights
-    group_site: NDArray[np.int32]  # (g,) fine site of the near end, or of one less than a spacing from it
+    near_end_site_of_group: NDArray[np.int32]  # (g,) fine site of the near end, or of one less than a spacing from it
     near_point: NDArray[np.int32]  # (g,) point at the near end
     far_point: NDArray[np.int32]  # (8 g,) point at the far end
     xi_row_of_piece: NDArray[np.int32]  # (8 g,) row of xi
@@ -47,15 +47,15 @@ class PieceSprings(NamedTuple):
     least_over_own_limit_strain: NDArray[
         np.float64
     ]  # (8 g,) least e at which bonds break over that of its own; 0 if it never breaks
-    point_u: NDArray[np.float64]  # (q, 4) room for the displacements of points; the last column is 0
-    point_force: NDArray[np.float64]  # (q, 4) room for their forces
+    point_displacements: NDArray[np.float64]  # (q, 4) room for the displacements of points; the last column is 0
+    point_forces: NDArray[np.float64]  # (q, 4) room for their forces
     largest_scaled_strains: NDArray[np.float64]  # (8,) room for the largest e times `limit_scale`
 
 
 class PieceGroups(NamedTuple):
     """Room for groups of pieces; see `PieceSprings`."""
 
-    group_site: NDArray[np.int32]
+    near_end_site_of_group: NDArray[np.int32]
     near_point: NDArray[np.int32]
     far_point: NDArray[np.int32]
     xi_row: NDArray[np.int32]
@@ -77,8 +77,8 @@ def create_piece_springs(
     fine: FineLattice, node_kinds: NDArray[np.uint8], row_at_site: NDArray[np.int32], pieces: ClippedPieces
 ) -> PieceSprings:
     """The springs of pieces; `node_kinds` and `row_at_site` (sites,) are those of fine nodes."""
-    count = len(pieces.near_place)
-    room = count + (TOGETHER - 1) * (np.count_nonzero(np.diff(pieces.near_place)) + 1) if count else 0
+    count = len(pieces.near_end_place)
+    room = count + (TOGETHER - 1) * (np.count_nonzero(np.diff(pieces.near_end_place)) + 1) if count else 0
     groups = room // TOGETHER
     size = 1 << max(4, count // SHARED).bit_length() + 1
     while True:
@@ -100,7 +100,7 @@ def create_piece_springs(
         size *= 2
     carry = create_piece_points(fine, node_kinds, numbers.place_of_number[:points])
     u, force = (aligned(np.zeros((points, 4))) for _ in range(2))
-    of_groups = group_arrays.group_site[:used], group_arrays.near_point[:used]
+    of_groups = group_arrays.near_end_site_of_group[:used], group_arrays.near_point[:used]
     far, direction = group_arrays.far_point[: TOGETHER * used], group_arrays.xi_row[: TOGETHER * used]
     k, breaks = group_arrays.stiffness[: TOGETHER * used], group_arrays.least_over_own_limit_strain[: TOGETHER * used]
     ends = *of_groups, far, direction, fine.piece_xi, k, breaks
@@ -134,13 +134,13 @@ def list_stiff_springs(springs: PieceSprings) -> ListedSprings:
 def group_pieces(fine, pieces, place_table, group_arrays):  # type: ignore[no-untyped-def]
     """Put pieces into groups; the numbers of points and of groups, or -1 if there are more points than numbers."""
     count, m, run, i, unit = 0, 0, -1, 0, fine.divisions.units_per_spacing
-    for n in range(len(pieces.near_place)):
-        place = pieces.near_place[n]
-        if n == 0 or place != pieces.near_place[n - 1]:
+    for n in range(len(pieces.near_end_place)):
+        place = pieces.near_end_place[n]
+        if n == 0 or place != pieces.near_end_place[n - 1]:
             m = _fill_last_group(group_arrays, m, i)
             i, count = _find_or_add_place_number(place_table, place, count)
             run += 1
-        j, count = _find_or_add_place_number(place_table, pieces.far_place[n], count)
+        j, count = _find_or_add_place_number(place_table, pieces.far_end_place[n], count)
         if count > len(place_table.place_of_number) - 2:
             return -1, 0
         if place_table.last_near_end[j] == run:
@@ -153,7 +153,7 @@ def group_pieces(fine, pieces, place_table, group_arrays):  # type: ignore[no-un
         if m % TOGETHER == 0:
             group_arrays.near_point[m // TOGETHER] = i
             x, y, z = coordinates_of_place(fine.box, unit, place)
-            group_arrays.group_site[m // TOGETHER] = fine_site(fine.box, x // unit, y // unit, z // unit)
+            group_arrays.near_end_site_of_group[m // TOGETHER] = fine_site(fine.box, x // unit, y // unit, z // unit)
         place_table.last_near_end[j], place_table.last_piece[j] = run, m
         group_arrays.far_point[m], group_arrays.xi_row[m] = j, fine.xi_row_of_piece_kind[pieces.piece_kind[n]]
         group_arrays.stiffness[m], group_arrays.least_over_own_limit_strain[m] = (
@@ -208,7 +208,7 @@ def add_piece_forces(value, pieces, force):  # type: ignore[no-untyped-def]
     Returns the largest e of those that could break.
     """
     _displace_points(value, pieces)
-    u, sums, xi = pieces.point_u, pieces.point_force, pieces.xi
+    u, sums, xi = pieces.point_displacements, pieces.point_forces, pieces.xi
     sums[:] = 0
     pieces.largest_scaled_strains[:] = 0
     for g in range(len(pieces.near_point)):
@@ -241,7 +241,7 @@ def _displace_points(value, pieces):  # type: ignore[no-untyped-def]
         for m in range(pieces.carrier_count[q]):
             row, share = pieces.carrier_rows[q, m], pieces.carrier_weights[q, m]
             x, y, z = x + share * value[row, 0], y + share * value[row, 1], z + share * value[row, 2]
-        pieces.point_u[q, 0], pieces.point_u[q, 1], pieces.point_u[q, 2] = x, y, z
+        pieces.point_displacements[q, 0], pieces.point_displacements[q, 1], pieces.point_displacements[q, 2] = x, y, z
 
 
 @cached_njit(nogil=True, error_model="numpy")
@@ -249,11 +249,11 @@ def add_piece_energies(value, pieces, site_mask, node_energy):  # type: ignore[n
     """Add the energies of pieces, J, to `node_energy` (n,), half to each end; of those with their near ends at fine
     sites of `site_mask` (sites,) alone."""
     _displace_points(value, pieces)
-    energy, u = pieces.point_force, pieces.point_u
+    energy, u = pieces.point_forces, pieces.point_displacements
     energy[:] = 0
     for n in range(len(pieces.stiffness)):
         i, j, row, e = pieces.near_point[n // TOGETHER], pieces.far_point[n], pieces.xi[pieces.xi_row_of_piece[n]], 0.0
-        if not site_mask[pieces.group_site[n // TOGETHER]] or pieces.stiffness[n] == 0:
+        if not site_mask[pieces.near_end_site_of_group[n // TOGETHER]] or pieces.stiffness[n] == 0:
             continue
         for axis in range(3):
             eta = u[j, axis] - u[i, axis]

@@ -20,7 +20,7 @@ from pdsolve.adaptivity.hybrid.space.materials import (
 )
 from pdsolve.adaptivity.hybrid.space.operator import HybridBodyOperator
 from pdsolve.adaptivity.hybrid.space.prescribed_motion import nodes_unfit_for_coarse
-from pdsolve.adaptivity.hybrid.space.zone import initial_cells
+from pdsolve.adaptivity.hybrid.space.zone import initial_cell_kinds
 from pdsolve.codegen.vector_code import ROW
 from pdsolve.conditions import Drive, Entries, drive, drive_of, put_loads
 from pdsolve.lattice.sums import VOLUME, Tiles
@@ -51,15 +51,15 @@ def create_body_operator(model: Model, options: Options, threads: int) -> Hybrid
             model, "$.nodes", "on nodes that fit no tiles", "one cubic lattice, more than two horizons long"
         )
     law, h = law_of(model), tiling.sites.spacing
-    full_model = create_full_body(model, tiling.sites, tiling.tiles)._replace(
+    full_body = create_full_body(model, tiling.sites, tiling.tiles)._replace(
         precrack_cut_counts=tiling.counted.family - tiling.counted.bonds
     )
-    box, tiles = full_model.fine_lattice.box, tiling.tiles
+    box, tiles = full_body.fine_lattice.box, tiling.tiles
     nodes = (int(box.fine_nodes_x) + BLOCK) * (int(box.fine_nodes_y) + BLOCK) * (int(box.fine_nodes_z) + BLOCK)
     if (
-        nodes * full_model.fine_lattice.divisions.units_per_spacing**3 >= 1 << 63
+        nodes * full_body.fine_lattice.divisions.units_per_spacing**3 >= 1 << 63
     ):  # integers cannot count where pieces end
-        reach = f"{full_model.fine_lattice.reach} spacings"
+        reach = f"{full_body.fine_lattice.reach} spacings"
         raise create_unsupported_error(model, "$.horizon.ratio", reach, f"fewer in a lattice of {nodes} places")
     shape = box.fine_nodes_z, box.fine_nodes_y, box.fine_nodes_x
     count, first = int(np.prod(shape)), model.grid.position.min(axis=0)
@@ -68,26 +68,26 @@ def create_body_operator(model: Model, options: Options, threads: int) -> Hybrid
     unfit_nodes = nodes_unfit_for_coarse(
         model, box, tiling.sites.site.astype(np.int64) - tiling.sites.margin, tiles.node
     )
-    cells = initial_cells(
-        box, volume, tiles.node[:count].reshape(shape) >= 0, full_model.fine_lattice.reach, cracks, unfit_nodes
+    cells = initial_cell_kinds(
+        box, volume, tiles.node[:count].reshape(shape) >= 0, full_body.fine_lattice.reach, cracks, unfit_nodes
     )
     resistance = float((tiling.stiffness_bound / model.rho).max()) / SEAM
     driven = drive(model, model.grid.cells, True, np.float64)
-    full_model = full_model._replace(
+    full_body = full_body._replace(
         stiffness_over_density=resistance, solid_cell_count=int(np.count_nonzero(cells != VOID)), full_drive=driven
     )
-    return create_operator_of_cells(law, full_model, cells, compute_vertex_force(law, tiles.table, h), threads)
+    return create_operator_of_cells(law, full_body, cells, compute_vertex_force(law, tiles.table, h), threads)
 
 
 def create_operator_of_cells(
-    law: Law, full_model: FullBody, cells: NDArray[np.uint8], vertex_force_ratio: float, threads: int = 1
+    law: Law, full_body: FullBody, cells: NDArray[np.uint8], vertex_force_ratio: float, threads: int = 1
 ) -> HybridBodyOperator:
     """The operator of these cells (c,)."""
     bind(law)
-    elastic = coarse_springs.cubic_stiffness(full_model.fine_lattice.tiles.table)
-    strength = coarse_springs.coarse_spring_stiffnesses(elastic, vertex_force_ratio, full_model.fine_sites.spacing)
-    springs = coarse_springs.create_spring_tiles(law, full_model.coarse_sites, strength)
-    return HybridBodyOperator(full_model, create_body_zone(full_model, cells, springs), NOTHING, threads)
+    elastic = coarse_springs.cubic_stiffness(full_body.fine_lattice.tiles.table)
+    strength = coarse_springs.coarse_spring_stiffnesses(elastic, vertex_force_ratio, full_body.fine_sites.spacing)
+    springs = coarse_springs.create_spring_tiles(law, full_body.coarse_sites, strength)
+    return HybridBodyOperator(full_body, create_body_zone(full_body, cells, springs), NOTHING, threads)
 
 
 def create_full_body(model: Model | None, sites: Sites, tiles: Tiles) -> FullBody:
@@ -130,11 +130,11 @@ def create_full_block(law: Law, table: NDArray[np.floating], h: float, cells: tu
 def compute_vertex_force(law: Law, table: NDArray[np.floating], h: float) -> float:
     """The force on the vertex of a fine cube in a sheared block of coarse cells without body diagonals, over
     C11 h^2 gamma."""
-    full_model, half = create_full_block(law, table, h, (CUBE, CUBE, CUBE)), CUBE // 2
+    full_body, half = create_full_block(law, table, h, (CUBE, CUBE, CUBE)), CUBE // 2
     cells, nodes = np.zeros((CUBE,) * 3, dtype=np.uint8), 2 * CUBE + 1
     cells[half:, half:, half:] = FINE
-    cells = np.pad(cells, full_model.fine_lattice.box.void_margin, constant_values=VOID)
-    operator = create_operator_of_cells(law, full_model, cells.ravel(), 0.0)
+    cells = np.pad(cells, full_body.fine_lattice.box.void_margin, constant_values=VOID)
+    operator = create_operator_of_cells(law, full_body, cells.ravel(), 0.0)
     vertex = CUBE * (1 + nodes + nodes**2)
     value, row = np.zeros((len(operator.sites), 3)), np.searchsorted(operator.sites, vertex)
     value[:, 1] = SHEAR * h * (operator.sites // nodes**2)

@@ -18,7 +18,7 @@ SAME = 1e-6  # of a cell: volumes this near are the same
 FLANKS = 8  # h: cells this near to the faces of a pre-crack are fine: none of their springs is cut
 
 
-def initial_cells(
+def initial_cell_kinds(
     box: CellBox,
     volume: NDArray[np.float64],
     has_node: NDArray[np.bool_],
