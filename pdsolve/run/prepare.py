@@ -198,8 +198,8 @@ def _prepare_plate_with_moving_zone(model: Model, options: Options, scheme: Sche
         stepper=FusedMarch(shown),
         drive=shown.engine.drive,
         area=shown.area,
-        family_sizes=shown.counts[1],
-        initial_bond_counts=shown.counts[0],
+        family_sizes=shown.initial_bond_counts_and_family_sizes[1],
+        initial_bond_counts=shown.initial_bond_counts_and_family_sizes[0],
         time_step=float(shown.engine.lattice.dt),
         stable_time_step=bound,
         initial_energy=shown.ledger_totals().kinetic,
@@ -212,7 +212,7 @@ def _prepare_cell_splitting(model: Model, options: Options, scheme: Scheme) -> P
     """A prepared model whose cells can split; none has yet. Raises ModelError for an unsupported one."""
     tree = create_tree(model, scheme.name, options.precision, options.kernel)
     cells = tree.roots()
-    now = tree.model_of(cells)
+    now = tree.model_of_leaves(cells)
     bonds, threads = create_leaf_bonds(scheme.by_pairs(now)), threads_of(options, len(model.grid), False)
     operator = LeafOperator(tree, cells, now, bonds, scheme, threads)
     bound = (
@@ -230,7 +230,9 @@ def _prepare_body_with_moving_zone(model: Model, options: Options, scheme: Schem
     options = options._replace(threads=threads)
     bound = stable_time_step_from_stiffness_bound(operator.stiffness_bound(), operator.model.rho)
     steps, driven = (choose_time_step(model, bound), bound), create_current_drive(operator, 0.0)
-    rest = assemble_system(operator.model, options, scheme, operator, operator.counted, *steps, conditions=driven)
+    rest = assemble_system(
+        operator.model, options, scheme, operator, operator.volumes_and_bond_counts, *steps, conditions=driven
+    )
     return _set_initial_velocity(rest, model, initial_velocity(model)[operator.rows])
 
 

@@ -14,7 +14,7 @@ import numpy as np
 
 from pdmesh import stopping
 from pdmesh.files import FilePath
-from pdsolve.adaptivity.hybrid.adaptivity_choice import choose_adaptivity, explain_long_steps
+from pdsolve.adaptivity.hybrid.adaptivity_choice import choose_adaptivity, explain_late_zone_error
 from pdsolve.adaptivity.hybrid.arrays import EVERY
 from pdsolve.adaptivity.hybrid.engine import ZoneSummary
 from pdsolve.adaptivity.hybrid.space.operator import HybridBodyOperator
@@ -389,7 +389,7 @@ def _advance_to_end_and_close_results(
                 writer.write(partial(recorder.make_frame, recorder.step, with_fields=True, with_checkpoint=True))
             status = _advance_to_end(recorder, writer, request)
         except BaseException as reason:
-            error = explain_long_steps(reason, recorder.system.time_step, recorder.system.stable_time_step)
+            error = explain_late_zone_error(reason, recorder.system.time_step, recorder.system.stable_time_step)
             ends = {UnstableError: "unstable", UnsettledError: "unsettled", KeyboardInterrupt: "interrupted"}
             writer.abandon(ends.get(type(error), "failed"))
             raise error from error.__cause__

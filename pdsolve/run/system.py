@@ -148,7 +148,7 @@ class PreparedRun(NamedTuple):
 
 def system_with_moved_zone(system: System, zone_operator: Moving) -> System:
     """The system of changed nodes of the same plate."""
-    count, family = zone_operator.counts
+    count, family = zone_operator.initial_bond_counts_and_family_sizes
     stepper: Stepper = FusedMarch(zone_operator)
     if isinstance(system.stepper, SwellingStepperWithFineZone):
         assert isinstance(zone_operator, HybridOperator)
