@@ -91,7 +91,7 @@ def exchanges(ranks: Team, times: int) -> list[float]:
     for _ in range(times):
         ranks.comm.Barrier()
         began = time.perf_counter()
-        part.ghosts.fill(part.operator.tracks.u[0])
+        part.ghosts.receive_values(part.operator.tracks.u[0])
         found.append(time.perf_counter() - began)
     return found
 
@@ -172,17 +172,17 @@ def step_alone(ranks: Team | None, nodes: int) -> dict[str, float]:
 def worked(ranks: Team, first: int, last: int) -> float:
     """Processor time of the steps `first` to `last` - 1 of this rank without exchanges, s."""
     ghosts, waited = ranks.part.ghosts, [0.0]
-    fill = ghosts.fill
+    fill = ghosts.receive_values
 
     def timed(values: NDArray[Any]) -> None:
         began = time.process_time()
         fill(values)
         waited[0] += time.process_time() - began
 
-    ghosts.fill, began = timed, time.process_time()
+    ghosts.receive_values, began = timed, time.process_time()
     start.advance_rank(ranks, first, last)
     spent = time.process_time() - began
-    del ghosts.fill
+    del ghosts.receive_values
     return spent - waited[0]
 
 

@@ -50,7 +50,8 @@ broken therefore pulls once more in the next step. Without this second pull the 
 Bonds that soften over several steps lose more at long steps, as only breaking bonds pull twice: bilinear and cohesive
 ones spend 0.89 to 0.95 of G0 H at 15 and 20 m/s and the program's own step, 0.96 to 0.98 at half of it. In the thesis
 mode a bond is gone in the step in which it passes its limit, so that a fast cut costs nothing. Families other than
-ordinary ones have that rule too.
+ordinary ones have that rule too. A bond whose cells split one step after it broke (`--adapt split`) does not pull
+again.
 """
 
 SCENES = (  # shipped, whose bonds break in one step or soften over several

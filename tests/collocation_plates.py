@@ -15,7 +15,7 @@ from pdmesh.model.document import Collocation, Material, Run, Settings, Velocity
 from pdsolve.adaptivity.collocation import march as steps
 from pdsolve.adaptivity.collocation.engine import CollocationEngine
 from pdsolve.adaptivity.collocation.operator import CollocationOperator
-from pdsolve.adaptivity.collocation.zone import active_areas, renumber_zone
+from pdsolve.adaptivity.collocation.zone import areas_of_active_nodes, zone_with_active_coarse_nodes
 from pdsolve.model import Model
 from pdsolve.options import Options
 from pdsolve.run.prepare import prepare
@@ -51,14 +51,18 @@ def prepared(model: Model) -> tuple[PreparedRun, CollocationEngine]:
 
 def activate(engine: CollocationEngine, coarse: NDArray[np.bool_]) -> None:
     """Let these coarse places, of those that may be, be the active ones."""
-    engine.zone = renumber_zone(engine.lattice, engine.plate, engine.zone, coarse, engine.settings.seam_damping)
-    engine.area = active_areas(engine.lattice, engine.plate, engine.zone.node_kinds)
+    engine.zone = zone_with_active_coarse_nodes(
+        engine.lattice, engine.plate, engine.zone, coarse, engine.settings.seam_damping
+    )
+    engine.area = areas_of_active_nodes(engine.lattice, engine.plate, engine.zone.node_kinds)
 
 
 def places(engine: CollocationEngine) -> NDArray[np.float64]:
     """Where all places (2, places) are, in spacings."""
-    numbering, p = engine.lattice.numbering, np.arange(engine.lattice.numbering.places)
-    return np.stack([p % numbering.stride - numbering.left, p // numbering.stride - numbering.below]).astype(float)
+    numbering, p = engine.lattice.numbering, np.arange(engine.lattice.numbering.place_count)
+    return np.stack(
+        [p % numbering.row_stride - numbering.left_margin, p // numbering.row_stride - numbering.row_margin]
+    ).astype(float)
 
 
 def accelerations(engine: CollocationEngine) -> NDArray[np.float64]:
@@ -69,10 +73,10 @@ def accelerations(engine: CollocationEngine) -> NDArray[np.float64]:
 @njit
 def _accelerations(lattice, zone):  # type: ignore[no-untyped-def]
     steps.interpolate_fictitious_nodes(zone, zone.u)
-    steps.sum_row_forces(lattice, zone, 0, len(zone.fine_rows))
+    steps.sum_forces_of_fine_rows(lattice, zone, 0, len(zone.rows_with_fine_nodes))
     found = zone.f / (lattice.rho * lattice.h**2)
     steps.sum_coarse_accelerations(lattice, zone)
-    for q in zone.coarse_places:
+    for q in zone.active_coarse_places:
         found[:, q] = zone.f[:, q]
     return found
 

@@ -23,7 +23,7 @@ from pdsolve.adaptivity.collocation.engine import CollocationEngine
 from pdsolve.adaptivity.collocation.operator import CollocationOperator
 from pdsolve.adaptivity.collocation.zone import COARSE as ACTIVE
 from pdsolve.adaptivity.collocation.zone import FINE as BONDED
-from pdsolve.adaptivity.collocation.zone import active_areas, renumber_zone
+from pdsolve.adaptivity.collocation.zone import areas_of_active_nodes, zone_with_active_coarse_nodes
 from pdsolve.adaptivity.hybrid.engine import HybridEngine
 from pdsolve.adaptivity.hybrid.lattice import AROUND, COARSE, FINE, FREE, VOID
 from pdsolve.adaptivity.hybrid.operator import HybridOperator
@@ -121,42 +121,48 @@ def split_where(problem: PreparedRun, where: Callable[[NDArray[np.float64]], NDA
     splitting = CellSplitting(problem.system)
     tree = splitting.tree
     cells = tree.roots()
-    splits = tree.can_split(cells) & where(tree.place(cells))
+    splits = tree.mask_splittable(cells) & where(tree.centres(cells))
     new, _ = map_leaves(tree, cells, splits, cells.select(np.zeros(0, dtype=np.int64)))
-    kept = {"ids": tree.ids(new), "calm": np.zeros(len(new.root), dtype=np.int64), "made": np.zeros(1)}
+    kept = {"ids": tree.node_ids(new), "calm": np.zeros(len(new.root_row), dtype=np.int64), "made": np.zeros(1)}
     return splitting.restore_system(problem.system, kept)
 
 
 def _collocation(engine: CollocationEngine, seam: float) -> Marching:
     """Coarse nodes are active right of the seam alone."""
     lattice, plate, zone = engine.lattice, engine.plate, engine.zone
-    x = lattice.h * (np.arange(lattice.numbering.places) % lattice.numbering.stride - lattice.numbering.left)
-    engine.zone = renumber_zone(
+    x = lattice.spacing * (
+        np.arange(lattice.numbering.place_count) % lattice.numbering.row_stride - lattice.numbering.left_margin
+    )
+    engine.zone = zone_with_active_coarse_nodes(
         lattice, plate, zone, (zone.node_kinds == ACTIVE) & (x > seam), engine.settings.seam_damping
     )
-    engine.area = active_areas(lattice, plate, engine.zone.node_kinds)
+    engine.area = areas_of_active_nodes(lattice, plate, engine.zone.node_kinds)
     place = plate.model.grid.position
 
     def put(shape: Field, _: Field, rate: Field) -> None:
-        zone.u[0, plate.place], zone.v[0, plate.place] = shape(place[:, 0]), rate(place[:, 0])
+        zone.u[0, plate.place_of_grid_row], zone.v[0, plate.place_of_grid_row] = shape(place[:, 0]), rate(place[:, 0])
 
     def seen() -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        own = engine.zone.node_kinds[plate.place] == BONDED
-        return place[own], engine.zone.v[:, plate.place[own]].T
+        own = engine.zone.node_kinds[plate.place_of_grid_row] == BONDED
+        return place[own], engine.zone.v[:, plate.place_of_grid_row[own]].T
 
     return Marching(put, engine.advance, seen)
 
 
 def _hybrid(hybrid: HybridEngine, model: Model, seam: float) -> Marching:
     """Cells are fine left of the seam alone."""
-    zone, wide = hybrid.zone, hybrid.plate.numbering.cell_stride
-    cell = np.arange(hybrid.plate.numbering.cells)
-    left = (2 * hybrid.plate.h * (cell % wide - AROUND) < seam) & (cell // wide >= AROUND) & (zone.cells != VOID)
-    zone.cells[zone.cells == FINE] = COARSE
-    zone.cells[left] = FINE
+    zone, wide = hybrid.zone, hybrid.plate.numbering.cell_row_stride
+    cell = np.arange(hybrid.plate.numbering.cell_count)
+    left = (
+        (2 * hybrid.plate.spacing * (cell % wide - AROUND) < seam)
+        & (cell // wide >= AROUND)
+        & (zone.cell_kinds != VOID)
+    )
+    zone.cell_kinds[zone.cell_kinds == FINE] = COARSE
+    zone.cell_kinds[left] = FINE
     hybrid.derive_nodes_from_cells()
-    hybrid.recompute_forces()
-    place, coarse = model.grid.position, np.flatnonzero(zone.coarse.kind == FREE)
+    hybrid.compute_initial_forces()
+    place, coarse = model.grid.position, np.flatnonzero(zone.coarse.node_kinds == FREE)
     lattices = (
         (hybrid.plate.fine_places, place),
         (coarse, place[hybrid.plate.grid_rows_at(hybrid.fine_places_of_coarse(coarse))]),
@@ -165,14 +171,14 @@ def _hybrid(hybrid: HybridEngine, model: Model, seam: float) -> Marching:
     def free() -> list[tuple[object, NDArray[np.int64], NDArray[np.float64]]]:
         found = []
         for nodes, (own, at) in zip((hybrid.zone.fine, hybrid.zone.coarse), lattices, strict=True):
-            some = nodes.kind[own] == FREE
+            some = nodes.node_kinds[own] == FREE
             found.append((nodes, own[some], at[some]))
         return found
 
     def put(shape: Field, rate: Field, _: Field) -> None:
         for nodes, own, place in free():
             nodes.u[0][0, own], nodes.v[0, own] = shape(place[:, 0]), rate(place[:, 0])  # type: ignore[attr-defined]
-        hybrid.recompute_forces()
+        hybrid.compute_initial_forces()
 
     def seen() -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         nodes, own, place = free()[0]

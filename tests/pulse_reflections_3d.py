@@ -19,7 +19,7 @@ from pdsolve.adaptivity.hybrid.space.box import COARSE, FINE, VOID
 from pdsolve.adaptivity.hybrid.space.coarse_springs import cubic_stiffness
 from pdsolve.adaptivity.hybrid.space.layout import coordinates_of_sites
 from pdsolve.adaptivity.hybrid.space.operator import HybridBodyOperator
-from pdsolve.adaptivity.hybrid.space.prepare import create_operator_of_cells, full_block, vertex_force
+from pdsolve.adaptivity.hybrid.space.prepare import compute_vertex_force, create_full_block, create_operator_of_cells
 from pdsolve.laws.pair_laws.brittle import LAW
 from pdsolve.operators.space_lattice.layout import table_of
 
@@ -45,7 +45,7 @@ def sent_back(ratio: float, width: int, shear: bool, backwards: bool = False, se
     """
     bonds, cells = bonds_of(ratio), (3 * AWAY + 4 * width) // 2
     operator = _column(bonds, cells, (AWAY + 4 * width) // 2, backwards, seam)
-    x, y, z = coordinates_of_sites(operator.full_body.fine.box, operator.sites).T
+    x, y, z = coordinates_of_sites(operator.full_body.fine_lattice.box, operator.sites).T
     alike = _alike(operator, x, y, z)
     c11, c12 = cubic_stiffness(bonds)
     speed, axis, dt = float(np.sqrt(c12 if shear else c11)), 2 if shear else 0, STEP / float(np.sqrt(c11))
@@ -59,20 +59,23 @@ def sent_back(ratio: float, width: int, shear: bool, backwards: bool = False, se
     v[:, axis] = speed * 2 * late / width**2 * shape(late)
     sent, before = float(np.abs(v).max()), (x > middle - 3 * width) & (x < 2 * cells - 3 * ratio)
     for _ in range(round(2 * AWAY / speed / dt)):
-        v += dt * (operator.forces(u) / operator.volume[:, None])[alike]
+        v += dt * (operator.forces_at_displacements(u) / operator.volume[:, None])[alike]
         u += dt * v
     return float(np.abs(v[before]).max()) / sent
 
 
 def _column(bonds: NDArray[np.float64], cells: int, more: int, backwards: bool, seam: bool) -> HybridBodyOperator:
     """A column along x, `cells` before its seam and some more behind it."""
-    whole = full_block(LAW, bonds, 1.0, (cells + more, ACROSS, ACROSS))
+    whole = create_full_block(LAW, bonds, 1.0, (cells + more, ACROSS, ACROSS))
     first, last = (COARSE, FINE) if backwards else (FINE, COARSE)
     kinds = np.full((ACROSS, ACROSS, cells + more), first, dtype=np.uint8)
     if seam:
         kinds[:, :, cells:] = last
     return create_operator_of_cells(
-        LAW, whole, np.pad(kinds, whole.fine.box.pad, constant_values=VOID).ravel(), vertex_force(LAW, bonds, 1.0)
+        LAW,
+        whole,
+        np.pad(kinds, whole.fine_lattice.box.void_margin, constant_values=VOID).ravel(),
+        compute_vertex_force(LAW, bonds, 1.0),
     )
 
 
@@ -80,5 +83,7 @@ def _alike(
     operator: HybridBodyOperator, x: NDArray[np.int64], y: NDArray[np.int64], z: NDArray[np.int64]
 ) -> NDArray[np.int64]:
     """Rows (n,) of the nodes in the middle that move as all nodes do."""
-    box = operator.full_body.fine.box
-    return np.searchsorted(operator.sites, ((ACROSS + z % 2) * box.sy + ACROSS + y % 2) * box.sx + x)
+    box = operator.full_body.fine_lattice.box
+    return np.searchsorted(
+        operator.sites, ((ACROSS + z % 2) * box.fine_nodes_y + ACROSS + y % 2) * box.fine_nodes_x + x
+    )

@@ -105,7 +105,7 @@ def equilibrium(problem: PreparedRun, held: NDArray[np.bool_], at: NDArray[np.fl
     Newton's method on a millionth of them, where the plate is as good as linear."""
     system, state = problem.system, problem.state
     rest = state._replace(value=np.zeros(state.value.shape), rate=np.zeros(state.value.shape))
-    newton = Newton(system.operator, system.area, 1e-9, free_count=int((~held).sum()))
+    newton = Newton(system.operator, system.area, 1e-9, free_component_count=int((~held).sum()))
     newton.solve_equilibrium(
         rest, EquilibriumConditions(SMALL * system.drive.force, held, SMALL * np.where(held, at, 0.0)), lambda *_: None
     )

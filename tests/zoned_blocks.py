@@ -13,7 +13,7 @@ from pdmesh import Body, Box, Material, Run, ramp
 from pdsolve.adaptivity.hybrid.space.box import COARSE, FINE, VOID
 from pdsolve.adaptivity.hybrid.space.layout import FullBody
 from pdsolve.adaptivity.hybrid.space.operator import HybridBodyOperator
-from pdsolve.adaptivity.hybrid.space.prepare import create_operator_of_cells, full_block
+from pdsolve.adaptivity.hybrid.space.prepare import create_full_block, create_operator_of_cells
 from pdsolve.laws.pair_laws.brittle import LAW
 from pdsolve.model import Model
 
@@ -24,23 +24,29 @@ LENGTH, WIDTH, HEIGHT, H = 0.024, 0.008, 0.02, 5e-4  # m
 
 def blob(bonds: NDArray[np.float64], side: int, margin: int, tau: float) -> HybridBodyOperator:
     """A block of `side` cells along each edge; half of those `margin` off its faces are fine, at random."""
-    return at_random(full_block(LAW, bonds, 1.0, (side, side, side)), margin, tau)
+    return at_random(create_full_block(LAW, bonds, 1.0, (side, side, side)), margin, tau)
 
 
 def at_random(whole: FullBody, margin: int, tau: float) -> HybridBodyOperator:
     """A body; half of its cells `margin` off the faces of its box are fine, at random."""
-    box, some = whole.fine.box, np.random.default_rng(1)
-    cells = np.full((box.cz, box.cy, box.cx), COARSE, dtype=np.uint8)
+    box, some = whole.fine_lattice.box, np.random.default_rng(1)
+    cells = np.full((box.cells_z, box.cells_y, box.cells_x), COARSE, dtype=np.uint8)
     inner = cells[(slice(margin, -margin),) * 3]
     inner[:] = np.where(some.random(inner.shape) < 0.5, FINE, COARSE)
-    return create_operator_of_cells(LAW, whole, np.pad(cells, box.pad, constant_values=VOID).ravel(), tau)
+    return create_operator_of_cells(LAW, whole, np.pad(cells, box.void_margin, constant_values=VOID).ravel(), tau)
 
 
 def place(operator: HybridBodyOperator) -> NDArray[np.float64]:
     """Where nodes (n, 3) are, in spacings."""
-    box = operator.full_body.fine.box
+    box = operator.full_body.fine_lattice.box
     sites = operator.sites
-    return np.column_stack([sites % box.sx, sites // box.sx % box.sy, sites // (box.sx * box.sy)]).astype(float)
+    return np.column_stack(
+        [
+            sites % box.fine_nodes_x,
+            sites // box.fine_nodes_x % box.fine_nodes_y,
+            sites // (box.fine_nodes_x * box.fine_nodes_y),
+        ]
+    ).astype(float)
 
 
 def block(adapt: str, steps: int = 168, other: Material | None = None) -> Model:

@@ -51,16 +51,19 @@ class Zoned(NamedTuple):
     @property
     def c11(self) -> float:
         """Of the material, N/m^2."""
-        return float(self.lattice.cell_constants[0].max() + self.lattice.cell_constants[1].max())
+        return float(self.lattice.coarse_cell_constants[0].max() + self.lattice.coarse_cell_constants[1].max())
 
     def lattices(self) -> Iterable[tuple[Any, NDArray[np.int64], NDArray[np.float64]]]:
         """Fine, coarse and far nodes, the places (k,) of those that move, and where they are (k, 2), m."""
         numbering = self.lattice.numbering
         zone = self.zone
         for nodes, place, step in ((zone.fine, _fine, 1), (zone.coarse, _coarse, 2), (zone.far, _far, 4)):
-            y, x = (index.ravel() for index in np.mgrid[0 : numbering.ny // step + 1, 0 : numbering.nx // step + 1])
+            y, x = (
+                index.ravel()
+                for index in np.mgrid[0 : numbering.fine_cells_y // step + 1, 0 : numbering.fine_cells_x // step + 1]
+            )
             places = place(numbering, x, y)
-            free = nodes.kind[places] == FREE
+            free = nodes.node_kinds[places] == FREE
             yield nodes, places[free], step * H * np.column_stack([x, y])[free]
 
     def put(self, displacement: Where | None = None, velocity: Where | None = None) -> None:
@@ -70,7 +73,7 @@ class Zoned(NamedTuple):
                 nodes.u[0][:, places] = displacement(*position.T)
             if velocity is not None:
                 nodes.v[:, places] = velocity(*position.T)
-        node, end, w, _ = (column[: self.zone.counts.tied_nodes] for column in self.zone.tied)
+        node, end, w, _ = (column[: self.zone.counts.tied_nodes] for column in self.zone.tied_coarse_nodes)
         u = self.zone.far.u[0]
         self.zone.coarse.u[0][:, node] = (1 - w) * u[:, end[:, 0]] + w * u[:, end[:, 1]]
         self.advance(1, 1)
@@ -78,7 +81,7 @@ class Zoned(NamedTuple):
     def advance(self, first: int, last: int) -> None:
         """Take steps; none with last = first, which computes the forces."""
         if first == last:
-            self.hybrid.recompute_forces()
+            self.hybrid.compute_initial_forces()
         self.hybrid.advance(first, last)
         if self.hybrid.buffer == 1:
             self.hybrid.buffer = 0
@@ -92,7 +95,9 @@ class Zoned(NamedTuple):
 
     def energy(self) -> float:
         """Kinetic and strain energy, J/m."""
-        return float(self.hybrid.kinetic_and_momentum()[0] + sum(part.sum() for part in self.hybrid.strain_energies()))
+        return float(
+            self.hybrid.kinetic_energy_and_momentum()[0] + sum(part.sum() for part in self.hybrid.strain_energies())
+        )
 
     def conserved(self) -> float:
         """The energy that leapfrog conserves where forces are linear, J/m: that of the velocities half a step before
@@ -145,21 +150,23 @@ def zoned(
         )
     hybrid = shown.engine
     numbering = hybrid.plate.numbering
-    cell = np.arange(numbering.cells)
-    wanted = fine(cell % numbering.cell_stride - 6, cell // numbering.cell_stride - 6) & (hybrid.zone.cells != VOID)
-    hybrid.zone.cells[hybrid.zone.cells == FINE] = COARSE
-    hybrid.zone.cells[wanted] = FINE
+    cell = np.arange(numbering.cell_count)
+    wanted = fine(cell % numbering.cell_row_stride - 6, cell // numbering.cell_row_stride - 6) & (
+        hybrid.zone.cell_kinds != VOID
+    )
+    hybrid.zone.cell_kinds[hybrid.zone.cell_kinds == FINE] = COARSE
+    hybrid.zone.cell_kinds[wanted] = FINE
     if far is not None:
-        x, y = (one - 6 for one in (cell % numbering.cell_stride, cell // numbering.cell_stride))
-        inside = (x >= 0) & (y >= 0) & (x < numbering.nx // 4 * 2) & (y < numbering.ny // 4 * 2)
-        hybrid.zone.cells[inside & far(x // 2, y // 2)] = FAR
+        x, y = (one - 6 for one in (cell % numbering.cell_row_stride, cell // numbering.cell_row_stride))
+        inside = (x >= 0) & (y >= 0) & (x < numbering.fine_cells_x // 4 * 2) & (y < numbering.fine_cells_y // 4 * 2)
+        hybrid.zone.cell_kinds[inside & far(x // 2, y // 2)] = FAR
     return again(hybrid)
 
 
 def again(hybrid: HybridEngine) -> Zoned:
     """The same plate numbered anew, once its cells were changed by hand; at rest."""
     hybrid.derive_nodes_from_cells()
-    hybrid.recompute_forces()
+    hybrid.compute_initial_forces()
     return Zoned(hybrid)
 
 

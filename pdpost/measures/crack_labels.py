@@ -21,7 +21,7 @@ from scipy.sparse import csr_array
 from scipy.spatial import cKDTree
 
 from pdmesh.model.output_fields import CRACKED
-from pdpost.measures.cracked_nodes import LINKED, ROUND_OFF, cracked_since, separation_at
+from pdpost.measures.cracked_nodes import LINKED, ROUND_OFF, damage_with_pre_cracks_at, first_cracked_step_of_nodes
 from pdsolve.results import Results
 
 ABREAST = 0.5  # local spacings: nodes no further apart along a crack are beside each other
@@ -32,24 +32,24 @@ class CrackedNodes(NamedTuple):
     """The c nodes that have cracked since the start, and the cracks they belong to."""
 
     position: NDArray[np.float64]  # (c, 2) m
-    delta: NDArray[np.float64]  # (c,) spacing, m
-    damage: NDArray[np.float64]  # (c,)
-    crack: NDArray[np.int64]  # (c,) number of the crack; -1: none, a crumb
-    reached_step: NDArray[np.int64]  # (c,) step in which the crack came to the node, or joined it if it cracked ahead
-    level: NDArray[np.float64]  # (c,) spacings from where the crack began, along the way it came
-    links: csr_array  # (c, c) spacings between nodes that touch
+    spacing: NDArray[np.float64]  # (c,) spacing, m
+    damage_with_pre_cracks: NDArray[np.float64]  # (c,)
+    crack_number: NDArray[np.int64]  # (c,) number of the crack; -1: none, a crumb
+    crack_arrival_step: NDArray[np.int64]  # (c,) in which the crack came to the node, or joined it if it cracked ahead
+    spacings_from_origin: NDArray[np.float64]  # (c,) spacings from where the crack began, along the way it came
+    touching_distances: csr_array  # (c, c) spacings between nodes that touch
 
 
 class _CrackOrigin(NamedTuple):
     """The origin of a crack."""
 
-    step: int
-    nodes: list[int]
+    first_cracked_step: int
+    origin_nodes: list[int]
 
 
 def label_cracked_nodes(results: Results, step: int, threshold: float = CRACKED) -> CrackedNodes:
     """The nodes cracked after `step`, without those cracked at the start, each assigned to a crack."""
-    nodes, since = results.nodes(step), cracked_since(results, threshold, step)
+    nodes, since = results.nodes(step), first_cracked_step_of_nodes(results, threshold, step)
     rows = np.flatnonzero((since > 0) & (since <= step))
     position, delta = nodes.position[rows], nodes.delta[rows]
     # a graph of the nodes within 1.5 times the larger spacing of each other, its weights distances in mean spacings
@@ -59,31 +59,31 @@ def label_cracked_nodes(results: Results, step: int, threshold: float = CRACKED)
     near, far = near[close], far[close] / delta[near[close]].mean(axis=1)
     ends = near.T.ravel(), near[:, ::-1].T.ravel()
     links = csr_array((np.tile(far, 2), ends), (len(rows), len(rows)))
-    spread = _spread_cracks(links, since[rows], _find_crack_origins(links, position, delta, since[rows]))
-    return CrackedNodes(position, delta, separation_at(results, step)[rows], *spread, links)
+    spread = _spread_cracks_from_origins(links, since[rows], _find_crack_origins(links, position, delta, since[rows]))
+    return CrackedNodes(position, delta, damage_with_pre_cracks_at(results, step)[rows], *spread, links)
 
 
-class _Patches:
+class _NodePatchUnionFind:
     """A union-find of touching nodes, joined step by step; each patch is represented by one of its nodes."""
 
     def __init__(
-        self, position: NDArray[np.float64], delta: NDArray[np.float64], cracked_step: NDArray[np.int64]
+        self, position: NDArray[np.float64], spacing: NDArray[np.float64], cracked_step: NDArray[np.int64]
     ) -> None:
-        self.position, self.delta = position, delta
+        self.position, self.delta = position, spacing
         self.parent = list(range(len(cracked_step)))
         self.members = [[node] for node in self.parent]
         self.roots: list[_CrackOrigin | None] = [
             _CrackOrigin(step, [node]) for node, step in enumerate(cracked_step.tolist())
         ]
 
-    def representative(self, node: int) -> int:
+    def find_representative(self, node: int) -> int:
         """The representative node of a node's patch."""
         while self.parent[node] != node:
             self.parent[node] = self.parent[self.parent[node]]
             node = self.parent[node]
         return node
 
-    def join(self, patches: list[int]) -> _CrackOrigin | None:
+    def join_patches(self, patches: list[int]) -> _CrackOrigin | None:
         """Join several patches; returns the origin if the result becomes a crack. The root of a crack is None."""
         largest = max(patches, key=lambda patch: len(self.members[patch]))
         roots = [self.roots[patch] for patch in patches]
@@ -96,46 +96,55 @@ class _Patches:
         known_roots = [root for root in roots if root is not None]
         if len(known_roots) < len(roots):
             return None
-        first = min(root.step for root in known_roots)
-        began = _CrackOrigin(first, [node for root in known_roots if root.step == first for node in root.nodes])
+        first = min(root.first_cracked_step for root in known_roots)
+        began = _CrackOrigin(
+            first, [node for root in known_roots if root.first_cracked_step == first for node in root.origin_nodes]
+        )
         rows = self.members[largest]
-        far = np.hypot(*(self.position[rows] - self.position[began.nodes].mean(axis=0)).T)
+        far = np.hypot(*(self.position[rows] - self.position[began.origin_nodes].mean(axis=0)).T)
         if (far >= SHORTEST * self.delta[rows]).any():
-            return _CrackOrigin(first, self._origin_nodes(began.nodes, rows))
+            return _CrackOrigin(first, self._choose_origin_nodes(began.origin_nodes, rows))
         self.roots[largest] = began
         return None
 
-    def _origin_nodes(self, first: list[int], rows: list[int]) -> list[int]:
+    def _choose_origin_nodes(self, first_nodes: list[int], patch_nodes: list[int]) -> list[int]:
         """Origin of a crack: the nodes that cracked first or, if they are many, those furthest from their centre."""
-        apart = np.hypot(*(self.position[first] - self.position[first].mean(axis=0)).T)
-        if (apart <= SHORTEST / 2 * self.delta[first]).all():
-            return first
-        far = np.hypot(*(self.position[first] - self.position[rows].mean(axis=0)).T)
-        return [node for node, off in zip(first, far, strict=True) if off >= far.max() - ABREAST * self.delta[node]]
+        apart = np.hypot(*(self.position[first_nodes] - self.position[first_nodes].mean(axis=0)).T)
+        if (apart <= SHORTEST / 2 * self.delta[first_nodes]).all():
+            return first_nodes
+        far = np.hypot(*(self.position[first_nodes] - self.position[patch_nodes].mean(axis=0)).T)
+        return [
+            node for node, off in zip(first_nodes, far, strict=True) if off >= far.max() - ABREAST * self.delta[node]
+        ]
 
 
 def _find_crack_origins(
-    touching: csr_array, position: NDArray[np.float64], delta: NDArray[np.float64], cracked_step: NDArray[np.int64]
+    touching_distances: csr_array,
+    position: NDArray[np.float64],
+    spacing: NDArray[np.float64],
+    cracked_step: NDArray[np.int64],
 ) -> list[_CrackOrigin]:
     """Origins of the cracks, oldest first."""
-    patches = _Patches(position, delta, cracked_step)
+    patches = _NodePatchUnionFind(position, spacing, cracked_step)
     roots = []
-    for links in _touching_pairs_by_step(touching, cracked_step):
+    for links in _group_touching_pairs_by_step(touching_distances, cracked_step):
         pairs = {
             (min(pair), max(pair))
             for node, neighbour in links
-            if len(pair := {patches.representative(node), patches.representative(neighbour)}) > 1
+            if len(pair := {patches.find_representative(node), patches.find_representative(neighbour)}) > 1
         }
-        for together in _connected_groups(pairs):
-            root = patches.join(together)
+        for together in _connected_components_of_pairs(pairs):
+            root = patches.join_patches(together)
             if root is not None:
                 roots.append(root)
-    return sorted(roots, key=lambda root: (root.step, min(root.nodes)))
+    return sorted(roots, key=lambda root: (root.first_cracked_step, min(root.origin_nodes)))
 
 
-def _touching_pairs_by_step(touching: csr_array, cracked_step: NDArray[np.int64]) -> Iterator[list[tuple[int, int]]]:
+def _group_touching_pairs_by_step(
+    touching_distances: csr_array, cracked_step: NDArray[np.int64]
+) -> Iterator[list[tuple[int, int]]]:
     """Groups of pairs of touching nodes, one for each step from which both nodes are cracked."""
-    links = touching.tocoo()
+    links = touching_distances.tocoo()
     once = links.row < links.col
     node, neighbour = links.row[once], links.col[once]
     since = np.maximum(cracked_step[node], cracked_step[neighbour])
@@ -145,7 +154,7 @@ def _touching_pairs_by_step(touching: csr_array, cracked_step: NDArray[np.int64]
         yield [(a, b) for _, a, b in group]
 
 
-def _connected_groups(pairs: set[tuple[int, int]]) -> list[list[int]]:
+def _connected_components_of_pairs(pairs: set[tuple[int, int]]) -> list[list[int]]:
     """The parts of a small graph."""
     linked: dict[int, set[int]] = {}
     for first, second in pairs:
@@ -162,8 +171,8 @@ def _connected_groups(pairs: set[tuple[int, int]]) -> list[list[int]]:
     return parts
 
 
-def _spread_cracks(
-    touching: csr_array, cracked_step: NDArray[np.int64], origins: list[_CrackOrigin]
+def _spread_cracks_from_origins(
+    touching_distances: csr_array, cracked_step: NDArray[np.int64], origins: list[_CrackOrigin]
 ) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.float64]]:
     """Let the cracks spread from their roots; returns crack, reached and level (c,) of `CrackedNodes`.
 
@@ -173,26 +182,30 @@ def _spread_cracks(
     crack, reached, level = np.full(count, -1), np.full(count, -1), np.full(count, np.inf)
     same = list(range(len(origins)))  # the crack that each root's is a part of
 
-    def of(number: int) -> int:
+    def find_merged_crack(number: int) -> int:
         while same[number] != number:
             number = same[number]
         return number
 
-    def one(first_crack: int, second_crack: int) -> None:
-        same[max(of(first_crack), of(second_crack))] = min(of(first_crack), of(second_crack))
+    def merge_cracks(first_crack: int, second_crack: int) -> None:
+        older, younger = sorted((find_merged_crack(first_crack), find_merged_crack(second_crack)))
+        same[younger] = older
 
     heap = [
-        (int(cracked_step[node]), root.step, 0.0, node, at) for at, root in enumerate(origins) for node in root.nodes
+        (int(cracked_step[node]), root.first_cracked_step, 0.0, node, at)
+        for at, root in enumerate(origins)
+        for node in root.origin_nodes
     ]
     heapq.heapify(heap)
     start, near, apart, cracked = (
-        part.tolist() for part in (touching.indptr, touching.indices, touching.data, cracked_step)
+        part.tolist()
+        for part in (touching_distances.indptr, touching_distances.indices, touching_distances.data, cracked_step)
     )
     while heap:
         step, age, far, node, number = heapq.heappop(heap)
         if crack[node] >= 0:
-            if (reached[node], origins[crack[node]].step) == (step, age) and far - level[node] < ROUND_OFF:
-                one(int(crack[node]), number)
+            if (reached[node], origins[crack[node]].first_cracked_step) == (step, age) and far - level[node] < ROUND_OFF:
+                merge_cracks(int(crack[node]), number)
             continue
         crack[node], reached[node], level[node] = number, step, far
         for link in range(start[node], start[node + 1]):
@@ -200,7 +213,7 @@ def _spread_cracks(
             its = int(crack[neighbour])
             if its < 0:
                 heapq.heappush(heap, (max(step, cracked[neighbour]), age, far + apart[link], neighbour, number))
-            elif (reached[neighbour], origins[its].step) == (step, age):
-                one(its, number)
-    crack_of_root = np.array([*(of(at) for at in range(len(origins))), -1])
+            elif (reached[neighbour], origins[its].first_cracked_step) == (step, age):
+                merge_cracks(its, number)
+    crack_of_root = np.array([*(find_merged_crack(at) for at in range(len(origins))), -1])
     return crack_of_root[crack], reached, level

@@ -35,7 +35,7 @@ class TwoLatticeEngine(Protocol):
     def advance(self, first: int, last: int) -> None:
         """Take the steps `first` to `last` - 1. Raises UnstableError."""
 
-    def sum_forces(self, step: int, dt: float) -> None:
+    def sum_forces_and_break_bonds(self, step: int, dt: float) -> None:
         """Sum the forces at the displacements there are, those of loads left out; bonds over their limit break."""
 
     def checkpoint_arrays(self) -> CheckpointArrays:
@@ -83,20 +83,20 @@ class TwoLatticeOperator(ABC, Generic[N]):
         """The operator on the current nodes if they have changed, else None."""
 
     @abstractmethod
-    def _set_node_motion(self, state: State) -> None:
+    def _write_node_motion(self, state: State) -> None:
         """Set the nodes of `engine` to the values and rates of a state."""
 
-    def set_nodes(self, state: State) -> None:
+    def set_node_motion(self, state: State) -> None:
         """Set the nodes of `engine` to the values and rates of a state.
 
         Raises RuntimeError if the nodes have changed.
         """
         if not self.is_current:
             raise RuntimeError(f"{self.name}: nodes have become others; ask for the present ones")
-        self._set_node_motion(state)
+        self._write_node_motion(state)
 
     @abstractmethod
-    def copy_to(self, state: State) -> None:
+    def copy_to_state(self, state: State) -> None:
         """Update a state from the nodes of `engine`."""
 
     @abstractmethod
@@ -114,7 +114,7 @@ class TwoLatticeOperator(ABC, Generic[N]):
     def state(self) -> State:
         """The state of the current nodes."""
         state = zero_state(len(self.places), 2, self.kind)
-        self.copy_to(state)
+        self.copy_to_state(state)
         return state
 
     def to_own_layout(self, state: State) -> State:
@@ -124,8 +124,8 @@ class TwoLatticeOperator(ABC, Generic[N]):
     def accumulate_force(self, state: State, out: NDArray[Any], step: int, dt: float) -> None:
         """Add force densities (n, 2), N/m^3, to `out`; bonds over their limit break; see `Operator`."""
         before = self.dissipated_energy()
-        self.set_nodes(state)
-        self.engine.sum_forces(step, dt)
+        self.set_node_motion(state)
+        self.engine.sum_forces_and_break_bonds(step, dt)
         out += self.model.rho[:, None] * self.accelerations()
         state.dissipated[:] += self.dissipated_energy() - before
 
@@ -165,7 +165,7 @@ class FusedMarch:
         """
         self.advance_engine(first, last)
         if self._operator.is_current:
-            self._operator.copy_to(state)
+            self._operator.copy_to_state(state)
 
     def advance_engine(self, first: int, last: int) -> None:
         """Take the steps `first` to `last` - 1, after which the operator has the state. Raises UnstableError."""

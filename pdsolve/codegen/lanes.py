@@ -44,10 +44,6 @@ class _Model(PrimitiveModel):
         super().__init__(manager, fe_type, ir.VectorType(element, fe_type.count))
 
 
-def _vector(context: Any, lanes: Lanes) -> Any:
-    return context.get_value_type(lanes)
-
-
 def _infer(function: Any) -> None:
     """Let a function of two numbers accept lanes for either of them."""
 
@@ -63,7 +59,7 @@ def _infer(function: Any) -> None:
 
 def _lower(function: Any, instruction: str) -> None:
     def both(context, builder, signature, values):  # type: ignore[no-untyped-def]
-        vector = _vector(context, signature.return_type)
+        vector = context.get_value_type(signature.return_type)
         wide = [
             value if isinstance(kind, Lanes) else repeat(builder, vector, value)
             for kind, value in zip(signature.args, values, strict=True)
@@ -118,7 +114,7 @@ def same(typingctx, array, number):  # type: ignore[no-untyped-def]
 
     def generate(context, builder, signature, values):  # type: ignore[no-untyped-def]
         scalar = context.cast(builder, values[1], number, array.dtype)
-        return repeat(builder, _vector(context, lanes), scalar)
+        return repeat(builder, context.get_value_type(lanes), scalar)
 
     return lanes(array, number), generate
 
@@ -186,7 +182,7 @@ def beside(typingctx, array, like, at):  # type: ignore[no-untyped-def]
     tuple_type = types.UniTuple(lanes, len(like))
 
     def generate(context, builder, signature, values):  # type: ignore[no-untyped-def]
-        vector, vectors = _vector(context, lanes), []
+        vector, vectors = context.get_value_type(lanes), []
         for number in range(len(like)):
             row = _row(context, builder, array, values[0], number)
             value = builder.load(_place(builder, row, values[2], vector))
@@ -204,7 +200,7 @@ def listed(typingctx, array, like, ids, at):  # type: ignore[no-untyped-def]
     tuple_type = types.UniTuple(lanes, len(like))
 
     def generate(context, builder, signature, values):  # type: ignore[no-untyped-def]
-        vector = _vector(context, lanes)
+        vector = context.get_value_type(lanes)
         numbers = context.make_array(ids)(context, builder, values[2]).data
         nodes = [
             builder.sext(builder.load(builder.gep(numbers, [builder.add(values[3], INT(lane))])), INT)
@@ -242,7 +238,7 @@ def repeated(typingctx, array, like, row):  # type: ignore[no-untyped-def]
     tuple_type = types.UniTuple(lanes, len(like))
 
     def generate(context, builder, signature, values):  # type: ignore[no-untyped-def]
-        vector = _vector(context, lanes)
+        vector = context.get_value_type(lanes)
         array_struct = context.make_array(array)(context, builder, values[0])
         begin = builder.mul(values[2], builder.extract_value(array_struct.shape, 1))
         numbers = [builder.load(builder.gep(array_struct.data, [builder.add(begin, INT(c))])) for c in range(len(like))]
@@ -258,7 +254,7 @@ def stacked(typingctx, array, like, row, lane):  # type: ignore[no-untyped-def]
     tuple_type = types.UniTuple(lanes, len(like))
 
     def generate(context, builder, signature, values):  # type: ignore[no-untyped-def]
-        vector = _vector(context, lanes)
+        vector = context.get_value_type(lanes)
         array_struct = context.make_array(array)(context, builder, values[0])
         wide = builder.extract_value(array_struct.shape, 2)
         begin = builder.mul(builder.mul(values[2], builder.extract_value(array_struct.shape, 1)), wide)

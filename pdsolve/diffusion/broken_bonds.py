@@ -47,7 +47,7 @@ class BrokenBonds:
             source[is_reduced], target[is_reduced], lost[is_reduced], operator.volume, self._transport.threads
         )
         if isinstance(stepper, ThetaSteps):
-            stepper.refactor()
+            stepper.discard_factors()
 
     def _conductance(self, source: NDArray[np.int64], target: NDArray[np.int64]) -> NDArray[np.float64]:
         """Conductance (b,) of these pairs while they are whole, 1/(s m^d); 0 where nothing diffuses."""

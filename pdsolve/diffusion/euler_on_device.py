@@ -22,7 +22,7 @@ from pdsolve.state import State
 
 
 class EulerOnDevice:
-    """Takes steps on a device; the state on the host is that of the last `fetch`, and may be changed after it."""
+    """Takes steps on a device; the state on the host is that of the last `download_state`; it may be changed then."""
 
     def __init__(self, operator: Fick, state: State, drive: Drive, dt: float, session: Session) -> None:
         """Steps of `dt`, s. Raises ModelError for nodes on no lattice, or a device with too little memory."""
@@ -83,7 +83,7 @@ class EulerOnDevice:
             self.session.launch(self._advance, sizes, [*bonds, *motion, *self._acting, self._factors.buffer, *numbers])
         self.session.finish()
 
-    def fetch(self) -> None:
+    def download_state(self) -> None:
         """Bring the state on the host up to the device's. Raises DeviceLostError."""
         if not self._ahead:
             return

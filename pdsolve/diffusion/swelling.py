@@ -130,7 +130,7 @@ class Swelling:
             return now
 
         if isinstance(self.motion, LoadSteps):  # whose bonds break afterwards
-            self.motion.swell_bonds(strain, state, loaded)
+            self.motion.set_swelling_strain(strain, state, loaded)
             self.motion.advance(state, step, step + 1)
             return None
         self.motion.advance(state, step, step + 1)

@@ -26,7 +26,7 @@ from pdsolve.model import Model, ModelError, counted
 from pdsolve.numerics.thread_team import useful_threads
 from pdsolve.options import Options
 from pdsolve.state import State
-from pdsolve.steppers.euler import Euler, stable_time_step
+from pdsolve.steppers.euler import ForwardEuler, stable_time_step
 from pdsolve.steppers.theta import ThetaSteps
 
 SLACK = 1e-9  # of a step: what is typed
@@ -41,7 +41,7 @@ class Transport:
     operator: Fick
     drive: Drive  # sources and prescribed contents
     free: NDArray[np.bool_]  # (n,) nodes whose content is not prescribed
-    stepper: Euler | ThetaSteps
+    stepper: ForwardEuler | ThetaSteps
     time_step: float  # s
     bound: float  # s, surely stable
     blocked: NDArray[np.int64]  # (n,) bonds that cracks block
@@ -79,7 +79,7 @@ def prepare(model: Model, threads: int | None = None, listed: bool = False) -> t
     content, operator.solid = begin(model, drive)
     most = stable_time_step(operator, done.free)
     step = _step(model, most)
-    stepper: Euler | ThetaSteps = Euler(operator, drive, step)
+    stepper: ForwardEuler | ThetaSteps = ForwardEuler(operator, drive, step)
     if run.solver == "implicit":
         stepper = ThetaSteps(
             operator, drive, step, run.theta, medium.C_sat is None and operator.count.sum() <= FACTORED

@@ -87,11 +87,7 @@ class GroundSupports(Bondless):
         return np.asarray(bound)
 
     def tangent(self, state: State) -> csr_array:
-        """Minus the derivative of the force densities by the values, (n w, n w), N/m^4."""
-        return self.stiffness_matrix()
-
-    def stiffness_matrix(self) -> csr_array:
-        """The tangent, which is the same in all states."""
+        """Minus the derivative of the force densities by the values, (n w, n w), N/m^4; the same in all states."""
         from scipy.sparse import coo_array
 
         w, d = self._width, self._d

@@ -15,7 +15,7 @@ from pdsolve.operators.protocol import Operator
 from pdsolve.ranks.ghost_exchange import GhostExchange
 from pdsolve.ranks.slabs import Slab, slabs_of, starts_of
 from pdsolve.state import State
-from pdsolve.steppers.euler import Euler
+from pdsolve.steppers.euler import ForwardEuler
 
 
 class Content(Operator, Protocol):
@@ -38,14 +38,14 @@ class Share(NamedTuple):
 class DiffusingPart:
     """What a rank works on."""
 
-    def __init__(self, operator: Content, stepper: Euler, drive: Drive, own_rows: slice) -> None:
+    def __init__(self, operator: Content, stepper: ForwardEuler, drive: Drive, own_rows: slice) -> None:
         self.operator, self.stepper, self.drive, self.own = operator, stepper, drive, own_rows
 
 
 class EulerOnRanks:
     """Forward Euler on all ranks together."""
 
-    name = Euler.name
+    name = ForwardEuler.name
 
     def __init__(self, model: Model, team: Team, operator: Content, drive: Drive, dt: float) -> None:
         """Steps of `dt`, s, of the `operator` of all nodes. Raises ModelError for too few nodes."""
@@ -89,7 +89,7 @@ def build(team: Team, starts: NDArray[np.int64], dt: float, share: tuple[Slab, C
     slab, operator, drive = share
     drive = drive._replace(force=drive.force.copy())
     ghosts = np.concatenate([np.arange(slab.begin, slab.first), np.arange(slab.last, slab.end)])
-    stepper = Euler(operator, drive, dt, GhostExchange(team, starts, slab, ghosts))
+    stepper = ForwardEuler(operator, drive, dt, GhostExchange(team, starts, slab, ghosts))
     team.part = DiffusingPart(operator, stepper, drive, slice(slab.first - slab.begin, slab.last - slab.begin))
 
 

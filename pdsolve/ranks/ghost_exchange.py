@@ -25,14 +25,14 @@ class GhostExchange:
         """
         self._comm, self.seconds = team.comm, 0.0  # s spent on exchanges
         offset = slab.begin
-        self.blocks = ((slab.first - offset) // LANES, -(-(slab.last - offset) // LANES))  # of own nodes
+        self.own_block_range = ((slab.first - offset) // LANES, -(-(slab.last - offset) // LANES))  # of own nodes
         owner = np.searchsorted(starts, needed, side="right") - 1
         wanted = [needed[owner == rank] for rank in range(team.size)]
         requested_rows = team.comm.alltoall(wanted)
         self._in = [(rank, _rows(rows - offset)) for rank, rows in enumerate(wanted) if len(rows)]
         self._out = [(rank, _rows(rows - offset)) for rank, rows in enumerate(requested_rows) if len(rows)]
 
-    def fill(self, values: NDArray[Any]) -> None:
+    def receive_values(self, values: NDArray[Any]) -> None:
         """Set the ghosts' columns of `values` (w, m) to those of their owners."""
         from mpi4py import MPI
 

@@ -40,11 +40,11 @@ from pdsolve.run.system import PreparedRun, System
 from pdsolve.schemes.scheme import Scheme
 from pdsolve.state import State
 from pdsolve.steppers.ghosts import Ghosts
-from pdsolve.steppers.lattice_march import LatticeMarch
 from pdsolve.steppers.protocol import Stepper
 from pdsolve.steppers.verlet import Verlet
 from pdsolve.steppers.verlet_blocks import VerletBlocks
 from pdsolve.steppers.verlet_on_device import OnDevice, VerletOnDevice
+from pdsolve.steppers.verlet_tiles import VerletTiles
 
 if TYPE_CHECKING:
     from pdsolve.crack_growth.growth import Growth
@@ -154,7 +154,7 @@ def make_stepper_and_drive(
     if isinstance(operator, OnDevice):
         return VerletOnDevice((operator, state, drive), rho, time_step, damping_rates), drive
     if isinstance(operator, SpaceLattice) and ghosts is None and rho.dtype == np.float64:  # float32 sums in float64 too
-        return LatticeMarch(operator, drive, rho, time_step, damping_rates), drive
+        return VerletTiles(operator, drive, rho, time_step, damping_rates), drive
     blocks, touching = split_into_blocks_and_contact(operator)
     if blocks and not damps:
         fused = VerletBlocks(blocks, drive, rho, time_step, touching, ghosts)

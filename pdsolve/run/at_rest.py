@@ -26,14 +26,14 @@ from pdsolve.run.system import PreparedRun, System
 from pdsolve.schemes.scheme import Scheme
 from pdsolve.state import zero_state
 from pdsolve.steppers.arc_length_steps import ArcLengthSteps
-from pdsolve.steppers.contact_method import ContactMethod
+from pdsolve.steppers.contact_method import EquilibriumMethodWithContact
 from pdsolve.steppers.crack_length_steps import CrackLengthSteps
-from pdsolve.steppers.cycle_or_path_steps import make_cycle_steps
+from pdsolve.steppers.cycle_or_path_steps import make_fatigue_stepper
 from pdsolve.steppers.equilibrium import EquilibriumMethod
 from pdsolve.steppers.load_steps import LoadSteps
 from pdsolve.steppers.newton import FACTORED, FACTORED_IN, Newton
 from pdsolve.steppers.path_steps import SofteningPathSteps
-from pdsolve.steppers.relaxation import Relaxation
+from pdsolve.steppers.relaxation import DynamicRelaxation
 from pdsolve.steppers.static_loads import follows_arc_length, follows_crack_length, follows_softening_path
 
 MOST_ALONG_PATH = {2: FACTORED, 3: 10_000}  # free components by dimension: factors of 5800 in space take 0.5 GB
@@ -63,13 +63,13 @@ def prepare_quasi_static_run(
     flows = any(SOLIDS[material.solid].flows for material in model.materials)
     method: EquilibriumMethod
     if static.method == "relaxation":
-        method = Relaxation(operator, static.tolerance, static.iterations)
+        method = DynamicRelaxation(operator, static.tolerance, static.iterations)
     else:
         free, most = driven.force.size - len(driven.holds.node), FACTORED_IN[model.grid.dimension]
         pairs = law.pair is not None and contact is None
         method = Newton(operator, area, static.tolerance, static.iterations, free, most, pairs, flows)
     if contact is not None:
-        method = ContactMethod(method, operator, contact)
+        method = EquilibriumMethodWithContact(method, operator, contact)
     breakable = no_fail.breakable() if bonds_may_break and law.pair is not None else None
     breaking = FamilyBonds(bonds) if of_families and isinstance(bonds, BondList) else breakable
     remember = {"on_equilibrium": bonds.update_history} if isinstance(bonds, BondList) else {}
@@ -83,10 +83,10 @@ def prepare_quasi_static_run(
     system = System(model, options, scheme, operator, stepper, driven, *filled, step, bound, 0.0)
     system = replace(system, crack_growth=growth, contact=contact)
     if fatigue is not None and (bonds_may_break or grows):
-        system = replace(system, stepper=make_cycle_steps(model, operator, stepper, breakable, *filled[1:], growth))
+        system = replace(system, stepper=make_fatigue_stepper(model, operator, stepper, breakable, *filled[1:], growth))
     if bonds_may_break and follows_arc_length(model):
         _refuse_body_too_large_for_path(model, driven)
-        arc = ArcLengthSteps(model, operator, driven, area, breaking, **remember, solid_flows=flows)
+        arc = ArcLengthSteps(model, operator, driven, area, breaking, **remember, has_plastic_flow=flows)
         system = replace(system, stepper=arc)
     if growth is not None and follows_crack_length(model):
         system = replace(system, stepper=CrackLengthSteps(model, operator, driven, area, stepper, growth))
@@ -108,7 +108,7 @@ def _prepare_softening_equilibrium_path(model: Model, options: Options, scheme: 
     state = operator.to_own_layout(zero_state(*driven.force.shape))
     bonds, ground = softening_of(model, filling.whole(), contact), supports_of(operator)
     if ground is not None:
-        bonds.stand_on(np.repeat(area, width)[:, None] * ground.stiffness_matrix())
+        bonds.stand_on(np.repeat(area, width)[:, None] * ground.tangent(state))
     stepper = SofteningPathSteps(model, bonded, driven, area, bonds, contact)
     step, bound = (
         model.settings.run.time_step or 1.0,

@@ -27,17 +27,17 @@ class BodyRefinement:
     def change_nodes(self, system: System, state: State, step: int) -> NodeChange | None:
         """Refine after `step`; None if no cell becomes fine."""
         before = expect_body_zone_operator(system)
-        new = before.mark_cells_to_refine(state, step - self.steps_between_checks)
+        new = before.refine_and_list_cells(state, step - self.steps_between_checks)
         if not len(new):
             return None
         energy_before = verlet_conserved_energy(system, state, before.energies_near_new_cells(state, new))
-        after = before.refine(new)
+        after = before.operator_after_refinement(new)
         fresh = _system_with_refined_operator(system, after, step)
-        rows = before.current_rows(after.rows)
+        rows = before.current_rows_of_grid_rows(after.rows)
         old, booked = rows >= 0, np.zeros((3, len(rows)))  # energy stays where it was: new nodes have none
         for density_after, density_before in zip(booked, state[3:], strict=True):
             density_after[old] = density_before[rows[old]] * before.volume[rows[old]] / after.volume[old]
-        new_state = State(*(before.interpolate_at_rows(after.rows, values) for values in state[:3]), *booked)
+        new_state = State(*(before.interpolate_at_grid_rows(after.rows, values) for values in state[:3]), *booked)
         pull, which = after.force_densities_near_new_cells(new_state, new)
         # What holds a node is known where forces are; elsewhere it stays
         previous_holds, drive = system.drive.holds, fresh.drive
@@ -56,7 +56,7 @@ class BodyRefinement:
 
     def restore_system(self, initial_system: System, checkpoint: CheckpointArrays) -> PreparedRun:
         """The system of a checkpoint's cells. Raises CheckpointError for cells that no run from here can have."""
-        after = expect_body_zone_operator(initial_system).restore_cells(checkpoint)
+        after = expect_body_zone_operator(initial_system).operator_with_checkpoint_cells(checkpoint)
         if not np.array_equal(after.model.grid.ids, checkpoint["ids"]):
             raise CheckpointError("ids of nodes are not those of its cells")
         fresh = _system_with_refined_operator(initial_system, after, 0)
@@ -73,7 +73,13 @@ def _system_with_refined_operator(system: System, operator: HybridBodyOperator, 
     """The system of other nodes."""
     steps, driven = (system.time_step, system.stable_time_step), create_current_drive(operator, step * system.time_step)
     prepared = assemble_system(
-        operator.model, system.options, system.scheme, operator, operator.counted, *steps, conditions=driven
+        operator.model,
+        system.options,
+        system.scheme,
+        operator,
+        operator.volumes_and_bond_counts,
+        *steps,
+        conditions=driven,
     )
     return dataclasses.replace(prepared.system, full_model=system.full_model)
 

@@ -9,7 +9,12 @@ from numpy.typing import NDArray
 
 from pdsolve.adaptivity.quadtree import criteria
 from pdsolve.adaptivity.quadtree.incremental_bonds import create_leaf_bonds, update_leaf_bonds
-from pdsolve.adaptivity.quadtree.inherited_cracks import PastBonds, bond_sources, count_healed_bonds, inherit_breaks
+from pdsolve.adaptivity.quadtree.inherited_cracks import (
+    PastBonds,
+    count_healed_bonds,
+    inherit_break_steps,
+    source_rows_of_bonds,
+)
 from pdsolve.adaptivity.quadtree.interpolation import interpolate_state
 from pdsolve.adaptivity.quadtree.leaf_mapping import LeafOrigins, map_leaves
 from pdsolve.adaptivity.quadtree.operator import LeafHistory, LeafOperator, read_leaf_history
@@ -41,23 +46,27 @@ class CellSplitting:
     def change_nodes(self, system: System, state: State, step: int) -> NodeChange | None:
         """Split and merge cells after `step`; None if all stay."""
         operator, wanted = expect_leaf_operator(system), self.settings
-        energy, before = operator.energies(state)[0], PastBonds(operator.list, operator.break_steps())
+        energy, before = operator.energies(state)[0], PastBonds(operator.all_bonds, operator.break_steps())
         if wanted.by == "energy":
-            height = criteria.energy_shares(self.tree, operator.cells, energy, self._critical)
+            height = criteria.relative_energy_densities(self.tree, operator.cells, energy, self._critical)
         else:
-            height = criteria.relative_stretches(self.tree, operator.cells, operator.list, before.broken, state.value)
+            height = criteria.largest_relative_stretches(
+                self.tree, operator.cells, operator.all_bonds, before.break_steps, state.value
+            )
         model = system.model
         leaf_states = criteria.LeafStates(
             operator.cells, model.grid.position, model.horizons, height, before.has_broken_bond
         )
         operator.history = operator.history._replace(
-            calm_checks=np.where(leaf_states.criterion_value < wanted.merge, operator.history.calm_checks + 1, 0)
+            consecutive_calm_checks=np.where(
+                leaf_states.criterion_value < wanted.merge, operator.history.consecutive_calm_checks + 1, 0
+            )
         )
         splits = criteria.mask_leaves_to_split(self.tree, leaf_states, wanted.threshold)
         merged = criteria.list_cells_to_merge(
-            self.tree, leaf_states, operator.history.calm_checks >= wanted.hold, splits, wanted.threshold
+            self.tree, leaf_states, operator.history.consecutive_calm_checks >= wanted.hold, splits, wanted.threshold
         )
-        if not splits.any() and not len(merged.root):
+        if not splits.any() and not len(merged.root_row):
             return None
         cells, origins = map_leaves(self.tree, operator.cells, splits, merged)
         return self._make_node_change(system, state, step, cells, origins, before, energy)
@@ -76,11 +85,11 @@ class CellSplitting:
         old_operator = expect_leaf_operator(system)
         new, begun = self._prepare_run_with_cells(system, cells, origins)
         operator = expect_leaf_operator(new)
-        broken = inherit_breaks(old_bonds, operator.list, origins)
-        assert not count_healed_bonds(old_bonds, operator.list, origins, broken), f"step {step}: a bond has healed"
+        broken = inherit_break_steps(old_bonds, operator.all_bonds, origins)
+        assert not count_healed_bonds(old_bonds, operator.all_bonds, origins, broken), f"step {step}: a bond has healed"
         operator.set_break_steps(broken)
         for values, moved_values in zip(
-            begun, interpolate_state(state, origins, old_operator.list, old_bonds.broken == 0), strict=True
+            begun, interpolate_state(state, origins, old_operator.all_bonds, old_bonds.break_steps == 0), strict=True
         ):
             values[:] = moved_values
         new.drive.held_force[:] = system.drive.held_force
@@ -89,7 +98,9 @@ class CellSplitting:
         created += half_kick_work_of_acceleration_error(
             new, begun, force_densities(operator, begun._replace(dissipated=np.zeros_like(begun.dissipated)))
         )
-        calm = np.where(origins.stays, old_operator.history.calm_checks[origins.origin_rows[:, 0]], 0)
+        calm = np.where(
+            origins.is_unchanged, old_operator.history.consecutive_calm_checks[origins.origin_rows[:, 0]], 0
+        )
         operator.history = LeafHistory(calm, old_operator.history.created_energy + created)
         return NodeChange(new, begun, self._previous_rows_with_same_bonds(system, new, origins))
 
@@ -99,12 +110,12 @@ class CellSplitting:
         Raises UnstableError if the run's step is too long for it.
         """
         tree, threads = self.tree, system.thread_count
-        model = tree.model_of(cells)
+        model = tree.model_of_leaves(cells)
         rule = system.scheme.by_pairs(model)
         bonds = (
             create_leaf_bonds(rule)
             if origins is None
-            else update_leaf_bonds(rule, model, expect_leaf_operator(system).filled, origins)
+            else update_leaf_bonds(rule, model, expect_leaf_operator(system).leaf_bonds, origins)
         )
         operator = LeafOperator(tree, cells, model, bonds, system.scheme, threads)
         steps = system.time_step, system.stable_time_step
@@ -121,21 +132,21 @@ class CellSplitting:
         self, old_system: System, new_system: System, origins: LeafOrigins
     ) -> NDArray[np.int64]:
         """Former rows (m,) of nodes that keep their bonds; -1 for others."""
-        before, now = expect_leaf_operator(old_system).list, expect_leaf_operator(new_system).list
-        origin = np.where(origins.stays, origins.origin_rows[:, 0], -1)
+        before, now = expect_leaf_operator(old_system).all_bonds, expect_leaf_operator(new_system).all_bonds
+        origin = np.where(origins.is_unchanged, origins.origin_rows[:, 0], -1)
         removed = np.ones(len(before.start) - 1, dtype=bool)
-        removed[origin[origins.stays]] = False
+        removed[origin[origins.is_unchanged]] = False
         changed = np.zeros(len(origin), dtype=bool)
-        changed[bond_sources(now)[~origins.stays[now.neighbour]]] = True
+        changed[source_rows_of_bonds(now)[~origins.is_unchanged[now.neighbour]]] = True
         lost = np.zeros(len(removed), dtype=bool)
-        lost[bond_sources(before)[removed[before.neighbour]]] = True
-        same = origins.stays & ~changed & ~lost[origin] & (old_system.family_sizes[origin] == new_system.family_sizes)
+        lost[source_rows_of_bonds(before)[removed[before.neighbour]]] = True
+        same = origins.is_unchanged & ~changed & ~lost[origin] & (old_system.family_sizes[origin] == new_system.family_sizes)
         return np.where(same, origin, -1)
 
     def restore_system(self, initial_system: System, checkpoint: CheckpointArrays) -> PreparedRun:
         """The system of a checkpoint's cells. Raises CheckpointError for ids that are no set of leaves."""
         ids = entry(checkpoint, "ids", (None,), np.int64)
-        memory, cells = read_leaf_history(checkpoint, len(ids)), self.tree.leaves(ids)
+        memory, cells = read_leaf_history(checkpoint, len(ids)), self.tree.leaves_of_ids(ids)
         if cells is None:
             raise CheckpointError("ids of cells are no whole plate; they must be those of its leaves in order")
         prepared = self._prepare_run_with_cells(initial_system, cells)

@@ -12,7 +12,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from pdsolve.adaptivity.hybrid.adaptivity_choice import refinement_kappa, widen_zone, with_kappa
+from pdsolve.adaptivity.hybrid.adaptivity_choice import refinement_kappa, widen_or_remove_zone, with_refinement_kappa
 from pdsolve.adaptivity.hybrid.arrays import EVERY
 from pdsolve.adaptivity.hybrid.operator import HybridOperator
 from pdsolve.errors import LateZoneError
@@ -39,8 +39,8 @@ def plan_earlier_refinement(
     first with the widest from the start, then with fine nodes everywhere.
     """
     run = model.settings.run
-    now = with_kappa(model, earlier_refinements[-1].kappa_threshold) if earlier_refinements else model
-    wider = widen_zone(now)
+    now = with_refinement_kappa(model, earlier_refinements[-1].kappa_threshold) if earlier_refinements else model
+    wider = widen_or_remove_zone(now)
     step = max(late_zone_error.step - EVERY - 1, 0) // run.every * run.every
     if wider.settings.run.adapt == "none":
         return (now if earlier_refinements else wider), ()
@@ -88,7 +88,7 @@ def set_due_kappa_and_find_next_change(
     """Make cells fine as soon as they are to be after a step; returns the next step from which that changes."""
     begun = [refinement for refinement in earlier_refinements if refinement.first_step <= step]
     if begun and isinstance(system.operator, HybridOperator):
-        system.operator.engine.set_kappa(begun[-1].kappa_threshold)
+        system.operator.engine.set_refinement_kappa(begun[-1].kappa_threshold)
     return next(
         (refinement.first_step for refinement in earlier_refinements if refinement.first_step > step), last_step
     )

@@ -49,7 +49,7 @@ def find_zone_change_since_last_call(system: System, with_state: bool = True) ->
     if shown is None:
         return None
     row = np.minimum(np.searchsorted(before.places, shown.places), len(before.places) - 1)
-    same = (before.places[row] == shown.places) & (before.signature[row] == shown.signature)
+    same = (before.places[row] == shown.places) & (before.node_signatures[row] == shown.node_signatures)
     return NodeChange(
         system_with_moved_zone(system, shown),
         shown.state() if with_state else zero_state(0, 2),

@@ -47,8 +47,8 @@ from pdsolve.run.system import PreparedRun, System
 from pdsolve.schemes import SCHEMES
 from pdsolve.schemes.scheme import Scheme
 from pdsolve.steppers.equilibrium import force_densities
-from pdsolve.steppers.euler import Euler
-from pdsolve.steppers.static_loads import model_with_content_steps, model_with_load_steps
+from pdsolve.steppers.euler import ForwardEuler
+from pdsolve.steppers.static_loads import model_at_rest_after_each_content_step, model_with_load_steps
 
 WORTH_HYBRID = 25_000  # nodes of a plate with a fine zone that moves, were they all there
 
@@ -136,7 +136,7 @@ def _prepare_swelling_motion(model: Model, options: Options, scheme: Scheme) -> 
         return _prepare_swelling_plate_with_zone(model, options, scheme)
     options, rests = choose_kernel_for_swelling(model, options), model.settings.run.solver == "static"
     if rests:
-        model = model_with_content_steps(model, options.precision)
+        model = model_at_rest_after_each_content_step(model, options.precision)
         system, state = prepare_quasi_static_run(model.moving_part(), options, scheme)
     else:
         system, state = prepare_explicit_motion(model.moving_part(), options, scheme)
@@ -147,7 +147,7 @@ def _prepare_swelling_motion(model: Model, options: Options, scheme: Scheme) -> 
     assert transport is not None
     if not rests:
         cycle = cycle_of(model.settings.run, system.time_step, transport.bound)
-        marches = Euler(transport.operator, transport.drive, cycle * system.time_step)
+        marches = ForwardEuler(transport.operator, transport.drive, cycle * system.time_step)
     assert model.settings.medium is not None
     share = model.settings.medium.broken
     broken = None if share == 1 else BrokenBonds(transport, bonds, share)
@@ -174,7 +174,7 @@ def _prepare_swelling_plate_with_zone(model: Model, options: Options, scheme: Sc
     transport = content.system.transport
     assert transport is not None
     cycle = cycle_of(model.settings.run, system.time_step, transport.bound)
-    marches = Euler(transport.operator, transport.drive, cycle * system.time_step)
+    marches = ForwardEuler(transport.operator, transport.drive, cycle * system.time_step)
     broken = None if medium.broken == 1 else BrokenBonds(transport, PlateBrokenBonds(operator.engine), medium.broken)
     stepper = SwellingStepperWithFineZone(marches, content.state, operator, model, cycle, broken)
     energy = system.initial_energy + operator.engine.strain_energy()
@@ -198,8 +198,8 @@ def _prepare_plate_with_moving_zone(model: Model, options: Options, scheme: Sche
         stepper=FusedMarch(shown),
         drive=shown.engine.drive,
         area=shown.area,
-        family_sizes=shown.counts[1],
-        initial_bond_counts=shown.counts[0],
+        family_sizes=shown.initial_bond_counts_and_family_sizes[1],
+        initial_bond_counts=shown.initial_bond_counts_and_family_sizes[0],
         time_step=float(shown.engine.lattice.dt),
         stable_time_step=bound,
         initial_energy=shown.ledger_totals().kinetic,
@@ -212,7 +212,7 @@ def _prepare_cell_splitting(model: Model, options: Options, scheme: Scheme) -> P
     """A prepared model whose cells can split; none has yet. Raises ModelError for an unsupported one."""
     tree = create_tree(model, scheme.name, options.precision, options.kernel)
     cells = tree.roots()
-    now = tree.model_of(cells)
+    now = tree.model_of_leaves(cells)
     bonds, threads = create_leaf_bonds(scheme.by_pairs(now)), threads_of(options, len(model.grid), False)
     operator = LeafOperator(tree, cells, now, bonds, scheme, threads)
     bound = (
@@ -230,7 +230,9 @@ def _prepare_body_with_moving_zone(model: Model, options: Options, scheme: Schem
     options = options._replace(threads=threads)
     bound = stable_time_step_from_stiffness_bound(operator.stiffness_bound(), operator.model.rho)
     steps, driven = (choose_time_step(model, bound), bound), create_current_drive(operator, 0.0)
-    rest = assemble_system(operator.model, options, scheme, operator, operator.counted, *steps, conditions=driven)
+    rest = assemble_system(
+        operator.model, options, scheme, operator, operator.volumes_and_bond_counts, *steps, conditions=driven
+    )
     return _set_initial_velocity(rest, model, initial_velocity(model)[operator.rows])
 
 

@@ -171,7 +171,7 @@ def _swell_restored_bonds(system: System, stepper: Swelling, state: State) -> No
     """Swell the bonds of a restored system; nodes at the border of a fine zone move with that."""
     stepper.swell()
     if system.moving_zone_operator is not None:
-        system.moving_zone_operator.copy_to(state)
+        system.moving_zone_operator.copy_to_state(state)
 
 
 class RunHistory(NamedTuple):

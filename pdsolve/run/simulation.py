@@ -14,7 +14,7 @@ import numpy as np
 
 from pdmesh import stopping
 from pdmesh.files import FilePath
-from pdsolve.adaptivity.hybrid.adaptivity_choice import choose_adaptivity, explain_long_steps
+from pdsolve.adaptivity.hybrid.adaptivity_choice import choose_adaptivity, explain_late_zone_error
 from pdsolve.adaptivity.hybrid.arrays import EVERY
 from pdsolve.adaptivity.hybrid.engine import ZoneSummary
 from pdsolve.adaptivity.hybrid.space.operator import HybridBodyOperator
@@ -386,7 +386,7 @@ def _advance_to_end_and_close_results(
                 writer.write(partial(recorder.make_frame, recorder.step, with_fields=True, with_checkpoint=True))
             status = _advance_to_end(recorder, writer, request)
         except BaseException as reason:
-            error = explain_long_steps(reason, recorder.system.time_step, recorder.system.stable_time_step)
+            error = explain_late_zone_error(reason, recorder.system.time_step, recorder.system.stable_time_step)
             ends = {UnstableError: "unstable", UnsettledError: "unsettled", KeyboardInterrupt: "interrupted"}
             writer.abandon(ends.get(type(error), "failed"))
             raise error from error.__cause__
@@ -415,7 +415,7 @@ def _advance_to_end(recorder: Recorder, writer: Behind, request: RunRequest) -> 
             raise KeyboardInterrupt("within a load step, which is lost")
 
     if recorder.system.equilibrium_stepper is not None:
-        recorder.system.equilibrium_stepper.watch = show_load_step_progress
+        recorder.system.equilibrium_stepper.on_progress = show_load_step_progress
     writer.stop = watcher_requests_stop
     while step < run.steps and not (interrupted or done):
         looks = run.steps if adapt is None else change_nodes_if_due_and_find_next_step(recorder, adapt, step)
@@ -458,7 +458,7 @@ def _advance_to_end(recorder: Recorder, writer: Behind, request: RunRequest) -> 
 def _make_progress(recorder: Recorder, step: int, load_step_progress: LoadStepProgress | None = None) -> Progress:
     """Data for a progress display after `step`, or within a load step `load_step_progress`."""
     records, steps = recorder.physics_records, recorder.system.model.settings.run.steps
-    broken = records.broken_bond_count if load_step_progress is None else load_step_progress.broken
+    broken = records.broken_bond_count if load_step_progress is None else load_step_progress.broken_bond_count
     words, stepper = records.progress_text(broken), recorder.system.stepper
     if isinstance(stepper, CycleOrPathSteps):
         words = f"{stepper.progress_text()}, {words}"

@@ -15,10 +15,13 @@ from pdsolve.run.recorder import Recorder
 from pdsolve.steppers.arc_length_steps import ArcLengthSteps
 from pdsolve.steppers.crack_length_steps import CrackLengthSteps
 from pdsolve.steppers.cycle_or_path_steps import CycleOrPathSteps
-from pdsolve.steppers.fatigue_steps import FatigueSteps
+from pdsolve.steppers.fatigue_steps import BondFatigueSteps
 from pdsolve.steppers.load_steps import LoadSteps
 from pdsolve.steppers.paris_steps import ParisSteps
 from pdsolve.steppers.path_steps import SofteningPathSteps
+
+LOAD_STEP_KEYS = "step", "iterations", "residual", "breaks", "least"
+PATH_STEP_KEYS = "step", "iterations", "residual", "factor", "pull", "spent"
 
 
 def run_metadata(recorder: Recorder, provenance: str) -> dict[str, Any]:
@@ -80,28 +83,30 @@ def run_summary(recorder: Recorder, step: int, stopped_early: bool) -> dict[str,
 
 def _equilibrium_summary(load_stepper: LoadSteps | CycleOrPathSteps | None) -> dict[str, Any]:
     """Iterations and residuals of each load step."""
-    if isinstance(load_stepper, FatigueSteps | ParisSteps):
+    if isinstance(load_stepper, BondFatigueSteps | ParisSteps):
         rows = [cycled._asdict() for cycled in load_stepper.step_results]
         return {
             "method": load_stepper.description,
             "fatigue_steps": rows,
             "first_break": load_stepper.first
-            if isinstance(load_stepper, FatigueSteps) and load_stepper.step_results
+            if isinstance(load_stepper, BondFatigueSteps) and load_stepper.step_results
             else None,
             "first_range": load_stepper.range
-            if isinstance(load_stepper, FatigueSteps) and load_stepper.step_results
+            if isinstance(load_stepper, BondFatigueSteps) and load_stepper.step_results
             else None,
-            "cycles_error": load_stepper.cycle_error if isinstance(load_stepper, ParisSteps) else None,
-            "cycles_error_of_jumps": load_stepper.jump_error if isinstance(load_stepper, ParisSteps) else None,
+            "cycles_error": load_stepper.estimated_cycle_error if isinstance(load_stepper, ParisSteps) else None,
+            "cycles_error_of_jumps": load_stepper.cycle_error_of_steps
+            if isinstance(load_stepper, ParisSteps)
+            else None,
             "ended": load_stepper.end_reason or None,
         }
     if isinstance(load_stepper, ArcLengthSteps | CrackLengthSteps | SofteningPathSteps):
-        rows = [stepped._asdict() for stepped in load_stepper.step_results]
+        rows = [dict(zip(PATH_STEP_KEYS, path_step, strict=True)) for path_step in load_stepper.step_results]
         ended = {} if isinstance(load_stepper, SofteningPathSteps) else {"ended": load_stepper.end_reason or None}
-        return {"method": load_stepper.description, "path_steps": rows, "lost": load_stepper.lost} | ended
+        return {"method": load_stepper.description, "path_steps": rows, "lost": load_stepper.peak_load_factor} | ended
     if load_stepper is None:
         return {}
     return {
         "method": load_stepper.method.description,
-        "load_steps": [load_step._asdict() for load_step in load_stepper.step_results],
+        "load_steps": [dict(zip(LOAD_STEP_KEYS, row, strict=True)) for row in load_stepper.step_results],
     }

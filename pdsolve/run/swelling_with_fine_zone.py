@@ -27,9 +27,9 @@ class PlateBrokenBonds:
 
     def broken(self, after: int = 0) -> Broken:
         """The bonds broken after a step."""
-        (step, node, spring, *_), plate = self._hybrid.broken(), self._hybrid.plate
+        (step, node, spring, *_), plate = self._hybrid.break_events(), self._hybrid.plate
         new = step > after
-        node, neighbour = node[new], node[new] + self._hybrid.lattice.offsets[spring[new]]
+        node, neighbour = node[new], node[new] + self._hybrid.lattice.neighbour_offsets[spring[new]]
         return Broken(step[new].astype(np.int64), plate.grid_rows_at(node), plate.grid_rows_at(neighbour))
 
 
@@ -48,12 +48,12 @@ class SwellingStepperWithFineZone(Swelling):
         """See `Swelling`; `model` is that of all nodes."""
         self._operator = operator
         super().__init__(content, content_state, FusedMarch(operator), operator, model, steps_per_content_step, broken)
-        operator.engine.recompute_forces()
+        operator.engine.compute_initial_forces()
 
     @property
     def current_node_rows(self) -> NDArray[np.int64]:
         """The rows (n,) in the grid of the current nodes."""
-        return self._operator.rows
+        return self._operator.grid_rows
 
     def switch_operator(self, operator: HybridOperator) -> SwellingStepperWithFineZone:
         """The stepper of the same plate with other current nodes."""
@@ -62,10 +62,10 @@ class SwellingStepperWithFineZone(Swelling):
 
     def clamped_energy_density(self, state: State) -> NDArray[np.float64]:
         """The energy densities (n,) of the current nodes at no displacement, J/m^3, inside of one material."""
-        hybrid, rows = self._operator.engine, self._operator.rows
+        hybrid, rows = self._operator.engine, self._operator.grid_rows
         lattice, plate = hybrid.lattice, hybrid.plate
         density = (
-            (lattice.material_stiffness / lattice.spring_table[:, 4]).sum(axis=1) / 4 / lattice.h**2
+            (lattice.material_bond_stiffness / lattice.spring_table[:, 4]).sum(axis=1) / 4 / lattice.spacing**2
         )  # by material, at a stretch of 1
         return np.asarray(density[plate.model.material_of[rows]] * self._strain()[rows] ** 2)
 
@@ -82,18 +82,18 @@ class SwellingStepperWithFineZone(Swelling):
                 self._take_coupled_step(until)
             step = until + 1
         if self._operator.is_current:
-            self._operator.copy_to(state)
+            self._operator.copy_to_state(state)
 
     def _take_coupled_step(self, step: int) -> None:
         """Take a step of the content and the one of the motion after it."""
         hybrid = self._operator.engine
         if self._broken is not None:
             self._broken.update(self._content)
-        before, energy_before = hybrid.copy_free_strains(), hybrid.strain_energy()
+        before, energy_before = hybrid.copy_half_shrinkage(), hybrid.strain_energy()
         self._content.advance(
             self._h, (step - 1) // self.steps_per_content_step + 1, (step - 1) // self.steps_per_content_step + 2
         )
-        hybrid.swell(self._strain())
+        hybrid.set_swelling_strain(self._strain())
         hybrid.book_work((hybrid.strain_energy() - energy_before) / 2)
         hybrid.advance(step, step + 1)
-        hybrid.book_work((hybrid.strain_energy() - hybrid.strain_energy_at_free_strains(before)) / 2)
+        hybrid.book_work((hybrid.strain_energy() - hybrid.strain_energy_at_half_shrinkage(before)) / 2)

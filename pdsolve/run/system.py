@@ -107,11 +107,11 @@ class System:
     def fetch_state_from_device(self) -> None:
         """Bring the state up to the steps taken, if a device takes them."""
         if isinstance(self.stepper, OnDevice):
-            self.stepper.fetch()
+            self.stepper.download_state()
 
     def profile_time(self, step_number: int) -> float:
         """Time of the profiles of conditions after `step_number`, s."""
-        return self.stepper.factor if isinstance(self.stepper, CycleOrPathSteps) else step_number * self.time_step
+        return self.stepper.load_factor if isinstance(self.stepper, CycleOrPathSteps) else step_number * self.time_step
 
     @property
     def thread_count(self) -> int:
@@ -148,7 +148,7 @@ class PreparedRun(NamedTuple):
 
 def system_with_moved_zone(system: System, zone_operator: Moving) -> System:
     """The system of changed nodes of the same plate."""
-    count, family = zone_operator.counts
+    count, family = zone_operator.initial_bond_counts_and_family_sizes
     stepper: Stepper = FusedMarch(zone_operator)
     if isinstance(system.stepper, SwellingStepperWithFineZone):
         assert isinstance(zone_operator, HybridOperator)

@@ -25,12 +25,12 @@ from pdsolve.conditions import Drive, put_loads
 from pdsolve.model import Model
 from pdsolve.operators.protocol import Operator
 from pdsolve.state import State
-from pdsolve.steppers.equilibrium import UnsettledError, force_densities, norm, weighted_tangent
+from pdsolve.steppers.equilibrium import UnsettledError, area_weighted_tangent, force_densities, norm
 from pdsolve.steppers.factors import factorize
 from pdsolve.steppers.load_steps import LoadStepProgress
-from pdsolve.steppers.path_following import PathPoint
+from pdsolve.steppers.path_following import PathPoint, PathSolution
 from pdsolve.steppers.path_stepper import REACHED, PathStepper
-from pdsolve.steppers.path_steps import CRACK_STEPS, work_along_path
+from pdsolve.steppers.path_steps import CRACK_STEPS, work_of_last_path_step
 
 if TYPE_CHECKING:
     from scipy.sparse import csr_array
@@ -60,7 +60,7 @@ class ArcLengthSteps(PathStepper):
         area: Array,
         breaking: Breaking | None,
         on_equilibrium: Callable[[State], None] = lambda state: None,
-        solid_flows: bool = False,
+        has_plastic_flow: bool = False,
     ) -> None:
         """`breaking` knows the limits of bonds, None: there are none; `on_equilibrium` is called with each equilibrium.
 
@@ -68,7 +68,10 @@ class ArcLengthSteps(PathStepper):
         direction of its last step.
         """
         super().__init__(model, drive, area)
-        self._operator, self._breaking, self._remember, self._flows = operator, breaking, on_equilibrium, solid_flows
+        self._operator = operator
+        self._breaking = breaking
+        self._remember = on_equilibrium
+        self._flows = has_plastic_flow
         self._free = np.flatnonzero(~self._held.ravel())
         static, shape = model.settings.run.static, self._held.shape
         self._tolerance = max(static.tolerance, COARSEST)
@@ -84,7 +87,7 @@ class ArcLengthSteps(PathStepper):
     def checkpoint_arrays(self) -> dict[str, Array]:
         """The path so far, for a checkpoint."""
         numbers = [*self._last[1:], *self._before[1:], self._more, self._most, self._largest]
-        values = {"path_value": self._last.value, "path_before": self._before.value}
+        values = {"path_value": self._last.displacement, "path_before": self._before.displacement}
         return (
             super().checkpoint_arrays()
             | values
@@ -100,100 +103,115 @@ class ArcLengthSteps(PathStepper):
         self._last, self._before = PathPoint(value.copy(), factor, length), PathPoint(before.copy(), earlier, less)
         self._more, self._most, self._largest = rest
 
-    def _finished_share(self) -> float:
+    def _finished_path_share(self) -> float:
         """How much of the path is done: of the loads."""
-        return min(max((path_step.factor for path_step in self.step_results), default=0.0), 1.0)
+        return min(max((path_step.load_factor for path_step in self.step_results), default=0.0), 1.0)
 
     def _take_step(self, state: State, step: int) -> None:
         try:
-            new, iterations, residual = self._next_equilibrium(state, step)
+            new, iterations, residual = self._find_next_equilibrium(state, step)
         except UnsettledError as error:
             raise UnsettledError(f"{self._model.name}: path step {step}: {error}") from None
-        put_loads(self._drive, new.factor)
+        put_loads(self._drive, new.load_factor)
         inside = self._area[:, None] * force_densities(self._operator, state)
-        after = np.where(self._held, -inside, self._start + new.factor * self._growth)  # loads and reactions, N/m
-        work = work_along_path((self._before, self._last, new), (*self._pushed, after)).sum(axis=1)
+        after = np.where(self._held, -inside, self._start + new.load_factor * self._growth)  # loads and reactions, N/m
+        work = work_of_last_path_step((self._before, self._last, new), (*self._pushed, after)).sum(axis=1)
         self._pushed, self._before, self._last = (self._pushed[1], after), self._last, new
         state.work[:] += work / self._area
         state.rate[:] = state.second[:] = 0
-        if new.factor == 1:
+        if new.load_factor == 1:
             self.ended, self.end_reason = True, REACHED
         self._remember(state)
         drive, node, axis = self._drive, self._drive.holds.node, self._drive.holds.axis
         drive.held_force[:] = (drive.force - after / self._area[:, None])[node, axis]
         drive.before[:] = drive.force
         spent = float(self._area @ (state.dissipated + self._operator.energies(state)[1]))
-        self._record_step(step, iterations, residual, new.factor, after, spent)
-        if self._worst_bond_overload(state) > 0:
+        self._record_step(step, iterations, residual, new.load_factor, after, spent)
+        if self._worst_bond_overload_ratio(state) > 0:
             self.ended, self.end_reason = True, "a bond has reached its limit"
 
-    def _next_equilibrium(self, state: State, step: int) -> tuple[PathPoint, int, float]:
+    def _find_next_equilibrium(self, state: State, step: int) -> PathSolution:
         """The next equilibrium, as far along the path as it converges; the state is there then."""
         last, largest, begins = self._last, self._largest, len(self.step_results) <= bool(self._start.any())
         if not self.step_results and self._start.any():
-            return self._equilibrium_at_factor(state, last.value, 0.0, step)
+            return self._find_equilibrium_at_load_factor(state, last.displacement, 0.0, step)
         if self._flows and not begins:
-            way, turned = last.value - self._before.value, last.factor - self._before.factor
+            way, turned = last.displacement - self._before.displacement, last.load_factor - self._before.load_factor
             size = norm(way)
         else:
-            way = self._displacement_by_factor(
-                *self._factor_tangent(state)
+            way = self._displacement_derivative_by_load_factor(
+                *self._compute_and_factorize_tangent(state)
             )  # the derivative of the displacements by the factor
             size = norm(way)
-            turned = -1.0 if not begins and (way * (last.value - self._before.value)).sum() < 0 else 1.0
+            turned = -1.0 if not begins and (way * (last.displacement - self._before.displacement)).sum() < 0 else 1.0
             way *= turned
         self._most = self._most or size / self._steps
         self._more = self._more or self._most
         while True:
             share = self._more / size
-            guess = PathPoint(last.value + share * way, last.factor + share * turned, last.spent + self._more)
+            guess = PathPoint(
+                last.displacement + share * way,
+                last.load_factor + share * turned,
+                last.energy_or_arc_length + self._more,
+            )
             try:
-                new, count, residual = self._solve_in_plane_or_at_factor(state, guess, 1 / size * way, step)
-                if not norm(new.value - guess.value) < BENT * self._more:
+                new, count, residual = self._solve_in_normal_plane_or_at_load_factor(state, guess, 1 / size * way, step)
+                if not norm(new.displacement - guess.displacement) < BENT * self._more:
                     raise UnsettledError("the path bends within the shortest step")
-                if new.factor >= 1:
-                    new, more, residual = self._equilibrium_at_full_loads(state, new, step)
+                if new.load_factor >= 1:
+                    new, more, residual = self._find_equilibrium_at_full_loads(state, new, step)
                     count += more
-                if self._worst_bond_overload(state) > 1 + PAST:
+                if self._worst_bond_overload_ratio(state) > 1 + PAST:
                     raise UnsettledError("a bond passes its limit within the shortest step")
                 break
             except UnsettledError:
-                state.value[:], self._largest, self._more = last.value, largest, self._more / 2
+                state.value[:], self._largest, self._more = last.displacement, largest, self._more / 2
                 if self._more < LEAST * self._most:
                     raise
         if count <= FEW:
             self._more = min(GROWTH * self._more, LONGEST * self._most)
         return new, count, residual
 
-    def _equilibrium_at_full_loads(self, state: State, beyond: PathPoint, step: int) -> tuple[PathPoint, int, float]:
+    def _find_equilibrium_at_full_loads(
+        self, state: State, point_beyond_full_loads: PathPoint, step: int
+    ) -> PathSolution:
         """The equilibrium at the end of the loads, between the last one and one beyond."""
         last = self._last
-        near = last.value + (1 - last.factor) / (beyond.factor - last.factor) * (beyond.value - last.value)
-        new, count, residual = self._equilibrium_at_factor(state, near, 1.0, step)
-        if not norm(new.value - near) < BENT * self._more:
+        beyond = point_beyond_full_loads
+        share = (1 - last.load_factor) / (beyond.load_factor - last.load_factor)
+        near = last.displacement + share * (beyond.displacement - last.displacement)
+        new, count, residual = self._find_equilibrium_at_load_factor(state, near, 1.0, step)
+        if not norm(new.displacement - near) < BENT * self._more:
             raise UnsettledError("the path bends within the shortest step")
         return new, count, residual
 
-    def _worst_bond_overload(self, state: State) -> float:
+    def _worst_bond_overload_ratio(self, state: State) -> float:
         """How far over its limit a bond is: its load by that at which it breaks; 0 if none is."""
         return 0.0 if self._breaking is None else self._breaking.worst(state.value)
 
-    def _equilibrium_at_factor(
-        self, state: State, near: Array, factor: float, step: int
-    ) -> tuple[PathPoint, int, float]:
+    def _find_equilibrium_at_load_factor(
+        self, state: State, start_displacement: Array, load_factor: float, step: int
+    ) -> PathSolution:
         """The equilibrium at a factor, from displacements (n, w) near it."""
-        last, value = self._last.value, np.where(self._held, self._start + factor * self._growth, near)
-        new, count, residual = self._solve_in_plane_or_at_factor(state, PathPoint(value, factor, 0.0), None, step)
-        return new._replace(spent=self._last.spent + norm(new.value - last)), count, residual
+        last = self._last.displacement
+        value = np.where(self._held, self._start + load_factor * self._growth, start_displacement)
+        new, count, residual = self._solve_in_normal_plane_or_at_load_factor(
+            state, PathPoint(value, load_factor, 0.0), None, step
+        )
+        return (
+            new._replace(energy_or_arc_length=self._last.energy_or_arc_length + norm(new.displacement - last)),
+            count,
+            residual,
+        )
 
-    def _solve_in_plane_or_at_factor(
-        self, state: State, guess: PathPoint, normal: Array | None, step: int
-    ) -> tuple[PathPoint, int, float]:
+    def _solve_in_normal_plane_or_at_load_factor(
+        self, state: State, guess: PathPoint, plane_normal: Array | None, step: int
+    ) -> PathSolution:
         """The equilibrium in the plane through a guess with a unit normal (n, w), or at its factor.
 
         The state is there then. Raises UnsettledError.
         """
-        value, factor, constrained = guess.value.copy(), guess.factor, self._held
+        value, factor, constrained = guess.displacement.copy(), guess.load_factor, self._held
         for iteration in range(MOST + 1):
             state.value[:] = value
             inside = self._area[:, None] * force_densities(self._operator, state)
@@ -201,19 +219,21 @@ class ArcLengthSteps(PathStepper):
             rest, outside = (inside + loads)[~constrained], max(norm(loads[~constrained]), norm(inside[constrained]))
             scale = max(self._largest, outside)
             residual = norm(rest) / scale if scale > 0 else float(norm(rest) > 0)
-            if self.watch is not None:
-                self.watch(LoadStepProgress(step, iteration, residual, 0))
+            if self.on_progress is not None:
+                self.on_progress(LoadStepProgress(step, iteration, residual, 0))
             if residual < self._tolerance:
                 self._largest = scale
-                return PathPoint(value, factor, guess.spent), iteration, residual
+                return PathPoint(value, factor, guess.energy_or_arc_length), iteration, residual
             if not np.isfinite(residual) or iteration == MOST:
                 break
-            matrix, solve = self._factor_tangent(state)
+            matrix, solve = self._compute_and_factorize_tangent(state)
             move, turn = np.zeros(constrained.shape), 0.0
             move.ravel()[self._free] = solve(rest)
-            if normal is not None:
-                b = self._displacement_by_factor(matrix, solve)
-                turn = -float((normal * (move + value - guess.value)).sum()) / float((normal * b).sum())
+            if plane_normal is not None:
+                b = self._displacement_derivative_by_load_factor(matrix, solve)
+                turn = -float((plane_normal * (move + value - guess.displacement)).sum()) / float(
+                    (plane_normal * b).sum()
+                )
                 move += turn * b
             value, factor = value + move, factor + turn
         raise UnsettledError(
@@ -221,15 +241,17 @@ class ArcLengthSteps(PathStepper):
             f" {self._tolerance:g} of the external forces)"
         )
 
-    def _displacement_by_factor(self, matrix: csr_array, solve: Callable[[Array], Array]) -> Array:
+    def _displacement_derivative_by_load_factor(
+        self, tangent: csr_array, solve_free: Callable[[Array], Array]
+    ) -> Array:
         way = np.where(self._held, self._growth, 0.0)
-        pushed = np.where(self._held, 0.0, self._growth).ravel() - matrix @ way.ravel()
-        way.ravel()[self._free] = solve(pushed[self._free])
+        pushed = np.where(self._held, 0.0, self._growth).ravel() - tangent @ way.ravel()
+        way.ravel()[self._free] = solve_free(pushed[self._free])
         return way
 
-    def _factor_tangent(self, state: State) -> tuple[csr_array, Callable[[Array], Array]]:
+    def _compute_and_factorize_tangent(self, state: State) -> tuple[csr_array, Callable[[Array], Array]]:
         """The tangent (n w, n w) of a state, N/m^2, and what solves with its free part."""
-        free, matrix = ~self._held.ravel(), weighted_tangent(self._operator, self._area, state)
+        free, matrix = ~self._held.ravel(), area_weighted_tangent(self._operator, self._area, state)
         try:
             return matrix, factorize(matrix[free][:, free], self._operator.symmetric)
         except RuntimeError:

@@ -19,10 +19,8 @@ from pdsolve.steppers.equilibrium import (
     force_densities,
     relative_residual,
 )
-from pdsolve.steppers.path_following import PathPoint
+from pdsolve.steppers.path_following import PathPoint, PathSolution
 from pdsolve.steppers.rigid_body_modes import Pairs
-
-PathSolution = tuple[PathPoint, int, float]  # a place on a path, iterations and residual
 
 LOOKS = 10  # at one equilibrium
 STAYS = 1e-3  # residual of an equilibrium for normals and weights of that place: these are good then
@@ -30,12 +28,13 @@ SMALLEST = 1 / 64  # of a load step
 FAR = 0.5  # spacings: a node that moves farther in one equilibrium may miss what it meets
 
 
-class ContactMethod:
+class EquilibriumMethodWithContact:
     """A method for an operator with a part that is contact; see `EquilibriumMethod`."""
 
     def __init__(self, method: EquilibriumMethod, operator: Operator, contact: RestingContact) -> None:
         self._method, self._operator, self.contact = method, operator, contact
-        self.description, self.smallest_part = method.description, min(method.smallest_part, SMALLEST)
+        self.description = method.description
+        self.smallest_load_step_part = min(method.smallest_load_step_part, SMALLEST)
 
     def solve_equilibrium(
         self, state: State, conditions: EquilibriumConditions, report_progress: ProgressReport
@@ -60,26 +59,26 @@ class ContactMethod:
             " friction for what can slide"
         )
 
-    def reset_history(self) -> None:
+    def discard_reused_tangent(self) -> None:
         """Discard history, so that what follows depends on the state alone."""
-        self._method.reset_history()
+        self._method.discard_reused_tangent()
 
     def count_unstable_modes(self, state: State, constrained: NDArray[np.bool_]) -> int:
         """Independent displacements along which energy falls; see `EquilibriumMethod`."""
         return self._method.count_unstable_modes(state, constrained)
 
-    def restrain_softly(self, nodes: NDArray[np.bool_]) -> None:
+    def restrain_by_weak_springs(self, nodes: NDArray[np.bool_]) -> None:
         """Restrain these nodes (n,) by weak springs during the solution; see `EquilibriumMethod`."""
-        self._method.restrain_softly(nodes)
+        self._method.restrain_by_weak_springs(nodes)
 
 
-def with_contact_pairs(bonds: Pairs, contact: RestingContact) -> Pairs:
+def append_contact_pairs(bonds: Pairs, contact: RestingContact) -> Pairs:
     """Bonds, and pairs of nodes that touch."""
     (source, target), (i, j) = bonds, contact.holding()
     return np.concatenate([source, i, j]), np.concatenate([target, j, i])
 
 
-def solve_with_contact(
+def solve_until_contact_converges(
     contact: RestingContact | None, solve: Callable[[], PathSolution], measure_residual: Callable[[PathPoint], float]
 ) -> PathSolution:
     """The place on a path that `solve` finds, its iterations and residual, with normals and weights that stay there.
@@ -89,10 +88,10 @@ def solve_with_contact(
     new, count, residual = solve()
     for _ in range(LOOKS if contact is not None else 0):
         assert contact is not None
-        if contact.moved(new.value) > FAR:
+        if contact.moved(new.displacement) > FAR:
             raise UnsettledError(f"bodies in contact move by more than {FAR:g} spacings")
         before = contact.seen
-        contact.see(new.value)
+        contact.see(new.displacement)
         if measure_residual(new) < STAYS:
             contact.see(before)
             return new, count, residual

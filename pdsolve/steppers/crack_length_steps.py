@@ -25,7 +25,7 @@ from pdsolve.model import Model
 from pdsolve.operators.protocol import Operator
 from pdsolve.state import State
 from pdsolve.steppers.equilibrium import Equilibrium, UnsettledError, force_densities
-from pdsolve.steppers.growing_cracks import CrackedBodySnapshot, CrackGrowth, tip_intensities
+from pdsolve.steppers.growing_cracks import CrackedBodySnapshot, CrackGrowth, JudgedTip, stress_intensities_of_tips
 from pdsolve.steppers.load_steps import LoadStepResult, LoadSteps
 from pdsolve.steppers.path_stepper import REACHED, PathStepper
 
@@ -39,7 +39,7 @@ TRIES = 12  # factors that are tried in a step
 STEP_BACK = 0.99  # of a factor: the second one tried where loads do not grow in proportion
 
 
-class NoTipError(UnsettledError):
+class NoGrowingTipError(UnsettledError):
     """No crack can go on: the path ends there."""
 
 
@@ -58,54 +58,56 @@ class CrackLengthSteps(PathStepper):
         super().restore(checkpoint, step)
         self._motion.restore(np.zeros((0, len(LoadStepResult._fields))), self._operator.broken())
 
-    def _finished_share(self) -> float:
+    def _finished_path_share(self) -> float:
         """How much of the path is done: of its steps, or of the loads."""
         return max(
             len(self.step_results) / self._model.settings.run.steps,
-            *(path_step.factor for path_step in self.step_results),
+            *(path_step.load_factor for path_step in self.step_results),
             0.0,
         )
 
     def _take_step(self, state: State, step: int) -> None:
-        self._motion.watch = self.watch
-        self._motion.method.reset_history()
+        self._motion.on_progress = self.on_progress
+        self._motion.method.discard_reused_tangent()
         try:
             path_point = (
-                self._grow_next_tips(state, step) if self.step_results else self._load_to_first_growth(state, step)
+                self._grow_critical_tips_and_rescale_loads(state, step)
+                if self.step_results
+                else self._load_until_first_tip_grows(state, step)
             )
         except UnsettledError as error:
             raise UnsettledError(f"{self._model.name}: path step {step}: {error}") from None
         if path_point is None:
             return
         equilibrium, factor, cost = path_point
-        spent = cost + (self.step_results[-1].spent if self.step_results else 0.0)
-        after = self._area[:, None] * self._motion.external_forces(state)
+        spent = cost + (self.step_results[-1].dissipated_energy if self.step_results else 0.0)
+        after = self._area[:, None] * self._motion.loads_and_reactions(state, self._drive.force.astype(float))
         self._record_step(step, equilibrium.iterations, equilibrium.residual, factor, after, spent)
 
-    def _load_to_first_growth(self, state: State, step: int) -> tuple[Equilibrium, float, float]:
+    def _load_until_first_tip_grows(self, state: State, step: int) -> tuple[Equilibrium, float, float]:
         """Loads up to the first tip that grows; books their work."""
         load = np.zeros(self._drive.force.shape)
 
-        def rest(factor: float) -> Equilibrium:
-            equilibrium = self._motion.settle_under_loads(state, load.copy(), step, factor)
+        def settle_at_load_factor(factor: float) -> Equilibrium:
+            equilibrium = self._motion.settle_at_time_and_book_work(state, load.copy(), step, factor)
             load[:] = self._drive.force
             return equilibrium
 
         first = 0.0
         if self._start.any():
-            rest(0.0)
-            first = self._largest_toughness_share(state)
+            settle_at_load_factor(0.0)
+            first = self._largest_intensity_to_toughness_ratio(state)
             if first >= 1:
                 raise UnsettledError(f"a tip has {first:.3g} of what lets it grow under what does not change")
         previous_point, factor = (0.0, first), SMALL
-        iterations = rest(factor).iterations
-        while factor < 1 and (share := self._largest_toughness_share(state)) < CLOSED:
+        iterations = settle_at_load_factor(factor).iterations
+        while factor < 1 and (share := self._largest_intensity_to_toughness_ratio(state)) < CLOSED:
             previous_point, factor = (factor, share), min(2 * factor, 1.0)
-            iterations += rest(factor).iterations
-        equilibrium, factor = self._find_growth_factor(state, previous_point, factor, rest)
+            iterations += settle_at_load_factor(factor).iterations
+        equilibrium, factor = self._find_load_factor_of_tip_growth(state, previous_point, factor, settle_at_load_factor)
         return equilibrium._replace(iterations=iterations + equilibrium.iterations), factor, 0.0
 
-    def _grow_next_tips(self, state: State, step: int) -> tuple[Equilibrium, float, float] | None:
+    def _grow_critical_tips_and_rescale_loads(self, state: State, step: int) -> tuple[Equilibrium, float, float] | None:
         """Let the tips that are next grow, and find the factor that goes with it; books what they take, J/m.
 
         None: no crack can go on, and all is as before.
@@ -113,77 +115,81 @@ class CrackLengthSteps(PathStepper):
         growth, operator, motion, last = self._cracks, self._operator, self._motion, self.step_results[-1]
         checkpoint, value, area = CrackedBodySnapshot.capture(state, operator, growth), state.value.copy(), self._area
         outside, inside, spent = (
-            motion.external_forces(state),
+            motion.loads_and_reactions(state, self._drive.force.astype(float)),
             force_densities(operator, state),
             float(area @ state.dissipated),
         )
         held_force = self._drive.held_force.copy()
-        start = last.factor if not self._start.any() else STEP_BACK * last.factor
+        start = last.load_factor if not self._start.any() else STEP_BACK * last.load_factor
         try:
             judged = growth.judge_tips(state)
-            shares = self._toughness_shares(judged)
+            shares = self._intensity_to_toughness_ratios(judged)
             # Tips that go straight on to what is ahead of them; or else those with the largest share
             tips = [tip for tip in judged if tip[1].straight] or [
                 tip for tip, share in zip(judged, shares, strict=True) if share > (1 - ALIKE) * shares.max()
             ]
             if not growth.add_crack_particles(tips, state, step):
-                raise NoTipError("no crack goes on")
+                raise NoGrowingTipError("no crack goes on")
             cut = inside - force_densities(operator, state)  # forces of the bonds that are gone
-            motion.expect_supports()
+            motion.raise_if_unsupported()
             previous_point = (0.0, 0.0)
             if self._start.any():
-                motion.settle_without_booking(state, step, start)
-                previous_point = start, self._largest_toughness_share_or_raise(state)
-            equilibrium, factor = self._find_growth_factor(
-                state, previous_point, last.factor, lambda at: motion.settle_without_booking(state, step, at)
+                motion.settle_at_time_without_booking(state, step, start)
+                previous_point = start, self._largest_intensity_to_toughness_ratio_or_raise(state)
+            equilibrium, factor = self._find_load_factor_of_tip_growth(
+                state,
+                previous_point,
+                last.load_factor,
+                lambda at: motion.settle_at_time_without_booking(state, step, at),
             )
-        except NoTipError as error:
+        except NoGrowingTipError as error:
             checkpoint.restore(state, operator, growth)
-            put_loads(self._drive, last.factor)
+            put_loads(self._drive, last.load_factor)
             self._drive.held_force[:], self._drive.before[:] = held_force, self._drive.force
             self.ended, self.end_reason = True, str(error)
             return None
-        way = state.value - value
-        state.work[:] += ((outside + motion.external_forces(state)) / 2 * way).sum(axis=1)
+        way, outside_now = state.value - value, motion.loads_and_reactions(state, self._drive.force.astype(float))
+        state.work[:] += ((outside + outside_now) / 2 * way).sum(axis=1)
         state.dissipated[:] -= (cut * way).sum(axis=1) / 2
         return equilibrium, factor, float(area @ state.dissipated) - spent
 
-    def _find_growth_factor(
+    def _find_load_factor_of_tip_growth(
         self,
         state: State,
-        previous_point: tuple[float, float],
-        factor: float,
-        settle_at: Callable[[float], Equilibrium],
+        previous_factor_and_ratio: tuple[float, float],
+        load_factor: float,
+        settle_at_load_factor: Callable[[float], Equilibrium],
     ) -> tuple[Equilibrium, float]:
         """Bring the body to rest where the largest share is 1, or at the end of the loads; from a factor and the share
         there, and the next factor to try. Returns how it settled, and the factor."""
         iterations = 0
         for _ in range(TRIES):
-            equilibrium = settle_at(factor)
-            iterations, share = iterations + equilibrium.iterations, self._largest_toughness_share_or_raise(state)
-            if abs(share - 1) < NEAR or (factor == 1 and share < 1):
-                if factor == 1:
+            equilibrium = settle_at_load_factor(load_factor)
+            iterations += equilibrium.iterations
+            share = self._largest_intensity_to_toughness_ratio_or_raise(state)
+            if abs(share - 1) < NEAR or (load_factor == 1 and share < 1):
+                if load_factor == 1:
                     self.ended, self.end_reason = True, REACHED
-                return Equilibrium(iterations, equilibrium.residual), factor
-            slope = (share - previous_point[1]) / (factor - previous_point[0])
+                return Equilibrium(iterations, equilibrium.residual), load_factor
+            slope = (share - previous_factor_and_ratio[1]) / (load_factor - previous_factor_and_ratio[0])
             if not slope > 0:
                 raise UnsettledError(f"a tip has {share:.3g} of what lets it grow, and no more under larger loads")
-            previous_point, factor = (factor, share), min(factor + (1 - share) / slope, 1.0)
+            previous_factor_and_ratio, load_factor = (load_factor, share), min(load_factor + (1 - share) / slope, 1.0)
         raise UnsettledError(f"no loads let a tip grow after {TRIES} tries")
 
-    def _toughness_shares(self, judged_tips: list[tuple[Any, Any]]) -> Array:
+    def _intensity_to_toughness_ratios(self, judged_tips: list[JudgedTip]) -> Array:
         """Shares (k,) of what lets tips grow; 0 of those that stay, or go straight on to what is ahead of them."""
         toughness = np.array([self._cracks.toughness(tip) for tip, _ in judged_tips])
         moves = np.array([bool(verdict.angles) and not verdict.straight for _, verdict in judged_tips])
-        return np.asarray(np.where(moves, tip_intensities(self._cracks, judged_tips) / toughness, 0.0))
+        return np.asarray(np.where(moves, stress_intensities_of_tips(self._cracks, judged_tips) / toughness, 0.0))
 
-    def _largest_toughness_share(self, state: State) -> float:
+    def _largest_intensity_to_toughness_ratio(self, state: State) -> float:
         """The largest share; 0 where no tip may go on."""
-        return float(self._toughness_shares(self._cracks.judge_tips(state)).max(initial=0.0))
+        return float(self._intensity_to_toughness_ratios(self._cracks.judge_tips(state)).max(initial=0.0))
 
-    def _largest_toughness_share_or_raise(self, state: State) -> float:
-        """The largest share. Raises NoTipError where no tip may go on."""
-        share = self._largest_toughness_share(state)
+    def _largest_intensity_to_toughness_ratio_or_raise(self, state: State) -> float:
+        """The largest share. Raises NoGrowingTipError where no tip may go on."""
+        share = self._largest_intensity_to_toughness_ratio(state)
         if not share > 0:
-            raise NoTipError("no tip is opened by the loads, with room for intensities around it")
+            raise NoGrowingTipError("no tip is opened by the loads, with room for intensities around it")
         return share

@@ -13,7 +13,9 @@ from pdsolve.operators.softening_bonds import SofteningBonds
 CRACKED = 5.0  # peaks: a stretch of bonds that a crack has gone through
 
 
-def no_fail_crack_message(model: Model, bonds: SofteningBonds, displacement: NDArray[np.float64]) -> str | None:
+def describe_crack_at_no_fail_bonds(
+    model: Model, bonds: SofteningBonds, displacement: NDArray[np.float64]
+) -> str | None:
     """What there is to say of no-fail bonds beyond the peak of others at displacements (n, d), beside cracked bonds."""
     keeps = ~np.isfinite(bonds.limit)
     if not keeps.any() or keeps.all():

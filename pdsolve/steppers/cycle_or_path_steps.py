@@ -10,27 +10,27 @@ from pdsolve.model import Model
 from pdsolve.operators.protocol import Operator
 from pdsolve.steppers.arc_length_steps import ArcLengthSteps
 from pdsolve.steppers.crack_length_steps import CrackLengthSteps
-from pdsolve.steppers.fatigue_steps import FatigueSteps, make_fatigue_steps
+from pdsolve.steppers.fatigue_steps import BondFatigueSteps, make_bond_fatigue_steps
 from pdsolve.steppers.growing_cracks import CrackGrowth
 from pdsolve.steppers.load_steps import LoadSteps
 from pdsolve.steppers.paris_steps import ParisSteps
 from pdsolve.steppers.path_steps import SofteningPathSteps
 
-CycleOrPathSteps = ArcLengthSteps | CrackLengthSteps | FatigueSteps | ParisSteps | SofteningPathSteps
+CycleOrPathSteps = ArcLengthSteps | CrackLengthSteps | BondFatigueSteps | ParisSteps | SofteningPathSteps
 
 
-def make_cycle_steps(
+def make_fatigue_stepper(
     model: Model,
     operator: Operator,
     load_steps: LoadSteps,
     breakable: Breakable | None,
-    family: NDArray[np.int64],
-    uncut_count: NDArray[np.int64],
+    family_size: NDArray[np.int64],
+    uncut_bond_count: NDArray[np.int64],
     growth: CrackGrowth | None,
-) -> FatigueSteps | ParisSteps:
-    """Steps of a model with fatigue: of cracks that `growth` grows, or of bonds; see `make_fatigue_steps`. Raises
+) -> BondFatigueSteps | ParisSteps:
+    """Steps of a model with fatigue: of cracks that `growth` grows, or of bonds; see `make_bond_fatigue_steps`. Raises
     ModelError."""
     law = model.settings.run.fatigue
     if growth is not None and law is not None:
         return ParisSteps(law, operator, load_steps, growth)
-    return make_fatigue_steps(model, operator, load_steps, breakable, family, uncut_count)
+    return make_bond_fatigue_steps(model, operator, load_steps, breakable, family_size, uncut_bond_count)

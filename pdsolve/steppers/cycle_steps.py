@@ -20,7 +20,7 @@ from pdsolve.steppers.load_steps import LoadStepProgress, LoadStepResult, LoadSt
 class CycleSteps:
     """Takes steps of some cycles each, until life has ended, between which the body rests under the largest loads."""
 
-    factor = 1.0  # of the loads: the largest of a cycle
+    load_factor = 1.0  # of the loads: the largest of a cycle
 
     def __init__(self, law: Fatigue, operator: Operator, load_steps: LoadSteps, step_description: str) -> None:
         """`step_description` is what a step is."""
@@ -31,13 +31,13 @@ class CycleSteps:
         self.ended, self.end_reason = False, ""
 
     @property
-    def watch(self) -> Callable[[LoadStepProgress], None] | None:
+    def on_progress(self) -> Callable[[LoadStepProgress], None] | None:
         """Called with the progress of an equilibrium."""
-        return self._motion.watch
+        return self._motion.on_progress
 
-    @watch.setter
-    def watch(self, watch: Callable[[LoadStepProgress], None] | None) -> None:
-        self._motion.watch = watch
+    @on_progress.setter
+    def on_progress(self, on_progress: Callable[[LoadStepProgress], None] | None) -> None:
+        self._motion.on_progress = on_progress
 
     def advance(self, state: State, first: int, last: int) -> None:
         """Take the steps `first` to `last` - 1, in place, unless life has ended. Raises UnsettledError."""
@@ -46,13 +46,13 @@ class CycleSteps:
                 return
             if step == 1:
                 self._motion.advance(state, 1, 2)
-            self._motion.method.reset_history()
+            self._motion.method.discard_reused_tangent()
             equilibrium = self._take_step(state, step, Equilibrium(0, self._motion.step_results[-1].residual))
             broken = len(self._operator.broken().step)
             self.step_results.append(Cycled(step, equilibrium.iterations, equilibrium.residual, self._cycles, broken))
 
-    def _take_step(self, state: State, step: int, previous: Equilibrium) -> Equilibrium:
-        """Take a step; returns how what is left settled, `previous` if nothing changed."""
+    def _take_step(self, state: State, step: int, previous_equilibrium: Equilibrium) -> Equilibrium:
+        """Take a step; returns how what is left settled, `previous_equilibrium` if nothing changed."""
         raise NotImplementedError
 
     def _record_end_of_life(self, reason: str) -> None:

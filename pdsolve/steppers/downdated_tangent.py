@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pdsolve.state import Broken
-from pdsolve.steppers.reused_factors import solve_columns
+from pdsolve.steppers.reused_factors import solve_right_sides_in_blocks
 
 if TYPE_CHECKING:
     from scipy.sparse import csr_array
@@ -34,19 +34,21 @@ LEFT = 0.05  # of a right side that is not of the bonds that broke last: then it
 class DowndatedTangent:
     """The tangent of a plate with factors, less the bonds that have broken since."""
 
-    def __init__(self, matrix: csr_array, free: NDArray[np.bool_], inverse: Solve, broken: Broken) -> None:
-        """`matrix` (n w, n w) is symmetric, without those `broken`; `free` (n, w) components have factors."""
-        self._matrix, self._solve, self._width = matrix, inverse, free.shape[1]
+    def __init__(
+        self, tangent: csr_array, free: NDArray[np.bool_], solve_with_factors: Solve, broken_bonds: Broken
+    ) -> None:
+        """`tangent` (n w, n w) is symmetric, without those `broken_bonds`; `free` (n, w) components have factors."""
+        self._matrix, self._solve, self._width = tangent, solve_with_factors, free.shape[1]
         self._row = np.where(free.ravel(), np.cumsum(free.ravel()) - 1, -1).reshape(free.shape)
         size = int(free.sum())
-        self._nodes, self._known = len(free), np.unique(_pair_numbers(broken, len(free)))
+        self._nodes, self._known = len(free), np.unique(_unordered_node_pair_ids(broken_bonds, len(free)))
         self._ways, self._columns = np.zeros((0, size)), np.zeros((0, size))  # (p, k): b, and X
         self._whole = np.zeros((0, 0))  # (p, p): 1 / k - B^T X
         self._last = 0  # of them from the last call
 
-    def remove_bonds_if_few(self, broken: Broken) -> bool:
+    def remove_bonds_if_few(self, broken_bonds: Broken) -> bool:
         """Take all these for broken; False if they are too many."""
-        new = np.setdiff1d(_pair_numbers(broken, self._nodes), self._known)
+        new = np.setdiff1d(_unordered_node_pair_ids(broken_bonds, self._nodes), self._known)
         self._last = 0
         if not len(new):
             return True
@@ -67,16 +69,16 @@ class DowndatedTangent:
                 ways[free_bonds, row[free_bonds]] = sign * vectors[free_bonds, axis, -1]
         pulls = values[:, -1] > 0
         ways, stiffness = ways[pulls], values[pulls, -1]
-        columns = solve_columns(self._solve, ways.T).T
+        columns = solve_right_sides_in_blocks(self._solve, ways.T).T
         old, diagonal_block = -self._ways @ columns.T, np.diag(1 / stiffness) - ways @ columns.T
         self._whole = np.block([[self._whole, old], [old.T, diagonal_block]])
         self._ways, self._columns = np.vstack([self._ways, ways]), np.vstack([self._columns, columns])
         self._last = len(ways)
         return True
 
-    def solve(self, right: Array) -> Array:
+    def solve(self, right_side: Array) -> Array:
         """The solution for a right side (k,)."""
-        solution = self._solve_with_removed_bonds(right)
+        solution = self._solve_with_original_tangent(right_side)
         if not len(self._ways):
             return solution
         try:
@@ -85,17 +87,19 @@ class DowndatedTangent:
             return solution
         return np.asarray(solution + share @ self._columns)
 
-    def _solve_with_removed_bonds(self, right: Array) -> Array:
+    def _solve_with_original_tangent(self, right_side: Array) -> Array:
         """The solution with all bonds, by the columns of those that broke last where the right side is of them."""
         if self._last:
             ways, columns = self._ways[-self._last :], self._columns[-self._last :]
             self._last = 0
-            share = np.linalg.lstsq(ways @ ways.T, ways @ right, rcond=1e-12)[0]
-            if np.linalg.norm(right - share @ ways) < LEFT * np.linalg.norm(right):
+            share = np.linalg.lstsq(ways @ ways.T, ways @ right_side, rcond=1e-12)[0]
+            if np.linalg.norm(right_side - share @ ways) < LEFT * np.linalg.norm(right_side):
                 return np.asarray(share @ columns)
-        return self._solve(right)
+        return self._solve(right_side)
 
 
-def _pair_numbers(broken: Broken, node_count: int) -> NDArray[np.int64]:
+def _unordered_node_pair_ids(broken_bonds: Broken, node_count: int) -> NDArray[np.int64]:
     """A number for each pair of nodes, whichever of them comes first."""
-    return np.minimum(broken.source, broken.target) * node_count + np.maximum(broken.source, broken.target)
+    return np.minimum(broken_bonds.source, broken_bonds.target) * node_count + np.maximum(
+        broken_bonds.source, broken_bonds.target
+    )

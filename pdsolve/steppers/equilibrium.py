@@ -30,10 +30,10 @@ class UnsettledError(ArithmeticError):
 class EquilibriumConditions(NamedTuple):
     """Loads and holds of an equilibrium; n nodes."""
 
-    load: NDArray[np.float64]  # (n, w) body force, N/m^3
+    body_force: NDArray[np.float64]  # (n, w) N/m^3
     constrained: NDArray[np.bool_]  # (n, w) components that are held
-    prescribed: NDArray[np.float64]  # (n, w) where, m
-    swelling_force: float = 0.0  # N/m^3, size of what swelling alone makes of forces; as much counts as external
+    prescribed_displacement: NDArray[np.float64]  # (n, w) m
+    swelling_force_norm: float = 0.0  # N/m^3, size of what swelling alone makes of forces; as much counts as external
     sufficient_residual: float = 0.0  # residual that is enough, where the method would go on to a smaller one
 
 
@@ -45,24 +45,27 @@ class Equilibrium(NamedTuple):
 
 
 class EquilibriumMethod(Protocol):
-    """A method to find equilibrium."""
+    """A method to find equilibrium; by default it has no tangent, and no equations."""
 
     description: str  # which it is, for the record
-    smallest_part: float  # share of a load step that is worth a try, where larger ones do not come to rest
+    smallest_load_step_part: float  # share of a load step that is worth a try, where larger ones do not come to rest
 
     def solve_equilibrium(
         self, state: State, conditions: EquilibriumConditions, report_progress: ProgressReport
     ) -> Equilibrium:
         """Move the values of the state to equilibrium, in place. Raises UnsettledError."""
 
-    def reset_history(self) -> None:
-        """Discard history, so that what follows depends on the state alone."""
+    def discard_reused_tangent(self) -> None:
+        """Discard the tangent and its factors, where there are any: what follows depends on the state alone."""
+        return
 
     def count_unstable_modes(self, state: State, constrained: NDArray[np.bool_]) -> int:
         """Independent displacements of free components along which energy falls; 0 where that is not known."""
+        return 0
 
-    def restrain_softly(self, nodes: NDArray[np.bool_]) -> None:
-        """Restrain these nodes (n,) by weak springs during the solution; no force of the springs remains."""
+    def restrain_by_weak_springs(self, nodes: NDArray[np.bool_]) -> None:
+        """Restrain these nodes (n,) by weak springs in the equations, if there are any; no force of theirs remains."""
+        return
 
 
 def force_densities(operator: Operator, state: State) -> NDArray[np.float64]:
@@ -72,7 +75,7 @@ def force_densities(operator: Operator, state: State) -> NDArray[np.float64]:
     return out
 
 
-def weighted_tangent(operator: Operator, area: NDArray[np.float64], state: State) -> csr_array:
+def area_weighted_tangent(operator: Operator, area: NDArray[np.float64], state: State) -> csr_array:
     """The tangent times the nodes' areas (n w, n w), N/m^2."""
     from scipy.sparse import diags_array  # SciPy takes long to import, and few runs ask
 
@@ -83,24 +86,24 @@ def relative_residual(
     state: State,
     conditions: EquilibriumConditions,
     neighbour_forces: NDArray[np.float64],
-    round_off_stiffness: float,
-    previous_norm: float = 0.0,
+    reference_stiffness: float,
+    previous_displacement_norm: float = 0.0,
 ) -> float:
     """Residual over external forces; `neighbour_forces` (n, w) are the forces of neighbours.
 
-    External forces count at least as `round_off_stiffness` times the norm of displacements, now or `previous_norm`, m;
-    `round_off_stiffness` in N/m^4.
+    External forces count at least as `reference_stiffness`, N/m^4, times the norm of displacements, m: that of now, or
+    `previous_displacement_norm`.
     """
-    load = norm(conditions.load[~conditions.constrained])
-    outside = max(load if load > 0 else norm(neighbour_forces[conditions.constrained]), conditions.swelling_force)
+    load = norm(conditions.body_force[~conditions.constrained])
+    outside = max(load if load > 0 else norm(neighbour_forces[conditions.constrained]), conditions.swelling_force_norm)
     imbalance, scale = (
-        norm((neighbour_forces + conditions.load)[~conditions.constrained]),
-        max(outside, round_off_stiffness * max(norm(state.value), previous_norm)),
+        norm((neighbour_forces + conditions.body_force)[~conditions.constrained]),
+        max(outside, reference_stiffness * max(norm(state.value), previous_displacement_norm)),
     )
     return imbalance / scale if scale > 0 else float(imbalance > 0)
 
 
-def round_off_stiffness(largest_stiffness: float, tolerance: float) -> float:
+def reference_stiffness_above_round_off(largest_stiffness: float, tolerance: float) -> float:
     """The smallest reference, N/m^4, for which a residual of `tolerance` exceeds round-off.
 
     Forces of a plate of stiffness `largest_stiffness` (N/m^4) are not known better.

@@ -11,7 +11,7 @@ from pdsolve.state import State
 from pdsolve.steppers.ghosts import Ghosts
 
 
-class Euler:
+class ForwardEuler:
     """Forward Euler with any operator of one unknown of first order and one component."""
 
     name = "forward Euler"
@@ -27,7 +27,7 @@ class Euler:
         value, rate, source = state.value[:, 0], state.rate[:, 0], drive.force[:, 0]
         for step in range(first, last):
             if self._ghosts is not None:
-                self._ghosts.fill(state.value.T)
+                self._ghosts.receive_values(state.value.T)
             rate[:] = 0
             self._operator.accumulate_force(state, state.rate, step, dt)
             state.dissipated[constrained_nodes] += dt * rate[constrained_nodes]

@@ -30,7 +30,7 @@ JUMPS = 10  # to a step
 NONE_BROKE = -1.0  # in a checkpoint: cycles until the first bonds broke, where none have
 
 
-class FatigueSteps(CycleSteps):
+class BondFatigueSteps(CycleSteps):
     """Takes steps of jumps with load steps whose bonds may break."""
 
     def __init__(
@@ -39,22 +39,22 @@ class FatigueSteps(CycleSteps):
         operator: Operator,
         load_steps: LoadSteps,
         breakable: Breakable,
-        family: NDArray[np.int64],
-        uncut_count: NDArray[np.int64],
+        family_size: NDArray[np.int64],
+        uncut_bond_count: NDArray[np.int64],
     ) -> None:
-        """`family` and `uncut_count` (n,) are bonds of nodes, with and without those that cracks cut at the start."""
+        """`family_size` and `uncut_bond_count` (n,) count bonds of nodes: all, and those not cut at first."""
         super().__init__(law, operator, load_steps, "jumps of cycles")
         self._breakable = breakable
-        self._family, self._cut = family, family - uncut_count
+        self._family, self._cut = family_size, family_size - uncut_bond_count
         self._life = np.ones(len(breakable.source))
         self._at = Place(0, 0.0)
         self.first, self.range = np.inf, 0.0  # cycles until the first bonds broke, and their range of stretch
 
-    def _take_step(self, state: State, step: int, previous: Equilibrium) -> Equilibrium:
-        equilibrium = previous
+    def _take_step(self, state: State, step: int, previous_equilibrium: Equilibrium) -> Equilibrium:
+        equilibrium = previous_equilibrium
         for _ in range(JUMPS):
             if not self.ended:
-                equilibrium = self._jump_to_next_breaks(state, step, equilibrium)
+                equilibrium = self._jump_cycles_to_next_bond_breaks(state, step, equilibrium)
         return equilibrium
 
     def checkpoint_arrays(self) -> dict[str, NDArray[Any]]:
@@ -73,7 +73,9 @@ class FatigueSteps(CycleSteps):
             raise CheckpointError(f"block {block:g} of the loading does not exist; there are {len(self._law.blocks)}")
         self._at = Place(int(block), done)
 
-    def _jump_to_next_breaks(self, state: State, step: int, previous: Equilibrium) -> Equilibrium:
+    def _jump_cycles_to_next_bond_breaks(
+        self, state: State, step: int, previous_equilibrium: Equilibrium
+    ) -> Equilibrium:
         """Let bonds tire until the next ones break, and settle without these. Returns iterations in all."""
         bonds, law, motion = self._breakable, self._law, self._motion
         stretches = bonds.stretches(state.value)
@@ -88,37 +90,37 @@ class FatigueSteps(CycleSteps):
         which = np.flatnonzero(bonds.intact & (self._life <= LEFT))
         if not len(which):
             self._record_end_of_life("its cycles are over" if eps.any() else "no bond tires")
-            return previous
+            return previous_equilibrium
         if np.isinf(self.first):
             self.first, self.range = self._cycles, float(eps[which].max())
         values, broken, intact = [part.copy() for part in state], self._operator.broken(), bonds.intact.copy()
         try:
             bonds.part(self._operator, state, step, which, stretches)
-            equilibrium = motion.settle_after_breakage(state, step, previous.iterations)
-            total = Equilibrium(previous.iterations + equilibrium.iterations, equilibrium.residual)
-            return motion.break_overstretched_bonds(state, step, total)[0]
+            equilibrium = motion.settle_after_breakage(state, step, previous_equilibrium.iterations)
+            total = Equilibrium(previous_equilibrium.iterations + equilibrium.iterations, equilibrium.residual)
+            return motion.break_overstretched_bonds_and_settle(state, step, total)[0]
         except UnsettledError:
             for part, value in zip(state, values, strict=True):
                 part[:] = value
             bonds.intact[:] = intact
             self._operator.restore(self._operator.checkpoint_arrays(), broken)
             self._record_end_of_life("what was left could not bear the largest loads")
-            return previous
+            return previous_equilibrium
 
 
-def make_fatigue_steps(
+def make_bond_fatigue_steps(
     model: Model,
     operator: Operator,
     load_steps: LoadSteps,
     breakable: Breakable | None,
-    family: NDArray[np.int64],
-    uncut_count: NDArray[np.int64],
-) -> FatigueSteps:
-    """Steps of jumps of a model with fatigue; arguments are those of `FatigueSteps`. Raises ModelError."""
+    family_size: NDArray[np.int64],
+    uncut_bond_count: NDArray[np.int64],
+) -> BondFatigueSteps:
+    """Steps of jumps of a model with fatigue; arguments are those of `BondFatigueSteps`. Raises ModelError."""
     law = model.settings.run.fatigue
     assert law is not None
     if not operator.symmetric:
         raise ModelError(f"{model.name}: mode has forces that do not cancel; use conservative, as bonds tire")
     if breakable is None:
         raise ModelError(f"{model.name}: $.run.fatigue: no bond may break; let some tire")
-    return FatigueSteps(law, operator, load_steps, breakable, family, uncut_count)
+    return BondFatigueSteps(law, operator, load_steps, breakable, family_size, uncut_bond_count)

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 class Ghosts(Protocol):
     """Nodes of other ranks, whose motion comes from there."""
 
-    blocks: tuple[int, int]  # the first block of this rank's own nodes, and the one after the last
+    own_block_range: tuple[int, int]  # the first block of this rank's own nodes, and the one after the last
 
-    def fill(self, values: NDArray[Any]) -> None:
+    def receive_values(self, values: NDArray[Any]) -> None:
         """Set the ghosts' columns of `values` (w, m)."""

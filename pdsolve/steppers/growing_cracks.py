@@ -12,22 +12,22 @@ from pdmesh.model.crack_particles import Particles
 from pdsolve.operators.protocol import Operator
 from pdsolve.state import Broken, State
 
+JudgedTip = tuple[Any, Any]  # a tip, and what is decided about it
+
 
 class CrackGrowth(Protocol):
     """Cracks of particles; see `pdsolve.crack_growth.growth.Growth`."""
 
     particles: Particles
 
-    def judge_tips(self, state: State) -> list[tuple[Any, Any]]:
+    def judge_tips(self, state: State) -> list[JudgedTip]:
         """All tips, and what is decided about them in a state."""
 
-    def add_crack_particles(
-        self, tips: list[tuple[Any, Any]], state: State, step: int, particle_share: float = 1.0
-    ) -> int:
+    def add_crack_particles(self, tips: list[JudgedTip], state: State, step: int, length_share: float = 1.0) -> int:
         """Let these tips grow by a particle each, of that share of its length, and cut the bonds; returns the number of
         new particles."""
 
-    def growth_length(self, tip: Any, particle_share: float = 1.0) -> float:
+    def growth_length(self, tip: Any, length_share: float = 1.0) -> float:
         """The length, m, by which a tip grows at once, or a share of it; a spacing at least."""
 
     def toughness(self, tip: Any) -> float:
@@ -39,16 +39,16 @@ class CrackGrowth(Protocol):
     def restore(self, checkpoint: Mapping[str, NDArray[Any]], broken: Broken) -> None:
         """Restore a checkpoint with these broken bonds."""
 
-    def add_remark(self, key: str, text: str) -> None:
+    def add_remark_once(self, key: str, text: str) -> None:
         """Add a remark to be read together with the crack paths, once for a key."""
 
 
 class CrackedBodySnapshot(NamedTuple):
     """A body and its cracks before they grow."""
 
-    values: list[NDArray[Any]]
-    broken: Broken
-    cracks: dict[str, NDArray[Any]]
+    state_arrays: list[NDArray[Any]]
+    broken_bonds: Broken
+    crack_arrays: dict[str, NDArray[Any]]
 
     @classmethod
     def capture(cls, state: State, operator: Operator, growth: CrackGrowth) -> CrackedBodySnapshot:
@@ -57,13 +57,13 @@ class CrackedBodySnapshot(NamedTuple):
 
     def restore(self, state: State, operator: Operator, growth: CrackGrowth) -> None:
         """Set all back, in place."""
-        for part, value in zip(state, self.values, strict=True):
+        for part, value in zip(state, self.state_arrays, strict=True):
             part[:] = value
-        operator.restore(operator.checkpoint_arrays(), self.broken)
-        growth.restore(self.cracks, self.broken)
+        operator.restore(operator.checkpoint_arrays(), self.broken_bonds)
+        growth.restore(self.crack_arrays, self.broken_bonds)
 
 
-def largest_K_difference(growth: CrackGrowth, judged_tips: list[tuple[Any, Any]]) -> float:
+def largest_K_difference_between_integrals(growth: CrackGrowth, judged_tips: list[JudgedTip]) -> float:
     """How far K by interaction integrals and by J are apart, the most of all tips, over K; 0 where only J is known."""
     both = [
         (v.share * growth.toughness(tip), v.released) for tip, v in judged_tips if np.isfinite(v.K1) and v.released > 0
@@ -71,7 +71,7 @@ def largest_K_difference(growth: CrackGrowth, judged_tips: list[tuple[Any, Any]]
     return max((abs(stress_intensity / released - 1) for stress_intensity, released in both), default=0.0)
 
 
-def tip_intensities(growth: CrackGrowth, judged_tips: list[tuple[Any, Any]]) -> NDArray[np.float64]:
+def stress_intensities_of_tips(growth: CrackGrowth, judged_tips: list[JudgedTip]) -> NDArray[np.float64]:
     """K (k,) of tips, Pa m^0.5, with the size of sqrt(J E') where they have J."""
     stress_intensities = [verdict.share * growth.toughness(tip) for tip, verdict in judged_tips]
     return np.array(

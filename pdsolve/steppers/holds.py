@@ -8,7 +8,7 @@ from pdsolve.conditions import ACCELERATION, DISPLACEMENT, VELOCITY, factor_at
 
 
 @njit
-def prescribe_component(u, v, a, holds, profiles, held_speed, entry, dt, time):  # type: ignore[no-untyped-def]
+def prescribe_held_component(u, v, a, holds, profiles, held_speed, entry, dt, time):  # type: ignore[no-untyped-def]
     """Set the held component e to its prescribed value at `time`, s; u, v, a are (n, 2)."""
     i, axis = holds.node[entry], holds.axis[entry]
     held_speed[entry] = v[i, axis] - dt / 2 * a[i, axis]
@@ -22,7 +22,7 @@ def prescribe_component(u, v, a, holds, profiles, held_speed, entry, dt, time): 
 
 
 @njit
-def accelerate_held_component(v, a, rho, work, holds, profiles, held_speed, held_force, entry, dt, time):  # type: ignore[no-untyped-def]
+def accelerate_held_component_and_book_work(v, a, rho, work, holds, profiles, held_speed, held_force, entry, dt, time):  # type: ignore[no-untyped-def]
     """Set the acceleration of the held component e, and book the work of holding it.
 
     The hold provides the change of kinetic energy and balances the mean force on the component.
@@ -42,14 +42,14 @@ def accelerate_held_component(v, a, rho, work, holds, profiles, held_speed, held
 
 
 @njit
-def damp_component(v, a, before, rho, damping, node, axis, dt):  # type: ignore[no-untyped-def]
+def damp_component_and_return_energy(v, a, previous_v, rho, damping, node, axis, dt):  # type: ignore[no-untyped-def]
     """Damp a component at the end of a step with c, 1/s, as at its beginning; the energy taken, J/m^3.
 
-    v, a and `before`, the velocities one step ago, are (n, d). The energy that Verlet takes out of the motion is the
-    mean force of both ends times the displacement between them.
+    v, a and `previous_v`, the velocities one step ago, are (n, d). The energy that Verlet takes out of the motion is
+    the mean force of both ends times the displacement between them.
     """
     undamped = a[node, axis]
     middle = v[node, axis] - dt / 2 * undamped
     v[node, axis] /= 1 + damping * dt / 2
     a[node, axis] = undamped - damping * v[node, axis]
-    return rho[node] * damping * (before[node, axis] + v[node, axis]) / 2 * (dt * middle)
+    return rho[node] * damping * (previous_v[node, axis] + v[node, axis]) / 2 * (dt * middle)

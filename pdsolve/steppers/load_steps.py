@@ -24,7 +24,7 @@ from pdsolve.model import Model, ModelError, ModelWarning
 from pdsolve.operators.ground_supports import grounded
 from pdsolve.operators.protocol import Operator
 from pdsolve.state import Broken, State
-from pdsolve.steppers.contact_method import ContactMethod, with_contact_pairs
+from pdsolve.steppers.contact_method import EquilibriumMethodWithContact, append_contact_pairs
 from pdsolve.steppers.equilibrium import (
     Equilibrium,
     EquilibriumConditions,
@@ -34,7 +34,7 @@ from pdsolve.steppers.equilibrium import (
     force_densities,
     norm,
 )
-from pdsolve.steppers.rigid_body_modes import LooseBodies, SupportedBonds, describe_unbalanced_body, find_loose_bodies
+from pdsolve.steppers.rigid_body_modes import LooseBodies, SupportChecker, describe_unbalanced_body, find_loose_bodies
 
 Array = NDArray[np.float64]
 
@@ -50,8 +50,8 @@ class LoadStepResult(NamedTuple):
     step: int
     iterations: int  # in all
     residual: float  # what is left of the forces over those from outside
-    breaks: int  # times that bonds broke
-    least: float  # share of this step's loads that would have been enough to break the next bond, 1 if none broke
+    break_rounds: int  # times that bonds broke
+    smallest_sufficient_load_share: float  # of this step's loads, to break the next bond; 1 if none broke
 
 
 class LoadStepProgress(NamedTuple):
@@ -60,7 +60,7 @@ class LoadStepProgress(NamedTuple):
     step: int
     iterations: int
     residual: float
-    broken: int  # directed bonds so far
+    broken_bond_count: int  # directed bonds so far
 
 
 class LoadSteps:
@@ -89,19 +89,19 @@ class LoadSteps:
         self._supported = self.held | grounded(model, drive.force.shape[1])
         self.step_results: list[LoadStepResult] = []
         self._remember, self._grow = on_equilibrium, grow_cracks
-        self._contact = method.contact if isinstance(method, ContactMethod) else None
-        self.watch: Callable[[LoadStepProgress], None] | None = None
+        self._contact = method.contact if isinstance(method, EquilibriumMethodWithContact) else None
+        self.on_progress: Callable[[LoadStepProgress], None] | None = None
         self._inner = 0.0  # N/m^3, of `EquilibriumConditions`
-        self._loaded: Callable[[State], object] = lambda state: None
+        self._on_next_equilibrium: Callable[[State], object] = lambda state: None
         self._warned, self._told_loose, self._loose = False, False, cast("LooseBodies | None", None)
-        self._braced: SupportedBonds | None = None  # of bodies that are supported
+        self._support_checker: SupportChecker | None = None  # of bodies that are supported
         source, target = operator.bonds(start=True)
         self._bonds = source * len(area) + target
-        self._check_supports(operator.broken(), "")
+        self._check_supports_and_restrain_loose_bodies(operator.broken(), "")
         for step in range(1, model.settings.run.steps + 1) if self._loose is not None else ():
             put_loads(drive, step * self._dt)
             try:
-                self._check_load_balance("")
+                self._raise_if_loads_on_loose_bodies_unbalanced("")
             except UnsettledError as error:
                 raise ModelError(f"{model.name}: $.conditions: {error}") from None
         drive.force[:] = 0
@@ -111,48 +111,44 @@ class LoadSteps:
         for step in range(first, last):
             self._take_step(state, step)
 
-    def swell_bonds(self, strain: Array, state: State, on_equilibrium: Callable[[State], object]) -> None:
+    def set_swelling_strain(self, strain: Array, state: State, on_next_equilibrium: Callable[[State], object]) -> None:
         """Break bonds by their stretch from these strains (n,), with which the operator has been strained.
 
-        `on_equilibrium` is called with the next equilibrium before bonds break.
+        `on_next_equilibrium` is called with the next equilibrium before bonds break.
         """
-        self._loaded = on_equilibrium
+        self._on_next_equilibrium = on_next_equilibrium
         if self._breaking is not None:
             self._breaking.swell(strain)
         self._inner = norm(force_densities(self._operator, state._replace(value=np.zeros(state.value.shape))))
 
-    def settle_at_start(self, state: State) -> Equilibrium:
+    def settle_at_time_zero(self, state: State) -> Equilibrium:
         """Bring the plate to rest under the conditions of time 0, without breaking bonds. Raises UnsettledError."""
         put_loads(self._drive, 0.0)
-        return self._settle_in_parts(state, np.zeros(self._drive.force.shape), 0, 0.0)
+        return self._settle_in_parts_and_book_work(state, np.zeros(self._drive.force.shape), 0, 0.0)
 
-    def settle_under_loads(self, state: State, previous_load: Array, step: int, time: float) -> Equilibrium:
+    def settle_at_time_and_book_work(self, state: State, previous_load: Array, step: int, time: float) -> Equilibrium:
         """Bring the plate from rest under the loads `previous_load` (n, w) to rest under the conditions of `time`, s.
 
         Books the work. Raises UnsettledError.
         """
         put_loads(self._drive, time)
-        self._check_load_balance("")
-        return self._settle_in_parts(state, previous_load, step, time)
+        self._raise_if_loads_on_loose_bodies_unbalanced("")
+        return self._settle_in_parts_and_book_work(state, previous_load, step, time)
 
-    def settle_without_booking(self, state: State, step: int, time: float) -> Equilibrium:
+    def settle_at_time_without_booking(self, state: State, step: int, time: float) -> Equilibrium:
         """Bring the plate to rest under the conditions of `time`, s; books nothing. Raises UnsettledError."""
         put_loads(self._drive, time)
-        self._check_load_balance("")
-        at = np.where(self.held, prescribed_positions(self._drive, time), 0.0)
+        self._raise_if_loads_on_loose_bodies_unbalanced("")
+        at = np.where(self.held, prescribed_displacements(self._drive, time), 0.0)
         conditions = EquilibriumConditions(self._drive.force.astype(float), self.held, at, self._inner)
-        equilibrium = self.method.solve_equilibrium(state, conditions, self._make_progress_report(step, 0))
-        self._store_reactions(state)
+        equilibrium = self.method.solve_equilibrium(state, conditions, self._make_progress_callback(step, 0))
+        self._store_reactions_and_stop_motion(state)
         return equilibrium
 
-    def external_forces(self, state: State) -> Array:
-        """External force densities (n, w) as the plate rests: loads, and reactions of held components."""
-        return self._external_forces(state, self._drive.force.astype(float))
-
-    def expect_supports(self) -> None:
+    def raise_if_unsupported(self) -> None:
         """Raise UnsettledError where broken bonds leave a body without supports."""
         broken = self._operator.broken()
-        self._check_supports(broken, f"after {pair_count(len(broken.step))} bonds broke: ")
+        self._check_supports_and_restrain_loose_bodies(broken, f"after {pair_count(len(broken.step))} bonds broke: ")
 
     def checkpoint_rows(self) -> Array:
         """Convergence data (k, 5) of the load steps so far, for a checkpoint."""
@@ -166,30 +162,35 @@ class LoadSteps:
         if self._breaking is not None:
             self._breaking.restore(broken)
         count = len(broken.step)
-        self._check_supports(broken, f"after {count} directed bonds broke: " if count else "")
+        self._check_supports_and_restrain_loose_bodies(broken, f"after {count} directed bonds broke: " if count else "")
 
     def _take_step(self, state: State, step: int) -> None:
         before = self._drive.force.astype(float) if self.step_results else np.zeros(self._drive.force.shape)
         put_loads(self._drive, step * self._dt)
-        self.method.reset_history()
-        start, spent = self._loading_norm(state, before), self._dissipated_and_released_energy(state)
+        self.method.discard_reused_tangent()
+        start = self._norm_of_load_or_held_displacements(state, before)
+        spent = self._dissipated_and_released_energy(state)
         try:
-            self._check_load_balance("")
-            equilibrium = self._settle_in_parts(state, before, step, step * self._dt)
-            self._loaded(state)
-            equilibrium, breaks, least = self.break_overstretched_bonds(state, step, equilibrium)
-            equilibrium, growth_count = self._grow_and_settle(state, step, equilibrium)
-            self._refuse_unstable(state)
+            self._raise_if_loads_on_loose_bodies_unbalanced("")
+            equilibrium = self._settle_in_parts_and_book_work(state, before, step, step * self._dt)
+            self._on_next_equilibrium(state)
+            equilibrium, breaks, least = self.break_overstretched_bonds_and_settle(state, step, equilibrium)
+            equilibrium, growth_count = self._grow_cracks_and_settle(state, step, equilibrium)
+            self._raise_if_unstable(state)
         except UnsettledError as error:
             raise UnsettledError(f"{self._model.name}: load step {step}, {step * self._dt:.4g} s: {error}") from None
         self.step_results.append(
             LoadStepResult(step, equilibrium.iterations, equilibrium.residual, breaks + growth_count, least)
         )
         self._warn_of_unstable_crack_growth(
-            step, least * self._loading_norm(state, self._drive.force.astype(float)) < start, least, spent, state
+            step,
+            least * self._norm_of_load_or_held_displacements(state, self._drive.force.astype(float)) < start,
+            least,
+            spent,
+            state,
         )
 
-    def _refuse_unstable(self, state: State) -> None:
+    def _raise_if_unstable(self, state: State) -> None:
         """Raise UnsettledError under dead loads where the body would not stay."""
         if not self._drive.force[~self.held].any():
             return
@@ -222,37 +223,43 @@ class LoadSteps:
         """Energy, J/m, dissipated by broken bonds and released by the plate on its way to rest."""
         return float(np.sum(self._area * (state.dissipated + state.damped)))
 
-    def _loading_norm(self, state: State, load: Array) -> float:
+    def _norm_of_load_or_held_displacements(self, state: State, load: Array) -> float:
         """Size of the loading: the norm of loads, or of held displacements without loads."""
         size = norm(load)
         return size if size > 0 else norm(state.value[self.held])
 
-    def _settle_in_parts(self, state: State, previous_load: Array, step: int, time: float) -> Equilibrium:
+    def _settle_in_parts_and_book_work(self, state: State, previous_load: Array, step: int, time: float) -> Equilibrium:
         """Find equilibrium under the loads and holds of `time`, s, starting from those before; books the work.
 
         A part of the way that does not come to rest is halved, and the next part grows if few iterations were enough.
         """
-        at, now, start = prescribed_positions(self._drive, time), self._drive.force.astype(float), state.value.copy()
+        at = prescribed_displacements(self._drive, time)
+        now = self._drive.force.astype(float)
+        start = state.value.copy()
         done, part, iterations, equilibrium = 0.0, 1.0, 0, Equilibrium(0, 0.0)
         while done < 1:
-            end = 1.0 if done + part > 1 - self.method.smallest_part else done + part
+            end = 1.0 if done + part > 1 - self.method.smallest_load_step_part else done + part
             loads = [previous_load + share * (now - previous_load) for share in (done, (done + end) / 2, end)]
             places = [np.where(self.held, start + share * (at - start), 0.0) for share in ((done + end) / 2, end)]
             value, operator_arrays = state.value.copy(), self._operator.checkpoint_arrays()
             try:
-                equilibrium = self._settle_one_part(state, loads, places, self._make_progress_report(step, iterations))
+                equilibrium = self._settle_halfway_and_at_end_of_part(
+                    state, loads, places, self._make_progress_callback(step, iterations)
+                )
             except UnsettledError as error:
                 state.value[:], part = value, part / 2
                 self._operator.restore(operator_arrays, self._operator.broken())
-                if part < self.method.smallest_part:
-                    raise self._limit_load_error(error, state, done) from None
+                if part < self.method.smallest_load_step_part:
+                    raise self._limit_load_error_if_nodes_flow(error, state, done) from None
                 continue
             done, iterations = end, iterations + equilibrium.iterations
             part *= GROWTH if equilibrium.iterations < 2 * FEW else 1.0
-        self._store_reactions(state)
+        self._store_reactions_and_stop_motion(state)
         return Equilibrium(iterations, equilibrium.residual)
 
-    def _limit_load_error(self, error: UnsettledError, state: State, settled_share: float) -> UnsettledError:
+    def _limit_load_error_if_nodes_flow(
+        self, error: UnsettledError, state: State, settled_share: float
+    ) -> UnsettledError:
         """The error of a load step that comes to rest up to the share `settled_share` only: a limit load, where nodes
         flow."""
         plastic = self._operator.fields(state).get("plastic")
@@ -264,18 +271,24 @@ class LoadSteps:
             " nodes flow; use smaller loads, prescribed displacements, or material.hardening"
         )
 
-    def _settle_one_part(
-        self, state: State, loads: list[Array], places: list[Array], report_progress: ProgressReport
+    def _settle_halfway_and_at_end_of_part(
+        self,
+        state: State,
+        loads_at_start_middle_and_end: list[Array],
+        displacements_at_middle_and_end: list[Array],
+        report_progress: ProgressReport,
     ) -> Equilibrium:
         """Find equilibrium half the way to the last of three loads, and there; books the work."""
-        u, pushed, iterations = [state.value.copy()], [self._external_forces(state, loads[0])], 0
-        for load, place in zip(loads[1:], places, strict=True):
+        u = [state.value.copy()]
+        pushed = [self.loads_and_reactions(state, loads_at_start_middle_and_end[0])]
+        iterations = 0
+        for load, place in zip(loads_at_start_middle_and_end[1:], displacements_at_middle_and_end, strict=True):
             equilibrium = self.method.solve_equilibrium(
                 state, EquilibriumConditions(load, self.held, place, self._inner), report_progress
             )
             iterations += equilibrium.iterations
             u.append(state.value.copy())
-            pushed.append(self._external_forces(state, load))
+            pushed.append(self.loads_and_reactions(state, load))
             self._remember(state)
         # work, J/m^3, of forces along the path through three states, quadratic in between
         (u0, um, u1), (f0, fm, f1) = u, pushed
@@ -283,7 +296,7 @@ class LoadSteps:
         state.work[:] += work.sum(axis=1)
         return Equilibrium(iterations, equilibrium.residual)
 
-    def break_overstretched_bonds(
+    def break_overstretched_bonds_and_settle(
         self, state: State, step: int, equilibrium: Equilibrium
     ) -> tuple[Equilibrium, int, float]:
         """Break bonds and settle until no bond is above its limit.
@@ -307,7 +320,7 @@ class LoadSteps:
         self, state: State, step: int, iterations_before: int = 0, sufficient_residual: float = 0.0
     ) -> Equilibrium:
         """Settle again after bonds broke, at least to a residual of `sufficient_residual`. Raises UnsettledError."""
-        self.expect_supports()
+        self.raise_if_unsupported()
         try:
             return self._settle_at_constant_load(state, step, iterations_before, sufficient_residual)
         except UnsettledError as error:
@@ -315,12 +328,14 @@ class LoadSteps:
                 f"after {pair_count(len(self._operator.broken().step))} bonds broke: {error}"
             ) from None
 
-    def _grow_and_settle(self, state: State, step: int, equilibrium: Equilibrium) -> tuple[Equilibrium, int]:
+    def _grow_cracks_and_settle(self, state: State, step: int, equilibrium: Equilibrium) -> tuple[Equilibrium, int]:
         """Let cracks grow and settle until none grows; returns how it settled, and how often."""
         times, iterations = 0, equilibrium.iterations
         while self._grow is not None and self._grow(state, step):
             broken = self._operator.broken()
-            self._check_supports(broken, f"after {pair_count(len(broken.step))} bonds were cut: ")
+            self._check_supports_and_restrain_loose_bodies(
+                broken, f"after {pair_count(len(broken.step))} bonds were cut: "
+            )
             equilibrium = self._settle_at_constant_load(state, step, iterations)
             iterations += equilibrium.iterations
             times += 1
@@ -336,7 +351,7 @@ class LoadSteps:
         )
         residual_forces = [self._residual_forces(state, load)]
         equilibrium = self.method.solve_equilibrium(
-            state, conditions, self._make_progress_report(step, iterations_before)
+            state, conditions, self._make_progress_callback(step, iterations_before)
         )
         end, way = state.value.copy(), state.value - u
         for values in ((u + end) / 2, end):
@@ -344,33 +359,33 @@ class LoadSteps:
             residual_forces.append(self._residual_forces(state, load))
         state.damped[:] += ((residual_forces[0] + 4 * residual_forces[1] + residual_forces[2]) / 6 * way).sum(axis=1)
         state.work[:] += (load * way).sum(axis=1)
-        self._store_reactions(state)
+        self._store_reactions_and_stop_motion(state)
         return equilibrium
 
     def _residual_forces(self, state: State, load: Array) -> Array:
         return np.where(self.held, 0.0, force_densities(self._operator, state) + load)
 
-    def _external_forces(self, state: State, load: Array) -> Array:
-        """External force densities (n, d): loads, and reactions of held components."""
+    def loads_and_reactions(self, state: State, load: Array) -> Array:
+        """External force densities (n, w): loads, and reactions of held components."""
         return np.where(self.held, -force_densities(self._operator, state), load)
 
-    def _store_reactions(self, state: State) -> None:
+    def _store_reactions_and_stop_motion(self, state: State) -> None:
         """Store reactions, and set the motion to zero."""
         node, axis = self._drive.holds.node, self._drive.holds.axis
         self._drive.held_force[:] = (force_densities(self._operator, state) + self._drive.force)[node, axis]
         self._drive.before[:] = self._drive.force
         state.rate[:] = state.second[:] = 0
 
-    def _make_progress_report(self, step: int, iterations_before: int) -> Callable[[int, float], None]:
+    def _make_progress_callback(self, step: int, iterations_before: int) -> Callable[[int, float], None]:
         def report_iteration(iterations: int, residual: float) -> None:
-            if self.watch is not None:
-                self.watch(
+            if self.on_progress is not None:
+                self.on_progress(
                     LoadStepProgress(step, iterations_before + iterations, residual, len(self._operator.broken().step))
                 )
 
         return report_iteration
 
-    def _check_supports(self, broken: Broken, occasion: str) -> None:
+    def _check_supports_and_restrain_loose_bodies(self, broken: Broken, message_prefix: str) -> None:
         """Check for unsupported bodies, and hold softly what breaking bonds cut free.
 
         Raises ModelError at the start, UnsettledError for loads on what is cut free.
@@ -378,47 +393,50 @@ class LoadSteps:
         model, nodes = self._model, len(self._area)
         intact = np.ones(len(self._bonds), dtype=bool)
         intact[np.searchsorted(self._bonds, broken.source * nodes + broken.target)] = False
-        if self._braced is not None and self._braced.update_if_supported(intact):
+        if self._support_checker is not None and self._support_checker.accept_if_surely_supported(intact):
             return
         intact_bonds = self._bonds[intact]
         loose_bodies = find_loose_bodies(
             model.grid.position, model.grid.ids, np.divmod(intact_bonds, nodes), self._supported
         )
-        self._braced = None
+        self._support_checker = None
         if not loose_bodies.description:
-            self._braced = SupportedBonds(model.grid.position, np.divmod(self._bonds, nodes), self._supported, intact)
+            self._support_checker = SupportChecker(
+                model.grid.position, np.divmod(self._bonds, nodes), self._supported, intact
+            )
             return
         if self._contact is not None:
-            alone = loose_bodies.is_loose
-            joined = with_contact_pairs(np.divmod(intact_bonds, nodes), self._contact)
+            alone = loose_bodies.is_loose_node
+            joined = append_contact_pairs(np.divmod(intact_bonds, nodes), self._contact)
             loose_bodies = find_loose_bodies(model.grid.position, model.grid.ids, joined, self._supported)
-            self.method.restrain_softly(alone)  # which touch holds once it presses, in all directions but along a face
+            # Contact holds these nodes once it presses, in all directions but along a face
+            self.method.restrain_by_weak_springs(alone)
             if not loose_bodies.description:
                 return
-        if not model.settings.run.static.floating and not occasion:
+        if not model.settings.run.static.floating and not message_prefix:
             said = (
                 f"{loose_bodies.description}; add supports, or use --float (run.static.floating) if the loads balance"
             )
             raise ModelError(f"{model.name}: $.conditions: {said}")
         self._loose = loose_bodies
-        self._check_load_balance(occasion)
+        self._raise_if_loads_on_loose_bodies_unbalanced(message_prefix)
         if not model.settings.run.static.floating and not self._told_loose:
             self._told_loose = True
-            said = f"{occasion}{loose_bodies.description}, without loads: it stays where it comes to rest"
+            said = f"{message_prefix}{loose_bodies.description}, without loads: it stays where it comes to rest"
             warnings.warn(f"{model.name}: {said}", ModelWarning, stacklevel=2)
-        self.method.restrain_softly(loose_bodies.is_loose)
+        self.method.restrain_by_weak_springs(loose_bodies.is_loose_node)
 
-    def _check_load_balance(self, occasion: str) -> None:
+    def _raise_if_loads_on_loose_bodies_unbalanced(self, message_prefix: str) -> None:
         """Check that loads on unsupported bodies balance. Raises UnsettledError."""
         if self._loose is not None:
             said = describe_unbalanced_body(
                 self._model.grid.position, self._drive.force * self._area[:, None], self._loose
             )
             if said:
-                raise UnsettledError(f"{occasion}loads of {said} do not balance; add supports")
+                raise UnsettledError(f"{message_prefix}loads of {said} do not balance; add supports")
 
 
-def prescribed_positions(drive: Drive, time: float) -> Array:
+def prescribed_displacements(drive: Drive, time: float) -> Array:
     """Positions (n, d) of held components at `time`, s; 0 for others, and for those with a prescribed velocity."""
     at = np.zeros(drive.force.shape)
     holds = drive.holds

@@ -3,7 +3,7 @@
 Each iteration takes the tangent anew and halves the step while the residual does not fall, so that convergence near
 equilibrium is quadratic. An equilibrium that took few iterations is nearly linear: the next one begins with the old
 tangent, its steps mixed to minimize the residual (D. G. Anderson, J. ACM 12 (1965) 547-560), until that stalls.
-`reset_history` discards the old tangent, so that a resumed run continues bit by bit.
+`discard_reused_tangent` discards the old tangent, so that a resumed run continues bit by bit.
 
 Up to `FACTORED` free components, the tangent is factorized (SuperLU through SciPy). Above, where the factors would not
 fit into memory, equations are solved by conjugate gradients, or by BiCGStab for one-sided bonds.
@@ -25,11 +25,11 @@ from pdsolve.steppers.equilibrium import (
     EquilibriumConditions,
     ProgressReport,
     UnsettledError,
+    area_weighted_tangent,
     force_densities,
     norm,
+    reference_stiffness_above_round_off,
     relative_residual,
-    round_off_stiffness,
-    weighted_tangent,
 )
 from pdsolve.steppers.factors import count_negative_eigenvalues, factorize
 
@@ -60,7 +60,7 @@ SOFT = 1e-6  # of the stiffest component: what a body that nothing supports is h
 class Newton:
     """Solves with an operator's tangent; see `EquilibriumMethod`."""
 
-    smallest_part = 1 / 64
+    smallest_load_step_part = 1 / 64
 
     def __init__(
         self,
@@ -68,19 +68,19 @@ class Newton:
         area: Array,
         tolerance: float,
         max_iterations: int | None = None,
-        free_count: int = 0,
-        most_factored: int = FACTORED,
+        free_component_count: int = 0,
+        most_factorized_components: int = FACTORED,
         forces_are_pairwise: bool = False,
-        nodes_flow: bool = False,
+        has_plastic_flow: bool = False,
     ) -> None:
-        """`area` (n,) m^2 makes equations symmetric if bonds are; `free_count` is the number of free components;
-        `forces_are_pairwise`: whether forces are those of bonds one by one; `nodes_flow`: whether nodes do, so that the
-        energy of a step is convex and a step is also good that does not lead far beyond its least."""
+        """`area` (n,) m^2 makes equations symmetric if bonds are; `forces_are_pairwise`: whether forces are those of
+        bonds one by one; `has_plastic_flow`: whether nodes flow, so that the energy of a step is convex and a step is
+        also good that does not lead far beyond its least."""
         self._operator, self._area, self._tolerance = operator, area, tolerance
-        self._most, self._flows = max_iterations or (MOST_FLOWING if nodes_flow else MOST), nodes_flow
-        self._least = round_off_stiffness(float(operator.stiffness_bound().max(initial=0.0)), tolerance)
+        self._most, self._flows = max_iterations or (MOST_FLOWING if has_plastic_flow else MOST), has_plastic_flow
+        self._least = reference_stiffness_above_round_off(float(operator.stiffness_bound().max(initial=0.0)), tolerance)
         self._before = 0.0  # m, norm of the displacements that the last equilibrium began with
-        self._factored = free_count <= most_factored
+        self._factored = free_component_count <= most_factorized_components
         way = "factors" if self._factored else "conjugate gradients" if operator.symmetric else "BiCGStab"
         self.description = f"Newton's method with {way}"
         self._floating: NDArray[np.bool_] | None = None  # (n,) nodes that are held softly
@@ -90,16 +90,16 @@ class Newton:
         self._matrix: csr_array | None = None
         self._fresh = False  # whether the tangent is that of the state as it is
 
-    def reset_history(self) -> None:
+    def discard_reused_tangent(self) -> None:
         """Discard the factors of the tangent, so that what follows depends on the state alone."""
         self._inverse = self._matrix = self._lost = None
         self._fresh = False
 
-    def restrain_softly(self, nodes: NDArray[np.bool_]) -> None:
+    def restrain_by_weak_springs(self, nodes: NDArray[np.bool_]) -> None:
         """Restrain these nodes (n,) by weak springs in the equations only, which takes a few more iterations."""
         if self._floating is None or (self._floating != nodes).any():
             self._floating = nodes
-            self.reset_history()
+            self.discard_reused_tangent()
 
     def count_unstable_modes(self, state: State, constrained: NDArray[np.bool_]) -> int:
         """Independent displacements along which energy falls from this equilibrium; 0 where that is not known.
@@ -108,8 +108,8 @@ class Newton:
         """
         if not (self._factored and self._operator.symmetric) or self._floating is not None:
             return 0
-        self.reset_history()  # whose factors would be there beside these
-        matrix, free = self._symmetric_tangent(state), ~constrained.ravel()
+        self.discard_reused_tangent()  # whose factors would be there beside these
+        matrix, free = self._symmetric_part_of_weighted_tangent(state), ~constrained.ravel()
         return count_negative_eigenvalues(matrix[free][:, free])
 
     def solve_equilibrium(
@@ -121,10 +121,10 @@ class Newton:
         """
         start, free, done = state.value.copy(), ~conditions.constrained, 0
         self._before = norm(start)
-        if (state.value != np.where(free, state.value, conditions.prescribed)).any():
-            self._move_to_prescribed(state, conditions)
+        if (state.value != np.where(free, state.value, conditions.prescribed_displacement)).any():
+            self._prescribe_held_and_predict_free_components(state, conditions)
         if self._lost is not None and not self._lost.remove_bonds_if_few(self._operator.broken()):
-            self.reset_history()
+            self.discard_reused_tangent()
         if self._inverse is not None and not self._fresh:
             equilibrium, done = self._iterate_with_old_tangent(state, conditions, report_progress)
             if equilibrium is not None:
@@ -133,7 +133,7 @@ class Newton:
         if equilibrium is not None:
             return equilibrium
         state.value[:] = start
-        self.reset_history()
+        self.discard_reused_tangent()
         loose = "" if self._floating is None else "support the bodies that nothing but contact or --float holds, or "
         raise UnsettledError(
             f"no equilibrium after {done} iterations of {self.description} (tolerance {self._tolerance:g} of the"
@@ -148,30 +148,32 @@ class Newton:
         free, usual = ~conditions.constrained, 0.0  # m, norm of displacements after an iteration
         weight = np.repeat(self._area, free.shape[1])[free.ravel()] if self._operator.symmetric else 1.0
 
-        def weighted(out: Array) -> Array:
-            return np.asarray(weight * (out + conditions.load)[free])
+        def weighted_residual(neighbour_forces: Array) -> Array:
+            return np.asarray(weight * (neighbour_forces + conditions.body_force)[free])
 
         out = force_densities(self._operator, state)
         residual = relative_residual(state, conditions, out, self._least, self._before)
         for done in range(iterations_before, iterations_before + self._most + 1):
             if residual < max(self._tolerance, conditions.sufficient_residual):
                 if done - iterations_before > NEARLY_LINEAR:
-                    self.reset_history()
+                    self.discard_reused_tangent()
                 return Equilibrium(done, residual), done
             report_progress(done, residual)
             if done == iterations_before + self._most or not np.isfinite(residual):
                 break
             if not self._fresh or done > iterations_before:
-                self._set_up_equations(state, free, residual)
+                self._set_up_tangent_solver(state, free, residual)
             self._fresh = False
             assert self._inverse is not None
-            pushed = weighted(out)
+            pushed = weighted_residual(out)
             value, step, size = state.value[free], self._inverse(pushed), 1.0
             for _ in range(HALVINGS):
                 state.value[free] = value + size * step
                 out = force_densities(self._operator, state)
                 new_residual = relative_residual(state, conditions, out, self._least, self._before)
-                if new_residual < residual or (self._flows and weighted(out) @ step > -OVERSHOT * (pushed @ step)):
+                if new_residual < residual or (
+                    self._flows and weighted_residual(out) @ step > -OVERSHOT * (pushed @ step)
+                ):
                     break
                 size /= 2
             else:
@@ -182,19 +184,19 @@ class Newton:
                 break
         return None, done
 
-    def _move_to_prescribed(self, state: State, conditions: EquilibriumConditions) -> None:
+    def _prescribe_held_and_predict_free_components(self, state: State, conditions: EquilibriumConditions) -> None:
         """Move held components to their prescribed positions, and the rest by the linear response."""
         free = ~conditions.constrained
         if self._matrix is None:
-            self._set_up_equations(state, free)
+            self._set_up_tangent_solver(state, free)
             self._fresh = False
         assert self._matrix is not None
         assert self._inverse is not None
-        way = np.where(free, 0.0, conditions.prescribed - state.value).ravel()
+        way = np.where(free, 0.0, conditions.prescribed_displacement - state.value).ravel()
         along = -(self._matrix @ way)[free.ravel()]
         move = way.copy()
         move[free.ravel()] = self._inverse(along)
-        state.value[:] = np.where(free, state.value + move.reshape(free.shape), conditions.prescribed)
+        state.value[:] = np.where(free, state.value + move.reshape(free.shape), conditions.prescribed_displacement)
 
     def _iterate_with_old_tangent(
         self, state: State, conditions: EquilibriumConditions, report_progress: ProgressReport
@@ -210,7 +212,7 @@ class Newton:
             out = force_densities(self._operator, state)
             residual, rest = (
                 relative_residual(state, conditions, out, self._least, self._before),
-                (out + conditions.load)[free],
+                (out + conditions.body_force)[free],
             )
             if residual < max(self._tolerance, conditions.sufficient_residual):
                 return Equilibrium(done, residual), done
@@ -231,13 +233,13 @@ class Newton:
         state.value[:] = best_values
         return None, done
 
-    def _set_up_equations(self, state: State, free: NDArray[np.bool_], residual: float = 1.0) -> None:
+    def _set_up_tangent_solver(self, state: State, free: NDArray[np.bool_], residual: float = 1.0) -> None:
         """Set up the equations of this state. A body that nothing supports is held the less, the smaller the residual
         is: it turns by its load's own stiffness then, and converges as one that is supported."""
         from scipy.sparse import diags_array  # here and below: SciPy takes long to import, and few runs ask
 
         symmetric = self._operator.symmetric
-        matrix = self._symmetric_tangent(state) if symmetric else self._operator.tangent(state).tocsr()
+        matrix = self._symmetric_part_of_weighted_tangent(state) if symmetric else self._operator.tangent(state).tocsr()
         self._matrix = matrix
         if self._floating is not None and self._floating.any():
             soft = (
@@ -248,17 +250,17 @@ class Newton:
             )
             matrix = (matrix + diags_array(soft)).tocsr()
         inner = matrix[free.ravel()][:, free.ravel()]
-        self._inverse = self._factor_solver(inner) if self._factored else self._gradient_solver(inner)
+        self._inverse = self._make_direct_solver(inner) if self._factored else self._make_iterative_solver(inner)
         if self._factored and self._pairs:
             self._lost = DowndatedTangent(matrix, free, self._inverse, self._operator.broken())
             self._inverse = self._lost.solve
 
-    def _symmetric_tangent(self, state: State) -> csr_array:
+    def _symmetric_part_of_weighted_tangent(self, state: State) -> csr_array:
         """The symmetric part of the tangent times the nodes' areas, N/m^2."""
-        matrix = weighted_tangent(self._operator, self._area, state)
+        matrix = area_weighted_tangent(self._operator, self._area, state)
         return ((matrix + matrix.T) / 2).tocsr()
 
-    def _factor_solver(self, matrix: csr_array) -> Callable[[Array], Array]:
+    def _make_direct_solver(self, matrix: csr_array) -> Callable[[Array], Array]:
         try:
             return factorize(matrix, self._operator.symmetric)
         except RuntimeError:
@@ -267,7 +269,7 @@ class Newton:
                 " (--float)"
             ) from None
 
-    def _gradient_solver(self, matrix: csr_array) -> Callable[[Array], Array]:
+    def _make_iterative_solver(self, matrix: csr_array) -> Callable[[Array], Array]:
         from scipy.sparse import diags_array
         from scipy.sparse.linalg import bicgstab, cg
 
@@ -275,8 +277,8 @@ class Newton:
         light = diags_array(1 / np.where(diagonal > 0, diagonal, 1.0))
         method = cg if self._operator.symmetric else bicgstab
 
-        def solve(right: Array) -> Array:
-            solution, _ = method(matrix, right, rtol=INNER, maxiter=INNER_MOST, M=light)
+        def solve(right_side: Array) -> Array:
+            solution, _ = method(matrix, right_side, rtol=INNER, maxiter=INNER_MOST, M=light)
             return np.asarray(solution)
 
         return solve
@@ -290,22 +292,22 @@ class _AndersonMixing:
         self._changes: list[Array] = []  # of the latter alone
         self._products = np.zeros((0, 0))  # of these changes with each other
 
-    def add_step(self, move: Array, change: Array) -> None:
+    def add_step(self, value_change: Array, proposal_change: Array) -> None:
         """Take another step, from the last value to this one."""
-        size = float(np.sqrt(change @ change)) or 1.0  # so that all are as large
-        self._moves = [*self._moves[1 - MIXED :], (move + change) / size]
-        self._changes = [*self._changes[1 - MIXED :], change / size]
+        size = float(np.sqrt(proposal_change @ proposal_change)) or 1.0  # so that all are as large
+        self._moves = [*self._moves[1 - MIXED :], (value_change + proposal_change) / size]
+        self._changes = [*self._changes[1 - MIXED :], proposal_change / size]
         last = np.array([self._changes[-1] @ earlier_change for earlier_change in self._changes])
         before = self._products[-(len(last) - 1) :, -(len(last) - 1) :] if len(last) > 1 else self._products[:0, :0]
         self._products = np.block([[before, last[:-1, None]], [last]])
 
-    def mix_step(self, proposed: Array) -> Array:
+    def mix_step(self, proposed_step: Array) -> Array:
         """The step to take (k,): the proposed one, mixed with earlier ones."""
         if not self._changes:
-            return proposed
-        right = np.array([proposed @ earlier_change for earlier_change in self._changes])
+            return proposed_step
+        right = np.array([proposed_step @ earlier_change for earlier_change in self._changes])
         share = np.linalg.lstsq(self._products, right, rcond=ALIKE)[0]
-        mixed_step = proposed.copy()
+        mixed_step = proposed_step.copy()
         for part, move in zip(share.tolist(), self._moves, strict=True):
             mixed_step -= part * move
         return mixed_step

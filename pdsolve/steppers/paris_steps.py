@@ -30,7 +30,13 @@ from pdsolve.operators.protocol import Operator
 from pdsolve.state import State
 from pdsolve.steppers.cycle_steps import CycleSteps
 from pdsolve.steppers.equilibrium import Equilibrium, UnsettledError
-from pdsolve.steppers.growing_cracks import CrackedBodySnapshot, CrackGrowth, largest_K_difference, tip_intensities
+from pdsolve.steppers.growing_cracks import (
+    CrackedBodySnapshot,
+    CrackGrowth,
+    JudgedTip,
+    largest_K_difference_between_integrals,
+    stress_intensities_of_tips,
+)
 from pdsolve.steppers.load_steps import LoadSteps
 
 ALIKE = 1e-6  # of a particle: tips this near to the end of theirs grow together
@@ -40,16 +46,16 @@ STEEPEST = 2.0  # of r to that of the step before
 class _TipHistory(NamedTuple):
     """What a tip remembers."""
 
-    grown_length: float  # m
-    rate: float  # r of the step before
-    length: float  # m, of the particle before
+    length_grown_of_next_particle: float  # m
+    previous_growth_rate: float  # r of the step before
+    previous_particle_length: float  # m, of the particle before
 
 
 class _StepSnapshot(NamedTuple):
     """What is there before a step."""
 
-    body: CrackedBodySnapshot
-    tips: dict[int, _TipHistory]
+    cracked_body: CrackedBodySnapshot
+    tip_histories: dict[int, _TipHistory]
     cycles: float
 
 
@@ -59,30 +65,32 @@ class ParisSteps(CycleSteps):
     def __init__(self, law: Fatigue, operator: Operator, load_steps: LoadSteps, growth: CrackGrowth) -> None:
         super().__init__(law, operator, load_steps, "a particle a step")
         self._growth = growth
-        self.jump_error = 0.0  # cycles by the middles of steps and by the mean of both their ends: differences, summed
-        self.K_error = 0.0  # cycles, of how far the two integrals for K are apart: differences, summed
+        self.cycle_error_of_steps = (
+            0.0  # cycles by the middles of steps and by the mean of both ends: sum of differences
+        )
+        self.cycle_error_of_K = 0.0  # cycles, of how far the two integrals for K are apart, summed
         self._apart = 0.0  # of K, the largest, where both were known last
         self._tips: dict[int, _TipHistory] = {}  # by their particle
         self._share = 1.0  # of the length of particles
         self._at_first = 0.0  # cycles of this step if its tips grew on as at its beginning
 
-    def _take_step(self, state: State, step: int, previous: Equilibrium) -> Equilibrium:
+    def _take_step(self, state: State, step: int, previous_equilibrium: Equilibrium) -> Equilibrium:
         """Let tips grow until the first has grown a particle, and settle; returns how."""
         law, growth = self._law, self._growth
         judged = growth.judge_tips(state)
         if any(verdict.share >= 1 and np.isfinite(verdict.K1) for _, verdict in judged):
             self._record_end_of_life("K of the largest loads reached the toughness")
-            return previous
-        rate = growth_rates(law, tip_intensities(growth, judged))
+            return previous_equilibrium
+        rate = crack_growth_per_cycle(law, stress_intensities_of_tips(growth, judged))
         if not rate.any():
             self._record_end_of_life("no crack grows: the range of K is not above its threshold")
-            return previous
+            return previous_equilibrium
         before = self._take_snapshot(state)
         while True:
-            equilibrium = self._grow_to_next_particle(state, step, judged, rate)
+            equilibrium = self._advance_cycles_to_next_particle(state, step, judged, rate)
             if equilibrium is None:
-                return previous
-            steepest, ahead = self._largest_rate_ratios_of_all_and_grown(state)
+                return previous_equilibrium
+            steepest, ahead = self._largest_growth_rate_ratios_of_all_and_just_grown_tips(state)
             shorter = [
                 growth.growth_length(tip, self._share / 2) < growth.growth_length(tip, self._share) for tip, _ in judged
             ]
@@ -91,21 +99,21 @@ class ParisSteps(CycleSteps):
             self._restore_snapshot(state, before)
             self._share /= 2
         ahead = max(ahead, 1 / STEEPEST)  # of a tip that is stopped, as middles have it
-        cycles, mean = self._cycles - before.cycles, self._at_first * cycles_over_first_rate(ahead)
-        if not before.tips:  # no step before the first says how growth changes: the mean of both ends does
+        cycles, mean = self._cycles - before.cycles, self._at_first * cycles_relative_to_constant_first_rate(ahead)
+        if not before.tip_histories:  # no step before the first says how growth changes: the mean of both ends does
             cycles, mean = mean, self._at_first / float(np.sqrt(ahead))
             self._cycles = before.cycles + cycles
-        self.jump_error += abs(cycles - mean)
-        self._apart = largest_K_difference(growth, judged) or self._apart
+        self.cycle_error_of_steps += abs(cycles - mean)
+        self._apart = largest_K_difference_between_integrals(growth, judged) or self._apart
         assert law.m is not None
-        self.K_error += abs(cycles) * law.m * self._apart
+        self.cycle_error_of_K += abs(cycles) * law.m * self._apart
         if steepest > STEEPEST:
             message = f"growth is {steepest:.3g} times as fast as before this step, more than {STEEPEST:g} times"
-            growth.add_remark("outruns", f"step {step}: {message}, of particles as short as the spacing")
+            growth.add_remark_once("outruns", f"step {step}: {message}, of particles as short as the spacing")
         return equilibrium
 
-    def _grow_to_next_particle(
-        self, state: State, step: int, judged_tips: list[Any], growth_rate: NDArray[np.float64]
+    def _advance_cycles_to_next_particle(
+        self, state: State, step: int, judged_tips: list[JudgedTip], growth_rate: NDArray[np.float64]
     ) -> Equilibrium | None:
         """Let tips of these rates (k,) grow until the first has grown a particle, and settle; None where life ends."""
         law, growth = self._law, self._growth
@@ -133,32 +141,34 @@ class ParisSteps(CycleSteps):
         )
         self._tips = {tip.particle: _TipHistory(part, r, way) for (tip, _), part, r, way, due in rows if not due}
         chosen = [judged_tip for judged_tip, due in zip(judged_tips, grows, strict=True) if due]
-        return self._lengthen_tips(state, step, chosen, growth_rate[grows].tolist())
+        return self._add_particles_to_tips_and_settle(state, step, chosen, growth_rate[grows].tolist())
 
-    def _largest_rate_ratios_of_all_and_grown(self, state: State) -> tuple[float, float]:
+    def _largest_growth_rate_ratios_of_all_and_just_grown_tips(self, state: State) -> tuple[float, float]:
         """Growth of the tips over what it was in the step before, the largest: of all, and of those that have grown."""
         judged = self._growth.judge_tips(state)
-        rate = growth_rates(self._law, tip_intensities(self._growth, judged)).tolist()
+        rate = crack_growth_per_cycle(self._law, stress_intensities_of_tips(self._growth, judged)).tolist()
         tip_histories = [self._tips.get(tip.particle) for tip, _ in judged]
         more = [
-            (now / was.rate, was.grown_length)
+            (now / was.previous_growth_rate, was.length_grown_of_next_particle)
             for now, was in zip(rate, tip_histories, strict=True)
-            if was and was.rate > 0
+            if was and was.previous_growth_rate > 0
         ]
         grown_ratios = (ratio for ratio, grown_length in more if grown_length == 0)
         return max((ratio for ratio, _ in more), default=1.0), max(grown_ratios, default=1.0)
 
-    def _lengthen_tips(self, state: State, step: int, tips: list[Any], growth_rate: list[float]) -> Equilibrium | None:
+    def _add_particles_to_tips_and_settle(
+        self, state: State, step: int, judged_tips: list[JudgedTip], growth_rate: list[float]
+    ) -> Equilibrium | None:
         """Let these tips grow and settle; their children remember their `growth_rate`. Without rest, life ends before
         that."""
         growth, before = self._growth, self._take_snapshot(state)
-        if not growth.add_crack_particles(tips, state, step, self._share):
+        if not growth.add_crack_particles(judged_tips, state, step, self._share):
             self._record_end_of_life("no crack goes on")
             return None
         parent = growth.particles.parent.tolist()
         of = {
             tip.particle: _TipHistory(0.0, r, growth.growth_length(tip, self._share))
-            for (tip, _), r in zip(tips, growth_rate, strict=True)
+            for (tip, _), r in zip(judged_tips, growth_rate, strict=True)
         }
         self._tips |= {number: of[above] for number, above in enumerate(parent) if above in of}
         try:
@@ -174,19 +184,19 @@ class ParisSteps(CycleSteps):
         )
 
     def _restore_snapshot(self, state: State, snapshot: _StepSnapshot) -> None:
-        snapshot.body.restore(state, self._operator, self._growth)
-        self._motion.method.reset_history()
-        self._tips, self._cycles = dict(snapshot.tips), snapshot.cycles
+        snapshot.cracked_body.restore(state, self._operator, self._growth)
+        self._motion.method.discard_reused_tangent()
+        self._tips, self._cycles = dict(snapshot.tip_histories), snapshot.cycles
 
     @property
-    def cycle_error(self) -> float:
+    def estimated_cycle_error(self) -> float:
         """The estimated error of the cycles, of particles and of K together."""
-        return self.jump_error + self.K_error
+        return self.cycle_error_of_steps + self.cycle_error_of_K
 
     def checkpoint_arrays(self) -> dict[str, NDArray[Any]]:
         """Growth of tips and steps so far, for a checkpoint."""
         tips = np.array([(n, *history) for n, history in self._tips.items()], dtype=float).reshape(-1, 4)
-        numbers = np.array([self._cycles, self._share, self.jump_error, self.K_error, self._apart])
+        numbers = np.array([self._cycles, self._share, self.cycle_error_of_steps, self.cycle_error_of_K, self._apart])
         return super().checkpoint_arrays() | {"paris_tips": tips, "paris_cycles": numbers}
 
     def restore(self, checkpoint: Mapping[str, NDArray[Any]], step: int) -> None:
@@ -195,16 +205,16 @@ class ParisSteps(CycleSteps):
         tips = entry(checkpoint, "paris_tips", (None, 4), float)
         self._tips = {int(number): _TipHistory(*history) for number, *history in tips.tolist()}
         numbers = entry(checkpoint, "paris_cycles", (5,), float).tolist()
-        self._cycles, self._share, self.jump_error, self.K_error, self._apart = numbers
+        self._cycles, self._share, self.cycle_error_of_steps, self.cycle_error_of_K, self._apart = numbers
 
 
-def cycles_over_first_rate(rate_ratio: float) -> float:
+def cycles_relative_to_constant_first_rate(rate_ratio: float) -> float:
     """Cycles of a length over those at its first rate, where the rate grows to `rate_ratio` times that
     geometrically."""
     return 1.0 if abs(rate_ratio - 1) < ALIKE else float(np.log(rate_ratio) / (rate_ratio - 1))
 
 
-def growth_rates(law: Fatigue, K: NDArray[np.float64]) -> NDArray[np.float64]:
+def crack_growth_per_cycle(law: Fatigue, K: NDArray[np.float64]) -> NDArray[np.float64]:
     """Growth (k,) of tips with these intensities (k,), Pa m^0.5, of the largest loads, m a cycle."""
     assert law.C is not None
     assert law.m is not None

@@ -18,10 +18,10 @@ class PathControl(Protocol):
     unit: str
     description: str  # what is prescribed, for messages
 
-    def measure(self, displacement: Array, dissipated: float) -> float:
+    def control_value(self, displacement: Array, dissipated_energy: float) -> float:
         """The quantity at these displacements, where bonds have spent so much, J/m."""
 
-    def gradient(self, displacement: Array, response: Response) -> Array:
+    def gradient_by_displacement(self, displacement: Array, response: Response) -> Array:
         """Derivative (n, d) of the quantity by the displacements."""
 
 
@@ -33,11 +33,11 @@ class DissipationControl:
     def __init__(self, bonds: SofteningBonds) -> None:
         self._bonds = bonds
 
-    def measure(self, displacement: Array, dissipated: float) -> float:
+    def control_value(self, displacement: Array, dissipated_energy: float) -> float:
         """Energy, J/m."""
-        return dissipated
+        return dissipated_energy
 
-    def gradient(self, displacement: Array, response: Response) -> Array:
+    def gradient_by_displacement(self, displacement: Array, response: Response) -> Array:
         """Derivative (n, d) of the spent energy by the displacements, N/m."""
         return self._bonds.gradient(response)
 
@@ -47,20 +47,20 @@ class OpeningControl:
 
     unit = "m"
 
-    def __init__(self, name: str, position: Array, ends: tuple[int, int]) -> None:
-        """`position` (n, d), m; `ends` are rows of it."""
-        self.description = f"the gap '{name}' has opened by"
-        self._one, self._other = ends
+    def __init__(self, gap_name: str, position: Array, end_nodes: tuple[int, int]) -> None:
+        """`position` (n, d), m; `end_nodes` are rows of it."""
+        self.description = f"the gap '{gap_name}' has opened by"
+        self._one, self._other = end_nodes
         self._way = position[self._other] - position[self._one]
         self._length = float(np.sqrt((self._way**2).sum()))
 
-    def measure(self, displacement: Array, dissipated: float) -> float:
+    def control_value(self, displacement: Array, dissipated_energy: float) -> float:
         """The opening, without cancellation."""
         more = (displacement[self._other] - displacement[self._one])[: len(self._way)]
         now = float(np.sqrt(((self._way + more) ** 2).sum()))
         return float((2 * self._way + more) @ more) / (now + self._length)
 
-    def gradient(self, displacement: Array, response: Response) -> Array:
+    def gradient_by_displacement(self, displacement: Array, response: Response) -> Array:
         """Unit vectors (n, d) at the two nodes."""
         way = self._way + (displacement[self._other] - displacement[self._one])[: len(self._way)]
         out = np.zeros_like(displacement)

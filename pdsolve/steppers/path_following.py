@@ -45,21 +45,24 @@ FAR = 0.5  # of the largest displacement: an iteration goes no further
 class PathPoint(NamedTuple):
     """A place on the path."""
 
-    value: Array  # (n, d) m
-    factor: float  # lambda
-    spent: float  # J/m
+    displacement: Array  # (n, d) m
+    load_factor: float  # lambda
+    energy_or_arc_length: float  # J/m that bonds have dissipated, or m along the path
+
+
+PathSolution = tuple[PathPoint, int, float]  # a place on the path, iterations and residual
 
 
 class ProportionalLoads(NamedTuple):
-    """Loads and holds (n, d) that grow with one factor."""
+    """Loads and prescribed displacements (n, d) that grow with one factor."""
 
     constrained: NDArray[np.bool_]
-    start: Array  # N/m, and m where held, at lambda = 0
-    growth: Array  # of it, from lambda = 0 to 1
+    values_at_zero_factor: Array  # N/m, and m where held, at lambda = 0
+    growth_per_factor: Array  # of it, from lambda = 0 to 1
 
-    def loads_at(self, factor: float) -> Array:
+    def loads_and_displacements_at(self, load_factor: float) -> Array:
         """Forces, N/m, and places, m."""
-        return self.start + factor * self.growth
+        return self.values_at_zero_factor + load_factor * self.growth_per_factor
 
 
 class LoadingReversals:
@@ -72,15 +75,15 @@ class LoadingReversals:
             np.zeros(len(is_loading), dtype=int),
         )
 
-    def record_iteration(self, is_loading: NDArray[np.bool_], count_reversals: bool) -> int:
+    def update_and_count_reversed_bonds(self, is_loading: NDArray[np.bool_], add_to_history: bool) -> int:
         """Take those that load in the next iteration, whose turns count or not; returns how many have turned."""
         turned = is_loading != self._loads
-        self._times += turned & count_reversals
+        self._times += turned & add_to_history
         self._since = np.where(turned, 0, self._since + 1)
         self._loads = is_loading
         return int(turned.sum())
 
-    def undecided_bonds(self) -> NDArray[np.bool_]:
+    def often_reversing_bonds(self) -> NDArray[np.bool_]:
         """Bonds that load, and turned often and lately."""
         return np.asarray((self._times >= UNDECIDED) & (self._since < DECIDED) & self._loads)
 
@@ -94,68 +97,68 @@ class PathFollower:
         self.solver = ReusedFactorSolver(bonds.symmetric)
         self.largest = 0.0  # N/m, norm of the forces from outside so far: the measure of residuals
 
-    def solve_at_factor(
-        self, start_displacement: Array, factor: float, report_progress: ProgressReport
-    ) -> tuple[PathPoint, int, float]:
+    def solve_at_load_factor(
+        self, start_displacement: Array, load_factor: float, report_progress: ProgressReport
+    ) -> PathSolution:
         """Equilibrium at this lambda by Newton's method with a line search, its iterations and residual.
 
         Raises UnsettledError.
         """
         drive, free = self.drive, self._free
-        at = drive.loads_at(factor)
+        at = drive.loads_and_displacements_at(load_factor)
         value, response = start_displacement.copy(), self.bonds.respond(start_displacement)
         way = np.where(drive.constrained, at - start_displacement, 0.0)
-        rest, matrix = self._residual_forces(response, at), self.bonds.tangent(response)
+        rest, matrix = self._free_residual_forces(response, at), self.bonds.tangent(response)
         step = self.solver.solve(matrix[free][:, free], rest - (matrix @ way.ravel())[free], True)
         value[drive.constrained] = at[drive.constrained]
         value.ravel()[free] += step
         for iteration in range(1, 2 * MOST):
             response = self.bonds.respond(value)
-            rest = self._residual_forces(response, at)
-            residual = self._relative_residual(response, at, rest)
+            rest = self._free_residual_forces(response, at)
+            residual = self._residual_over_external_forces(response, at, rest)
             report_progress(iteration, residual)
             if residual < self._tolerance:
                 self.largest = max(self.largest, self._external_force_norm(response, at))
-                return PathPoint(value, factor, response.spent), iteration, residual
+                return PathPoint(value, load_factor, response.spent), iteration, residual
             step = self.solver.solve(self.bonds.tangent(response)[free][:, free], rest, False)
             size, before = 1.0, norm(rest)
             while size > 1e-3:
                 tried = value.copy()
                 tried.ravel()[free] += size * step
-                if norm(self._residual_forces(self.bonds.respond(tried), at)) < before:
+                if norm(self._free_residual_forces(self.bonds.respond(tried), at)) < before:
                     break
                 size /= 2
             value = tried
-        raise UnsettledError(f"no equilibrium at {factor:.4g} of the loads after {2 * MOST} iterations")
+        raise UnsettledError(f"no equilibrium at {load_factor:.4g} of the loads after {2 * MOST} iterations")
 
-    def solve_at_control(
+    def solve_at_control_increment(
         self,
         last_point: PathPoint,
         guess: PathPoint | None,
         control_increment: float,
         report_progress: ProgressReport,
         secant_iterations: int = 0,
-        most_reversals: int = STEADY,
-    ) -> tuple[PathPoint, int, float]:
+        most_reversals_for_tangents: int = STEADY,
+    ) -> PathSolution:
         """The equilibrium where the control has grown by `control_increment`, its iterations and its residual.
 
-        `guess` is a place to begin with; None: along the last direction of the secants. So many first iterations take
-        `secant_iterations` for tangents, which leads from further away; fewer if no more than `most_reversals` bonds
-        turn in one. Raises UnsettledError.
+        `guess` is a place to begin with; None: along the last direction of the secants. The first `secant_iterations`
+        take secants for tangents, which leads from further away; they end sooner if no more than
+        `most_reversals_for_tangents` bonds turn in one. Raises UnsettledError.
         """
         free = self._free
         if guess is None:
-            guess = self._extrapolate(last_point, control_increment)
-        value, factor = guess.value.copy(), guess.factor
-        begin = self.control.measure(last_point.value, last_point.spent)
-        reach = FAR * max(float(np.abs(last_point.value).max()), float(np.abs(value).max()))
+            guess = self._extrapolate_along_secant_direction(last_point, control_increment)
+        value, factor = guess.displacement.copy(), guess.load_factor
+        begin = self.control.control_value(last_point.displacement, last_point.energy_or_arc_length)
+        reach = FAR * max(float(np.abs(last_point.displacement).max()), float(np.abs(value).max()))
         response, residual = self.bonds.respond(value), np.inf
         turns = LoadingReversals(response.releases > 0)
         for iteration in range(secant_iterations + CONVERGING + 1):
-            at = self.drive.loads_at(factor)
-            rest = self._residual_forces(response, at)
-            before, residual = residual, self._relative_residual(response, at, rest)
-            missed = control_increment - (self.control.measure(value, response.spent) - begin)
+            at = self.drive.loads_and_displacements_at(factor)
+            rest = self._free_residual_forces(response, at)
+            before, residual = residual, self._residual_over_external_forces(response, at, rest)
+            missed = control_increment - (self.control.control_value(value, response.spent) - begin)
             report_progress(iteration, residual)
             if residual < self._tolerance and abs(missed) < NEAR * control_increment:
                 self.largest = max(self.largest, self._external_force_norm(response, at))
@@ -163,23 +166,23 @@ class PathFollower:
             last_one = secant_iterations + (MOST if residual > before / 2 else CONVERGING)
             if not np.isfinite(residual) or iteration >= last_one:
                 break
-            reversals = turns.record_iteration(response.releases > 0, iteration >= secant_iterations)
-            if reversals <= most_reversals and iteration:
+            reversals = turns.update_and_count_reversed_bonds(response.releases > 0, iteration >= secant_iterations)
+            if reversals <= most_reversals_for_tangents and iteration:
                 secant_iterations = min(secant_iterations, iteration)
             mean = response._replace(
-                slope=np.where(turns.undecided_bonds(), (response.slope + response.secant) / 2, response.slope)
+                slope=np.where(turns.often_reversing_bonds(), (response.slope + response.secant) / 2, response.slope)
             )
             matrix = self.bonds.tangent(mean, iteration < secant_iterations)
-            inner, pushed = matrix[free][:, free], self._free_forces_by_factor(matrix)
+            inner, pushed = matrix[free][:, free], self._free_force_derivative_by_load_factor(matrix)
             a, b = self.solver.solve(inner, np.column_stack([rest, pushed]), iteration == 0).T
-            q = self.control.gradient(value, response)
-            held_q = float((q * np.where(self.drive.constrained, self.drive.growth, 0.0)).sum())
+            q = self.control.gradient_by_displacement(value, response)
+            held_q = float((q * np.where(self.drive.constrained, self.drive.growth_per_factor, 0.0)).sum())
             free_q = q.ravel()[free]
             along = float(free_q @ b) + held_q
             if along == 0 or not np.isfinite(along):
                 break
             turn = (missed - float(free_q @ a)) / along
-            move = np.where(self.drive.constrained, turn * self.drive.growth, 0.0)
+            move = np.where(self.drive.constrained, turn * self.drive.growth_per_factor, 0.0)
             move.ravel()[free] = a + turn * b
             size = min(1.0, reach / max(float(np.abs(move).max()), 1e-300))
             value, factor = value + size * move, factor + size * turn
@@ -191,46 +194,52 @@ class PathFollower:
 
     def relative_residual(self, point: PathPoint) -> float:
         """What is left of the forces at a place, over the largest from outside so far."""
-        response, outside = self.bonds.respond(point.value), self.drive.loads_at(point.factor)
-        return self._relative_residual(response, outside, self._residual_forces(response, outside))
+        response = self.bonds.respond(point.displacement)
+        outside = self.drive.loads_and_displacements_at(point.load_factor)
+        return self._residual_over_external_forces(response, outside, self._free_residual_forces(response, outside))
 
-    def displacement_by_factor(self, response: Response) -> Array:
+    def displacement_derivative_by_load_factor(self, response: Response) -> Array:
         """Derivative (n, d) of displacements by lambda, of bonds that are straight."""
         matrix = self.bonds.tangent(response, secant=True)
         free = self._free
-        way = np.where(self.drive.constrained, self.drive.growth, 0.0)
-        way.ravel()[free] = self.solver.solve(matrix[free][:, free], self._free_forces_by_factor(matrix), True)
+        way = np.where(self.drive.constrained, self.drive.growth_per_factor, 0.0)
+        way.ravel()[free] = self.solver.solve(
+            matrix[free][:, free], self._free_force_derivative_by_load_factor(matrix), True
+        )
         return way
 
-    def _extrapolate(self, last_point: PathPoint, control_increment: float) -> PathPoint:
+    def _extrapolate_along_secant_direction(self, last_point: PathPoint, control_increment: float) -> PathPoint:
         """Where the control is by `control_increment` larger, along the straight direction of growing loads."""
-        way = self.displacement_by_factor(self.bonds.respond(last_point.value))
-        begin, turn = self.control.measure(last_point.value, last_point.spent), max(last_point.factor, 1e-6) * 1e-3
+        way = self.displacement_derivative_by_load_factor(self.bonds.respond(last_point.displacement))
+        begin = self.control.control_value(last_point.displacement, last_point.energy_or_arc_length)
+        turn = max(last_point.load_factor, 1e-6) * 1e-3
 
-        def growth_along(at: float) -> float:
-            value = last_point.value + at * way
-            return self.control.measure(value, self.bonds.respond(value).spent) - begin
+        def control_growth_at(factor_increment: float) -> float:
+            value = last_point.displacement + factor_increment * way
+            return self.control.control_value(value, self.bonds.respond(value).spent) - begin
 
-        while growth_along(turn) < control_increment and turn < 1e3:
+        while control_growth_at(turn) < control_increment and turn < 1e3:
             turn *= 2
         low, high = 0.0, turn
         for _ in range(40):
             middle = (low + high) / 2
-            low, high = (middle, high) if growth_along(middle) < control_increment else (low, middle)
-        return PathPoint(last_point.value + high * way, last_point.factor + high, last_point.spent)
+            low, high = (middle, high) if control_growth_at(middle) < control_increment else (low, middle)
+        return PathPoint(
+            last_point.displacement + high * way, last_point.load_factor + high, last_point.energy_or_arc_length
+        )
 
-    def _free_forces_by_factor(self, matrix: csr_array) -> Array:
+    def _free_force_derivative_by_load_factor(self, tangent: csr_array) -> Array:
         """Forces (f,) that lambda adds on free components at fixed displacements of these, N/m."""
-        way = np.where(self.drive.constrained, self.drive.growth, 0.0).ravel()
-        return np.asarray((self.drive.growth.ravel() - matrix @ way)[self._free])
+        way = np.where(self.drive.constrained, self.drive.growth_per_factor, 0.0).ravel()
+        return np.asarray((self.drive.growth_per_factor.ravel() - tangent @ way)[self._free])
 
-    def _residual_forces(self, response: Response, loads: Array) -> Array:
+    def _free_residual_forces(self, response: Response, loads: Array) -> Array:
         return np.asarray((self.bonds.forces(response) + loads).ravel()[self._free])
 
     def _external_force_norm(self, response: Response, loads: Array) -> float:
         constrained = self.drive.constrained
         return max(norm(loads[~constrained]), norm(self.bonds.forces(response)[constrained]))
 
-    def _relative_residual(self, response: Response, loads: Array, residual_forces: Array) -> float:
+    def _residual_over_external_forces(self, response: Response, loads: Array, residual_forces: Array) -> float:
         scale = max(self.largest, self._external_force_norm(response, loads))
         return norm(residual_forces) / scale if scale > 0 else float(norm(residual_forces) > 0)

@@ -19,7 +19,7 @@ from pdsolve.conditions import Drive, put_loads
 from pdsolve.errors import CheckpointError
 from pdsolve.model import Model, ModelWarning
 from pdsolve.state import State
-from pdsolve.steppers.load_steps import LoadStepProgress, prescribed_positions
+from pdsolve.steppers.load_steps import LoadStepProgress, prescribed_displacements
 
 Array = NDArray[np.float64]
 
@@ -34,9 +34,9 @@ class PathStepResult(NamedTuple):
     step: int
     iterations: int  # in all
     residual: float  # what is left of the forces over the largest from outside so far
-    factor: float  # of loads and prescribed displacements
-    pull: float  # work-conjugate of the factor: N/m times m/s of what moves, or of loads
-    spent: float  # J/m, by bonds or cracks
+    load_factor: float  # of loads and prescribed displacements
+    work_conjugate_force: float  # to the load factor: N/m times m/s of what moves, or of loads
+    dissipated_energy: float  # J/m, by bonds or cracks
 
 
 class PathStepper:
@@ -49,24 +49,24 @@ class PathStepper:
         self._model, self._drive, self._area = model, drive, area
         self._held: NDArray[np.bool_] = np.zeros(drive.force.shape, dtype=bool)
         self._held[drive.holds.node, drive.holds.axis] = True
-        self._start, end = self._loads_and_positions(0.0), self._loads_and_positions(1.0)
+        self._start, end = self._loads_and_prescribed_displacements(0.0), self._loads_and_prescribed_displacements(1.0)
         self._growth = end - self._start  # of loads (n, w), N/m, and places, m, from a factor of 0 to 1
         self._driven = self._held if self._growth[self._held].any() else ~self._held
         self._began: tuple[float, float] | None = None  # s, and the share of the path that was done then
         self.step_results: list[PathStepResult] = []
-        self.watch: Callable[[LoadStepProgress], None] | None = None
+        self.on_progress: Callable[[LoadStepProgress], None] | None = None
         self.ended, self.end_reason = False, ""
-        self.lost: float | None = None  # the largest factor of dead loads, past which no equilibrium bears as much
+        self.peak_load_factor: float | None = None  # of dead loads, where no equilibrium further on bears as much
         drive.force[:] = 0
 
     @property
-    def factor(self) -> float:
+    def load_factor(self) -> float:
         """The factor of loads and prescribed displacements now: the time of their profiles, s."""
-        return self.step_results[-1].factor if self.step_results else 0.0
+        return self.step_results[-1].load_factor if self.step_results else 0.0
 
     def advance(self, state: State, first: int, last: int) -> None:
         """Take the steps `first` to `last` - 1, in place, unless the path has ended. Raises UnsettledError."""
-        self._began = self._began or (clock.monotonic(), self._finished_share())
+        self._began = self._began or (clock.monotonic(), self._finished_path_share())
         for step in range(first, last):
             if not self.ended:
                 self._take_step(state, step)
@@ -86,19 +86,17 @@ class PathStepper:
         """The load, the spent energy and the time that is left, for a progress display."""
         if not self.step_results:
             return "elastic"
-        most = max(abs(path_step.pull) for path_step in self.step_results) or 1.0
+        most, last = max(abs(row.work_conjugate_force) for row in self.step_results) or 1.0, self.step_results[-1]
         unit = "J/m" if self._model.grid.dimension == 2 else "J"
-        said = (
-            f"load {self.step_results[-1].pull / most:.0%} of its peak, spent {self.step_results[-1].spent:.3g} {unit}"
-        )
+        said = f"load {last.work_conjugate_force / most:.0%} of its peak, spent {last.dissipated_energy:.3g} {unit}"
         began, before = self._began or (0.0, 1.0)
-        share = self._finished_share()
+        share = self._finished_path_share()
         if share <= before:
             return said
         seconds_left = (clock.monotonic() - began) * (1 - share) / (share - before)
         return f"{said}, about {seconds_left:.0f} s left"
 
-    def _finished_share(self) -> float:
+    def _finished_path_share(self) -> float:
         """How much of the path is done."""
         raise NotImplementedError
 
@@ -107,16 +105,22 @@ class PathStepper:
         raise NotImplementedError
 
     def _record_step(
-        self, step: int, iterations: int, residual: float, factor: float, external_forces: Array, dissipated: float
+        self,
+        step: int,
+        iterations: int,
+        residual: float,
+        load_factor: float,
+        external_forces: Array,
+        dissipated_energy: float,
     ) -> None:
         """Record a step that ended under loads and reactions `external_forces` (n, w), N/m."""
         pull = float((external_forces * self._growth)[self._driven].sum())
-        self.step_results.append(PathStepResult(step, iterations, residual, factor, pull, dissipated))
-        self._check_peak_load(step)
+        self.step_results.append(PathStepResult(step, iterations, residual, load_factor, pull, dissipated_energy))
+        self._warn_past_peak_load_or_end_path(step)
 
-    def _check_peak_load(self, step: int) -> None:
+    def _warn_past_peak_load_or_end_path(self, step: int) -> None:
         """Report, once, loads past their largest; end the path where they are as good as gone."""
-        pulls = [abs(path_step.pull) for path_step in self.step_results]
+        pulls = [abs(path_step.work_conjugate_force) for path_step in self.step_results]
         most, now = max(pulls), pulls[-1]
         if now < self.end * most:
             self.ended, self.end_reason = True, f"the load has fallen to {self.end:.0%} of its largest"
@@ -124,20 +128,23 @@ class PathStepper:
             self.end_reason = "the steps are over"
         if self._driven[self._held].any() or now >= PASSED * most:
             return
-        self.lost, after = max(path_step.factor for path_step in self.step_results), self._model.settings.run.after
+        self.peak_load_factor = max(path_step.load_factor for path_step in self.step_results)
+        after = self._model.settings.run.after
         if after != "path":
             self.ended, self.end_reason = True, "the loads are past their largest"
         if min(pulls[pulls.index(most) : -1]) < PASSED * most:
             return
         follows = {"path": "goes on at smaller loads", "stop": "ends here", "motion": "ends here, and a motion begins"}
         warnings.warn(
-            f"{self._model.name}: path step {step}: the loads are past their largest, {self.lost:.4g} of those"
-            f" prescribed, where a body under dead loads does not stay at rest; the path {follows[after]}",
+            f"{self._model.name}: path step {step}: the loads are past their largest, {self.peak_load_factor:.4g} of"
+            f" those prescribed, where a body under dead loads does not stay at rest; the path {follows[after]}",
             ModelWarning,
             stacklevel=2,
         )
 
-    def _loads_and_positions(self, factor: float) -> Array:
+    def _loads_and_prescribed_displacements(self, load_factor: float) -> Array:
         """Loads (n, w), N/m, and places of what is held, m."""
-        put_loads(self._drive, factor)
-        return np.where(self._held, prescribed_positions(self._drive, factor), self._area[:, None] * self._drive.force)
+        put_loads(self._drive, load_factor)
+        return np.where(
+            self._held, prescribed_displacements(self._drive, load_factor), self._area[:, None] * self._drive.force
+        )

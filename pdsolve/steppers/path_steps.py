@@ -25,8 +25,8 @@ from pdsolve.operators.ground_supports import grounded
 from pdsolve.operators.protocol import Operator
 from pdsolve.operators.softening_bonds import Response, SofteningBonds
 from pdsolve.state import Broken, State
-from pdsolve.steppers.contact_method import solve_with_contact, with_contact_pairs
-from pdsolve.steppers.cracks_at_no_fail_bonds import no_fail_crack_message
+from pdsolve.steppers.contact_method import append_contact_pairs, solve_until_contact_converges
+from pdsolve.steppers.cracks_at_no_fail_bonds import describe_crack_at_no_fail_bonds
 from pdsolve.steppers.equilibrium import UnsettledError
 from pdsolve.steppers.load_steps import LoadStepProgress
 from pdsolve.steppers.path_control import DissipationControl, OpeningControl, PathControl
@@ -39,6 +39,7 @@ from pdsolve.steppers.path_following import (
     STEADY,
     PathFollower,
     PathPoint,
+    PathSolution,
     ProportionalLoads,
 )
 from pdsolve.steppers.path_stepper import PathStepper
@@ -78,18 +79,18 @@ class SofteningPathSteps(PathStepper):
         d = model.grid.dimension
         joined = operator.bonds(start=True)
         if contact is not None:
-            joined = with_contact_pairs(joined, contact)
+            joined = append_contact_pairs(joined, contact)
         self._contact = contact
         supported = constrained | grounded(model, drive.force.shape[1])
         loose_bodies = find_loose_bodies(model.grid.position, model.grid.ids, joined, supported[:, :d])
         if loose_bodies.description:
             raise ModelError(f"{model.name}: $.conditions: {loose_bodies.description}; add supports")
         static = model.settings.run.static
-        control = _choose_control(model, bonds)
+        control = _make_path_control(model, bonds)
         self._follower = PathFollower(
             bonds, ProportionalLoads(constrained, self._start, self._growth), max(static.tolerance, COARSEST), control
         )
-        self._most = _largest_step(model)
+        self._most = _largest_control_increment(model)
         self._whole = self._most * (static.load_steps or CRACK_STEPS)  # of the control
         self._opening = np.inf if static.opening is None else static.opening  # m, of the gap that controls, in the end
         self._more = FIRST * self._most
@@ -103,8 +104,8 @@ class SofteningPathSteps(PathStepper):
     def checkpoint_arrays(self) -> dict[str, Array]:
         """The path so far, for a checkpoint."""
         return super().checkpoint_arrays() | {
-            "path_value": self._last.value,
-            "path_before": self._before.value,
+            "path_value": self._last.displacement,
+            "path_before": self._before.displacement,
             "path_pushed": np.array(self._pushed),
             "path_numbers": np.array([*self._last[1:], *self._before[1:], self._more, self._follower.largest]),
         }
@@ -120,9 +121,9 @@ class SofteningPathSteps(PathStepper):
         self._last, self._before = PathPoint(value.copy(), factor, spent), PathPoint(before.copy(), earlier, less)
         self._bonds.restore(self._operator.checkpoint_arrays(), self._operator.broken())
 
-    def _finished_share(self) -> float:
+    def _finished_path_share(self) -> float:
         """How much of the path is done: of the factor, or of the control until a crack is through, the larger."""
-        factor = max((path_step.factor for path_step in self.step_results), default=0.0)
+        factor = max((path_step.load_factor for path_step in self.step_results), default=0.0)
         return min(max(factor, self._control_value(self._last) / self._whole), 1.0)
 
     def _take_step(self, state: State, step: int) -> None:
@@ -130,53 +131,56 @@ class SofteningPathSteps(PathStepper):
             self._contact.begin(state)
         try:
             new, iterations, residual = (
-                self._first_equilibrium(state) if not self.step_results else self._next_equilibrium(step)
+                self._find_first_equilibrium(state) if not self.step_results else self._find_next_equilibrium(step)
             )
         except UnsettledError as error:
             raise UnsettledError(f"{self._model.name}: path step {step}: {error}") from None
-        response = self._bonds.respond(new.value)
-        after = self._external_forces(new, response)
-        work = work_along_path((self._before, self._last, new), (*self._pushed, after)).sum(axis=1)
+        response = self._bonds.respond(new.displacement)
+        after = self._loads_and_reactions(new, response)
+        work = work_of_last_path_step((self._before, self._last, new), (*self._pushed, after)).sum(axis=1)
         self._pushed = self._pushed[1], after
         self._bonds.kappa[:] = response.kappa
         self._before, self._last = self._last, new
-        state.value[:] = new.value
+        state.value[:] = new.displacement
         state.work[:] += work / self._area
-        self._store_bond_history(state, step, response)
-        self._record_step(step, iterations, residual, new.factor, after, new.spent)
-        message = None if self._told else no_fail_crack_message(self._model, self._bonds, self._last.value)
+        self._store_bond_history_and_reactions(state, step, response)
+        self._record_step(step, iterations, residual, new.load_factor, after, new.energy_or_arc_length)
+        message = (
+            None if self._told else describe_crack_at_no_fail_bonds(self._model, self._bonds, self._last.displacement)
+        )
         if message is not None:  # a crack arrives at bonds that do not break
             self._told = True
             said = f"{self._model.name}: path step {step}: {message}"
             warnings.warn(said, ModelWarning, stacklevel=2)
 
-    def _first_equilibrium(self, state: State) -> tuple[PathPoint, int, float]:
+    def _find_first_equilibrium(self, state: State) -> PathSolution:
         """Elastic, or as far as what does not grow where bonds soften under this alone."""
         start, bonds, k = self._last, self._bonds, self._bonds.breaks
-        if not self._follower.drive.start.any():
-            return self._load_to_first_peak(start)
+        if not self._follower.drive.values_at_zero_factor.any():
+            return self._load_until_first_bond_peaks(start)
         with suppress(UnsettledError):
-            path_point = self._equilibrium_at_factor(start, 0.0)
-            if not (bonds.stretches(path_point[0].value)[k] >= bonds.peak[k]).any():
-                return self._load_to_first_peak(path_point[0])
-        return self._apply_constant_loads(state)
+            path_point = self._find_equilibrium_at_load_factor(start, 0.0)
+            if not (bonds.stretches(path_point[0].displacement)[k] >= bonds.peak[k]).any():
+                return self._load_until_first_bond_peaks(path_point[0])
+        return self._apply_constant_loads_in_parts(state)
 
-    def _apply_constant_loads(self, state: State) -> tuple[PathPoint, int, float]:
+    def _apply_constant_loads_in_parts(self, state: State) -> PathSolution:
         """In parts up to all that does not grow, under which bonds soften; books the work but for the last part's."""
         full_drive, count = self._follower.drive, 0
         try:
             for part in range(1, PARTS + 1):
                 share = part / PARTS
                 self._follower.drive = full_drive._replace(
-                    start=share * full_drive.start, growth=np.zeros_like(full_drive.growth)
+                    values_at_zero_factor=share * full_drive.values_at_zero_factor,
+                    growth_per_factor=np.zeros_like(full_drive.growth_per_factor),
                 )
-                new, more, residual = self._equilibrium_at_factor(self._last, 0.0)
+                new, more, residual = self._find_equilibrium_at_load_factor(self._last, 0.0)
                 count += more
                 if part == PARTS:
                     break
-                response = self._bonds.respond(new.value)
-                after = self._external_forces(new, response)
-                state.work[:] += ((self._pushed[1] + after) / 2 * (new.value - self._last.value)).sum(
+                response = self._bonds.respond(new.displacement)
+                after = self._loads_and_reactions(new, response)
+                state.work[:] += ((self._pushed[1] + after) / 2 * (new.displacement - self._last.displacement)).sum(
                     axis=1
                 ) / self._area
                 self._pushed, self._bonds.kappa[:], self._last = (self._pushed[1], after), response.kappa, new
@@ -187,46 +191,52 @@ class SofteningPathSteps(PathStepper):
         self._before = self._last
         return new, count, residual
 
-    def _load_to_first_peak(self, start: PathPoint) -> tuple[PathPoint, int, float]:
+    def _load_until_first_bond_peaks(self, start_point: PathPoint) -> PathSolution:
         """Up to the first bond at its peak, or to the end of the loads."""
         bonds, k = self._bonds, self._bonds.breaks
-        peak, first = bonds.peak[k], bonds.stretches(start.value)[k]
-        current_point, factor = start, SMALL
+        peak, first = bonds.peak[k], bonds.stretches(start_point.displacement)[k]
+        current_point, factor = start_point, SMALL
         for _ in range(3):
-            near, count, residual = self._equilibrium_at_factor(current_point, factor)
-            rate = (bonds.stretches(near.value)[k] - first) / (factor - start.factor)
+            near, count, residual = self._find_equilibrium_at_load_factor(current_point, factor)
+            rate = (bonds.stretches(near.displacement)[k] - first) / (factor - start_point.load_factor)
             grows = rate > 0
             reach = ((peak - first)[grows] / rate[grows]).min(initial=1.0)
             if np.isfinite(self._opening):
-                reach = min(reach, self._factor_of_last_opening(start, near))
-            current_point, factor = near, min(float(start.factor + reach), 1.0)
-        path_point = self._equilibrium_at_factor(current_point, factor)
-        self.ended = factor == 1.0 or self._opening_is_reached(path_point[0])
+                reach = min(reach, self._load_factor_increment_to_final_opening(start_point, near))
+            current_point, factor = near, min(float(start_point.load_factor + reach), 1.0)
+        path_point = self._find_equilibrium_at_load_factor(current_point, factor)
+        self.ended = factor == 1.0 or self._is_final_opening_reached(path_point[0])
         return path_point[0], count + path_point[1], max(residual, path_point[2])
 
     def _control_value(self, point: PathPoint) -> float:
-        return self._follower.control.measure(point.value, point.spent)
+        return self._follower.control.control_value(point.displacement, point.energy_or_arc_length)
 
-    def _opening_is_reached(self, point: PathPoint) -> bool:
+    def _is_final_opening_reached(self, point: PathPoint) -> bool:
         """Whether the gap that controls is as wide as it is to be in the end."""
         return self._control_value(point) > self._opening - NEAR * self._most
 
-    def _factor_of_last_opening(self, start: PathPoint, near: PathPoint) -> float:
+    def _load_factor_increment_to_final_opening(self, start_point: PathPoint, elastic_point: PathPoint) -> float:
         """The factor by which loads grow from the start until an elastic body has the last opening."""
-        opened = self._control_value(near) - self._control_value(start)
+        opened = self._control_value(elastic_point) - self._control_value(start_point)
         if not opened > 0:
             said = f"{self._follower.control.description} {opened:.3g} m under growing loads"
             raise UnsettledError(f"{said}; use a gap that grows")
-        return (self._opening - self._control_value(start)) / opened * (near.factor - start.factor)
+        return (
+            (self._opening - self._control_value(start_point))
+            / opened
+            * (elastic_point.load_factor - start_point.load_factor)
+        )
 
-    def _equilibrium_at_factor(self, near: PathPoint, factor: float) -> tuple[PathPoint, int, float]:
-        return solve_with_contact(
+    def _find_equilibrium_at_load_factor(self, near_point: PathPoint, load_factor: float) -> PathSolution:
+        return solve_until_contact_converges(
             self._contact,
-            lambda: self._follower.solve_at_factor(near.value, factor, self._make_progress_report(0)),
+            lambda: self._follower.solve_at_load_factor(
+                near_point.displacement, load_factor, self._make_progress_callback(0)
+            ),
             self._follower.relative_residual,
         )
 
-    def _next_equilibrium(self, step: int) -> tuple[PathPoint, int, float]:
+    def _find_next_equilibrium(self, step: int) -> PathSolution:
         """A step of dissipation, as large as it converges."""
         iterations, last, secants = 0, self._last, 0
         self._more = min(self._more, max(self._opening - self._control_value(last), LEAST * self._most))
@@ -234,36 +244,38 @@ class SofteningPathSteps(PathStepper):
             guess, done = None, self._control_value(last) - self._control_value(self._before)
             if self._more < 2 * GROWTH * done and self._more >= LEAST * self._most:
                 share = self._more / done
-                ahead = last.value + share * (last.value - self._before.value)
-                guess = PathPoint(ahead, last.factor + share * (last.factor - self._before.factor), 0.0)
+                ahead = last.displacement + share * (last.displacement - self._before.displacement)
+                guess = PathPoint(ahead, last.load_factor + share * (last.load_factor - self._before.load_factor), 0.0)
             steady = NEVER if secants == PATIENT else STEADY
             follow = partial(
-                self._follower.solve_at_control,
+                self._follower.solve_at_control_increment,
                 last,
                 guess,
                 self._more,
-                self._make_progress_report(step),
+                self._make_progress_callback(step),
                 secants,
                 steady,
             )
             try:
-                new, count, residual = solve_with_contact(self._contact, follow, self._follower.relative_residual)
+                new, count, residual = solve_until_contact_converges(
+                    self._contact, follow, self._follower.relative_residual
+                )
                 break
             except UnsettledError as error:
-                secants = self._choose_next_try(secants, error)
+                secants = self._choose_secant_iterations_and_increment_of_next_try(secants, error)
         if count <= FEW:
             self._more = min(self._more * GROWTH, self._most)
-        if new.factor > 1:
+        if new.load_factor > 1:
             try:
-                new, more, residual = self._equilibrium_at_factor(last, 1.0)
+                new, more, residual = self._find_equilibrium_at_load_factor(last, 1.0)
                 count += more
             except UnsettledError:  # the path turns round beyond
                 pass
             self.ended = True
-        self.ended |= self._opening_is_reached(new)
+        self.ended |= self._is_final_opening_reached(new)
         return new, iterations + count, residual
 
-    def _choose_next_try(self, secant_iterations: int, error: UnsettledError) -> int:
+    def _choose_secant_iterations_and_increment_of_next_try(self, secant_iterations: int, error: UnsettledError) -> int:
         """Secants to begin the step again with, after it did not converge with so many; sets how much more is spent.
 
         Raises the error where nothing is left to try.
@@ -281,13 +293,17 @@ class SofteningPathSteps(PathStepper):
             raise error
         return secant_iterations
 
-    def _external_forces(self, point: PathPoint, response: Response) -> Array:
+    def _loads_and_reactions(self, point: PathPoint, response: Response) -> Array:
         """Loads and reactions (n, d), N/m."""
-        return np.where(self._held, -self._bonds.forces(response), self._follower.drive.loads_at(point.factor))
+        return np.where(
+            self._held,
+            -self._bonds.forces(response),
+            self._follower.drive.loads_and_displacements_at(point.load_factor),
+        )
 
-    def _store_bond_history(self, state: State, step: int, response: Response) -> None:
+    def _store_bond_history_and_reactions(self, state: State, step: int, response: Response) -> None:
         """Store reactions and the history of bonds, and book the energy of those that are gone."""
-        bonds, drive, factor = self._bonds, self._drive, self._last.factor
+        bonds, drive, factor = self._bonds, self._drive, self._last.load_factor
         put_loads(drive, factor)
         inner = bonds.forces(response) / self._area[:, None]
         drive.held_force[:] = (inner + drive.force)[drive.holds.node, drive.holds.axis]
@@ -316,15 +332,15 @@ class SofteningPathSteps(PathStepper):
         }
         self._operator.restore(worst, broken)
 
-    def _make_progress_report(self, step: int) -> Callable[[int, float], None]:
+    def _make_progress_callback(self, step: int) -> Callable[[int, float], None]:
         def report_iteration(iterations: int, residual: float) -> None:
-            if self.watch is not None:
-                self.watch(LoadStepProgress(step, iterations, residual, len(self._operator.broken().step)))
+            if self.on_progress is not None:
+                self.on_progress(LoadStepProgress(step, iterations, residual, len(self._operator.broken().step)))
 
         return report_iteration
 
 
-def _choose_control(model: Model, bonds: SofteningBonds) -> PathControl:
+def _make_path_control(model: Model, bonds: SofteningBonds) -> PathControl:
     """The control that a model asks for."""
     for gap in model.settings.run.gaps:
         if gap.name == model.settings.run.static.control:
@@ -333,7 +349,7 @@ def _choose_control(model: Model, bonds: SofteningBonds) -> PathControl:
     return DissipationControl(bonds)
 
 
-def _largest_step(model: Model) -> float:
+def _largest_control_increment(model: Model) -> float:
     """The largest step along a path: m of the gap that controls it, or J/m that bonds spend."""
     static = model.settings.run.static
     steps = static.load_steps or CRACK_STEPS
@@ -344,22 +360,25 @@ def _largest_step(model: Model) -> float:
     return float(cost * extent ** (model.grid.dimension - 1) / steps)
 
 
-def work_along_path(
-    points: tuple[PathPoint, PathPoint, PathPoint], external_forces: tuple[Array, Array, Array]
+def work_of_last_path_step(
+    three_points: tuple[PathPoint, PathPoint, PathPoint], external_forces: tuple[Array, Array, Array]
 ) -> Array:
     """Work (n, d), J/m, of forces (n, d) from the second place to the third, all quadratic in the spent energy.
 
     By Simpson's rule, exact for these; by the trapezoidal rule next to a much longer or shorter step.
     """
-    (first, last, new), (f0, f1, f2) = points, external_forces
-    back, ahead = last.spent - first.spent, new.spent - last.spent
+    (first, last, new), (f0, f1, f2) = three_points, external_forces
+    back = last.energy_or_arc_length - first.energy_or_arc_length
+    ahead = new.energy_or_arc_length - last.energy_or_arc_length
     if not ALIKE * ahead > back > ahead / ALIKE:
-        return np.asarray((f1 + f2) / 2 * (new.value - last.value))
+        return np.asarray((f1 + f2) / 2 * (new.displacement - last.displacement))
     steep = ahead / back
-    bend = (new.value - last.value) - steep * (last.value - first.value)  # of a parabola through the three places
+    bend = (new.displacement - last.displacement) - steep * (
+        last.displacement - first.displacement
+    )  # of a parabola through the three places
     bow = (f2 - f1) - steep * (f1 - f0)
     # So that u = u1 + t (u2 - u1) - t (1 - t) bend, t from 0 to 1
     bend, bow = bend / (1 + 1 / steep), bow / (1 + 1 / steep)
-    way = new.value - last.value
+    way = new.displacement - last.displacement
     middle = (f1 + f2) / 2 - bow / 4
     return np.asarray((f1 * (way - bend) + 4 * middle * way + f2 * (way + bend)) / 6)

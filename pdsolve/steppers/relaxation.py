@@ -20,11 +20,12 @@ from pdsolve.state import State
 from pdsolve.steppers.equilibrium import (
     Equilibrium,
     EquilibriumConditions,
+    EquilibriumMethod,
     ProgressReport,
     UnsettledError,
     force_densities,
+    reference_stiffness_above_round_off,
     relative_residual,
-    round_off_stiffness,
 )
 
 MOST = 100_000  # iterations
@@ -39,11 +40,11 @@ def smallest_stable_mass(operator: Operator) -> NDArray[np.float64]:
     return operator.stiffness_bound() / 2
 
 
-class Relaxation:
+class DynamicRelaxation(EquilibriumMethod):
     """Dynamic relaxation with any operator; see `EquilibriumMethod`."""
 
     description = "adaptive dynamic relaxation"
-    smallest_part = 1.0  # smaller parts take as many iterations
+    smallest_load_step_part = 1.0  # smaller parts take as many iterations
 
     def __init__(
         self,
@@ -55,17 +56,7 @@ class Relaxation:
         """`mass` (n, w) or (n, 1), N/m^4 s^2; None: from the operator's bound, plus a tenth, as bonds rotate."""
         self._operator, self._tolerance, self._most = operator, tolerance, max_iterations or MOST
         self._mass = 1.1 * smallest_stable_mass(operator)[:, None] if mass is None else mass
-        self._least = round_off_stiffness(2 * float(self._mass.max(initial=0.0)), tolerance)
-
-    def reset_history(self) -> None:
-        """Does nothing: each solution depends on the state alone."""
-
-    def count_unstable_modes(self, state: State, constrained: NDArray[np.bool_]) -> int:
-        """0: relaxation leaves what is not stable by itself."""
-        return 0
-
-    def restrain_softly(self, nodes: NDArray[np.bool_]) -> None:
-        """Does nothing: relaxation has no equations to hold nodes in; see `pdsolve.steppers.static_loads`."""
+        self._least = reference_stiffness_above_round_off(2 * float(self._mass.max(initial=0.0)), tolerance)
 
     def solve_equilibrium(
         self, state: State, conditions: EquilibriumConditions, report_progress: ProgressReport
@@ -75,7 +66,7 @@ class Relaxation:
         mass[mass == 0] = 1.0  # of a node without a bond
         free, done = ~conditions.constrained, 0
         while True:
-            state.value[:] = np.where(free, start, conditions.prescribed)
+            state.value[:] = np.where(free, start, conditions.prescribed_displacement)
             equilibrium, last = self._relax(state, conditions, mass, done, report_progress)
             if equilibrium is not None:
                 return equilibrium
@@ -107,19 +98,21 @@ class Relaxation:
             least = min(least, residual)
             if iteration % LOOK == 0:
                 report_progress(iteration, residual)
-            _relaxation_step(state.value, v, out, conditions.load, free, mass, before, start, first, CAP)
+            _take_relaxation_step(state.value, v, out, conditions.body_force, free, mass, before, start, first, CAP)
             first = False
         return None, self._most
 
 
 @cached_njit(error_model="numpy")
-def _relaxation_step(u, v, out, load, free, mass, previous_residual, start_u, is_first_step, largest_damping):  # type: ignore[no-untyped-def]
+def _take_relaxation_step(  # type: ignore[no-untyped-def]
+    u, v, force_density, body_force, is_free, mass, previous_residual, start_u, is_first_step, largest_damping
+):
     """One relaxation step of 1 s; `previous_residual` (n, w), over masses, is overwritten by the new one."""
     above = below = 0.0
     for i in range(len(u)):
         for a in range(u.shape[1]):
-            now = (out[i, a] + load[i, a]) / mass[i, a] if free[i, a] else 0.0
-            out[i, a] = now
+            now = (force_density[i, a] + body_force[i, a]) / mass[i, a] if is_free[i, a] else 0.0
+            force_density[i, a] = now
             displacement = u[i, a] - start_u[i, a]
             if not is_first_step and v[i, a] != 0:
                 above -= (now - previous_residual[i, a]) / v[i, a] * displacement * displacement
@@ -130,6 +123,10 @@ def _relaxation_step(u, v, out, load, free, mass, previous_residual, start_u, is
         c = min(2 * np.sqrt(above / below), largest_damping)
     for i in range(len(u)):
         for a in range(u.shape[1]):
-            if free[i, a]:
-                v[i, a] = out[i, a] / 2 if is_first_step else ((2 - c) * v[i, a] + 2 * out[i, a]) / (2 + c)
+            if is_free[i, a]:
+                v[i, a] = (
+                    force_density[i, a] / 2
+                    if is_first_step
+                    else ((2 - c) * v[i, a] + 2 * force_density[i, a]) / (2 + c)
+                )
                 u[i, a] += v[i, a]

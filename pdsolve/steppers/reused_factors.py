@@ -41,20 +41,22 @@ class ReusedFactorSolver:
         self._changed = np.zeros(0, dtype=np.int64)  # (p,) components
         self._columns = np.zeros((0, 0))  # (k, p) of the old matrix's inverse
 
-    def solve(self, matrix: csr_array, right: Array, refactor: bool) -> Array:
-        """The solutions for right sides (k,) or (k, r); `refactor` does not use old factors. Raises UnsettledError."""
-        rights = right.reshape(len(right), -1)
-        solution = None if refactor or self._old is None else self._solve_by_old_factors(matrix, rights)
+    def solve(self, matrix: csr_array, right_side: Array, force_new_factors: bool) -> Array:
+        """The solutions for right sides (k,) or (k, r); `force_new_factors`: use no old ones. Raises UnsettledError."""
+        rights = right_side.reshape(len(right_side), -1)
+        solution = (
+            None if force_new_factors or self._old is None else self._solve_with_old_factors_if_fast(matrix, rights)
+        )
         if solution is None:
-            self._old, self._inverse = matrix, _factor_without_warnings(matrix, self._symmetric)
-            self._changed, self._columns = np.zeros(0, dtype=np.int64), np.zeros((len(right), 0))
+            self._old, self._inverse = matrix, _factorize_without_warnings(matrix, self._symmetric)
+            self._changed, self._columns = np.zeros(0, dtype=np.int64), np.zeros((len(right_side), 0))
             solution = self._inverse(rights)
-        return solution.reshape(right.shape)
+        return solution.reshape(right_side.shape)
 
-    def _solve_by_old_factors(self, matrix: csr_array, right: Array) -> Array | None:
+    def _solve_with_old_factors_if_fast(self, matrix: csr_array, right: Array) -> Array | None:
         """The solutions; None if they take long."""
         difference = matrix - self._old
-        if not self._add_changed_columns(difference):
+        if not self._add_inverse_columns_if_few_changed(difference):
             return None
         changed_rows, inverse = self._changed, self._inverse
         assert inverse is not None
@@ -81,7 +83,7 @@ class ReusedFactorSolver:
                 return None
         return None
 
-    def _add_changed_columns(self, difference: csr_array) -> bool:
+    def _add_inverse_columns_if_few_changed(self, difference: csr_array) -> bool:
         """Add the columns of components that have changed; returns whether these are few."""
         assert self._old is not None
         assert self._inverse is not None
@@ -94,17 +96,17 @@ class ReusedFactorSolver:
             unit_columns = np.zeros((len(self._columns), len(new)), order="F")
             unit_columns[new, np.arange(len(new))] = 1.0
             self._changed = np.concatenate([self._changed, new])
-            self._columns = np.hstack([self._columns, solve_columns(self._inverse, unit_columns)])
+            self._columns = np.hstack([self._columns, solve_right_sides_in_blocks(self._inverse, unit_columns)])
         return True
 
 
-def solve_columns(inverse: Callable[[Array], Array], right: Array) -> Array:
+def solve_right_sides_in_blocks(solve: Callable[[Array], Array], right_sides: Array) -> Array:
     """The solutions for right sides (k, p), some at once."""
-    blocks = range(0, right.shape[1], BLOCK)
-    return np.hstack([right[:, :0], *(inverse(np.asfortranarray(right[:, k : k + BLOCK])) for k in blocks)])
+    blocks = range(0, right_sides.shape[1], BLOCK)
+    return np.hstack([right_sides[:, :0], *(solve(np.asfortranarray(right_sides[:, k : k + BLOCK])) for k in blocks)])
 
 
-def _factor_without_warnings(matrix: csr_array, symmetric: bool) -> Callable[[Array], Array]:
+def _factorize_without_warnings(matrix: csr_array, symmetric: bool) -> Callable[[Array], Array]:
     """The function that solves with a matrix; SuperLU's warnings are left out. Raises UnsettledError."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")

@@ -21,9 +21,9 @@ FEW = 200  # directed bonds that break at once, beyond which a closer look takes
 class LooseBodies(NamedTuple):
     """Bodies and nodes that can move freely, of n nodes."""
 
-    is_loose: NDArray[np.bool_]  # (n,) all that may
+    is_loose_node: NDArray[np.bool_]  # (n,) all that may
     description: str  # the largest of them in words: how many nodes, and where; empty where there is none
-    body_of_node: NDArray[np.int64]  # (n,) number of the body that a node belongs to
+    body_number_of_node: NDArray[np.int64]  # (n,) number of the body that a node belongs to
 
 
 def find_loose_bodies(
@@ -41,11 +41,14 @@ def find_loose_bodies(
     nodes = len(position)
     part = connected(nodes, source, target)
     size = np.bincount(part)
-    missing = _unsupported_bodies(position, part, size, constrained)
-    swinging = _nodes_with_collinear_bonds(position[target] - position[source], source, constrained) & ~missing[part]
-    is_loose = missing[part] | swinging
-    if not is_loose.any():
-        return LooseBodies(is_loose, "", part)
+    missing = _find_unsupported_bodies(position, part, size, constrained)
+    swinging = (
+        _find_nodes_with_collinear_or_coplanar_bonds(position[target] - position[source], source, constrained)
+        & ~missing[part]
+    )
+    is_loose_node = missing[part] | swinging
+    if not is_loose_node.any():
+        return LooseBodies(is_loose_node, "", part)
     if missing.any():
         number = int(np.flatnonzero(missing)[size[missing].argmax()])
         body_nodes = part == number
@@ -56,28 +59,28 @@ def find_loose_bodies(
         body_nodes, what, more = swinging, f"{int(swinging.sum())} nodes that bonds hold in one direction only", ""
     free = "turn" if missing.any() and constrained[body_nodes].any(axis=0).all() else "move"
     return LooseBodies(
-        is_loose,
-        f"{what} around {_centre_text(position[body_nodes])} (node {ids[body_nodes][0]}) can {free}{more}",
+        is_loose_node,
+        f"{what} around {_format_centre(position[body_nodes])} (node {ids[body_nodes][0]}) can {free}{more}",
         part,
     )
 
 
-def _centre_text(position: NDArray[np.float64]) -> str:
+def _format_centre(position: NDArray[np.float64]) -> str:
     """Centre of some places (k, d), in words."""
     return f"({', '.join(f'{value:.4g}' for value in position.mean(axis=0))}) m"
 
 
-def _rotation_modes(arm: NDArray[np.float64]) -> NDArray[np.float64]:
+def _rotation_modes(position_from_centre: NDArray[np.float64]) -> NDArray[np.float64]:
     """Displacements of places (n, d), relative to a centre, in a rotation about each axis (n, d, 1 in the plane or
     3)."""
-    if arm.shape[1] == 2:
-        return np.stack([-arm[:, 1], arm[:, 0]], axis=1)[:, :, None]
-    return np.stack([np.cross(axis, arm) for axis in np.eye(3)], axis=2)
+    if position_from_centre.shape[1] == 2:
+        return np.stack([-position_from_centre[:, 1], position_from_centre[:, 0]], axis=1)[:, :, None]
+    return np.stack([np.cross(axis, position_from_centre) for axis in np.eye(3)], axis=2)
 
 
-def _unsupported_bodies(
+def _find_unsupported_bodies(
     position: NDArray[np.float64],
-    body_of_node: NDArray[np.int64],
+    body_number_of_node: NDArray[np.int64],
     body_size: NDArray[np.int64],
     constrained: NDArray[np.bool_],
 ) -> NDArray[np.bool_]:
@@ -88,36 +91,43 @@ def _unsupported_bodies(
     """
     count, supported = len(body_size), constrained.any(axis=1)
     rows = (
-        supported | ~np.bincount(body_of_node, supported, count).astype(bool)[body_of_node]
+        supported | ~np.bincount(body_number_of_node, supported, count).astype(bool)[body_number_of_node]
     )  # all nodes where none is supported
-    inside = np.maximum(np.bincount(body_of_node[rows], minlength=count), 1)
-    centre = np.stack([np.bincount(body_of_node[rows], column[rows], count) / inside for column in position.T], axis=1)
-    arm = position - centre[body_of_node]
+    inside = np.maximum(np.bincount(body_number_of_node[rows], minlength=count), 1)
+    centre = np.stack(
+        [np.bincount(body_number_of_node[rows], column[rows], count) / inside for column in position.T], axis=1
+    )
+    arm = position - centre[body_number_of_node]
     square = (arm**2).sum(axis=1)
-    extent, reach = (np.sqrt(np.bincount(body_of_node, square * mask, count) / inside) for mask in (rows, True))
+    extent, reach = (np.sqrt(np.bincount(body_number_of_node, square * mask, count) / inside) for mask in (rows, True))
     scale = np.where(extent > 0, extent, np.where(reach > 0, reach, 1.0))
-    arm = arm / scale[body_of_node][:, None]
+    arm = arm / scale[body_number_of_node][:, None]
     n, d = arm.shape
     modes = np.concatenate(
         [np.broadcast_to(np.eye(d), (n, d, d)), _rotation_modes(arm)], axis=2
     )  # translations, rotations
-    resistance = _gram_matrices(modes, constrained, body_of_node, count)
-    free = _singular_matrices(resistance)
+    resistance = _gram_matrices_of_bodies(modes, constrained, body_number_of_node, count)
+    free = _are_singular(resistance)
     if free.any():  # unless the motion moves nothing: a turn of one node, or of a row of nodes about itself
         values, vectors = np.linalg.eigh(
-            _gram_matrices(modes, free[body_of_node][:, None] & np.ones_like(constrained), body_of_node, count)
+            _gram_matrices_of_bodies(
+                modes, free[body_number_of_node][:, None] & np.ones_like(constrained), body_number_of_node, count
+            )
         )
         still = vectors * (values <= FIXED * values[:, -1:])[:, None, :]
-        free &= _singular_matrices(resistance + still @ still.transpose(0, 2, 1))
+        free &= _are_singular(resistance + still @ still.transpose(0, 2, 1))
     return free
 
 
-def _gram_matrices(
-    modes: NDArray[np.float64], counted: NDArray[np.bool_], body_of_node: NDArray[np.int64], body_count: int
+def _gram_matrices_of_bodies(
+    modes: NDArray[np.float64],
+    is_counted_component: NDArray[np.bool_],
+    body_number_of_node: NDArray[np.int64],
+    body_count: int,
 ) -> NDArray[np.float64]:
-    """Products (count, m, m) of the modes (n, d, m) of each body, summed over the `counted` (n, d) components."""
-    rows = counted.any(axis=1)
-    body_of_row, row_modes = body_of_node[rows], modes[rows] * counted[rows][:, :, None]
+    """Products (count, m, m) of the modes (n, d, m) of each body, summed over the counted components."""
+    rows = is_counted_component.any(axis=1)
+    body_of_row, row_modes = body_number_of_node[rows], modes[rows] * is_counted_component[rows][:, :, None]
     products = np.empty((body_count, modes.shape[2], modes.shape[2]))
     for a, b in combinations_with_replacement(range(modes.shape[2]), 2):
         products[:, a, b] = products[:, b, a] = np.bincount(
@@ -126,13 +136,13 @@ def _gram_matrices(
     return products
 
 
-def _singular_matrices(gram: NDArray[np.float64]) -> NDArray[np.bool_]:
+def _are_singular(gram: NDArray[np.float64]) -> NDArray[np.bool_]:
     """Mask (p,) of matrices (p, m, m), symmetric and not negative, that are singular but for round-off."""
     values = np.linalg.eigvalsh(gram)
     return np.asarray(values[:, 0] <= FIXED * np.maximum(values[:, -1], 1e-300))
 
 
-def _nodes_with_collinear_bonds(
+def _find_nodes_with_collinear_or_coplanar_bonds(
     xi: NDArray[np.float64], source: NDArray[np.int64], constrained: NDArray[np.bool_]
 ) -> NDArray[np.bool_]:
     """Mask (n,) of free nodes with all their bonds xi (b, d) in one line, in space in one plane."""
@@ -157,18 +167,18 @@ def describe_unbalanced_body(
     position: NDArray[np.float64], force: NDArray[np.float64], loose_bodies: LooseBodies
 ) -> str:
     """The first loose body whose forces (n, 2), N/m, have a resultant or a moment, in words; "" if all balance."""
-    for number in np.unique(loose_bodies.body_of_node[loose_bodies.is_loose]).tolist():
-        body_nodes = loose_bodies.body_of_node == number
+    for number in np.unique(loose_bodies.body_number_of_node[loose_bodies.is_loose_node]).tolist():
+        body_nodes = loose_bodies.body_number_of_node == number
         arm = position[body_nodes] - position[body_nodes].mean(axis=0)
         push, reach = force[body_nodes], float(np.sqrt((arm**2).sum(axis=1).max()))
         moment = float(np.abs(np.einsum("nij,ni->j", _rotation_modes(arm), push)).max())
         most = float(np.abs(push).sum())
         if np.abs(push.sum(axis=0)).max() > BALANCED * most or moment > BALANCED * most * reach:
-            return f"a body of {int(body_nodes.sum())} nodes around {_centre_text(position[body_nodes])}"
+            return f"a body of {int(body_nodes.sum())} nodes around {_format_centre(position[body_nodes])}"
     return ""
 
 
-class SupportedBonds:
+class SupportChecker:
     """Bonds (b,) of bodies that are supported, of which some break: those without which they surely stay so.
 
     A bond between nodes that are both joined to a third one parts no body, and a node whose other bonds resist in all
@@ -183,7 +193,7 @@ class SupportedBonds:
         self._source, self._target = bonds
         self._start = np.searchsorted(self._source, np.arange(len(position) + 1))
 
-    def update_if_supported(self, intact: NDArray[np.bool_]) -> bool:
+    def accept_if_surely_supported(self, intact: NDArray[np.bool_]) -> bool:
         """Whether bodies are surely supported with these `intact` (b,), as with those before; if not, or where that
         takes a closer look, nothing changes."""
         broken = np.flatnonzero(self._intact & ~intact)
@@ -201,7 +211,7 @@ class SupportedBonds:
             np.repeat(np.arange(len(rows)), [len(row_numbers) for row_numbers in intact_numbers]),
         )
         xi = self._position[self._target[numbers]] - self._position[self._source[numbers]]
-        if _nodes_with_collinear_bonds(xi, row_of_bond, self._held[rows]).any():
+        if _find_nodes_with_collinear_or_coplanar_bonds(xi, row_of_bond, self._held[rows]).any():
             return False
         self._intact = intact
         return True

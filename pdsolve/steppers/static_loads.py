@@ -33,10 +33,10 @@ def model_with_load_steps(model: Model, precision: str) -> Model:
     if run.fatigue is not None:
         changed = msgspec.structs.replace(run, time_step=1.0, ledger=1)
         stepped_model = dataclasses.replace(model, settings=msgspec.structs.replace(model.settings, run=changed))
-        _refuse_contradictory_or_missing_loads(stepped_model, [1.0])
+        _raise_for_contradictory_holds_or_missing_loads(stepped_model, [1.0])
         return stepped_model
-    end = max((time for c in _no_fail_conditions(model) for time, _ in c.profile), default=0.0)
-    varies = end > 0 and any(len(c.profile) > 1 for c in _no_fail_conditions(model))
+    end = max((time for c in _mechanical_conditions(model) for time, _ in c.profile), default=0.0)
+    varies = end > 0 and any(len(c.profile) > 1 for c in _mechanical_conditions(model))
     steps = run.static.load_steps or (STEPS if varies else 1)
     if not varies and steps > 1:
         raise ModelError(
@@ -46,7 +46,7 @@ def model_with_load_steps(model: Model, precision: str) -> Model:
     step = (end if varies else 1.0) / steps
     changed = msgspec.structs.replace(run, time_step=step, steps=steps, every=1, ledger=1)
     stepped_model = dataclasses.replace(model, settings=msgspec.structs.replace(model.settings, run=changed))
-    _refuse_contradictory_or_missing_loads(stepped_model, [number * step for number in range(1, steps + 1)])
+    _raise_for_contradictory_holds_or_missing_loads(stepped_model, [number * step for number in range(1, steps + 1)])
     return stepped_model
 
 
@@ -68,8 +68,8 @@ def follows_arc_length(model: Model) -> bool:
 def _model_with_path_steps(model: Model) -> Model:
     """The model in steps of 1 s along its path; its profiles go from 0 to 1 s. Raises ModelError."""
     run = model.settings.run
-    varies = any(len(condition.profile) > 1 for condition in _no_fail_conditions(model))
-    end = max((time for condition in _no_fail_conditions(model) for time, _ in condition.profile), default=0.0)
+    varies = any(len(condition.profile) > 1 for condition in _mechanical_conditions(model))
+    end = max((time for condition in _mechanical_conditions(model) for time, _ in condition.profile), default=0.0)
     conditions = []
     for number, condition in enumerate(model.settings.conditions):
         if not isinstance(condition, Condition) or (varies and len(condition.profile) < 2):
@@ -91,11 +91,11 @@ def _model_with_path_steps(model: Model) -> Model:
     changed = msgspec.structs.replace(run, time_step=1.0, steps=steps, every=1, ledger=1)
     settings = msgspec.structs.replace(model.settings, run=changed, conditions=tuple(conditions))
     stepped_model = dataclasses.replace(model, settings=settings)
-    _refuse_contradictory_or_missing_loads(stepped_model, [1.0])
+    _raise_for_contradictory_holds_or_missing_loads(stepped_model, [1.0])
     return stepped_model
 
 
-def model_with_content_steps(model: Model, precision: str) -> Model:
+def model_at_rest_after_each_content_step(model: Model, precision: str) -> Model:
     """The model at rest after each time step of a content that swells it. Raises ModelError for an unsupported one."""
     run = model.settings.run
     if precision != "float64":
@@ -107,17 +107,19 @@ def model_with_content_steps(model: Model, precision: str) -> Model:
     rests = msgspec.structs.replace(timed, run=every_step)
     stepped_model = dataclasses.replace(model, settings=rests)
     steps = stepped_model.settings.run.steps
-    _refuse_contradictory_or_missing_loads(
+    _raise_for_contradictory_holds_or_missing_loads(
         stepped_model, [number * run.time_step for number in range(1, steps + 1)], load_is_needed=False
     )
     return stepped_model
 
 
-def _no_fail_conditions(model: Model) -> list[Condition]:
+def _mechanical_conditions(model: Model) -> list[Condition]:
     return [condition for condition in model.settings.conditions if isinstance(condition, Condition)]
 
 
-def _refuse_contradictory_or_missing_loads(model: Model, times: list[float], load_is_needed: bool = True) -> None:
+def _raise_for_contradictory_holds_or_missing_loads(
+    model: Model, times: list[float], load_is_needed: bool = True
+) -> None:
     """Raise ModelError for contradictory holds at these times, s, and without an effect, if one is `load_is_needed`."""
     loads = False
     holds: dict[tuple[int, str], tuple[int, list[float]]] = {}

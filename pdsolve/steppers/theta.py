@@ -39,7 +39,7 @@ class ThetaSteps:
         self._factors: Solve | None = None
         self._out = np.zeros(len(self._free))
 
-    def refactor(self) -> None:
+    def discard_factors(self) -> None:
         """Factor the equations anew, as the operator has changed."""
         self._factors = None
 
@@ -50,17 +50,17 @@ class ThetaSteps:
         for step in range(first, last):
             before = content.copy()
             put_loads(drive, (step - 1) * dt)
-            rate = self._book_and_return_rates(state, before, 1 - theta, step)
+            rate = self._compute_rates_and_book_flows(state, before, 1 - theta, step)
             fixed = before + dt * (1 - theta) * (rate + source)
             put_loads(drive, step * dt)
             fixed += dt * theta * source
             prescribe_values(drive, content, step * dt)
             end_content = self._solve_end_content(state, fixed, step)
-            rate = self._book_and_return_rates(state, end_content, theta, step)
+            rate = self._compute_rates_and_book_flows(state, end_content, theta, step)
             content[free] = (fixed + dt * theta * rate)[free]
             state.rate[:, 0] = (content - before) / dt
 
-    def _book_and_return_rates(
+    def _compute_rates_and_book_flows(
         self, state: State, content: NDArray[np.float64], step_share: float, step: int
     ) -> NDArray[np.float64]:
         """Rates (n,) at these contents (n,), of which a share of the step is booked, and so are the sources."""
@@ -84,7 +84,7 @@ class ThetaSteps:
             follows = free & operator.follows(content)
             residual = right_side - content + weight * self._rates_of_potential(operator.potential(content))
             residual[~free] = 0
-            change = np.where(follows, self._solve_linear(state, follows, residual), residual)
+            change = np.where(follows, self._solve_linear_content_change(state, follows, residual), residual)
             if not np.array_equal(follows, free):
                 along = weight * self._rates_of_potential(np.where(follows, change, 0.0))
                 change += np.where(free & ~follows, along, 0.0)
@@ -95,12 +95,12 @@ class ThetaSteps:
             f"step {step}: Newton's method did not end in {ITERATIONS} iterations; use a smaller time step"
         )
 
-    def _solve_linear(
-        self, state: State, potential_follows: NDArray[np.bool_], right: NDArray[np.float64]
+    def _solve_linear_content_change(
+        self, state: State, potential_follows: NDArray[np.bool_], right_side: NDArray[np.float64]
     ) -> NDArray[np.float64]:
-        """Change (n,) of the nodes whose potential follows for the right-hand side `right` (n,), 0 elsewhere."""
+        """Change (n,) of the nodes whose potential follows for the right-hand side `right_side` (n,), 0 elsewhere."""
         volume, weight = self._operator.volume, self._dt * self._theta
-        right = np.where(potential_follows, volume * right, 0.0)
+        right_side = np.where(potential_follows, volume * right_side, 0.0)
         if self._factored:
             if self._factors is None:  # for the free nodes, reused for all steps
                 from scipy.sparse import diags_array
@@ -108,30 +108,32 @@ class ThetaSteps:
                 all_volumes, keep = diags_array(volume), diags_array(self._free.astype(float))
                 tangent = self._operator.tangent(state)
                 self._factors = factorize(all_volumes + weight * (keep @ all_volumes @ tangent @ keep))
-            return self._factors(right)
+            return self._factors(right_side)
 
-        def product(change: NDArray[np.float64]) -> NDArray[np.float64]:
+        def multiply_by_matrix(change: NDArray[np.float64]) -> NDArray[np.float64]:
             return np.where(potential_follows, volume * (change - weight * self._rates_of_potential(change)), 0.0)
 
-        return conjugate_gradients(product, right, volume * (1 + weight * self._operator.stiffness_bound() / 2))
+        return solve_by_conjugate_gradients(
+            multiply_by_matrix, right_side, volume * (1 + weight * self._operator.stiffness_bound() / 2)
+        )
 
 
-def conjugate_gradients(
-    product: Solve, right: NDArray[np.float64], diagonal: NDArray[np.float64]
+def solve_by_conjugate_gradients(
+    multiply_by_matrix: Solve, right_side: NDArray[np.float64], diagonal: NDArray[np.float64]
 ) -> NDArray[np.float64]:
-    """Solution of `product` x = `right` (n,) by conjugate gradients, for a symmetric positive definite `product`.
+    """Solution x (n,) of A x = `right_side` by conjugate gradients, for a symmetric positive definite A.
 
-    `diagonal` (n,) is its diagonal. Sums are numpy's, not those of a threaded library, so that results are reproducible
+    `diagonal` (n,) is that of A. Sums are numpy's, not those of a threaded library, so that results are reproducible
     to the bit. Raises UnstableError.
     """
-    solution, residual = np.zeros_like(right), right.copy()
+    solution, residual = np.zeros_like(right_side), right_side.copy()
     ahead = residual / diagonal
     along, gain = ahead.copy(), float((residual * ahead).sum())
-    aim = TOLERANCE * float((right * right).sum()) ** 0.5
+    aim = TOLERANCE * float((right_side * right_side).sum()) ** 0.5
     for _ in range(MOST):
         if float((residual * residual).sum()) ** 0.5 <= aim:
             return solution
-        image = product(along)
+        image = multiply_by_matrix(along)
         way = gain / float((along * image).sum())
         solution += way * along
         residual -= way * image

@@ -15,7 +15,11 @@ from pdsolve.conditions import Drive, apply_loads, constrained_components
 from pdsolve.operators.protocol import Operator
 from pdsolve.state import State
 from pdsolve.steppers.ghosts import Ghosts
-from pdsolve.steppers.holds import accelerate_held_component, damp_component, prescribe_component
+from pdsolve.steppers.holds import (
+    accelerate_held_component_and_book_work,
+    damp_component_and_return_energy,
+    prescribe_held_component,
+)
 
 
 class Verlet:
@@ -45,22 +49,22 @@ class Verlet:
         # forces take the place of the accelerations that they become, where those are as precise
         out = state.second if state.second.dtype == np.float64 else np.zeros(state.value.shape)
         for step in range(first, last):
-            _kick_and_drift(state, drive, dt, step * dt)
+            _kick_drift_and_apply_conditions(state, drive, dt, step * dt)
             if self._ghosts is not None:
-                self._ghosts.fill(state.value.T)
-                self._ghosts.fill(state.rate.T)  # with which some operators know where nodes were a step ago
+                self._ghosts.receive_values(state.value.T)
+                self._ghosts.receive_values(state.rate.T)  # with which some operators know where nodes were a step ago
             before = None if self._damping is None else state.rate - dt / 2 * state.second
             out[:] = 0
             self._operator.accumulate_force(state, out, step, dt)
             if before is not None:
-                _accelerate_and_kick(state, drive, out, self._rho, dt, step * dt)
-                _damp_step(state, before, self._rho, self._held, self._damping, dt)
+                _accelerate_kick_and_book_work(state, drive, out, self._rho, dt, step * dt)
+                _damp_step_and_book_energy(state, before, self._rho, self._held, self._damping, dt)
             else:
-                _accelerate_and_kick(state, drive, out, self._rho, dt, step * dt)
+                _accelerate_kick_and_book_work(state, drive, out, self._rho, dt, step * dt)
 
 
 @cached_njit(error_model="numpy")
-def _kick_and_drift(state, drive, dt, time):  # type: ignore[no-untyped-def]
+def _kick_drift_and_apply_conditions(state, drive, dt, time):  # type: ignore[no-untyped-def]
     """Half a kick and the drift to the displacements at `time`, s."""
     u, v, a = state.value, state.rate, state.second
     for i in range(len(u)):
@@ -68,36 +72,38 @@ def _kick_and_drift(state, drive, dt, time):  # type: ignore[no-untyped-def]
             v[i, axis] += dt / 2 * a[i, axis]
             u[i, axis] += dt * v[i, axis]
     for e in range(len(drive.holds.node)):
-        prescribe_component(u, v, a, drive.holds, drive.profiles, drive.held_speed, e, dt, time)
+        prescribe_held_component(u, v, a, drive.holds, drive.profiles, drive.held_speed, e, dt, time)
     if drive.varies:
         apply_loads(drive, time)
 
 
 @cached_njit(error_model="numpy")
-def _accelerate_and_kick(state, drive, out, rho, dt, time):  # type: ignore[no-untyped-def]
-    """From force densities `out` (n, w), N/m^3, to accelerations, and the second half of the kick."""
+def _accelerate_kick_and_book_work(state, drive, force_density, rho, dt, time):  # type: ignore[no-untyped-def]
+    """From `force_density` (n, w), N/m^3, to accelerations, and the second half of the kick."""
     v, a, work, load, before = state.rate, state.second, state.work, drive.force, drive.before
     for i in range(len(a)):
         for axis in range(a.shape[1]):
-            a[i, axis] = (out[i, axis] + load[i, axis]) / rho[i]
+            a[i, axis] = (force_density[i, axis] + load[i, axis]) / rho[i]
         for axis in range(a.shape[1]):
             work[i] += (before[i, axis] + load[i, axis]) / 2 * (dt * v[i, axis])
     for e in range(len(drive.holds.node)):
         speed, force = drive.held_speed, drive.held_force
-        accelerate_held_component(v, a, rho, work, drive.holds, drive.profiles, speed, force, e, dt, time)
+        accelerate_held_component_and_book_work(v, a, rho, work, drive.holds, drive.profiles, speed, force, e, dt, time)
     for i in range(len(a)):
         for axis in range(a.shape[1]):
             v[i, axis] += dt / 2 * a[i, axis]
 
 
 @cached_njit(error_model="numpy")
-def _damp_step(state, before, rho, constrained, damping, dt):  # type: ignore[no-untyped-def]
+def _damp_step_and_book_energy(state, previous_velocity, rho, constrained, damping, dt):  # type: ignore[no-untyped-def]
     """Damp the end of a step with c (n,), 1/s, as its beginning, and book the energy taken.
 
-    `before` (n, w) are the velocities one step ago.
+    `previous_velocity` (n, w) are the velocities one step ago.
     """
     v, a = state.rate, state.second
     for i in range(len(v)):
         for axis in range(v.shape[1]):
             if not constrained[i, axis]:
-                state.damped[i] += damp_component(v, a, before, rho, damping[i], i, axis, dt)
+                state.damped[i] += damp_component_and_return_energy(
+                    v, a, previous_velocity, rho, damping[i], i, axis, dt
+                )

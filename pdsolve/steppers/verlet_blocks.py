@@ -26,7 +26,7 @@ from pdsolve.operators.simd_lattice.layout import aligned
 from pdsolve.operators.simd_lattice.operator import SimdLattice
 from pdsolve.state import State
 from pdsolve.steppers.ghosts import Ghosts
-from pdsolve.steppers.holds import accelerate_held_component, prescribe_component
+from pdsolve.steppers.holds import accelerate_held_component_and_book_work, prescribe_held_component
 
 
 class BlockMotion(NamedTuple):
@@ -37,13 +37,13 @@ class BlockMotion(NamedTuple):
     rho: NDArray[np.floating]  # (m,) kg/m^3
     inverse_rho: NDArray[np.floating]  # (m,) 1 / rho
     has_loads: NDArray[np.bool_]  # (blocks,) whether a load acts on the block
-    has_only_bonds: NDArray[np.bool_]  # (blocks,) whether neither a load nor a hold does
-    held_entries: NDArray[np.int64]  # (holds,) the held components in the order of their blocks
-    first_held_of_block: NDArray[np.int64]  # (blocks + 1,) those of a block
-    block_order: NDArray[np.int64]  # (own blocks,) the order in which blocks are shared out to threads
+    is_without_loads_and_holds: NDArray[np.bool_]  # (blocks,) whether only bonds and contact act on the block
+    held_entries_by_block: NDArray[np.int64]  # (holds,) the held components in the order of their blocks
+    first_held_entry_of_block: NDArray[np.int64]  # (blocks + 1,) those of a block
+    block_order_for_threads: NDArray[np.int64]  # (own blocks,) the order in which blocks are shared out to threads
     contact_force: NDArray[np.float64]  # (2, m) force density of contact now, N/m^3
-    has_contact: NDArray[np.bool_]  # (blocks,) whether contact may act on the block
-    stop_sweep: NDArray[np.int64]  # (1,) the sweep to go on with
+    may_have_contact: NDArray[np.bool_]  # (blocks,) whether contact may act on the block
+    next_sweep: NDArray[np.int64]  # (1,) the sweep to go on with
 
 
 class VerletBlocks:
@@ -64,7 +64,7 @@ class VerletBlocks:
         hold_order, loaded = np.argsort(block, kind="stable"), np.zeros(count, dtype=np.bool_)
         loaded[drive.loads.node // LANES] = True
         held_start = np.searchsorted(block[hold_order], np.arange(count + 1))
-        block_range = (0, count) if ghosts is None else ghosts.blocks
+        block_range = (0, count) if ghosts is None else ghosts.own_block_range
         # Equal parts of the blocks, one a thread, are to be equal work: blocks at an interface between spacings cost
         # more than others, so that each part takes groups from everywhere
         moving = block_range[1] - block_range[0]
@@ -79,13 +79,13 @@ class VerletBlocks:
             rho=_pad_to_blocks(rho, count, 1.0),
             inverse_rho=_pad_to_blocks(1 / rho, count, 1.0),
             has_loads=loaded,
-            has_only_bonds=~loaded & (np.diff(held_start) == 0),
-            held_entries=hold_order,
-            first_held_of_block=held_start,
-            block_order=turns,
+            is_without_loads_and_holds=~loaded & (np.diff(held_start) == 0),
+            held_entries_by_block=hold_order,
+            first_held_entry_of_block=held_start,
+            block_order_for_threads=turns,
             contact_force=np.zeros((2, LANES * count if contact is not None else 0)),
-            has_contact=np.zeros(count, dtype=np.bool_),
-            stop_sweep=np.zeros(1, dtype=np.int64),
+            may_have_contact=np.zeros(count, dtype=np.bool_),
+            next_sweep=np.zeros(1, dtype=np.int64),
         )
         nodes = len(rho)
         self.drive = drive._replace(
@@ -100,17 +100,19 @@ class VerletBlocks:
             if self._contact is not None:
                 lasts = 1
                 if sweep > 0:
-                    lasts, pushes = self._update_contact(self._contact, state, first + sweep - 1, sweep)
+                    lasts, pushes = self._update_contact_forces(self._contact, state, first + sweep - 1, sweep)
                 sweep_count = min(sweep_count, lasts)
-            sweep = self._sweep_blocks(first, last, sweep, sweep + sweep_count, pushes)
+            sweep = self._sweep_blocks_in_threads(first, last, sweep, sweep + sweep_count, pushes)
             if self._ghosts is not None and sweep < ends:
-                self._ghosts.fill(self._operator.tracks.u[sweep % 3])
+                self._ghosts.receive_values(self._operator.tracks.u[sweep % 3])
 
-    def _sweep_blocks(self, first: int, last: int, begin: int, end: int, pushes: Pushes | None) -> int:
-        """Sweep the blocks for `begin` to `end` - 1 of the steps `first` to `last` - 1, less if pairs are to be found;
-        returns the sweep to go on with."""
+    def _sweep_blocks_in_threads(
+        self, first_step: int, end_step: int, first_sweep: int, end_sweep: int, pushes: Pushes | None
+    ) -> int:
+        """Do the sweeps `first_sweep` to `end_sweep` - 1 of these steps, fewer if pairs are to be found; returns the
+        sweep to go on with."""
         operator, block_motion, gate = self._operator, self._course, gate_of(self._threads)
-        block_motion.stop_sweep[0] = end
+        block_motion.next_sweep[0] = end_sweep
         arguments = (
             operator.blocks,
             operator.tracks,
@@ -118,15 +120,15 @@ class VerletBlocks:
             self.drive,
             pushes,
             self._dt,
-            first,
-            last,
-            begin,
-            end,
+            first_step,
+            end_step,
+            first_sweep,
+            end_sweep,
         )
-        side_by_side(lambda thread: advance_blocks(*arguments, thread, gate), self._threads)
-        return int(block_motion.stop_sweep[0])
+        side_by_side(lambda thread: advance_blocks_of_thread(*arguments, thread, gate), self._threads)
+        return int(block_motion.next_sweep[0])
 
-    def _update_contact(
+    def _update_contact_forces(
         self, contact: PenaltyContact, state: State, step: int, sweep: int
     ) -> tuple[int, Pushes | None]:
         """Set the forces of contact in a step, with the displacements of the sweep `sweep`; returns for how many steps
@@ -135,7 +137,9 @@ class VerletBlocks:
         now = state._replace(value=self._operator.tracks.u[sweep % 3][:, :nodes].T)
         free = contact.free_steps(now, step, self._dt)
         rows = contact.rows if free == 0 else self._rows[:0]
-        _clear_contact_forces(block_motion.contact_force, block_motion.has_contact, self._rows, rows)
+        _clear_contact_forces_and_mark_blocks(
+            block_motion.contact_force, block_motion.may_have_contact, self._rows, rows
+        )
         self._rows = rows
         if free > 0:
             return free, None
@@ -152,109 +156,128 @@ def _pad_to_blocks(values: NDArray[Any], block_count: int, padding: float = 0.0)
 
 
 @cached_njit(nogil=True, error_model="numpy")
-def advance_blocks(blocks, tracks, block_motion, drive, pushes, dt, first, last, begin, end, thread, gate):  # type: ignore[no-untyped-def]
-    """Take the steps `first` to `last` - 1; `tracks.u[0]` are the displacements before and after.
+def advance_blocks_of_thread(  # type: ignore[no-untyped-def]
+    blocks, tracks, block_motion, drive, pushes, dt, first_step, end_step, first_sweep, end_sweep, thread, gate
+):
+    """Take the steps `first_step` to `end_step` - 1; `tracks.u[0]` are the displacements before and after.
 
-    A sequence of s steps has s + 1 sweeps, of which those from `begin` to `block_motion.stop_sweep` - 1 are done. All
-    threads call this together, each with a share of the blocks, and `meet` once a step, twice with `pushes` (None:
+    A sequence of s steps has s + 1 sweeps, of which those from `first_sweep` to `block_motion.next_sweep` - 1 are done.
+    All threads call this together, each with a share of the blocks, and `meet` once a step, twice with `pushes` (None:
     none change).
     """
-    u, steps, count = tracks.u, last - first, len(block_motion.block_order)
+    u, steps, count = tracks.u, end_step - first_step, len(block_motion.block_order_for_threads)
     first_turn, end_turn, scratch = (
         count * thread // gate.threads,
         count * (thread + 1) // gate.threads,
         blocks.scratch[thread],
     )
-    for sweep in range(begin, end):
-        if pushes is not None and sweep > begin:
+    for sweep in range(first_sweep, end_sweep):
+        if pushes is not None and sweep > first_sweep:
             if thread == 0 and not push_anew(pushes, u[sweep % 3].T, block_motion.contact_force.T):
-                block_motion.stop_sweep[0] = sweep
+                block_motion.next_sweep[0] = sweep
             meet(gate)
-            if block_motion.stop_sweep[0] == sweep:
+            if block_motion.next_sweep[0] == sweep:
                 return
         if sweep > 0 and drive.varies:
             if thread == 0:
-                apply_loads(drive, (first + sweep - 1) * dt)
+                apply_loads(drive, (first_step + sweep - 1) * dt)
             meet(gate)
-        before, now, after = u[(sweep + 2) % 3], u[sweep % 3], u[(sweep + 1) % 3]
+        previous_u, current_u, next_u = u[(sweep + 2) % 3], u[sweep % 3], u[(sweep + 1) % 3]
         for turn in range(first_turn, end_turn):
-            block, step, starts, ends = block_motion.block_order[turn], first + sweep - 1, sweep == 0, sweep == steps
-            if not starts and not ends and block_motion.has_only_bonds[block]:
-                _advance_block_without_loads(blocks, tracks, block_motion, now, before, after, dt, step, block, scratch)
+            block = block_motion.block_order_for_threads[turn]
+            step = first_step + sweep - 1
+            starts = sweep == 0
+            ends = sweep == steps
+            if not starts and not ends and block_motion.is_without_loads_and_holds[block]:
+                _advance_block_without_loads(
+                    blocks, tracks, block_motion, current_u, previous_u, next_u, dt, step, block, scratch
+                )
             else:
-                _advance_block(
-                    blocks, tracks, block_motion, drive, now, before, after, dt, step, starts, ends, block, scratch
+                _advance_block_with_loads(
+                    blocks,
+                    tracks,
+                    block_motion,
+                    drive,
+                    current_u,
+                    previous_u,
+                    next_u,
+                    dt,
+                    step,
+                    starts,
+                    ends,
+                    block,
+                    scratch,
                 )
         meet(gate)
-    if thread == 0 and end == steps + 1 and steps % 3 != 0:
-        _copy_displacements(u, steps % 3)
+    if thread == 0 and end_sweep == steps + 1 and steps % 3 != 0:
+        _copy_displacements_to_first_buffer(u, steps % 3)
 
 
 @cached_njit(error_model="numpy")
-def _clear_contact_forces(contact_force, has_contact, previous_rows, rows):  # type: ignore[no-untyped-def]
+def _clear_contact_forces_and_mark_blocks(contact_force, may_have_contact, previous_rows, rows):  # type: ignore[no-untyped-def]
     """Clear the forces of contact on the rows `previous_rows`, and set the mask of the blocks of `rows`."""
-    has_contact[:] = False
+    may_have_contact[:] = False
     for i in previous_rows:
         contact_force[0, i] = contact_force[1, i] = 0.0
     for i in rows:
-        has_contact[i // LANES] = True
+        may_have_contact[i // LANES] = True
 
 
 @njit(forceinline=True, **INNER)
-def _advance_block_without_loads(blocks, tracks, block_motion, u, before, after, dt, step, block, scratch):  # type: ignore[no-untyped-def]
+def _advance_block_without_loads(blocks, tracks, block_motion, u, previous_u, next_u, dt, step, block, scratch):  # type: ignore[no-untyped-def]
     """End `step` for `block`, on which only bonds and contact act, and go on to the next one."""
     full_step, half, lightness = u.dtype.type(dt), u.dtype.type(dt / 2), block_motion.inverse_rho
     for lane in range(0, LANES, across(scratch)):
-        sum_lanes(blocks, tracks, u, before, step, block, lane, scratch)
-        if block_motion.has_contact[block]:
+        sum_lanes(blocks, tracks, u, previous_u, step, block, lane, scratch)
+        if block_motion.may_have_contact[block]:
             for k in range(across(scratch)):
                 scratch[k] += block_motion.contact_force[0, block * LANES + lane + k]
                 scratch[ROW + k] += block_motion.contact_force[1, block * LANES + lane + k]
-        kick_and_drift(u, after, tracks.v, lightness, full_step, half, block * LANES + lane, scratch)
+        kick_and_drift(u, next_u, tracks.v, lightness, full_step, half, block * LANES + lane, scratch)
 
 
 @njit(forceinline=True, **INNER)
-def _advance_block(  # type: ignore[no-untyped-def]
-    blocks, tracks, block_motion, drive, u, before, after, dt, step, ends_no_step, begins_no_step, block, scratch
+def _advance_block_with_loads(  # type: ignore[no-untyped-def]
+    blocks, tracks, block_motion, drive, u, previous_u, next_u, dt, step, is_first_sweep, is_last_sweep, block, scratch
 ):
     """End `step` for `block`, unless a sequence starts, and go on to the next one, unless it ends."""
-    if ends_no_step:
-        _read_acceleration(tracks.a, scratch, block)
+    if is_first_sweep:
+        _copy_accelerations_to_scratch(tracks.a, scratch, block)
     else:
         for lane in range(0, LANES, across(scratch)):
-            sum_lanes(blocks, tracks, u, before, step, block, lane, scratch)
+            sum_lanes(blocks, tracks, u, previous_u, step, block, lane, scratch)
             for k in range(across(scratch)):
                 scratch[FX + lane + k], scratch[FY + lane + k] = scratch[k], scratch[ROW + k]
-        if block_motion.has_contact[block]:
+        if block_motion.may_have_contact[block]:
             _add_contact_forces(block_motion.contact_force, scratch, block)
         if block_motion.has_loads[block]:
-            _add_loads(
+            _add_loads_and_book_work(
                 block_motion.body_force, block_motion.previous_body_force, tracks.v, tracks.work, scratch, dt, block
             )
         _forces_to_accelerations(block_motion.inverse_rho, scratch, block)
-        _store_acceleration(tracks.a, scratch, block)
+        _copy_accelerations_from_scratch(tracks.a, scratch, block)
         _accelerate_held_components(tracks, block_motion, drive, dt, step * dt, block)
-        _read_acceleration(tracks.a, scratch, block)
-        _kick_lanes(tracks.v, scratch, dt, block)
-    if not begins_no_step:
-        _kick_lanes(tracks.v, scratch, dt, block)
-        _drift_lanes(tracks.v, u, after, dt, block)
-        _prescribe_held_components(tracks, block_motion, drive, after, dt, (step + 1) * dt, block)
+        _copy_accelerations_to_scratch(tracks.a, scratch, block)
+        _half_kick_block(tracks.v, scratch, dt, block)
+    if not is_last_sweep:
+        _half_kick_block(tracks.v, scratch, dt, block)
+        _drift_block(tracks.v, u, next_u, dt, block)
+        _prescribe_held_components(tracks, block_motion, drive, next_u, dt, (step + 1) * dt, block)
 
 
 @njit(**INNER)
-def _copy_displacements(u, last):  # type: ignore[no-untyped-def]
+def _copy_displacements_to_first_buffer(u_buffers, last_buffer):  # type: ignore[no-untyped-def]
     for axis in range(2):
-        for i in range(u.shape[2]):
-            u[0, axis, i] = u[last, axis, i]
+        for i in range(u_buffers.shape[2]):
+            u_buffers[0, axis, i] = u_buffers[last_buffer, axis, i]
 
 
 @njit(**INNER)
 def _accelerate_held_components(tracks, block_motion, drive, dt, time, block):  # type: ignore[no-untyped-def]
     v, a, speed, force = tracks.v.T, tracks.a.T, drive.held_speed, drive.held_force
-    for k in range(block_motion.first_held_of_block[block], block_motion.first_held_of_block[block + 1]):
-        e = block_motion.held_entries[k]
-        accelerate_held_component(
+    for k in range(block_motion.first_held_entry_of_block[block], block_motion.first_held_entry_of_block[block + 1]):
+        e = block_motion.held_entries_by_block[k]
+        accelerate_held_component_and_book_work(
             v, a, block_motion.rho, tracks.work, drive.holds, drive.profiles, speed, force, e, dt, time
         )
 
@@ -262,14 +285,14 @@ def _accelerate_held_components(tracks, block_motion, drive, dt, time, block):  
 @njit(**INNER)
 def _prescribe_held_components(tracks, block_motion, drive, u, dt, time, block):  # type: ignore[no-untyped-def]
     v, a = tracks.v.T, tracks.a.T
-    for k in range(block_motion.first_held_of_block[block], block_motion.first_held_of_block[block + 1]):
-        prescribe_component(
-            u.T, v, a, drive.holds, drive.profiles, drive.held_speed, block_motion.held_entries[k], dt, time
+    for k in range(block_motion.first_held_entry_of_block[block], block_motion.first_held_entry_of_block[block + 1]):
+        prescribe_held_component(
+            u.T, v, a, drive.holds, drive.profiles, drive.held_speed, block_motion.held_entries_by_block[k], dt, time
         )
 
 
 @njit(**INNER)
-def _add_loads(force, previous_force, v, work, scratch, dt, block):  # type: ignore[no-untyped-def]
+def _add_loads_and_book_work(force, previous_force, v, work, scratch, dt, block):  # type: ignore[no-untyped-def]
     """Add the loads to the forces of `block`, and book their work."""
     for lane in range(LANES):
         i = block * LANES + lane
@@ -296,21 +319,21 @@ def _forces_to_accelerations(inverse_rho, scratch, block):  # type: ignore[no-un
 
 
 @njit(**INNER)
-def _store_acceleration(a, scratch, block):  # type: ignore[no-untyped-def]
+def _copy_accelerations_from_scratch(a, scratch, block):  # type: ignore[no-untyped-def]
     for lane in range(LANES):
         a[0, block * LANES + lane] = scratch[FX + lane]
         a[1, block * LANES + lane] = scratch[FY + lane]
 
 
 @njit(**INNER)
-def _read_acceleration(a, scratch, block):  # type: ignore[no-untyped-def]
+def _copy_accelerations_to_scratch(a, scratch, block):  # type: ignore[no-untyped-def]
     for lane in range(LANES):
         scratch[FX + lane] = a[0, block * LANES + lane]
         scratch[FY + lane] = a[1, block * LANES + lane]
 
 
 @njit(**INNER)
-def _kick_lanes(v, scratch, dt, block):  # type: ignore[no-untyped-def]
+def _half_kick_block(v, scratch, dt, block):  # type: ignore[no-untyped-def]
     half = scratch.dtype.type(dt / 2)
     for lane in range(LANES):
         v[0, block * LANES + lane] += half * scratch[FX + lane]
@@ -318,7 +341,7 @@ def _kick_lanes(v, scratch, dt, block):  # type: ignore[no-untyped-def]
 
 
 @njit(**INNER)
-def _drift_lanes(v, u, next_u, dt, block):  # type: ignore[no-untyped-def]
+def _drift_block(v, u, next_u, dt, block):  # type: ignore[no-untyped-def]
     full_step = v.dtype.type(dt)
     for lane in range(LANES):
         next_u[0, block * LANES + lane] = u[0, block * LANES + lane] + full_step * v[0, block * LANES + lane]

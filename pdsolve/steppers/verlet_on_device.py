@@ -1,6 +1,6 @@
 """Velocity Verlet on a device, to the same bits as on the processor: state and conditions stay there between records.
 
-The host computes the factors of profiles of some steps at a time, and reads the state where it is asked for (`fetch`).
+The host computes the factors of profiles of some steps at a time, and reads the state only in `download_state`.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ class _EntriesByNode(NamedTuple):
 
 
 class VerletOnDevice:
-    """Takes steps on a device; the state on the host is that of the last `fetch`, and may be changed after it."""
+    """Takes steps on a device; the state on the host is that of the last `download_state`; it may be changed then."""
 
     def __init__(
         self,
@@ -80,9 +80,12 @@ class VerletOnDevice:
         acts[operator.rows(nodes)] = np.arange(len(nodes))
         self._nodes, self._acts = nodes, to_device(acts)
         self._now, self._ago = (to_device(drive.force[nodes]) for _ in range(2))
-        loads, self._holds = _group_by_node(drive.loads, nodes), _group_by_node(drive.holds, nodes)
-        self._load = [to_device(loads.first_entry_of_node), *_entry_columns(drive.loads, loads, to_device)]
-        self._hold = [to_device(self._holds.first_entry_of_node), *_entry_columns(drive.holds, self._holds, to_device)]
+        loads, self._holds = _group_entries_by_node(drive.loads, nodes), _group_entries_by_node(drive.holds, nodes)
+        self._load = [to_device(loads.first_entry_of_node), *_upload_entry_columns(drive.loads, loads, to_device)]
+        self._hold = [
+            to_device(self._holds.first_entry_of_node),
+            *_upload_entry_columns(drive.holds, self._holds, to_device),
+        ]
         self._hold.append(to_device(drive.holds.kind[self._holds.entry_order].astype(np.int32)))
         self._speed, self._force = (
             to_device(column[self._holds.entry_order]) for column in (drive.held_speed, drive.held_force)
@@ -113,7 +116,7 @@ class VerletOnDevice:
         self._u = [self._u[2], *self._u[:2]]  # the last sweep wrote no displacements
         self.session.finish()
 
-    def _launch_step(self, step: int, phase: int, factor_row: int) -> None:
+    def _launch_step(self, step: int, phase: int, profile_factor_row: int) -> None:
         operator, drive = self._operator, self._drive
         before, now, after = self._u
         if (
@@ -127,16 +130,16 @@ class VerletOnDevice:
         motion = before, now, after, *self._v, self._a, self._weight, self._damping, self._work, self._damped
         acting = self._acts, self._now, self._ago, *self._load, *self._hold, self._speed, self._force
         numbers = np.int32(self._factors.count), np.int32(drive.varies), np.float64(self._dt)
-        last = (np.int32(number) for number in (operator.room, step, phase, factor_row))
+        last = (np.int32(number) for number in (operator.room, step, phase, profile_factor_row))
         arguments = [*operator.arguments, *motion, *acting, self._factors.buffer, *numbers, *last]
         self.session.launch(self._kernel, (operator.room // operator.together, LANES // operator.together), arguments)
         self._u, self._v = [now, after, before], self._v[::-1]
 
-    def _download_buffer(self, buffer: Any, values: NDArray[Any]) -> None:
+    def _download_buffer(self, buffer: Any, state_array: NDArray[Any]) -> None:
         """Enter a buffer in an array of the state."""
-        wide = np.empty((*values.shape[1:], self._operator.room), dtype=values.dtype)
+        wide = np.empty((*state_array.shape[1:], self._operator.room), dtype=state_array.dtype)
         self.session.read(buffer, wide)
-        self._operator.collected(wide, values)
+        self._operator.collected(wide, state_array)
 
     def _buffers_with_host_arrays(self) -> list[tuple[Any, NDArray[Any]]]:
         """Buffers, and the arrays of the state that they are."""
@@ -145,7 +148,7 @@ class VerletOnDevice:
         booked = (self._operator.dissipated, state.dissipated), (self._work, state.work), (self._damped, state.damped)
         return [*motion, *booked]
 
-    def fetch(self) -> None:
+    def download_state(self) -> None:
         """Bring the state on the host, and the history of bonds, up to the device's. Raises DeviceLostError."""
         if not self._ahead:
             return
@@ -161,14 +164,14 @@ class VerletOnDevice:
         self._ahead = False
 
 
-def _group_by_node(entries: Entries, nodes: NDArray[np.int64]) -> _EntriesByNode:
+def _group_entries_by_node(entries: Entries, nodes: NDArray[np.int64]) -> _EntriesByNode:
     """Entries by these nodes (k,), in ascending order; those of a node in their own order."""
     order = np.argsort(entries.node, kind="stable")
     first = np.searchsorted(entries.node[order], np.append(nodes, np.iinfo(np.int64).max))
     return _EntriesByNode(order, first.astype(np.int32))
 
 
-def _entry_columns(entries: Entries, by_node: _EntriesByNode, to_device: Any) -> list[Any]:
+def _upload_entry_columns(entries: Entries, by_node: _EntriesByNode, to_device: Any) -> list[Any]:
     """Axes, values and profiles of entries on the device."""
     axis, value, profile = (column[by_node.entry_order] for column in (entries.axis, entries.value, entries.profile))
     return [to_device(axis.astype(np.int32)), to_device(value), to_device(profile.astype(np.int32))]

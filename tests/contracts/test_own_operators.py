@@ -21,7 +21,7 @@ from pdsolve.run.measures import compute_ledger_row, compute_node_damage, count_
 from pdsolve.run.prepare import prepare
 from pdsolve.run.system import PreparedRun
 from pdsolve.state import Broken, State, Unknown
-from pdsolve.steppers.euler import Euler
+from pdsolve.steppers.euler import ForwardEuler
 from pdsolve.steppers.theta import ThetaSteps
 from pdsolve.steppers.verlet import Verlet
 
@@ -110,7 +110,7 @@ def test_what_leaks_from_nodes_dies_out_as_its_stepper_has_it(theta: float, fact
     source, held = entries(np.array([1, 2]), 0, SUPPLIED, 0), entries(np.array([0]), 0, 2.0, 1)
     drive = drive_of([(), ((0.0, 0.0), (DT * STEPS, 1.0))], [source], [held], (4, 1))
     operator = Leaking(PACE)
-    euler = Euler(operator, drive, DT)
+    euler = ForwardEuler(operator, drive, DT)
     stepper = ThetaSteps(operator, drive, DT, theta, factored) if theta else euler
     state = State(np.ones((4, 1)), np.zeros((4, 1)), np.zeros((4, 0)), *np.zeros((3, 4)))
     state.value[0] = 0.0

@@ -29,13 +29,15 @@ def first_break(adapt: str, tips: bool = True) -> tuple[int, float]:
     problem = prepare(struck(adapt), Options(threads=1))
     shown = problem.system.moving_zone_operator
     if shown is not None and not tips:
-        shown.engine.zone.cells[shown.engine.zone.cells == FINE] = COARSE
+        shown.engine.zone.cell_kinds[shown.engine.zone.cell_kinds == FINE] = COARSE
         again(shown.engine)
     for step in range(1, 170, 8):
         problem.advance(step, step + 8)
         broken = problem.system.operator.broken().step
         if len(broken):
-            _, work, made = shown.engine.energy_totals if shown is not None else (0.0, 1.0, 0.0)
+            _, work, made = (
+                shown.engine.dissipation_work_and_refinement_energy if shown is not None else (0.0, 1.0, 0.0)
+            )
             return int(broken.min()), made / work
     return 170, 0.0
 

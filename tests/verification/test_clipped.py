@@ -70,7 +70,7 @@ def test_a_linear_field_is_at_rest_in_materials_of_two_micromoduli(m: int) -> No
     assert np.abs(found[0] - found[1])[inside & ~off].max() / 2 < 0.1 * stress * H  # 0.080, 0.018
     for force in found:
         assert np.abs(force.sum(axis=0)).max() < 1e-15 * np.abs(force).sum()  # 4e-16
-    families = [plate.lattice.node_rows.bond_bits[0, 0] for plate in plates]
+    families = [plate.lattice.node_constants.initial_bond_bits[0, 0] for plate in plates]
     assert int(families[0]).bit_count() == int(families[1]).bit_count()
 
 
@@ -107,7 +107,7 @@ def test_cells_cut_in_two_are_strips(cracks: list[tuple[float, float, float, flo
     """A coarse plate in two halves under tension along its crack: its pull is that of a plate without a crack, and the
     mass of each half that of its area."""
     plate = zoned(40, 32, lambda x, y: x < -9, UNBREAKABLE, cracks=cracks)
-    (x0, y0, x1, y1), poisson = cracks[0], plate.lattice.cell_constants[1].max() / plate.c11  # C12 / C11
+    (x0, y0, x1, y1), poisson = cracks[0], plate.lattice.coarse_cell_constants[1].max() / plate.c11  # C12 / C11
     strain, axis = 1e-7 * np.array([1.0, -poisson]), int(y1 - y0 > x1 - x0)
     plate.put(lambda x, y: (strain if axis == 0 else strain[::-1])[:, None] * np.array([x, y]))
     forces, position = plate.forces()

@@ -17,7 +17,7 @@ from pdsolve.options import Options
 from pdsolve.run.prepare import prepare
 from pdsolve.steppers.equilibrium import EquilibriumConditions
 from pdsolve.steppers.load_steps import LoadSteps
-from pdsolve.steppers.relaxation import Relaxation
+from pdsolve.steppers.relaxation import DynamicRelaxation
 
 TURN = np.radians(30)
 EXACT = np.diag([-0.375, 0.0])  # Green's strain at the corner
@@ -121,7 +121,7 @@ def test_relaxation_of_a_rubber_block(columns: int, known: tuple[int, ...]) -> N
     for tolerance in (1e-2, 1e-4, 1e-6, 1e-8):
         state.value[:] = np.column_stack([x / 2, 0 * x])
         found.append(
-            Relaxation(system.operator, tolerance, mass=mass)
+            DynamicRelaxation(system.operator, tolerance, mass=mass)
             .solve_equilibrium(state, asked, lambda *_: None)
             .iterations
         )

@@ -56,8 +56,8 @@ def test_fine_everywhere_it_is_the_uniform_plate() -> None:
     """With all cells fine, the motion and the energy taken are those of the uniform plate."""
     one, other = prepare(damped("hybrid"), Options(threads=1)), prepare(damped("none"), Options(threads=1))
     run = hybrid(one)
-    run.zone.cells[run.zone.cells == COARSE] = FINE
-    run.start(initial_velocity(damped("hybrid")))
+    run.zone.cell_kinds[run.zone.cell_kinds == COARSE] = FINE
+    run.initialize_motion_and_forces(initial_velocity(damped("hybrid")))
     for problem in (one, other):
         problem.advance(1, 31)
     place = run.plate.fine_places
@@ -89,7 +89,7 @@ def returned(*conditions: Any) -> float:
     model = plate(grid, 4, conditions=(FLAT, *conditions), run=Run(steps=400, every=400, adapt="hybrid"))
     problem = prepare(model, Options(threads=1))
     run = hybrid(problem)
-    run.zone.cells[run.zone.cells == FINE] = COARSE
+    run.zone.cell_kinds[run.zone.cell_kinds == FINE] = COARSE
     shown = again(run)
     speed, width = (1.125 * GLASS.E / GLASS.rho) ** 0.5, 8e-3
 

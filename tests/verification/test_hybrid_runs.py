@@ -57,7 +57,7 @@ def test_fine_everywhere_it_is_the_uniform_plate() -> None:
     """With all cells fine: the accelerations of the uniform run, corrected surfaces and faces included."""
     one, other = prepare(struck("hybrid"), Options()), prepare(struck("none"), Options(threads=1))
     run = hybrid(one)
-    run.zone.cells[run.zone.cells == COARSE] = FINE
+    run.zone.cell_kinds[run.zone.cell_kinds == COARSE] = FINE
     again(run)
     change = find_zone_change_since_last_call(one.system)
     assert change is not None
@@ -65,14 +65,14 @@ def test_fine_everywhere_it_is_the_uniform_plate() -> None:
     assert nodes is not None
     rough = 1e-6 * np.random.default_rng(3).standard_normal((len(other.state.value), 2))
     run.zone.fine.u[0][:, run.plate.fine_places] = rough.T
-    run.recompute_forces()
+    run.compute_initial_forces()
     other.state.value[:] = rough
     out = np.zeros_like(rough)
     other.system.operator.accumulate_force(other.state, out, 1, 0.0)
     state = change.state
-    nodes.copy_to(state)
+    nodes.copy_to_state(state)
     held, _ = nodes.energies(state)
-    back = np.argsort(nodes.rows)
+    back = np.argsort(nodes.grid_rows)
     assert system.model.grid.ids[back].tolist() == other.system.model.grid.ids.tolist()
     assert one.system.stable_time_step == pytest.approx(other.system.stable_time_step, rel=1e-9)
     assert state.value[back] == pytest.approx(rough, rel=1e-15)
@@ -97,8 +97,8 @@ def test_fine_everywhere_a_cut_costs_what_it_does_in_the_uniform_plate(law: str)
     ]
     one, other = (prepare(model, Options(threads=1)) for model in models)
     run = hybrid(one)
-    run.zone.cells[run.zone.cells == COARSE] = FINE
-    run.start(initial_velocity(models[0]))
+    run.zone.cell_kinds[run.zone.cell_kinds == COARSE] = FINE
+    run.initialize_motion_and_forces(initial_velocity(models[0]))
     for problem in (one, other):
         problem.advance(1, 301)
     fine, uniform = ledger(one, 300), ledger(other, 300)
@@ -120,7 +120,7 @@ def test_a_struck_plate_breaks_as_the_uniform_one() -> None:
         for step in range(1, 171, 10):
             problem.advance(step, step + 10)
             if adapt == "hybrid":
-                lost = hybrid(problem).zone.broken_bits.copy()
+                lost = hybrid(problem).zone.broken_bond_bits.copy()
                 assert seen is None or not (seen & ~lost).any()
                 seen = lost
         system, state = followed(problem)

@@ -47,7 +47,7 @@ def error(side: int, order: int, ratio: float, degrees: float = 0.0) -> float:
     exact = r[:, None] * along - 0.5 * turn[:, 1] - grid.position
     components = np.column_stack([outer, outer])
     state.value[:] = exact
-    newton = Newton(system.operator, system.area, 1e-10, free_count=int((~components).sum()))
+    newton = Newton(system.operator, system.area, 1e-10, free_component_count=int((~components).sum()))
     newton.solve_equilibrium(state, EquilibriumConditions(load, components, exact), lambda *_: None)
     return float(np.sqrt(((state.value - exact)[~outer] ** 2).sum(axis=1).mean()))
 

@@ -64,7 +64,7 @@ def test_convergence_is_quadratic(law: str) -> None:
     """Each residual is at most a multiple of the square of the one before, as soon as they are small."""
     problem, asked = pulled(LAWS[law])
     residuals: list[float] = []
-    newton = Newton(problem.system.operator, problem.system.area, 1e-13, free_count=1)
+    newton = Newton(problem.system.operator, problem.system.area, 1e-13, free_component_count=1)
     newton.solve_equilibrium(problem.state, asked, lambda _, residual: residuals.append(residual))
     near = [r for r in residuals if r < 0.1]
     assert len(near) >= 2
@@ -76,7 +76,7 @@ def test_convergence_is_quadratic(law: str) -> None:
 @pytest.mark.parametrize("law", LAWS)
 def test_tangents_of_deformed_bodies_are_symmetric(law: str) -> None:
     problem, asked = pulled(LAWS[law])
-    newton = Newton(problem.system.operator, problem.system.area, 1e-8, free_count=1)
+    newton = Newton(problem.system.operator, problem.system.area, 1e-8, free_component_count=1)
     newton.solve_equilibrium(problem.state, asked, lambda *_: None)
     K = diags_array(np.repeat(problem.system.area, 2)) @ problem.system.operator.tangent(problem.state)
     assert problem.system.operator.symmetric

@@ -16,8 +16,8 @@ from plates import plate, square_grid
 
 from pdmesh.model.document import Displacement, Gap, LoadCell, Material, Run, Static, write_file
 from pdmesh.model.node_grid import document_of
-from pdpost.measures.forces import reactions, select_reactions
-from pdpost.measures.gaps import ForceOpeningCurve, force_against_gap, named_gap
+from pdpost.measures.forces import read_reactions, select_reactions
+from pdpost.measures.gaps import ForceOpeningCurve, force_over_gap_opening, read_named_gap
 from pdsolve.__main__ import main as pdsolve
 from pdsolve.model import Model, ModelWarning
 from pdsolve.results import Results
@@ -47,7 +47,9 @@ def beam(static: Static) -> Model:
 
 
 def curve(results: Results, name: str) -> ForceOpeningCurve:
-    return force_against_gap(named_gap(results, "mouth"), select_reactions(reactions(results), [name])[0], 1)
+    return force_over_gap_opening(
+        read_named_gap(results, "mouth"), select_reactions(read_reactions(results), [name])[0], 1
+    )
 
 
 @pytest.mark.slow
@@ -66,8 +68,8 @@ def test_the_path_is_that_by_dissipation() -> None:
     assert np.abs(there - opened.force).max() < 0.03 * np.abs(energy.force).max()
     steps = np.diff(opened.opening)
     assert steps.min() > 0
-    work = cell.work
-    assert work == pytest.approx(-opened.work, rel=1e-4)
+    work = cell.work_under_curve
+    assert work == pytest.approx(-opened.work_under_curve, rel=1e-4)
 
 
 @pytest.mark.slow
@@ -138,7 +140,7 @@ def test_the_gradient_of_an_opening_is_that_of_its_measure() -> None:
     random = np.random.default_rng(2)
     position, value, way = random.standard_normal((5, 2)), *random.standard_normal((2, 5, 3))
     gap = OpeningControl("a", position, (1, 3))
-    low, high = (gap.measure(value + side * 1e-6 * way, 0.0) for side in (-1, 1))
-    rate = float((gap.gradient(value, None) * way).sum())  # type: ignore[arg-type]
+    low, high = (gap.control_value(value + side * 1e-6 * way, 0.0) for side in (-1, 1))
+    rate = float((gap.gradient_by_displacement(value, None) * way).sum())  # type: ignore[arg-type]
     assert rate == pytest.approx((high - low) / 2e-6, rel=1e-6)
-    assert gap.measure(np.zeros((5, 3)), 0.0) == 0
+    assert gap.control_value(np.zeros((5, 3)), 0.0) == 0

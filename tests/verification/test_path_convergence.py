@@ -45,7 +45,7 @@ def test_convergence_is_quadratic(law: dict[str, Any], monkeypatch: pytest.Monke
     prepared, found = prepare(notched(**law), ONE), dict[int, list[float]]()
     stepper = prepared.system.stepper
     assert isinstance(stepper, SofteningPathSteps)
-    stepper.watch = lambda going: found.setdefault(going.step, []).append(going.residual)
+    stepper.on_progress = lambda going: found.setdefault(going.step, []).append(going.residual)
     prepared.advance(1, 12)
     decided = [residuals for step, residuals in found.items() if step > 1 and len(residuals) <= FEW]
     near = [(before, after) for one in decided for before, after in pairwise(one) if before < 1e-3]

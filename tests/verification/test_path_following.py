@@ -212,6 +212,6 @@ def test_progress_says_how_long_a_path_still_takes(monkeypatch: pytest.MonkeyPat
     assert isinstance(stepper, SofteningPathSteps)
     assert stepper.progress_text() == "elastic"
     prepared.advance(1, 5)
-    done = max(stepper.step_results[-1].spent / (CONCRETE.G0 * 0.2), stepper.factor)
+    done = max(stepper.step_results[-1].dissipated_energy / (CONCRETE.G0 * 0.2), stepper.load_factor)
     assert 0.01 < done < 0.3
     assert f"about {10 * (1 - done) / done:.0f} s left" in stepper.progress_text()

@@ -29,7 +29,7 @@ from pdsolve.state import State
 from pdsolve.steppers.equilibrium import EquilibriumConditions
 from pdsolve.steppers.load_steps import LoadSteps
 from pdsolve.steppers.newton import Newton
-from pdsolve.steppers.relaxation import Relaxation, smallest_stable_mass
+from pdsolve.steppers.relaxation import DynamicRelaxation, smallest_stable_mass
 from pdsolve.steppers.static_loads import model_with_load_steps
 
 UNIT = msgspec.structs.replace(GLASS, E=1.0, G0=1e9, micromodulus="constant")
@@ -69,7 +69,7 @@ def count(
     operator: Any, problem: PreparedRun, asked: EquilibriumConditions, mass: NDArray[np.float64], tolerance: float
 ) -> int:
     problem.state.value[:] = 0
-    relaxation = Relaxation(operator, tolerance, mass=mass)
+    relaxation = DynamicRelaxation(operator, tolerance, mass=mass)
     return relaxation.solve_equilibrium(problem.state, asked, lambda *_: None).iterations
 
 
@@ -110,15 +110,21 @@ def test_displacements_are_those_of_a_direct_solution(method: str) -> None:
     if method == "thesis":
         problem = prepare_quasi_static_run(problem.system.model, ONE, SCHEMES["thesis"])
         put_loads(problem.system.drive, 0.0)
-        asked = asked._replace(load=problem.system.drive.force.astype(float))
+        asked = asked._replace(body_force=problem.system.drive.force.astype(float))
     operator, free = problem.system.operator, ~asked.constrained.ravel()
     K = operator.tangent(problem.state)[free][:, free]
     exact = np.zeros(len(free))
-    exact[free] = spsolve(K.tocsc(), asked.load.ravel()[free])
+    exact[free] = spsolve(K.tocsc(), asked.body_force.ravel()[free])
     if method == "relaxation":
-        Relaxation(operator, 1e-8).solve_equilibrium(problem.state, asked, lambda *_: None)
+        DynamicRelaxation(operator, 1e-8).solve_equilibrium(problem.state, asked, lambda *_: None)
     else:
-        newton = Newton(operator, problem.system.area, 1e-8, free_count=1, most_factored=int("gradients" not in method))
+        newton = Newton(
+            operator,
+            problem.system.area,
+            1e-8,
+            free_component_count=1,
+            most_factorized_components=int("gradients" not in method),
+        )
         assert newton.description.endswith("factors") == ("gradients" not in method)
         newton.solve_equilibrium(problem.state, asked, lambda *_: None)
     off = np.linalg.norm(problem.state.value.ravel() - exact) / np.linalg.norm(exact)

@@ -19,7 +19,7 @@ from pdmesh.model.document import Material
 from pdmesh.model.lattice_calibration import along_axes, calibration
 from pdmesh.model.material_constants import BONDS_NU
 from pdmesh.model.node_grid import Grid
-from pdsolve.adaptivity.hybrid.springs import fine_springs
+from pdsolve.adaptivity.hybrid.springs import create_fine_springs
 from pdsolve.checks import warn_of_model
 from pdsolve.laws import micropolar
 from pdsolve.model import ModelWarning
@@ -194,8 +194,8 @@ def cubic_grid(sides: tuple[int, ...]) -> Grid:
 def test_springs_of_a_fine_zone_are_isotropic_too(m: float, profile: str) -> None:
     """Of central springs C11 is 3 C66 in an isotropic plate, and C11 that of the material: 9 E / 8 in plane stress."""
     material = msgspec.structs.replace(GLASS, micromodulus=profile)
-    springs = fine_springs(material, m, 1e-3)
-    x, y, stiffness = springs.table[:, 0], springs.table[:, 1], springs.table[:, 5]
+    springs = create_fine_springs(material, m, 1e-3)
+    x, y, stiffness = springs.spring_table[:, 0], springs.spring_table[:, 1], springs.spring_table[:, 5]
     length = np.hypot(x, y)
     c11, c66 = (
         float((stiffness * length**2 * (x / length) ** p * (y / length) ** q).sum() / 2 / 1e-6)

@@ -16,7 +16,7 @@ from pdmesh import Body, Box, Cylinder, Run, ramp
 from pdmesh.drawing.solids import meshed
 from pdsolve.adaptivity.hybrid.space.box import COARSE, FINE
 from pdsolve.adaptivity.hybrid.space.coarse_springs import cubic_stiffness
-from pdsolve.adaptivity.hybrid.space.prepare import SEAM, create_operator_of_cells, vertex_force
+from pdsolve.adaptivity.hybrid.space.prepare import SEAM, compute_vertex_force, create_operator_of_cells
 from pdsolve.laws.pair_laws.brittle import LAW
 from pdsolve.model import Model
 from pdsolve.numerics.thread_team import cores
@@ -32,7 +32,7 @@ from pdsolve.steppers.equilibrium import force_densities
 @pytest.mark.parametrize(("ratio", "tau"), [(2.0, 0.037124), (3.0, 0.038878)])  # of an independent script
 def test_body_diagonals_take_what_vertices_need(ratio: float, tau: float) -> None:
     """To the digits known."""
-    assert vertex_force(LAW, bonds_of(ratio), 1.0) == pytest.approx(tau, abs=6e-7)
+    assert compute_vertex_force(LAW, bonds_of(ratio), 1.0) == pytest.approx(tau, abs=6e-7)
 
 
 @pytest.mark.slow
@@ -41,11 +41,19 @@ def test_body_diagonals_take_what_vertices_need(ratio: float, tau: float) -> Non
 def test_any_linear_field_is_in_equilibrium(ratio: float, profile: str) -> None:
     """A random gradient on a random blob, faces, edges and vertices: but for the outer layer; and not without tau."""
     bonds, gradient = bonds_of(ratio, profile), np.random.default_rng(2).standard_normal((3, 3))
-    for tau, least, most in ((vertex_force(LAW, bonds, 1.0), 0.0, 1e-12), (0.0, 1e-2, 1.0)):  # measured 1.1e-13, 0.14
+    for tau, least, most in (
+        (compute_vertex_force(LAW, bonds, 1.0), 0.0, 1e-12),
+        (0.0, 1e-2, 1.0),
+    ):  # measured 1.1e-13, 0.14
         operator = blob(bonds, 16, 4, tau)
         x = place(operator)
         u = SMALL * x @ gradient.T
-        force = (operator.forces(u) - operator.forces(-u)) / 2 / SMALL / cubic_stiffness(bonds).c11
+        force = (
+            (operator.forces_at_displacements(u) - operator.forces_at_displacements(-u))
+            / 2
+            / SMALL
+            / cubic_stiffness(bonds).c11
+        )
         inner = ((x > 2) & (x < 30)).all(axis=1)
         assert least <= np.abs(force[inner]).max() < most
         assert np.abs(force.sum(axis=0)).max() < 1e-9
@@ -58,10 +66,10 @@ def test_any_linear_field_is_in_equilibrium(ratio: float, profile: str) -> None:
 def test_the_sure_step_is_stable_with_a_seam(ratio: float) -> None:
     """2 / omega_max, by power iteration; measured 1.35 and 1.66 sqrt(rho / C11) against 1.13 and 1.60."""
     bonds = bonds_of(ratio)
-    operator = blob(bonds, 10, 1, vertex_force(LAW, bonds, 1.0))
+    operator = blob(bonds, 10, 1, compute_vertex_force(LAW, bonds, 1.0))
     v, found = np.random.default_rng(0).standard_normal((len(operator.sites), 3)), 0.0
     for _ in range(120):
-        w = -operator.forces(SMALL * v) / SMALL / operator.volume[:, None]
+        w = -operator.forces_at_displacements(SMALL * v) / SMALL / operator.volume[:, None]
         found = float((v * w * operator.volume[:, None]).sum() / (v * v * operator.volume[:, None]).sum())
         v = w / np.abs(w).max()
     n = bonds[:, :3] * np.sqrt(bonds[:, 6])[:, None]
@@ -80,12 +88,12 @@ def test_a_seam_sends_as_little_back_as_an_independent_script_found(shear: bool,
 def test_free_vibration_does_not_grow() -> None:
     """Noise in a blob, small strains: the energy that leapfrog keeps, over 800 units of sqrt(rho / C11)."""
     bonds = bonds_of(3.0)
-    operator = blob(bonds, 7, 1, vertex_force(LAW, bonds, 1.0))
+    operator = blob(bonds, 7, 1, compute_vertex_force(LAW, bonds, 1.0))
     dt, mass = 0.8 * 1.6 / np.sqrt(cubic_stiffness(bonds).c11), operator.volume[:, None]
     v, u, energies = 1e-8 * np.random.default_rng(3).standard_normal((len(mass), 3)), np.zeros((len(mass), 3)), []
     momentum = (mass * v).sum(axis=0)
     for step in range(int(800 / (0.8 * 1.6))):
-        force = operator.forces(u)
+        force = operator.forces_at_displacements(u)
         after = v + dt * force / mass
         if step % 50 == 0:
             energies.append(float((v * mass * after).sum() - (u * force).sum()))
@@ -108,10 +116,10 @@ def test_cells_around_a_stretched_spring_become_fine(axis: int) -> None:
     """A coarse node moves by 0.9 of the critical stretch of the spring behind it: this one alone is beyond kappa."""
     problem = prepare(block("hybrid"), Options(threads=1))
     operator, state = expect_body_zone_operator(problem.system), problem.state
-    spacings, limit = place(operator), operator.full_body.fine.tiles.peak.min()
+    spacings, limit = place(operator), operator.full_body.fine_lattice.tiles.peak.min()
     node = np.array([40, 8, 20])
     state.value[(spacings == node).all(axis=1), axis] = 0.9 * 2 * H * limit
-    found = operator.mark_cells_to_refine(state, 0)
+    found = operator.refine_and_list_cells(state, 0)
     behind = node - 2 * np.eye(3, dtype=int)[axis]
     cells = np.argwhere(np.ones((24, 8, 20)))
     away = [np.linalg.norm(np.maximum(np.abs(one - (2 * cells + 1)) - 1, 0), axis=1) for one in (node, behind)]
@@ -194,13 +202,13 @@ def test_refining_looks_at_all_that_changes() -> None:
     problem = prepare(block("hybrid"), Options(threads=1))
     before, state = expect_body_zone_operator(problem.system), problem.state
     state.value[:] = 1e-4 * H * np.random.default_rng(5).standard_normal(state.value.shape)
-    cells = before.cells.reshape(before.full_body.fine.box.padded_shape)
+    cells = before.cell_kinds.reshape(before.full_body.fine_lattice.box.padded_shape)
     z, y, x = np.nonzero((cells[..., 1:] == COARSE) & (cells[..., :-1] == FINE))  # beside the zone
     some = np.flatnonzero(y == int(np.median(y)))[::3]
     cells[z[some], y[some], x[some] + 1] = FINE
-    new = np.column_stack([x[some] + 1, y[some], z[some]]) - before.full_body.fine.box.pad
-    after = before.refine(new)
-    found = zero_state(len(after.sites), 3)._replace(value=before.interpolate_at_rows(after.rows, state.value))
+    new = np.column_stack([x[some] + 1, y[some], z[some]]) - before.full_body.fine_lattice.box.void_margin
+    after = before.operator_after_refinement(new)
+    found = zero_state(len(after.sites), 3)._replace(value=before.interpolate_at_grid_rows(after.rows, state.value))
     pull, which = after.force_densities_near_new_cells(found, new)
     assert 0.005 < which.mean() < 0.2
     assert np.array_equal(pull[which], force_densities(after, found)[which])
@@ -212,9 +220,12 @@ def test_refining_looks_at_all_that_changes() -> None:
     assert near[1] - near[0] == pytest.approx(made[1] - made[0], abs=1e-12 * made[0])
     assert abs(made[1] - made[0]) > 1e-6 * made[0]
     again = create_operator_of_cells(
-        LAW, before.full_body, before.cells.copy(), vertex_force(LAW, before.full_body.fine.tiles.table, H)
+        LAW,
+        before.full_body,
+        before.cell_kinds.copy(),
+        compute_vertex_force(LAW, before.full_body.fine_lattice.tiles.table, H),
     )
     assert np.array_equal(again.sites, after.sites)
-    for one, other in zip(again.counted, after.counted, strict=True):
+    for one, other in zip(again.volumes_and_bond_counts, after.volumes_and_bond_counts, strict=True):
         assert np.array_equal(one, other)
     assert np.array_equal(force_densities(again, found), force_densities(after, found))

@@ -12,7 +12,7 @@ import pdmesh
 from pdmesh import Body, Box, Material, Run
 from pdsolve.adaptivity.hybrid.space.coarse_springs import cubic_stiffness
 from pdsolve.adaptivity.hybrid.space.operator import HybridBodyOperator
-from pdsolve.adaptivity.hybrid.space.prepare import vertex_force
+from pdsolve.adaptivity.hybrid.space.prepare import compute_vertex_force
 from pdsolve.laws.pair_laws.brittle import LAW
 from pdsolve.model import Model
 from pdsolve.run.body_zones import expect_body_zone_operator
@@ -32,8 +32,8 @@ def halves(other: Material) -> HybridBodyOperator:
         warnings.simplefilter("ignore")
         built = pdmesh.build(body)
     whole = expect_body_zone_operator(prepare(Model(built.grid, built.settings), Options(threads=1)).system).full_body
-    whole.fine.tiles.c[:, whole.sites.site] = 1
-    return at_random(whole, 2, vertex_force(LAW, whole.fine.tiles.table, H))
+    whole.fine_lattice.tiles.c[:, whole.fine_sites.site] = 1
+    return at_random(whole, 2, compute_vertex_force(LAW, whole.fine_lattice.tiles.table, H))
 
 
 @pytest.mark.slow
@@ -43,8 +43,8 @@ def test_any_linear_field_is_in_equilibrium_in_each_material(other: Material) ->
     operator, gradient = halves(other), np.random.default_rng(2).standard_normal((3, 3))
     x = place(operator)
     u = SMALL * H * x @ gradient.T
-    c11 = cubic_stiffness(operator.full_body.fine.tiles.table).c11
-    force = (operator.forces(u) - operator.forces(-u)) / 2 / SMALL / H**2 / c11
+    c11 = cubic_stiffness(operator.full_body.fine_lattice.tiles.table).c11
+    force = (operator.forces_at_displacements(u) - operator.forces_at_displacements(-u)) / 2 / SMALL / H**2 / c11
     inner = ((x > 7) & (x < [45, 13, 13])).all(axis=1)
     if other is HARD:
         assert np.abs(force[inner]).max() > 1e-3
@@ -66,7 +66,7 @@ def test_the_sure_step_is_stable_in_two_materials() -> None:
     bound, mass = operator.full_body.stiffness_over_density, (operator.model.rho * operator.volume)[:, None]
     v = np.random.default_rng(0).standard_normal((len(operator.sites), 3))
     for _ in range(80):
-        w = -operator.forces(SMALL * H * v) / SMALL / H / mass
+        w = -operator.forces_at_displacements(SMALL * H * v) / SMALL / H / mass
         found = float((v * w * mass).sum() / (v * v * mass).sum())
         v = w / np.abs(w).max()
     assert np.sqrt(2 / bound) < 0.95 * 2 / np.sqrt(found)  # measured 0.113 and 0.126 us
@@ -78,11 +78,11 @@ def test_a_spring_makes_cells_fine_by_the_material_around_it(right: bool) -> Non
     """Stretched by half of what breaks bonds of the strong material, many times what breaks those of the other."""
     problem = prepare(block("hybrid", other=TOUGH), Options(threads=1))
     operator, state = expect_body_zone_operator(problem.system), problem.state
-    peak = operator.full_body.fine.tiles.peak
+    peak = operator.full_body.fine_lattice.tiles.peak
     assert peak.min() < 0.2 * peak.max()
     moved = (place(operator) == [34, 8, 20] if right else place(operator) == [8, 8, 34]).all(axis=1)
     state.value[moved, 2] = 0.5 * 2 * H * peak.max()
-    assert bool(len(operator.mark_cells_to_refine(state, 0))) != right
+    assert bool(len(operator.refine_and_list_cells(state, 0))) != right
 
 
 @pytest.mark.slow

@@ -9,8 +9,8 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from pdsolve.adaptivity.collocation.layout import LatticeConstants, find_edge_rows
-from pdsolve.adaptivity.collocation.simd_rows import PLANE, corrected_stiffness
+from pdsolve.adaptivity.collocation.layout import LatticeConstants, mask_edge_rows
+from pdsolve.adaptivity.collocation.simd_rows import PLANE, surface_corrected_stiffness
 from pdsolve.codegen.jit_cache import cached_njit
 from pdsolve.codegen.lanes import across, beside, keep
 from pdsolve.codegen.vector_code import ROW
@@ -20,26 +20,26 @@ ROOM = 2**26  # bytes of stiffnesses that are kept, at most
 ALIKE = 4  # rows, at least, for which it is worth it
 
 
-def add_row_patterns(lattice: LatticeConstants) -> LatticeConstants:
+def share_stiffness_of_equal_edge_rows(lattice: LatticeConstants) -> LatticeConstants:
     """The constant arrays with the stiffnesses of edge rows, stored once for equal rows."""
-    rows = np.flatnonzero(find_edge_rows(lattice) & (lattice.cell_share[0] > 0).reshape(-1, ROW).any(axis=1))
-    first, number, count = _distinct_rows(_surroundings_of_rows(lattice, rows))
-    often = np.argsort(-count, kind="stable")[: ROOM // (8 * ROW * len(lattice.offsets))]
+    rows = np.flatnonzero(mask_edge_rows(lattice) & (lattice.cell_area_share[0] > 0).reshape(-1, ROW).any(axis=1))
+    first, number, count = _distinct_rows(_number_surroundings_of_rows(lattice, rows))
+    often = np.argsort(-count, kind="stable")[: ROOM // (8 * ROW * len(lattice.neighbour_offsets))]
     often = often[count[often] >= ALIKE]
     rank = np.full(len(count), -1)
     rank[often] = np.arange(len(often))
-    pattern = lattice.edge_row_pattern.copy()
+    pattern = lattice.edge_row_stiffness_index.copy()
     pattern[rows] = rank[number]
-    stiffness = np.zeros((1, len(often) * len(lattice.offsets) * ROW))
-    _store_stiffness(lattice, rows[first[often]], stiffness)
-    return lattice._replace(edge_row_pattern=pattern, edge_row_stiffness=stiffness.reshape(-1, 1, ROW))
+    stiffness = np.zeros((1, len(often) * len(lattice.neighbour_offsets) * ROW))
+    _store_bond_stiffness_of_rows(lattice, rows[first[often]], stiffness)
+    return lattice._replace(edge_row_stiffness_index=pattern, edge_row_stiffness=stiffness.reshape(-1, 1, ROW))
 
 
-def _surroundings_of_rows(lattice: LatticeConstants, rows: NDArray[np.int64]) -> NDArray[np.int64]:
+def _number_surroundings_of_rows(lattice: LatticeConstants, rows: NDArray[np.int64]) -> NDArray[np.int64]:
     """Surroundings of each of these rows (r, ...) within reach of its bonds; rows with equal surroundings are equal."""
-    numbering, wide = lattice.numbering, -(-lattice.numbering.below // ROW)
+    numbering, wide = lattice.numbering, -(-lattice.numbering.row_margin // ROW)
     what = (
-        np.concatenate([lattice.cell_share, lattice.energy_lack])
+        np.concatenate([lattice.cell_area_share, lattice.surface_correction])
         .reshape(3, -1, ROW)
         .transpose(1, 0, 2)
         .reshape(-1, 3 * ROW)
@@ -47,7 +47,9 @@ def _surroundings_of_rows(lattice: LatticeConstants, rows: NDArray[np.int64]) ->
     kind = np.pad(_distinct_rows(what)[1], wide)
     surroundings = _distinct_rows(np.lib.stride_tricks.sliding_window_view(kind, 2 * wide + 1))[1]
     return np.asarray(
-        surroundings[rows[:, None] + np.arange(-numbering.below, numbering.below + 1) * (numbering.stride // ROW)]
+        surroundings[
+            rows[:, None] + np.arange(-numbering.row_margin, numbering.row_margin + 1) * (numbering.row_stride // ROW)
+        ]
     )
 
 
@@ -58,10 +60,10 @@ def _distinct_rows(values: NDArray[np.generic]) -> tuple[NDArray[np.int64], NDAr
 
 
 @cached_njit(error_model="numpy")
-def _store_stiffness(lattice, rows, stiffness):  # type: ignore[no-untyped-def]
+def _store_bond_stiffness_of_rows(lattice, rows, stiffness):  # type: ignore[no-untyped-def]
     """Store the stiffnesses of all bonds of these rows in `stiffness` (1, ...)."""
     for n in range(len(rows)):
-        _store_bond_stiffness_of_row(lattice, rows[n], n * len(lattice.offsets) * ROW, stiffness)
+        _store_bond_stiffness_of_row(lattice, rows[n], n * len(lattice.neighbour_offsets) * ROW, stiffness)
 
 
 @njit(**INNER)
@@ -69,6 +71,10 @@ def _store_bond_stiffness_of_row(lattice, row, offset, bond_stiffness):  # type:
     """Store the corrected stiffnesses of the bonds of a row of 16 nodes from `offset` on, slot by slot."""
     for lane in range(0, ROW, across(bond_stiffness)):
         p = row * ROW + lane
-        energy_lack = beside(lattice.energy_lack, PLANE, p)
-        for k in range(len(lattice.offsets)):
-            keep((corrected_stiffness(lattice, p, k, energy_lack),), bond_stiffness, offset + k * ROW + lane)
+        surface_correction = beside(lattice.surface_correction, PLANE, p)
+        for k in range(len(lattice.neighbour_offsets)):
+            keep(
+                (surface_corrected_stiffness(lattice, p, k, surface_correction),),
+                bond_stiffness,
+                offset + k * ROW + lane,
+            )

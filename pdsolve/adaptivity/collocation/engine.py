@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from pdsolve.adaptivity.collocation.layout import CollocationPlate, LatticeConstants
-from pdsolve.adaptivity.collocation.march import BEGIN, DONE, FORCES, ROOM, SUM, advance, store_strain_energies
+from pdsolve.adaptivity.collocation.march import BEGIN, DONE, FORCES, ROOM, SUM, advance, store_strain_energy_densities
 from pdsolve.adaptivity.collocation.zone import (
     COARSE,
     FINE,
@@ -16,10 +16,10 @@ from pdsolve.adaptivity.collocation.zone import (
     CollocationZone,
     Counts,
     Totals,
-    active_areas,
-    coarse_nodes_left_active,
+    areas_of_active_nodes,
     interpolate_motion,
-    renumber_zone,
+    mask_coarse_nodes_left_active,
+    zone_with_active_coarse_nodes,
 )
 from pdsolve.adaptivity.hybrid.engine import ZoneSummary
 from pdsolve.checkpoint_validation import entry, like
@@ -34,9 +34,9 @@ from pdsolve.operators.protocol import CheckpointArrays
 class CollocationSettings(NamedTuple):
     """Settings of the collocation method: where it refines, how it damps, and its number of threads."""
 
-    kappa: float  # share of what breaks a bond at which a coarse pair becomes fine
+    refinement_kappa: float  # share of what breaks a bond at which a coarse pair becomes fine
     seam_damping: float  # 1/s, damping of nodes within a horizon of the seam
-    check_interval: int  # steps between two looks
+    steps_between_checks: int  # steps between two looks
     threads: int
 
 
@@ -53,16 +53,16 @@ class CollocationEngine:
     ) -> None:
         """`zone` is the initial zone; entries of `drive` refer to places."""
         self.plate, self.lattice, self.zone, self.drive, self.settings = plate, lattice, zone, drive, settings
-        self.work = np.zeros(lattice.numbering.places)  # J/m^3
-        self._rho = np.full(lattice.numbering.places, lattice.rho)
-        self.area = active_areas(lattice, plate, zone.node_kinds)
+        self.work = np.zeros(lattice.numbering.place_count)  # J/m^3
+        self._rho = np.full(lattice.numbering.place_count, lattice.rho)
+        self.area = areas_of_active_nodes(lattice, plate, zone.node_kinds)
         self._advance(1, 1)  # compiles before the clock runs
 
-    def start(self, velocity: NDArray[np.float64]) -> None:
+    def set_initial_motion(self, velocity: NDArray[np.float64]) -> None:
         """Set the velocities (n, 2), m/s, of all nodes, and the accelerations of an undeformed plate."""
         active = (self.zone.node_kinds == FINE) | (self.zone.node_kinds == COARSE)
-        is_active = active[self.plate.place]
-        self.zone.v[:, self.plate.place[is_active]] = velocity[is_active].T
+        is_active = active[self.plate.place_of_grid_row]
+        self.zone.v[:, self.plate.place_of_grid_row[is_active]] = velocity[is_active].T
         self.zone.a[:] = self.drive.force.T / self.lattice.rho - self.zone.damping * self.zone.v
         holds = self.drive.holds
         self.zone.a[holds.axis, holds.node] = 0.0
@@ -71,11 +71,11 @@ class CollocationEngine:
         """Take the steps `first` to `last` - 1. Raises UnstableError if a coarse pair exceeds its limit."""
         self._advance(first, last)
 
-    def sum_forces(self, step: int, dt: float) -> None:
+    def sum_forces_and_break_bonds(self, step: int, dt: float) -> None:
         """Sum the forces at the current displacements, without loads; bonds over their limit break in this step.
 
-        `dt` is the time since the last step, s, 0 at rest. Nodes to refine are only noted; `refine_if_marked` refines
-        them.
+        `dt` is the time since the last step, s, 0 at rest. Nodes to refine are only noted; `refine_nodes_if_any_marked`
+        refines them.
         """
         lattice, self.lattice = self.lattice, self.lattice._replace(dt=dt)
         try:
@@ -84,9 +84,9 @@ class CollocationEngine:
         finally:
             self.lattice = lattice
 
-    def refine_if_marked(self) -> None:
+    def refine_nodes_if_any_marked(self) -> None:
         """Refine the nodes noted as wanted."""
-        if self.zone.to_refine.any():
+        if self.zone.is_to_refine.any():
             self._refine_marked_nodes()
 
     def _advance(self, first: int, last: int) -> None:
@@ -110,7 +110,16 @@ class CollocationEngine:
     def _advance_on_threads(self, first: int, last: int, stage: int) -> tuple[int, int]:
         """Run the compiled march on all threads until it ends; returns its end code and step."""
         end, gate = (DONE, 0), gate_of(self.settings.threads)
-        how = self.drive, self.work, self._rho, self.settings.kappa, self.settings.check_interval, first, last, stage
+        how = (
+            self.drive,
+            self.work,
+            self._rho,
+            self.settings.refinement_kappa,
+            self.settings.steps_between_checks,
+            first,
+            last,
+            stage,
+        )
 
         def work(thread: int) -> None:
             nonlocal end
@@ -122,87 +131,93 @@ class CollocationEngine:
     def _enlarge_break_arrays(self) -> None:
         """Enlarge the arrays of broken bonds."""
         more = max(
-            len(self.zone.breaks.step),
-            int(np.count_nonzero(self.zone.over_bound_bits)) * ROW * len(self.lattice.offsets),
+            len(self.zone.break_events.step),
+            int(np.count_nonzero(self.zone.bond_over_bound_bits)) * ROW * len(self.lattice.neighbour_offsets),
         )
-        longer = (np.concatenate([column, np.zeros(more, dtype=column.dtype)]) for column in self.zone.breaks)
-        self.zone = self.zone._replace(breaks=BreakEvents(*longer))
+        longer = (np.concatenate([column, np.zeros(more, dtype=column.dtype)]) for column in self.zone.break_events)
+        self.zone = self.zone._replace(break_events=BreakEvents(*longer))
 
     def _refine_marked_nodes(self) -> None:
         """Refine where wanted: switch coarse nodes to fine ones."""
         zone, lattice, plate = self.zone, self.lattice, self.plate
-        zone.totals.damped += self._damped_energy()
-        zone.damped[:] = 0.0
-        before, coarse = self._energy_of_coarse_nodes(), zone.node_kinds == COARSE
-        active = coarse_nodes_left_active(lattice, plate, coarse, zone.to_refine)
-        new = renumber_zone(lattice, plate, zone, active, self.settings.seam_damping)
+        zone.totals.damped_energy += self._damped_energy_since_refinement()
+        zone.damped_energy[:] = 0.0
+        before, coarse = self._strain_and_kinetic_energy_of_coarse_nodes(), zone.node_kinds == COARSE
+        active = mask_coarse_nodes_left_active(lattice, plate, coarse, zone.is_to_refine)
+        new = zone_with_active_coarse_nodes(lattice, plate, zone, active, self.settings.seam_damping)
         born = np.flatnonzero((new.node_kinds == FINE) & (zone.node_kinds != FINE))
         interpolate_motion(zone, lattice.numbering, born[zone.node_kinds[born] != COARSE])
-        zone.to_refine[:] = False
-        self.zone, self.area = new, active_areas(lattice, plate, new.node_kinds)
-        after = self._energy_of_coarse_nodes() + self._energy_of_places(
-            born, self._energies_of_rows(np.unique(born // ROW))
+        zone.is_to_refine[:] = False
+        self.zone, self.area = new, areas_of_active_nodes(lattice, plate, new.node_kinds)
+        after = self._strain_and_kinetic_energy_of_coarse_nodes() + self._strain_and_kinetic_energy_at_places(
+            born, self._energy_densities_of_rows_and_coarse_nodes(np.unique(born // ROW))
         )
-        self.zone.totals.refinement += after - before
+        self.zone.totals.refinement_energy += after - before
         self.zone.counts.refinements += 1
 
-    def _energies_of_rows(self, rows: NDArray[np.int64]) -> NDArray[np.float64]:
+    def _energy_densities_of_rows_and_coarse_nodes(self, rows: NDArray[np.int64]) -> NDArray[np.float64]:
         """Energy densities (places,), J/m^3, of the fine nodes in these rows and of active coarse nodes."""
-        densities = np.zeros((1, self.lattice.numbering.places))
-        store_strain_energies(self.lattice, self.zone, rows, densities)
+        densities = np.zeros((1, self.lattice.numbering.place_count))
+        store_strain_energy_densities(self.lattice, self.zone, rows, densities)
         return np.asarray(densities[0])
 
     def energy_densities(self) -> NDArray[np.float64]:
         """The energy densities (places,), J/m^3, of all active nodes."""
-        return self._energies_of_rows(self.zone.fine_rows)
+        return self._energy_densities_of_rows_and_coarse_nodes(self.zone.rows_with_fine_nodes)
 
-    def _energy_of_places(self, places: NDArray[np.int64], densities: NDArray[np.float64]) -> float:
+    def _strain_and_kinetic_energy_at_places(self, places: NDArray[np.int64], densities: NDArray[np.float64]) -> float:
         """Kinetic plus strain energy of nodes, J/m."""
         moving = self.lattice.rho / 2 * (self.zone.v[:, places] ** 2).sum(axis=0)
         return float(((moving + densities[places]) * self.area[places]).sum())
 
-    def _energy_of_coarse_nodes(self) -> float:
-        return self._energy_of_places(self.zone.coarse_places, self._energies_of_rows(self.zone.fine_rows[:0]))
+    def _strain_and_kinetic_energy_of_coarse_nodes(self) -> float:
+        return self._strain_and_kinetic_energy_at_places(
+            self.zone.active_coarse_places,
+            self._energy_densities_of_rows_and_coarse_nodes(self.zone.rows_with_fine_nodes[:0]),
+        )
 
     def active_places(self) -> NDArray[np.int64]:
         """Places of active nodes."""
         return np.flatnonzero((self.zone.node_kinds == FINE) | (self.zone.node_kinds == COARSE))
 
-    def broken(self) -> BreakEvents:
+    def break_events(self) -> BreakEvents:
         """Bonds broken so far."""
         count = self.zone.counts.broken_bonds
-        return BreakEvents._make(column[:count] for column in self.zone.breaks)
+        return BreakEvents._make(column[:count] for column in self.zone.break_events)
 
     def zone_summary(self) -> ZoneSummary:
         """Summary of the fine zone for the run's report."""
-        fine = self.area[self.zone.node_kinds == FINE].sum() / self.plate.area.sum()
+        fine = self.area[self.zone.node_kinds == FINE].sum() / self.plate.node_areas.sum()
         # of a place without neighbours e is 0
-        largest, limit = (np.sqrt(1 + e) - 1 for e in (self.zone.totals.largest_e, self.lattice.limit))
-        return ZoneSummary(float(self.zone.totals.refinement), float(fine), float(largest / limit))
+        largest, limit = (
+            np.sqrt(1 + e) - 1 for e in (self.zone.totals.largest_quadratic_strain, self.lattice.limit_strain)
+        )
+        return ZoneSummary(float(self.zone.totals.refinement_energy), float(fine), float(largest / limit))
 
-    def kinetic_and_momentum(self) -> tuple[float, float, float]:
+    def kinetic_energy_and_momentum(self) -> tuple[float, float, float]:
         """Kinetic energy, J/m, and momentum, N s/m."""
         places = self.active_places()
         mass, v = self.lattice.rho * self.area[places], self.zone.v[:, places]
         return (float((mass / 2 * (v**2).sum(axis=0)).sum()), *(mass * v).sum(axis=1).tolist())
 
     @property
-    def energy_totals(self) -> tuple[float, float, float]:
+    def dissipated_and_damped_energy_and_work(self) -> tuple[float, float, float]:
         """Energy dissipated by bonds and taken by damping, and work done, J/m."""
         totals = self.zone.totals
-        damped = float(totals.damped) + self._damped_energy()
-        return float(totals.dissipated), damped, float((self.work * self.area).sum())
+        damped = float(totals.damped_energy) + self._damped_energy_since_refinement()
+        return float(totals.dissipated_energy), damped, float((self.work * self.area).sum())
 
-    def _damped_energy(self) -> float:
+    def _damped_energy_since_refinement(self) -> float:
         """Energy taken by damping since the last switch of nodes, J/m."""
-        return float((self.zone.damped * self.area).sum())
+        return float((self.zone.damped_energy * self.area).sum())
 
     def checkpoint_arrays(self) -> CheckpointArrays:
         """Arrays for a checkpoint, from which a run continues bit by bit."""
         zone, places = self.zone, self.active_places()
-        broken = self.broken()
-        checkpoint = {f"break_{name}": column.copy() for name, column in broken._asdict().items()}
-        checkpoint |= pulls_to_arrays(broken.step, broken.pull, broken.growth)
+        broken = self.break_events()
+        columns = ("break_step", broken.step), ("break_node", broken.node), ("break_spring", broken.bond_number)
+        checkpoint: dict[str, NDArray[Any]] = {name: column.copy() for name, column in columns}
+        checkpoint |= pulls_to_arrays(broken.step, broken.force_at_break, broken.stretch_growth_at_break)
         checkpoint |= {
             name: field[:, places].copy()
             for name, field in (("fine_u", zone.u), ("fine_v", zone.v), ("fine_a", zone.a))
@@ -211,33 +226,33 @@ class CollocationEngine:
         checkpoint |= {
             "total": zone.totals.values(),
             "number": zone.counts.values(),
-            "coarse": zone.coarse_places.copy(),
+            "coarse": zone.active_coarse_places.copy(),
         }
-        checkpoint |= {"spent": zone.node_dissipation[places].copy(), "damped": zone.damped[places].copy()}
+        checkpoint |= {"spent": zone.node_dissipation[places].copy(), "damped": zone.damped_energy[places].copy()}
         return checkpoint | {"places": places, "own_work": self.work[places].copy()}
 
     def restore(self, checkpoint: CheckpointArrays) -> None:
         """Restore a checkpoint, beginning with the initial state. Raises CheckpointError."""
-        lattice, active = self.lattice, np.zeros(self.lattice.numbering.places, dtype=np.bool_)
+        lattice, active = self.lattice, np.zeros(self.lattice.numbering.place_count, dtype=np.bool_)
         coarse = entry(checkpoint, "coarse", (None,), np.int64)
-        if not np.isin(coarse, self.zone.coarse_places).all():
+        if not np.isin(coarse, self.zone.active_coarse_places).all():
             raise CheckpointError("coarse nodes are none at the start; they must be some of those")
         active[coarse] = True
-        breaks = self._checkpoint_breaks(checkpoint)
-        node, spring = breaks.node.astype(np.int64), breaks.spring.astype(np.int64)
-        half = len(lattice.offsets) // 2
-        for ends, k in ((node, spring), (node + lattice.offsets[spring], spring + half)):
-            np.bitwise_or.at(self.zone.cut_bits, (ends // ROW, k), (1 << (ends % ROW)).astype(np.uint16))
-            kinds = self.zone.row_kinds
+        breaks = self._read_checkpoint_breaks(checkpoint)
+        node, spring = breaks.node.astype(np.int64), breaks.bond_number.astype(np.int64)
+        half = len(lattice.neighbour_offsets) // 2
+        for ends, k in ((node, spring), (node + lattice.neighbour_offsets[spring], spring + half)):
+            np.bitwise_or.at(self.zone.cut_bond_bits, (ends // ROW, k), (1 << (ends % ROW)).astype(np.uint16))
+            kinds = self.zone.simd_row_kinds
             kinds[ends // ROW] = np.maximum(kinds[ends // ROW], 1)
-        self.zone = renumber_zone(lattice, self.plate, self.zone, active, self.settings.seam_damping)
-        self.area, places = active_areas(lattice, self.plate, self.zone.node_kinds), self.active_places()
+        self.zone = zone_with_active_coarse_nodes(lattice, self.plate, self.zone, active, self.settings.seam_damping)
+        self.area, places = areas_of_active_nodes(lattice, self.plate, self.zone.node_kinds), self.active_places()
         if not np.array_equal(entry(checkpoint, "places", places.shape, np.int64), places):
             raise CheckpointError("places are not those of active nodes")
-        while len(self.zone.breaks.step) < len(node):
+        while len(self.zone.break_events.step) < len(node):
             self._enlarge_break_arrays()
         for name, values in breaks._asdict().items():
-            getattr(self.zone.breaks, name)[: len(node)] = values
+            getattr(self.zone.break_events, name)[: len(node)] = values
         for name, field in (("fine_u", self.zone.u), ("fine_v", self.zone.v), ("fine_a", self.zone.a)):
             field[:] = 0.0
             field[:, places] = entry(checkpoint, name, (2, len(places)), float)
@@ -250,30 +265,30 @@ class CollocationEngine:
         self.zone = self.zone._replace(totals=Totals.of(totals), counts=counts)
         for name, field in (
             ("own_work", self.work),
-            ("damped", self.zone.damped),
+            ("damped", self.zone.damped_energy),
             ("spent", self.zone.node_dissipation),
         ):
             field[places] = entry(checkpoint, name, places.shape, float)
 
-    def _checkpoint_breaks(self, checkpoint: CheckpointArrays) -> BreakEvents:
+    def _read_checkpoint_breaks(self, checkpoint: CheckpointArrays) -> BreakEvents:
         """Broken bonds of a checkpoint, checked to exist at the start and to have broken once.
 
         Raises CheckpointError.
         """
-        lattice, half = self.lattice, len(self.lattice.offsets) // 2
+        lattice, half = self.lattice, len(self.lattice.neighbour_offsets) // 2
         step = entry(checkpoint, "break_step", (None,), np.int32, 1)
         breaks = BreakEvents(
             step,
-            entry(checkpoint, "break_node", step.shape, np.int32, 0, lattice.numbering.places - 1),
+            entry(checkpoint, "break_node", step.shape, np.int32, 0, lattice.numbering.place_count - 1),
             entry(checkpoint, "break_spring", step.shape, np.int32, 0, half - 1),
             *read_pulls(checkpoint, len(step)),
         )
-        node, spring = breaks.node.astype(np.int64), breaks.spring.astype(np.int64)
-        target = node + lattice.offsets[spring]
-        has_node = np.zeros(lattice.numbering.places, dtype=np.bool_)
-        has_node[self.plate.place] = True
+        node, spring = breaks.node.astype(np.int64), breaks.bond_number.astype(np.int64)
+        target = node + lattice.neighbour_offsets[spring]
+        has_node = np.zeros(lattice.numbering.place_count, dtype=np.bool_)
+        has_node[self.plate.place_of_grid_row] = True
         inside = has_node[node] & (target >= 0) & (target < len(has_node)) & has_node[target.clip(0, len(has_node) - 1)]
-        intact = self.zone.cut_bits[node // ROW, spring] >> (node % ROW).astype(np.uint16) & 1 == 0
+        intact = self.zone.cut_bond_bits[node // ROW, spring] >> (node % ROW).astype(np.uint16) & 1 == 0
         if not (inside & intact).all() or len(np.unique(node * half + spring)) < len(node):
             raise CheckpointError("a broken bond is none of the plate, or there twice")
         return breaks

@@ -11,12 +11,12 @@ import numpy as np
 from numba import njit
 
 from pdsolve.adaptivity.collocation.simd_rows import (
-    bond_stiffness_over_share,
+    bond_stiffness_over_own_cell_share,
     break_bond,
-    e_of_bond,
-    e_one_step_ago,
     is_bond_over_limit,
-    store_row_energies,
+    quadratic_strain_of_bond,
+    quadratic_strain_one_step_ago,
+    store_row_energy_densities,
     store_row_forces,
     store_row_forces_by_square_roots,
 )
@@ -27,7 +27,7 @@ from pdsolve.conditions import apply_loads
 from pdsolve.laws.calls import added_force, broken_energy, second_share
 from pdsolve.numerics.thread_team import meet
 from pdsolve.operators.simd_lattice.kernel import INNER
-from pdsolve.steppers.holds import accelerate_held_component, prescribe_component
+from pdsolve.steppers.holds import accelerate_held_component_and_book_work, prescribe_held_component
 
 DONE, SWITCH, ROOM = range(3)  # how a march ends: at its last step; as nodes are to be made fine; for want of room
 BEGIN, FORCES, SUM = range(3)  # where in a step it goes on; with `SUM` it ends once forces are summed
@@ -37,18 +37,18 @@ BEGIN, FORCES, SUM = range(3)  # where in a step it goes on; with `SUM` it ends 
 def _kick_and_drift(lattice, zone, drive, time):  # type: ignore[no-untyped-def]
     """Half a kick and the drift to the displacements at `time`, s."""
     dt, u, v, a = lattice.dt, zone.u, zone.v, zone.a
-    for row in zone.fine_rows:
+    for row in zone.rows_with_fine_nodes:
         for p in range(row * ROW, row * ROW + ROW):
             if zone.node_kinds[p] == FINE:
                 for axis in range(2):
                     v[axis, p] += dt / 2 * a[axis, p]
                     u[axis, p] += dt * v[axis, p]
-    for p in zone.coarse_places:
+    for p in zone.active_coarse_places:
         for axis in range(2):
             v[axis, p] += dt / 2 * a[axis, p]
             u[axis, p] += dt * v[axis, p]
     for e in range(len(drive.holds.node)):
-        prescribe_component(u.T, v.T, a.T, drive.holds, drive.profiles, drive.held_speed, e, dt, time)
+        prescribe_held_component(u.T, v.T, a.T, drive.holds, drive.profiles, drive.held_speed, e, dt, time)
     if drive.varies:
         apply_loads(drive, time)
 
@@ -65,19 +65,21 @@ def interpolate_fictitious_nodes(zone, field):  # type: ignore[no-untyped-def]
 @njit(**INNER)
 def mark_stretched_coarse_pairs(lattice, zone, kappa):  # type: ignore[no-untyped-def]
     """Mark both nodes of each coarse pair stretched beyond `kappa` times the critical stretch."""
-    stretch = np.sqrt(1 + lattice.limit) - 1
+    stretch = np.sqrt(1 + lattice.limit_strain) - 1
     hot = kappa * stretch * (kappa * stretch + 2)
     u, any_hot = zone.u, False
-    for q in zone.coarse_places:
+    for q in zone.active_coarse_places:
         for s in range(len(lattice.stencil_offsets)):
             j = q + lattice.stencil_offsets[s]
             x, y = u[0, j] - u[0, q], u[1, j] - u[1, q]
-            inverse = lattice.stencil_pairs[s, 2]
-            e = (x * inverse + lattice.stencil_pairs[s, 0]) * x + (y * inverse + lattice.stencil_pairs[s, 1]) * y
+            inverse = lattice.stencil_vector_constants[s, 2]
+            e = (x * inverse + lattice.stencil_vector_constants[s, 0]) * x + (
+                y * inverse + lattice.stencil_vector_constants[s, 1]
+            ) * y
             if e > hot and not (lattice.no_fail[q] or lattice.no_fail[j]):
-                zone.to_refine[q] = zone.to_refine[j] = any_hot = True
+                zone.is_to_refine[q] = zone.is_to_refine[j] = any_hot = True
             if zone.node_kinds[j] == COARSE:
-                zone.totals.largest_e = max(zone.totals.largest_e, e)
+                zone.totals.largest_quadratic_strain = max(zone.totals.largest_quadratic_strain, e)
     return any_hot
 
 
@@ -85,7 +87,7 @@ def mark_stretched_coarse_pairs(lattice, zone, kappa):  # type: ignore[no-untype
 def sum_coarse_accelerations(lattice, zone):  # type: ignore[no-untyped-def]
     """Accelerations of active coarse nodes from their stencils."""
     u = zone.u
-    for q in zone.coarse_places:
+    for q in zone.active_coarse_places:
         x, y = 0.0, 0.0
         for s in range(len(lattice.stencil_offsets)):
             j = q + lattice.stencil_offsets[s]
@@ -95,28 +97,30 @@ def sum_coarse_accelerations(lattice, zone):  # type: ignore[no-untyped-def]
 
 
 @njit(**INNER)
-def sum_row_forces(lattice, zone, first, last):  # type: ignore[no-untyped-def]
+def sum_forces_of_fine_rows(lattice, zone, first, last):  # type: ignore[no-untyped-def]
     """Add the forces on the nodes of active rows."""
     for n in range(first, last):
-        zone.over_bound_bits[n] = _sum_forces_of_row(lattice, zone, zone.fine_rows[n])
+        zone.bond_over_bound_bits[n] = _sum_forces_of_row(lattice, zone, zone.rows_with_fine_nodes[n])
 
 
 @njit(**INNER)
 def _sum_forces_of_row(lattice, zone, row):  # type: ignore[no-untyped-def]
     """Add the forces on the nodes of one row; returns a bit for each node with a bond over its bound."""
-    over, exact = store_row_forces(lattice, zone.cut_bits, zone.row_kinds[row], zone.e_bounds, zone.u, zone.f, row)
+    over, exact = store_row_forces(
+        lattice, zone.cut_bond_bits, zone.simd_row_kinds[row], zone.break_and_accuracy_bounds, zone.u, zone.f, row
+    )
     if not exact:
-        store_row_forces_by_square_roots(lattice, zone.cut_bits, zone.row_kinds[row], zone.u, zone.f, row)
+        store_row_forces_by_square_roots(lattice, zone.cut_bond_bits, zone.simd_row_kinds[row], zone.u, zone.f, row)
     return over
 
 
 @njit(**INNER)
-def _breaks_have_room(lattice, zone):  # type: ignore[no-untyped-def]
+def _break_arrays_have_room(lattice, zone):  # type: ignore[no-untyped-def]
     """Whether the arrays have room for all bonds of the flagged rows to break."""
     flagged = 0
-    for n in range(len(zone.fine_rows)):
-        flagged += zone.over_bound_bits[n] != 0
-    return zone.counts.broken_bonds + flagged * ROW * len(lattice.offsets) <= len(zone.breaks.step)
+    for n in range(len(zone.rows_with_fine_nodes)):
+        flagged += zone.bond_over_bound_bits[n] != 0
+    return zone.counts.broken_bonds + flagged * ROW * len(lattice.neighbour_offsets) <= len(zone.break_events.step)
 
 
 @njit(**INNER)
@@ -125,100 +129,112 @@ def _break_stretched_bonds(lattice, zone, step):  # type: ignore[no-untyped-def]
     needed."""
     any_broken = False
     zone.counts.refinement_due = 0
-    for n in range(len(zone.fine_rows)):
-        if zone.over_bound_bits[n] == 0:
+    for n in range(len(zone.rows_with_fine_nodes)):
+        if zone.bond_over_bound_bits[n] == 0:
             continue
-        for p in range(zone.fine_rows[n] * ROW, zone.fine_rows[n] * ROW + ROW):
-            if not (zone.over_bound_bits[n] >> (p % ROW)) & 1:
+        for p in range(zone.rows_with_fine_nodes[n] * ROW, zone.rows_with_fine_nodes[n] * ROW + ROW):
+            if not (zone.bond_over_bound_bits[n] >> (p % ROW)) & 1:
                 continue
-            for k in range(len(lattice.offsets)):
+            for k in range(len(lattice.neighbour_offsets)):
                 if not is_bond_over_limit(lattice, zone, zone.u, p, k):
                     continue
                 any_broken = True
                 _break_bond_and_book_energy(lattice, zone, step, p, k)
     if any_broken:
-        for row in zone.fine_rows:
+        for row in zone.rows_with_fine_nodes:
             if zone.has_new_breaks[row]:
                 _sum_forces_of_row(lattice, zone, row)
         zone.has_new_breaks[:] = 0
-    _pull_broken(lattice, zone, step)
+    _add_forces_of_newly_broken_bonds(lattice, zone, step)
     return zone.counts.refinement_due != 0
 
 
 @njit(**INNER)
-def _pull_broken(lattice, zone, step):  # type: ignore[no-untyped-def]
+def _add_forces_of_newly_broken_bonds(lattice, zone, step):  # type: ignore[no-untyped-def]
     """Let the bonds that broke in this step pull once, and those of the last step a second time."""
-    breaks, n = zone.breaks, zone.counts.broken_bonds
+    breaks, n = zone.break_events, zone.counts.broken_bonds
     while n > 0 and breaks.step[n - 1] >= step - 1:
         n -= 1
-        p, k = breaks.node[n], breaks.spring[n]
+        p, k = breaks.node[n], breaks.bond_number[n]
         stretch, before, _ = _stretch_now_before_and_limit(lattice, zone, p, k)
-        share = 1.0 if breaks.step[n] == step else second_share(breaks.growth[n], stretch - before)
-        _add_pull(lattice, zone, p, k, breaks.pull[n] * share / (1 + stretch))
+        share = 1.0 if breaks.step[n] == step else second_share(breaks.stretch_growth_at_break[n], stretch - before)
+        _add_force_of_broken_bond(lattice, zone, p, k, breaks.force_at_break[n] * share / (1 + stretch))
 
 
 @njit(**INNER)
 def _stretch_now_before_and_limit(lattice, zone, p, k):  # type: ignore[no-untyped-def]
     """The stretch of bond k of node p now and one step ago, and its limit."""
-    e, e0 = e_of_bond(lattice, zone.u, p, k), e_one_step_ago(lattice, zone.u, zone.v, p, k)
-    return e / (1 + np.sqrt(1 + e)), e0 / (1 + np.sqrt(1 + e0)), lattice.limit / (1 + np.sqrt(1 + lattice.limit))
+    e, e0 = (
+        quadratic_strain_of_bond(lattice, zone.u, p, k),
+        quadratic_strain_one_step_ago(lattice, zone.u, zone.v, p, k),
+    )
+    return (
+        e / (1 + np.sqrt(1 + e)),
+        e0 / (1 + np.sqrt(1 + e0)),
+        lattice.limit_strain / (1 + np.sqrt(1 + lattice.limit_strain)),
+    )
 
 
 @njit(**INNER)
-def _add_pull(lattice, zone, p, k, pull):  # type: ignore[no-untyped-def]
+def _add_force_of_broken_bond(lattice, zone, p, k, pull):  # type: ignore[no-untyped-def]
     """Add a pull of bond k of node p, which has broken, to the forces on both its ends."""
-    j, half = p + lattice.offsets[k], len(lattice.offsets) // 2
+    j, half = p + lattice.neighbour_offsets[k], len(lattice.neighbour_offsets) // 2
     for axis in range(2):
         along = pull * (lattice.spring_table[k, axis] + zone.u[axis, j] - zone.u[axis, p])
-        zone.f[axis, p] += bond_stiffness_over_share(lattice, p, k) * along
-        zone.f[axis, j] -= bond_stiffness_over_share(lattice, j, k + half if k < half else k - half) * along
+        zone.f[axis, p] += bond_stiffness_over_own_cell_share(lattice, p, k) * along
+        zone.f[axis, j] -= bond_stiffness_over_own_cell_share(lattice, j, k + half if k < half else k - half) * along
 
 
 @njit(**INNER)
 def _break_bond_and_book_energy(lattice, zone, step, p, k):  # type: ignore[no-untyped-def]
     """Break bond k of node p, and book the energy it has dissipated."""
-    j, half, count = p + lattice.offsets[k], len(lattice.offsets) // 2, zone.counts.broken_bonds
+    j, half, count = p + lattice.neighbour_offsets[k], len(lattice.neighbour_offsets) // 2, zone.counts.broken_bonds
     stretch, before, limit = _stretch_now_before_and_limit(lattice, zone, p, k)
-    spring = bond_stiffness_over_share(lattice, p, k) * lattice.cell_share[0, p] / lattice.spring_table[k, 4]
-    energy = broken_energy(lattice.law, spring / 4, stretch, before, limit, limit)
-    zone.totals.dissipated += 2 * energy
+    spring = (
+        bond_stiffness_over_own_cell_share(lattice, p, k) * lattice.cell_area_share[0, p] / lattice.spring_table[k, 4]
+    )
+    energy = broken_energy(lattice.bond_law, spring / 4, stretch, before, limit, limit)
+    zone.totals.dissipated_energy += 2 * energy
     for node in (p, j) if zone.node_kinds[j] == FINE else (p, p):
         zone.node_dissipation[node] += energy
     break_bond(lattice, zone, p, k)
     zone.has_new_breaks[p // ROW] = zone.has_new_breaks[j // ROW] = 1
-    zone.breaks.step[count] = step
-    zone.breaks.node[count], zone.breaks.spring[count] = (p, k) if k < half else (j, k - half)
-    zone.breaks.pull[count] = added_force(lattice.law, stretch, before, 0.0, limit, limit)
-    zone.breaks.growth[count] = stretch - before
+    zone.break_events.step[count] = step
+    zone.break_events.node[count], zone.break_events.bond_number[count] = (p, k) if k < half else (j, k - half)
+    zone.break_events.force_at_break[count] = added_force(lattice.bond_law, stretch, before, 0.0, limit, limit)
+    zone.break_events.stretch_growth_at_break[count] = stretch - before
     zone.counts.broken_bonds += 1
     if zone.node_kinds[j] != FINE:
         zone.counts.refinement_due = 1
-        _mark_coarse_nodes_around(lattice, zone, j)
+        _mark_coarse_nodes_around_to_refine(lattice, zone, j)
 
 
 @njit(**INNER)
-def _mark_coarse_nodes_around(lattice, zone, p):  # type: ignore[no-untyped-def]
+def _mark_coarse_nodes_around_to_refine(lattice, zone, p):  # type: ignore[no-untyped-def]
     """Mark the coarse nodes that a node lies on or between."""
     numbering = lattice.numbering
-    right, up = (p % numbering.stride - numbering.left) % 2, (p // numbering.stride - numbering.below) % 2
-    corner = p - right - up * numbering.stride
+    right, up = (
+        (p % numbering.row_stride - numbering.left_margin) % 2,
+        (p // numbering.row_stride - numbering.row_margin) % 2,
+    )
+    corner = p - right - up * numbering.row_stride
     for y in range(up + 1):
         for x in range(right + 1):
-            zone.to_refine[corner + 2 * x + 2 * y * numbering.stride] = True
+            zone.is_to_refine[corner + 2 * x + 2 * y * numbering.row_stride] = True
 
 
 @njit(**INNER)
 def _finish_kicks(lattice, zone, drive, work):  # type: ignore[no-untyped-def]
     """Turn forces into accelerations and apply the second half of the kick; books work and damping."""
-    v, a, dt, light = zone.v, zone.a, lattice.dt, 1 / (lattice.rho * lattice.h**2)
-    for row in zone.fine_rows:
+    v, a, dt, light = zone.v, zone.a, lattice.dt, 1 / (lattice.rho * lattice.spacing**2)
+    for row in zone.rows_with_fine_nodes:
         for p in range(row * ROW, row * ROW + ROW):
             if zone.node_kinds[p] == FINE:
                 for axis in range(2):
                     load, before = drive.force[p, axis], drive.before[p, axis]
                     _kick_component(lattice, zone, p, axis, zone.f[axis, p] * light + load / lattice.rho, dt)
                     work[p] += (before + load) / 2 * (dt * (v[axis, p] - dt / 2 * a[axis, p]))
-    for p in zone.coarse_places:
+    for p in zone.active_coarse_places:
         for axis in range(2):
             _kick_component(lattice, zone, p, axis, zone.f[axis, p], dt)
 
@@ -231,7 +247,7 @@ def _kick_component(lattice, zone, p, axis, undamped_acceleration, dt):  # type:
     speed = (middle + dt / 2 * undamped_acceleration) / (1 + c * dt / 2)
     if c > 0:
         before = middle - dt / 2 * a[axis, p]
-        zone.damped[p] += lattice.rho * c * (before + speed) / 2 * (dt * middle)
+        zone.damped_energy[p] += lattice.rho * c * (before + speed) / 2 * (dt * middle)
     a[axis, p] = undamped_acceleration - c * speed
     v[axis, p] = middle + dt / 2 * a[axis, p]
 
@@ -243,36 +259,36 @@ def _move_held_components(lattice, zone, drive, work, rho, time):  # type: ignor
     for e in range(len(drive.holds.node)):
         p, axis = drive.holds.node[e], drive.holds.axis[e]
         v[axis, p] -= dt / 2 * a[axis, p]
-        accelerate_held_component(
+        accelerate_held_component_and_book_work(
             v.T, a.T, rho, work, drive.holds, drive.profiles, drive.held_speed, drive.held_force, e, dt, time
         )
         v[axis, p] += dt / 2 * a[axis, p]
 
 
 @cached_njit(nogil=True, error_model="numpy")
-def advance(lattice, zone, drive, work, rho, kappa, check_interval, first, last, stage, thread, gate):  # type: ignore[no-untyped-def]
+def advance(lattice, zone, drive, work, rho, refinement_kappa, steps_between_checks, first, last, stage, thread, gate):  # type: ignore[no-untyped-def]
     """Take the steps `first` to `last` - 1, from stage `stage` of the first; returns the end code and the step.
 
     All threads call this together.
     """
-    threads, rows = gate.threads, len(zone.fine_rows)
+    threads, rows = gate.threads, len(zone.rows_with_fine_nodes)
     for step in range(first, last):
         if thread == 0:
             zone.counts.refinement_due = 0
             if step > first or stage == BEGIN:
                 _kick_and_drift(lattice, zone, drive, step * lattice.dt)
                 interpolate_fictitious_nodes(zone, zone.u)
-                zone.counts.refinement_due = step % check_interval == 0 and mark_stretched_coarse_pairs(
-                    lattice, zone, kappa
+                zone.counts.refinement_due = step % steps_between_checks == 0 and mark_stretched_coarse_pairs(
+                    lattice, zone, refinement_kappa
                 )
             else:
                 interpolate_fictitious_nodes(zone, zone.u)
         meet(gate)
         if zone.counts.refinement_due != 0:
             return SWITCH, step
-        sum_row_forces(lattice, zone, rows * thread // threads, rows * (thread + 1) // threads)
+        sum_forces_of_fine_rows(lattice, zone, rows * thread // threads, rows * (thread + 1) // threads)
         meet(gate)
-        if not _breaks_have_room(lattice, zone):
+        if not _break_arrays_have_room(lattice, zone):
             return ROOM, step
         meet(gate)
         if thread == 0 and (not _break_stretched_bonds(lattice, zone, step) or stage == SUM):
@@ -289,16 +305,16 @@ def advance(lattice, zone, drive, work, rho, kappa, check_interval, first, last,
 
 
 @cached_njit(error_model="numpy")
-def store_strain_energies(lattice, zone, rows, densities):  # type: ignore[no-untyped-def]
+def store_strain_energy_densities(lattice, zone, rows, densities):  # type: ignore[no-untyped-def]
     """Store energy densities, J/m^3, of nodes in these rows and of active coarse nodes in `densities` (1, places).
 
     Those of coarse nodes are also half of each pair's, with the stencil as springs: the energy that motion conserves.
     """
     interpolate_fictitious_nodes(zone, zone.u)
     for row in rows:
-        store_row_energies(lattice, zone.cut_bits, zone.row_kinds[row], zone.u, densities, row)
+        store_row_energy_densities(lattice, zone.cut_bond_bits, zone.simd_row_kinds[row], zone.u, densities, row)
     u = zone.u
-    for q in zone.coarse_places:
+    for q in zone.active_coarse_places:
         energy = 0.0
         for s in range(len(lattice.stencil_offsets)):
             j = q + lattice.stencil_offsets[s]

@@ -14,10 +14,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pdsolve.adaptivity.collocation.engine import CollocationEngine
-from pdsolve.adaptivity.collocation.layout import is_cut
+from pdsolve.adaptivity.collocation.layout import is_bond_cut
 from pdsolve.adaptivity.collocation.zone import COARSE, FINE, BreakEvents
 from pdsolve.adaptivity.hybrid.engine import ZoneSummary
-from pdsolve.adaptivity.hybrid.irregular_bonds import part_of_model
+from pdsolve.adaptivity.hybrid.irregular_bonds import select_part_of_model
 from pdsolve.adaptivity.two_lattice_operator import LedgerTotals, TwoLatticeOperator
 from pdsolve.codegen.jit_cache import cached_njit
 from pdsolve.model import Model
@@ -37,42 +37,48 @@ class CollocationOperator(TwoLatticeOperator[CollocationEngine]):
         """An operator on the currently active nodes."""
         self.engine, self._strain = engine, 0.0
         self.places, self._kind = engine.active_places(), engine.zone.node_kinds.copy()
-        self._row_of = np.full(engine.lattice.numbering.places, -1, dtype=np.int64)
+        self._row_of = np.full(engine.lattice.numbering.place_count, -1, dtype=np.int64)
         self._row_of[self.places] = np.arange(len(self.places))
         self.area = engine.area[self.places]
         self._switches = int(engine.zone.counts.refinements)
         # as they are now: the bonds of the start are asked for while others march
         self._cut, self._before = (
-            engine.zone.cut_bits.copy(),
-            BreakEvents._make(column.copy() for column in engine.broken()),
+            engine.zone.cut_bond_bits.copy(),
+            BreakEvents._make(column.copy() for column in engine.break_events()),
         )
 
     @cached_property
     def model(self) -> Model:
         """The model of the n current nodes, without conditions."""
-        active_model = part_of_model(self.engine.plate.model, self.engine.plate.row[self.places].astype(np.int64))
+        active_model = select_part_of_model(
+            self.engine.plate.model, self.engine.plate.grid_row_at_place[self.places].astype(np.int64)
+        )
         delta = np.where(self._kind[self.places] == COARSE, 2.0, 1.0) * active_model.grid.delta
         return dataclasses.replace(
             active_model, grid=dataclasses.replace(active_model.grid, delta=delta, areas=self.area)
         )
 
     @cached_property
-    def counts(self) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    def initial_bond_counts_and_family_sizes(self) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
         """Bonds (n,) of each node at the start, and their number including those cut by pre-cracks."""
         lattice, plate, fine = self.engine.lattice, self.engine.plate, self._kind[self.places] == FINE
         fine_places, count = self.places[fine], np.full(len(self.places), len(lattice.stencil_offsets) - 1)
         _, node, spring, *_ = self._before
-        lost = np.bincount(np.concatenate([node, node + lattice.offsets[spring]]), minlength=lattice.numbering.places)
+        lost = np.bincount(
+            np.concatenate([node, node + lattice.neighbour_offsets[spring]]), minlength=lattice.numbering.place_count
+        )
         count[fine] = _count_intact_bonds(lattice, self._cut, self._kind, fine_places) + lost[fine_places]
         family = count.copy()
-        family[fine] += plate.precrack_cuts[fine_places]
+        family[fine] += plate.precrack_cut_counts[fine_places]
         return count, family
 
     @property
-    def signature(self) -> NDArray[np.int64]:
+    def node_signatures(self) -> NDArray[np.int64]:
         """Signature (n,) that changes if a node or its bonds change."""
-        share = np.round(self.area / self.engine.lattice.h**2 * 64).astype(np.int64)  # of a coarse node beside the seam
-        return np.where(self._kind[self.places] == FINE, 1 + self.counts[0], -share)
+        share = np.round(self.area / self.engine.lattice.spacing**2 * 64).astype(
+            np.int64
+        )  # of a coarse node beside the seam
+        return np.where(self._kind[self.places] == FINE, 1 + self.initial_bond_counts_and_family_sizes[0], -share)
 
     @property
     def is_current(self) -> bool:
@@ -81,15 +87,15 @@ class CollocationOperator(TwoLatticeOperator[CollocationEngine]):
 
     def operator_if_changed(self) -> CollocationOperator | None:
         """The operator on the current nodes if they have changed, else None."""
-        self.engine.refine_if_marked()
+        self.engine.refine_nodes_if_any_marked()
         return None if self.is_current else CollocationOperator(self.engine)
 
-    def _set_node_motion(self, state: State) -> None:
+    def _write_node_motion(self, state: State) -> None:
         """Set the active nodes to the values and rates of a state; fictitious nodes are interpolated."""
         zone = self.engine.zone
         zone.u[:, self.places], zone.v[:, self.places] = state.value.T, state.rate.T
 
-    def copy_to(self, state: State) -> None:
+    def copy_to_state(self, state: State) -> None:
         """Update a state from the active nodes."""
         engine, places = self.engine, self.places
         zone = engine.zone
@@ -98,13 +104,15 @@ class CollocationOperator(TwoLatticeOperator[CollocationEngine]):
         state.dissipated[:], state.work[:], state.damped[:] = (
             self.dissipated_energy(),
             engine.work[places],
-            zone.damped[places],
+            zone.damped_energy[places],
         )
 
     def accelerations(self) -> NDArray[np.float64]:
         """Accelerations (n, 2), m/s^2, from the most recent sum of forces."""
         acceleration, lattice = self.engine.zone.f[:, self.places].T.copy(), self.engine.lattice
-        acceleration[self._kind[self.places] == FINE] /= lattice.rho * lattice.h**2  # coarse ones have accelerations
+        acceleration[self._kind[self.places] == FINE] /= (
+            lattice.rho * lattice.spacing**2
+        )  # coarse ones have accelerations
         return acceleration
 
     def dissipated_energy(self) -> NDArray[np.float64]:
@@ -119,15 +127,17 @@ class CollocationOperator(TwoLatticeOperator[CollocationEngine]):
 
     def energies(self, state: State) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Strain energy densities (n,), J/m^3, and zeros for softening, which collocation does not have."""
-        self.set_nodes(state)
+        self.set_node_motion(state)
         densities = self.engine.energy_densities()[self.places]
         self._strain = float((densities * self.area).sum())
         return densities, np.zeros_like(densities)
 
     def ledger_totals(self) -> LedgerTotals:
         """Energies, work and momentum at the state of the last call of `energies`."""
-        kinetic, x, y = self.engine.kinetic_and_momentum()
-        return LedgerTotals(kinetic, self._strain, *self.engine.energy_totals, x, y, len(self.broken().step))
+        kinetic, x, y = self.engine.kinetic_energy_and_momentum()
+        return LedgerTotals(
+            kinetic, self._strain, *self.engine.dissipated_and_damped_energy_and_work, x, y, len(self.broken().step)
+        )
 
     def zone_summary(self) -> ZoneSummary:
         """Summary of the fine zone; its stretch is that of coarse pairs."""
@@ -155,13 +165,13 @@ class CollocationOperator(TwoLatticeOperator[CollocationEngine]):
         sources, targets = [], []
         places_of_kind = places[self._kind[places] == FINE]
         node, k = _list_intact_bonds(
-            lattice, self._cut if start else self.engine.zone.cut_bits, self._kind, places_of_kind
+            lattice, self._cut if start else self.engine.zone.cut_bond_bits, self._kind, places_of_kind
         )
         sources.append(places_of_kind[node])
-        targets.append(places_of_kind[node] + lattice.offsets[k])
+        targets.append(places_of_kind[node] + lattice.neighbour_offsets[k])
         if start:
             _, node, k, *_ = self._before
-            neighbour = node + lattice.offsets[k]
+            neighbour = node + lattice.neighbour_offsets[k]
             for near, far in ((node, neighbour), (neighbour, node)):
                 in_range = (self._row_of[near] >= first) & (self._row_of[near] < first + len(places))
                 sources.append(near[in_range])
@@ -176,35 +186,38 @@ class CollocationOperator(TwoLatticeOperator[CollocationEngine]):
 
     def broken(self, after: int = 0) -> Broken:
         """Bonds broken after a step: step, source row and target row of each."""
-        step, node, spring, *_ = self.engine.broken()
+        step, node, spring, *_ = self.engine.break_events()
         new = np.flatnonzero(step > after)
-        ends = (self._row_of[source] for source in (node[new], node[new] + self.engine.lattice.offsets[spring[new]]))
+        ends = (
+            self._row_of[source]
+            for source in (node[new], node[new] + self.engine.lattice.neighbour_offsets[spring[new]])
+        )
         source, target = ends
         steps = np.tile(step[new].astype(np.int64), 2)
         return Broken(steps, np.concatenate([source, target]), np.concatenate([target, source]))
 
 
 @cached_njit(error_model="numpy")
-def _count_intact_bonds(lattice, cut_bits, kind, places):  # type: ignore[no-untyped-def]
+def _count_intact_bonds(lattice, cut_bond_bits, node_kinds, places):  # type: ignore[no-untyped-def]
     """Number of bonds of each place to active nodes that are neither cut nor broken."""
     counts = np.zeros(len(places), dtype=np.int64)
     for n in range(len(places)):
-        for k in range(len(lattice.offsets)):
-            neighbour_kind = kind[places[n] + lattice.offsets[k]]
-            if neighbour_kind in (FINE, COARSE) and not is_cut(cut_bits, places[n], k):
+        for k in range(len(lattice.neighbour_offsets)):
+            neighbour_kind = node_kinds[places[n] + lattice.neighbour_offsets[k]]
+            if neighbour_kind in (FINE, COARSE) and not is_bond_cut(cut_bond_bits, places[n], k):
                 counts[n] += 1
     return counts
 
 
 @cached_njit(error_model="numpy")
-def _list_intact_bonds(lattice, cut_bits, kind, places):  # type: ignore[no-untyped-def]
+def _list_intact_bonds(lattice, cut_bond_bits, node_kinds, places):  # type: ignore[no-untyped-def]
     """Intact bonds of some places to active nodes: the place of each bond and its index in the family."""
-    count = _count_intact_bonds(lattice, cut_bits, kind, places).sum()
+    count = _count_intact_bonds(lattice, cut_bond_bits, node_kinds, places).sum()
     node, spring, at = np.zeros(count, dtype=np.int64), np.zeros(count, dtype=np.int64), 0
     for n in range(len(places)):
-        for k in range(len(lattice.offsets)):
-            neighbour_kind = kind[places[n] + lattice.offsets[k]]
-            if neighbour_kind in (FINE, COARSE) and not is_cut(cut_bits, places[n], k):
+        for k in range(len(lattice.neighbour_offsets)):
+            neighbour_kind = node_kinds[places[n] + lattice.neighbour_offsets[k]]
+            if neighbour_kind in (FINE, COARSE) and not is_bond_cut(cut_bond_bits, places[n], k):
                 node[at], spring[at] = n, k
                 at += 1
     return node, spring

@@ -8,14 +8,14 @@ import numpy as np
 
 from pdmesh.model.document import Collocation
 from pdmesh.model.material_constants import pressure_speed
-from pdsolve.adaptivity.collocation.edge_row_patterns import add_row_patterns
+from pdsolve.adaptivity.collocation.edge_row_patterns import share_stiffness_of_equal_edge_rows
 from pdsolve.adaptivity.collocation.engine import CollocationEngine, CollocationSettings
-from pdsolve.adaptivity.collocation.layout import create_constants_and_plate, number_plate
+from pdsolve.adaptivity.collocation.layout import create_constants_and_plate, create_numbering_and_places
 from pdsolve.adaptivity.collocation.operator import CollocationOperator
-from pdsolve.adaptivity.collocation.simd_rows import stiffness_bound
+from pdsolve.adaptivity.collocation.simd_rows import largest_stiffness_bound
 from pdsolve.adaptivity.collocation.zone import create_collocation_zone, mask_eligible_coarse
-from pdsolve.adaptivity.hybrid.coarse_cells import check_supported, unsupported_error
-from pdsolve.adaptivity.hybrid.springs import fine_springs
+from pdsolve.adaptivity.hybrid.coarse_cells import check_model_supported, create_unsupported_error
+from pdsolve.adaptivity.hybrid.springs import create_fine_springs
 from pdsolve.conditions import drive, initial_velocity
 from pdsolve.model import Model
 from pdsolve.operators.stencils import StencilError, elastic, longest, stencil_of
@@ -34,34 +34,36 @@ def create_collocation_operator_and_stable_step(
 
     Raises ModelError for a model that this method does not support.
     """
-    check_supported(model, mode, MOST)
+    check_model_supported(model, mode, MOST)
     if precision != "float64":
-        raise unsupported_error(model, "precision", precision, "float64")
+        raise create_unsupported_error(model, "precision", precision, "float64")
     ratio, material = model.settings.horizon.ratio, model.materials[0]
     if ratio < LEAST:
-        raise unsupported_error(model, "$.horizon.ratio", f"{ratio:g}", f"at least {LEAST:g}")
+        raise create_unsupported_error(model, "$.horizon.ratio", f"{ratio:g}", f"at least {LEAST:g}")
     h = float(model.grid.delta[0])
-    springs = fine_springs(material, ratio, h)
+    springs = create_fine_springs(material, ratio, h)
     try:
         stencil = stencil_of(ratio / 2, elastic(springs.c11, springs.c66, 2), 2)
     except StencilError as error:
-        raise unsupported_error(
+        raise create_unsupported_error(
             model, "$.horizon.ratio", f"{ratio:g} ({error})", "one whose stencil is stable"
         ) from None
-    at, place = number_plate(model, int(np.abs(springs.dx).max()), f"as run.adapt is {model.settings.run.adapt}")
+    at, place = create_numbering_and_places(
+        model, int(np.abs(springs.family_dx).max()), f"as run.adapt is {model.settings.run.adapt}"
+    )
     lattice, plate = create_constants_and_plate(model, springs, at, place, stencil)
-    lattice = add_row_patterns(lattice)
+    lattice = share_stiffness_of_equal_edge_rows(lattice)
     # of fine nodes: those at edges, and one full family for all others
-    odd = np.flatnonzero((plate.row >= 0) & ~plate.has_full_family)
-    stiffness = stiffness_bound(
-        lattice, plate.cut_bits, np.concatenate([odd, np.flatnonzero(plate.has_full_family)[:1]])
+    odd = np.flatnonzero((plate.grid_row_at_place >= 0) & ~plate.has_full_family)
+    stiffness = largest_stiffness_bound(
+        lattice, plate.cut_bond_bits, np.concatenate([odd, np.flatnonzero(plate.has_full_family)[:1]])
     )
     bound = min(float(np.sqrt(2 * lattice.rho / stiffness)), longest(stencil, 2 * h, material.rho))
     lattice = lattice._replace(dt=choose_step(model, bound))
     run_settings = model.settings.run.collocation
     every = int(ratio * h / (2 * pressure_speed(material) * lattice.dt))
     settings = CollocationSettings(
-        run_settings.kappa, seam_damping(run_settings, model), max(1, min(OFTEN, every)), threads
+        run_settings.kappa, compute_seam_damping(run_settings, model), max(1, min(OFTEN, every)), threads
     )
     zone = create_collocation_zone(
         lattice,
@@ -69,8 +71,8 @@ def create_collocation_operator_and_stable_step(
         mask_eligible_coarse(lattice, plate, round(min(run_settings.margin * ratio, at.nx + at.ny))),
         settings.seam_damping,
     )
-    drive_of_places = drive(model, plate.area, True, np.float64)
-    force, before = np.zeros((2, at.places, 2))
+    drive_of_places = drive(model, plate.node_areas, True, np.float64)
+    force, before = np.zeros((2, at.place_count, 2))
     force[place], before[place] = drive_of_places.force, drive_of_places.before
     loads, holds = (
         entries._replace(node=place[entries.node]) for entries in (drive_of_places.loads, drive_of_places.holds)
@@ -79,11 +81,11 @@ def create_collocation_operator_and_stable_step(
         force=force, before=before, loads=loads, holds=holds
     )  # by places in place of rows
     engine = CollocationEngine(plate, lattice, zone, drive_of_places, settings)
-    engine.start(initial_velocity(model))
+    engine.set_initial_motion(initial_velocity(model))
     return CollocationOperator(engine), bound
 
 
-def seam_damping(settings: Collocation, model: Model) -> float:
+def compute_seam_damping(settings: Collocation, model: Model) -> float:
     """Damping of nodes within a horizon of the seam between fine and coarse nodes, 1/s."""
     material, ratio = model.materials[0], model.settings.horizon.ratio
     share = settings.damping

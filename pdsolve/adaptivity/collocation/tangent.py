@@ -7,41 +7,44 @@ from numpy.typing import NDArray
 from scipy.sparse import coo_array, csr_array, eye_array, kron
 
 from pdsolve.adaptivity.collocation.engine import CollocationEngine
-from pdsolve.adaptivity.collocation.layout import is_cut
-from pdsolve.adaptivity.collocation.simd_rows import bond_stiffness_over_share
+from pdsolve.adaptivity.collocation.layout import is_bond_cut
+from pdsolve.adaptivity.collocation.simd_rows import bond_stiffness_over_own_cell_share
 from pdsolve.adaptivity.collocation.zone import COARSE, FINE
 from pdsolve.codegen.jit_cache import cached_njit
 from pdsolve.operators.tangent import of_springs
 
 
 def assemble_tangent(
-    engine: CollocationEngine, kind: NDArray[np.uint8], row_of: NDArray[np.int64], value: NDArray[np.float64]
+    engine: CollocationEngine,
+    node_kinds: NDArray[np.uint8],
+    row_at_place: NDArray[np.int64],
+    value: NDArray[np.float64],
 ) -> csr_array:
     """Minus the derivative (2 n, 2 n), N/m^4, of the force densities by the values (n, 2).
 
-    `kind` (places,) is the kind of each place, `row_of` (places,) the row of each active one.
+    `node_kinds` (places,) is the kind of each place, `row_at_place` (places,) the row of each active one.
     """
     lattice, zone, nodes = engine.lattice, engine.zone, len(value)
     between = zone.fictitious_nodes
-    active = np.flatnonzero(row_of >= 0)
-    point = np.full(len(row_of), -1, dtype=np.int64)  # active nodes come first, in their order
-    point[active], point[between[:, 0]] = row_of[active], nodes + np.arange(len(between))
+    active = np.flatnonzero(row_at_place >= 0)
+    point = np.full(len(row_at_place), -1, dtype=np.int64)  # active nodes come first, in their order
+    point[active], point[between[:, 0]] = row_at_place[active], nodes + np.arange(len(between))
     weights = np.repeat([1.0, 0.25], [nodes, 4 * len(between)])
     follows = np.concatenate([np.arange(nodes), np.repeat(nodes + np.arange(len(between)), 4)])
-    parents = np.concatenate([np.arange(nodes), row_of[between[:, 1:]].ravel()])
+    parents = np.concatenate([np.arange(nodes), row_at_place[between[:, 1:]].ravel()])
     points = coo_array((weights, (follows, parents)), (nodes + len(between), nodes)).tocsr()
 
-    fine = active[kind[active] == FINE]
-    room = len(fine) * len(lattice.offsets)
+    fine = active[node_kinds[active] == FINE]
+    room = len(fine) * len(lattice.neighbour_offsets)
     node, k, pull = np.zeros(room, dtype=np.int64), np.zeros(room, dtype=np.int64), np.zeros(room)
-    count = _list_fine_bonds(lattice, zone.cut_bits, fine, node, k, pull)
+    count = _list_fine_bonds(lattice, zone.cut_bond_bits, fine, node, k, pull)
     node, k, pull = node[:count], k[:count], pull[:count]
     xi = lattice.spring_table[k, :2]
-    pull *= np.sqrt((xi**2).sum(axis=1)) / lattice.h**2
-    source, target = point[fine[node]], point[fine[node] + lattice.offsets[k]]
+    pull *= np.sqrt((xi**2).sum(axis=1)) / lattice.spacing**2
+    source, target = point[fine[node]], point[fine[node] + lattice.neighbour_offsets[k]]
     matrix = of_springs(source, target, xi, pull, points @ value)
 
-    coarse = active[kind[active] == COARSE]
+    coarse = active[node_kinds[active] == COARSE]
     xx, xy, yy = (-lattice.rho * lattice.stencil_stiffness).T
     theta = np.stack([np.stack([xx, xy], axis=1), np.stack([xy, yy], axis=1)], axis=1)  # (s, 2, 2)
     centre_points = np.repeat(point[coarse], len(theta))
@@ -53,14 +56,14 @@ def assemble_tangent(
 
 
 @cached_njit(error_model="numpy")
-def _list_fine_bonds(lattice, cut_bits, places, node, spring, pull):  # type: ignore[no-untyped-def]
+def _list_fine_bonds(lattice, cut_bond_bits, places, node, spring, stiffness):  # type: ignore[no-untyped-def]
     """Fill the list of bonds; returns how many there are."""
     count = 0
     for n in range(len(places)):
         p = places[n]
-        for k in range(len(lattice.offsets)):
-            if lattice.cell_share[0, p + lattice.offsets[k]] == 0 or is_cut(cut_bits, p, k):
+        for k in range(len(lattice.neighbour_offsets)):
+            if lattice.cell_area_share[0, p + lattice.neighbour_offsets[k]] == 0 or is_bond_cut(cut_bond_bits, p, k):
                 continue
-            node[count], spring[count], pull[count] = n, k, bond_stiffness_over_share(lattice, p, k)
+            node[count], spring[count], stiffness[count] = n, k, bond_stiffness_over_own_cell_share(lattice, p, k)
             count += 1
     return count

@@ -15,7 +15,13 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from pdsolve.adaptivity.collocation.layout import CollocationPlate, LatticeConstants, Numbering, dilate_mask, row_kinds
+from pdsolve.adaptivity.collocation.layout import (
+    CollocationPlate,
+    LatticeConstants,
+    Numbering,
+    classify_rows,
+    dilate_mask,
+)
 from pdsolve.codegen.jit_cache import cached_njit
 from pdsolve.codegen.pull import WIDE
 from pdsolve.codegen.record import Record
@@ -32,18 +38,18 @@ class BreakEvents(NamedTuple):
 
     step: NDArray[np.int32]
     node: NDArray[np.int32]  # place of one of both nodes
-    spring: NDArray[np.int32]  # its number among those of that node
-    pull: NDArray[np.float64]  # force over stiffness with which it broke
-    growth: NDArray[np.float64]  # of its stretch in that step
+    bond_number: NDArray[np.int32]  # its number among those of that node
+    force_at_break: NDArray[np.float64]  # force over stiffness with which it broke
+    stretch_growth_at_break: NDArray[np.float64]  # of its stretch in that step
 
 
 class Totals(Record):
     """Energies since the start, and stretches of coarse pairs. Checkpoints hold them in this order."""
 
-    dissipated: float  # J/m, by bonds
-    refinement: float  # J/m, that making nodes fine has added
-    largest_e: float  # of coarse pairs so far
-    damped: float  # J/m, taken by damping before nodes were switched last
+    dissipated_energy: float  # J/m, by bonds
+    refinement_energy: float  # J/m, that making nodes fine has added
+    largest_quadratic_strain: float  # of coarse pairs so far
+    damped_energy: float  # J/m, taken by damping before nodes were switched last
 
 
 class Counts(Record):
@@ -61,47 +67,50 @@ class CollocationZone(NamedTuple):
     v: NDArray[np.float64]  # (2, places) m/s; within a step the mean since the last one
     a: NDArray[np.float64]  # (2, places) m/s^2
     f: NDArray[np.float64]  # (2, places) N/m
-    cut_bits: NDArray[np.uint16]  # (places / 16, k) a bit for each bond that is cut or broken
-    row_kinds: NDArray[np.uint8]  # (places / 16,) of rows
+    cut_bond_bits: NDArray[np.uint16]  # (places / 16, k) a bit for each bond that is cut or broken
+    simd_row_kinds: NDArray[np.uint8]  # (places / 16,) of rows
     node_kinds: NDArray[np.uint8]  # (places,) NONE, FINE, COARSE or BETWEEN
-    fine_rows: NDArray[np.int64]  # (r,) rows of 16 places with active fine nodes
-    coarse_places: NDArray[np.int64]  # (c,) places of active coarse nodes
+    rows_with_fine_nodes: NDArray[np.int64]  # (r,) rows of 16 places with active fine nodes
+    active_coarse_places: NDArray[np.int64]  # (c,) places of active coarse nodes
     fictitious_nodes: NDArray[
         np.int64
     ]  # (b, 5) places of fictitious nodes that bonds reach, and of those they are between
     node_dissipation: NDArray[np.float64]  # (places,) J/m, by a node's bonds so far
     damping: NDArray[np.float64]  # (places,) 1/s
-    damped: NDArray[np.float64]  # (places,) J/m^3
-    e_bounds: NDArray[np.float64]  # (2, places) of e, beyond which bonds break, of e^2, beyond which forces are inexact
-    over_bound_bits: NDArray[np.uint16]  # (r,) of rows, a bit for each node that has a bond over its bound
+    damped_energy: NDArray[np.float64]  # (places,) J/m^3
+    break_and_accuracy_bounds: NDArray[
+        np.float64
+    ]  # (2, places) of e, beyond which bonds break, of e^2, beyond which forces are inexact
+    bond_over_bound_bits: NDArray[np.uint16]  # (r,) of rows, a bit for each node that has a bond over its bound
     has_new_breaks: NDArray[np.uint8]  # (places / 16,) rows whose bonds broke in this step
-    to_refine: NDArray[np.bool_]  # (places,) coarse nodes around which fine ones are wanted
+    is_to_refine: NDArray[np.bool_]  # (places,) coarse nodes around which fine ones are wanted
     totals: Totals
     counts: Counts
-    breaks: BreakEvents
+    break_events: BreakEvents
 
 
 def mask_coarse_places(numbering: Numbering) -> NDArray[np.bool_]:
     """Mask (places,) of the places that are coarse nodes too."""
-    is_even = np.zeros(numbering.places, dtype=np.bool_)
-    field = is_even[: numbering.places - 2 * ROW].reshape(-1, numbering.stride)
-    field[numbering.below : numbering.below + numbering.ny : 2, numbering.left : numbering.left + numbering.nx : 2] = (
-        True
-    )
+    is_even = np.zeros(numbering.place_count, dtype=np.bool_)
+    field = is_even[: numbering.place_count - 2 * ROW].reshape(-1, numbering.row_stride)
+    field[
+        numbering.row_margin : numbering.row_margin + numbering.ny : 2,
+        numbering.left_margin : numbering.left_margin + numbering.nx : 2,
+    ] = True
     return is_even
 
 
 def parent_places(numbering: Numbering, places: NDArray[np.int64]) -> NDArray[np.int64]:
     """Coarse places (n, 4) that these lie on or between, each repeated according to its weight."""
-    row, column = np.divmod(places, numbering.stride)
-    right, up = (column - numbering.left) % 2, (row - numbering.below) % 2
-    corner = places - right - up * numbering.stride
+    row, column = np.divmod(places, numbering.row_stride)
+    right, up = (column - numbering.left_margin) % 2, (row - numbering.row_margin) % 2
+    corner = places - right - up * numbering.row_stride
     return np.stack(
         [
             corner,
             corner + 2 * right,
-            corner + 2 * up * numbering.stride,
-            corner + 2 * right + 2 * up * numbering.stride,
+            corner + 2 * up * numbering.row_stride,
+            corner + 2 * right + 2 * up * numbering.row_stride,
         ],
         1,
     )
@@ -114,37 +123,45 @@ def mask_eligible_coarse(lattice: LatticeConstants, plate: CollocationPlate, mar
     a surface layer at edges, one horizon deep; a stencil that reaches into it removes energy from the motion all along
     the edge.
     """
-    odd = (plate.row >= 0) & ~plate.has_full_family
+    odd = (plate.grid_row_at_place >= 0) & ~plate.has_full_family
     odd = (dilate_mask(odd, lattice.numbering, margin) if margin else odd) | plate.has_condition
-    fine = np.flatnonzero((plate.row >= 0) & odd)
+    fine = np.flatnonzero((plate.grid_row_at_place >= 0) & odd)
     may_be_active = mask_coarse_places(lattice.numbering) & plate.has_full_family & ~odd
     may_be_active[parent_places(lattice.numbering, fine).ravel()] = False
     return may_be_active
 
 
-def kinds_of_places(lattice: LatticeConstants, plate: CollocationPlate, active: NDArray[np.bool_]) -> NDArray[np.uint8]:
+def node_kinds_at_places(
+    lattice: LatticeConstants, plate: CollocationPlate, is_active: NDArray[np.bool_]
+) -> NDArray[np.uint8]:
     """Kind of each place if these coarse nodes are active."""
-    kinds = np.zeros(lattice.numbering.places, dtype=np.uint8)
-    around = active[parent_places(lattice.numbering, plate.place)].all(axis=1)
-    kinds[plate.place] = np.where(around, np.where(active[plate.place], COARSE, BETWEEN), FINE)
+    kinds = np.zeros(lattice.numbering.place_count, dtype=np.uint8)
+    around = is_active[parent_places(lattice.numbering, plate.place_of_grid_row)].all(axis=1)
+    kinds[plate.place_of_grid_row] = np.where(
+        around, np.where(is_active[plate.place_of_grid_row], COARSE, BETWEEN), FINE
+    )
     return kinds
 
 
-def active_areas(lattice: LatticeConstants, plate: CollocationPlate, node: NDArray[np.uint8]) -> NDArray[np.float64]:
+def areas_of_active_nodes(
+    lattice: LatticeConstants, plate: CollocationPlate, node_kinds: NDArray[np.uint8]
+) -> NDArray[np.float64]:
     """Areas (places,) of active nodes, m^2: their own plus those of fictitious nodes by their weights."""
-    areas = np.zeros(lattice.numbering.places)
-    kind = node[plate.place]
+    areas = np.zeros(lattice.numbering.place_count)
+    kind = node_kinds[plate.place_of_grid_row]
     fine = kind == FINE
-    areas[plate.place[fine]] = plate.area[fine]
-    np.add.at(areas, parent_places(lattice.numbering, plate.place[~fine]), plate.area[~fine, None] / 4)
+    areas[plate.place_of_grid_row[fine]] = plate.node_areas[fine]
+    np.add.at(
+        areas, parent_places(lattice.numbering, plate.place_of_grid_row[~fine]), plate.node_areas[~fine, None] / 4
+    )
     return areas
 
 
 def create_collocation_zone(
-    lattice: LatticeConstants, plate: CollocationPlate, active: NDArray[np.bool_], seam_damping: float
+    lattice: LatticeConstants, plate: CollocationPlate, is_active: NDArray[np.bool_], seam_damping: float
 ) -> CollocationZone:
     """The initial zone at rest; nodes within a horizon of the seam are damped by `seam_damping`, 1/s."""
-    places = lattice.numbering.places
+    places = lattice.numbering.place_count
     nothing = np.zeros(0, dtype=np.int64)
     u, v, a, f = (aligned(np.zeros((2, places))) for _ in range(4))
     spent, damping, damped = np.zeros((3, places))
@@ -153,55 +170,57 @@ def create_collocation_zone(
         v=v,
         a=a,
         f=f,
-        cut_bits=plate.cut_bits,
-        row_kinds=row_kinds(lattice, plate.cut_bits),
+        cut_bond_bits=plate.cut_bond_bits,
+        simd_row_kinds=classify_rows(lattice, plate.cut_bond_bits),
         node_kinds=np.zeros(places, dtype=np.uint8),
-        fine_rows=nothing,
-        coarse_places=nothing,
+        rows_with_fine_nodes=nothing,
+        active_coarse_places=nothing,
         fictitious_nodes=nothing.reshape(0, 5),
         node_dissipation=spent,
         damping=damping,
-        damped=damped,
-        e_bounds=np.full((2, places), np.inf),
-        over_bound_bits=np.zeros(0, dtype=np.uint16),
+        damped_energy=damped,
+        break_and_accuracy_bounds=np.full((2, places), np.inf),
+        bond_over_bound_bits=np.zeros(0, dtype=np.uint16),
         has_new_breaks=np.zeros(places // ROW, dtype=np.uint8),
-        to_refine=np.zeros(places, dtype=np.bool_),
+        is_to_refine=np.zeros(places, dtype=np.bool_),
         totals=Totals.of(),
         counts=Counts.of(),
-        breaks=BreakEvents(*np.zeros((3, EVENTS), dtype=np.int32), *np.zeros((2, EVENTS))),
+        break_events=BreakEvents(*np.zeros((3, EVENTS), dtype=np.int32), *np.zeros((2, EVENTS))),
     )
-    return renumber_zone(lattice, plate, zone, active, seam_damping)
+    return zone_with_active_coarse_nodes(lattice, plate, zone, is_active, seam_damping)
 
 
-def renumber_zone(
+def zone_with_active_coarse_nodes(
     lattice: LatticeConstants,
     plate: CollocationPlate,
     zone: CollocationZone,
-    active: NDArray[np.bool_],
+    is_active: NDArray[np.bool_],
     seam_damping: float,
 ) -> CollocationZone:
     """The zone with these coarse nodes active; nodes within a horizon of the seam are damped by `seam_damping`, 1/s."""
-    numbering, node = lattice.numbering, kinds_of_places(lattice, plate, active)
+    numbering, node = lattice.numbering, node_kinds_at_places(lattice, plate, is_active)
     fine = node == FINE
     rows = np.flatnonzero(fine.reshape(-1, ROW).any(axis=1))
-    reached = np.flatnonzero((node == BETWEEN) & dilate_mask(fine, numbering, numbering.below))
+    reached = np.flatnonzero((node == BETWEEN) & dilate_mask(fine, numbering, numbering.row_margin))
     between = np.column_stack([reached, parent_places(numbering, reached)])
-    damping = np.zeros(numbering.places)
+    damping = np.zeros(numbering.place_count)
     if seam_damping > 0:
         coarse = node == COARSE
         damping[
-            (fine & dilate_mask(coarse, numbering, numbering.below))
-            | (coarse & dilate_mask(fine, numbering, numbering.below))
+            (fine & dilate_mask(coarse, numbering, numbering.row_margin))
+            | (coarse & dilate_mask(fine, numbering, numbering.row_margin))
         ] = seam_damping
         damping[plate.has_condition] = 0.0
     return zone._replace(
         node_kinds=node,
-        fine_rows=rows,
-        coarse_places=np.flatnonzero(node == COARSE),
+        rows_with_fine_nodes=rows,
+        active_coarse_places=np.flatnonzero(node == COARSE),
         fictitious_nodes=between,
         damping=damping,
-        e_bounds=np.where([fine & ~lattice.no_fail, fine], [[lattice.limit], [WIDE**2]], np.inf),
-        over_bound_bits=np.zeros(len(rows), dtype=np.uint16),
+        break_and_accuracy_bounds=np.where(
+            [fine & ~lattice.no_fail, fine], [[lattice.limit_strain], [WIDE**2]], np.inf
+        ),
+        bond_over_bound_bits=np.zeros(len(rows), dtype=np.uint16),
     )
 
 
@@ -212,19 +231,24 @@ def interpolate_motion(zone: CollocationZone, numbering: Numbering, places: NDAr
         field[:, places] = field[:, four].mean(axis=2)
 
 
-def coarse_nodes_left_active(
-    lattice: LatticeConstants, plate: CollocationPlate, coarse_active: NDArray[np.bool_], stretched: NDArray[np.bool_]
+def mask_coarse_nodes_left_active(
+    lattice: LatticeConstants,
+    plate: CollocationPlate,
+    coarse_active: NDArray[np.bool_],
+    is_stretched: NDArray[np.bool_],
 ) -> NDArray[np.bool_]:
-    """The coarse nodes that stay active when the neighbourhoods of the `stretched` ones are refined."""
+    """The coarse nodes that stay active when the neighbourhoods of the `is_stretched` ones are refined."""
     numbering, stays_active = lattice.numbering, coarse_active.copy()
-    reach = ball(numbering.below // 2, 2)
-    _clear_at_offsets(np.flatnonzero(stretched), 2 * (reach[:, 1] * numbering.stride + reach[:, 0]), stays_active)
+    reach = ball(numbering.row_margin // 2, 2)
+    _deactivate_at_offsets(
+        np.flatnonzero(is_stretched), 2 * (reach[:, 1] * numbering.row_stride + reach[:, 0]), stays_active
+    )
     return stays_active
 
 
 @cached_njit(error_model="numpy")
-def _clear_at_offsets(to_refine, ways, active):  # type: ignore[no-untyped-def]
-    for q in to_refine:
-        for way in ways:
+def _deactivate_at_offsets(places, offsets, active):  # type: ignore[no-untyped-def]
+    for q in places:
+        for way in offsets:
             if 0 <= q + way < len(active):
                 active[q + way] = False

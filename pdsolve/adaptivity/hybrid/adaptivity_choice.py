@@ -24,9 +24,9 @@ from pdmesh.model.refused_settings import impossible
 from pdmesh.model.selection import components, given_of
 from pdmesh.model.values_at_places import largest
 from pdmesh.model.values_of_place import Value, is_of_place
-from pdsolve.adaptivity.hybrid.coarse_cells import create_plate, initial_cells, precrack_tips
+from pdsolve.adaptivity.hybrid.coarse_cells import create_hybrid_plate, initial_cell_kinds, precrack_tips
 from pdsolve.adaptivity.hybrid.lattice import COARSE, FINE
-from pdsolve.adaptivity.hybrid.springs import springs_of_materials
+from pdsolve.adaptivity.hybrid.springs import create_springs_of_materials
 from pdsolve.errors import LateZoneError, UnstableError
 from pdsolve.model import Model, ModelError, ModelNote
 from pdsolve.options import Options
@@ -41,13 +41,13 @@ WIDER = (0.5,)  # values of run.hybrid.kappa to begin anew with, in turn, where 
 UNSURE = 1.2  # of the surely stable step: longer ones may make what they stretch
 
 
-class ZonePrediction(NamedTuple):
+class ZoneSizeAndCostPrediction(NamedTuple):
     """What is known of a run with a moving fine zone before it begins."""
 
     fine_share_at_start: float  # F at the start
     fine_share_at_end: float  # F at the end
-    relative_strain: float  # q
-    relative_cost: float  # of the steps, over those with fine nodes everywhere
+    strain_over_refinement_strain: float  # q
+    cost_over_fine_everywhere: float  # of the steps, over those with fine nodes everywhere
 
 
 def choose_adaptivity(model: Model, options: Options) -> Model:
@@ -55,13 +55,13 @@ def choose_adaptivity(model: Model, options: Options) -> Model:
     how, why = _choose_with_reason(model, options)
     named = "peridynamics near cracks alone (hybrid)" if how == "hybrid" else "fine nodes everywhere (none)"
     warnings.warn(f"{model.name}: $.run.adapt: auto takes {named}: {why}", ModelNote, stacklevel=3)
-    return with_adaptivity(model, how) if how == "hybrid" else without_zone(model)
+    return with_adaptivity(model, how) if how == "hybrid" else with_fine_nodes_everywhere(model)
 
 
-def widen_zone(model: Model) -> Model:
+def widen_or_remove_zone(model: Model) -> Model:
     """The model with cells that become fine sooner, or with fine nodes everywhere where no wider zone is left."""
     kappa = next((wider for wider in WIDER if wider < refinement_kappa(model)), None)
-    return without_zone(model) if kappa is None else with_kappa(model, kappa)
+    return with_fine_nodes_everywhere(model) if kappa is None else with_refinement_kappa(model, kappa)
 
 
 def refinement_kappa(model: Model) -> float:
@@ -69,12 +69,12 @@ def refinement_kappa(model: Model) -> float:
     return model.settings.run.hybrid.kappa
 
 
-def with_kappa(model: Model, kappa: float) -> Model:
+def with_refinement_kappa(model: Model, kappa: float) -> Model:
     """The model with cells that become fine at this share of the stretch that breaks bonds."""
     return with_adaptivity(model, "hybrid", hybrid=msgspec.structs.replace(model.settings.run.hybrid, kappa=kappa))
 
 
-def without_zone(model: Model) -> Model:
+def with_fine_nodes_everywhere(model: Model) -> Model:
     """The model with fine nodes everywhere, and without the settings of fine zones."""
     return with_adaptivity(model, "none", hybrid=Hybrid())
 
@@ -98,30 +98,34 @@ def _choose_with_reason(model: Model, options: Options) -> tuple[Adapt, str]:
     if refused is not None:
         return "none", f"hybrid does not support it, {refused}"
     try:
-        prediction = predict_zone(hybrid, options)
+        prediction = predict_zone_size_and_cost(hybrid, options)
     except ModelError as error:
         return "none", f"hybrid does not support it, {error}"
     shares = (
         f"{prediction.fine_share_at_start:.0%} of the plate is fine at the start, and an estimated"
         f" {prediction.fine_share_at_end:.0%} at the end"
     )
-    if prediction.relative_strain >= 1:
-        return "none", f"the conditions strain all of it to {prediction.relative_strain:.2g} of what makes cells fine"
-    how: Adapt = "hybrid" if prediction.relative_cost <= DEAR else "none"
-    return how, f"{shares}, about {prediction.relative_cost:.2g} of the steps of fine nodes everywhere"
+    relative_strain = prediction.strain_over_refinement_strain
+    if relative_strain >= 1:
+        return (
+            "none",
+            f"the conditions strain all of it to {relative_strain:.2g} of what makes cells fine",
+        )
+    how: Adapt = "hybrid" if prediction.cost_over_fine_everywhere <= DEAR else "none"
+    return how, f"{shares}, about {prediction.cost_over_fine_everywhere:.2g} of the steps of fine nodes everywhere"
 
 
-def predict_zone(model: Model, options: Options) -> ZonePrediction:
+def predict_zone_size_and_cost(model: Model, options: Options) -> ZoneSizeAndCostPrediction:
     """Predicts what a moving fine zone will cost. Raises ModelError for a model that the method does not support."""
-    plate = create_plate(model, options.mode)
-    springs = springs_of_materials(model.materials, model.settings.horizon.ratio, plate.h)
-    cells = initial_cells(plate, int(np.abs(springs[0].dx).max()))
+    plate = create_hybrid_plate(model, options.mode)
+    springs = create_springs_of_materials(model.materials, model.settings.horizon.ratio, plate.spacing)
+    cells = initial_cell_kinds(plate, int(np.abs(springs[0].family_dx).max()))
     fine, coarse = (int(np.count_nonzero(cells == kind)) for kind in (FINE, COARSE))
     begins = fine / max(fine + coarse, 1)
-    q = _largest_strain(model) / (
-        model.settings.run.hybrid.kappa * min(material_springs.peak for material_springs in springs)
+    q = _estimate_largest_strain(model) / (
+        model.settings.run.hybrid.kappa * min(material_springs.peak_stretch for material_springs in springs)
     )
-    run, side = model.settings.run, float(np.sqrt(plate.area_in_cells) * plate.h)
+    run, side = model.settings.run, float(np.sqrt(plate.area_in_cells) * plate.spacing)
     material = model.materials[0]
     lasts = run.duration if run.duration is not None else run.steps * (run.time_step or 0.0)
     way = SPEED * rayleigh_speed(material.E, material.rho, material.plane) * lasts
@@ -129,13 +133,13 @@ def predict_zone(model: Model, options: Options) -> ZonePrediction:
         len(precrack_tips(plate)), int(begins > 0)
     )  # of pre-cracks, else one where an outline makes cells fine
     length = cracks * min(way or side, side)
-    grows = STRIP * plate.h * length / (plate.area_in_cells * plate.h**2)
+    grows = STRIP * plate.spacing * length / (plate.area_in_cells * plate.spacing**2)
     ends = 1.0 if q >= 1 else min(begins + grows, 1.0)
     mean = begins + GROWN * (ends - begins)
-    return ZonePrediction(begins, ends, q, EVEN + FIXED / len(model.grid) + FINE_NODES * mean)
+    return ZoneSizeAndCostPrediction(begins, ends, q, EVEN + FIXED / len(model.grid) + FINE_NODES * mean)
 
 
-def _largest_strain(model: Model) -> float:
+def _estimate_largest_strain(model: Model) -> float:
     """The largest strain that a single condition brings to the whole plate."""
     softest = min(material.E for material in model.materials)
     speed = min(pressure_speed(material) for material in model.materials)
@@ -145,24 +149,27 @@ def _largest_strain(model: Model) -> float:
         if isinstance(condition, Load):
             across = {"traction": np.ones(2), "body_force": sides, "force": 1 / sides[::-1]}  # to stress
             stress = [
-                _largest_components(model, condition, v[:2]) * across[name] for name, v in given_of(condition).items()
+                _largest_absolute_components(model, condition, v[:2]) * across[name]
+                for name, v in given_of(condition).items()
             ]
             strain = max(strain, most * SWING * float(np.max(stress)) / softest)
         elif isinstance(condition, Velocity | InitialVelocity | Displacement):
-            amplitude = _largest_components(model, condition, components(condition, 2))
+            amplitude = _largest_absolute_components(model, condition, components(condition, 2))
             is_displacement = isinstance(condition, Displacement)
             strain = max(strain, most * float(np.max(amplitude / sides if is_displacement else amplitude / speed)))
     return strain
 
 
-def _largest_components(model: Model, condition: Selection, vector: Sequence[Value | None]) -> NDArray[np.float64]:
+def _largest_absolute_components(
+    model: Model, condition: Selection, vector: Sequence[Value | None]
+) -> NDArray[np.float64]:
     """The largest sizes (d,) of a condition's components on its nodes."""
     is_place_dependent = any(map(is_of_place, vector))
     position = model.grid.part(model.selected(condition)).position if is_place_dependent else np.zeros((0, len(vector)))
     return np.array([largest(value, position) for value in vector])
 
 
-def explain_long_steps(error: BaseException, time_step: float, stable_time_step: float) -> BaseException:
+def explain_late_zone_error(error: BaseException, time_step: float, stable_time_step: float) -> BaseException:
     """The error; UnstableError for a zone that was late in time steps, s, longer than the stable one, as no wider zone
     cures that."""
     if not isinstance(error, LateZoneError) or time_step <= UNSURE * stable_time_step:

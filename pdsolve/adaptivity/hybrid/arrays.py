@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pdsolve.adaptivity.hybrid.lattice import Numbering
-from pdsolve.adaptivity.hybrid.node_rows import NodeRows
+from pdsolve.adaptivity.hybrid.node_constants import NodeConstants
 from pdsolve.adaptivity.hybrid.springs import BondParts
 from pdsolve.codegen.record import Record
 from pdsolve.codegen.vector_code import ROW
@@ -25,37 +25,43 @@ RING = 4  # h beyond the family's reach: likewise to a cell that an outline cuts
 class LatticeConstants(NamedTuple):
     """The constant arrays of a hybrid plate: lattice, springs, masses and limits of bonds."""
 
-    law: Any  # columns of no bonds, by whose type the law's functions are compiled
+    bond_law: Any  # columns of no bonds, by whose type the law's functions are compiled
     numbering: Numbering
-    h: float  # m
-    dx: NDArray[np.int64]  # (k,) fine family
-    dy: NDArray[np.int64]
+    spacing: float  # m
+    family_dx: NDArray[np.int64]  # (k,) fine family
+    family_dy: NDArray[np.int64]
     spring_table: NDArray[np.float64]  # (k, 8)
-    offsets: NDArray[np.int64]  # (k,)
+    neighbour_offsets: NDArray[np.int64]  # (k,)
     coarse_dx: NDArray[np.int64]  # (8,)
     coarse_dy: NDArray[np.int64]
     coarse_spring_table: NDArray[np.float64]  # (8, 8) of the first material
-    coarse_offsets: NDArray[np.int64]  # (8,)
+    coarse_neighbour_offsets: NDArray[np.int64]  # (8,)
     far_spring_table: NDArray[np.float64]  # (8, 8), likewise of cells of 4 h, which are of one material
-    far_offsets: NDArray[np.int64]  # (8,)
+    far_neighbour_offsets: NDArray[np.int64]  # (8,)
     bond_parts: BondParts
-    reach: int  # h, of the family along an axis
-    limits_vary: bool  # whether bonds soften, or differ in what breaks them; then `fine.threshold_e` is in use
+    family_reach: int  # h, of the family along an axis
+    softens_or_limits_vary: (
+        bool  # whether bonds soften, or differ in what breaks them; then `fine.threshold_strain` is in use
+    )
     dt: float  # s
-    node_rows: NodeRows  # constants of fine nodes
-    material_stiffness: NDArray[np.float64]  # (materials, k) stiffness of a bond in a full lattice
-    e_bounds: NDArray[np.float64]  # (materials, 3) e of peak and limit, and of a coarse bond that makes cells fine
-    least_e_bounds: NDArray[np.float64]  # (3,) the least of each
-    irregular_stiffness: NDArray[np.float64]  # (., k)
+    node_constants: NodeConstants  # constants of fine nodes
+    material_bond_stiffness: NDArray[np.float64]  # (materials, k) stiffness of a bond in a full lattice
+    strain_bounds: NDArray[np.float64]  # (materials, 3) e of peak and limit, and of a coarse bond that makes cells fine
+    least_strain_bounds: NDArray[np.float64]  # (3,) the least of each
+    irregular_bond_stiffness: NDArray[np.float64]  # (., k)
     irregular_limit_row: NDArray[np.int32]  # (.,) row in `irregular_peak_e` and `irregular_limit_e`
-    irregular_peak_e: NDArray[np.float64]  # (j, k) e
-    irregular_limit_e: NDArray[np.float64]
-    cell_constants: NDArray[np.float64]  # (3, m) k1 and k2 of a coarse cell, N/m^2, and a quarter of its mass, kg/m
-    constants_of_cell: NDArray[np.int32]  # (c,) which of these each cell has
-    cut_spring_bits: NDArray[np.uint8]  # (q,) coarse bonds that no pre-crack cuts, of the first four springs: inverted
-    edge_cut_share: NDArray[np.float64]  # (2, q) where a pre-crack cuts the edge to the east, and to the north; or 0
-    cut_cells: NDArray[np.bool_]  # (c,) cells that a pre-crack crosses
-    cracks: NDArray[np.float64]  # (j, 4) segments in fine spacings
+    irregular_peak_strain: NDArray[np.float64]  # (j, k) e
+    irregular_limit_strain: NDArray[np.float64]
+    coarse_cell_constants: NDArray[
+        np.float64
+    ]  # (3, m) k1 and k2 of a coarse cell, N/m^2, and a quarter of its mass, kg/m
+    constants_index_of_cell: NDArray[np.int32]  # (c,) which of these each cell has
+    cut_coarse_spring_bits: NDArray[
+        np.uint8
+    ]  # (q,) coarse bonds that no pre-crack cuts, of the first four springs: inverted
+    edge_cut_position: NDArray[np.float64]  # (2, q) where a pre-crack cuts the edge to the east, and to the north; or 0
+    is_cell_cut: NDArray[np.bool_]  # (c,) cells that a pre-crack crosses
+    precrack_segments: NDArray[np.float64]  # (j, 4) segments in fine spacings
 
 
 class LatticeNodes(NamedTuple):
@@ -66,68 +72,75 @@ class LatticeNodes(NamedTuple):
     f: NDArray[np.float64]  # (2, n) forces besides the springs', of a touched row in the end all, N/m
     mass: NDArray[np.float64]  # (n,) kg/m
     inverse_mass: NDArray[np.float64]  # (n,) 1 / mass; 0 where nothing is to move
-    kind: NDArray[np.uint8]  # (n,)
-    rows: NDArray[np.int64]  # those with a node that is not idle, in order
-    stiffness_index: NDArray[np.int32]  # (n / 16,) index in `row_stiffness`; -1 or -2 - index: all is as in the table
+    node_kinds: NDArray[np.uint8]  # (n,)
+    active_rows: NDArray[np.int64]  # those with a node that is not idle, in order
+    stiffness_index_of_row: NDArray[
+        np.int32
+    ]  # (n / 16,) index in `row_stiffness`; -1 or -2 - index: all is as in the table
     row_stiffness: NDArray[np.float64]  # (., k, 16) stiffnesses
-    spring_masks: NDArray[np.uint16]  # (., 2, k) lanes with a spring, and with half of one, if `has_spring_masks`
-    has_spring_masks: NDArray[
+    spring_lane_masks: NDArray[np.uint16]  # (., 2, k) lanes with a spring, and with half of one, if `has_spring_masks`
+    uses_spring_lane_masks: NDArray[
         np.bool_
     ]  # (.,) whether springs of a row are all those of the table, half of them or none
-    threshold_e: NDArray[np.float64]  # (., k, 16) e up to which nothing happens to a bond, where bonds are varied
+    threshold_strain: NDArray[np.float64]  # (., k, 16) e up to which nothing happens to a bond, where bonds are varied
     has_extra_forces: NDArray[np.bool_]  # (n / 16,) whether there are forces besides those of springs
     has_large_stretch: NDArray[
         np.uint8
     ]  # (n / 16,) how far stretches went; of coarse rows whether one exceeds the bound
     half_shrinkage: NDArray[np.float64] | None  # (n,) minus half the free strain, of idle nodes too; None: none swells
     damping: NDArray[np.float64] | None  # (2, n) 1/s, of each component, 0 of held ones; None: nothing is damped
-    damped: NDArray[np.float64] | None  # (n,) J/m, taken from a node by damping so far
+    damped_energy: NDArray[np.float64] | None  # (n,) J/m, taken from a node by damping so far
 
 
 class ClippedPieces(NamedTuple):
     """The remaining pieces of clipped bonds, ordered by their owners."""
 
-    owner: NDArray[np.int64]  # (p,)
+    owner_node: NDArray[np.int64]  # (p,)
     end_nodes: NDArray[np.int64]  # (p, 4) of both ends: fine node and -1, or two coarse nodes
-    constants: NDArray[np.float64]  # (p, 8) w of both ends, xi, 1 / |xi|^2, k, and 0 if it is to last
+    spring_constants: NDArray[np.float64]  # (p, 8) w of both ends, xi, 1 / |xi|^2, k, and 0 if it is to last
     swelling_offset: NDArray[np.float64]  # (p, 2) added to the displacements between its ends, where nodes swell, m
 
 
 class BorderNodes(NamedTuple):
     """Nodes on the border, which move with coarser ones: fine ones with coarse ones, or coarse ones with far ones."""
 
-    node: NDArray[np.int64]
-    carriers: NDArray[np.int64]  # (., 2)
-    w: NDArray[np.float64]
+    border_node: NDArray[np.int64]
+    carrier_nodes: NDArray[np.int64]  # (., 2)
+    second_carrier_weight: NDArray[np.float64]
     swelling_offset: NDArray[np.float64]  # (., 2) how far they are off the line between those, where nodes swell, m
 
     def first_nodes(self, count: int) -> BorderNodes:
         """The first `count` of these nodes."""
-        return BorderNodes(self.node[:count], self.carriers[:count], self.w[:count], self.swelling_offset[:count])
+        return BorderNodes(
+            self.border_node[:count],
+            self.carrier_nodes[:count],
+            self.second_carrier_weight[:count],
+            self.swelling_offset[:count],
+        )
 
 
-class Entry(Record):
+class LoadOrHold(Record):
     """A load on a component of a fine node, or a component whose motion is prescribed."""
 
-    place: int  # fine
+    fine_place: int  # fine
     axis: int  # of the component
     profile: int  # of its factor over time
-    kind: int  # of holds: DISPLACEMENT or VELOCITY
+    hold_kind: int  # of holds: DISPLACEMENT or VELOCITY
     value: float  # N/m, m or m/s at factor 1
-    mean_speed: float  # of holds: mean velocity since the last step, m/s
-    last_speed: float  # of holds: velocity at the last step, m/s
-    force: float  # of holds: on the component at the last step, N/m
+    mean_speed_since_last_step: float  # of holds: mean velocity since the last step, m/s
+    speed_at_last_step: float  # of holds: velocity at the last step, m/s
+    holding_force: float  # of holds: on the component at the last step, N/m
 
 
-HOLD_COLUMNS = ("value", "mean_speed", "last_speed", "force")  # of the holds of a checkpoint
+HOLD_COLUMNS = ("value", "mean_speed_since_last_step", "speed_at_last_step", "holding_force")  # of a checkpoint
 
 
-class ZoneEntries(NamedTuple):
+class LoadsOrHolds(NamedTuple):
     """Loads, or held components: entries of all fine nodes, and of the nodes that move."""
 
-    entries: NDArray[Entry]  # (e,)
+    entries: NDArray[LoadOrHold]  # (e,)
     node_and_entry: NDArray[np.int64]  # (., 2) fine place, or -1 - coarse place; and entry
-    share: NDArray[np.float64]  # (.,) of the entry's value that this node has
+    node_share: NDArray[np.float64]  # (.,) of the entry's value that this node has
 
 
 class BreakEvents(NamedTuple):
@@ -135,32 +148,32 @@ class BreakEvents(NamedTuple):
 
     step: NDArray[np.int32]
     node: NDArray[np.int64]
-    spring: NDArray[np.int32]
-    pull: NDArray[np.float64]  # force with which it broke over |xi|, N/m^2
-    growth: NDArray[np.float64]  # of its stretch in that step
+    bond_number: NDArray[np.int32]
+    force_at_break: NDArray[np.float64]  # force with which it broke over |xi|, N/m^2
+    stretch_growth_at_break: NDArray[np.float64]  # of its stretch in that step
 
 
 class Counts(Record):
     """How many entries of the arrays of a zone are in use. Checkpoints hold the first `STORED`, in this order."""
 
-    fine_rows: int  # of 16 places with a node that is not idle, in `fine.rows`
-    coarse_rows: int  # likewise, in `coarse.rows`
-    pieces: int  # of clipped bonds
+    active_fine_rows: int  # of 16 places with a node that is not idle, in `fine.active_rows`
+    active_coarse_rows: int  # likewise, in `coarse.active_rows`
+    clipped_pieces: int  # of clipped bonds
     border_nodes: int  # fine nodes on the border of coarse cells
     broken_bonds: int  # directed ones, in `breaks`
-    loads: int  # shares of nodes that move, in `loads.node_and_entry`
-    holds: int  # held components of nodes that move, in `holds.node_and_entry`
+    load_shares: int  # shares of nodes that move, in `loads.node_and_entry`
+    held_components: int  # held components of nodes that move, in `holds.node_and_entry`
     damaged_nodes: int  # in `damaged_nodes` of the zone
     cell_changes: int  # how often cells have become others since all nodes were numbered
     refined_damaged_nodes: int  # how many of the damaged nodes have fine cells around them
-    stiffness_rows: int  # rows of `fine.row_stiffness` that are taken
+    used_stiffness_rows: int  # rows of `fine.row_stiffness` that are taken
     new_cells: int  # in `new_cells` of the zone
-    affected_fine: int  # fine nodes, in `affected_fine` of the zone
-    affected_coarse: int  # coarse nodes, in `affected_coarse` of the zone
-    lacks_room: int  # 1 where the arrays are too short for what comes next, or 0
-    far_rows: int  # of 16 places, in `far.rows`
+    affected_fine_nodes: int  # fine nodes, in `affected_fine` of the zone
+    affected_coarse_nodes: int  # coarse nodes, in `affected_coarse` of the zone
+    lacks_array_room: int  # 1 where the arrays are too short for what comes next, or 0
+    active_far_rows: int  # of 16 places, in `far.active_rows`
     tied_nodes: int  # coarse nodes on the border of far cells
-    affected_far: int  # far nodes, in `affected_far` of the zone
+    affected_far_nodes: int  # far nodes, in `affected_far` of the zone
 
 
 STORED = 10
@@ -170,35 +183,35 @@ class Totals(Record):
     """Energies since the start, and stretches of clipped bonds. Checkpoints hold them in this order."""
 
     work: float  # J/m, of loads and of what holds nodes
-    dissipated: float  # J/m, by bonds
-    refinement: float  # J/m, that making cells fine has added
-    clipped_e: float  # largest e of clipped bonds that may break, at the last forces
-    largest_e: float  # the largest of those so far
+    dissipated_energy: float  # J/m, by bonds
+    refinement_energy: float  # J/m, that making cells fine has added
+    clipped_strain: float  # largest e of clipped bonds that may break, at the last forces
+    largest_clipped_strain: float  # the largest of those so far
 
 
 class PlateZone(NamedTuple):
     """The variable arrays of a hybrid plate: cells, bonds, nodes, loads and books."""
 
-    cells: NDArray[np.uint8]  # (c,)
-    broken_bits: NDArray[np.uint64]  # (n,) bonds that have broken, of the first half of the family. Never cleared
+    cell_kinds: NDArray[np.uint8]  # (c,)
+    broken_bond_bits: NDArray[np.uint64]  # (n,) bonds that have broken, of the first half of the family. Never cleared
     fine: LatticeNodes
     coarse: LatticeNodes
     far: LatticeNodes  # 4 h apart
-    tied: BorderNodes  # coarse nodes on the border of cells of 4 h, which move with far ones
-    pieces: ClippedPieces
-    spare_pieces: ClippedPieces
-    border: BorderNodes
-    breaks: BreakEvents
+    tied_coarse_nodes: BorderNodes  # coarse nodes on the border of cells of 4 h, which move with far ones
+    clipped_pieces: ClippedPieces
+    spare_clipped_pieces: ClippedPieces
+    border_nodes: BorderNodes
+    break_events: BreakEvents
     node_dissipation: NDArray[np.float64]  # (n,) J/m, by the bonds of a fine node so far
     is_damaged: NDArray[np.bool_]  # (n,) fine nodes one of whose bonds has softened or broken
     damaged_nodes: NDArray[np.int64]  # (n,) those, in order
-    loads: ZoneEntries
-    holds: ZoneEntries
-    node_mark: NDArray[np.bool_]  # (n,) scratch, False
+    loads: LoadsOrHolds
+    holds: LoadsOrHolds
+    is_node_marked: NDArray[np.bool_]  # (n,) scratch, False
     new_cells: NDArray[np.int64]  # scratch: cells that are to be fine
-    affected_fine: NDArray[np.int64]  # scratch: fine nodes that concerns
-    affected_coarse: NDArray[np.int64]  # scratch: coarse nodes that it concerns
-    affected_far: NDArray[np.int64]  # scratch: far nodes that it concerns
+    affected_fine_nodes: NDArray[np.int64]  # scratch: fine nodes that concerns
+    affected_coarse_nodes: NDArray[np.int64]  # scratch: coarse nodes that it concerns
+    affected_far_nodes: NDArray[np.int64]  # scratch: far nodes that it concerns
     counts: Counts
     totals: Totals
     lane_sums: NDArray[np.float64]  # (threads, .) scratch of the vector code
@@ -207,12 +220,12 @@ class PlateZone(NamedTuple):
     breaking_row_counts: NDArray[np.int64]  # (8 threads,) how many, of each thread at a multiple of 8
 
 
-def idle_nodes(
+def create_idle_nodes(
     place_count: int,
     spring_count: int,
     stiffness_rows: int,
     dtype: Any,
-    limits_vary: bool = False,
+    softens_or_limits_vary: bool = False,
     swells: bool = False,
     damps: bool = False,
 ) -> LatticeNodes:
@@ -226,22 +239,22 @@ def idle_nodes(
         f=zeros(2, place_count),
         mass=zeros(place_count),
         inverse_mass=zeros(place_count),
-        kind=lazy_zeros(place_count, dtype=np.uint8),
-        rows=lazy_zeros(rows, dtype=np.int64),
-        stiffness_index=np.full(rows, -1, dtype=np.int32),
+        node_kinds=lazy_zeros(place_count, dtype=np.uint8),
+        active_rows=lazy_zeros(rows, dtype=np.int64),
+        stiffness_index_of_row=np.full(rows, -1, dtype=np.int32),
         row_stiffness=zeros(stiffness_rows, spring_count, ROW),
-        spring_masks=lazy_zeros(stiffness_rows, 2, spring_count, dtype=np.uint16),
-        has_spring_masks=lazy_zeros(stiffness_rows, dtype=np.bool_),
-        threshold_e=zeros(stiffness_rows if limits_vary else 0, spring_count, ROW),
+        spring_lane_masks=lazy_zeros(stiffness_rows, 2, spring_count, dtype=np.uint16),
+        uses_spring_lane_masks=lazy_zeros(stiffness_rows, dtype=np.bool_),
+        threshold_strain=zeros(stiffness_rows if softens_or_limits_vary else 0, spring_count, ROW),
         has_extra_forces=lazy_zeros(rows, dtype=np.bool_),
         has_large_stretch=lazy_zeros(rows, dtype=np.uint8),
         half_shrinkage=zeros(place_count) if swells else None,
         damping=zeros(2, place_count) if damps else None,
-        damped=lazy_zeros(place_count) if damps else None,
+        damped_energy=lazy_zeros(place_count) if damps else None,
     )
 
 
-def empty_border(node_count: int) -> BorderNodes:
+def allocate_border_nodes(node_count: int) -> BorderNodes:
     """Room for so many nodes on the border."""
     return BorderNodes(
         lazy_zeros(node_count, dtype=np.int64),
@@ -267,7 +280,7 @@ def create_plate_zone(
     cells: NDArray[np.uint8],
     spring_count: int,
     row_count: int,
-    limits_vary: bool = False,
+    softens_or_limits_vary: bool = False,
     threads: int = 1,
     swells: bool = False,
     damps: bool = False,
@@ -276,7 +289,7 @@ def create_plate_zone(
 ) -> PlateZone:
     """A plate with these cells (c,) and idle nodes of precision `dtype`; it has room for `row_count` fine rows."""
     piece = ROW * row_count * spring_count // 4
-    nothing = ZoneEntries(np.zeros(0, Entry.fields()), np.zeros((0, 2), np.int64), np.zeros(0))
+    nothing = LoadsOrHolds(np.zeros(0, LoadOrHold.fields()), np.zeros((0, 2), np.int64), np.zeros(0))
 
     def pieces() -> ClippedPieces:
         ends = np.zeros((piece, 4), np.int64)
@@ -284,35 +297,39 @@ def create_plate_zone(
 
     events, nodes = ROW * row_count * spring_count, ROW * row_count
     return PlateZone(
-        cells=cells,
-        broken_bits=lazy_zeros(numbering.places, dtype=np.uint64),
-        fine=idle_nodes(numbering.places, spring_count, row_count, dtype, limits_vary, swells, damps),
-        coarse=idle_nodes(
-            numbering.coarse_places, 8, numbering.coarse_places // ROW, dtype, swells=swells, damps=damps
+        cell_kinds=cells,
+        broken_bond_bits=lazy_zeros(numbering.fine_place_count, dtype=np.uint64),
+        fine=create_idle_nodes(
+            numbering.fine_place_count, spring_count, row_count, dtype, softens_or_limits_vary, swells, damps
         ),
-        far=idle_nodes(numbering.far_places, 8, numbering.far_places // ROW, dtype, swells=swells, damps=damps),
-        tied=empty_border(numbering.coarse_places),
-        pieces=pieces(),
-        spare_pieces=pieces(),
-        border=empty_border(nodes),
-        breaks=BreakEvents(
+        coarse=create_idle_nodes(
+            numbering.coarse_place_count, 8, numbering.coarse_place_count // ROW, dtype, swells=swells, damps=damps
+        ),
+        far=create_idle_nodes(
+            numbering.far_place_count, 8, numbering.far_place_count // ROW, dtype, swells=swells, damps=damps
+        ),
+        tied_coarse_nodes=allocate_border_nodes(numbering.coarse_place_count),
+        clipped_pieces=pieces(),
+        spare_clipped_pieces=pieces(),
+        border_nodes=allocate_border_nodes(nodes),
+        break_events=BreakEvents(
             np.zeros(events, np.int32), np.zeros(events, np.int64), np.zeros(events, np.int32), *np.zeros((2, events))
         ),
-        node_dissipation=lazy_zeros(numbering.places),
-        is_damaged=lazy_zeros(numbering.places, dtype=np.bool_),
-        damaged_nodes=lazy_zeros(numbering.places, dtype=np.int64),
+        node_dissipation=lazy_zeros(numbering.fine_place_count),
+        is_damaged=lazy_zeros(numbering.fine_place_count, dtype=np.bool_),
+        damaged_nodes=lazy_zeros(numbering.fine_place_count, dtype=np.int64),
         loads=nothing,
         holds=nothing,
-        node_mark=lazy_zeros(numbering.places, dtype=np.bool_),
-        new_cells=lazy_zeros(numbering.cells, dtype=np.int64),
-        affected_fine=lazy_zeros(numbering.places, dtype=np.int64),
-        affected_coarse=lazy_zeros(numbering.coarse_places, dtype=np.int64),
-        affected_far=lazy_zeros(numbering.far_places, dtype=np.int64),
+        is_node_marked=lazy_zeros(numbering.fine_place_count, dtype=np.bool_),
+        new_cells=lazy_zeros(numbering.cell_count, dtype=np.int64),
+        affected_fine_nodes=lazy_zeros(numbering.fine_place_count, dtype=np.int64),
+        affected_coarse_nodes=lazy_zeros(numbering.coarse_place_count, dtype=np.int64),
+        affected_far_nodes=lazy_zeros(numbering.far_place_count, dtype=np.int64),
         counts=Counts.of(),
         totals=Totals.of(),
         lane_sums=lazy_zeros(threads, 3 * ROW, dtype=dtype),
         job_counters=np.zeros(64, dtype=np.int64),
-        breaking_rows=lazy_zeros(threads, 2 * numbering.places // ROW, dtype=np.int64),
+        breaking_rows=lazy_zeros(threads, 2 * numbering.fine_place_count // ROW, dtype=np.int64),
         breaking_row_counts=np.zeros(8 * threads, dtype=np.int64),
     )
 
@@ -326,16 +343,16 @@ def enlarge_zone(zone: PlateZone) -> PlateZone:
         more[:used] = array[:used]
         return more
 
-    rows = counts.stiffness_rows + 1  # the next one may have been begun
+    rows = counts.used_stiffness_rows + 1  # the next one may have been begun
     return zone._replace(
         fine=fine._replace(
             row_stiffness=double_length(fine.row_stiffness, rows),
-            threshold_e=double_length(fine.threshold_e, rows),
-            spring_masks=double_length(fine.spring_masks, rows),
-            has_spring_masks=double_length(fine.has_spring_masks, rows),
+            threshold_strain=double_length(fine.threshold_strain, rows),
+            spring_lane_masks=double_length(fine.spring_lane_masks, rows),
+            uses_spring_lane_masks=double_length(fine.uses_spring_lane_masks, rows),
         ),
-        pieces=ClippedPieces(*(double_length(array, counts.pieces) for array in zone.pieces)),
-        spare_pieces=ClippedPieces(*(double_length(array, 0) for array in zone.spare_pieces)),
-        border=BorderNodes(*(double_length(array, counts.border_nodes) for array in zone.border)),
-        breaks=BreakEvents(*(double_length(array, counts.broken_bonds) for array in zone.breaks)),
+        clipped_pieces=ClippedPieces(*(double_length(array, counts.clipped_pieces) for array in zone.clipped_pieces)),
+        spare_clipped_pieces=ClippedPieces(*(double_length(array, 0) for array in zone.spare_clipped_pieces)),
+        border_nodes=BorderNodes(*(double_length(array, counts.border_nodes) for array in zone.border_nodes)),
+        break_events=BreakEvents(*(double_length(array, counts.broken_bonds) for array in zone.break_events)),
     )

@@ -5,9 +5,13 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from pdsolve.adaptivity.hybrid.clipped_bonds import remaining_stiffness_share, stretch_from_e, take_stiffness_index
-from pdsolve.adaptivity.hybrid.energy import strain_e
-from pdsolve.adaptivity.hybrid.precracks import is_unbreakable, peak_and_limit
+from pdsolve.adaptivity.hybrid.clipped_bonds import (
+    find_or_reserve_stiffness_index,
+    remaining_stiffness_share,
+    stretch_from_quadratic_strain,
+)
+from pdsolve.adaptivity.hybrid.energy import spring_quadratic_strain
+from pdsolve.adaptivity.hybrid.precracks import is_unbreakable, peak_and_limit_strain
 from pdsolve.codegen.vector_code import ROW
 from pdsolve.laws.calls import added_force, broken_energy, second_share
 from pdsolve.laws.pair_laws.bilinear import dissipated_share
@@ -17,22 +21,22 @@ from pdsolve.operators.simd_lattice.kernel import INNER, displaced
 @njit(forceinline=True, **INNER)
 def _book_dissipation(zone, p, energy):  # type: ignore[no-untyped-def]
     """Book an energy, J/m, dissipated by a bond of node p."""
-    zone.totals.dissipated += energy
+    zone.totals.dissipated_energy += energy
     zone.node_dissipation[p] += energy
 
 
 @njit(**INNER)
 def _soften_bond(lattice, zone, p, stiffness_index, k, e, peak, limit):  # type: ignore[no-untyped-def]
     """Soften a bond stretched further than ever before, to e, and book the dissipated energy."""
-    row_stiffness, threshold_e, lane = zone.fine.row_stiffness, zone.fine.threshold_e, p % ROW
-    past, now = threshold_e[stiffness_index, k, lane], min(e, limit)
-    peak_stretch, limit_stretch = stretch_from_e(peak), stretch_from_e(limit)
+    row_stiffness, threshold_strain, lane = zone.fine.row_stiffness, zone.fine.threshold_strain, p % ROW
+    past, now = threshold_strain[stiffness_index, k, lane], min(e, limit)
+    peak_stretch, limit_stretch = stretch_from_quadratic_strain(peak), stretch_from_quadratic_strain(limit)
     full_stiffness = row_stiffness[stiffness_index, k, lane] / remaining_stiffness_share(past, peak, limit)
-    spent = dissipated_share(stretch_from_e(now), peak_stretch, limit_stretch)
-    spent -= dissipated_share(stretch_from_e(max(past, peak)), peak_stretch, limit_stretch)
+    spent = dissipated_share(stretch_from_quadratic_strain(now), peak_stretch, limit_stretch)
+    spent -= dissipated_share(stretch_from_quadratic_strain(max(past, peak)), peak_stretch, limit_stretch)
     _book_dissipation(zone, p, full_stiffness / lattice.spring_table[k, 4] * peak_stretch * limit_stretch * spent / 4)
     row_stiffness[stiffness_index, k, lane] = full_stiffness * remaining_stiffness_share(now, peak, limit)
-    threshold_e[stiffness_index, k, lane] = now
+    threshold_strain[stiffness_index, k, lane] = now
 
 
 @njit(**INNER)
@@ -48,27 +52,29 @@ def _mark_damaged_node(zone, p):  # type: ignore[no-untyped-def]
 def _record_break(zone, step, p, k, pull, growth):  # type: ignore[no-untyped-def]
     """Record a bond that breaks with a `pull` after some `growth` of its stretch."""
     n = zone.counts.broken_bonds
-    zone.breaks.step[n], zone.breaks.node[n], zone.breaks.spring[n] = step, p, k
-    zone.breaks.pull[n], zone.breaks.growth[n] = pull, growth
+    zone.break_events.step[n], zone.break_events.node[n], zone.break_events.bond_number[n] = step, p, k
+    zone.break_events.force_at_break[n], zone.break_events.stretch_growth_at_break[n] = pull, growth
     zone.counts.broken_bonds += 1
 
 
 @njit(**INNER)
-def _ensure_own_stiffness(zone, row):  # type: ignore[no-untyped-def]
+def _ensure_own_stiffness_index(zone, row):  # type: ignore[no-untyped-def]
     """Index of a row's own stiffnesses, which it gets if it has none."""
-    if zone.fine.stiffness_index[row] < 0:
-        zone.fine.stiffness_index[row] = take_stiffness_index(zone.fine.stiffness_index, zone.counts, row)
-    return zone.fine.stiffness_index[row]
+    if zone.fine.stiffness_index_of_row[row] < 0:
+        zone.fine.stiffness_index_of_row[row] = find_or_reserve_stiffness_index(
+            zone.fine.stiffness_index_of_row, zone.counts, row
+        )
+    return zone.fine.stiffness_index_of_row[row]
 
 
 @njit(**INNER)
-def _unsoftened_stiffness_and_past_e(fine, stiffness_index, k, lane, stiffness, peak, limit):  # type: ignore[no-untyped-def]
+def _unsoftened_stiffness_and_largest_past_strain(fine, stiffness_index, k, lane, stiffness, peak, limit):  # type: ignore[no-untyped-def]
     """Stiffness of a bond before it softened, and the largest e it has had above the peak, 0 if it was never there."""
-    if peak == limit or fine.threshold_e[stiffness_index, k, lane] <= peak:
+    if peak == limit or fine.threshold_strain[stiffness_index, k, lane] <= peak:
         return stiffness, 0.0
     return stiffness / remaining_stiffness_share(
-        fine.threshold_e[stiffness_index, k, lane], peak, limit
-    ), fine.threshold_e[stiffness_index, k, lane]
+        fine.threshold_strain[stiffness_index, k, lane], peak, limit
+    ), fine.threshold_strain[stiffness_index, k, lane]
 
 
 @njit(**INNER)
@@ -76,70 +82,79 @@ def _stretch_one_step_ago(lattice, fine, p, j, k, eta_x, eta_y):  # type: ignore
     """The stretch one step ago of bond k from p to j, whose ends are (eta_x, eta_y) further apart now, m."""
     eta_x -= lattice.dt * (fine.v[0, j] - fine.v[0, p])
     eta_y -= lattice.dt * (fine.v[1, j] - fine.v[1, p])
-    return stretch_from_e(strain_e(lattice.spring_table, k, eta_x, eta_y))
+    return stretch_from_quadratic_strain(spring_quadratic_strain(lattice.spring_table, k, eta_x, eta_y))
 
 
 @njit(**INNER)
-def soften_and_break_bonds(lattice, zone, u, p0, count, step):  # type: ignore[no-untyped-def]
+def soften_and_break_bonds(lattice, zone, u, first_node, count, step):  # type: ignore[no-untyped-def]
     """Soften and remove bonds of some nodes of a row, add the pulls that match their work to the forces f, and book the
     energy they dissipated.
 
     Half of a bond's energy is booked at each of its ends.
     """
-    fine, half, row = zone.fine, len(lattice.offsets) // 2, p0 // ROW
+    fine, half, row = zone.fine, len(lattice.neighbour_offsets) // 2, first_node // ROW
     if not fine.has_extra_forces[row]:
-        fine.f[0, p0 : p0 + count] = fine.f[1, p0 : p0 + count] = 0.0
-    for p in range(p0, p0 + count):
+        fine.f[0, first_node : first_node + count] = fine.f[1, first_node : first_node + count] = 0.0
+    for p in range(first_node, first_node + count):
         for k in range(2 * half):
-            entry, j, lane = fine.stiffness_index[row], p + lattice.offsets[k], p % ROW
+            entry, j, lane = fine.stiffness_index_of_row[row], p + lattice.neighbour_offsets[k], p % ROW
             full_stiffness = fine.row_stiffness[entry, k, lane] if entry >= 0 else lattice.spring_table[k, 5]
             if full_stiffness == 0 or is_unbreakable(lattice, p) or is_unbreakable(lattice, j):
                 continue
             eta_x, eta_y = displaced(
                 u, fine.half_shrinkage, lattice.spring_table[k, 0], lattice.spring_table[k, 1], p, j
             )
-            e = strain_e(lattice.spring_table, k, eta_x, eta_y)
-            peak, limit = peak_and_limit(lattice, p, k)
-            if e <= peak or (lattice.limits_vary and entry >= 0 and e <= fine.threshold_e[entry, k, lane]):
+            e = spring_quadratic_strain(lattice.spring_table, k, eta_x, eta_y)
+            peak, limit = peak_and_limit_strain(lattice, p, k)
+            if e <= peak or (
+                lattice.softens_or_limits_vary and entry >= 0 and e <= fine.threshold_strain[entry, k, lane]
+            ):
                 continue
             _mark_damaged_node(zone, p)
-            entry = _ensure_own_stiffness(zone, row)
-            full_stiffness, past = _unsoftened_stiffness_and_past_e(fine, entry, k, lane, full_stiffness, peak, limit)
+            entry = _ensure_own_stiffness_index(zone, row)
+            full_stiffness, past = _unsoftened_stiffness_and_largest_past_strain(
+                fine, entry, k, lane, full_stiffness, peak, limit
+            )
             if peak < limit:
                 _soften_bond(lattice, zone, p, entry, k, e, peak, limit)
-            before, now = _stretch_one_step_ago(lattice, fine, p, j, k, eta_x, eta_y), stretch_from_e(e)
-            worst, ends = stretch_from_e(past), (stretch_from_e(peak), stretch_from_e(limit))
-            pull = added_force(lattice.law, now, before, worst, *ends) * full_stiffness
+            before, now = _stretch_one_step_ago(lattice, fine, p, j, k, eta_x, eta_y), stretch_from_quadratic_strain(e)
+            worst, ends = (
+                stretch_from_quadratic_strain(past),
+                (stretch_from_quadratic_strain(peak), stretch_from_quadratic_strain(limit)),
+            )
+            pull = added_force(lattice.bond_law, now, before, worst, *ends) * full_stiffness
             fine.f[0, p] += pull / (1 + now) * (lattice.spring_table[k, 0] + eta_x)
             fine.f[1, p] += pull / (1 + now) * (lattice.spring_table[k, 1] + eta_y)
             if e <= limit:
                 continue
             fine.row_stiffness[entry, k, lane] = 0.0
-            fine.spring_masks[entry, 0, k] &= ~(1 << lane)
+            fine.spring_lane_masks[entry, 0, k] &= ~(1 << lane)
             if k < half:
-                zone.broken_bits[p] |= np.uint64(1) << np.uint64(k)
+                zone.broken_bond_bits[p] |= np.uint64(1) << np.uint64(k)
             if peak == limit:  # else it is booked as it softens
                 _book_dissipation(
                     zone,
                     p,
-                    broken_energy(lattice.law, full_stiffness / lattice.spring_table[k, 4] / 4, now, before, *ends),
+                    broken_energy(
+                        lattice.bond_law, full_stiffness / lattice.spring_table[k, 4] / 4, now, before, *ends
+                    ),
                 )
             _record_break(zone, step, p, k, pull, now - before)
 
 
 @njit(**INNER)
-def pull_again(lattice, zone, u, step):  # type: ignore[no-untyped-def]
+def add_second_pulls_of_broken_bonds(lattice, zone, u, step):  # type: ignore[no-untyped-def]
     """Add the second pulls of the bonds that broke one step ago to the forces f, which have all others."""
-    fine, breaks, n = zone.fine, zone.breaks, zone.counts.broken_bonds
+    fine, breaks, n = zone.fine, zone.break_events, zone.counts.broken_bonds
     while n > 0 and breaks.step[n - 1] == step:
         n -= 1
     while n > 0 and breaks.step[n - 1] == step - 1:
         n -= 1
-        p, k = breaks.node[n], breaks.spring[n]
-        j, x, y = p + lattice.offsets[k], lattice.spring_table[k, 0], lattice.spring_table[k, 1]
+        p, k = breaks.node[n], breaks.bond_number[n]
+        j, x, y = p + lattice.neighbour_offsets[k], lattice.spring_table[k, 0], lattice.spring_table[k, 1]
         eta_x, eta_y = displaced(u, fine.half_shrinkage, x, y, p, j)
-        now = stretch_from_e(strain_e(lattice.spring_table, k, eta_x, eta_y))
+        now = stretch_from_quadratic_strain(spring_quadratic_strain(lattice.spring_table, k, eta_x, eta_y))
         growth = now - _stretch_one_step_ago(lattice, fine, p, j, k, eta_x, eta_y)
-        pull = breaks.pull[n] * second_share(breaks.growth[n], growth) / (1 + now)
+        pull = breaks.force_at_break[n] * second_share(breaks.stretch_growth_at_break[n], growth) / (1 + now)
         fine.f[0, p] += pull * (x + eta_x)
         fine.f[1, p] += pull * (y + eta_y)

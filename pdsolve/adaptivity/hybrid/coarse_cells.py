@@ -14,7 +14,17 @@ from pdmesh.model.document import Lattice as Nodes
 from pdmesh.model.lattice_calibration import has_partial_cells
 from pdmesh.model.whole_lattice import WholeLattice
 from pdsolve.adaptivity.hybrid.arrays import RING, TIPS
-from pdsolve.adaptivity.hybrid.lattice import AROUND, BELOW, COARSE, EMPTY, FINE, LEFT, VOID, Numbering, number_plate
+from pdsolve.adaptivity.hybrid.lattice import (
+    AROUND,
+    BELOW,
+    COARSE,
+    EMPTY,
+    FINE,
+    LEFT,
+    VOID,
+    Numbering,
+    create_numbering,
+)
 from pdsolve.adaptivity.hybrid.prescribed_motion import places_unfit_for_coarse
 from pdsolve.model import Model, ModelError
 from pdsolve.numerics.dilation import in_disc
@@ -29,9 +39,9 @@ STRIP = 2**16  # fine places that are looked at together
 class ListedNodes(NamedTuple):
     """Where the n nodes of a grid are on a lattice, one by one."""
 
-    place: NDArray[np.int64]  # (n,) fine place of each row of the grid
-    row: NDArray[np.int32]  # (places,) row of the grid at each fine place, -1 without a node
-    area: NDArray[np.float64]  # (n,) of the cells of nodes, over h^2
+    place_of_grid_row: NDArray[np.int64]  # (n,) fine place of each row of the grid
+    grid_row_at_place: NDArray[np.int32]  # (places,) row of the grid at each fine place, -1 without a node
+    cell_area_share: NDArray[np.float64]  # (n,) of the cells of nodes, over h^2
 
 
 class HybridPlate(NamedTuple):
@@ -39,92 +49,110 @@ class HybridPlate(NamedTuple):
 
     model: Model
     numbering: Numbering
-    h: float  # m
+    spacing: float  # m
     origin: NDArray[np.float64]  # (2,) lower left corner, m
-    cracks: NDArray[np.float64]  # (k, 4) in spacings from the corner
-    first: tuple[int, int]  # column and row of the first node
-    counts: tuple[int, int]  # columns and rows of nodes
-    listed: ListedNodes | None  # None: nodes are all of a rectangle, row by row, with parts of cells at its edges
+    precrack_segments: NDArray[np.float64]  # (k, 4) in spacings from the corner
+    first_node_indices: tuple[int, int]  # column and row of the first node
+    node_counts: tuple[int, int]  # columns and rows of nodes
+    listed_nodes: ListedNodes | None  # None: nodes are all of a rectangle, row by row, with parts of cells at its edges
 
     @property
     def fine_places(self) -> NDArray[np.int64]:
         """Fine place (n,) of each row of the grid."""
-        return self.places_of(np.arange(len(self.model.grid)))
+        return self.places_of_grid_rows(np.arange(len(self.model.grid)))
 
     @property
     def area_in_cells(self) -> float:
         """Area of the plate over h^2."""
-        if self.listed is not None:
-            return float(self.listed.area.sum())
-        return float(np.prod(np.array(self.counts) - 1))
+        if self.listed_nodes is not None:
+            return float(self.listed_nodes.cell_area_share.sum())
+        return float(np.prod(np.array(self.node_counts) - 1))
 
-    def places_of(self, rows: NDArray[np.int64]) -> NDArray[np.int64]:
+    def places_of_grid_rows(self, rows: NDArray[np.int64]) -> NDArray[np.int64]:
         """Fine places (k,) of rows of the grid."""
-        if self.listed is not None:
-            return self.listed.place[rows]
-        y, x = np.divmod(rows, self.counts[0])
-        return np.asarray((y + BELOW + self.first[1]) * self.numbering.stride + LEFT + self.first[0] + x)
+        if self.listed_nodes is not None:
+            return self.listed_nodes.place_of_grid_row[rows]
+        y, x = np.divmod(rows, self.node_counts[0])
+        return np.asarray(
+            (y + BELOW + self.first_node_indices[1]) * self.numbering.fine_row_stride
+            + LEFT
+            + self.first_node_indices[0]
+            + x
+        )
 
     def grid_rows_at(self, places: NDArray[np.int64]) -> NDArray[np.int64]:
         """Rows of the grid at fine places (k,) with nodes."""
-        if self.listed is not None:
-            return self.listed.row[places].astype(np.int64)
-        y, x = np.divmod(places, self.numbering.stride)
-        return np.asarray((y - BELOW - self.first[1]) * self.counts[0] + x - LEFT - self.first[0])
+        if self.listed_nodes is not None:
+            return self.listed_nodes.grid_row_at_place[places].astype(np.int64)
+        y, x = np.divmod(places, self.numbering.fine_row_stride)
+        return np.asarray(
+            (y - BELOW - self.first_node_indices[1]) * self.node_counts[0] + x - LEFT - self.first_node_indices[0]
+        )
 
-    def area_shares_of(self, rows: NDArray[np.int64]) -> NDArray[np.float64]:
+    def area_shares_of_grid_rows(self, rows: NDArray[np.int64]) -> NDArray[np.float64]:
         """Areas (k,) of the cells of rows of the grid, over h^2."""
-        if self.listed is not None:
-            return self.listed.area[rows]
-        y, x = np.divmod(rows, self.counts[0])
-        return np.asarray(_shares_of_whole_cells(self.counts[1])[y] * _shares_of_whole_cells(self.counts[0])[x])
+        if self.listed_nodes is not None:
+            return self.listed_nodes.cell_area_share[rows]
+        y, x = np.divmod(rows, self.node_counts[0])
+        return np.asarray(
+            _cell_shares_along_side(self.node_counts[1])[y] * _cell_shares_along_side(self.node_counts[0])[x]
+        )
 
     @property
-    def area(self) -> NDArray[np.float64]:
+    def area_shares(self) -> NDArray[np.float64]:
         """Area (n,) of the cell of each node over h^2."""
-        if self.listed is not None:
-            return self.listed.area
-        return np.multiply.outer(_shares_of_whole_cells(self.counts[1]), _shares_of_whole_cells(self.counts[0])).ravel()
+        if self.listed_nodes is not None:
+            return self.listed_nodes.cell_area_share
+        return np.multiply.outer(
+            _cell_shares_along_side(self.node_counts[1]), _cell_shares_along_side(self.node_counts[0])
+        ).ravel()
 
     def has_node(self, places: NDArray[np.int64]) -> NDArray[np.bool_]:
         """Mask (k,) of the fine places with a node."""
-        if self.listed is not None:
-            return np.asarray(self.listed.row[places] >= 0)
-        y, x = np.divmod(places, self.numbering.stride)
-        y, x = y - BELOW - self.first[1], x - LEFT - self.first[0]
-        return np.asarray((y >= 0) & (y < self.counts[1]) & (x >= 0) & (x < self.counts[0]))
+        if self.listed_nodes is not None:
+            return np.asarray(self.listed_nodes.grid_row_at_place[places] >= 0)
+        y, x = np.divmod(places, self.numbering.fine_row_stride)
+        y, x = y - BELOW - self.first_node_indices[1], x - LEFT - self.first_node_indices[0]
+        return np.asarray((y >= 0) & (y < self.node_counts[1]) & (x >= 0) & (x < self.node_counts[0]))
 
-    def grid_rows_in(self, first_row: int, end_row: int) -> NDArray[np.int64]:
+    def grid_rows_in_lattice_rows(self, first_row: int, end_row: int) -> NDArray[np.int64]:
         """Rows (end_row - first_row, stride) of the grid at the fine places of these rows, -1 without a node."""
-        places = np.arange(first_row * self.numbering.stride, end_row * self.numbering.stride)
-        return np.where(self.has_node(places), self.grid_rows_at(places), -1).reshape(-1, self.numbering.stride)
+        places = np.arange(first_row * self.numbering.fine_row_stride, end_row * self.numbering.fine_row_stride)
+        return np.where(self.has_node(places), self.grid_rows_at(places), -1).reshape(
+            -1, self.numbering.fine_row_stride
+        )
 
-    def mask_nodes_in(self, first_row: int, end_row: int) -> NDArray[np.bool_]:
-        """Whether there are nodes at these places, as in `grid_rows_in`."""
-        if self.listed is not None:
-            return self.listed.row.reshape(-1, self.numbering.stride)[first_row:end_row] >= 0
-        (x, y), (nx, ny) = self.first, self.counts
-        row, column = np.arange(first_row, end_row) - BELOW - y, np.arange(self.numbering.stride) - LEFT - x
+    def mask_nodes_in_lattice_rows(self, first_row: int, end_row: int) -> NDArray[np.bool_]:
+        """Whether there are nodes at these places, as in `grid_rows_in_lattice_rows`."""
+        if self.listed_nodes is not None:
+            return (
+                self.listed_nodes.grid_row_at_place.reshape(-1, self.numbering.fine_row_stride)[first_row:end_row] >= 0
+            )
+        (x, y), (nx, ny) = self.first_node_indices, self.node_counts
+        row, column = np.arange(first_row, end_row) - BELOW - y, np.arange(self.numbering.fine_row_stride) - LEFT - x
         return np.asarray(np.logical_and.outer((row >= 0) & (row < ny), (column >= 0) & (column < nx)))
 
-    def area_shares_in(self, first_row: int, end_row: int) -> NDArray[np.float64]:
-        """Areas of the cells of nodes at these places over h^2, 0 without a node, as in `grid_rows_in`."""
-        if self.listed is not None:
-            rows = self.listed.row.reshape(-1, self.numbering.stride)[first_row:end_row]
-            return np.where(rows >= 0, self.listed.area[rows], 0.0)
-        (x, y), (nx, ny) = self.first, self.counts
-        along, across = np.zeros(self.numbering.stride), np.zeros(self.numbering.places // self.numbering.stride)
+    def area_shares_in_lattice_rows(self, first_row: int, end_row: int) -> NDArray[np.float64]:
+        """Areas of the cells of nodes at these places over h^2, 0 without a node, as in `grid_rows_in_lattice_rows`."""
+        if self.listed_nodes is not None:
+            rows = self.listed_nodes.grid_row_at_place.reshape(-1, self.numbering.fine_row_stride)[first_row:end_row]
+            return np.where(rows >= 0, self.listed_nodes.cell_area_share[rows], 0.0)
+        (x, y), (nx, ny) = self.first_node_indices, self.node_counts
+        along, across = (
+            np.zeros(self.numbering.fine_row_stride),
+            np.zeros(self.numbering.fine_place_count // self.numbering.fine_row_stride),
+        )
         along[LEFT + x : LEFT + x + nx], across[BELOW + y : BELOW + y + ny] = (
-            _shares_of_whole_cells(nx),
-            _shares_of_whole_cells(ny),
+            _cell_shares_along_side(nx),
+            _cell_shares_along_side(ny),
         )
         return np.asarray(np.multiply.outer(across[first_row:end_row], along))
 
-    def material_numbers_in(self, first_row: int, end_row: int) -> NDArray[np.uint8]:
-        """Numbers of the materials of nodes at these places, 0 without one, as in `grid_rows_in`."""
-        materials = np.zeros((end_row - first_row, self.numbering.stride), dtype=np.uint8)
+    def material_numbers_in_lattice_rows(self, first_row: int, end_row: int) -> NDArray[np.uint8]:
+        """Numbers of the materials of nodes at these places, 0 without one, as in `grid_rows_in_lattice_rows`."""
+        materials = np.zeros((end_row - first_row, self.numbering.fine_row_stride), dtype=np.uint8)
         if self.model.settings.regions:
-            rows = self.grid_rows_in(first_row, end_row)
+            rows = self.grid_rows_in_lattice_rows(first_row, end_row)
             materials[rows >= 0] = self.model.material_of[rows[rows >= 0]]
         return materials
 
@@ -137,42 +165,43 @@ class CellAreas:
 
     def __getitem__(self, rows: NDArray[np.int64]) -> NDArray[np.float64]:
         """Areas (k,) of rows (k,) of the grid."""
-        return self.plate.area_shares_of(rows) * self.plate.h**2
+        return self.plate.area_shares_of_grid_rows(rows) * self.plate.spacing**2
 
 
-def row_ranges(rows: int, stride: int, place_count: int = STRIP) -> Iterator[tuple[int, int]]:
-    """Some of so many rows of `stride` places at a time, about so many `place_count`: the first, and the one after the
-    last."""
-    high = max(2, place_count // stride)
-    return ((low, min(low + high, rows)) for low in range(0, rows, high))
+def split_rows_into_ranges(row_count: int, stride: int, places_per_range: int = STRIP) -> Iterator[tuple[int, int]]:
+    """Ranges of rows of `stride` places, about `places_per_range` places each: first row, one after the last."""
+    high = max(2, places_per_range // stride)
+    return ((low, min(low + high, row_count)) for low in range(0, row_count, high))
 
 
-def _shares_of_whole_cells(count: int) -> NDArray[np.float64]:
+def _cell_shares_along_side(count: int) -> NDArray[np.float64]:
     """Shares (count,) of whole cells along a side of a rectangle: a half at either end."""
     shares = np.ones(count)
     shares[[0, -1]] = 0.5
     return shares
 
 
-def create_plate(model: Model, mode: str) -> HybridPlate:
+def create_hybrid_plate(model: Model, mode: str) -> HybridPlate:
     """The lattice of a model's nodes. Raises ModelError, in one sentence, for an unsupported model."""
     farther = any(has_partial_cells(material) for material in model.materials)
-    check_supported(model, mode, LARGEST - 0.5 if farther else LARGEST)
+    check_model_supported(model, mode, LARGEST - 0.5 if farther else LARGEST)
     grid, h = model.grid, float(model.grid.delta[0])
     if isinstance(grid, WholeLattice):
-        return _create_rectangle(model, grid.lattice)
+        return _create_rectangular_plate(model, grid.lattice)
     return _create_listed_plate(model, h, grid.position.min(axis=0))
 
 
-def check_supported(model: Model, mode: str, largest_ratio: float) -> None:
+def check_model_supported(model: Model, mode: str, largest_ratio: float) -> None:
     """Raise ModelError for a model that a moving fine zone does not support; horizons are at most `largest_ratio`."""
     grid, settings = model.grid, model.settings
     if mode != "conservative":
-        raise unsupported_error(model, "mode", mode, "conservative")
+        raise create_unsupported_error(model, "mode", mode, "conservative")
     if settings.horizon.ratio > largest_ratio:
-        raise unsupported_error(model, "$.horizon.ratio", f"{settings.horizon.ratio:g}", f"at most {largest_ratio:g}")
+        raise create_unsupported_error(
+            model, "$.horizon.ratio", f"{settings.horizon.ratio:g}", f"at most {largest_ratio:g}"
+        )
     if (grid.delta != grid.delta[0]).any():
-        raise unsupported_error(
+        raise create_unsupported_error(
             model,
             "$.nodes",
             "several spacings",
@@ -188,15 +217,15 @@ def _lattice_corner(model: Model, h: float, origin: NDArray[np.float64]) -> NDAr
     return np.asarray(origin - h * (np.round((origin - corner) / h) % 2))
 
 
-def _create_rectangle(model: Model, lattice: Nodes) -> HybridPlate:
+def _create_rectangular_plate(model: Model, lattice: Nodes) -> HybridPlate:
     """The plate of all nodes of a lattice."""
     h, ends = lattice.spacing, model.grid.part(np.array([0, len(model.grid) - 1])).position
     origin = _lattice_corner(model, h, ends[0])
     (x, y), last = np.round((ends - origin) / h).astype(int).tolist()
     nx, ny = (max(4, side + side % 2) for side in last)
-    numbering = number_plate(nx, ny)
+    numbering = create_numbering(nx, ny)
     cracks = (model.grid.cracks - np.tile(origin, 2)) / h
-    check_precracks_between_nodes(model, cracks, nx, ny)
+    check_no_precrack_on_node(model, cracks, nx, ny)
     return HybridPlate(model, numbering, h, origin, cracks, (x, y), (lattice.columns, lattice.rows), None)
 
 
@@ -205,32 +234,32 @@ def _create_listed_plate(model: Model, h: float, origin: NDArray[np.float64]) ->
     steps = (grid.position - origin) / h
     column, row = np.round(steps).astype(np.int64).T
     if np.abs(steps - np.column_stack([column, row])).max() > OFF:
-        raise unsupported_error(model, "$.nodes", "on no lattice", "those that pdmesh build makes of a drawing")
+        raise create_unsupported_error(model, "$.nodes", "on no lattice", "those that pdmesh build makes of a drawing")
     nx, ny = (max(4, int(side.max()) + int(side.max()) % 2) for side in (column, row))
-    numbering = number_plate(nx, ny)
+    numbering = create_numbering(nx, ny)
     cracks = (grid.cracks - np.tile(origin, 2)) / h
-    check_precracks_between_nodes(model, cracks, nx, ny)
-    place = (row + BELOW) * numbering.stride + LEFT + column
-    rows = np.full(numbering.places, -1, dtype=np.int32)
+    check_no_precrack_on_node(model, cracks, nx, ny)
+    place = (row + BELOW) * numbering.fine_row_stride + LEFT + column
+    rows = np.full(numbering.fine_place_count, -1, dtype=np.int32)
     rows[place] = np.arange(len(place))
     if grid.areas is not None:
         areas = grid.areas / h**2
     else:  # a quarter of each adjacent square between nodes
-        areas = count_full_squares((rows >= 0).reshape(-1, numbering.stride)).ravel()[place] / 4
+        areas = count_full_squares_around_places((rows >= 0).reshape(-1, numbering.fine_row_stride)).ravel()[place] / 4
     listed = ListedNodes(place, rows, areas)
     return HybridPlate(model, numbering, h, origin, cracks, (0, 0), (nx + 1, ny + 1), listed)
 
 
-def find_full_squares(has_node: NDArray[np.bool_]) -> NDArray[np.bool_]:
+def mask_full_squares(has_node: NDArray[np.bool_]) -> NDArray[np.bool_]:
     """Mask of the squares with a node at all four corners, by their lower left place (rows, columns)."""
     is_full = np.zeros_like(has_node)
     is_full[:-1, :-1] = has_node[:-1, :-1] & has_node[1:, :-1] & has_node[:-1, 1:] & has_node[1:, 1:]
     return is_full
 
 
-def count_full_squares(has_node: NDArray[np.bool_]) -> NDArray[np.int8]:
+def count_full_squares_around_places(has_node: NDArray[np.bool_]) -> NDArray[np.int8]:
     """Number of such squares around each place."""
-    full_squares = find_full_squares(has_node).astype(np.int8)
+    full_squares = mask_full_squares(has_node).astype(np.int8)
     counts = full_squares.copy()
     counts[1:] += full_squares[:-1]
     counts[:, 1:] += full_squares[:, :-1]
@@ -238,9 +267,12 @@ def count_full_squares(has_node: NDArray[np.bool_]) -> NDArray[np.int8]:
     return counts
 
 
-def initial_cells(plate: HybridPlate, reach: int, steep_rows: NDArray[np.int64] | None = None) -> NDArray[np.uint8]:
-    """Initial cells (c,): fine near tips of pre-cracks, where an outline cuts cells, around the nodes `steep_rows`
-    (rows of the grid), and where a motion is prescribed that coarse cells do not have; coarse elsewhere.
+def initial_cell_kinds(
+    plate: HybridPlate, reach: int, steep_content_rows: NDArray[np.int64] | None = None
+) -> NDArray[np.uint8]:
+    """Initial cells (c,): fine near tips of pre-cracks, where an outline cuts cells, around the nodes
+    `steep_content_rows` (rows of the grid), and where a motion is prescribed that coarse cells do not have; coarse
+    elsewhere.
 
     An edge along a line between cells cuts none, except at re-entrant corners.
     """
@@ -253,13 +285,13 @@ def initial_cells(plate: HybridPlate, reach: int, steep_rows: NDArray[np.int64] 
         cells[in_disc(cut, (reach + RING + 1) / 2) & good] = FINE
         cells[in_disc(cut, (reach + 2) / 2) & ~in_plate & ~good] = EMPTY
     cells = np.pad(cells, AROUND, constant_values=VOID)
-    node_y, node_x = np.divmod(places_unfit_for_coarse(plate), numbering.stride)
+    node_y, node_x = np.divmod(places_unfit_for_coarse(plate), numbering.fine_row_stride)
     for below, left_side in ((0, 0), (0, 1), (1, 0), (1, 1)):
         corner = AROUND + (node_y - BELOW - below) // 2, AROUND + (node_x - LEFT - left_side) // 2
         cells[corner] = np.where(cells[corner] == COARSE, FINE, cells[corner])
-    if steep_rows is not None and len(steep_rows):
+    if steep_content_rows is not None and len(steep_content_rows):
         beside_steep = np.zeros_like(cells, dtype=bool)
-        y, x = np.divmod(plate.places_of(steep_rows), numbering.stride)
+        y, x = np.divmod(plate.places_of_grid_rows(steep_content_rows), numbering.fine_row_stride)
         for below, left_side in ((0, 0), (0, 1), (1, 0), (1, 1)):
             beside_steep[AROUND + (y - BELOW - below) // 2, AROUND + (x - LEFT - left_side) // 2] = True
         cells[in_disc(beside_steep, (reach + RING + 1) / 2) & (cells == COARSE)] = FINE
@@ -275,17 +307,19 @@ def initial_cells(plate: HybridPlate, reach: int, steep_rows: NDArray[np.int64] 
 def _mask_plate_cells_and_whole_cells(plate: HybridPlate) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
     """Masks (rows, columns) of the cells with some of the plate, and of those that are whole."""
     numbering = plate.numbering
-    in_plate, good = np.zeros((2, numbering.ny // 2, numbering.nx // 2), dtype=bool)
+    in_plate, good = np.zeros((2, numbering.fine_cells_y // 2, numbering.fine_cells_x // 2), dtype=bool)
     good[:] = True
-    for low, high in row_ranges(len(in_plate), numbering.stride):  # of cells
+    for low, high in split_rows_into_ranges(len(in_plate), numbering.fine_row_stride):  # of cells
         first = BELOW + 2 * low - 1
         last = first + 2 * (high - low) + 3
-        has_node, areas = plate.mask_nodes_in(first, last), plate.area_shares_in(first, last)
-        around, full_squares = count_full_squares(has_node), find_full_squares(has_node)
+        has_node, areas = plate.mask_nodes_in_lattice_rows(first, last), plate.area_shares_in_lattice_rows(first, last)
+        around, full_squares = count_full_squares_around_places(has_node), mask_full_squares(has_node)
         odd = (np.abs(areas - around / np.float32(4)) > SAME) | has_node & (around == 3)  # where an edge turns inwards
         for y in range(3):
             for x in range(3):
-                cell_places = np.s_[1 + y : y + 2 * (high - low) : 2, LEFT + x : LEFT + x + numbering.nx - 1 : 2]
+                cell_places = np.s_[
+                    1 + y : y + 2 * (high - low) : 2, LEFT + x : LEFT + x + numbering.fine_cells_x - 1 : 2
+                ]
                 in_plate[low:high] |= odd[cell_places] & has_node[cell_places]
                 good[low:high] &= ~odd[cell_places]
                 if x < 2 and y < 2:
@@ -294,27 +328,29 @@ def _mask_plate_cells_and_whole_cells(plate: HybridPlate) -> tuple[NDArray[np.bo
     return in_plate, good
 
 
-def count_squares_in_cells(plate: HybridPlate) -> NDArray[np.uint8]:
+def count_full_squares_in_cells(plate: HybridPlate) -> NDArray[np.uint8]:
     """Number (c,) of squares with a node at all four corners, in each cell."""
     numbering = plate.numbering
-    counts = np.zeros((numbering.ny // 2, numbering.nx // 2), dtype=np.uint8)
-    for low, high in row_ranges(len(counts), numbering.stride):
-        full_squares = find_full_squares(plate.mask_nodes_in(BELOW + 2 * low, BELOW + 2 * high + 1))[
-            :-1, LEFT : LEFT + numbering.nx
+    counts = np.zeros((numbering.fine_cells_y // 2, numbering.fine_cells_x // 2), dtype=np.uint8)
+    for low, high in split_rows_into_ranges(len(counts), numbering.fine_row_stride):
+        full_squares = mask_full_squares(plate.mask_nodes_in_lattice_rows(BELOW + 2 * low, BELOW + 2 * high + 1))[
+            :-1, LEFT : LEFT + numbering.fine_cells_x
         ]
-        counts[low:high] = full_squares.reshape(high - low, 2, numbering.nx // 2, 2).sum(axis=(1, 3))
+        counts[low:high] = full_squares.reshape(high - low, 2, numbering.fine_cells_x // 2, 2).sum(axis=(1, 3))
     return np.pad(counts, AROUND).ravel()
 
 
 def precrack_tips(plate: HybridPlate) -> NDArray[np.float64]:
     """Ends (k, 2) of pre-cracks that lie inside the plate and on no other segment, in spacings."""
-    ends = plate.cracks.reshape(-1, 2)
-    inner = ((ends > 1e-6) & (ends < np.array([plate.numbering.nx, plate.numbering.ny]) - 1e-6)).all(axis=1)
+    ends = plate.precrack_segments.reshape(-1, 2)
+    inner = (
+        (ends > 1e-6) & (ends < np.array([plate.numbering.fine_cells_x, plate.numbering.fine_cells_y]) - 1e-6)
+    ).all(axis=1)
     alone = np.array([np.sum(np.abs(ends - end).max(axis=1) < 1e-6) == 1 for end in ends], dtype=bool)
     return ends[inner & alone]
 
 
-def check_precracks_between_nodes(model: Model, cracks: NDArray[np.float64], nx: int, ny: int) -> None:
+def check_no_precrack_on_node(model: Model, cracks: NDArray[np.float64], nx: int, ny: int) -> None:
     """Raise ModelError if a pre-crack passes through a node."""
     for number, (x0, y0, x1, y1) in enumerate(cracks):
         long = float(np.hypot(x1 - x0, y1 - y0))
@@ -325,7 +361,7 @@ def check_precracks_between_nodes(model: Model, cracks: NDArray[np.float64], nx:
         along = np.clip((near - (x0, y0)) @ way, 0, long)
         away = np.hypot(*(near - (x0, y0) - along[:, None] * way).T)
         if away.min(initial=1.0) < CLEARANCE:
-            raise unsupported_error(
+            raise create_unsupported_error(
                 model, f"$.notch[{number}]", "on a node", "places between nodes, as pdmesh build has them"
             )
 
@@ -336,7 +372,7 @@ def adaptivity_name(model: Model) -> str:
     return how if how != "none" else "hybrid"
 
 
-def unsupported_error(model: Model, setting: str, actual: str, expected: str) -> ModelError:
+def create_unsupported_error(model: Model, setting: str, actual: str, expected: str) -> ModelError:
     """A ModelError that names the adaptivity and what it does not support."""
     name = setting if setting in ("mode", "precision") else f"{model.name}: {setting}"
     return ModelError(unfit(name, actual, f"{expected}, as run.adapt is {adaptivity_name(model)}"))

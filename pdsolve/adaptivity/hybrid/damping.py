@@ -13,12 +13,12 @@ from numba import types
 from numba.extending import overload
 
 from pdsolve.adaptivity.hybrid.lattice import FREE
-from pdsolve.adaptivity.hybrid.node_rows import value_at_node
+from pdsolve.adaptivity.hybrid.node_constants import value_at_node
 from pdsolve.codegen.vector_code import ROW
 from pdsolve.operators.simd_lattice.kernel import INNER
 
 
-def _is_damped(nodes: Any) -> bool:
+def _is_damped_type(nodes: Any) -> bool:
     """Whether these nodes, a type, are damped."""
     return not isinstance(nodes.types[nodes.fields.index("damping")], types.NoneType)
 
@@ -28,8 +28,8 @@ def damp_forces(nodes: Any, p: Any, count: Any, velocity_lag: Any, lane_sums: An
 
 
 @overload(damp_forces, jit_options=INNER)
-def _damp_forces(nodes, p, count, velocity_lag, lane_sums):  # type: ignore[no-untyped-def]
-    if not _is_damped(nodes):
+def _overload_damp_forces(nodes, p, count, velocity_lag, lane_sums):  # type: ignore[no-untyped-def]
+    if not _is_damped_type(nodes):
         return lambda nodes, p, count, velocity_lag, lane_sums: None
 
     def damp_forces_of_lanes(nodes, p, count, velocity_lag, lane_sums):  # type: ignore[no-untyped-def]
@@ -43,60 +43,64 @@ def _damp_forces(nodes, p, count, velocity_lag, lane_sums):  # type: ignore[no-u
     return damp_forces_of_lanes
 
 
-def book_damping(nodes: Any, p: Any, count: Any, dt: Any, lane_sums: Any, before: Any, after: Any) -> None:
-    """Book the energy taken in half a step `before` and `after` from nodes moved by s, from p on.
+def book_damped_energy(
+    nodes: Any, p: Any, count: Any, dt: Any, lane_sums: Any, half_step_before: Any, half_step_after: Any
+) -> None:
+    """Book the energy taken in half a step `half_step_before` and `half_step_after` from nodes moved by s, from p on.
 
-    With `before`, velocities are those of half a step ago, else of now.
+    With `half_step_before`, velocities are those of half a step ago, else of now.
     """
 
 
-@overload(book_damping, jit_options=INNER)
-def _book_damping(nodes, p, count, dt, lane_sums, before, after):  # type: ignore[no-untyped-def]
-    if not _is_damped(nodes):
-        return lambda nodes, p, count, dt, lane_sums, before, after: None
+@overload(book_damped_energy, jit_options=INNER)
+def _overload_book_damped_energy(nodes, p, count, dt, lane_sums, half_step_before, half_step_after):  # type: ignore[no-untyped-def]
+    if not _is_damped_type(nodes):
+        return lambda nodes, p, count, dt, lane_sums, half_step_before, half_step_after: None
 
-    def book_damping_of_lanes(nodes, p, count, dt, lane_sums, before, after):  # type: ignore[no-untyped-def]
+    def book_damping_of_lanes(nodes, p, count, dt, lane_sums, half_step_before, half_step_after):  # type: ignore[no-untyped-def]
         for at in range(p, p + count):
             first, last, half = 0.0, 0.0, dt / 2 * nodes.mass[at]
             for axis in range(2):
                 kick = dt / 2 * (lane_sums[axis * ROW + at - p] * nodes.inverse_mass[at])
                 speed = nodes.v[axis, at]
-                middle = speed + kick if before else speed
+                middle = speed + kick if half_step_before else speed
                 pull = nodes.damping[axis, at] * middle
                 first += pull * speed
                 last += pull * (middle + kick)
-            if before:
-                nodes.damped[at] += half * first
-            if after:
-                nodes.damped[at] += half * last
+            if half_step_before:
+                nodes.damped_energy[at] += half * first
+            if half_step_after:
+                nodes.damped_energy[at] += half * last
 
     return book_damping_of_lanes
 
 
-def set_damping(lattice: Any, nodes: Any, p: Any, place: Any) -> None:
+def set_damping_of_node(lattice: Any, nodes: Any, p: Any, fine_place: Any) -> None:
     """Give node p the damping of a fine place, or none if it has no motion of its own."""
 
 
-@overload(set_damping, jit_options=INNER)
-def _set_damping(lattice, nodes, p, place):  # type: ignore[no-untyped-def]
-    if not _is_damped(nodes):
-        return lambda lattice, nodes, p, place: None
+@overload(set_damping_of_node, jit_options=INNER)
+def _overload_set_damping_of_node(lattice, nodes, p, fine_place):  # type: ignore[no-untyped-def]
+    if not _is_damped_type(nodes):
+        return lambda lattice, nodes, p, fine_place: None
 
-    def copy_damping(lattice, nodes, p, place):  # type: ignore[no-untyped-def]
+    def copy_damping(lattice, nodes, p, fine_place):  # type: ignore[no-untyped-def]
         nodes.damping[0, p] = nodes.damping[1, p] = (
-            value_at_node(lattice.node_rows, lattice.node_rows.damping, place) if nodes.kind[p] == FREE else 0.0
+            value_at_node(lattice.node_constants, lattice.node_constants.damping, fine_place)
+            if nodes.node_kinds[p] == FREE
+            else 0.0
         )
 
     return copy_damping
 
 
-def remove_damping(nodes: Any, p: Any, axis: Any) -> None:
+def remove_damping_of_component(nodes: Any, p: Any, axis: Any) -> None:
     """Take the damping from a held component."""
 
 
-@overload(remove_damping, jit_options=INNER)
-def _remove_damping(nodes, p, axis):  # type: ignore[no-untyped-def]
-    if not _is_damped(nodes):
+@overload(remove_damping_of_component, jit_options=INNER)
+def _overload_remove_damping_of_component(nodes, p, axis):  # type: ignore[no-untyped-def]
+    if not _is_damped_type(nodes):
         return lambda nodes, p, axis: None
 
     def clear_damping(nodes, p, axis):  # type: ignore[no-untyped-def]

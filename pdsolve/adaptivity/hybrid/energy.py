@@ -17,7 +17,7 @@ from pdsolve.operators.simd_lattice.kernel import INNER, ONE, PLANE, displaced
 
 
 @njit(forceinline=True, **INNER)
-def strain_e(spring_table, k, eta_x, eta_y):  # type: ignore[no-untyped-def]
+def spring_quadratic_strain(spring_table, k, eta_x, eta_y):  # type: ignore[no-untyped-def]
     """e of a spring: (|xi + eta|^2 - |xi|^2) / |xi|^2."""
     x, y, inverse = spring_table[k, 0], spring_table[k, 1], spring_table[k, 4]
     return inverse * (2 * (x * eta_x + y * eta_y) + eta_x * eta_x + eta_y * eta_y)
@@ -27,14 +27,14 @@ def strain_e(spring_table, k, eta_x, eta_y):  # type: ignore[no-untyped-def]
 def half_bond_energy_of_node(lattice, fine, u, p):  # type: ignore[no-untyped-def]
     """Half of the energy of a fine node's bonds, J/m."""
     row, lane, energy = p // ROW, p % ROW, 0.0
-    entry = fine.stiffness_index[row]
-    for k in range(len(lattice.offsets)):
+    entry = fine.stiffness_index_of_row[row]
+    for k in range(len(lattice.neighbour_offsets)):
         stiffness = fine.row_stiffness[entry, k, lane] if entry >= 0 else lattice.spring_table[k, 5]
         if stiffness == 0:
             continue
-        j = p + lattice.offsets[k]
+        j = p + lattice.neighbour_offsets[k]
         eta_x, eta_y = displaced(u, fine.half_shrinkage, lattice.spring_table[k, 0], lattice.spring_table[k, 1], p, j)
-        e = strain_e(lattice.spring_table, k, eta_x, eta_y)
+        e = spring_quadratic_strain(lattice.spring_table, k, eta_x, eta_y)
         stretch = e / (np.sqrt(1 + e) + 1)
         energy += stiffness / lattice.spring_table[k, 4] * stretch * stretch / 4
     return energy
@@ -44,13 +44,13 @@ def half_bond_energy_of_node(lattice, fine, u, p):  # type: ignore[no-untyped-de
 def half_spring_energy_of_node(nodes, spring_table, offsets, u, q):  # type: ignore[no-untyped-def]
     """Half of the energy of the springs of a node of a compact lattice, J/m."""
     row, lane, energy = q // ROW, q % ROW, 0.0
-    entry = nodes.stiffness_index[row]
+    entry = nodes.stiffness_index_of_row[row]
     for k in range(8):
         stiffness = nodes.row_stiffness[entry, k, lane] if entry >= 0 else spring_table[k, 5]
         if stiffness == 0:
             continue
         eta_x, eta_y = displaced(u, nodes.half_shrinkage, spring_table[k, 0], spring_table[k, 1], q, q + offsets[k])
-        e = strain_e(spring_table, k, eta_x, eta_y)
+        e = spring_quadratic_strain(spring_table, k, eta_x, eta_y)
         energy += stiffness / spring_table[k, 4] * e * e / 16
     return energy
 
@@ -60,7 +60,7 @@ def _relative_displacement(u: Any, half_shrinkage: Any, x: Any, y: Any, p: Any, 
 
 
 @overload(_relative_displacement, jit_options=INNER | {"forceinline": True})
-def _relative_displacement_lanes(u, half_shrinkage, x, y, p, j):  # type: ignore[no-untyped-def]
+def _overload_relative_displacement(u, half_shrinkage, x, y, p, j):  # type: ignore[no-untyped-def]
     if isinstance(half_shrinkage, types.NoneType):
         return lambda u, half_shrinkage, x, y, p, j: _displacement_difference(u, p, j)
 
@@ -79,9 +79,9 @@ def _displacement_difference(u, p, j):  # type: ignore[no-untyped-def]
 
 
 @njit(**INNER)
-def store_half_spring_energies(nodes, spring_table, offsets, green, row, u, lane_sums):  # type: ignore[no-untyped-def]
+def store_half_spring_energies(nodes, spring_table, offsets, uses_green_strain, row, u, lane_sums):  # type: ignore[no-untyped-def]
     """Set s to half the energies of the springs of a row's lanes, J/m; of coarse ones by Green's strain."""
-    entry, slots, none = nodes.stiffness_index[row], len(offsets), same(u, 0.0)
+    entry, slots, none = nodes.stiffness_index_of_row[row], len(offsets), same(u, 0.0)
     for lane in range(0, ROW, across(lane_sums)):
         p, energy = np.int64(row * ROW + lane), none
         for k in range(slots):
@@ -92,7 +92,7 @@ def store_half_spring_energies(nodes, spring_table, offsets, green, row, u, lane
             if entry >= 0:
                 w = beside(nodes.row_stiffness, ONE, np.int64((entry * slots + k) * ROW + lane))[0]
                 e = unless_none(w, e, none)
-            stretch = e * 0.5 if green else e / (np.sqrt(1.0 + e) + 1.0)
+            stretch = e * 0.5 if uses_green_strain else e / (np.sqrt(1.0 + e) + 1.0)
             energy = energy + w / spring_table[k, INVERSE] * stretch * stretch * 0.25
         keep((energy,), lane_sums, lane)
 
@@ -103,21 +103,21 @@ def piece_end_displacement(fine_u, coarse_u, pieces, n, side, axis):  # type: ig
     a, b = pieces.end_nodes[n, 2 * side], pieces.end_nodes[n, 2 * side + 1]
     if b < 0:
         return fine_u[axis, a]
-    w = pieces.constants[n, side]
+    w = pieces.spring_constants[n, side]
     return (1 - w) * coarse_u[axis, a] + w * coarse_u[axis, b]
 
 
 @njit(**INNER)
 def piece_energy(pieces, fine_u, coarse_u, n):  # type: ignore[no-untyped-def]
     """Energy of a piece of a clipped bond, J/m."""
-    e = piece_strain_e(pieces, fine_u, coarse_u, n)
-    return pieces.constants[n, 5] / pieces.constants[n, 4] * e * e / 8
+    e = piece_quadratic_strain(pieces, fine_u, coarse_u, n)
+    return pieces.spring_constants[n, 5] / pieces.spring_constants[n, 4] * e * e / 8
 
 
 @njit(**INNER)
-def piece_strain_e(pieces, fine_u, coarse_u, n):  # type: ignore[no-untyped-def]
+def piece_quadratic_strain(pieces, fine_u, coarse_u, n):  # type: ignore[no-untyped-def]
     """e of a piece of a clipped bond."""
-    value = pieces.constants[n]
+    value = pieces.spring_constants[n]
     eta_x = (
         piece_end_displacement(fine_u, coarse_u, pieces, n, 1, 0)
         - piece_end_displacement(fine_u, coarse_u, pieces, n, 0, 0)
@@ -132,7 +132,7 @@ def piece_strain_e(pieces, fine_u, coarse_u, n):  # type: ignore[no-untyped-def]
 
 
 @njit(**INNER)
-def kinetic_energy(nodes, p):  # type: ignore[no-untyped-def]
+def kinetic_energy_of_node(nodes, p):  # type: ignore[no-untyped-def]
     """Kinetic energy of a node with a motion of its own, J/m."""
     return nodes.mass[p] / 2 * (nodes.v[0, p] ** 2 + nodes.v[1, p] ** 2)
 
@@ -144,43 +144,53 @@ def strain_and_kinetic_energy(lattice, zone, buffer, fine_nodes, coarse_nodes): 
     fine, coarse, energy = zone.fine, zone.coarse, 0.0
     u, coarse_u = fine.u[buffer], coarse.u[buffer]
     for p in fine_nodes:
-        if fine.kind[p] == IDLE:
+        if fine.node_kinds[p] == IDLE:
             continue
         energy += half_bond_energy_of_node(lattice, fine, u, p)
-        if fine.kind[p] == FREE:
-            energy += kinetic_energy(fine, p)
+        if fine.node_kinds[p] == FREE:
+            energy += kinetic_energy_of_node(fine, p)
     for q in coarse_nodes:
-        if coarse.kind[q] == FREE:
+        if coarse.node_kinds[q] == FREE:
             energy += half_spring_energy_of_node(
-                coarse, lattice.coarse_spring_table, lattice.coarse_offsets, coarse_u, q
-            ) + kinetic_energy(coarse, q)
-    for n in range(zone.counts.pieces):
-        if zone.node_mark[zone.pieces.owner[n]]:
-            energy += piece_energy(zone.pieces, u, coarse_u, n)
+                coarse, lattice.coarse_spring_table, lattice.coarse_neighbour_offsets, coarse_u, q
+            ) + kinetic_energy_of_node(coarse, q)
+    for n in range(zone.counts.clipped_pieces):
+        if zone.is_node_marked[zone.clipped_pieces.owner_node[n]]:
+            energy += piece_energy(zone.clipped_pieces, u, coarse_u, n)
     return energy
 
 
 @cached_njit(error_model="numpy")
 def fill_strain_energies(lattice, zone, buffer, fine_energy, coarse_energy, far_energy):  # type: ignore[no-untyped-def]
     """Strain energies, J/m, of fine, coarse and far nodes, by their places; half of a piece's belongs to either end."""
-    fine, coarse, pieces, s = zone.fine, zone.coarse, zone.pieces, zone.lane_sums[0]
-    for row in fine.rows[: zone.counts.fine_rows]:
-        store_half_spring_energies(fine, lattice.spring_table, lattice.offsets, False, row, fine.u[buffer], s)
+    fine, coarse, pieces, s = zone.fine, zone.coarse, zone.clipped_pieces, zone.lane_sums[0]
+    for row in fine.active_rows[: zone.counts.active_fine_rows]:
+        store_half_spring_energies(fine, lattice.spring_table, lattice.neighbour_offsets, False, row, fine.u[buffer], s)
         for p in range(row * ROW, row * ROW + ROW):
-            fine_energy[p] = s[p % ROW] if fine.kind[p] != IDLE else 0.0
+            fine_energy[p] = s[p % ROW] if fine.node_kinds[p] != IDLE else 0.0
     lattices = (
-        (coarse, zone.counts.coarse_rows, lattice.coarse_spring_table, lattice.coarse_offsets, coarse_energy),
-        (zone.far, zone.counts.far_rows, lattice.far_spring_table, lattice.far_offsets, far_energy),
+        (
+            coarse,
+            zone.counts.active_coarse_rows,
+            lattice.coarse_spring_table,
+            lattice.coarse_neighbour_offsets,
+            coarse_energy,
+        ),
+        (zone.far, zone.counts.active_far_rows, lattice.far_spring_table, lattice.far_neighbour_offsets, far_energy),
     )
     for nodes, count, table, ways, energies in lattices:
-        for row in nodes.rows[:count]:
+        for row in nodes.active_rows[:count]:
             store_half_spring_energies(nodes, table, ways, True, row, nodes.u[buffer], s)
             for q in range(row * ROW, row * ROW + ROW):
-                energies[q] = s[q % ROW] if nodes.kind[q] != IDLE else 0.0
-    for n in range(zone.counts.pieces):
+                energies[q] = s[q % ROW] if nodes.node_kinds[q] != IDLE else 0.0
+    for n in range(zone.counts.clipped_pieces):
         half = piece_energy(pieces, fine.u[buffer], coarse.u[buffer], n) / 2
         for which in range(2):
-            a, b, w = pieces.end_nodes[n, 2 * which], pieces.end_nodes[n, 2 * which + 1], pieces.constants[n, which]
+            a, b, w = (
+                pieces.end_nodes[n, 2 * which],
+                pieces.end_nodes[n, 2 * which + 1],
+                pieces.spring_constants[n, which],
+            )
             if b < 0:
                 fine_energy[a] += half
             else:

@@ -12,8 +12,12 @@ from numpy.typing import NDArray
 
 from pdsolve.adaptivity.hybrid.arrays import LatticeConstants
 from pdsolve.adaptivity.hybrid.coarse_cells import HybridPlate
-from pdsolve.adaptivity.hybrid.energy import half_spring_energy_of_node, kinetic_energy, strain_e
-from pdsolve.adaptivity.hybrid.far_nodes import count_far_cells_around, interpolate_far, set_far_node_properties
+from pdsolve.adaptivity.hybrid.energy import half_spring_energy_of_node, kinetic_energy_of_node, spring_quadratic_strain
+from pdsolve.adaptivity.hybrid.far_nodes import (
+    count_far_cells_around,
+    interpolate_far_at_coarse_node,
+    set_far_node_properties,
+)
 from pdsolve.adaptivity.hybrid.lattice import (
     AROUND,
     BELOW,
@@ -53,14 +57,18 @@ def add_far_cells(
     There are none in small plates, and none of several materials, or where nodes are damped.
     """
     numbering = plate.numbering
-    rows, columns = numbering.ny // 2, numbering.nx // 2
-    if rows * columns < WORTH_FAR or lattice.cell_constants.shape[1] > 1 or lattice.node_rows.damping is not None:
+    rows, columns = numbering.fine_cells_y // 2, numbering.fine_cells_x // 2
+    if (
+        rows * columns < WORTH_FAR
+        or lattice.coarse_cell_constants.shape[1] > 1
+        or lattice.node_constants.damping is not None
+    ):
         return cells
-    new_cells = cells.reshape(-1, numbering.cell_stride).copy()
+    new_cells = cells.reshape(-1, numbering.cell_row_stride).copy()
     inner = new_cells[AROUND : AROUND + rows, AROUND : AROUND + columns]
-    cut = lattice.cut_cells.reshape(new_cells.shape)[AROUND : AROUND + rows, AROUND : AROUND + columns]
+    cut = lattice.is_cell_cut.reshape(new_cells.shape)[AROUND : AROUND + rows, AROUND : AROUND + columns]
     odd = (inner != COARSE) | cut
-    y, x = np.divmod(driven_places, numbering.stride)
+    y, x = np.divmod(driven_places, numbering.fine_row_stride)
     odd[((y - BELOW) // 2).clip(max=rows - 1), ((x - LEFT) // 2).clip(max=columns - 1)] = True
     odd = in_square(odd, AWAY)[: rows // 2 * 2, : columns // 2 * 2]
     far = ~(odd[::2, ::2] | odd[1::2, ::2] | odd[::2, 1::2] | odd[1::2, 1::2])
@@ -73,13 +81,13 @@ def add_far_cells(
 @njit(**INNER)
 def _divide_and_list_far_cells_near(numbering, cells, x, y, listed, count):  # type: ignore[no-untyped-def]
     """List the far cells near cell x, y, which become coarse; returns how many are listed then."""
-    for row in range(max(y - NEAR, 0) // 2, (min(y + NEAR, numbering.ny // 2 - 1)) // 2 + 1):
-        for column in range(max(x - NEAR, 0) // 2, (min(x + NEAR, numbering.nx // 2 - 1)) // 2 + 1):
+    for row in range(max(y - NEAR, 0) // 2, (min(y + NEAR, numbering.fine_cells_y // 2 - 1)) // 2 + 1):
+        for column in range(max(x - NEAR, 0) // 2, (min(x + NEAR, numbering.fine_cells_x // 2 - 1)) // 2 + 1):
             c = cell_place(numbering, 2 * column, 2 * row)
             if cells[c] == FAR:
-                cells[c] = cells[c + 1] = cells[c + numbering.cell_stride] = cells[c + numbering.cell_stride + 1] = (
-                    COARSE
-                )
+                cells[c] = cells[c + 1] = cells[c + numbering.cell_row_stride] = cells[
+                    c + numbering.cell_row_stride + 1
+                ] = COARSE
                 listed[count] = c
                 count += 1
     return count
@@ -89,23 +97,25 @@ def _divide_and_list_far_cells_near(numbering, cells, x, y, listed, count):  # t
 def _divide_and_list_stretched_far_cells(lattice, zone, buffer, count):  # type: ignore[no-untyped-def]
     """List the far cells near stretched far springs."""
     numbering, far, table = lattice.numbering, zone.far, lattice.far_spring_table
-    for row in far.rows[: zone.counts.far_rows]:
+    for row in far.active_rows[: zone.counts.active_far_rows]:
         if far.has_large_stretch[row] == 0:
             continue
         for lane in range(ROW):
-            q, entry = row * ROW + lane, far.stiffness_index[row]
+            q, entry = row * ROW + lane, far.stiffness_index_of_row[row]
             p = fine_place(numbering, 4 * far_column(numbering, q), 4 * far_row(numbering, q))
-            if far.kind[q] == IDLE or is_unbreakable(lattice, p):
+            if far.node_kinds[q] == IDLE or is_unbreakable(lattice, p):
                 continue
             for k in range(8):
                 if entry >= 0 and far.row_stiffness[entry, k, lane] == 0:
                     continue
                 eta_x, eta_y = displaced(
-                    far.u[buffer], far.half_shrinkage, table[k, 0], table[k, 1], q, q + lattice.far_offsets[k]
+                    far.u[buffer], far.half_shrinkage, table[k, 0], table[k, 1], q, q + lattice.far_neighbour_offsets[k]
                 )
-                if strain_e(table, k, eta_x, eta_y) > lattice.least_e_bounds[2]:
+                if spring_quadratic_strain(table, k, eta_x, eta_y) > lattice.least_strain_bounds[2]:
                     x, y = 2 * far_column(numbering, q), 2 * far_row(numbering, q)
-                    count = _divide_and_list_far_cells_near(numbering, zone.cells, x, y, zone.affected_fine, count)
+                    count = _divide_and_list_far_cells_near(
+                        numbering, zone.cell_kinds, x, y, zone.affected_fine_nodes, count
+                    )
                     break
     return count
 
@@ -119,18 +129,23 @@ def divide_far_cells(lattice, zone, buffer):  # type: ignore[no-untyped-def]
     numbering, new, count = lattice.numbering, zone.new_cells[: zone.counts.new_cells], 0
     for c in new:
         count = _divide_and_list_far_cells_near(
-            numbering, zone.cells, cell_column(numbering, c), cell_row(numbering, c), zone.affected_fine, count
+            numbering,
+            zone.cell_kinds,
+            cell_column(numbering, c),
+            cell_row(numbering, c),
+            zone.affected_fine_nodes,
+            count,
         )
     count = _divide_and_list_stretched_far_cells(lattice, zone, buffer, count)
     if count == 0:
         return False
     for c in new:
-        zone.cells[c] = COARSE
-    _list_nodes_of_far_cells(numbering, zone, zone.affected_fine[:count])
-    before = _strain_and_kinetic_energy_of_listed(lattice, zone, buffer)
+        zone.cell_kinds[c] = COARSE
+    _list_nodes_of_far_cells(numbering, zone, zone.affected_fine_nodes[:count])
+    before = _strain_and_kinetic_energy_of_affected_nodes(lattice, zone, buffer)
     _interpolate_new_coarse_nodes(lattice, zone, buffer)
-    set_listed_node_properties(lattice, zone)
-    zone.totals.refinement += _strain_and_kinetic_energy_of_listed(lattice, zone, buffer) - before
+    set_affected_coarse_and_far_node_properties(lattice, zone)
+    zone.totals.refinement_energy += _strain_and_kinetic_energy_of_affected_nodes(lattice, zone, buffer) - before
     return True
 
 
@@ -142,34 +157,36 @@ def _list_nodes_of_far_cells(numbering, zone, blocks):  # type: ignore[no-untype
         x, y = cell_column(numbering, c), cell_row(numbering, c)
         for n in range(9):
             p = fine_place(numbering, 2 * (x + n % 3), 2 * (y + n // 3))
-            if not zone.node_mark[p]:
-                zone.node_mark[p] = True
-                zone.affected_coarse[around] = coarse_place(numbering, x + n % 3, y + n // 3)
+            if not zone.is_node_marked[p]:
+                zone.is_node_marked[p] = True
+                zone.affected_coarse_nodes[around] = coarse_place(numbering, x + n % 3, y + n // 3)
                 around += 1
                 if n % 3 != 1 and n // 3 != 1:
-                    zone.affected_far[far] = far_place(numbering, (x + n % 3) // 2, (y + n // 3) // 2)
+                    zone.affected_far_nodes[far] = far_place(numbering, (x + n % 3) // 2, (y + n // 3) // 2)
                     far += 1
-    zone.counts.affected_coarse, zone.counts.affected_far = around, far
-    for q in zone.affected_coarse[:around]:
-        zone.node_mark[fine_place(numbering, 2 * coarse_column(numbering, q), 2 * coarse_row(numbering, q))] = False
+    zone.counts.affected_coarse_nodes, zone.counts.affected_far_nodes = around, far
+    for q in zone.affected_coarse_nodes[:around]:
+        zone.is_node_marked[fine_place(numbering, 2 * coarse_column(numbering, q), 2 * coarse_row(numbering, q))] = (
+            False
+        )
 
 
 @njit(**INNER)
-def _strain_and_kinetic_energy_of_listed(lattice, zone, buffer):  # type: ignore[no-untyped-def]
+def _strain_and_kinetic_energy_of_affected_nodes(lattice, zone, buffer):  # type: ignore[no-untyped-def]
     """Energy, J/m, of the listed nodes."""
     coarse, far, energy = zone.coarse, zone.far, 0.0
-    for q in zone.affected_coarse[: zone.counts.affected_coarse]:
-        if coarse.kind[q] != IDLE:
+    for q in zone.affected_coarse_nodes[: zone.counts.affected_coarse_nodes]:
+        if coarse.node_kinds[q] != IDLE:
             energy += half_spring_energy_of_node(
-                coarse, lattice.coarse_spring_table, lattice.coarse_offsets, coarse.u[buffer], q
+                coarse, lattice.coarse_spring_table, lattice.coarse_neighbour_offsets, coarse.u[buffer], q
             )
-        if coarse.kind[q] == FREE:
-            energy += kinetic_energy(coarse, q)
-    for q in zone.affected_far[: zone.counts.affected_far]:
-        if far.kind[q] == FREE:
+        if coarse.node_kinds[q] == FREE:
+            energy += kinetic_energy_of_node(coarse, q)
+    for q in zone.affected_far_nodes[: zone.counts.affected_far_nodes]:
+        if far.node_kinds[q] == FREE:
             energy += half_spring_energy_of_node(
-                far, lattice.far_spring_table, lattice.far_offsets, far.u[buffer], q
-            ) + kinetic_energy(far, q)
+                far, lattice.far_spring_table, lattice.far_neighbour_offsets, far.u[buffer], q
+            ) + kinetic_energy_of_node(far, q)
     return energy
 
 
@@ -177,25 +194,25 @@ def _strain_and_kinetic_energy_of_listed(lattice, zone, buffer):  # type: ignore
 def _interpolate_new_coarse_nodes(lattice, zone, buffer):  # type: ignore[no-untyped-def]
     """Give the listed coarse nodes that are not free the motion of far ones."""
     numbering, coarse, far, two = lattice.numbering, zone.coarse, zone.far, zone.lane_sums[0, :2]
-    for q in zone.affected_coarse[: zone.counts.affected_coarse]:
-        if coarse.kind[q] == FREE:
+    for q in zone.affected_coarse_nodes[: zone.counts.affected_coarse_nodes]:
+        if coarse.node_kinds[q] == FREE:
             continue
         x, y = coarse_column(numbering, q), coarse_row(numbering, q)
         for values, coarse_values in ((far.u[buffer], coarse.u[buffer]), (far.v, coarse.v)):
-            interpolate_far(numbering, values, x, y, two)
+            interpolate_far_at_coarse_node(numbering, values, x, y, two)
             coarse_values[0, q], coarse_values[1, q] = two[0], two[1]
 
 
 @njit(**INNER)
-def set_listed_node_properties(lattice, zone):  # type: ignore[no-untyped-def]
+def set_affected_coarse_and_far_node_properties(lattice, zone):  # type: ignore[no-untyped-def]
     """Set kinds, masses and springs of the listed nodes; tied ones have no motion of their own."""
-    for q in zone.affected_coarse[: zone.counts.affected_coarse]:
-        set_coarse_node_properties(lattice, zone.cells, zone.fine, zone.coarse, q)
-        if zone.coarse.kind[q] == BORDER:
+    for q in zone.affected_coarse_nodes[: zone.counts.affected_coarse_nodes]:
+        set_coarse_node_properties(lattice, zone.cell_kinds, zone.fine, zone.coarse, q)
+        if zone.coarse.node_kinds[q] == BORDER:
             zone.coarse.v[0, q] = zone.coarse.v[1, q] = 0.0
-    for q in zone.affected_far[: zone.counts.affected_far]:
+    for q in zone.affected_far_nodes[: zone.counts.affected_far_nodes]:
         set_far_node_properties(lattice, zone, q)
-        if zone.far.kind[q] == IDLE:
+        if zone.far.node_kinds[q] == IDLE:
             zone.far.v[0, q] = zone.far.v[1, q] = 0.0
 
 
@@ -203,7 +220,7 @@ def set_listed_node_properties(lattice, zone):  # type: ignore[no-untyped-def]
 def set_all_far_node_properties(lattice, zone):  # type: ignore[no-untyped-def]
     """Set kinds, masses and springs of all far nodes, once those of coarse nodes are set."""
     numbering = lattice.numbering
-    for y in range(numbering.ny // 4 + 1):
-        for x in range(numbering.nx // 4 + 1):
-            if count_far_cells_around(numbering, zone.cells, 2 * x, 2 * y) > 0:
+    for y in range(numbering.fine_cells_y // 4 + 1):
+        for x in range(numbering.fine_cells_x // 4 + 1):
+            if count_far_cells_around(numbering, zone.cell_kinds, 2 * x, 2 * y) > 0:
                 set_far_node_properties(lattice, zone, far_place(numbering, x, y))

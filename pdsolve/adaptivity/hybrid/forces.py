@@ -14,9 +14,9 @@ from typing import Any
 import numpy as np
 from numba import njit
 
-from pdsolve.adaptivity.hybrid.bond_breaking import pull_again, soften_and_break_bonds
-from pdsolve.adaptivity.hybrid.damping import book_damping, damp_forces
-from pdsolve.adaptivity.hybrid.energy import piece_end_displacement, strain_e
+from pdsolve.adaptivity.hybrid.bond_breaking import add_second_pulls_of_broken_bonds, soften_and_break_bonds
+from pdsolve.adaptivity.hybrid.damping import book_damped_energy, damp_forces
+from pdsolve.adaptivity.hybrid.energy import piece_end_displacement, spring_quadratic_strain
 from pdsolve.codegen.atomics import counted, take
 from pdsolve.codegen.lanes import across
 from pdsolve.codegen.plane_slots import kick_and_drift
@@ -43,9 +43,9 @@ COARSE_PART = 64
 @njit(forceinline=True, **INNER)
 def _add_piece_forces(zone, u, coarse_u, f, coarse_f):  # type: ignore[no-untyped-def]
     """Add the forces of clipped bonds; returns the largest e of those that could break."""
-    pieces, largest = zone.pieces, 0.0
-    end, value, relief = pieces.end_nodes, pieces.constants, pieces.swelling_offset
-    for n in range(zone.counts.pieces):
+    pieces, largest = zone.clipped_pieces, 0.0
+    end, value, relief = pieces.end_nodes, pieces.spring_constants, pieces.swelling_offset
+    for n in range(zone.counts.clipped_pieces):
         eta_x = (
             piece_end_displacement(u, coarse_u, pieces, n, 1, 0)
             - piece_end_displacement(u, coarse_u, pieces, n, 0, 0)
@@ -75,47 +75,47 @@ def _add_piece_forces(zone, u, coarse_u, f, coarse_f):  # type: ignore[no-untype
 
 
 @njit(**INNER)
-def _sum_row_by_square_roots(lattice, fine, u, p0, count, lane_sums):  # type: ignore[no-untyped-def]
+def _sum_row_forces_by_square_roots(lattice, fine, u, first_node, count, lane_sums):  # type: ignore[no-untyped-def]
     """Forces on nodes of a row, one by one, for any stretch."""
-    entry = fine.stiffness_index[p0 // ROW]
-    for p in range(p0, p0 + count):
+    entry = fine.stiffness_index_of_row[first_node // ROW]
+    for p in range(first_node, first_node + count):
         lane, fx, fy = p % ROW, 0.0, 0.0
-        for k in range(len(lattice.offsets)):
+        for k in range(len(lattice.neighbour_offsets)):
             pull = fine.row_stiffness[entry, k, lane] if entry >= 0 else lattice.spring_table[k, 5]
             if pull == 0:
                 continue
-            j = p + lattice.offsets[k]
+            j = p + lattice.neighbour_offsets[k]
             eta_x, eta_y = displaced(
                 u, fine.half_shrinkage, lattice.spring_table[k, 0], lattice.spring_table[k, 1], p, j
             )
-            e = strain_e(lattice.spring_table, k, eta_x, eta_y)
+            e = spring_quadratic_strain(lattice.spring_table, k, eta_x, eta_y)
             pull *= e / (1 + e + np.sqrt(1 + e))
             fx += pull * (lattice.spring_table[k, 0] + eta_x)
             fy += pull * (lattice.spring_table[k, 1] + eta_y)
-        lane_sums[p - p0], lane_sums[ROW + p - p0] = fx, fy
+        lane_sums[p - first_node], lane_sums[ROW + p - first_node] = fx, fy
 
 
-def _make_fine_row_sum(sum_row: Any) -> Any:
+def _compile_fine_row_sum(sum_row: Any) -> Any:
     """The sum on some lanes of a fine row, whatever its entry has; `sum_row` is one of `pdsolve.lattice.rows`."""
 
     @njit(forceinline=True, **INNER)
     def sum_lanes_of_row(lattice, fine, u, stiffness_index, lane, p, lane_sums):  # type: ignore[no-untyped-def]
         table, ways, shrink, limit = (
             lattice.spring_table,
-            lattice.offsets,
+            lattice.neighbour_offsets,
             fine.half_shrinkage,
-            lattice.least_e_bounds[0],
+            lattice.least_strain_bounds[0],
         )
         if stiffness_index < 0:
             return sum_row(u, PLANE, table, ways, None, None, shrink, stiffness_index, lane, p, limit, lane_sums)
-        if lattice.limits_vary:
+        if lattice.softens_or_limits_vary:
             return sum_row(
                 u,
                 PLANE,
                 table,
                 ways,
                 fine.row_stiffness,
-                fine.threshold_e,
+                fine.threshold_strain,
                 shrink,
                 stiffness_index,
                 lane,
@@ -123,9 +123,9 @@ def _make_fine_row_sum(sum_row: Any) -> Any:
                 0.0,
                 lane_sums,
             )
-        if fine.has_spring_masks[stiffness_index]:
+        if fine.uses_spring_lane_masks[stiffness_index]:
             return sum_row(
-                u, PLANE, table, ways, fine.spring_masks, None, shrink, stiffness_index, lane, p, limit, lane_sums
+                u, PLANE, table, ways, fine.spring_lane_masks, None, shrink, stiffness_index, lane, p, limit, lane_sums
             )
         return sum_row(
             u, PLANE, table, ways, fine.row_stiffness, None, shrink, stiffness_index, lane, p, limit, lane_sums
@@ -134,11 +134,11 @@ def _make_fine_row_sum(sum_row: Any) -> Any:
     return sum_lanes_of_row
 
 
-sum_fine_narrow, sum_fine_wide = _make_fine_row_sum(sum_narrow), _make_fine_row_sum(sum_wide)
+sum_fine_narrow, sum_fine_wide = _compile_fine_row_sum(sum_narrow), _compile_fine_row_sum(sum_wide)
 
 
 @njit(**INNER)
-def _sum_fine_rows(lattice, zone, buffer, step, thread, job):  # type: ignore[no-untyped-def]
+def _sum_forces_of_fine_rows(lattice, zone, buffer, step, thread, job):  # type: ignore[no-untyped-def]
     """Forces f on all fine rows.
 
     Rows with a bond about to break are set aside for the job `BROKEN` of the first thread.
@@ -146,34 +146,34 @@ def _sum_fine_rows(lattice, zone, buffer, step, thread, job):  # type: ignore[no
     fine, s = zone.fine, zone.lane_sums[thread]
     wide, u, breaks, aside = across(s), fine.u[buffer], job == BROKEN, zone.breaking_rows[thread]
     parts_per_row = ROW // wide
-    count = zone.breaking_row_counts[0] if breaks else zone.counts.fine_rows * parts_per_row
+    count = zone.breaking_row_counts[0] if breaks else zone.counts.active_fine_rows * parts_per_row
     while True:
         first = take(zone.job_counters, job) * PART
         if first >= count:
             return
         for n in range(first, min(first + PART, count)):
-            p = aside[n] if breaks else fine.rows[n // parts_per_row] * ROW + n % parts_per_row * wide
+            p = aside[n] if breaks else fine.active_rows[n // parts_per_row] * ROW + n % parts_per_row * wide
             row, flags = p // ROW, 1
             if breaks:
                 soften_and_break_bonds(lattice, zone, u, p, wide, step)
             elif fine.has_large_stretch[row] == 0:
-                flags = sum_fine_narrow(lattice, fine, u, fine.stiffness_index[row], p % ROW, p, s)
+                flags = sum_fine_narrow(lattice, fine, u, fine.stiffness_index_of_row[row], p % ROW, p, s)
             if flags & 1:
                 fine.has_large_stretch[row] = fine.has_large_stretch[row] or not breaks
-                flags = sum_fine_wide(lattice, fine, u, fine.stiffness_index[row], p % ROW, p, s)
+                flags = sum_fine_wide(lattice, fine, u, fine.stiffness_index_of_row[row], p % ROW, p, s)
             if flags & 2 and not breaks and step > 0:
                 aside[zone.breaking_row_counts[8 * thread]] = p
                 zone.breaking_row_counts[8 * thread] += 1
                 continue
             if flags & 1:
-                _sum_row_by_square_roots(lattice, fine, u, p, wide, s)
+                _sum_row_forces_by_square_roots(lattice, fine, u, p, wide, s)
             if breaks or fine.has_extra_forces[row]:
-                add_row_forces(fine.f, p, wide, s)
-            store_row_forces(fine.f, p, wide, s)
+                add_stored_forces_to_lane_sums(fine.f, p, wide, s)
+            store_lane_sums_as_forces(fine.f, p, wide, s)
 
 
 @njit(forceinline=True, **INNER)
-def add_row_forces(f, p, count, lane_sums):  # type: ignore[no-untyped-def]
+def add_stored_forces_to_lane_sums(f, p, count, lane_sums):  # type: ignore[no-untyped-def]
     """Add up all forces in s."""
     for k in range(count):
         lane_sums[k] += f[0, p + k]
@@ -181,7 +181,7 @@ def add_row_forces(f, p, count, lane_sums):  # type: ignore[no-untyped-def]
 
 
 @njit(forceinline=True, **INNER)
-def store_row_forces(f, p, count, lane_sums):  # type: ignore[no-untyped-def]
+def store_lane_sums_as_forces(f, p, count, lane_sums):  # type: ignore[no-untyped-def]
     """Store the sums of a row of nodes in the forces f."""
     for k in range(count):
         f[0, p + k], f[1, p + k] = lane_sums[k], lane_sums[ROW + k]
@@ -206,20 +206,20 @@ def _merge_breaking_rows(zone):  # type: ignore[no-untyped-def]
 def _move_fine_rows(zone, buffer, dt, velocity_lag, ends_sequence, thread):  # type: ignore[no-untyped-def]
     """Kick and drift all fine rows; where a sequence `ends_sequence`, their damped forces are kept instead."""
     fine, s = zone.fine, zone.lane_sums[thread]
-    wide, u, after, count = across(s), fine.u[buffer], fine.u[1 - buffer], zone.counts.fine_rows
+    wide, u, after, count = across(s), fine.u[buffer], fine.u[1 - buffer], zone.counts.active_fine_rows
     while True:
         first = take(zone.job_counters, MOVE) * PART
         if first >= count:
             return
-        for row in fine.rows[first : min(first + PART, count)]:
+        for row in fine.active_rows[first : min(first + PART, count)]:
             for p in range(row * ROW, row * ROW + ROW, wide):
                 for k in range(wide):
                     s[k], s[ROW + k] = fine.f[0, p + k], fine.f[1, p + k]
                 damp_forces(fine, p, wide, velocity_lag, s)
                 if ends_sequence:
-                    store_row_forces(fine.f, p, wide, s)
+                    store_lane_sums_as_forces(fine.f, p, wide, s)
                 else:
-                    book_damping(fine, p, wide, dt, s, True, True)
+                    book_damped_energy(fine, p, wide, dt, s, True, True)
                     kick_and_drift(u, after, fine.v, fine.inverse_mass, dt, dt / 2, p, s)
 
 
@@ -229,7 +229,8 @@ def _sum_and_move_coarse_rows(lattice, zone, buffer, velocity_lag, ends_sequence
 
     The stage LOADED processes touched rows, an earlier stage the others until the first thread reaches LOADED.
     """
-    nodes, rows, table, ways = zone.coarse, zone.counts.coarse_rows, lattice.coarse_spring_table, lattice.coarse_offsets
+    nodes, rows = zone.coarse, zone.counts.active_coarse_rows
+    table, ways = lattice.coarse_spring_table, lattice.coarse_neighbour_offsets
     touched = stage == LOADED
     job = TOUCHED if touched else PLAIN
     _sum_and_move_rows(
@@ -240,10 +241,15 @@ def _sum_and_move_coarse_rows(lattice, zone, buffer, velocity_lag, ends_sequence
 @njit(**INNER)
 def _sum_and_move_far_rows(lattice, zone, buffer, velocity_lag, ends_sequence, thread, gate):  # type: ignore[no-untyped-def]
     """Forces on far rows and their motion, see `_sum_and_move_rows`, once forces on tied nodes are passed on."""
-    nodes, rows, table, ways = zone.far, zone.counts.far_rows, lattice.far_spring_table, lattice.far_offsets
+    nodes, rows, table, ways = (
+        zone.far,
+        zone.counts.active_far_rows,
+        lattice.far_spring_table,
+        lattice.far_neighbour_offsets,
+    )
     meet(gate)
     if thread == 0:
-        _pass_border_forces(zone.coarse.f, zone.far.f, zone.tied, zone.counts.tied_nodes)
+        _pass_border_forces_to_carriers(zone.coarse.f, zone.far.f, zone.tied_coarse_nodes, zone.counts.tied_nodes)
     _sum_and_move_rows(
         lattice, zone, nodes, rows, table, ways, buffer, velocity_lag, ends_sequence, thread, REST, FAR_PLAIN, False
     )
@@ -274,44 +280,33 @@ def _sum_and_move_rows(  # type: ignore[no-untyped-def]
     Rows are those with forces besides the springs', if `has_extra_forces`, or the others. Some are taken at a time, as
     the `job` counts them, until the first thread reaches `stage`. Marks rows with a bond over its bound.
     """
-    s, dt, row_stiffness, limit = zone.lane_sums[thread], lattice.dt, nodes.row_stiffness, lattice.least_e_bounds[2]
+    s, row_stiffness = zone.lane_sums[thread], nodes.row_stiffness
+    dt, limit = lattice.dt, lattice.least_strain_bounds[2]
     wide, u, after = across(s), nodes.u[buffer], nodes.u[1 - buffer]
     while counted(zone.job_counters, STAGE) < stage:
         first = take(zone.job_counters, job) * COARSE_PART
         if first >= count:
             return
-        for row in nodes.rows[first : min(first + COARSE_PART, count)]:
+        for row in nodes.active_rows[first : min(first + COARSE_PART, count)]:
             if nodes.has_extra_forces[row] != has_extra_forces:
                 continue
-            entry, hot = nodes.stiffness_index[row], 0
+            entry, hot = nodes.stiffness_index_of_row[row], 0
             for lane in range(0, ROW, wide):
                 q = row * ROW + lane
                 if entry >= 0:
-                    hot |= sum_green(
-                        u,
-                        PLANE,
-                        spring_table,
-                        offsets,
-                        row_stiffness,
-                        None,
-                        nodes.half_shrinkage,
-                        entry,
-                        lane,
-                        q,
-                        limit,
-                        s,
-                    )
+                    w, shrink = row_stiffness, nodes.half_shrinkage
+                    hot |= sum_green(u, PLANE, spring_table, offsets, w, None, shrink, entry, lane, q, limit, s)
                 else:
                     hot |= sum_green(
                         u, PLANE, spring_table, offsets, None, None, nodes.half_shrinkage, entry, lane, q, limit, s
                     )
                 if has_extra_forces:
-                    add_row_forces(nodes.f, q, wide, s)
+                    add_stored_forces_to_lane_sums(nodes.f, q, wide, s)
                 damp_forces(nodes, q, wide, velocity_lag, s)
                 if has_extra_forces or ends_sequence:
-                    store_row_forces(nodes.f, q, wide, s)
+                    store_lane_sums_as_forces(nodes.f, q, wide, s)
                 if not ends_sequence:
-                    book_damping(nodes, q, wide, dt, s, True, True)
+                    book_damped_energy(nodes, q, wide, dt, s, True, True)
                     kick_and_drift(u, after, nodes.v, nodes.inverse_mass, dt, dt / 2, q, s)
             nodes.has_large_stretch[row] = hot > 0
 
@@ -320,17 +315,22 @@ def _sum_and_move_rows(  # type: ignore[no-untyped-def]
 def _clear_extra_forces(nodes, count):  # type: ignore[no-untyped-def]
     """Set the forces on touched rows to zero."""
     for n in range(count):
-        row = nodes.rows[n]
+        row = nodes.active_rows[n]
         if nodes.has_extra_forces[row]:
             for p in range(row * ROW, row * ROW + ROW):
                 nodes.f[0, p] = nodes.f[1, p] = 0.0
 
 
 @njit(**INNER)
-def _pass_border_forces(f, coarse_f, border, count):  # type: ignore[no-untyped-def]
+def _pass_border_forces_to_carriers(f, coarse_f, border, count):  # type: ignore[no-untyped-def]
     """Pass forces on border nodes to the coarser nodes that carry them."""
     for n in range(count):
-        p, a, b, w = border.node[n], border.carriers[n, 0], border.carriers[n, 1], border.w[n]
+        p, a, b, w = (
+            border.border_node[n],
+            border.carrier_nodes[n, 0],
+            border.carrier_nodes[n, 1],
+            border.second_carrier_weight[n],
+        )
         for axis in range(2):
             coarse_f[axis, a] += (1 - w) * f[axis, p]
             coarse_f[axis, b] += w * f[axis, p]
@@ -340,7 +340,12 @@ def _pass_border_forces(f, coarse_f, border, count):  # type: ignore[no-untyped-
 def interpolate_border_nodes(u, coarse_u, border, count):  # type: ignore[no-untyped-def]
     """Interpolate border nodes from the coarser ones."""
     for n in range(count):
-        p, a, b, w = border.node[n], border.carriers[n, 0], border.carriers[n, 1], border.w[n]
+        p, a, b, w = (
+            border.border_node[n],
+            border.carrier_nodes[n, 0],
+            border.carrier_nodes[n, 1],
+            border.second_carrier_weight[n],
+        )
         for axis in range(2):
             u[axis, p] = (1 - w) * coarse_u[axis, a] + w * coarse_u[axis, b] + border.swelling_offset[n, axis]
 
@@ -351,7 +356,7 @@ def _add_loads(count, loads, fine, coarse, totals, profiles, time, dt):  # type:
     last, now, then = -1, 0.0, 0.0
     for n in range(count):
         on, entry = loads.node_and_entry[n, 0], loads.entries[loads.node_and_entry[n, 1]]
-        axis, profile, value = entry.axis, entry.profile, loads.share[n] * entry.value
+        axis, profile, value = entry.axis, entry.profile, loads.node_share[n] * entry.value
         if profile != last:
             last = profile
             now, then = factor_at(profiles, profile, time), factor_at(profiles, profile, time - dt)
@@ -368,18 +373,20 @@ def _add_loads(count, loads, fine, coarse, totals, profiles, time, dt):  # type:
 def _start_forces_with_loads_and_pieces(lattice, zone, profiles, buffer, step):  # type: ignore[no-untyped-def]
     """Initialize the forces with those of loads and of clipped bonds."""
     fine, coarse, dt = zone.fine, zone.coarse, lattice.dt
-    _clear_extra_forces(fine, zone.counts.fine_rows)
-    _clear_extra_forces(coarse, zone.counts.coarse_rows)
-    _clear_extra_forces(zone.far, zone.counts.far_rows)
-    _add_loads(zone.counts.loads, zone.loads, fine, coarse, zone.totals, profiles, step * dt, dt if step > 0 else 0.0)
-    interpolate_border_nodes(fine.u[buffer], coarse.u[buffer], zone.border, zone.counts.border_nodes)
+    _clear_extra_forces(fine, zone.counts.active_fine_rows)
+    _clear_extra_forces(coarse, zone.counts.active_coarse_rows)
+    _clear_extra_forces(zone.far, zone.counts.active_far_rows)
+    _add_loads(
+        zone.counts.load_shares, zone.loads, fine, coarse, zone.totals, profiles, step * dt, dt if step > 0 else 0.0
+    )
+    interpolate_border_nodes(fine.u[buffer], coarse.u[buffer], zone.border_nodes, zone.counts.border_nodes)
     largest = _add_piece_forces(zone, fine.u[buffer], coarse.u[buffer], fine.f, coarse.f)
-    zone.totals.clipped_e = largest
-    zone.totals.largest_e = max(zone.totals.largest_e, largest)
+    zone.totals.clipped_strain = largest
+    zone.totals.largest_clipped_strain = max(zone.totals.largest_clipped_strain, largest)
 
 
 @njit(**INNER)
-def sum_forces_and_move(lattice, zone, profiles, buffer, step, velocity_lag, ends_sequence, thread, gate):  # type: ignore[no-untyped-def]
+def sum_forces_and_move_nodes(lattice, zone, profiles, buffer, step, velocity_lag, ends_sequence, thread, gate):  # type: ignore[no-untyped-def]
     """All forces at the displacements `buffer`, those of `step`; kick and drift unless the sequence `ends_sequence`.
 
     Velocities are those of half of `velocity_lag`, s, ago.
@@ -395,17 +402,17 @@ def sum_forces_and_move(lattice, zone, profiles, buffer, step, velocity_lag, end
             _sum_and_move_coarse_rows(lattice, zone, buffer, velocity_lag, ends_sequence, thread, stage)
             wait(zone.job_counters, STAGE, min(stage, BROKE), gate)
         if stage == ACTED or (thread == 0 and stage == BROKE):
-            _sum_fine_rows(lattice, zone, buffer, step, thread, SUM if stage == ACTED else BROKEN)
+            _sum_forces_of_fine_rows(lattice, zone, buffer, step, thread, SUM if stage == ACTED else BROKEN)
         if stage == ACTED:
             meet(gate)
         elif stage == BROKE:
             if thread == 0:
                 if velocity_lag > 0:
-                    pull_again(lattice, zone, zone.fine.u[buffer], step)
-                _pass_border_forces(zone.fine.f, zone.coarse.f, zone.border, zone.counts.border_nodes)
+                    add_second_pulls_of_broken_bonds(lattice, zone, zone.fine.u[buffer], step)
+                _pass_border_forces_to_carriers(zone.fine.f, zone.coarse.f, zone.border_nodes, zone.counts.border_nodes)
                 take(zone.job_counters, STAGE)
             _move_fine_rows(zone, buffer, lattice.dt, velocity_lag, ends_sequence, thread)
-    if zone.counts.far_rows > 0:
+    if zone.counts.active_far_rows > 0:
         _sum_and_move_far_rows(lattice, zone, buffer, velocity_lag, ends_sequence, thread, gate)
     meet(gate)
 

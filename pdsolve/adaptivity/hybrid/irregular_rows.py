@@ -10,9 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pdmesh.model.document import Absorb
-from pdsolve.adaptivity.hybrid.coarse_cells import HybridPlate, row_ranges
+from pdsolve.adaptivity.hybrid.coarse_cells import HybridPlate, split_rows_into_ranges
 from pdsolve.adaptivity.hybrid.irregular_bonds import IrregularBonds
-from pdsolve.adaptivity.hybrid.node_rows import NodeRows
+from pdsolve.adaptivity.hybrid.node_constants import NodeConstants
 from pdsolve.adaptivity.hybrid.springs import STIFFNESS, Springs
 from pdsolve.codegen.vector_code import ROW
 from pdsolve.conditions import damping, unbreakable
@@ -20,25 +20,27 @@ from pdsolve.conditions import damping, unbreakable
 USUAL, EMPTY = 0, 1  # entries of the first two rows
 
 
-class _Fields(NamedTuple):
-    """Constants of nodes, as in `NodeRows`."""
+class _ConstantsOfPlaces(NamedTuple):
+    """Constants of nodes, as in `NodeConstants`."""
 
     mass: NDArray[np.float64]
     material: NDArray[np.uint8]
-    irregular_row: NDArray[np.int32]
+    irregular_bond_row: NDArray[np.int32]
     no_fail: NDArray[np.bool_]
-    bond_bits: NDArray[np.uint64]
+    initial_bond_bits: NDArray[np.uint64]
     damping: NDArray[np.float64]
 
 
-def create_node_rows(plate: HybridPlate, irregular_bonds: IrregularBonds, springs: tuple[Springs, ...]) -> NodeRows:
+def create_node_constants(
+    plate: HybridPlate, irregular_bonds: IrregularBonds, springs: tuple[Springs, ...]
+) -> NodeConstants:
     """The rows of a plate with these irregular nodes; `springs` are those of each material in a full lattice."""
-    full_family_bits = _bond_bits(np.array([one.table[:, STIFFNESS] for one in springs]))
+    full_family_bits = _bits_of_existing_bonds(np.array([one.spring_table[:, STIFFNESS] for one in springs]))
     model, run = plate.model, plate.model.settings.run
-    usual_values = model.materials[0].rho * plate.h**2, 0, -1, False, full_family_bits[0], run.damping
+    usual_values = model.materials[0].rho * plate.spacing**2, 0, -1, False, full_family_bits[0], run.damping
     kinds = np.float64, np.uint8, np.int32, np.bool_, np.uint64, np.float64
     # What a node deep in a plate has
-    usual = _Fields(*(np.array(value, dtype=kind) for value, kind in zip(usual_values, kinds, strict=True)))
+    usual = _ConstantsOfPlaces(*(np.array(value, dtype=kind) for value, kind in zip(usual_values, kinds, strict=True)))
     slowed = None  # where nothing is damped
     if run.damping or any(isinstance(condition, Absorb) for condition in model.settings.conditions):
         node_damping = damping(model)
@@ -56,8 +58,8 @@ def create_node_rows(plate: HybridPlate, irregular_bonds: IrregularBonds, spring
         entries.append(entry)
         for column, values in zip(columns, tuple[NDArray[Any], ...](fields), strict=True):
             column.append(values.reshape(-1, ROW)[new])
-    row_fields = _Fields(*(np.concatenate(column) for column in columns))
-    return NodeRows(np.concatenate(entries), *row_fields[:5], None if slowed is None else row_fields.damping)
+    row_fields = _ConstantsOfPlaces(*(np.concatenate(column) for column in columns))
+    return NodeConstants(np.concatenate(entries), *row_fields[:5], None if slowed is None else row_fields.damping)
 
 
 def _node_constants_by_rows(
@@ -65,37 +67,45 @@ def _node_constants_by_rows(
     irregular_bonds: IrregularBonds,
     full_family_bits: NDArray[np.uint64],
     node_damping: NDArray[np.float64] | None,
-) -> Iterator[_Fields]:
+) -> Iterator[_ConstantsOfPlaces]:
     """The constants of all places, strip by strip; `full_family_bits` are the bonds of each material in a full lattice.
 
     `node_damping` (n,) is the damping of all nodes, 1/s.
     """
     rho = np.array([constants.rho for constants in plate.model.materials])
     lasts = unbreakable(plate.model)
-    place, bits = plate.places_of(irregular_bonds.grid_rows), _bond_bits(irregular_bonds.stiffness)
+    place, bits = (
+        plate.places_of_grid_rows(irregular_bonds.grid_rows),
+        _bits_of_existing_bonds(irregular_bonds.stiffness),
+    )
     order = np.argsort(place)
-    for low, high in row_ranges(plate.numbering.places // plate.numbering.stride, plate.numbering.stride):
-        rows, material = plate.grid_rows_in(low, high).ravel(), plate.material_numbers_in(low, high).ravel()
-        first, has_node = low * plate.numbering.stride, rows >= 0
-        mass = plate.area_shares_in(low, high).ravel() * rho[material] * plate.h**2
+    for low, high in split_rows_into_ranges(
+        plate.numbering.fine_place_count // plate.numbering.fine_row_stride, plate.numbering.fine_row_stride
+    ):
+        rows, material = (
+            plate.grid_rows_in_lattice_rows(low, high).ravel(),
+            plate.material_numbers_in_lattice_rows(low, high).ravel(),
+        )
+        first, has_node = low * plate.numbering.fine_row_stride, rows >= 0
+        mass = plate.area_shares_in_lattice_rows(low, high).ravel() * rho[material] * plate.spacing**2
         in_strip = order[slice(*np.searchsorted(place, (first, first + len(rows)), sorter=order))]
-        fields = _Fields(
+        fields = _ConstantsOfPlaces(
             mass=mass,
             material=material,
-            irregular_row=np.full(len(rows), -1, dtype=np.int32),
+            irregular_bond_row=np.full(len(rows), -1, dtype=np.int32),
             no_fail=has_node & lasts[rows],
-            bond_bits=np.where(has_node, full_family_bits[material], np.uint64(0)),
+            initial_bond_bits=np.where(has_node, full_family_bits[material], np.uint64(0)),
             damping=np.zeros(len(rows)) if node_damping is None else np.where(has_node, node_damping[rows], 0.0),
         )
-        irregular_rows = irregular_bonds.bond_row[in_strip]
-        fields.irregular_row[place[in_strip] - first], fields.bond_bits[place[in_strip] - first] = (
+        irregular_rows = irregular_bonds.bond_row_of_node[in_strip]
+        fields.irregular_bond_row[place[in_strip] - first], fields.initial_bond_bits[place[in_strip] - first] = (
             irregular_rows,
             bits[irregular_rows],
         )
         yield fields
 
 
-def _bond_bits(springs: NDArray[np.float64]) -> NDArray[np.uint64]:
+def _bits_of_existing_bonds(springs: NDArray[np.float64]) -> NDArray[np.uint64]:
     """Bonds (r,) that there are, of springs (r, k): a bit for each in the first half of a family."""
     bits = np.zeros(len(springs), dtype=np.uint64)
     for k in range(springs.shape[1] // 2):

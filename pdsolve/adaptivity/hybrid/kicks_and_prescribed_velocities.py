@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from numba import njit
 
-from pdsolve.adaptivity.hybrid.damping import book_damping
+from pdsolve.adaptivity.hybrid.damping import book_damped_energy
 from pdsolve.codegen.vector_code import ROW
 from pdsolve.conditions import DISPLACEMENT, VELOCITY, factor_at
 from pdsolve.operators.simd_lattice.kernel import INNER
@@ -18,7 +18,7 @@ def _kick_and_drift_rows(nodes, count, buffer, dt, drifts):  # type: ignore[no-u
     """Half a kick, m/s, of all rows by the stored forces, and a drift over `dt`, s, if `drifts`."""
     u, after, v, f = nodes.u[buffer], nodes.u[1 - buffer], nodes.v, nodes.f
     for n in range(count):
-        row = nodes.rows[n]
+        row = nodes.active_rows[n]
         for axis in range(2):
             for p in range(row * ROW, row * ROW + ROW):
                 kick = dt / 2 * (f[axis, p] * nodes.inverse_mass[p])
@@ -28,22 +28,26 @@ def _kick_and_drift_rows(nodes, count, buffer, dt, drifts):  # type: ignore[no-u
 
 
 @njit(**INNER)
-def _book_damping_of_rows(nodes, count, dt, lane_sums, begins_sequence):  # type: ignore[no-untyped-def]
+def _book_damped_energy_of_rows(nodes, count, dt, lane_sums, begins_sequence):  # type: ignore[no-untyped-def]
     """Book what damping takes in the first half of a step, with `begins_sequence`, or the last; `lane_sums` scratch."""
     for n in range(count):
-        p = nodes.rows[n] * ROW
+        p = nodes.active_rows[n] * ROW
         for k in range(ROW):
             lane_sums[k], lane_sums[ROW + k] = nodes.f[0, p + k], nodes.f[1, p + k]
-        book_damping(nodes, p, ROW, dt, lane_sums, not begins_sequence, begins_sequence)
+        book_damped_energy(nodes, p, ROW, dt, lane_sums, not begins_sequence, begins_sequence)
 
 
 @njit(**INNER)
 def kick_and_drift_all(lattice, zone, buffer, drifts):  # type: ignore[no-untyped-def]
     """Half a kick of all nodes and a drift if `drifts`."""
     counts = zone.counts
-    lattices = (zone.fine, counts.fine_rows), (zone.coarse, counts.coarse_rows), (zone.far, counts.far_rows)
+    lattices = (
+        (zone.fine, counts.active_fine_rows),
+        (zone.coarse, counts.active_coarse_rows),
+        (zone.far, counts.active_far_rows),
+    )
     for nodes, rows in lattices:
-        _book_damping_of_rows(nodes, rows, lattice.dt, zone.lane_sums[0], drifts)
+        _book_damped_energy_of_rows(nodes, rows, lattice.dt, zone.lane_sums[0], drifts)
         _kick_and_drift_rows(nodes, rows, buffer, lattice.dt, drifts)
 
 
@@ -54,9 +58,9 @@ def store_holding_forces(fine, coarse, holds, count):  # type: ignore[no-untyped
         on, entry = holds.node_and_entry[n, 0], holds.entries[holds.node_and_entry[n, 1]]
         axis = entry.axis
         if on >= 0:
-            entry.force, entry.last_speed = fine.f[axis, on], fine.v[axis, on]
+            entry.holding_force, entry.speed_at_last_step = fine.f[axis, on], fine.v[axis, on]
         else:
-            entry.force, entry.last_speed = coarse.f[axis, -1 - on], coarse.v[axis, -1 - on]
+            entry.holding_force, entry.speed_at_last_step = coarse.f[axis, -1 - on], coarse.v[axis, -1 - on]
 
 
 @njit(**INNER)
@@ -65,38 +69,44 @@ def restore_held_velocities(fine, coarse, holds, count):  # type: ignore[no-unty
     for n in range(count):
         on, entry = holds.node_and_entry[n, 0], holds.entries[holds.node_and_entry[n, 1]]
         if on >= 0:
-            fine.v[entry.axis, on] = entry.last_speed
+            fine.v[entry.axis, on] = entry.speed_at_last_step
         else:
-            coarse.v[entry.axis, -1 - on] = entry.last_speed
+            coarse.v[entry.axis, -1 - on] = entry.speed_at_last_step
 
 
 @njit(**INNER)
-def hold_components(fine, coarse, holds, count, totals, dt, profiles, buffer, step, ends_sequence, begins_sequence):  # type: ignore[no-untyped-def]
+def prescribe_held_components(  # type: ignore[no-untyped-def]
+    fine, coarse, holds, count, totals, dt, profiles, buffer, step, ends_sequence, begins_sequence
+):
     """Book the holding forces until `step`, unless `begins_sequence`, and hold from there on unless `ends_sequence`."""
     for n in range(count):
         on, entry = holds.node_and_entry[n, 0], holds.entries[holds.node_and_entry[n, 1]]
         if on >= 0:
-            _hold_component(fine, on, entry, totals, dt, profiles, buffer, step, ends_sequence, begins_sequence)
+            _prescribe_held_component(
+                fine, on, entry, totals, dt, profiles, buffer, step, ends_sequence, begins_sequence
+            )
         else:
-            _hold_component(coarse, -1 - on, entry, totals, dt, profiles, buffer, step, ends_sequence, begins_sequence)
+            _prescribe_held_component(
+                coarse, -1 - on, entry, totals, dt, profiles, buffer, step, ends_sequence, begins_sequence
+            )
 
 
 @njit(**INNER)
-def _hold_component(nodes, p, entry, totals, dt, profiles, buffer, step, ends_sequence, begins_sequence):  # type: ignore[no-untyped-def]
-    """Book the force on the held component of node p until `step`, and hold it from there; see `hold_components`."""
-    axis, profile, time, speed = entry.axis, entry.profile, step * dt, entry.mean_speed
+def _prescribe_held_component(nodes, p, entry, totals, dt, profiles, buffer, step, ends_sequence, begins_sequence):  # type: ignore[no-untyped-def]
+    """Book the force on the held component of node p until `step`, and prescribe it from there; see above."""
+    axis, profile, time, speed = entry.axis, entry.profile, step * dt, entry.mean_speed_since_last_step
     u, force = nodes.u, nodes.f[axis, p]
-    if entry.kind == VELOCITY:
+    if entry.hold_kind == VELOCITY:
         speed = entry.value * factor_at(profiles, profile, time)
     if not begins_sequence:
-        totals.work -= (entry.force + force) / 2 * dt * entry.mean_speed
-        totals.work += nodes.mass[p] / 2 * (speed**2 - entry.last_speed**2)
-        entry.force, entry.last_speed = force, speed
+        totals.work -= (entry.holding_force + force) / 2 * dt * entry.mean_speed_since_last_step
+        totals.work += nodes.mass[p] / 2 * (speed**2 - entry.speed_at_last_step**2)
+        entry.holding_force, entry.speed_at_last_step = force, speed
     if ends_sequence:
         return
-    if entry.kind == DISPLACEMENT:
+    if entry.hold_kind == DISPLACEMENT:
         speed = (entry.value * factor_at(profiles, profile, time + dt) - u[buffer, axis, p]) / dt
     else:
         speed = entry.value * factor_at(profiles, profile, time + dt / 2)
-    nodes.v[axis, p] = entry.mean_speed = speed
+    nodes.v[axis, p] = entry.mean_speed_since_last_step = speed
     u[1 - buffer, axis, p] = u[buffer, axis, p] + dt * speed

@@ -27,94 +27,99 @@ IDLE, FREE, BORDER = 0, 1, 2  # nodes; those on the border move with coarser one
 class Numbering(NamedTuple):
     """A rectangle of nx by ny fine cells, both even."""
 
-    nx: int
-    ny: int
-    stride: int  # places from a fine node to the one above
-    places: int  # of fine nodes
-    coarse_stride: int
-    coarse_places: int
-    far_stride: int
-    far_places: int
-    cell_stride: int
-    cells: int
+    fine_cells_x: int
+    fine_cells_y: int
+    fine_row_stride: int  # places from a fine node to the one above
+    fine_place_count: int  # of fine nodes
+    coarse_row_stride: int
+    coarse_place_count: int
+    far_row_stride: int
+    far_place_count: int
+    cell_row_stride: int
+    cell_count: int
 
 
-def number_plate(nx: int, ny: int) -> Numbering:
+def create_numbering(fine_cells_x: int, fine_cells_y: int) -> Numbering:
     """The numbering of a plate of nx by ny fine cells."""
-    stride, coarse, far = (ROW * -(-(LEFT + count + 1 + BELOW) // ROW) for count in (nx, nx // 2, nx // 4))
-    rows, coarse_rows, far_rows = ny + 1 + 2 * BELOW, *(count + 1 + 2 * BELOW_COARSE for count in (ny // 2, ny // 4))
-    cells = nx // 2 + 2 * AROUND
-    places = rows * stride, coarse_rows * coarse, far_rows * far, cells * (ny // 2 + 2 * AROUND)
-    return Numbering(nx, ny, stride, places[0], coarse, places[1], far, places[2], cells, places[3])
+    stride, coarse, far = (
+        ROW * -(-(LEFT + count + 1 + BELOW) // ROW) for count in (fine_cells_x, fine_cells_x // 2, fine_cells_x // 4)
+    )
+    rows, coarse_rows, far_rows = (
+        fine_cells_y + 1 + 2 * BELOW,
+        *(count + 1 + 2 * BELOW_COARSE for count in (fine_cells_y // 2, fine_cells_y // 4)),
+    )
+    cells = fine_cells_x // 2 + 2 * AROUND
+    places = rows * stride, coarse_rows * coarse, far_rows * far, cells * (fine_cells_y // 2 + 2 * AROUND)
+    return Numbering(fine_cells_x, fine_cells_y, stride, places[0], coarse, places[1], far, places[2], cells, places[3])
 
 
 @njit(forceinline=True, **INNER)
 def fine_place(numbering, ix, iy):  # type: ignore[no-untyped-def]
     """The place p of the fine node (ix, iy)."""
-    return (iy + BELOW) * numbering.stride + LEFT + ix
+    return (iy + BELOW) * numbering.fine_row_stride + LEFT + ix
 
 
 @njit(forceinline=True, **INNER)
 def fine_column(numbering, p):  # type: ignore[no-untyped-def]
     """The column ix of the fine node at place p."""
-    return p % numbering.stride - LEFT
+    return p % numbering.fine_row_stride - LEFT
 
 
 @njit(forceinline=True, **INNER)
 def fine_row(numbering, p):  # type: ignore[no-untyped-def]
     """The row iy of the fine node at place p."""
-    return p // numbering.stride - BELOW
+    return p // numbering.fine_row_stride - BELOW
 
 
 @njit(forceinline=True, **INNER)
 def coarse_place(numbering, x, y):  # type: ignore[no-untyped-def]
     """The place q of the coarse node (x, y)."""
-    return (y + BELOW_COARSE) * numbering.coarse_stride + LEFT + x
+    return (y + BELOW_COARSE) * numbering.coarse_row_stride + LEFT + x
 
 
 @njit(forceinline=True, **INNER)
 def coarse_column(numbering, q):  # type: ignore[no-untyped-def]
     """The column x of the coarse node at place q."""
-    return q % numbering.coarse_stride - LEFT
+    return q % numbering.coarse_row_stride - LEFT
 
 
 @njit(forceinline=True, **INNER)
 def coarse_row(numbering, q):  # type: ignore[no-untyped-def]
     """The row y of the coarse node at place q."""
-    return q // numbering.coarse_stride - BELOW_COARSE
+    return q // numbering.coarse_row_stride - BELOW_COARSE
 
 
 @njit(forceinline=True, **INNER)
 def cell_place(numbering, x, y):  # type: ignore[no-untyped-def]
     """The place c of the cell (x, y)."""
-    return (y + AROUND) * numbering.cell_stride + AROUND + x
+    return (y + AROUND) * numbering.cell_row_stride + AROUND + x
 
 
 @njit(forceinline=True, **INNER)
 def cell_column(numbering, c):  # type: ignore[no-untyped-def]
     """The column X of the cell at place c."""
-    return c % numbering.cell_stride - AROUND
+    return c % numbering.cell_row_stride - AROUND
 
 
 @njit(forceinline=True, **INNER)
 def cell_row(numbering, c):  # type: ignore[no-untyped-def]
     """The row Y of the cell at place c."""
-    return c // numbering.cell_stride - AROUND
+    return c // numbering.cell_row_stride - AROUND
 
 
 @njit(forceinline=True, **INNER)
 def far_place(numbering, x, y):  # type: ignore[no-untyped-def]
     """The place q of the far node (x, y)."""
-    return (y + BELOW_COARSE) * numbering.far_stride + LEFT + x
+    return (y + BELOW_COARSE) * numbering.far_row_stride + LEFT + x
 
 
 @njit(forceinline=True, **INNER)
 def far_column(numbering, q):  # type: ignore[no-untyped-def]
     """The column x of the far node at place q."""
-    return q % numbering.far_stride - LEFT
+    return q % numbering.far_row_stride - LEFT
 
 
 @njit(forceinline=True, **INNER)
 def far_row(numbering, q):  # type: ignore[no-untyped-def]
     """The row y of the far node at place q."""
-    return q // numbering.far_stride - BELOW_COARSE
+    return q // numbering.far_row_stride - BELOW_COARSE

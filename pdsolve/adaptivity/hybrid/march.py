@@ -8,12 +8,12 @@ from __future__ import annotations
 from numba import njit
 
 from pdsolve.adaptivity.hybrid.arrays import AHEAD, EVERY
-from pdsolve.adaptivity.hybrid.energy import strain_e
+from pdsolve.adaptivity.hybrid.energy import spring_quadratic_strain
 from pdsolve.adaptivity.hybrid.far_cells import divide_far_cells
-from pdsolve.adaptivity.hybrid.forces import interpolate_border_nodes, reset_job_counters, sum_forces_and_move
+from pdsolve.adaptivity.hybrid.forces import interpolate_border_nodes, reset_job_counters, sum_forces_and_move_nodes
 from pdsolve.adaptivity.hybrid.kicks_and_prescribed_velocities import (
-    hold_components,
     kick_and_drift_all,
+    prescribe_held_components,
     restore_held_velocities,
     store_holding_forces,
 )
@@ -26,12 +26,12 @@ from pdsolve.adaptivity.hybrid.lattice import (
     fine_place,
     fine_row,
 )
-from pdsolve.adaptivity.hybrid.node_rows import value_at_node
+from pdsolve.adaptivity.hybrid.node_constants import value_at_node
 from pdsolve.adaptivity.hybrid.precracks import is_unbreakable
 from pdsolve.adaptivity.hybrid.regrid import (
     list_affected_nodes,
-    mark_and_list_cells_in_disc,
     rebuild_lists_of_rows_and_loads,
+    refine_and_list_cells_in_disc,
     refine_cells,
 )
 from pdsolve.codegen.jit_cache import cached_njit
@@ -49,8 +49,8 @@ def _list_cells_near_damaged_nodes(lattice, zone):  # type: ignore[no-untyped-de
     numbering, count = lattice.numbering, 0
     for n in range(zone.counts.refined_damaged_nodes, zone.counts.damaged_nodes):
         p = zone.damaged_nodes[n]
-        count = mark_and_list_cells_in_disc(
-            numbering, zone.cells, zone.new_cells, count, fine_column(numbering, p), fine_row(numbering, p), AHEAD
+        count = refine_and_list_cells_in_disc(
+            numbering, zone.cell_kinds, zone.new_cells, count, fine_column(numbering, p), fine_row(numbering, p), AHEAD
         )
     return count
 
@@ -60,35 +60,39 @@ def _list_cells_near_stretched_bonds(lattice, zone, buffer, count):  # type: ign
     """List the cells to refine near the nodes of a stretched coarse bond; returns their new `count`."""
     numbering, coarse, table = lattice.numbering, zone.coarse, lattice.coarse_spring_table
     u = coarse.u[buffer]
-    for n in range(zone.counts.coarse_rows):
-        row = coarse.rows[n]
+    for n in range(zone.counts.active_coarse_rows):
+        row = coarse.active_rows[n]
         if coarse.has_large_stretch[row] == 0:
             continue
         for lane in range(ROW):
             q = row * ROW + lane
-            if coarse.kind[q] == IDLE or _is_coarse_unbreakable(lattice, q):
+            if coarse.node_kinds[q] == IDLE or _is_coarse_node_unbreakable(lattice, q):
                 continue
             for k in range(8):
-                entry, j = coarse.stiffness_index[row], q + lattice.coarse_offsets[k]
-                if (entry >= 0 and coarse.row_stiffness[entry, k, lane] == 0) or _is_coarse_unbreakable(lattice, j):
+                entry, j = coarse.stiffness_index_of_row[row], q + lattice.coarse_neighbour_offsets[k]
+                if (entry >= 0 and coarse.row_stiffness[entry, k, lane] == 0) or _is_coarse_node_unbreakable(
+                    lattice, j
+                ):
                     continue
                 eta_x, eta_y = displaced(u, coarse.half_shrinkage, table[k, 0], table[k, 1], q, j)
-                if strain_e(table, k, eta_x, eta_y) > _refinement_e(lattice, q):
+                if spring_quadratic_strain(table, k, eta_x, eta_y) > _refinement_strain(lattice, q):
                     x, y = 2 * coarse_column(numbering, q), 2 * coarse_row(numbering, q)
-                    count = mark_and_list_cells_in_disc(numbering, zone.cells, zone.new_cells, count, x, y, AHEAD)
+                    count = refine_and_list_cells_in_disc(
+                        numbering, zone.cell_kinds, zone.new_cells, count, x, y, AHEAD
+                    )
                     break
     return count
 
 
 @njit(**INNER)
-def _refinement_e(lattice, q):  # type: ignore[no-untyped-def]
+def _refinement_strain(lattice, q):  # type: ignore[no-untyped-def]
     """The e of a coarse bond at which the cells beside it are refined."""
     p = fine_place(lattice.numbering, 2 * coarse_column(lattice.numbering, q), 2 * coarse_row(lattice.numbering, q))
-    return lattice.e_bounds[value_at_node(lattice.node_rows, lattice.node_rows.material, p), 2]
+    return lattice.strain_bounds[value_at_node(lattice.node_constants, lattice.node_constants.material, p), 2]
 
 
 @njit(**INNER)
-def _is_coarse_unbreakable(lattice, q):  # type: ignore[no-untyped-def]
+def _is_coarse_node_unbreakable(lattice, q):  # type: ignore[no-untyped-def]
     """Whether the bonds of a coarse node are unbreakable."""
     return is_unbreakable(
         lattice,
@@ -99,20 +103,20 @@ def _is_coarse_unbreakable(lattice, q):  # type: ignore[no-untyped-def]
 @njit(**INNER)
 def _arrays_have_room(zone, new_fine_rows):  # type: ignore[no-untyped-def]
     """Whether arrays have room for `new_fine_rows` more rows, for new irregular rows, and for all bonds to break."""
-    events = ROW * (zone.counts.fine_rows + new_fine_rows) * zone.fine.row_stiffness.shape[1]
-    entries = zone.counts.stiffness_rows + new_fine_rows + SPARE
-    return entries <= len(zone.fine.row_stiffness) and zone.counts.broken_bonds + events <= len(zone.breaks.step)
+    events = ROW * (zone.counts.active_fine_rows + new_fine_rows) * zone.fine.row_stiffness.shape[1]
+    entries = zone.counts.used_stiffness_rows + new_fine_rows + SPARE
+    return entries <= len(zone.fine.row_stiffness) and zone.counts.broken_bonds + events <= len(zone.break_events.step)
 
 
 @njit(**INNER)
-def _divide_far_cells(lattice, zone, buffer):  # type: ignore[no-untyped-def]
+def _divide_far_cells_if_due(lattice, zone, buffer):  # type: ignore[no-untyped-def]
     """Make far cells coarse where it is due, before the cells in `zone.new_cells` become fine."""
     count = zone.counts.new_cells
-    if zone.counts.far_rows > 0 and divide_far_cells(lattice, zone, buffer):
+    if zone.counts.active_far_rows > 0 and divide_far_cells(lattice, zone, buffer):
         rebuild_lists_of_rows_and_loads(lattice, zone)
         zone.counts.new_cells = count
         for c in zone.new_cells[:count]:
-            zone.cells[c] = FINE
+            zone.cell_kinds[c] = FINE
 
 
 @njit(**INNER)
@@ -122,29 +126,31 @@ def _refine_cells_if_due(lattice, zone, buffer, checks_bonds):  # type: ignore[n
         zone.counts.new_cells = _list_cells_near_stretched_bonds(
             lattice, zone, buffer, _list_cells_near_damaged_nodes(lattice, zone)
         )
-        _divide_far_cells(lattice, zone, buffer)
+        _divide_far_cells_if_due(lattice, zone, buffer)
     begins, rows = zone.counts.cell_changes == 0, 0
     if begins or zone.counts.new_cells > 0:
         rows = list_affected_nodes(lattice, zone)
-    zone.counts.lacks_room = not _arrays_have_room(zone, rows)
-    if zone.counts.lacks_room == 0 and (begins or zone.counts.new_cells > 0):
+    zone.counts.lacks_array_room = not _arrays_have_room(zone, rows)
+    if zone.counts.lacks_array_room == 0 and (begins or zone.counts.new_cells > 0):
         refine_cells(lattice, zone, buffer)
 
 
 @njit(**INNER)
 def _drift_and_hold(lattice, zone, profiles, buffer, step, begins_sequence, ends_sequence):  # type: ignore[no-untyped-def]
     """Begin a sequence by a drift and hold until the next step; at the start, only store the holding forces."""
-    fine, coarse, holds, count = zone.fine, zone.coarse, zone.holds, zone.counts.holds
+    fine, coarse, holds, count = zone.fine, zone.coarse, zone.holds, zone.counts.held_components
     if begins_sequence and ends_sequence:
         store_holding_forces(fine, coarse, holds, count)
     else:
         if begins_sequence:
             kick_and_drift_all(lattice, zone, buffer, begins_sequence)
-        hold_components(
+        prescribe_held_components(
             fine, coarse, holds, count, zone.totals, lattice.dt, profiles, buffer, step, ends_sequence, begins_sequence
         )
     if not ends_sequence:
-        interpolate_border_nodes(coarse.u[1 - buffer], zone.far.u[1 - buffer], zone.tied, zone.counts.tied_nodes)
+        interpolate_border_nodes(
+            coarse.u[1 - buffer], zone.far.u[1 - buffer], zone.tied_coarse_nodes, zone.counts.tied_nodes
+        )
 
 
 @cached_njit(nogil=True, error_model="numpy")
@@ -162,9 +168,9 @@ def advance(lattice, zone, profiles, buffer, first, last, has_drifted, thread, g
                 if thread == 0:
                     _refine_cells_if_due(lattice, zone, buffer, step >= first + has_drifted)
                 meet(gate)
-                if zone.counts.lacks_room != 0:
+                if zone.counts.lacks_array_room != 0:
                     return ROOM, step, buffer
-            sum_forces_and_move(
+            sum_forces_and_move_nodes(
                 lattice,
                 zone,
                 profiles,
@@ -175,17 +181,17 @@ def advance(lattice, zone, profiles, buffer, first, last, has_drifted, thread, g
                 thread,
                 gate,
             )
-            largest = zone.totals.clipped_e
+            largest = zone.totals.clipped_strain
             meet(gate)
         if thread == 0:
             reset_job_counters(zone)
             _drift_and_hold(lattice, zone, profiles, buffer, step, begins_sequence, ends_sequence)
         meet(gate)
-        if largest > lattice.least_e_bounds[0]:
+        if largest > lattice.least_strain_bounds[0]:
             return CLIP, step, buffer
         if not ends_sequence:
             buffer = 1 - buffer
     if thread == 0 and last > first:
         kick_and_drift_all(lattice, zone, buffer, last == first)
-        restore_held_velocities(zone.fine, zone.coarse, zone.holds, zone.counts.holds)
+        restore_held_velocities(zone.fine, zone.coarse, zone.holds, zone.counts.held_components)
     return DONE, last - 1, buffer

@@ -19,15 +19,15 @@ class NodeLists(NamedTuple):
 
     fine_places: NDArray[np.int64]  # (k,) places on their lattice, in order
     coarse_places: NDArray[np.int32]  # (q,)
-    fine_rows: NDArray[np.int64]  # (k,) rows among all n nodes
-    coarse_rows: NDArray[np.int32]  # (q,)
+    row_of_fine_node: NDArray[np.int64]  # (k,) rows among all n nodes
+    row_of_coarse_node: NDArray[np.int32]  # (q,)
 
 
 @njit(forceinline=True, **INNER)
 def _fine_place_of_coarse(numbering, q):  # type: ignore[no-untyped-def]
     """The fine place that a coarse node lies on."""
-    y, x = q // numbering.coarse_stride, q % numbering.coarse_stride
-    return (2 * (y - BELOW_COARSE) + BELOW) * numbering.stride + LEFT + 2 * (x - LEFT)
+    y, x = q // numbering.coarse_row_stride, q % numbering.coarse_row_stride
+    return (2 * (y - BELOW_COARSE) + BELOW) * numbering.fine_row_stride + LEFT + 2 * (x - LEFT)
 
 
 @cached_njit(nogil=True, error_model="numpy")
@@ -60,7 +60,7 @@ def list_bonds_and_springs(  # type: ignore[no-untyped-def]
     row_stiffness,
     coarse_stiffness_index,
     coarse_row_stiffness,
-    broken_bits,
+    broken_bond_bits,
     offsets,
     twin_bonds,
     lists,
@@ -80,7 +80,7 @@ def list_bonds_and_springs(  # type: ignore[no-untyped-def]
         row = -2 - row if row < 0 else row
         for k in range(len(offsets)):
             j = p + offsets[k]
-            word = broken_bits[p] >> np.uint64(k) if k < half else broken_bits[j] >> np.uint64(k - half)
+            word = broken_bond_bits[p] >> np.uint64(k) if k < half else broken_bond_bits[j] >> np.uint64(k - half)
             bonds[i, k] = (row_stiffness[row, k, lane] > 0 or word & np.uint64(1) != 0) and node_kinds[j] != IDLE
     i = 0
     for j in range(len(coarse)):
@@ -96,7 +96,7 @@ def list_bonds_and_springs(  # type: ignore[no-untyped-def]
 
 
 @cached_njit(nogil=True, error_model="numpy")
-def gather_values(values, coarse_values, inverse_mass, coarse_inverse_mass, border, lists, out):  # type: ignore[no-untyped-def]
+def gather_node_values(values, coarse_values, inverse_mass, coarse_inverse_mass, border, lists, out):  # type: ignore[no-untyped-def]
     """Gather values (2, .) of both lattices in out (n, 2), times `inverse_mass` (.,), where that is not of length
     0; those of border nodes are means of the coarse nodes they lie between."""
     fine, coarse, fine_rows, coarse_rows = lists
@@ -121,7 +121,7 @@ def gather_values(values, coarse_values, inverse_mass, coarse_inverse_mass, bord
 
 
 @cached_njit(nogil=True, error_model="numpy")
-def scatter_values(value, rate, u, v, node_kinds, coarse_u, coarse_v, coarse_node_kinds, border, lists):  # type: ignore[no-untyped-def]
+def scatter_node_motion(value, rate, u, v, node_kinds, coarse_u, coarse_v, coarse_node_kinds, border, lists):  # type: ignore[no-untyped-def]
     """Set displacements and velocities (2, .) of both lattices to values and rates (n, 2); border nodes follow."""
     fine, coarse, fine_rows, coarse_rows = lists
     node, end, w, off = border
@@ -142,8 +142,8 @@ def scatter_values(value, rate, u, v, node_kinds, coarse_u, coarse_v, coarse_nod
 
 
 @cached_njit(nogil=True, error_model="numpy")
-def gather_far_values(values, inverse_mass, tied, far, far_rows, out):  # type: ignore[no-untyped-def]
-    """Gather values (2, .) of far nodes, and of coarse ones tied to them, in out (n, 2); see `gather_values`.
+def gather_far_and_tied_values(values, inverse_mass, tied, far, far_rows, out):  # type: ignore[no-untyped-def]
+    """Gather values (2, .) of far nodes, and of coarse ones tied to them, in out (n, 2); see `gather_node_values`.
 
     Nodes of `tied` and `far_rows` are rows of out.
     """
@@ -161,7 +161,7 @@ def gather_far_values(values, inverse_mass, tied, far, far_rows, out):  # type: 
 
 
 @cached_njit(nogil=True, error_model="numpy")
-def scatter_far_values(value, rate, u, v, coarse_u, tied, far, far_rows):  # type: ignore[no-untyped-def]
+def scatter_far_and_tied_motion(value, rate, u, v, coarse_u, tied, far, far_rows):  # type: ignore[no-untyped-def]
     """Set displacements and velocities (2, .) of far nodes to values and rates (n, 2); tied coarse nodes follow."""
     node, end, w, _ = tied
     for axis in range(2):

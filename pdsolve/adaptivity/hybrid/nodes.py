@@ -25,7 +25,7 @@ from pdsolve.operators.simd_lattice.kernel import INNER
 
 
 @njit(**INNER)
-def count_quarters_in_cell_kind(numbering, cells, ix, iy, cell_kind):  # type: ignore[no-untyped-def]
+def count_cells_of_kind_around(numbering, cells, ix, iy, cell_kind):  # type: ignore[no-untyped-def]
     """Number of quarters around a fine node in cells of a kind."""
     count = 0
     for sy in (-1, 0):
@@ -37,22 +37,22 @@ def count_quarters_in_cell_kind(numbering, cells, ix, iy, cell_kind):  # type: i
 @njit(**INNER)
 def fine_node_kind(numbering, cells, ix, iy, mass):  # type: ignore[no-untyped-def]
     """Kind of a fine node with this cell mass: IDLE, FREE, or BORDER next to coarse cells."""
-    if mass == 0 or count_quarters_in_cell_kind(numbering, cells, ix, iy, FINE) == 0:
+    if mass == 0 or count_cells_of_kind_around(numbering, cells, ix, iy, FINE) == 0:
         return IDLE
-    return BORDER if count_quarters_in_cell_kind(numbering, cells, ix, iy, COARSE) > 0 else FREE
+    return BORDER if count_cells_of_kind_around(numbering, cells, ix, iy, COARSE) > 0 else FREE
 
 
 @njit(**INNER)
 def set_fine_node_kind_and_mass(numbering, mass, cells, fine, p):  # type: ignore[no-untyped-def]
     """Set kind and mass of a fine node with the whole cell `mass`."""
     ix, iy = fine_column(numbering, p), fine_row(numbering, p)
-    fine.kind[p] = fine_node_kind(numbering, cells, ix, iy, mass)
+    fine.node_kinds[p] = fine_node_kind(numbering, cells, ix, iy, mass)
     fine_quarters, coarse_quarters = (
-        count_quarters_in_cell_kind(numbering, cells, ix, iy, FINE),
-        count_quarters_in_cell_kind(numbering, cells, ix, iy, COARSE),
+        count_cells_of_kind_around(numbering, cells, ix, iy, FINE),
+        count_cells_of_kind_around(numbering, cells, ix, iy, COARSE),
     )
     fine.mass[p] = mass * fine_quarters / (fine_quarters + coarse_quarters) if fine_quarters > 0 else 0.0
-    fine.inverse_mass[p] = 1 / fine.mass[p] if fine.kind[p] == FREE else 0.0
+    fine.inverse_mass[p] = 1 / fine.mass[p] if fine.node_kinds[p] == FREE else 0.0
 
 
 @njit(**INNER)
@@ -66,19 +66,19 @@ def coarse_carriers_on_edge(lattice, node_kinds, x, y, direction, w):  # type: i
     q = coarse_place(lattice.numbering, x, y)
     if w == 0:
         return q, q, 0.0
-    step = 1 if direction == 0 else lattice.numbering.coarse_stride
-    second, cut = q + step, lattice.edge_cut_share[direction, q]
+    step = 1 if direction == 0 else lattice.numbering.coarse_row_stride
+    second, cut = q + step, lattice.edge_cut_position[direction, q]
     if cut == 0:
         return q, second, w
     if w < cut:
         inner = q - step
         return (
             (q, inner, -w)
-            if node_kinds[inner] == FREE and lattice.edge_cut_share[direction, inner] == 0
+            if node_kinds[inner] == FREE and lattice.edge_cut_position[direction, inner] == 0
             else (q, q, 0.0)
         )
     inner = second + step
-    can_extrapolate = node_kinds[inner] == FREE and lattice.edge_cut_share[direction, second] == 0
+    can_extrapolate = node_kinds[inner] == FREE and lattice.edge_cut_position[direction, second] == 0
     return (second, inner, w - 1) if can_extrapolate else (second, second, 0.0)
 
 
@@ -94,10 +94,12 @@ def coarse_carriers_of_border_node(lattice, node_kinds, p):  # type: ignore[no-u
 @njit(**INNER)
 def _give_row_own_stiffness(coarse, row, spring_table):  # type: ignore[no-untyped-def]
     """Give a row of coarse nodes its own stiffnesses, initially those of the table."""
-    coarse.stiffness_index[row] = row
+    coarse.stiffness_index_of_row[row] = row
     for k in range(8):
         for lane in range(ROW):
-            coarse.row_stiffness[row, k, lane] = spring_table[k, 5] if coarse.kind[row * ROW + lane] != IDLE else 0.0
+            coarse.row_stiffness[row, k, lane] = (
+                spring_table[k, 5] if coarse.node_kinds[row * ROW + lane] != IDLE else 0.0
+            )
 
 
 @njit(**INNER)
@@ -113,22 +115,22 @@ def set_coarse_node_properties(lattice, cells, fine, coarse, q):  # type: ignore
         for sx in (-1, 0):
             c = cell_place(numbering, x + sx, y + sy)
             if cells[c] == COARSE:
-                mass += lattice.cell_constants[2, lattice.constants_of_cell[c]] * corner_area_share(
+                mass += lattice.coarse_cell_constants[2, lattice.constants_index_of_cell[c]] * corner_area_share(
                     lattice, x + sx, y + sy, -sx, -sy
                 )
     tied = count_far_cells_around(numbering, cells, x, y) > 0
-    coarse.kind[q] = IDLE if mass == 0 else BORDER if tied else FREE
+    coarse.node_kinds[q] = IDLE if mass == 0 else BORDER if tied else FREE
     for k in range(8):
         stiffness = coarse_spring_stiffness(lattice, cells, q, x, y, k)
-        if coarse.stiffness_index[row] < 0 and stiffness != lattice.coarse_spring_table[k, 5]:
+        if coarse.stiffness_index_of_row[row] < 0 and stiffness != lattice.coarse_spring_table[k, 5]:
             _give_row_own_stiffness(coarse, row, lattice.coarse_spring_table)
-        if coarse.stiffness_index[row] >= 0:
+        if coarse.stiffness_index_of_row[row] >= 0:
             coarse.row_stiffness[row, k, q % ROW] = stiffness
     if mass > 0:
         for dy in (-1, 0, 1):
             for dx in (-1, 0, 1):
                 ix, iy = 2 * x + dx, 2 * y + dy
-                mass += _mass_passed_by_fine_node(lattice, coarse.kind, fine, fine_place(numbering, ix, iy), q)
+                mass += _mass_passed_by_fine_node(lattice, coarse.node_kinds, fine, fine_place(numbering, ix, iy), q)
     coarse.mass[q] = mass
     coarse.inverse_mass[q] = 1 / mass if mass > 0 and not tied else 0.0
 
@@ -136,7 +138,7 @@ def set_coarse_node_properties(lattice, cells, fine, coarse, q):  # type: ignore
 @njit(**INNER)
 def _mass_passed_by_fine_node(lattice, node_kinds, fine, p, q):  # type: ignore[no-untyped-def]
     """Mass that a fine node passes to coarse node q."""
-    if fine.kind[p] != BORDER:
+    if fine.node_kinds[p] != BORDER:
         return 0.0
     a, b, w = coarse_carriers_of_border_node(lattice, node_kinds, p)
     w = max(w, 0.0)  # mass goes to the next one
@@ -148,13 +150,13 @@ def coarse_spring_stiffness(lattice, cells, q, x, y, k):  # type: ignore[no-unty
     """Stiffness of coarse spring k of a node: half from each coarse cell along an edge; 0 if a pre-crack cuts it."""
     numbering = lattice.numbering
     dx, dy = lattice.coarse_dx[k], lattice.coarse_dy[k]
-    owner, which = (q, k) if k < 4 else (q + lattice.coarse_offsets[k], k - 4)
-    if (lattice.cut_spring_bits[owner] >> which) & 1:
+    owner, which = (q, k) if k < 4 else (q + lattice.coarse_neighbour_offsets[k], k - 4)
+    if (lattice.cut_coarse_spring_bits[owner] >> which) & 1:
         return 0.0
     x0, y0 = x + min(dx, 0), y + min(dy, 0)
     c = cell_place(numbering, x0, y0)
     if dx != 0 and dy != 0:
-        return lattice.cell_constants[1, lattice.constants_of_cell[c]] if cells[c] == COARSE else 0.0
+        return lattice.coarse_cell_constants[1, lattice.constants_index_of_cell[c]] if cells[c] == COARSE else 0.0
     along_y = 1 if dy != 0 else 0
     first = _cell_edge_stiffness(lattice, cells, x0, y0, along_y, 0)
     return first + _cell_edge_stiffness(lattice, cells, x0 - along_y, y0 - 1 + along_y, along_y, 1)
@@ -171,8 +173,8 @@ def _cell_edge_stiffness(lattice, cells, x, y, along_y, second):  # type: ignore
     if cells[c] != COARSE:
         return 0.0
     k1, k2 = (
-        lattice.cell_constants[0, lattice.constants_of_cell[c]],
-        lattice.cell_constants[1, lattice.constants_of_cell[c]],
+        lattice.coarse_cell_constants[0, lattice.constants_index_of_cell[c]],
+        lattice.coarse_cell_constants[1, lattice.constants_index_of_cell[c]],
     )
     across = _crack_position_across_cell(lattice, x, y, along_y)
     if across == 0:
@@ -185,23 +187,23 @@ def _crack_position_across_cell(lattice, x, y, along_y):  # type: ignore[no-unty
     """Where, from the first of a cell's edges parallel to an axis to the second, a pre-crack crosses between them; 0:
     nowhere."""
     q = coarse_place(lattice.numbering, x, y)
-    opposite = q + (lattice.numbering.coarse_stride if along_y else 1)
-    first, second = lattice.edge_cut_share[1 - along_y, q], lattice.edge_cut_share[1 - along_y, opposite]
+    opposite = q + (lattice.numbering.coarse_row_stride if along_y else 1)
+    first, second = lattice.edge_cut_position[1 - along_y, q], lattice.edge_cut_position[1 - along_y, opposite]
     return (first + second) / 2 if first > 0 and second > 0 else 0.0
 
 
 @njit(**INNER)
 def corner_area_share(lattice, x, y, right, above):  # type: ignore[no-untyped-def]
     """Share of a corner in its cell's area, over a quarter: corners on a side of a pre-crack have the side's."""
-    if not lattice.cut_cells[cell_place(lattice.numbering, x, y)]:
+    if not lattice.is_cell_cut[cell_place(lattice.numbering, x, y)]:
         return 1.0
     for along_y, second in ((0, above), (1, right)):
         across = _crack_position_across_cell(lattice, x, y, along_y)
         if across > 0:
             return 2 * (1 - across if second else across)
-    q, stride = coarse_place(lattice.numbering, x, y), lattice.numbering.coarse_stride
-    low, high = lattice.edge_cut_share[0, q], lattice.edge_cut_share[0, q + stride]
-    near, far = lattice.edge_cut_share[1, q], lattice.edge_cut_share[1, q + 1]
+    q, stride = coarse_place(lattice.numbering, x, y), lattice.numbering.coarse_row_stride
+    low, high = lattice.edge_cut_position[0, q], lattice.edge_cut_position[0, q + stride]
+    near, far = lattice.edge_cut_position[1, q], lattice.edge_cut_position[1, q + 1]
     for corner in range(4):
         is_right, is_above = corner % 2, corner // 2
         along, up = (high if is_above else low), (far if is_right else near)
@@ -212,36 +214,36 @@ def corner_area_share(lattice, x, y, right, above):  # type: ignore[no-untyped-d
 
 
 @njit(**INNER)
-def interpolate_coarse(lattice, node_kinds, values, ix, iy, x, y, out):  # type: ignore[no-untyped-def]
+def interpolate_coarse_at_fine_place(lattice, node_kinds, values, ix, iy, x, y, out):  # type: ignore[no-untyped-def]
     """Interpolate values (2, q) of coarse nodes, with kinds `node_kinds`, at a fine place of cell x, y, into out (2,).
 
     In a cell crossed by a pre-crack, values are extrapolated from a neighbouring cell on the place's own side; without
     one, they are the mean over the visible corners.
     """
     numbering = lattice.numbering
-    if not lattice.cut_cells[cell_place(numbering, x, y)]:
+    if not lattice.is_cell_cut[cell_place(numbering, x, y)]:
         _interpolate_bilinear(numbering, values, ix, iy, x, y, out)
         return
     for dx, dy in ((0, -1), (0, 1), (-1, 0), (1, 0)):
-        if lattice.cut_cells[cell_place(numbering, x + dx, y + dy)]:
+        if lattice.is_cell_cut[cell_place(numbering, x + dx, y + dy)]:
             continue
         q = coarse_place(numbering, x + dx, y + dy)
         active = node_kinds[q] == FREE and node_kinds[q + 1] == FREE
         active = (
             active
-            and node_kinds[q + numbering.coarse_stride] == FREE
-            and node_kinds[q + numbering.coarse_stride + 1] == FREE
+            and node_kinds[q + numbering.coarse_row_stride] == FREE
+            and node_kinds[q + numbering.coarse_row_stride + 1] == FREE
         )
-        if active and is_visible(lattice.cracks, ix, iy, 2.0 * (x + dx) + 1, 2.0 * (y + dy) + 1):
+        if active and is_visible(lattice.precrack_segments, ix, iy, 2.0 * (x + dx) + 1, 2.0 * (y + dy) + 1):
             _interpolate_bilinear(numbering, values, ix, iy, x + dx, y + dy, out)
             return
-    _average_visible_corners(numbering, lattice.cracks, values, ix, iy, x, y, out)
+    _average_visible_corners(numbering, lattice.precrack_segments, values, ix, iy, x, y, out)
 
 
 @njit(**INNER)
 def _interpolate_bilinear(numbering, values, ix, iy, x, y, out):  # type: ignore[no-untyped-def]
     """Bilinear interpolation or extrapolation from the corners of a cell."""
-    wx, wy, q, stride = (ix - 2 * x) / 2, (iy - 2 * y) / 2, coarse_place(numbering, x, y), numbering.coarse_stride
+    wx, wy, q, stride = (ix - 2 * x) / 2, (iy - 2 * y) / 2, coarse_place(numbering, x, y), numbering.coarse_row_stride
     for axis in range(2):
         low = values[axis, q] if wx == 0 else (1 - wx) * values[axis, q] + wx * values[axis, q + 1]
         q2 = q + stride

@@ -16,19 +16,19 @@ from numpy.typing import NDArray
 
 from pdsolve.adaptivity.hybrid.arrays import LatticeNodes
 from pdsolve.adaptivity.hybrid.engine import HybridEngine, ZoneSummary
-from pdsolve.adaptivity.hybrid.irregular_bonds import part_of_model
+from pdsolve.adaptivity.hybrid.irregular_bonds import select_part_of_model
 from pdsolve.adaptivity.hybrid.lattice import AROUND, BELOW, BELOW_COARSE, COARSE, FAR, IDLE, LEFT
+from pdsolve.adaptivity.hybrid.node_constants import are_bonds_intact, values_at_nodes
 from pdsolve.adaptivity.hybrid.node_lists import (
     NodeLists,
-    gather_far_values,
-    gather_values,
+    gather_far_and_tied_values,
+    gather_node_values,
     list_bonds_and_springs,
     number_current_nodes,
     pack_spring_bits,
-    scatter_far_values,
-    scatter_values,
+    scatter_far_and_tied_motion,
+    scatter_node_motion,
 )
-from pdsolve.adaptivity.hybrid.node_rows import are_bonds_intact, values_at_nodes
 from pdsolve.adaptivity.two_lattice_operator import LedgerTotals, TwoLatticeOperator
 from pdsolve.codegen.vector_code import ROW
 from pdsolve.model import Model
@@ -56,10 +56,10 @@ class HybridOperator(TwoLatticeOperator[HybridEngine]):
         self.engine, self._cut, self._strain = hybrid, cut, 0.0
         self._broken, self._looked = NOTHING, 0  # bonds whose rows are known, and how many have been looked for
         zone = hybrid.zone
-        fine = _active_places(zone.fine, zone.counts.fine_rows)
+        fine = _active_places(zone.fine, zone.counts.active_fine_rows)
         coarse, far = (
-            _active_places(zone.coarse, zone.counts.coarse_rows),
-            _active_places(zone.far, zone.counts.far_rows),
+            _active_places(zone.coarse, zone.counts.active_coarse_rows),
+            _active_places(zone.far, zone.counts.active_far_rows),
         )
         self._fine, self._coarse, self._far = fine, coarse.astype(np.int32), far.astype(np.int32)
         del coarse, far
@@ -67,34 +67,40 @@ class HybridOperator(TwoLatticeOperator[HybridEngine]):
         self.places = number_current_nodes(
             hybrid.plate.numbering, fine, self._coarse, self._fine_rows, self._coarse_rows
         )
-        self._far_rows = self._number_far_nodes()
+        self._far_rows = self._renumber_with_far_nodes()
         self._lists = NodeLists(fine, self._coarse, self._fine_rows, self._coarse_rows)
-        self._bonds = np.zeros((len(fine), len(hybrid.lattice.offsets)), dtype=np.bool_)  # past and present ones
+        self._bonds = np.zeros(
+            (len(fine), len(hybrid.lattice.neighbour_offsets)), dtype=np.bool_
+        )  # past and present ones
         self._springs = np.zeros((len(self._coarse), 1), dtype=np.uint8)  # bits, without those that are fine bonds too
         lattice = hybrid.lattice
-        number = {(int(dx), int(dy)): k for k, (dx, dy) in enumerate(zip(lattice.dx, lattice.dy, strict=True))}
+        number = {
+            (int(dx), int(dy)): k for k, (dx, dy) in enumerate(zip(lattice.family_dx, lattice.family_dy, strict=True))
+        }
         ways = zip(lattice.coarse_dx.tolist(), lattice.coarse_dy.tolist(), strict=True)
         # which bond of the fine family each spring (8,) of the coarse lattice is too; -1: none
         same = np.array([number.get((2 * dx, 2 * dy), -1) for dx, dy in ways])
         columns = (
-            zone.fine.kind,
-            zone.fine.stiffness_index,
+            zone.fine.node_kinds,
+            zone.fine.stiffness_index_of_row,
             zone.fine.row_stiffness,
-            zone.coarse.stiffness_index,
+            zone.coarse.stiffness_index_of_row,
             zone.coarse.row_stiffness,
         )
         list_bonds_and_springs(
-            *columns, zone.broken_bits, lattice.offsets, same, self._lists, self._bonds, self._springs
+            *columns, zone.broken_bond_bits, lattice.neighbour_offsets, same, self._lists, self._bonds, self._springs
         )
-        self._far_springs = pack_spring_bits(zone.far.stiffness_index, zone.far.row_stiffness, self._far)  # likewise
-        self._changes = self._cell_counts()
+        self._far_springs = pack_spring_bits(
+            zone.far.stiffness_index_of_row, zone.far.row_stiffness, self._far
+        )  # likewise
+        self._changes = self._count_cell_changes_and_coarse_cells()
 
     @property
     def kind(self) -> np.dtype[Any]:
         """Precision of the motion."""
         return self.engine.zone.fine.u.dtype
 
-    def _number_far_nodes(self) -> NDArray[np.int32]:
+    def _renumber_with_far_nodes(self) -> NDArray[np.int32]:
         """Number the far nodes too; returns their rows (f,)."""
         if not len(self._far):
             return np.zeros(0, dtype=np.int32)
@@ -105,13 +111,13 @@ class HybridOperator(TwoLatticeOperator[HybridEngine]):
         self._fine_rows[:], self._coarse_rows[:] = rows[self._fine_rows], rows[self._coarse_rows]
         return np.searchsorted(self.places, beneath).astype(np.int32)
 
-    def _cell_counts(self) -> tuple[int, int]:
+    def _count_cell_changes_and_coarse_cells(self) -> tuple[int, int]:
         """How many changes of cells there have been, and how many cells are coarse."""
         zone = self.engine.zone
-        return int(zone.counts.cell_changes), int(np.count_nonzero(zone.cells == COARSE))
+        return int(zone.counts.cell_changes), int(np.count_nonzero(zone.cell_kinds == COARSE))
 
     @property
-    def rows(self) -> NDArray[np.int64]:
+    def grid_rows(self) -> NDArray[np.int64]:
         """Rows (n,) of the grid."""
         return self.engine.plate.grid_rows_at(self.places)
 
@@ -122,7 +128,7 @@ class HybridOperator(TwoLatticeOperator[HybridEngine]):
         first, last = np.searchsorted(self.places, [places.min(), places.max() + 1])
         return np.asarray(first + np.searchsorted(self.places[first:last], places))
 
-    def _coarse_chunks(self) -> Iterator[tuple[NDArray[np.int64], NDArray[np.int64]]]:
+    def _coarse_rows_and_places_in_chunks(self) -> Iterator[tuple[NDArray[np.int64], NDArray[np.int64]]]:
         """Rows and places of the coarse nodes, some at a time."""
         for first in range(0, len(self._coarse), TOGETHER):
             chunk = slice(first, first + TOGETHER)
@@ -131,10 +137,10 @@ class HybridOperator(TwoLatticeOperator[HybridEngine]):
     @cached_property
     def model(self) -> Model:
         """The model of the n current nodes, without conditions."""
-        active_model = part_of_model(self.engine.plate.model, self.rows)
+        active_model = select_part_of_model(self.engine.plate.model, self.grid_rows)
         delta = active_model.grid.delta.copy()
         delta[self._coarse_rows] *= 2
-        delta[self._far_rows] = 4 * self.engine.plate.h
+        delta[self._far_rows] = 4 * self.engine.plate.spacing
         return dataclasses.replace(
             active_model, grid=dataclasses.replace(active_model.grid, delta=delta, areas=self.area)
         )
@@ -143,36 +149,38 @@ class HybridOperator(TwoLatticeOperator[HybridEngine]):
     def area(self) -> NDArray[np.float64]:
         """Areas (n,), m^2: for a fine node its share of fine cells, for others likewise."""
         plate, zone = self.engine.plate, self.engine.zone
-        nodes = self.engine.lattice.node_rows
+        nodes = self.engine.lattice.node_constants
         part = zone.fine.mass[self._fine] / values_at_nodes(nodes, nodes.mass, self._fine)
-        cell_areas = plate.area_shares_of(plate.grid_rows_at(self._fine)) * plate.h**2
+        cell_areas = plate.area_shares_of_grid_rows(plate.grid_rows_at(self._fine)) * plate.spacing**2
         areas = np.zeros(len(self.places))
         areas[self._fine_rows] = part * cell_areas
-        stride = plate.numbering.cell_stride
-        for rows, coarse in self._coarse_chunks():
-            y, x = np.divmod(coarse, plate.numbering.coarse_stride)
+        stride = plate.numbering.cell_row_stride
+        for rows, coarse in self._coarse_rows_and_places_in_chunks():
+            y, x = np.divmod(coarse, plate.numbering.coarse_row_stride)
             corner = (y - BELOW_COARSE + AROUND) * stride + AROUND + x - LEFT
-            around = sum((zone.cells[corner - dy * stride - dx] == COARSE) for dy in (0, 1) for dx in (0, 1))
-            areas[rows] += plate.h**2 * around
+            around = sum((zone.cell_kinds[corner - dy * stride - dx] == COARSE) for dy in (0, 1) for dx in (0, 1))
+            areas[rows] += plate.spacing**2 * around
         for first in range(0, len(self._far), TOGETHER):
-            y, x = np.divmod(self._far[first : first + TOGETHER].astype(np.int64), plate.numbering.far_stride)
+            y, x = np.divmod(self._far[first : first + TOGETHER].astype(np.int64), plate.numbering.far_row_stride)
             corner = (2 * (y - BELOW_COARSE) + AROUND) * stride + AROUND + 2 * (x - LEFT)
-            around = sum((zone.cells[corner - dy * stride - dx] == FAR) for dy in (0, 2) for dx in (0, 2))
-            areas[self._far_rows[first : first + TOGETHER]] += 4 * plate.h**2 * around
+            around = sum((zone.cell_kinds[corner - dy * stride - dx] == FAR) for dy in (0, 2) for dx in (0, 2))
+            areas[self._far_rows[first : first + TOGETHER]] += 4 * plate.spacing**2 * around
         return areas
 
     @cached_property
-    def counts(self) -> tuple[NDArray[Any], NDArray[Any]]:
+    def initial_bond_counts_and_family_sizes(self) -> tuple[NDArray[Any], NDArray[Any]]:
         """Bonds (n,) of each node at the start, and their number including those cut by pre-cracks."""
-        count, nodes = np.zeros(len(self.places), dtype=np.int16), self.engine.lattice.node_rows
+        count, nodes = np.zeros(len(self.places), dtype=np.int16), self.engine.lattice.node_constants
         fine = np.zeros(len(self.places), dtype=np.bool_)
         fine[self._fine_rows] = True
         count[self._fine_rows] += self._bonds.sum(axis=1, dtype=np.int16)
         count[self._coarse_rows] += BITS[self._springs[:, 0]]
         count[self._far_rows] += BITS[self._far_springs[:, 0]]
         family = count.copy()
-        family[self._fine_rows] += self._cut[values_at_nodes(nodes, nodes.irregular_row, self._fine)].astype(np.int16)
-        for rows, _ in self._coarse_chunks():
+        family[self._fine_rows] += self._cut[values_at_nodes(nodes, nodes.irregular_bond_row, self._fine)].astype(
+            np.int16
+        )
+        for rows, _ in self._coarse_rows_and_places_in_chunks():
             alone = rows[~fine[rows]]
             family[alone] = np.maximum(family[alone], self._count_full_springs(alone))
         return count, np.maximum(family, 1)  # one that is broken, of a node none of whose bonds is left
@@ -180,17 +188,17 @@ class HybridOperator(TwoLatticeOperator[HybridEngine]):
     def _count_full_springs(self, rows: NDArray[np.int64]) -> NDArray[np.int16]:
         """Number of springs of coarse nodes, including those cut by pre-cracks."""
         plate, zone = self.engine.plate, self.engine.zone
-        y, x = np.divmod(self.places[rows], plate.numbering.stride)
-        corner = ((y - BELOW) // 2 + AROUND) * plate.numbering.cell_stride + AROUND + (x - LEFT) // 2
-        south, west = plate.numbering.cell_stride, 1
-        ne, nw, sw, se = (zone.cells[corner - away] == COARSE for away in (0, west, south + west, south))
+        y, x = np.divmod(self.places[rows], plate.numbering.fine_row_stride)
+        corner = ((y - BELOW) // 2 + AROUND) * plate.numbering.cell_row_stride + AROUND + (x - LEFT) // 2
+        south, west = plate.numbering.cell_row_stride, 1
+        ne, nw, sw, se = (zone.cell_kinds[corner - away] == COARSE for away in (0, west, south + west, south))
         edges = [ne | se, ne | nw, nw | sw, sw | se]
         return np.asarray(sum(is_coarse.astype(np.int16) for is_coarse in (ne, nw, sw, se, *edges)))
 
     @property
-    def signature(self) -> NDArray[np.int16]:
+    def node_signatures(self) -> NDArray[np.int16]:
         """Signature (n,) that changes if a node, its area or its bonds change."""
-        quarters = np.round(4 * self.area / self.engine.plate.h**2)  # up to 64
+        quarters = np.round(4 * self.area / self.engine.plate.spacing**2)  # up to 64
         signature = (1900 * quarters % 2**15).astype(np.int16)
         signature[self._fine_rows] += 1 + self._bonds.sum(axis=1, dtype=np.int16)
         signature[self._coarse_rows] += 200 * (1 + BITS[self._springs[:, 0]])
@@ -200,7 +208,7 @@ class HybridOperator(TwoLatticeOperator[HybridEngine]):
     @property
     def is_current(self) -> bool:
         """Whether no cell has become fine or coarse since this operator was made."""
-        return self._cell_counts() == self._changes
+        return self._count_cell_changes_and_coarse_cells() == self._changes
 
     def operator_if_changed(self) -> HybridOperator | None:
         """The operator on the current nodes if they have changed, else None."""
@@ -222,39 +230,46 @@ class HybridOperator(TwoLatticeOperator[HybridEngine]):
         """Gather values (2, .) of all lattices in out (n, 2), over the masses of nodes if `over_mass`."""
         zone = self.engine.zone
         over = [nodes.inverse_mass if over_mass else nodes.inverse_mass[:0] for nodes in (zone.fine, zone.coarse)]
-        gather_values(fine, coarse, *over, zone.border.first_nodes(zone.counts.border_nodes), self._lists, out)
-        tied = zone.tied.first_nodes(zone.counts.tied_nodes)
-        tied = tied._replace(node=self._coarse_rows[np.searchsorted(self._coarse, tied.node)].astype(np.int64))
-        gather_far_values(
+        gather_node_values(
+            fine, coarse, *over, zone.border_nodes.first_nodes(zone.counts.border_nodes), self._lists, out
+        )
+        tied = zone.tied_coarse_nodes.first_nodes(zone.counts.tied_nodes)
+        tied = tied._replace(
+            border_node=self._coarse_rows[np.searchsorted(self._coarse, tied.border_node)].astype(np.int64)
+        )
+        gather_far_and_tied_values(
             far, zone.far.inverse_mass if over_mass else zone.far.inverse_mass[:0], tied, self._far, self._far_rows, out
         )
 
-    def _set_node_motion(self, state: State) -> None:
+    def _write_node_motion(self, state: State) -> None:
         """Set all lattices to the values and rates of a state; border nodes are interpolated."""
         zone, now = self.engine.zone, self.engine.buffer
-        fine = zone.fine.u[now], zone.fine.v, zone.fine.kind
-        coarse = zone.coarse.u[now], zone.coarse.v, zone.coarse.kind
-        border, tied = zone.border.first_nodes(zone.counts.border_nodes), zone.tied.first_nodes(zone.counts.tied_nodes)
-        scatter_values(state.value, state.rate, *fine, *coarse, border, self._lists)
-        scatter_far_values(
+        fine = zone.fine.u[now], zone.fine.v, zone.fine.node_kinds
+        coarse = zone.coarse.u[now], zone.coarse.v, zone.coarse.node_kinds
+        border, tied = (
+            zone.border_nodes.first_nodes(zone.counts.border_nodes),
+            zone.tied_coarse_nodes.first_nodes(zone.counts.tied_nodes),
+        )
+        scatter_node_motion(state.value, state.rate, *fine, *coarse, border, self._lists)
+        scatter_far_and_tied_motion(
             state.value, state.rate, zone.far.u[now], zone.far.v, zone.coarse.u[now], tied, self._far, self._far_rows
         )
 
     def swell(self, strain: NDArray[np.float64]) -> None:
         """Let springs stretch from their lengths at these strains (n,) of all nodes of the grid, were they free."""
-        self.engine.swell(strain)
+        self.engine.set_swelling_strain(strain)
 
-    def copy_to(self, state: State) -> None:
+    def copy_to_state(self, state: State) -> None:
         """Update a state from all lattices; work is known only to the ledger."""
         zone, now = self.engine.zone, self.engine.buffer
         self._gather_values(zone.fine.u[now], zone.coarse.u[now], zone.far.u[now], state.value)
-        border, count = zone.border, zone.counts.border_nodes
-        state.value[self._rows_at_places(border.node[:count])] += border.swelling_offset[:count]
+        border, count = zone.border_nodes, zone.counts.border_nodes
+        state.value[self._rows_at_places(border.border_node[:count])] += border.swelling_offset[:count]
         self._gather_values(zone.fine.v, zone.coarse.v, zone.far.v, state.rate)
         self._gather_accelerations(state.second)
-        holds = zone.holds.entries[zone.holds.node_and_entry[: zone.counts.holds, 1]]
-        state.second[self._rows_at_places(holds["place"]), holds["axis"]] = 0.0
-        spenders = self.engine.places_of_dissipation()
+        holds = zone.holds.entries[zone.holds.node_and_entry[: zone.counts.held_components, 1]]
+        state.second[self._rows_at_places(holds["fine_place"]), holds["axis"]] = 0.0
+        spenders = self.engine.places_with_broken_or_softened_bonds()
         rows = np.minimum(self._rows_at_places(spenders), len(self.places) - 1)
         rows = rows[self.places[rows] == spenders]
         if state.dissipated.any():  # zeros that have not been written take no memory
@@ -285,7 +300,7 @@ class HybridOperator(TwoLatticeOperator[HybridEngine]):
         light[self._coarse_rows] = zone.coarse.inverse_mass[self._coarse]
         light[self._far_rows] = zone.far.inverse_mass[self._far]
         coarse, far = self._coarse.astype(np.int64), self._far.astype(np.int64)
-        row_of = np.full(self.engine.plate.numbering.places, -1, dtype=np.int32)
+        row_of = np.full(self.engine.plate.numbering.fine_place_count, -1, dtype=np.int32)
         row_of[self.places] = np.arange(len(self.places))
         points = create_point_weights(self.engine, row_of, self._fine, coarse, far)
         del row_of  # of all fine places, beside the tangent
@@ -293,11 +308,11 @@ class HybridOperator(TwoLatticeOperator[HybridEngine]):
 
     def energies(self, state: State) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Strain energy densities (n,), J/m^3, and zeros for softening, which is part of the state."""
-        self.set_nodes(state)
+        self.set_node_motion(state)
         fine, coarse, far = self.engine.strain_energies()
         energy = np.zeros(len(self.places))
         energy[self._fine_rows] = fine[self._fine]
-        for rows, places in self._coarse_chunks():
+        for rows, places in self._coarse_rows_and_places_in_chunks():
             energy[rows] += coarse[places]
         energy[self._far_rows] += far[self._far]
         self._strain = float(energy.sum())
@@ -306,10 +321,17 @@ class HybridOperator(TwoLatticeOperator[HybridEngine]):
 
     def ledger_totals(self) -> LedgerTotals:
         """Energies, work and momentum at the state of the last call of `energies`."""
-        kinetic, x, y = self.engine.kinetic_and_momentum().tolist()
-        dissipated, work, _ = self.engine.energy_totals
+        kinetic, x, y = self.engine.kinetic_energy_and_momentum().tolist()
+        dissipated, work, _ = self.engine.dissipation_work_and_refinement_energy
         return LedgerTotals(
-            kinetic, self._strain, dissipated, self.engine.damped, work, x, y, len(self.engine.broken().step)
+            kinetic,
+            self._strain,
+            dissipated,
+            self.engine.damped_energy,
+            work,
+            x,
+            y,
+            len(self.engine.break_events().step),
         )
 
     def zone_summary(self) -> ZoneSummary:
@@ -325,8 +347,8 @@ class HybridOperator(TwoLatticeOperator[HybridEngine]):
     def holding_forces(self, profile_count: int) -> NDArray[np.float64]:
         """Forces (profiles, 2), N/m, that hold the nodes with prescribed motion."""
         zone, forces = self.engine.zone, np.zeros((profile_count, 2))
-        holds = zone.holds.entries[zone.holds.node_and_entry[: zone.counts.holds, 1]]
-        np.add.at(forces, (holds["profile"], holds["axis"]), -holds["force"])
+        holds = zone.holds.entries[zone.holds.node_and_entry[: zone.counts.held_components, 1]]
+        np.add.at(forces, (holds["profile"], holds["axis"]), -holds["holding_force"])
         return forces
 
     def bonds(
@@ -340,7 +362,7 @@ class HybridOperator(TwoLatticeOperator[HybridEngine]):
         fine_numbers, coarse_numbers, far_numbers = (
             np.arange(*np.searchsorted(rows, ends)) for rows, ends in row_ranges
         )  # of one type: no copies
-        return self._bonds_at(fine_numbers, coarse_numbers, far_numbers, start)
+        return self._bonds_of_numbered_nodes(fine_numbers, coarse_numbers, far_numbers, start)
 
     def bonds_of(self, rows: NDArray[np.int64]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
         """Source and target rows (k,) of the intact bonds of these nodes, which increase, in order."""
@@ -349,9 +371,9 @@ class HybridOperator(TwoLatticeOperator[HybridEngine]):
         fine_numbers, coarse_numbers, far_numbers = (
             np.flatnonzero(is_wanted[at]) for at in (self._fine_rows, self._coarse_rows, self._far_rows)
         )
-        return self._bonds_at(fine_numbers, coarse_numbers, far_numbers, False)
+        return self._bonds_of_numbered_nodes(fine_numbers, coarse_numbers, far_numbers, False)
 
-    def _bonds_at(
+    def _bonds_of_numbered_nodes(
         self,
         fine_numbers: NDArray[np.int64],
         coarse_numbers: NDArray[np.int64],
@@ -359,20 +381,22 @@ class HybridOperator(TwoLatticeOperator[HybridEngine]):
         start: bool,
     ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
         """Source and target rows (k,) of the bonds of some of the fine, coarse and far nodes, by their numbers."""
-        lattice, zone, half = self.engine.lattice, self.engine.zone, len(self.engine.lattice.offsets) // 2
+        lattice, zone, half = self.engine.lattice, self.engine.zone, len(self.engine.lattice.neighbour_offsets) // 2
         node, k = np.nonzero(self._bonds[fine_numbers])
         fine = self._fine[fine_numbers][node]
-        target = fine + lattice.offsets[k]
+        target = fine + lattice.neighbour_offsets[k]
         if not start:
             owner = np.where(k < half, fine, target)
-            intact = are_bonds_intact(lattice.node_rows, zone.broken_bits, owner, k % half)
+            intact = are_bonds_intact(lattice.node_constants, zone.broken_bond_bits, owner, k % half)
             fine, target = fine[intact], target[intact]
         node, k = np.nonzero(np.unpackbits(self._springs[coarse_numbers], axis=1))
         coarse = self._coarse[coarse_numbers][node].astype(np.int64)
-        ends = [self.engine.fine_places_of_coarse(end) for end in (coarse, coarse + lattice.coarse_offsets[k])]
+        ends = [
+            self.engine.fine_places_of_coarse(end) for end in (coarse, coarse + lattice.coarse_neighbour_offsets[k])
+        ]
         node, k = np.nonzero(np.unpackbits(self._far_springs[far_numbers], axis=1))
         places = self._far[far_numbers][node].astype(np.int64)
-        far_ends = (self.engine.fine_places_of_far(end) for end in (places, places + lattice.far_offsets[k]))
+        far_ends = (self.engine.fine_places_of_far(end) for end in (places, places + lattice.far_neighbour_offsets[k]))
         source, target = (
             np.concatenate([self._rows_at_places(end) for end in end_places])
             for end_places in zip((fine, target), ends, far_ends, strict=True)
@@ -383,11 +407,11 @@ class HybridOperator(TwoLatticeOperator[HybridEngine]):
     def broken(self, after: int = 0) -> Broken:
         """Bonds broken after a step between current fine nodes: step, source row and target row of each."""
         broken = self._broken  # more have broken since, if any
-        breaks, latest = self.engine.broken(), slice(self._looked, None)
-        step, node, spring = breaks.step[latest], breaks.node[latest], breaks.spring[latest]
+        breaks, latest = self.engine.break_events(), slice(self._looked, None)
+        step, node, spring = breaks.step[latest], breaks.node[latest], breaks.bond_number[latest]
         self._looked += len(step)
         if len(node):
-            target = node + self.engine.lattice.offsets[spring]
+            target = node + self.engine.lattice.neighbour_offsets[spring]
             both_fine = np.isin(node, self._fine) & np.isin(target, self._fine)
             more = (
                 step[both_fine].astype(np.int64),
@@ -401,5 +425,5 @@ class HybridOperator(TwoLatticeOperator[HybridEngine]):
 
 def _active_places(nodes: LatticeNodes, rows: int) -> NDArray[np.int64]:
     """Places of the nodes that are not idle, from the first `rows` rows."""
-    places = (nodes.rows[:rows, None] * ROW + np.arange(ROW)).ravel()
-    return np.asarray(places[nodes.kind[places] != IDLE])
+    places = (nodes.active_rows[:rows, None] * ROW + np.arange(ROW)).ravel()
+    return np.asarray(places[nodes.node_kinds[places] != IDLE])

@@ -7,7 +7,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from pdsolve.adaptivity.hybrid.lattice import cell_place, coarse_place
-from pdsolve.adaptivity.hybrid.node_rows import value_at_node
+from pdsolve.adaptivity.hybrid.node_constants import value_at_node
 from pdsolve.codegen.jit_cache import cached_njit
 from pdsolve.operators.simd_lattice.kernel import INNER
 
@@ -22,7 +22,7 @@ def lengthen_cracks(cracks: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 @njit(**INNER)
-def doubled_area(ax, ay, bx, by, cx, cy):  # type: ignore[no-untyped-def]
+def doubled_triangle_area(ax, ay, bx, by, cx, cy):  # type: ignore[no-untyped-def]
     """Twice the signed area of the triangle a, b, c."""
     return (bx - ax) * (cy - ay) - (by - ay) * (cx - ax)
 
@@ -31,10 +31,10 @@ def doubled_area(ax, ay, bx, by, cx, cy):  # type: ignore[no-untyped-def]
 def crosses_crack(cracks, j, ax, ay, bx, by):  # type: ignore[no-untyped-def]
     """Whether pre-crack j crosses the segment from a to b, in fine spacings."""
     px, py, qx, qy = cracks[j, 0], cracks[j, 1], cracks[j, 2], cracks[j, 3]
-    side_a, side_b = doubled_area(px, py, qx, qy, ax, ay), doubled_area(px, py, qx, qy, bx, by)
+    side_a, side_b = doubled_triangle_area(px, py, qx, qy, ax, ay), doubled_triangle_area(px, py, qx, qy, bx, by)
     if side_a * side_b > 0:
         return False
-    return doubled_area(ax, ay, bx, by, px, py) * doubled_area(ax, ay, bx, by, qx, qy) <= 0
+    return doubled_triangle_area(ax, ay, bx, by, px, py) * doubled_triangle_area(ax, ay, bx, by, qx, qy) <= 0
 
 
 @njit(**INNER)
@@ -49,7 +49,12 @@ def is_visible(cracks, ax, ay, bx, by):  # type: ignore[no-untyped-def]
 @njit(**INNER)
 def _box_around_crack(lattice, j, margin, most_x, most_y):  # type: ignore[no-untyped-def]
     """Range of columns and rows around pre-crack j, clipped to the plate."""
-    px, py, qx, qy = lattice.cracks[j, 0], lattice.cracks[j, 1], lattice.cracks[j, 2], lattice.cracks[j, 3]
+    px, py, qx, qy = (
+        lattice.precrack_segments[j, 0],
+        lattice.precrack_segments[j, 1],
+        lattice.precrack_segments[j, 2],
+        lattice.precrack_segments[j, 3],
+    )
     x0, x1 = max(0, int(np.floor(min(px, qx))) - margin), min(most_x, int(np.ceil(max(px, qx))) + margin)
     y0, y1 = max(0, int(np.floor(min(py, qy))) - margin), min(most_y, int(np.ceil(max(py, qy))) + margin)
     return x0, y0, x1, y1
@@ -59,65 +64,74 @@ def _box_around_crack(lattice, j, margin, most_x, most_y):  # type: ignore[no-un
 def record_precrack_cuts(lattice):  # type: ignore[no-untyped-def]
     """Record the coarse bonds and edges of cells that pre-cracks cut, and the cells they cross."""
     numbering = lattice.numbering
-    for j in range(len(lattice.cracks)):
-        x0, y0, x1, y1 = _box_around_crack(lattice, j, 3, numbering.nx, numbering.ny)
-        px, py, qx, qy = lattice.cracks[j, 0], lattice.cracks[j, 1], lattice.cracks[j, 2], lattice.cracks[j, 3]
+    for j in range(len(lattice.precrack_segments)):
+        x0, y0, x1, y1 = _box_around_crack(lattice, j, 3, numbering.fine_cells_x, numbering.fine_cells_y)
+        px, py, qx, qy = (
+            lattice.precrack_segments[j, 0],
+            lattice.precrack_segments[j, 1],
+            lattice.precrack_segments[j, 2],
+            lattice.precrack_segments[j, 3],
+        )
         for y in range(y0 // 2, y1 // 2 + 1):
             for x in range(x0 // 2, x1 // 2 + 1):
                 q, ax, ay = coarse_place(numbering, x, y), 2.0 * x, 2.0 * y
                 for k in range(4):
                     bx, by = ax + 2 * lattice.coarse_dx[k], ay + 2 * lattice.coarse_dy[k]
-                    if not crosses_crack(lattice.cracks, j, ax, ay, bx, by):
+                    if not crosses_crack(lattice.precrack_segments, j, ax, ay, bx, by):
                         continue
-                    lattice.cut_spring_bits[q] |= np.uint8(1 << k)
+                    lattice.cut_coarse_spring_bits[q] |= np.uint8(1 << k)
                     if k in (0, 2):
-                        side_a, side_b = doubled_area(px, py, qx, qy, ax, ay), doubled_area(px, py, qx, qy, bx, by)
-                        lattice.edge_cut_share[k // 2, q] = side_a / (side_a - side_b) if side_a != side_b else 0.5
-                if x >= numbering.nx // 2 or y >= numbering.ny // 2:
+                        side_a, side_b = (
+                            doubled_triangle_area(px, py, qx, qy, ax, ay),
+                            doubled_triangle_area(px, py, qx, qy, bx, by),
+                        )
+                        lattice.edge_cut_position[k // 2, q] = side_a / (side_a - side_b) if side_a != side_b else 0.5
+                if x >= numbering.fine_cells_x // 2 or y >= numbering.fine_cells_y // 2:
                     continue
-                diagonals = crosses_crack(lattice.cracks, j, ax, ay, ax + 2, ay + 2) or crosses_crack(
-                    lattice.cracks, j, ax + 2, ay, ax, ay + 2
+                diagonals = crosses_crack(lattice.precrack_segments, j, ax, ay, ax + 2, ay + 2) or crosses_crack(
+                    lattice.precrack_segments, j, ax + 2, ay, ax, ay + 2
                 )
                 if (
                     diagonals
                     or (ax <= px <= ax + 2 and ay <= py <= ay + 2)
                     or (ax <= qx <= ax + 2 and ay <= qy <= ay + 2)
                 ):
-                    lattice.cut_cells[cell_place(numbering, x, y)] = True
+                    lattice.is_cell_cut[cell_place(numbering, x, y)] = True
 
 
 @njit(forceinline=True, **INNER)
-def is_bond_intact(lattice, broken_bits, p, k):  # type: ignore[no-untyped-def]
+def is_bond_intact(lattice, broken_bond_bits, p, k):  # type: ignore[no-untyped-def]
     """Whether bond k of fine node p is intact."""
-    half = len(lattice.offsets) // 2
+    half = len(lattice.neighbour_offsets) // 2
     if k >= half:
-        p, k = p + lattice.offsets[k], k - half
+        p, k = p + lattice.neighbour_offsets[k], k - half
     return (
-        (value_at_node(lattice.node_rows, lattice.node_rows.bond_bits, p) & ~broken_bits[p]) >> np.uint64(k)
+        (value_at_node(lattice.node_constants, lattice.node_constants.initial_bond_bits, p) & ~broken_bond_bits[p])
+        >> np.uint64(k)
     ) & np.uint64(1) != 0
 
 
 @njit(forceinline=True, **INNER)
-def bond_stiffness(lattice, p, k):  # type: ignore[no-untyped-def]
+def full_bond_stiffness(lattice, p, k):  # type: ignore[no-untyped-def]
     """Stiffness of the whole bond k of node p, including both cells' shares and the surface correction."""
-    row = value_at_node(lattice.node_rows, lattice.node_rows.irregular_row, p)
+    row = value_at_node(lattice.node_constants, lattice.node_constants.irregular_bond_row, p)
     if row >= 0:
-        return lattice.irregular_stiffness[row, k]
-    return lattice.material_stiffness[value_at_node(lattice.node_rows, lattice.node_rows.material, p), k]
+        return lattice.irregular_bond_stiffness[row, k]
+    return lattice.material_bond_stiffness[value_at_node(lattice.node_constants, lattice.node_constants.material, p), k]
 
 
 @njit(forceinline=True, **INNER)
-def peak_and_limit(lattice, p, k):  # type: ignore[no-untyped-def]
+def peak_and_limit_strain(lattice, p, k):  # type: ignore[no-untyped-def]
     """The e beyond which a bond softens, and the e at which it breaks."""
-    row = value_at_node(lattice.node_rows, lattice.node_rows.irregular_row, p)
+    row = value_at_node(lattice.node_constants, lattice.node_constants.irregular_bond_row, p)
     if row >= 0:
         kind = lattice.irregular_limit_row[row]
-        return lattice.irregular_peak_e[kind, k], lattice.irregular_limit_e[kind, k]
-    material = value_at_node(lattice.node_rows, lattice.node_rows.material, p)
-    return lattice.e_bounds[material, 0], lattice.e_bounds[material, 1]
+        return lattice.irregular_peak_strain[kind, k], lattice.irregular_limit_strain[kind, k]
+    material = value_at_node(lattice.node_constants, lattice.node_constants.material, p)
+    return lattice.strain_bounds[material, 0], lattice.strain_bounds[material, 1]
 
 
 @njit(forceinline=True, **INNER)
 def is_unbreakable(lattice, p):  # type: ignore[no-untyped-def]
     """Whether the bonds of fine node p do not break."""
-    return value_at_node(lattice.node_rows, lattice.node_rows.no_fail, p)
+    return value_at_node(lattice.node_constants, lattice.node_constants.no_fail, p)

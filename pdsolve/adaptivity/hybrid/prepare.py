@@ -10,21 +10,21 @@ from numpy.typing import NDArray
 
 from pdmesh.model.document import Concentration, Exchange, InitialVelocity, Source, Velocity
 from pdsolve import conditions
-from pdsolve.adaptivity.hybrid.arrays import Entry, LatticeConstants, ZoneEntries, create_plate_zone
-from pdsolve.adaptivity.hybrid.coarse_cells import CellAreas, HybridPlate, create_plate, initial_cells
+from pdsolve.adaptivity.hybrid.arrays import LatticeConstants, LoadOrHold, LoadsOrHolds, create_plate_zone
+from pdsolve.adaptivity.hybrid.coarse_cells import CellAreas, HybridPlate, create_hybrid_plate, initial_cell_kinds
 from pdsolve.adaptivity.hybrid.engine import HybridEngine
 from pdsolve.adaptivity.hybrid.far_cells import add_far_cells
 from pdsolve.adaptivity.hybrid.irregular_bonds import IrregularBonds, find_irregular_bonds
-from pdsolve.adaptivity.hybrid.irregular_rows import create_node_rows
+from pdsolve.adaptivity.hybrid.irregular_rows import create_node_constants
 from pdsolve.adaptivity.hybrid.lattice import AROUND, BELOW, FINE, LEFT
 from pdsolve.adaptivity.hybrid.operator import HybridOperator
 from pdsolve.adaptivity.hybrid.precracks import lengthen_cracks, record_precrack_cuts
 from pdsolve.adaptivity.hybrid.springs import (
     Springs,
     coarse_springs,
+    create_springs_of_materials,
     divide_bonds,
-    e_from_stretch,
-    springs_of_materials,
+    quadratic_strain_from_stretch,
 )
 from pdsolve.conditions import drive, initial_velocity
 from pdsolve.laws.calls import bind
@@ -46,8 +46,8 @@ def create_hybrid_operator_and_stable_step(
     """
     swells, steep = model.swells, rows_of_steep_content(model)
     model = model.moving_part() if swells else model
-    plate = create_plate(model, mode)
-    springs = springs_of_materials(model.materials, model.settings.horizon.ratio, plate.h)
+    plate = create_hybrid_plate(model, mode)
+    springs = create_springs_of_materials(model.materials, model.settings.horizon.ratio, plate.spacing)
     irregular_bonds = find_irregular_bonds(plate, springs)
     give_back()
     bound = float(np.sqrt(2 / max(_stiffness_over_density(plate, springs, irregular_bonds))))
@@ -55,22 +55,35 @@ def create_hybrid_operator_and_stable_step(
     lattice = create_lattice_constants(plate, springs, irregular_bonds, choose_step(model, bound), kind)
     record_precrack_cuts(lattice)
     cut = np.append(irregular_bonds.family_size - np.count_nonzero(irregular_bonds.stiffness, axis=1), 0)
-    cells = initial_cells(plate, lattice.reach, steep_rows=steep)
+    cells = initial_cell_kinds(plate, lattice.family_reach, steep_content_rows=steep)
     area = CellAreas(plate)
     plate_drive = drive(model, area, True, np.float64)
     rows = ROOM + 6 * int(np.count_nonzero(cells == FINE))
-    damps = lattice.node_rows.damping is not None
-    loads, holds = _create_entries(plate, plate_drive.loads, 4), _create_entries(plate, plate_drive.holds, 1)
+    damps = lattice.node_constants.damping is not None
+    loads, holds = (
+        _create_loads_or_holds(plate, plate_drive.loads, 4),
+        _create_loads_or_holds(plate, plate_drive.holds, 1),
+    )
     loads.entries["value"] *= area[plate_drive.loads.node]
     loads = loads._replace(entries=loads.entries[loads.entries["value"] != 0])
     if not swells and kind is np.float64:
-        cells = add_far_cells(plate, lattice, cells, np.concatenate([loads.entries["place"], holds.entries["place"]]))
+        cells = add_far_cells(
+            plate, lattice, cells, np.concatenate([loads.entries["fine_place"], holds.entries["fine_place"]])
+        )
     zone = create_plate_zone(
-        plate.numbering, cells, len(lattice.offsets), rows, lattice.limits_vary, threads, swells, damps, dtype=kind
+        plate.numbering,
+        cells,
+        len(lattice.neighbour_offsets),
+        rows,
+        lattice.softens_or_limits_vary,
+        threads,
+        swells,
+        damps,
+        dtype=kind,
     )._replace(loads=loads, holds=holds)
     hybrid = HybridEngine(plate, lattice, zone, plate_drive)
     begins_sequence = any(isinstance(condition, InitialVelocity | Velocity) for condition in model.settings.conditions)
-    hybrid.start(initial_velocity(model) if begins_sequence else None)
+    hybrid.initialize_motion_and_forces(initial_velocity(model) if begins_sequence else None)
     return HybridOperator(hybrid, cut), bound
 
 
@@ -94,16 +107,16 @@ def create_lattice_constants(
     kind: type[np.floating] = np.float64,
 ) -> LatticeConstants:
     """Constant arrays for steps of `dt`, s; the effects of pre-cracks on the coarse lattice are not yet recorded."""
-    numbering, model, h = plate.numbering, plate.model, plate.h
+    numbering, model, h = plate.numbering, plate.model, plate.spacing
     kappa = model.settings.run.hybrid.kappa
     first = springs[0]
     coarse = coarse_springs(first, h)
     bounds = np.array(
         [
             [
-                e_from_stretch(material_springs.peak),
-                e_from_stretch(material_springs.limit),
-                e_from_stretch(kappa * material_springs.peak),
+                quadratic_strain_from_stretch(material_springs.peak_stretch),
+                quadratic_strain_from_stretch(material_springs.limit_stretch),
+                quadratic_strain_from_stretch(kappa * material_springs.peak_stretch),
             ]
             for material_springs in springs
         ]
@@ -111,37 +124,37 @@ def create_lattice_constants(
     cell, mix = _coarse_cell_constants(plate, springs)
     bind(bilinear.LAW)
     return LatticeConstants(
-        law=no_bonds(bilinear.LAW),  # a brittle bond is one whose peak is its limit
+        bond_law=no_bonds(bilinear.LAW),  # a brittle bond is one whose peak is its limit
         numbering=numbering,
-        h=h,
-        dx=first.dx,
-        dy=first.dy,
-        spring_table=aligned(first.table.astype(kind)),
-        offsets=first.dy * numbering.stride + first.dx,
-        coarse_dx=coarse.dx,
-        coarse_dy=coarse.dy,
-        coarse_spring_table=aligned(coarse.table.astype(kind)),
-        coarse_offsets=coarse.dy * numbering.coarse_stride + coarse.dx,
-        far_spring_table=aligned(coarse_springs(first, 2 * h).table.astype(kind)),
-        far_offsets=coarse.dy * numbering.far_stride + coarse.dx,
+        spacing=h,
+        family_dx=first.family_dx,
+        family_dy=first.family_dy,
+        spring_table=aligned(first.spring_table.astype(kind)),
+        neighbour_offsets=first.family_dy * numbering.fine_row_stride + first.family_dx,
+        coarse_dx=coarse.family_dx,
+        coarse_dy=coarse.family_dy,
+        coarse_spring_table=aligned(coarse.spring_table.astype(kind)),
+        coarse_neighbour_offsets=coarse.family_dy * numbering.coarse_row_stride + coarse.family_dx,
+        far_spring_table=aligned(coarse_springs(first, 2 * h).spring_table.astype(kind)),
+        far_neighbour_offsets=coarse.family_dy * numbering.far_row_stride + coarse.family_dx,
         bond_parts=divide_bonds(first),
-        reach=int(np.abs(first.dx).max()),
-        limits_vary=len(springs) > 1 or first.peak < first.limit,
+        family_reach=int(np.abs(first.family_dx).max()),
+        softens_or_limits_vary=len(springs) > 1 or first.peak_stretch < first.limit_stretch,
         dt=dt,
-        node_rows=create_node_rows(plate, irregular_bonds, springs),
-        material_stiffness=np.array([material_springs.table[:, 5] for material_springs in springs]),
-        e_bounds=bounds,
-        least_e_bounds=bounds.min(axis=0),
-        irregular_stiffness=irregular_bonds.stiffness,
-        irregular_limit_row=irregular_bonds.limit_row,
-        irregular_peak_e=irregular_bonds.peak,
-        irregular_limit_e=irregular_bonds.limit,
-        cell_constants=cell,
-        constants_of_cell=mix,
-        cut_spring_bits=np.zeros(numbering.coarse_places, dtype=np.uint8),
-        edge_cut_share=np.zeros((2, numbering.coarse_places)),
-        cut_cells=np.zeros(numbering.cells, dtype=np.bool_),
-        cracks=lengthen_cracks(plate.cracks),
+        node_constants=create_node_constants(plate, irregular_bonds, springs),
+        material_bond_stiffness=np.array([material_springs.spring_table[:, 5] for material_springs in springs]),
+        strain_bounds=bounds,
+        least_strain_bounds=bounds.min(axis=0),
+        irregular_bond_stiffness=irregular_bonds.stiffness,
+        irregular_limit_row=irregular_bonds.limit_row_of_bond_row,
+        irregular_peak_strain=irregular_bonds.peak_strain,
+        irregular_limit_strain=irregular_bonds.limit_strain,
+        coarse_cell_constants=cell,
+        constants_index_of_cell=mix,
+        cut_coarse_spring_bits=np.zeros(numbering.coarse_place_count, dtype=np.uint8),
+        edge_cut_position=np.zeros((2, numbering.coarse_place_count)),
+        is_cell_cut=np.zeros(numbering.cell_count, dtype=np.bool_),
+        precrack_segments=lengthen_cracks(plate.precrack_segments),
     )
 
 
@@ -155,16 +168,18 @@ def _coarse_cell_constants(
     numbering, rho = plate.numbering, [material.rho for material in plate.model.materials]
     material_constants = np.array(
         [
-            [material_springs.c11 - material_springs.c66, material_springs.c66, plate.h**2 * dense]
+            [material_springs.c11 - material_springs.c66, material_springs.c66, plate.spacing**2 * dense]
             for material_springs, dense in zip(springs, rho, strict=True)
         ]
     )
     if len(springs) == 1:
-        return np.ascontiguousarray(material_constants.T), np.zeros(numbering.cells, dtype=np.int32)
-    cell_means = np.zeros((numbering.ny // 2, numbering.nx // 2, 3))
-    field = plate.material_numbers_in(0, numbering.places // numbering.stride)
+        return np.ascontiguousarray(material_constants.T), np.zeros(numbering.cell_count, dtype=np.int32)
+    cell_means = np.zeros((numbering.fine_cells_y // 2, numbering.fine_cells_x // 2, 3))
+    field = plate.material_numbers_in_lattice_rows(0, numbering.fine_place_count // numbering.fine_row_stride)
     for (y, part_y), (x, part_x) in itertools.product(enumerate((0.25, 0.5, 0.25)), repeat=2):
-        node_places = np.s_[BELOW + y : BELOW + y + numbering.ny - 1 : 2, LEFT + x : LEFT + x + numbering.nx - 1 : 2]
+        node_places = np.s_[
+            BELOW + y : BELOW + y + numbering.fine_cells_y - 1 : 2, LEFT + x : LEFT + x + numbering.fine_cells_x - 1 : 2
+        ]
         cell_means += part_x * part_y * material_constants[field[node_places]]
     cells, mix = np.unique(cell_means.reshape(-1, 3), axis=0, return_inverse=True)
     around = np.pad(mix.reshape(cell_means.shape[:2]).astype(np.int32), AROUND)
@@ -184,25 +199,30 @@ def _stiffness_over_density(
     for number, material_springs in enumerate(springs):
         if usual[number]:
             x, y, inverse, k = (
-                material_springs.table[:, 0],
-                material_springs.table[:, 1],
-                material_springs.table[:, 4],
-                material_springs.table[:, 5] / plate.h**2,
+                material_springs.spring_table[:, 0],
+                material_springs.spring_table[:, 1],
+                material_springs.spring_table[:, 4],
+                material_springs.spring_table[:, 5] / plate.spacing**2,
             )
             a, b, c = ((k * inverse * term).sum() for term in (x * x, y * y, x * y))
             inside.append(((a + b) / 2 + np.hypot((a - b) / 2, c)) / rho[number])
     return np.concatenate(
-        [inside, irregular_bonds.stiffness_bound[irregular_bonds.bond_row] / rho[irregular_materials]]
+        [inside, irregular_bonds.stiffness_bound[irregular_bonds.bond_row_of_node] / rho[irregular_materials]]
     )
 
 
-def _create_entries(plate: HybridPlate, condition_entries: conditions.Entries, nodes_per_entry: int) -> ZoneEntries:
+def _create_loads_or_holds(
+    plate: HybridPlate, condition_entries: conditions.Entries, nodes_per_entry: int
+) -> LoadsOrHolds:
     """Entries with room for at most `nodes_per_entry` nodes each."""
-    entries, room = np.zeros(len(condition_entries.node), Entry.fields()), nodes_per_entry * len(condition_entries.node)
-    entries["place"], entries["axis"] = plate.places_of(condition_entries.node), condition_entries.axis
-    entries["profile"], entries["kind"], entries["value"] = (
+    entries, room = (
+        np.zeros(len(condition_entries.node), LoadOrHold.fields()),
+        nodes_per_entry * len(condition_entries.node),
+    )
+    entries["fine_place"], entries["axis"] = plate.places_of_grid_rows(condition_entries.node), condition_entries.axis
+    entries["profile"], entries["hold_kind"], entries["value"] = (
         condition_entries.profile,
         condition_entries.kind,
         condition_entries.value,
     )
-    return ZoneEntries(entries, np.zeros((room, 2), dtype=np.int64), np.zeros(room))
+    return LoadsOrHolds(entries, np.zeros((room, 2), dtype=np.int64), np.zeros(room))

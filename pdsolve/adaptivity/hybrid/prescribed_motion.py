@@ -32,8 +32,8 @@ def places_unfit_for_coarse(plate: HybridPlate) -> NDArray[np.int64]:
         if not isinstance(condition, Displacement | Velocity):
             continue
         rows = model.selected(condition)
-        place = plate.places_of(rows)
-        constrained_share = _mean_of_coarse(partial(_are_among, rows), plate, place)
+        place = plate.places_of_grid_rows(rows)
+        constrained_share = _mean_of_coarse_nodes_around(partial(_rows_are_among, rows), plate, place)
         unfit_places.append(place[constrained_share[:, 0] < 1.0])
         prescribed_values = [value or 0.0 for value in components(condition, 2)]
         if any(map(is_of_place, prescribed_values)):
@@ -49,17 +49,19 @@ def _places_of_nonlinear_values(
     values: NDArray[np.float64], plate: HybridPlate, rows: NDArray[np.int64]
 ) -> NDArray[np.int64]:
     """Places of these rows (k,) whose values (n, 2) are not the mean of those of the coarse nodes they lie between."""
-    place = plate.places_of(rows)
-    away = np.abs(_mean_of_coarse(values.__getitem__, plate, place) - values[rows]).max(axis=1, initial=0.0)
+    place = plate.places_of_grid_rows(rows)
+    away = np.abs(_mean_of_coarse_nodes_around(values.__getitem__, plate, place) - values[rows]).max(
+        axis=1, initial=0.0
+    )
     return np.asarray(place[away > SAME * np.abs(values).max(initial=0.0)])
 
 
-def _are_among(row_set: NDArray[np.int64], rows: NDArray[np.int64]) -> NDArray[np.float64]:
+def _rows_are_among(row_set: NDArray[np.int64], rows: NDArray[np.int64]) -> NDArray[np.float64]:
     """1 or 0 (k, 1): whether rows (k,) are among `row_set`."""
     return np.isin(rows, row_set)[:, None].astype(float)
 
 
-def _mean_of_coarse(
+def _mean_of_coarse_nodes_around(
     values: Callable[[NDArray[np.int64]], NDArray[np.float64]], plate: HybridPlate, place: NDArray[np.int64]
 ) -> NDArray[np.float64]:
     """Mean (k, j) of coarse nodes' `values` (k, j), by their rows, which the nodes at these places (k,) lie between.
@@ -67,10 +69,10 @@ def _mean_of_coarse(
     A node that is not there counts as one that moves likewise.
     """
     numbering, mean = plate.numbering, np.zeros(1)
-    y, x = np.divmod(place, numbering.stride)
+    y, x = np.divmod(place, numbering.fine_row_stride)
     odd_x, odd_y = (x - LEFT) % 2, (y - BELOW) % 2
     for sign_y in (-1, 1):
         for sign_x in (-1, 1):
-            neighbour = place + sign_y * odd_y * numbering.stride + sign_x * odd_x
+            neighbour = place + sign_y * odd_y * numbering.fine_row_stride + sign_x * odd_x
             mean = mean + values(plate.grid_rows_at(np.where(plate.has_node(neighbour), neighbour, place))) / 4
     return mean

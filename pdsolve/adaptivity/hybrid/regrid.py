@@ -6,10 +6,10 @@ import numpy as np
 from numba import njit
 
 from pdsolve.adaptivity.hybrid.clipped_bonds import replace_pieces_of_nodes, set_row_stiffness
-from pdsolve.adaptivity.hybrid.damping import remove_damping, set_damping
+from pdsolve.adaptivity.hybrid.damping import remove_damping_of_component, set_damping_of_node
 from pdsolve.adaptivity.hybrid.energy import strain_and_kinetic_energy
 from pdsolve.adaptivity.hybrid.far_cells import set_all_far_node_properties
-from pdsolve.adaptivity.hybrid.far_nodes import count_far_cells_around, list_far_nodes, list_rows_with_nodes
+from pdsolve.adaptivity.hybrid.far_nodes import count_far_cells_around, list_active_rows, list_far_rows_and_tied_nodes
 from pdsolve.adaptivity.hybrid.forces import interpolate_border_nodes
 from pdsolve.adaptivity.hybrid.lattice import (
     BORDER,
@@ -26,28 +26,28 @@ from pdsolve.adaptivity.hybrid.lattice import (
     fine_place,
     fine_row,
 )
-from pdsolve.adaptivity.hybrid.node_rows import value_at_node
+from pdsolve.adaptivity.hybrid.node_constants import value_at_node
 from pdsolve.adaptivity.hybrid.nodes import (
     coarse_carriers_of_border_node,
     coarse_cell_beside,
-    interpolate_coarse,
+    interpolate_coarse_at_fine_place,
     set_coarse_node_properties,
     set_fine_node_kind_and_mass,
 )
-from pdsolve.adaptivity.hybrid.swelling import offset_from_line, set_piece_swelling_offsets
+from pdsolve.adaptivity.hybrid.swelling import set_piece_swelling_offsets, swelling_offset_from_line
 from pdsolve.codegen.vector_code import ROW
 from pdsolve.operators.simd_lattice.kernel import INNER
 
 
 @njit(**INNER)
-def mark_and_list_cells_in_disc(numbering, cells, new_cells, count, ix, iy, radius):  # type: ignore[no-untyped-def]
+def refine_and_list_cells_in_disc(numbering, cells, new_cells, count, ix, iy, radius):  # type: ignore[no-untyped-def]
     """List the coarse cells within `radius` of a place (fine spacings); returns how many are listed then.
 
     They are marked as fine at once, so that none is listed twice; `refine_cells` takes them from the list.
     """
     for y in range(int(np.floor((iy - radius) / 2)), int(np.ceil((iy + radius) / 2))):
         for x in range(int(np.floor((ix - radius) / 2)), int(np.ceil((ix + radius) / 2))):
-            if not (0 <= x < numbering.nx // 2 and 0 <= y < numbering.ny // 2):
+            if not (0 <= x < numbering.fine_cells_x // 2 and 0 <= y < numbering.fine_cells_y // 2):
                 continue
             c = cell_place(numbering, x, y)
             if cells[c] != COARSE:
@@ -63,16 +63,16 @@ def mark_and_list_cells_in_disc(numbering, cells, new_cells, count, ix, iy, radi
 @njit(**INNER)
 def _mark_reach_of_new_cells(lattice, zone):  # type: ignore[no-untyped-def]
     """Mark all places within the family's reach of the new cells; returns their range of columns and rows."""
-    numbering, reach = lattice.numbering, lattice.reach + 2
-    x0, y0, x1, y1 = numbering.nx, numbering.ny, 0, 0
+    numbering, reach = lattice.numbering, lattice.family_reach + 2
+    x0, y0, x1, y1 = numbering.fine_cells_x, numbering.fine_cells_y, 0, 0
     for c in zone.new_cells[: zone.counts.new_cells]:
         x, y = 2 * cell_column(numbering, c), 2 * cell_row(numbering, c)
-        left_side, right = max(x - reach, 0), min(x + reach + 3, numbering.nx + 1)
-        low, high = max(y - reach, 0), min(y + reach + 3, numbering.ny + 1)
+        left_side, right = max(x - reach, 0), min(x + reach + 3, numbering.fine_cells_x + 1)
+        low, high = max(y - reach, 0), min(y + reach + 3, numbering.fine_cells_y + 1)
         x0, y0, x1, y1 = min(x0, left_side), min(y0, low), max(x1, right), max(y1, high)
         for iy in range(low, high):
             for p in range(fine_place(numbering, left_side, iy), fine_place(numbering, right, iy)):
-                zone.node_mark[p] = True
+                zone.is_node_marked[p] = True
     return x0, y0, x1, y1
 
 
@@ -86,13 +86,13 @@ def list_affected_nodes(lattice, zone):  # type: ignore[no-untyped-def]
     affected_fine, rows, last = 0, 0, -1
     for iy in range(y0, y1):
         for p in range(fine_place(numbering, x0, iy), fine_place(numbering, x1, iy)):
-            if zone.node_mark[p]:
-                zone.node_mark[p] = False
-                if value_at_node(lattice.node_rows, lattice.node_rows.mass, p) > 0:
-                    zone.affected_fine[affected_fine] = p
+            if zone.is_node_marked[p]:
+                zone.is_node_marked[p] = False
+                if value_at_node(lattice.node_constants, lattice.node_constants.mass, p) > 0:
+                    zone.affected_fine_nodes[affected_fine] = p
                     rows += p // ROW != last
                     affected_fine, last = affected_fine + 1, p // ROW
-    zone.counts.affected_fine = affected_fine
+    zone.counts.affected_fine_nodes = affected_fine
     _list_corner_nodes(numbering, zone, x0, y0, x1, y1)
     return rows
 
@@ -106,19 +106,21 @@ def _list_corner_nodes(numbering, zone, x0, y0, x1, y1):  # type: ignore[no-unty
     """
     begins, affected_coarse_count = zone.counts.cell_changes == 0, 0
     if begins:
-        x0, y0, x1, y1 = 0, 0, numbering.nx + 1, numbering.ny + 1
+        x0, y0, x1, y1 = 0, 0, numbering.fine_cells_x + 1, numbering.fine_cells_y + 1
     for c in zone.new_cells[: zone.counts.new_cells]:
         p = fine_place(numbering, 2 * cell_column(numbering, c), 2 * cell_row(numbering, c))
-        for corner in (p, p + 2, p + 2 * numbering.stride, p + 2 * numbering.stride + 2):
-            zone.node_mark[corner] = True
+        for corner in (p, p + 2, p + 2 * numbering.fine_row_stride, p + 2 * numbering.fine_row_stride + 2):
+            zone.is_node_marked[corner] = True
     for iy in range(y0 + y0 % 2, y1, 2):
         for ix in range(x0 + x0 % 2, x1, 2):
             p = fine_place(numbering, ix, iy)
-            if zone.node_mark[p] or (begins and count_far_cells_around(numbering, zone.cells, ix // 2, iy // 2) < 4):
-                zone.node_mark[p] = False
-                zone.affected_coarse[affected_coarse_count] = coarse_place(numbering, ix // 2, iy // 2)
+            if zone.is_node_marked[p] or (
+                begins and count_far_cells_around(numbering, zone.cell_kinds, ix // 2, iy // 2) < 4
+            ):
+                zone.is_node_marked[p] = False
+                zone.affected_coarse_nodes[affected_coarse_count] = coarse_place(numbering, ix // 2, iy // 2)
                 affected_coarse_count += 1
-    zone.counts.affected_coarse = affected_coarse_count
+    zone.counts.affected_coarse_nodes = affected_coarse_count
 
 
 @njit(**INNER)
@@ -129,27 +131,29 @@ def refine_cells(lattice, zone, buffer):  # type: ignore[no-untyped-def]
     """
     new, affected_fine, affected_coarse = (
         zone.new_cells[: zone.counts.new_cells],
-        zone.affected_fine[: zone.counts.affected_fine],
-        zone.affected_coarse,
+        zone.affected_fine_nodes[: zone.counts.affected_fine_nodes],
+        zone.affected_coarse_nodes,
     )
-    affected_coarse = affected_coarse[: zone.counts.affected_coarse]
-    interpolate_border_nodes(zone.fine.u[buffer], zone.coarse.u[buffer], zone.border, zone.counts.border_nodes)
+    affected_coarse = affected_coarse[: zone.counts.affected_coarse_nodes]
+    interpolate_border_nodes(zone.fine.u[buffer], zone.coarse.u[buffer], zone.border_nodes, zone.counts.border_nodes)
     for p in affected_fine:
-        zone.node_mark[p] = True
+        zone.is_node_marked[p] = True
     for c in new:
-        zone.cells[c] = COARSE
+        zone.cell_kinds[c] = COARSE
     before = strain_and_kinetic_energy(lattice, zone, buffer, affected_fine, affected_coarse)
-    _interpolate_new_nodes(lattice, zone, new, affected_fine, buffer)
+    _interpolate_new_nodes_and_refine_cells(lattice, zone, new, affected_fine, buffer)
     set_affected_node_properties(lattice, zone, affected_fine, affected_coarse, buffer)
     if zone.counts.cell_changes == 0:
         set_all_far_node_properties(lattice, zone)
     replace_pieces_of_nodes(lattice, zone, affected_fine)
     set_piece_swelling_offsets(lattice, zone)
     for p in affected_fine:
-        zone.node_mark[p] = True
-    zone.totals.refinement += strain_and_kinetic_energy(lattice, zone, buffer, affected_fine, affected_coarse) - before
+        zone.is_node_marked[p] = True
+    zone.totals.refinement_energy += (
+        strain_and_kinetic_energy(lattice, zone, buffer, affected_fine, affected_coarse) - before
+    )
     for p in affected_fine:
-        zone.node_mark[p] = False
+        zone.is_node_marked[p] = False
     rebuild_lists_of_rows_and_loads(lattice, zone)
 
 
@@ -159,17 +163,21 @@ def set_affected_node_properties(lattice, zone, affected_fine, affected_coarse, 
     fine, coarse, last = zone.fine, zone.coarse, -1
     for p in affected_fine:
         set_fine_node_kind_and_mass(
-            lattice.numbering, value_at_node(lattice.node_rows, lattice.node_rows.mass, p), zone.cells, fine, p
+            lattice.numbering,
+            value_at_node(lattice.node_constants, lattice.node_constants.mass, p),
+            zone.cell_kinds,
+            fine,
+            p,
         )
-        set_damping(lattice, fine, p, p)
+        set_damping_of_node(lattice, fine, p, p)
     for q in affected_coarse:
-        set_coarse_node_properties(lattice, zone.cells, fine, coarse, q)
+        set_coarse_node_properties(lattice, zone.cell_kinds, fine, coarse, q)
         x, y = coarse_column(lattice.numbering, q), coarse_row(lattice.numbering, q)
-        set_damping(lattice, coarse, q, fine_place(lattice.numbering, 2 * x, 2 * y))
+        set_damping_of_node(lattice, coarse, q, fine_place(lattice.numbering, 2 * x, 2 * y))
     for p in affected_fine:
-        if fine.kind[p] == BORDER:
-            a, b, w = coarse_carriers_of_border_node(lattice, coarse.kind, p)
-            off = offset_from_line(lattice, fine.half_shrinkage, a, b, w)
+        if fine.node_kinds[p] == BORDER:
+            a, b, w = coarse_carriers_of_border_node(lattice, coarse.node_kinds, p)
+            off = swelling_offset_from_line(lattice, fine.half_shrinkage, a, b, w)
             for axis in range(2):
                 fine.u[buffer, axis, p] = (
                     (1 - w) * coarse.u[buffer, axis, a] + w * coarse.u[buffer, axis, b] + off[axis]
@@ -182,47 +190,51 @@ def set_affected_node_properties(lattice, zone, affected_fine, affected_coarse, 
 
 
 @njit(**INNER)
-def _interpolate_new_nodes(lattice, zone, new_cells, affected_fine, buffer):  # type: ignore[no-untyped-def]
+def _interpolate_new_nodes_and_refine_cells(lattice, zone, new_cells, affected_fine, buffer):  # type: ignore[no-untyped-def]
     """Give nodes that become free the motion of the coarse ones around them, then make the new cells fine."""
     numbering, fine, coarse, two = lattice.numbering, zone.fine, zone.coarse, zone.lane_sums[0, :2]
     for p in affected_fine:
-        if fine.kind[p] == FREE:
+        if fine.node_kinds[p] == FREE:
             continue
         ix, iy = fine_column(numbering, p), fine_row(numbering, p)
-        x, y = coarse_cell_beside(numbering, zone.cells, ix, iy)
+        x, y = coarse_cell_beside(numbering, zone.cell_kinds, ix, iy)
         if x < 0:
             continue
-        interpolate_coarse(lattice, coarse.kind, coarse.u[buffer], ix, iy, x, y, two)
+        interpolate_coarse_at_fine_place(lattice, coarse.node_kinds, coarse.u[buffer], ix, iy, x, y, two)
         off = 0.0, 0.0
-        if ix % 2 != iy % 2 and not lattice.cut_cells[cell_place(numbering, x, y)]:
+        if ix % 2 != iy % 2 and not lattice.is_cell_cut[cell_place(numbering, x, y)]:
             q = coarse_place(numbering, ix // 2, iy // 2)
-            off = offset_from_line(lattice, fine.half_shrinkage, q, q + (1 if ix % 2 else numbering.coarse_stride), 0.5)
+            off = swelling_offset_from_line(
+                lattice, fine.half_shrinkage, q, q + (1 if ix % 2 else numbering.coarse_row_stride), 0.5
+            )
         fine.u[buffer, 0, p], fine.u[buffer, 1, p] = two[0] + off[0], two[1] + off[1]
-        interpolate_coarse(lattice, coarse.kind, coarse.v, ix, iy, x, y, two)
+        interpolate_coarse_at_fine_place(lattice, coarse.node_kinds, coarse.v, ix, iy, x, y, two)
         fine.v[0, p], fine.v[1, p] = two[0], two[1]
     for c in new_cells:
-        zone.cells[c] = FINE
+        zone.cell_kinds[c] = FINE
 
 
 @njit(**INNER)
-def _list_fine_rows(lattice, zone):  # type: ignore[no-untyped-def]
+def _list_fine_rows_and_border_nodes(lattice, zone):  # type: ignore[no-untyped-def]
     """List rows with fine nodes, and border nodes."""
     fine, coarse, rows, borders = zone.fine, zone.coarse, 0, 0
-    for row in range(len(fine.stiffness_index)):
-        if fine.stiffness_index[row] == -1:
+    for row in range(len(fine.stiffness_index_of_row)):
+        if fine.stiffness_index_of_row[row] == -1:
             continue
-        fine.rows[rows] = row
+        fine.active_rows[rows] = row
         rows += 1
         for p in range(row * ROW, row * ROW + ROW):
-            if fine.kind[p] != BORDER:
+            if fine.node_kinds[p] != BORDER:
                 continue
-            a, b, w = coarse_carriers_of_border_node(lattice, coarse.kind, p)
-            zone.border.node[borders], zone.border.w[borders] = p, w
-            zone.border.carriers[borders, 0], zone.border.carriers[borders, 1] = a, b
-            zone.border.swelling_offset[borders] = offset_from_line(lattice, fine.half_shrinkage, a, b, w)
+            a, b, w = coarse_carriers_of_border_node(lattice, coarse.node_kinds, p)
+            zone.border_nodes.border_node[borders], zone.border_nodes.second_carrier_weight[borders] = p, w
+            zone.border_nodes.carrier_nodes[borders, 0], zone.border_nodes.carrier_nodes[borders, 1] = a, b
+            zone.border_nodes.swelling_offset[borders] = swelling_offset_from_line(
+                lattice, fine.half_shrinkage, a, b, w
+            )
             fine.has_extra_forces[row] = coarse.has_extra_forces[a // ROW] = coarse.has_extra_forces[b // ROW] = True
             borders += 1
-    zone.counts.fine_rows, zone.counts.border_nodes = rows, borders
+    zone.counts.active_fine_rows, zone.counts.border_nodes = rows, borders
 
 
 @njit(**INNER)
@@ -234,18 +246,18 @@ def rebuild_lists_of_rows_and_loads(lattice, zone):  # type: ignore[no-untyped-d
     zone.counts.new_cells = 0
     fine.has_extra_forces[:] = False
     coarse.has_extra_forces[:] = False
-    zone.counts.coarse_rows = list_rows_with_nodes(coarse)
-    list_far_nodes(lattice, zone, zone.counts.coarse_rows)
-    _list_fine_rows(lattice, zone)
-    for n in range(zone.counts.pieces):
+    zone.counts.active_coarse_rows = list_active_rows(coarse)
+    list_far_rows_and_tied_nodes(lattice, zone, zone.counts.active_coarse_rows)
+    _list_fine_rows_and_border_nodes(lattice, zone)
+    for n in range(zone.counts.clipped_pieces):
         for which in range(2):
-            a, b = zone.pieces.end_nodes[n, 2 * which], zone.pieces.end_nodes[n, 2 * which + 1]
+            a, b = zone.clipped_pieces.end_nodes[n, 2 * which], zone.clipped_pieces.end_nodes[n, 2 * which + 1]
             if b < 0:
                 fine.has_extra_forces[a // ROW] = True
             else:
                 coarse.has_extra_forces[a // ROW] = coarse.has_extra_forces[b // ROW] = True
-    zone.counts.loads = _distribute_loads(lattice.numbering, zone.cells, fine, coarse, zone.loads)
-    zone.counts.holds = _list_prescribed_nodes(lattice.numbering, fine, coarse, zone.holds)
+    zone.counts.load_shares = _distribute_loads(lattice.numbering, zone.cell_kinds, fine, coarse, zone.loads)
+    zone.counts.held_components = _list_prescribed_nodes(lattice.numbering, fine, coarse, zone.holds)
 
 
 @njit(**INNER)
@@ -253,9 +265,9 @@ def _distribute_loads(numbering, cells, fine, coarse, loads):  # type: ignore[no
     """Distribute loads to moving nodes: those of idle and border nodes go to the coarse nodes around them."""
     count = 0
     for n in range(len(loads.entries)):
-        p = loads.entries[n].place
-        if fine.kind[p] == FREE:
-            loads.node_and_entry[count, 0], loads.node_and_entry[count, 1], loads.share[count] = p, n, 1.0
+        p = loads.entries[n].fine_place
+        if fine.node_kinds[p] == FREE:
+            loads.node_and_entry[count, 0], loads.node_and_entry[count, 1], loads.node_share[count] = p, n, 1.0
             fine.has_extra_forces[p // ROW] = True
             count += 1
             continue
@@ -267,7 +279,11 @@ def _distribute_loads(numbering, cells, fine, coarse, loads):  # type: ignore[no
                 w = (wx if dx else 1 - wx) * (wy if dy else 1 - wy)
                 if w > 0:
                     q = coarse_place(numbering, x + dx, y + dy)
-                    loads.node_and_entry[count, 0], loads.node_and_entry[count, 1], loads.share[count] = -1 - q, n, w
+                    loads.node_and_entry[count, 0], loads.node_and_entry[count, 1], loads.node_share[count] = (
+                        -1 - q,
+                        n,
+                        w,
+                    )
                     coarse.has_extra_forces[q // ROW] = True
                     count += 1
     return count
@@ -278,17 +294,17 @@ def _list_prescribed_nodes(numbering, fine, coarse, holds):  # type: ignore[no-u
     """List the moving nodes that are held."""
     count = 0
     for n in range(len(holds.entries)):
-        p = holds.entries[n].place
+        p = holds.entries[n].fine_place
         ix, iy = fine_column(numbering, p), fine_row(numbering, p)
-        if fine.kind[p] == FREE:
+        if fine.node_kinds[p] == FREE:
             holds.node_and_entry[count, 0], holds.node_and_entry[count, 1] = p, n
             fine.has_extra_forces[p // ROW] = True
-            remove_damping(fine, p, holds.entries[n].axis)
+            remove_damping_of_component(fine, p, holds.entries[n].axis)
             count += 1
-        elif ix % 2 == 0 and iy % 2 == 0 and coarse.kind[coarse_place(numbering, ix // 2, iy // 2)] == FREE:
+        elif ix % 2 == 0 and iy % 2 == 0 and coarse.node_kinds[coarse_place(numbering, ix // 2, iy // 2)] == FREE:
             q = coarse_place(numbering, ix // 2, iy // 2)
             holds.node_and_entry[count, 0], holds.node_and_entry[count, 1] = -1 - q, n
             coarse.has_extra_forces[q // ROW] = True
-            remove_damping(coarse, q, holds.entries[n].axis)
+            remove_damping_of_component(coarse, q, holds.entries[n].axis)
             count += 1
     return count

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from pdmesh.model.lattice_calibration import calibration, has_partial_cells, hu_beta, offsets
 from pdmesh.model.material import Material
 from pdmesh.model.material_constants import critical_stretch, micromodulus
-from pdsolve.adaptivity.hybrid.bond_division import divide_family, place_in_cell
+from pdsolve.adaptivity.hybrid.bond_division import divide_family, node_position_in_cell
 from pdsolve.laws import limits
 from pdsolve.laws.bond_limits import Sizes
 
@@ -30,25 +30,25 @@ NOTHING = 1e-12  # of the largest modulus: bonds with less are none
 class Springs(NamedTuple):
     """The k springs of a node of a full lattice; the second half are the opposites of the first, in order."""
 
-    dx: NDArray[np.int64]  # (k,) spacings to the neighbour
-    dy: NDArray[np.int64]
-    table: NDArray[np.float64]  # (k, 8) xi, 2 xi / |xi|^2, 1 / |xi|^2, k (N/m^2)
-    peak: float  # stretch beyond which a bond softens; where it is the limit, it is brittle
-    limit: float  # stretch at which a bond breaks
+    family_dx: NDArray[np.int64]  # (k,) spacings to the neighbour
+    family_dy: NDArray[np.int64]
+    spring_table: NDArray[np.float64]  # (k, 8) xi, 2 xi / |xi|^2, 1 / |xi|^2, k (N/m^2)
+    peak_stretch: float  # stretch beyond which a bond softens; where it is the limit, it is brittle
+    limit_stretch: float  # stretch at which a bond breaks
     c11: float  # N/m^2
     c66: float
 
 
-def fine_springs(material: Material, ratio: float, h: float) -> Springs:
+def create_fine_springs(material: Material, ratio: float, h: float) -> Springs:
     """Springs of the fine lattice of spacing `h`, m: calibrated bonds with a `ratio` of horizon to spacing."""
-    return springs_of_materials((material,), ratio, h)[0]
+    return create_springs_of_materials((material,), ratio, h)[0]
 
 
-def springs_of_materials(materials: tuple[Material, ...], ratio: float, h: float) -> tuple[Springs, ...]:
+def create_springs_of_materials(materials: tuple[Material, ...], ratio: float, h: float) -> tuple[Springs, ...]:
     """Springs of each material, all of one family: 0 where a material has none but another has some."""
     farther = any(has_partial_cells(material) for material in materials)
     xi = offsets(ratio + 0.5 if farther else ratio)
-    moduli = [_bond_moduli(material, ratio, np.hypot(*xi.T)) for material in materials]
+    moduli = [_calibrated_bond_moduli(material, ratio, np.hypot(*xi.T)) for material in materials]
     in_family = np.logical_or.reduce([c > 0 for c in moduli]) & ((xi[:, 1] > 0) | ((xi[:, 1] == 0) & (xi[:, 0] > 0)))
     xi = np.concatenate([xi[in_family], -xi[in_family]])
     return tuple(
@@ -57,7 +57,7 @@ def springs_of_materials(materials: tuple[Material, ...], ratio: float, h: float
     )
 
 
-def _bond_moduli(material: Material, ratio: float, length: NDArray[np.float64]) -> NDArray[np.float64]:
+def _calibrated_bond_moduli(material: Material, ratio: float, length: NDArray[np.float64]) -> NDArray[np.float64]:
     """Calibrated modulus (k,) of bonds of these lengths, in a lattice of spacing 1."""
     reach, partial = np.full(len(length), float(ratio)), has_partial_cells(material)
     counted = hu_beta(length, reach, np.ones(len(length))) if partial else 1.0
@@ -86,7 +86,7 @@ def coarse_springs(fine: Springs, h: float) -> Springs:
     dx, dy = np.array(COARSE_OFFSETS, dtype=np.int64).T
     stiffness = np.where(dx * dy == 0, fine.c11 - fine.c66, fine.c66)
     table = _spring_table(2 * h * np.column_stack([dx, dy]).astype(float), stiffness)
-    return fine._replace(dx=dx, dy=dy, table=table)
+    return fine._replace(family_dx=dx, family_dy=dy, spring_table=table)
 
 
 def _spring_table(xi: NDArray[np.float64], stiffness: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -96,7 +96,7 @@ def _spring_table(xi: NDArray[np.float64], stiffness: NDArray[np.float64]) -> ND
     return table
 
 
-def e_from_stretch(stretch: Any) -> Any:
+def quadratic_strain_from_stretch(stretch: Any) -> Any:
     """e = s (s + 2) of a stretch s."""
     return stretch * (stretch + 2)
 
@@ -108,33 +108,33 @@ class BondParts(NamedTuple):
     cells belongs half to either side; those on the other side end at first[f, k, 2].
     """
 
-    first_part: NDArray[np.int64]  # (4, k, 3)
-    length_shares: NDArray[np.float64]  # (s, 2) shares of the bond where it begins and ends
-    cell: NDArray[np.int64]  # (s, 2) the cell it is in, from the node's own
-    edge_ends: NDArray[
+    first_part_index: NDArray[np.int64]  # (4, k, 3)
+    begin_and_end_shares: NDArray[np.float64]  # (s, 2) shares of the bond where it begins and ends
+    cell_offset: NDArray[np.int64]  # (s, 2) the cell it is in, from the node's own
+    part_end_edges: NDArray[
         np.int64
     ]  # (s, 2, 3) where it begins and ends: coarse node, from the cell's corner, and direction
-    edge_shares: NDArray[np.float64]  # (s, 2) how far along that edge
+    part_end_edge_positions: NDArray[np.float64]  # (s, 2) how far along that edge
     side_cell_bits: NDArray[np.uint64]  # (4, k, 2) the cells of a bond on each side: bits of the window
 
 
 def divide_bonds(springs: Springs) -> BondParts:
     """The points at which the bonds of a family cross cells, by the parity of their node."""
-    first, parts = divide_family(np.column_stack([springs.dx, springs.dy]))
-    sides = np.zeros((4, len(springs.dx), 2), dtype=np.uint64)
+    first, parts = divide_family(np.column_stack([springs.family_dx, springs.family_dy]))
+    sides = np.zeros((4, len(springs.family_dx), 2), dtype=np.uint64)
     ends: list[list[tuple[int, int, int, float]]] = []
     for f in range(4):
-        px, py = place_in_cell(f, 2)
-        for k, (dx, dy) in enumerate(zip(springs.dx.tolist(), springs.dy.tolist(), strict=True)):
+        px, py = node_position_in_cell(f, 2)
+        for k, (dx, dy) in enumerate(zip(springs.family_dx.tolist(), springs.family_dy.tolist(), strict=True)):
             for part in parts[first[f, k, 0] : first[f, k, 2]]:
                 ends.append([_part_end_on_edge(px + t * dx, py + t * dy, t) for t in part[:2]])
             for side in range(2):
-                cells = {part.cell for part in parts[first[f, k, side] : first[f, k, side + 1]]}
+                cells = {part.cell_offset for part in parts[first[f, k, side] : first[f, k, side + 1]]}
                 sides[f, k, side] = sum(1 << WINDOW * (y + WINDOW // 2) + x + WINDOW // 2 for x, y in cells)
     return BondParts(
         first,
         np.array([part[:2] for part in parts]),
-        np.array([part.cell for part in parts], dtype=np.int64),
+        np.array([part.cell_offset for part in parts], dtype=np.int64),
         np.array([[end[:3] for end in part_ends] for part_ends in ends], dtype=np.int64),
         np.array([[end[3] for end in part_ends] for part_ends in ends]),
         sides,

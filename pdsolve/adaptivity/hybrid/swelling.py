@@ -18,7 +18,7 @@ from numba.extending import overload
 from pdsolve.adaptivity.hybrid.energy import piece_energy, store_half_spring_energies
 from pdsolve.adaptivity.hybrid.forces import interpolate_border_nodes
 from pdsolve.adaptivity.hybrid.lattice import FREE, coarse_column, coarse_place, coarse_row, fine_place
-from pdsolve.adaptivity.hybrid.node_rows import value_at_node
+from pdsolve.adaptivity.hybrid.node_constants import value_at_node
 from pdsolve.codegen.jit_cache import cached_njit
 from pdsolve.codegen.vector_code import ROW
 from pdsolve.operators.simd_lattice.kernel import INNER
@@ -29,38 +29,38 @@ def set_piece_swelling_offsets(lattice: Any, zone: Any) -> None:
 
 
 @overload(set_piece_swelling_offsets, jit_options=INNER)
-def _set_piece_swelling_offsets(lattice, zone):  # type: ignore[no-untyped-def]
+def _overload_set_piece_swelling_offsets(lattice, zone):  # type: ignore[no-untyped-def]
     fine = zone.types[zone.fields.index("fine")]
     if isinstance(fine.types[fine.fields.index("half_shrinkage")], types.NoneType):
         return lambda lattice, zone: None
 
     def offset_pieces(lattice, zone):  # type: ignore[no-untyped-def]
-        fine, coarse, pieces = zone.fine.half_shrinkage, zone.coarse.half_shrinkage, zone.pieces
-        for n in range(zone.counts.pieces):
+        fine, coarse, pieces = zone.fine.half_shrinkage, zone.coarse.half_shrinkage, zone.clipped_pieces
+        for n in range(zone.counts.clipped_pieces):
             both = _half_shrinkage_at_end(fine, coarse, pieces, n, 0) + _half_shrinkage_at_end(
                 fine, coarse, pieces, n, 1
             )
-            x0, y0 = offset_from_line(
-                lattice, fine, pieces.end_nodes[n, 0], pieces.end_nodes[n, 1], pieces.constants[n, 0]
+            x0, y0 = swelling_offset_from_line(
+                lattice, fine, pieces.end_nodes[n, 0], pieces.end_nodes[n, 1], pieces.spring_constants[n, 0]
             )
-            x1, y1 = offset_from_line(
-                lattice, fine, pieces.end_nodes[n, 2], pieces.end_nodes[n, 3], pieces.constants[n, 1]
+            x1, y1 = swelling_offset_from_line(
+                lattice, fine, pieces.end_nodes[n, 2], pieces.end_nodes[n, 3], pieces.spring_constants[n, 1]
             )
-            pieces.swelling_offset[n, 0] = both * pieces.constants[n, 2] + x1 - x0
-            pieces.swelling_offset[n, 1] = both * pieces.constants[n, 3] + y1 - y0
+            pieces.swelling_offset[n, 0] = both * pieces.spring_constants[n, 2] + x1 - x0
+            pieces.swelling_offset[n, 1] = both * pieces.spring_constants[n, 3] + y1 - y0
 
     return offset_pieces
 
 
-def offset_from_line(lattice: Any, half_shrinkage: Any, first_node: Any, second_node: Any, w: Any) -> Any:
+def swelling_offset_from_line(lattice: Any, half_shrinkage: Any, first_node: Any, second_node: Any, w: Any) -> Any:
     """How far a place at share w from coarse `first_node` to `second_node` is off their line, (x, y) in m.
 
     `half_shrinkage` (n,) is that of fine nodes. A `second_node` below 0 is none.
     """
 
 
-@overload(offset_from_line, jit_options=INNER)
-def _offset_from_line(lattice, half_shrinkage, first_node, second_node, w):  # type: ignore[no-untyped-def]
+@overload(swelling_offset_from_line, jit_options=INNER)
+def _overload_swelling_offset_from_line(lattice, half_shrinkage, first_node, second_node, w):  # type: ignore[no-untyped-def]
     if isinstance(half_shrinkage, types.NoneType):
         return lambda lattice, half_shrinkage, first_node, second_node, w: (0.0, 0.0)
 
@@ -69,26 +69,26 @@ def _offset_from_line(lattice, half_shrinkage, first_node, second_node, w):  # t
             return 0.0, 0.0
         numbering, q = lattice.numbering, min(first_node, second_node)
         level = abs(second_node - first_node) == 1
-        along, across = (1, numbering.stride) if level else (numbering.stride, 1)
+        along, across = (1, numbering.fine_row_stride) if level else (numbering.fine_row_stride, 1)
         p = fine_place(numbering, 2 * coarse_column(numbering, q), 2 * coarse_row(numbering, q))
-        scale = -4 * lattice.h * w * (w - 1)
+        scale = -4 * lattice.spacing * w * (w - 1)
         on = scale * (half_shrinkage[p + 2 * along] - half_shrinkage[p]) / 2
-        aside = -scale * _limited_difference(half_shrinkage, lattice.node_rows, p + along, across)
+        aside = -scale * _minmod_difference(half_shrinkage, lattice.node_constants, p + along, across)
         return (on, aside) if level else (aside, on)
 
     return offset_on_bent_line
 
 
 @njit(**INNER)
-def _limited_difference(values, nodes, p, step):  # type: ignore[no-untyped-def]
+def _minmod_difference(values, node_constants, p, step):  # type: ignore[no-untyped-def]
     """Difference of values from a place to the next: the smaller of both sides, 0 if they differ in sign.
 
     So it is that of linear values, and no leap at a crack is one.
     """
     up, down = values[p + step] - values[p], values[p] - values[p - step]
     has_next, has_previous = (
-        value_at_node(nodes, nodes.mass, p + step) > 0,
-        value_at_node(nodes, nodes.mass, p - step) > 0,
+        value_at_node(node_constants, node_constants.mass, p + step) > 0,
+        value_at_node(node_constants, node_constants.mass, p - step) > 0,
     )
     if not (has_next and has_previous):
         return (up if has_next else 0.0) + (down if has_previous else 0.0)
@@ -103,47 +103,54 @@ def _half_shrinkage_at_end(fine, coarse, pieces, n, side):  # type: ignore[no-un
     a, b = pieces.end_nodes[n, 2 * side], pieces.end_nodes[n, 2 * side + 1]
     if b < 0:
         return fine[a]
-    w = pieces.constants[n, side]
+    w = pieces.spring_constants[n, side]
     return (1 - w) * coarse[a] + w * coarse[b]
 
 
 @cached_njit(error_model="numpy")
-def set_swelling_offsets(lattice, zone, buffer):  # type: ignore[no-untyped-def]
+def set_all_swelling_offsets(lattice, zone, buffer):  # type: ignore[no-untyped-def]
     """See `set_piece_swelling_offsets`; border nodes too."""
     set_piece_swelling_offsets(lattice, zone)
-    border, count = zone.border, zone.counts.border_nodes
+    border, count = zone.border_nodes, zone.counts.border_nodes
     for n in range(count):
-        border.swelling_offset[n] = offset_from_line(
-            lattice, zone.fine.half_shrinkage, border.carriers[n, 0], border.carriers[n, 1], border.w[n]
+        border.swelling_offset[n] = swelling_offset_from_line(
+            lattice,
+            zone.fine.half_shrinkage,
+            border.carrier_nodes[n, 0],
+            border.carrier_nodes[n, 1],
+            border.second_carrier_weight[n],
         )
     interpolate_border_nodes(zone.fine.u[buffer], zone.coarse.u[buffer], border, count)
 
 
 @cached_njit(error_model="numpy")
-def average_to_coarse(lattice, fine_values, coarse_values):  # type: ignore[no-untyped-def]
+def average_fine_values_to_coarse(lattice, fine_values, coarse_values):  # type: ignore[no-untyped-def]
     """Set values of coarse nodes to the mean of fine ones (n,) around them: 1/4, 1/2, 1/4 along each axis.
 
     What a cell holds is so that of its fine nodes. Along an axis on which there is no node on one side, the middle one
     alone counts, so that linear values stay exact.
     """
-    numbering, nodes = lattice.numbering, lattice.node_rows
-    for y in range(numbering.ny // 2 + 1):
-        for x in range(numbering.nx // 2 + 1):
+    numbering, nodes = lattice.numbering, lattice.node_constants
+    for y in range(numbering.fine_cells_y // 2 + 1):
+        for x in range(numbering.fine_cells_x // 2 + 1):
             p = fine_place(numbering, 2 * x, 2 * y)
             mean = _weighted_mean_along_line(fine_values, nodes, p, 1)
             if (
-                value_at_node(nodes, nodes.mass, p + numbering.stride) > 0
-                and value_at_node(nodes, nodes.mass, p - numbering.stride) > 0
+                value_at_node(nodes, nodes.mass, p + numbering.fine_row_stride) > 0
+                and value_at_node(nodes, nodes.mass, p - numbering.fine_row_stride) > 0
             ):
-                mean = mean / 2 + _weighted_mean_along_line(fine_values, nodes, p + numbering.stride, 1) / 4
-                mean += _weighted_mean_along_line(fine_values, nodes, p - numbering.stride, 1) / 4
+                mean = mean / 2 + _weighted_mean_along_line(fine_values, nodes, p + numbering.fine_row_stride, 1) / 4
+                mean += _weighted_mean_along_line(fine_values, nodes, p - numbering.fine_row_stride, 1) / 4
             coarse_values[coarse_place(numbering, x, y)] = mean
 
 
 @njit(**INNER)
-def _weighted_mean_along_line(values, nodes, p, step):  # type: ignore[no-untyped-def]
+def _weighted_mean_along_line(values, node_constants, p, step):  # type: ignore[no-untyped-def]
     """Mean of a value and the next ones on a line, if there are both."""
-    if value_at_node(nodes, nodes.mass, p + step) == 0 or value_at_node(nodes, nodes.mass, p - step) == 0:
+    if (
+        value_at_node(node_constants, node_constants.mass, p + step) == 0
+        or value_at_node(node_constants, node_constants.mass, p - step) == 0
+    ):
         return values[p]
     return values[p] / 2 + (values[p - step] + values[p + step]) / 4
 
@@ -152,16 +159,16 @@ def _weighted_mean_along_line(values, nodes, p, step):  # type: ignore[no-untype
 def total_strain_energy(lattice, zone, buffer):  # type: ignore[no-untyped-def]
     """Strain energy of all springs and pieces, J/m."""
     fine, coarse, energy, s = zone.fine, zone.coarse, 0.0, zone.lane_sums[0]
-    for row in fine.rows[: zone.counts.fine_rows]:
-        store_half_spring_energies(fine, lattice.spring_table, lattice.offsets, False, row, fine.u[buffer], s)
+    for row in fine.active_rows[: zone.counts.active_fine_rows]:
+        store_half_spring_energies(fine, lattice.spring_table, lattice.neighbour_offsets, False, row, fine.u[buffer], s)
         for lane in range(ROW):
             energy += s[lane]
-    for row in coarse.rows[: zone.counts.coarse_rows]:
+    for row in coarse.active_rows[: zone.counts.active_coarse_rows]:
         store_half_spring_energies(
-            coarse, lattice.coarse_spring_table, lattice.coarse_offsets, True, row, coarse.u[buffer], s
+            coarse, lattice.coarse_spring_table, lattice.coarse_neighbour_offsets, True, row, coarse.u[buffer], s
         )
         for lane in range(ROW):
-            energy += s[lane] if coarse.kind[row * ROW + lane] == FREE else 0.0
-    for n in range(zone.counts.pieces):
-        energy += piece_energy(zone.pieces, fine.u[buffer], coarse.u[buffer], n)
+            energy += s[lane] if coarse.node_kinds[row * ROW + lane] == FREE else 0.0
+    for n in range(zone.counts.clipped_pieces):
+        energy += piece_energy(zone.clipped_pieces, fine.u[buffer], coarse.u[buffer], n)
     return energy

@@ -45,26 +45,26 @@ def create_point_weights(
     """
     zone, nodes, numbering = hybrid.zone, int(row_at_place.max()) + 1, hybrid.plate.numbering
     row_of_coarse, row_of_far = (
-        np.full(places, -1, dtype=np.int64) for places in (numbering.coarse_places, numbering.far_places)
+        np.full(places, -1, dtype=np.int64) for places in (numbering.coarse_place_count, numbering.far_place_count)
     )
     on, far_on = hybrid.fine_places_of_coarse(coarse), hybrid.fine_places_of_far(far)
     row_of_coarse[coarse], row_of_far[far] = row_at_place[on], row_at_place[far_on]
     independent, of_node = np.ones(nodes), csr_array((nodes, nodes))
     for border, entry_count, rows, ends in (
-        (zone.border, zone.counts.border_nodes, row_at_place, row_of_coarse),
-        (zone.tied, zone.counts.tied_nodes, row_of_coarse, row_of_far),
+        (zone.border_nodes, zone.counts.border_nodes, row_at_place, row_of_coarse),
+        (zone.tied_coarse_nodes, zone.counts.tied_nodes, row_of_coarse, row_of_far),
     ):
-        tied = rows[border.node[:entry_count]].astype(np.int64)
+        tied = rows[border.border_node[:entry_count]].astype(np.int64)
         of_node = of_node + _interpolation_weights(
-            tied, ends[border.carriers[:entry_count]], border.w[:entry_count], nodes
+            tied, ends[border.carrier_nodes[:entry_count]], border.second_carrier_weight[:entry_count], nodes
         )
         independent[tied] = 0.0
     of_node = (of_node + diags_array(independent)).tocsr()
 
-    pieces, entry_count = zone.pieces, int(zone.counts.pieces)
-    of_fine, of_coarse = np.full(numbering.places, -1), np.full(numbering.coarse_places, -1)
+    pieces, entry_count = zone.clipped_pieces, int(zone.counts.clipped_pieces)
+    of_fine, of_coarse = np.full(numbering.fine_place_count, -1), np.full(numbering.coarse_place_count, -1)
     of_fine[fine], of_coarse[coarse] = np.arange(len(fine)), len(fine) + np.arange(len(coarse))
-    of_far = np.full(numbering.far_places, -1)
+    of_far = np.full(numbering.far_place_count, -1)
     of_far[far] = len(fine) + len(coarse) + np.arange(len(far))
     node_rows = np.concatenate([row_at_place[fine], row_at_place[on], row_at_place[far_on]]).astype(np.int64)
     node_points = csr_array((np.ones(len(node_rows)), (np.arange(len(node_rows)), node_rows)), (len(node_rows), nodes))
@@ -75,7 +75,7 @@ def create_point_weights(
         ends = np.column_stack([np.where(on_fine, 0, a), np.maximum(b, 0)])
         rows = row_of_coarse[ends]
         rows[on_fine] = row_at_place[a[on_fine], None]
-        w = np.where(on_fine, 0.0, pieces.constants[:entry_count, side])
+        w = np.where(on_fine, 0.0, pieces.spring_constants[:entry_count, side])
         point_blocks.append(_interpolation_weights(np.arange(entry_count), rows, w, nodes, entry_count))
     of_end = len(node_rows) + np.arange(2 * entry_count).reshape(2, entry_count)
     return PointWeights(of_node, (vstack(point_blocks) @ of_node).tocsr(), of_fine, of_coarse, of_far, of_end)
@@ -114,20 +114,23 @@ def _force_tangent(hybrid: HybridEngine, points: PointWeights, value: NDArray[np
     fine = np.flatnonzero(points.point_at_fine_place >= 0)
     node, k, stiffness = _list_springs(zone.fine, fine, lattice.spring_table)
     xi = lattice.spring_table[k, :2]
-    source, target = points.point_at_fine_place[fine[node]], points.point_at_fine_place[fine[node] + lattice.offsets[k]]
+    source, target = (
+        points.point_at_fine_place[fine[node]],
+        points.point_at_fine_place[fine[node] + lattice.neighbour_offsets[k]],
+    )
     matrix = of_springs(source, target, xi, stiffness * np.sqrt((xi**2).sum(axis=1)), u)
 
     for nodes, number, table, ways in (
-        (zone.coarse, points.point_at_coarse_place, lattice.coarse_spring_table, lattice.coarse_offsets),
-        (zone.far, points.point_at_far_place, lattice.far_spring_table, lattice.far_offsets),
+        (zone.coarse, points.point_at_coarse_place, lattice.coarse_spring_table, lattice.coarse_neighbour_offsets),
+        (zone.far, points.point_at_far_place, lattice.far_spring_table, lattice.far_neighbour_offsets),
     ):
         places = np.flatnonzero(number >= 0)
         node, k, stiffness = _list_springs(nodes, places, table)
         source, target = number[places[node]], number[places[node] + ways[k]]
         matrix += of_green_springs(source, target, table[k, :2], stiffness, u)
 
-    piece_count, (first, second) = int(zone.counts.pieces), points.piece_end_points
-    piece = zone.pieces.constants[:piece_count]
+    piece_count, (first, second) = int(zone.counts.clipped_pieces), points.piece_end_points
+    piece = zone.clipped_pieces.spring_constants[:piece_count]
     for near, far, sign in ((first, second, 1.0), (second, first, -1.0)):
         matrix += of_green_springs(near, far, sign * piece[:, XI], piece[:, STIFFNESS], u)
     point_matrix = kron(points.point_weights, eye_array(2)).tocsr()
@@ -138,7 +141,7 @@ def _list_springs(
     nodes: LatticeNodes, places: NDArray[np.int64], table: NDArray[np.float64]
 ) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.float64]]:
     """Springs of the nodes of a lattice: index of each one's place, index in the `table`, and stiffness, N/m^2."""
-    entry = nodes.stiffness_index[places // ROW].astype(np.int64)
+    entry = nodes.stiffness_index_of_row[places // ROW].astype(np.int64)
     stiffness = np.where(entry[:, None] < 0, table[:, 5], nodes.row_stiffness[np.maximum(entry, 0), :, places % ROW])
     node, k = np.nonzero(stiffness)
     return node, k, stiffness[node, k]

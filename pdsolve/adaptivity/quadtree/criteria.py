@@ -27,7 +27,7 @@ class LeafStates(NamedTuple):
     """State of n leaves at a check."""
 
     cells: Cells
-    place: NDArray[np.float64]  # (n, 2) m
+    position: NDArray[np.float64]  # (n, 2) m
     horizon: NDArray[np.float64]  # (n,) m
     criterion_value: NDArray[np.float64]  # (n,) over what everything is measured by; flagged above the threshold
     has_broken_bond: NDArray[np.bool_]  # (n,) whether a bond has broken
@@ -45,42 +45,42 @@ def critical_energy_densities(tree: Tree) -> NDArray[np.float64]:
     return critical
 
 
-def energy_shares(
+def relative_energy_densities(
     tree: Tree, cells: Cells, energy: NDArray[np.float64], critical: NDArray[np.float64]
 ) -> NDArray[np.float64]:
     """Energy densities `energy` (n,), J/m^3, over the largest of nodes without conditions; 0 below the floor.
 
     The largest is capped at the ceiling: otherwise one crushed node would hide the tip of a crack.
     """
-    wanted, free = tree.model.settings.run.split, ~tree.pinned[cells.root]
-    cell_critical = critical[cells.root] * 2.0**cells.level
+    wanted, free = tree.model.settings.run.split, ~tree.pinned[cells.root_row]
+    cell_critical = critical[cells.root_row] * 2.0**cells.level
     largest = np.minimum(float(energy[free].max(initial=0.0)), wanted.ceiling * cell_critical)
     counts = free & (energy > wanted.floor * cell_critical) & (energy > 0)
     return np.where(counts, energy / np.where(counts, largest, 1.0), 0.0)
 
 
-def relative_stretches(
+def largest_relative_stretches(
     tree: Tree, cells: Cells, bonds: Bonds, broken: NDArray[np.int32], u: NDArray[np.float64]
 ) -> NDArray[np.float64]:
     """Stretch (n,) of each node's most stretched intact bond over the critical one; `u` (n, 2) are displacements, m.
 
     Unbreakable bonds count as unstretched.
     """
-    source = np.repeat(np.arange(len(cells.root)), np.diff(bonds.start))
+    source = np.repeat(np.arange(len(cells.root_row)), np.diff(bonds.start))
     y = bonds.xi + u[bonds.neighbour] - u[source]
     stretch = np.hypot(*y.T) / np.hypot(*bonds.xi.T) - 1
-    largest = np.zeros(len(cells.root))
+    largest = np.zeros(len(cells.root_row))
     np.maximum.at(largest, source, np.where(broken == 0, stretch / bonds.limit, 0.0))
-    return np.where(tree.pinned[cells.root], 0.0, largest)
+    return np.where(tree.pinned[cells.root_row], 0.0, largest)
 
 
 def mask_leaves_to_split(tree: Tree, leaf_states: LeafStates, threshold: float) -> NDArray[np.bool_]:
     """Mask (n,) of the leaves that split: wanted ones and the coarser ones they touch, without those whose coarser
     neighbour cannot be split."""
     flagged = leaf_states.criterion_value > threshold
-    level, can = leaf_states.cells.level, tree.can_split(leaf_states.cells)
+    level, can = leaf_states.cells.level, tree.mask_splittable(leaf_states.cells)
     to_split = can.copy()
-    to_split[can] = _mask_near_flagged(leaf_states.place[can], leaf_states, flagged, 1.0)
+    to_split[can] = _mask_near_flagged(leaf_states.position[can], leaf_states, flagged, 1.0)
     for at in range(tree.levels - 1, 0, -1):
         coarser = np.flatnonzero(can & (level < at))
         to_split[coarser] |= _mask_touching(
@@ -93,52 +93,54 @@ def mask_leaves_to_split(tree: Tree, leaf_states: LeafStates, threshold: float) 
 
 
 def _mask_near_flagged(
-    place: NDArray[np.float64],
+    positions: NDArray[np.float64],
     leaf_states: LeafStates,
     flagged: NDArray[np.bool_],
-    times: float,
+    horizon_factor: float,
     reach: float | None = None,
 ) -> NDArray[np.bool_]:
-    """Mask of places (k, 2) within `times` horizons of flagged nodes; the horizon is the node's, or `reach`, m."""
-    within = np.zeros(len(place), dtype=bool)
+    """Mask of `positions` (k, 2) within `horizon_factor` horizons of flagged nodes; horizon: node's, or `reach`."""
+    within = np.zeros(len(positions), dtype=bool)
     for level in np.unique(leaf_states.cells.level[flagged]):
         at_level = flagged & (leaf_states.cells.level == level)
         horizon = leaf_states.horizon[at_level][0] if reach is None else reach
-        if len(place):
-            away, _ = tree_of(leaf_states.place[at_level]).query(place, distance_upper_bound=2 * times * horizon)
-            within |= away <= times * horizon * (1 + ROUND_OFF)
+        if len(positions):
+            away, _ = tree_of(leaf_states.position[at_level]).query(
+                positions, distance_upper_bound=2 * horizon_factor * horizon
+            )
+            within |= away <= horizon_factor * horizon * (1 + ROUND_OFF)
     return within
 
 
 def _mask_touching(tree: Tree, cells: Cells, leaf_states: LeafStates, others: NDArray[np.bool_]) -> NDArray[np.bool_]:
     """Mask of cells (k,) that touch one of the leaves `others` (n,), also at a corner."""
     place, half, touching = (
-        tree.place(cells),
+        tree.centres(cells),
         tree.spacing / 2.0 ** (cells.level + 1),
-        np.zeros(len(cells.root), dtype=bool),
+        np.zeros(len(cells.root_row), dtype=bool),
     )
     for at in np.unique(leaf_states.cells.level[others]) if len(place) else ():
         at_level = others & (leaf_states.cells.level == at)
-        away, _ = tree_of(leaf_states.place[at_level]).query(place, p=np.inf, distance_upper_bound=2 * tree.spacing)
+        away, _ = tree_of(leaf_states.position[at_level]).query(place, p=np.inf, distance_upper_bound=2 * tree.spacing)
         touching |= away <= (half + tree.spacing / 2.0 ** (at + 1)) * (1 + ROUND_OFF)
     return touching
 
 
 def list_cells_to_merge(
-    tree: Tree, leaf_states: LeafStates, calm: NDArray[np.bool_], splits: NDArray[np.bool_], threshold: float
+    tree: Tree, leaf_states: LeafStates, is_calm: NDArray[np.bool_], is_splitting: NDArray[np.bool_], threshold: float
 ) -> Cells:
-    """Cells whose four quarters are leaves, `calm` (n,), and merge."""
+    """Cells whose four quarters are leaves, `is_calm` (n,), and merge."""
     cells = leaf_states.cells
-    may_merge = calm & (cells.level > 0) & ~splits
-    parents = cells.select(may_merge).parent()
-    key = tree.ids(parents)
+    may_merge = is_calm & (cells.level > 0) & ~is_splitting
+    parents = cells.select(may_merge).parents()
+    key = tree.node_ids(parents)
     _, first, count = np.unique(key, return_index=True, return_counts=True)
     parents = parents.select(first)
     quarter_count = (tree.areas(parents.quarters()).reshape(-1, 4) > 0).sum(axis=1)
     parents = parents.select(count == quarter_count)
     horizon = tree.model.settings.horizon.ratio * tree.spacing / 2.0**parents.level
-    keep = np.ones(len(parents.root), dtype=bool)
-    place, flagged = tree.place(parents), leaf_states.criterion_value > threshold
+    keep = np.ones(len(parents.root_row), dtype=bool)
+    place, flagged = tree.centres(parents), leaf_states.criterion_value > threshold
     for at in np.unique(parents.level):
         at_level = parents.level == at
         reach = float(horizon[at_level][0])
@@ -146,6 +148,6 @@ def list_cells_to_merge(
         keep[at_level] &= ~_mask_near_flagged(
             place[at_level], leaf_states, leaf_states.has_broken_bond, 1.0, reach + tree.spacing / 2.0**at
         )
-        finer = leaf_states.cells.level + splits > at + 1
+        finer = leaf_states.cells.level + is_splitting > at + 1
         keep[at_level] &= ~_mask_touching(tree, parents.select(at_level), leaf_states, finer)
     return parents.select(keep)

@@ -22,7 +22,7 @@ class LeafBonds(NamedTuple):
 
     assembly: Assembly
     pairs: Paired  # all pairs, each looked at by itself
-    energy_lack: NDArray[np.float64]  # (n, ...) what nodes lack, by all their pairs
+    surface_correction: NDArray[np.float64]  # (n, ...) what nodes lack, by all their pairs
 
 
 def create_leaf_bonds(rule: ByPairs) -> LeafBonds:
@@ -34,18 +34,18 @@ def create_leaf_bonds(rule: ByPairs) -> LeafBonds:
 
 def update_leaf_bonds(rule: ByPairs, model: Model, before: LeafBonds, origins: LeafOrigins) -> LeafBonds:
     """All bonds of a model, reusing those of unchanged nodes from `before`."""
-    stays = origins.stays
+    stays = origins.is_unchanged
     position, delta = model.grid.position, model.grid.delta
     reach = float((model.horizons + delta / 2).max()) * (1 + ROUND_OFF)
     away, _ = tree_of(position[~stays]).query(position, distance_upper_bound=2 * reach)
     near_rows = np.flatnonzero(away <= reach)  # new nodes, and all that may interact with one
     pairs = rule.neighbours.pairs(near_rows)
     fresh = rule.looked(chosen(pairs, ~(stays[pairs.source] & stays[pairs.target])))
-    row = np.full(len(before.energy_lack), -1)
+    row = np.full(len(before.surface_correction), -1)
     row[origins.origin_rows[stays, 0]] = np.flatnonzero(stays)
-    paired = _join_pairs(before.pairs, row, fresh, len(stays))
-    lack = np.zeros((len(stays), *before.energy_lack.shape[1:]))
-    lack[stays] = before.energy_lack[origins.origin_rows[stays, 0]]
+    paired = _join_unchanged_and_new_pairs(before.pairs, row, fresh, len(stays))
+    lack = np.zeros((len(stays), *before.surface_correction.shape[1:]))
+    lack[stays] = before.surface_correction[origins.origin_rows[stays, 0]]
     changed = np.zeros(len(stays), dtype=bool)
     changed[near_rows] = True
     changed_pairs = np.flatnonzero(changed[paired.pairs.source])
@@ -53,7 +53,7 @@ def update_leaf_bonds(rule: ByPairs, model: Model, before: LeafBonds, origins: L
     return _assemble_leaf_bonds(rule, paired, lack)
 
 
-def _join_pairs(before: Paired, row: NDArray[np.int64], fresh: Paired, nodes: int) -> Paired:
+def _join_unchanged_and_new_pairs(before: Paired, row: NDArray[np.int64], fresh: Paired, nodes: int) -> Paired:
     """Fresh pairs and those of unchanged nodes, with their new row numbers, in order."""
     source, target = row[before.pairs.source], row[before.pairs.target]
     unchanged = np.flatnonzero((source >= 0) & (target >= 0))
@@ -64,9 +64,9 @@ def _join_pairs(before: Paired, row: NDArray[np.int64], fresh: Paired, nodes: in
     return _select_pairs(both, np.argsort(both.pairs.source * nodes + both.pairs.target, kind="stable"))
 
 
-def _select_pairs(paired: Paired, which: NDArray[np.int64]) -> Paired:
+def _select_pairs(paired: Paired, pair_numbers: NDArray[np.int64]) -> Paired:
     """The selected pairs."""
-    columns: list[Any] = [column[which] for column in _columns_of_pairs(paired)]
+    columns: list[Any] = [column[pair_numbers] for column in _columns_of_pairs(paired)]
     return Paired(Pairs(*columns[:3]), *columns[3:])
 
 

@@ -17,7 +17,7 @@ from pdsolve.bonds.assembly import Bonds, ends
 Rows = NDArray[np.int64]
 
 
-def bond_sources(bonds: Bonds) -> Rows:
+def source_rows_of_bonds(bonds: Bonds) -> Rows:
     """Source row (b,) of each bond."""
     return np.repeat(np.arange(len(bonds.start) - 1), np.diff(bonds.start))
 
@@ -26,14 +26,14 @@ class PastBonds:
     """The bonds of n nodes before a change, and the steps (b,) in which they broke; 0 while intact."""
 
     def __init__(self, bonds: Bonds, broken: NDArray[np.int32]) -> None:
-        self.bonds, self.broken, self._nodes = bonds, broken, len(bonds.start) - 1
+        self.bonds, self.break_steps, self._nodes = bonds, broken, len(bonds.start) - 1
         self.has_broken_bond = np.zeros(self._nodes, dtype=bool)  # which nodes have a broken bond
         self.has_broken_bond[ends(bonds, np.flatnonzero(broken))[0]] = True
 
     @cached_property
     def source(self) -> Rows:
         """Source row (b,) of each bond."""
-        return bond_sources(self.bonds)
+        return source_rows_of_bonds(self.bonds)
 
     @cached_property
     def _key(self) -> Rows:
@@ -44,9 +44,9 @@ class PastBonds:
         key = source * self._nodes + target
         at = np.searchsorted(self._key, key).clip(max=len(self._key) - 1)
         had_bond = self._key[at] == key
-        return had_bond, np.where(had_bond, self.broken[at], 0)
+        return had_bond, np.where(had_bond, self.break_steps[at], 0)
 
-    def separation_steps(self, source: Rows, target: Rows, xi: NDArray[np.float64]) -> NDArray[np.int32]:
+    def crack_separation_steps(self, source: Rows, target: Rows, xi: NDArray[np.float64]) -> NDArray[np.int32]:
         """Step (k,) since which a crack separates nodes (k,) from others without a bond, at vectors `xi` (k, 2), m.
 
         A crack separates them if exactly one of the two has lost its bond to a node halfway.
@@ -59,20 +59,20 @@ class PastBonds:
         away = np.hypot(*(self.bonds.xi[number] - xi[pair] / 2).T)
         order = np.lexsort((away, pair))
         unique_pairs, first = np.unique(pair[order], return_index=True)
-        ways = np.column_stack([self.broken[number], when])[order[first]]
+        ways = np.column_stack([self.break_steps[number], when])[order[first]]
         steps = np.zeros(len(source), dtype=np.int32)
         steps[unique_pairs] = np.where((ways > 0).sum(axis=1) == 1, ways.max(axis=1), 0)
         return steps
 
 
-def inherit_breaks(old_bonds: PastBonds, new_bonds: Bonds, origins: LeafOrigins) -> NDArray[np.int32]:
+def inherit_break_steps(old_bonds: PastBonds, new_bonds: Bonds, origins: LeafOrigins) -> NDArray[np.int32]:
     """Steps (b,) in which the new bonds broke; 0 for intact ones."""
-    source, target = bond_sources(new_bonds), new_bonds.neighbour.astype(np.int64)
+    source, target = source_rows_of_bonds(new_bonds), new_bonds.neighbour.astype(np.int64)
     steps = np.zeros(len(source), dtype=np.int32)
-    stays, removed = origins.stays, np.ones(len(old_bonds.has_broken_bond), dtype=bool)
+    stays, removed = origins.is_unchanged, np.ones(len(old_bonds.has_broken_bond), dtype=bool)
     removed[origins.origin_rows[stays, 0]] = False
     same = stays[source] & stays[target]  # in the order they had
-    steps[same] = old_bonds.broken[~removed[old_bonds.source] & ~removed[old_bonds.bonds.neighbour]]
+    steps[same] = old_bonds.break_steps[~removed[old_bonds.source] & ~removed[old_bonds.bonds.neighbour]]
     changed_bonds = np.flatnonzero(~same)
     source_origin, target_origin, parts = (
         origins.origin_rows[source[changed_bonds]],
@@ -99,7 +99,7 @@ def inherit_breaks(old_bonds: PastBonds, new_bonds: Bonds, origins: LeafOrigins)
     if len(unknown):
         bonds = changed_bonds[unknown]
         xi = new_bonds.xi[bonds] + origins.mass_shift[source[bonds]] - origins.mass_shift[target[bonds]]
-        when[unknown] = old_bonds.separation_steps(source_origin[unknown, 0], target_origin[unknown, 0], xi)
+        when[unknown] = old_bonds.crack_separation_steps(source_origin[unknown, 0], target_origin[unknown, 0], xi)
     steps[changed_bonds] = when
     return steps
 
@@ -110,7 +110,7 @@ def count_healed_bonds(old_bonds: PastBonds, new_bonds: Bonds, origins: LeafOrig
     old = origins.origin_rows[child, part]
     order = np.argsort(old, kind="stable")
     child, begin = child[order], np.searchsorted(old[order], np.arange(len(old_bonds.has_broken_bond) + 1))
-    which = np.flatnonzero(old_bonds.broken)
+    which = np.flatnonzero(old_bonds.break_steps)
     old_source, old_target = old_bonds.source[which], old_bonds.bonds.neighbour[which].astype(np.int64)
     counts = np.diff(begin)
     pairs = counts[old_source] * counts[old_target]

@@ -56,7 +56,7 @@ def interpolate_state(state: State, origins: LeafOrigins, bonds: Bonds, intact: 
     """The state of the new nodes, from that of the old nodes with these bonds."""
     fields = (state.value, state.rate, state.second)
     means = [(origins.mass_shares[..., None] * field[origins.origin_rows]).sum(axis=1) for field in fields]
-    stays = origins.stays
+    stays = origins.is_unchanged
     for mean, field in zip(means, fields, strict=True):
         mean[stays] = field[origins.origin_rows[stays, 0]]
     split, merged = (

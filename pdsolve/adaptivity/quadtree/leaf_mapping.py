@@ -24,34 +24,38 @@ class LeafOrigins(NamedTuple):
     quarter_offset: NDArray[np.float64]  # (m, 2) of quarters: from their common centre of mass, m
 
     @property
-    def stays(self) -> NDArray[np.bool_]:
+    def is_unchanged(self) -> NDArray[np.bool_]:
         """Mask (m,) of the nodes that are unchanged."""
         return ~self.is_quarter & ~self.is_merged
 
 
-def map_leaves(tree: Tree, cells: Cells, splits: NDArray[np.bool_], merged: Cells) -> tuple[Cells, LeafOrigins]:
-    """The leaves after those in `splits` (n,) have split and the quarters of `merged` have merged, and their origin."""
-    ids = tree.ids(cells)
+def map_leaves(
+    tree: Tree, cells: Cells, is_splitting: NDArray[np.bool_], merged_parents: Cells
+) -> tuple[Cells, LeafOrigins]:
+    """The leaves after those `is_splitting` (n,) split and the quarters of `merged_parents` merge; their origin."""
+    ids = tree.node_ids(cells)
     by_id = np.argsort(ids)
 
     def rows(leaves: Cells) -> Rows:
-        return np.asarray(by_id[np.searchsorted(ids, tree.ids(leaves), sorter=by_id).clip(max=len(ids) - 1)])
+        return np.asarray(by_id[np.searchsorted(ids, tree.node_ids(leaves), sorter=by_id).clip(max=len(ids) - 1)])
 
-    share = tree.areas(merged.quarters()).reshape(-1, 4)
+    share = tree.areas(merged_parents.quarters()).reshape(-1, 4)
     share /= share.sum(axis=1, keepdims=True)
-    from_quarters = np.where(share > 0, rows(merged.quarters()).reshape(-1, 4), 0)
-    stays = ~splits
+    from_quarters = np.where(share > 0, rows(merged_parents.quarters()).reshape(-1, 4), 0)
+    stays = ~is_splitting
     stays[from_quarters[share > 0]] = False
-    quarters = tree.with_area(cells.select(splits).quarters())
-    alone = np.concatenate([np.flatnonzero(stays), rows(quarters.parent())])
-    new = join_cells(cells.select(stays), quarters, merged)
+    quarters = tree.select_cells_with_area(cells.select(is_splitting).quarters())
+    alone = np.concatenate([np.flatnonzero(stays), rows(quarters.parents())])
+    new = join_cells(cells.select(stays), quarters, merged_parents)
     before = np.concatenate([np.repeat(alone[:, None], 4, axis=1), from_quarters])
     parts = np.concatenate([np.tile([1.0, 0.0, 0.0, 0.0], (len(alone), 1)), share])
-    counts = [len(cell_group.root) for cell_group in (cells.select(stays), quarters, merged)]
+    counts = [len(cell_group.root_row) for cell_group in (cells.select(stays), quarters, merged_parents)]
     kind = np.repeat([0, 1, 2], counts)
-    order = tree.order(new)
+    order = tree.sort_order(new)
     new, before, parts, kind = new.select(order), before[order], parts[order], kind[order]
-    way = tree.spacing * (tree.offset(new) - (parts[..., None] * tree.offset(cells)[before]).sum(axis=1))
+    way = tree.spacing * (
+        tree.centre_offsets(new) - (parts[..., None] * tree.centre_offsets(cells)[before]).sum(axis=1)
+    )
     way[kind == 0] = 0.0
     way[(kind == 2) & (np.abs(way).max(axis=1, initial=0.0) < SAME * tree.spacing)] = 0.0
     return new, LeafOrigins(

@@ -29,26 +29,28 @@ SURE = {"conservative": 0.9, "thesis": 0.6}
 class LeafHistory(NamedTuple):
     """History of n leaves."""
 
-    calm_checks: NDArray[np.int64]  # (n,) looks that each has been calm for, the latest ones
+    consecutive_calm_checks: NDArray[np.int64]  # (n,) looks that each has been calm for, the latest ones
     created_energy: float  # J/m: energy that splitting and merging have made so far
 
 
 class LeafOperator(BondList):
     """The operator of some leaves of a tree."""
 
-    def __init__(self, tree: Tree, cells: Cells, model: Model, filled: LeafBonds, scheme: Scheme, threads: int) -> None:
-        """`model` is the model of the leaves, `filled` are its bonds."""
+    def __init__(
+        self, tree: Tree, cells: Cells, model: Model, leaf_bonds: LeafBonds, scheme: Scheme, threads: int
+    ) -> None:
+        """`model` is the model of the leaves, `leaf_bonds` are its bonds."""
         law = law_of(model, scheme.matches_work)
-        super().__init__(law, model, filled.assembly.bonds, scheme.symmetric, "float64", threads)
-        self.tree, self.cells, self.filled = tree, cells, filled
-        self.history = LeafHistory(np.zeros(len(cells.root), dtype=np.int64), 0.0)
-        area = filled.assembly.area
+        super().__init__(law, model, leaf_bonds.assembly.bonds, scheme.symmetric, "float64", threads)
+        self.tree, self.cells, self.leaf_bonds = tree, cells, leaf_bonds
+        self.history = LeafHistory(np.zeros(len(cells.root_row), dtype=np.int64), 0.0)
+        area = leaf_bonds.assembly.area
         self._fine = float(area[cells.level > 0].sum() / area.sum())
 
     @property
-    def list(self) -> Bonds:
+    def all_bonds(self) -> Bonds:
         """All bonds (b,), including broken ones."""
-        return self.filled.assembly.bonds
+        return self.leaf_bonds.assembly.bonds
 
     def break_steps(self) -> NDArray[np.int32]:
         """The step (b,) in which each bond broke, 0 while intact."""
@@ -66,7 +68,7 @@ class LeafOperator(BondList):
         """Bond history for a checkpoint, and for how long each cell has been calm."""
         return {
             **super().checkpoint_arrays(),
-            "calm": self.history.calm_checks.copy(),
+            "calm": self.history.consecutive_calm_checks.copy(),
             "made": np.array([self.history.created_energy]),
         }
 
@@ -83,17 +85,17 @@ def create_tree(model: Model, mode: str, precision: str, kernel: str | None) -> 
     grid = model.grid
     for place, actual, expected in (("precision", precision, "float64"), ("kernel", kernel or "listed", "listed")):
         if actual != expected:
-            raise _unsupported_error(model, place, actual, expected)
+            raise _create_unsupported_error(model, place, actual, expected)
     if (grid.delta != grid.delta[0]).any():
-        raise _unsupported_error(
+        raise _create_unsupported_error(
             model, "$.nodes", "several spacings", "one, the coarsest, as pdmesh build --adapt split makes it"
         )
-    tree = Tree(select_nodes_by_id(model))
+    tree = Tree(replace_boxes_by_node_ids(model))
     _check_precracks(tree)
     return tree
 
 
-def select_nodes_by_id(model: Model) -> Model:
+def replace_boxes_by_node_ids(model: Model) -> Model:
     """The model with boxes replaced by the ids of their nodes, so that nodes created later are in none."""
 
     def replace_box_by_ids(selection):  # type: ignore[no-untyped-def]
@@ -119,14 +121,14 @@ def _check_precracks(tree: Tree) -> None:
     lines, cells = shapely.linestrings(cracks), tree.roots()
     for _ in range(tree.levels):
         cells = cells.quarters()
-        near = shapely.dwithin(shapely.points(tree.place(cells)), shapely.multilinestrings(cracks), tree.spacing)
-        cells = tree.with_area(cells.select(near))
-        place = shapely.points(tree.place(cells))
+        near = shapely.dwithin(shapely.points(tree.centres(cells)), shapely.multilinestrings(cracks), tree.spacing)
+        cells = tree.select_cells_with_area(cells.select(near))
+        place = shapely.points(tree.centres(cells))
         for number, line in enumerate(lines):
             hit = shapely.dwithin(place, line, ON * tree.spacing)
             if hit.any():
-                x, y = tree.place(cells.select(hit))[0]
-                raise _unsupported_error(
+                x, y = tree.centres(cells.select(hit))[0]
+                raise _create_unsupported_error(
                     tree.model,
                     f"$.notch[{number}]",
                     f"at ({x:.6g}, {y:.6g}) m, where splitting makes a node",
@@ -134,6 +136,6 @@ def _check_precracks(tree: Tree) -> None:
                 )
 
 
-def _unsupported_error(model: Model, place: str, actual: str, expected: str) -> ModelError:
+def _create_unsupported_error(model: Model, place: str, actual: str, expected: str) -> ModelError:
     name = place if place in ("precision", "kernel") else f"{model.name}: {place}"
     return ModelError(unfit(name, actual, f"{expected}, as run.adapt is split"))

@@ -28,7 +28,7 @@ TOGETHER = 1e-6  # of a plate: the areas of all its leaves are this near to its 
 class Cells(NamedTuple):
     """n cells of the tree."""
 
-    root: NDArray[np.int64]  # (n,) row of the model's grid
+    root_row: NDArray[np.int64]  # (n,) row of the model's grid
     level: NDArray[np.int64]  # (n,) how often it was split
     path: NDArray[np.int64]  # (n,) from the root: two bits for each level, that of the first level is the highest
 
@@ -36,14 +36,14 @@ class Cells(NamedTuple):
         """The cells of these rows."""
         return Cells(*(column[which] for column in self))
 
-    def parent(self) -> Cells:
+    def parents(self) -> Cells:
         """The parent of each cell."""
-        return Cells(self.root, self.level - 1, self.path >> 2)
+        return Cells(self.root_row, self.level - 1, self.path >> 2)
 
     def quarters(self) -> Cells:
         """The four quarters (4 n,) of each cell, consecutively."""
         root, level, path = (np.repeat(column, 4) for column in self)
-        return Cells(root, level + 1, 4 * path + np.tile(np.arange(4), len(self.root)))
+        return Cells(root, level + 1, 4 * path + np.tile(np.arange(4), len(self.root_row)))
 
 
 def join_cells(*several: Cells) -> Cells:
@@ -73,18 +73,18 @@ class Tree:
         nothing = np.zeros(self.count, dtype=np.int64)
         return Cells(np.arange(self.count), nothing, nothing)
 
-    def order(self, cells: Cells) -> NDArray[np.int64]:
+    def sort_order(self, cells: Cells) -> NDArray[np.int64]:
         """The order that sorts leaves."""
-        return np.lexsort((cells.path << (2 * (self.levels - cells.level)), cells.root))
+        return np.lexsort((cells.path << (2 * (self.levels - cells.level)), cells.root_row))
 
-    def ids(self, cells: Cells) -> NDArray[np.int64]:
+    def node_ids(self, cells: Cells) -> NDArray[np.int64]:
         """The ids (n,) of the nodes of these cells."""
-        path_number = cells.root * 4**cells.level + cells.path
+        path_number = cells.root_row * 4**cells.level + cells.path
         return np.where(
-            cells.level > 0, self._first_id_of_level[cells.level] + path_number, self.model.grid.ids[cells.root]
+            cells.level > 0, self._first_id_of_level[cells.level] + path_number, self.model.grid.ids[cells.root_row]
         )
 
-    def cells(self, ids: NDArray[np.int64]) -> Cells:
+    def cells_of_ids(self, ids: NDArray[np.int64]) -> Cells:
         """Cells of the nodes with these ids (n,)."""
         level = np.searchsorted(self._first_id_of_level, ids, side="right") - 1
         level = np.where(ids < self._first, 0, level)
@@ -93,15 +93,15 @@ class Tree:
         root = np.where(level == 0, self._by_id[at], number // 4**level)
         return Cells(root, level, np.where(level == 0, 0, number % 4**level))
 
-    def leaves(self, ids: NDArray[np.int64]) -> Cells | None:
+    def leaves_of_ids(self, ids: NDArray[np.int64]) -> Cells | None:
         """Leaves of the nodes with these ids (n,), in this order; None if they are not all leaves of a plate."""
         if not len(ids) or ids.min() < self.model.grid.ids.min() or ids.max() >= self._end_id:
             return None
-        cells = self.cells(ids)
+        cells = self.cells_of_ids(ids)
         begin, size = cells.path << (2 * (self.levels - cells.level)), 4 ** (self.levels - cells.level)
-        begin = begin + cells.root * 4**self.levels
+        begin = begin + cells.root_row * 4**self.levels
         apart = (begin[1:] >= (begin + size)[:-1]).all()  # in order and none within another
-        mine = np.array_equal(self.ids(cells), ids) and not ((cells.level > 0) & self.pinned[cells.root]).any()
+        mine = np.array_equal(self.node_ids(cells), ids) and not ((cells.level > 0) & self.pinned[cells.root_row]).any()
         if not (apart and mine):
             return None
         area, total_area = self.areas(cells), self.areas(self.roots()).sum()
@@ -118,9 +118,9 @@ class Tree:
         sizes = self.count * 4 ** np.arange(1, self.levels + 1)
         return np.concatenate([[self._first], self._first + np.concatenate([[0], np.cumsum(sizes)[:-1]])])
 
-    def offset(self, cells: Cells) -> NDArray[np.float64]:
+    def centre_offsets(self, cells: Cells) -> NDArray[np.float64]:
         """Vectors (n, 2) from the centre of each cell's root to that of the cell, in spacings."""
-        vectors = np.zeros((len(cells.root), 2))
+        vectors = np.zeros((len(cells.root_row), 2))
         for level in range(1, self.levels + 1):
             digit = cells.path >> np.maximum(2 * (cells.level - level), 0)
             for axis in (0, 1):
@@ -128,16 +128,16 @@ class Tree:
                 vectors[:, axis] += np.where(level <= cells.level, step, 0.0)
         return vectors
 
-    def place(self, cells: Cells) -> NDArray[np.float64]:
+    def centres(self, cells: Cells) -> NDArray[np.float64]:
         """Centres (n, 2) of cells, m."""
-        return np.asarray(self.model.grid.position[cells.root] + self.spacing * self.offset(cells))
+        return np.asarray(self.model.grid.position[cells.root_row] + self.spacing * self.centre_offsets(cells))
 
     def areas(self, cells: Cells) -> NDArray[np.float64]:
         """Area (n,) of each cell inside the plate, m^2; 0 for a cell that is no node, as its centre is outside."""
-        area = self.area[cells.root] / 4.0**cells.level
+        area = self.area[cells.root_row] / 4.0**cells.level
         for level, (number, share) in self._shares.items():
-            odd = np.flatnonzero((cells.level == level) & (number[cells.root] >= 0))
-            area[odd] = self.area[cells.root[odd]] * share[number[cells.root[odd]], cells.path[odd]]
+            odd = np.flatnonzero((cells.level == level) & (number[cells.root_row] >= 0))
+            area[odd] = self.area[cells.root_row[odd]] * share[number[cells.root_row[odd]], cells.path[odd]]
         return area
 
     def _area_shares_at_edges(self) -> dict[int, tuple[NDArray[np.int64], NDArray[np.float64]]]:
@@ -157,7 +157,7 @@ class Tree:
         shapely.prepare(around)
         for level in range(1, self.levels + 1):
             cells = cells.quarters()
-            middle, half = self.place(cells), self.spacing / 2 ** (level + 1)
+            middle, half = self.centres(cells), self.spacing / 2 ** (level + 1)
             squares = shapely.box(*(middle - half).T, *(middle + half).T)
             inside = shapely.contains_xy(around, middle)
             part = np.where(inside, shapely.area(shapely.intersection(squares, plate)), 0.0).reshape(-1, 4)
@@ -167,38 +167,38 @@ class Tree:
             shares[level] = number, before.reshape(len(odd), -1)
         return shares
 
-    def with_area(self, cells: Cells) -> Cells:
+    def select_cells_with_area(self, cells: Cells) -> Cells:
         """The cells with a share of the plate."""
         return cells.select(self.areas(cells) > 0)
 
-    def can_split(self, cells: Cells) -> NDArray[np.bool_]:
+    def mask_splittable(self, cells: Cells) -> NDArray[np.bool_]:
         """Mask (n,) of cells that can be split."""
-        can = (cells.level < self.levels) & ~self.pinned[cells.root]
+        can = (cells.level < self.levels) & ~self.pinned[cells.root_row]
         candidates = np.flatnonzero(can)
         can[candidates] = self.areas(cells.select(candidates).quarters()).reshape(-1, 4).any(axis=1)
         return can
 
-    def model_of(self, cells: Cells) -> Model:
+    def model_of_leaves(self, cells: Cells) -> Model:
         """The model whose nodes are these leaves, in order."""
-        settings, ids = self.model.settings, self.ids(cells)
+        settings, ids = self.model.settings, self.node_ids(cells)
         regions = []
         for region in settings.regions:
-            in_region = np.isin(cells.root, self.model.selected(region))
+            in_region = np.isin(cells.root_row, self.model.selected(region))
             regions.append(msgspec.structs.replace(region, nodes=tuple(ids[in_region].tolist()), box=None))
         now = tuple(condition for condition in settings.conditions if not isinstance(condition, InitialVelocity))
         settings = msgspec.structs.replace(settings, area_rule="cells", conditions=now, regions=tuple(regions))
-        return Model(self.grid_of(cells, ids), settings, self.model.name)
+        return Model(self.grid_of_leaves(cells, ids), settings, self.model.name)
 
-    def grid_of(self, cells: Cells, ids: NDArray[np.int64]) -> Grid:
+    def grid_of_leaves(self, cells: Cells, ids: NDArray[np.int64]) -> Grid:
         """The grid of the nodes with these ids."""
         grid = self.model.grid
         return dataclasses.replace(
             grid,
             ids=ids,
-            position=self.place(cells),
+            position=self.centres(cells),
             delta=np.asarray(self.spacing / 2.0**cells.level),
-            border=grid.border[cells.root],
-            hole_id=grid.hole_id[cells.root],
+            border=grid.border[cells.root_row],
+            hole_id=grid.hole_id[cells.root_row],
             areas=self.areas(cells),
             lattice=None,
         )

@@ -103,7 +103,7 @@ class PlaneOnDevice(Padded, SimdLattice):
             self._own_edge[:] = self.blocks.edge[rows[:, BOUND]]
             write(self._pull, self.blocks.stiffness[rows[:, PULL]])
         pending, last_break = self._pending_pulls(), np.full(self.room, -1, dtype=np.int32)
-        slot, lane = np.divmod(self._find(pending.source, pending.target), LANES)
+        slot, lane = np.divmod(layout.find(self.blocks, self._whole, pending.source, pending.target), LANES)
         self._own_edge[slot, lane], last_break[pending.source] = pending.stretch, self.tracks.broken[slot, lane]
         write(self._edge, self._own_edge)
         write(self._last_break, last_break)
@@ -128,7 +128,7 @@ class PlaneOnDevice(Padded, SimdLattice):
         if not self._law.matches_work:
             return
         last = self.broken(step - 1)
-        slot, lane = np.divmod(self._find(last.source, last.target), LANES)
+        slot, lane = np.divmod(layout.find(self.blocks, self._whole, last.source, last.target), LANES)
         stretch, limit = self._own_edge[slot, lane], self.blocks.limit[self.blocks.slots[slot, LIMITS], lane]
         self._set_pending(slot[stretch < limit], lane[stretch < limit], stretch[stretch < limit])
 

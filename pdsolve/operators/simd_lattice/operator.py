@@ -108,7 +108,7 @@ class SimdLattice:
         numbers = layout.there(self.blocks.mask)
         if self._pair.bond_strain_energy is not None:
             return self._curved_tangent(numbers, state)
-        (source, target), (xi, pull) = self._ends(numbers), layout.springs(self.blocks, numbers)
+        (source, target), (xi, pull) = layout.ends(self.blocks, numbers), layout.springs(self.blocks, numbers)
         if self._pair.elastic_in_compression:
             eta = state.value[target].astype(np.float64) - state.value[source]
             shorter = ((2 * xi + eta) * eta).sum(axis=1) < 0
@@ -119,14 +119,14 @@ class SimdLattice:
         """The tangent of intact bonds (k,) whose law is not linear, bond by bond."""
         from pdsolve.operators.tangent import of_pairs
 
-        source, target = self._ends(numbers)
+        source, target = layout.ends(self.blocks, numbers)
         order, nodes = np.argsort(source, kind="stable"), len(self._stiffness_bound)
         numbers, source, target = numbers[order], source[order], target[order]
         (slot, lane), (xi, stiffness) = np.divmod(numbers, LANES), layout.springs(self.blocks, numbers)
         row = self.blocks.slots[slot, LIMITS]
         peak, limit = (table[row, lane].astype(np.float64) for table in (self.blocks.peak, self.blocks.limit))
         worst = self.tracks.worst.ravel()[numbers].astype(np.float64) if self.tracks.worst.size else np.zeros(len(slot))
-        columns = self._law.Columns(stiffness, peak, limit, worst, np.zeros(len(slot), np.int32), np.zeros(0))
+        columns = self._law.columns_type(stiffness, peak, limit, worst, np.zeros(len(slot), np.int32), np.zeros(0))
         start = np.searchsorted(source, np.arange(nodes + 1))
         bonds = List(start, target.astype(np.int32), tuple(np.ascontiguousarray(x) for x in xi.T), np.hypot(*xi.T))
         value = state.value.astype(np.complex128)
@@ -140,7 +140,7 @@ class SimdLattice:
         last = len(self._stiffness_bound) if last is None else last
         slots = self.blocks.start[[first // LANES, -(-last // LANES)]]
         mask = self._whole if start else self.blocks.mask
-        source, target = self._ends(layout.there(mask[slots[0] : slots[1]], int(slots[0])))
+        source, target = layout.ends(self.blocks, layout.there(mask[slots[0] : slots[1]], int(slots[0])))
         in_range = np.flatnonzero((source >= first) & (source < last))
         in_range = in_range[np.lexsort((target[in_range], source[in_range]))]
         return source[in_range], target[in_range]
@@ -149,7 +149,7 @@ class SimdLattice:
         """Bonds broken after a step: step, source row and target row of each."""
         new = layout.there(self._looked_at & ~self.blocks.mask)
         if len(new):
-            new_columns = self.tracks.broken.ravel()[new].astype(np.int64), *self._ends(new)
+            new_columns = self.tracks.broken.ravel()[new].astype(np.int64), *layout.ends(self.blocks, new)
             self._broken = Broken(*(np.concatenate(columns) for columns in zip(self._broken, new_columns, strict=True)))
             self._looked_at = self.blocks.mask.copy()
         if after == 0:
@@ -162,7 +162,7 @@ class SimdLattice:
         worst, rows = self.tracks.worst.ravel(), self.blocks.slots[:, BOUND]
         softened = np.flatnonzero(worst)
         slot, lane = np.divmod(softened, LANES)
-        source, target = self._ends(softened)
+        source, target = layout.ends(self.blocks, softened)
         edge = self.blocks.edge[rows[slot], lane]
         edge[edge <= PENDING_SHORT] = np.inf
         arrays = {"worst": worst[softened], "worst_edge": edge, "worst_source": source, "worst_target": target}
@@ -171,23 +171,28 @@ class SimdLattice:
     def restore(self, checkpoint: CheckpointArrays, broken: Broken) -> None:
         """Restore the history of bonds and the broken bonds of a checkpoint."""
         steps, worst, edge = self.tracks.broken.ravel(), self.tracks.worst.ravel(), np.zeros_like(self.tracks.worst)
-        torn = self._find(broken.source, broken.target)
+        torn = layout.find(self.blocks, self._whole, broken.source, broken.target)
         nodes, rows = len(self._stiffness_bound) - 1, (None,) if self.tracks.worst.size else (0,)
         values = entry(checkpoint, "worst", rows, self.tracks.worst.dtype)
         edges = entry(checkpoint, "worst_edge", values.shape, self.blocks.edge.dtype, high=np.inf)
         ends = (entry(checkpoint, f"worst_{end}", values.shape, np.int64, 0, nodes) for end in ("source", "target"))
-        softened, pending = self._find(*ends), read_pending_pulls(checkpoint, nodes + 1, self.blocks.near.dtype)
+        softened, pending = (
+            layout.find(self.blocks, self._whole, *ends),
+            read_pending_pulls(checkpoint, nodes + 1, self.blocks.near.dtype),
+        )
         steps[:] = worst[:] = 0
         steps[torn] = broken.step
         worst[softened], edge.ravel()[softened] = values, edges
         self._looked_at, self._broken = self._whole, Broken(*(column[:0] for column in self._broken))
         layout.revive(self._law, self.blocks, self._whole, self.tracks.broken, self.tracks.worst, edge)
-        self._set_pending(*np.divmod(self._find(pending.source, pending.target), LANES), pending.stretch)
+        self._set_pending(
+            *np.divmod(layout.find(self.blocks, self._whole, pending.source, pending.target), LANES), pending.stretch
+        )
 
     def _pending_pulls(self) -> PendingPulls:
         """Bonds that broke in the last step and pull once more."""
         last, (near, edge) = last_breaks(self.broken()), (self.blocks.near, self.blocks.edge)
-        slot, lane = np.divmod(self._find(last.source, last.target), LANES)
+        slot, lane = np.divmod(layout.find(self.blocks, self._whole, last.source, last.target), LANES)
         row = self.blocks.slots[slot, BOUND]
         is_pending, stretch = (
             edge[row, lane] <= PENDING_SHORT,
@@ -206,9 +211,3 @@ class SimdLattice:
         blocks = self.blocks
         later = sum(table[-len(blocks.mask) :].nbytes for table in (blocks.stiffness, blocks.near, blocks.edge))
         return sum(array.nbytes for array in (*blocks[1:], *self.tracks) if array is not None) - later
-
-    def _ends(self, numbers: NDArray[np.int64]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-        return layout.ends(self.blocks, numbers)
-
-    def _find(self, source: NDArray[np.int64], target: NDArray[np.int64]) -> NDArray[np.int64]:
-        return layout.find(self.blocks, self._whole, source, target)

@@ -43,7 +43,7 @@ def label_own_pieces_and_find_pairs_across_ranks(team: Team) -> NDArray[np.int64
     subdomain.pieces = np.unique(number, return_index=True)[1][number] + part.slab.first
     shared = np.zeros((2, nodes))  # what others know of ghosts: the pieces that they are of, and whether they count
     shared[:, local_rows] = subdomain.pieces, sound[local_rows]
-    part.ghosts.fill(shared)
+    part.ghosts.receive_values(shared)
     across = ~inside & sound[source] & (shared[1, target] > 0)
     return np.unique(shared[0, np.array([source, target])[:, across]].astype(np.int64), axis=1)
 

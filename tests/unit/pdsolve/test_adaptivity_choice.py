@@ -17,7 +17,11 @@ from zoned_plates import rectangle
 from pdmesh.drawing.additions import ADAPT
 from pdmesh.model.document import Acceleration, Hybrid, Load, Run, Velocity
 from pdmesh.model.material import Material
-from pdsolve.adaptivity.hybrid.adaptivity_choice import _largest_strain, choose_adaptivity, predict_zone
+from pdsolve.adaptivity.hybrid.adaptivity_choice import (
+    _estimate_largest_strain,
+    choose_adaptivity,
+    predict_zone_size_and_cost,
+)
 from pdsolve.errors import UnstableError
 from pdsolve.model import Model, ModelWarning
 from pdsolve.results import Results
@@ -57,8 +61,8 @@ def test_what_costs_less_is_taken(name: str) -> None:
 def test_the_strain_of_conditions_is_counted() -> None:
     """A struck edge gives v / c_p, a pulled one twice the stress over E; the stretch that makes cells fine is known."""
     built = shipped("kalthoff_winkler_steel.py", [(ADAPT, "hybrid")])
-    found = predict_zone(Model(built.grid, built.settings), Options())
-    np.testing.assert_allclose(found.relative_strain, 16.5 / 5353 / (0.7 * 9.562e-3), rtol=1e-3)  # 0.4605
+    found = predict_zone_size_and_cost(Model(built.grid, built.settings), Options())
+    np.testing.assert_allclose(found.strain_over_refinement_strain, 16.5 / 5353 / (0.7 * 9.562e-3), rtol=1e-3)  # 0.4605
     np.testing.assert_allclose(found.fine_share_at_start, 0.054, atol=5e-4)
 
 
@@ -66,7 +70,7 @@ def test_a_total_force_strains_as_its_traction_does() -> None:
     """On the top of a plate 23 mm wide between its outermost nodes."""
     top = (-1.0, 19e-3 - 1e-4, 1.0, 1.0)
     loads = Load(box=top, traction=(0.0, 2e6)), Load(box=top, force=(0.0, 2e6 * 23e-3))
-    found = [_largest_strain(plate(square_grid(24, 20), conditions=(load,))) for load in loads]
+    found = [_estimate_largest_strain(plate(square_grid(24, 20), conditions=(load,))) for load in loads]
     assert found[0] == pytest.approx(found[1])
     assert found[0] == pytest.approx(2 * 2e6 / GLASS.E)
 
@@ -198,12 +202,14 @@ def test_in_the_end_all_nodes_are_fine(monkeypatch: pytest.MonkeyPatch) -> None:
 
 def test_a_plate_stretched_everywhere_is_not_tried() -> None:
     """Ends pulled apart so fast that their wave alone makes cells fine."""
-    found = predict_zone(stretched(8.0), Options())
+    found = predict_zone_size_and_cost(stretched(8.0), Options())
     load = Load(box=(-1.0, -1.0, 1.0, 1.0), body_force=(0.0, 1e9))
-    assert found.relative_strain > 1
+    assert found.strain_over_refinement_strain > 1
     assert found.fine_share_at_end == 1
     settings = msgspec.structs.replace(stretched(8.0).settings, conditions=(load,))
-    pulled = predict_zone(dataclasses.replace(stretched(8.0), settings=settings), Options())
+    pulled = predict_zone_size_and_cost(dataclasses.replace(stretched(8.0), settings=settings), Options())
     np.testing.assert_allclose(
-        pulled.relative_strain / found.relative_strain, 2 * 1e9 * 0.05 / 65e9 / (8.0 / 5720), rtol=1e-2
+        pulled.strain_over_refinement_strain / found.strain_over_refinement_strain,
+        2 * 1e9 * 0.05 / 65e9 / (8.0 / 5720),
+        rtol=1e-2,
     )

@@ -56,20 +56,22 @@ class Zone:
         self.new, self.volume, self.refined = np.array(new, dtype=np.int64), np.array(volume), refined
         self.history, self.rows, self.asked = Made(100.0), ROWS, list[int]()
 
-    def mark_cells_to_refine(self, state: State, step: int) -> np.ndarray[Any, Any]:
+    def refine_and_list_cells(self, state: State, step: int) -> np.ndarray[Any, Any]:
         self.asked.append(step)
         return self.new
 
     def energies_near_new_cells(self, state: object, new: object) -> str:
         return "around"
 
-    def refine(self, new: object) -> Zone | None:
+    def operator_after_refinement(self, new: object) -> Zone | None:
         return self.refined
 
-    def current_rows(self, rows: object) -> object:
+    def current_rows_of_grid_rows(self, rows: object) -> object:
         return rows
 
-    def interpolate_at_rows(self, rows: np.ndarray[Any, Any], values: np.ndarray[Any, Any]) -> np.ndarray[Any, Any]:
+    def interpolate_at_grid_rows(
+        self, rows: np.ndarray[Any, Any], values: np.ndarray[Any, Any]
+    ) -> np.ndarray[Any, Any]:
         return 10.0 * values
 
     def force_densities_near_new_cells(
@@ -143,7 +145,9 @@ def test_without_cells_to_refine_nothing_changes(monkeypatch: pytest.MonkeyPatch
 
 def test_a_checkpoint_of_other_cells_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
     after = Part(model=Part(grid=Part(ids=np.array([1, 2]))), volume=np.ones(2), unknowns=[Part(width=3)])
-    monkeypatch.setattr(body_zones, "expect_body_zone_operator", lambda system: Part(restore_cells=lambda kept: after))
+    monkeypatch.setattr(
+        body_zones, "expect_body_zone_operator", lambda system: Part(operator_with_checkpoint_cells=lambda kept: after)
+    )
     steps: list[int] = []
     monkeypatch.setattr(body_zones, "_system_with_refined_operator", lambda system, operator, step: steps.append(step))
     assert BodyRefinement().restore_system(Part(), {"ids": np.array([1, 2])}).state.value.shape == (2, 3)  # type: ignore[arg-type]
@@ -159,6 +163,6 @@ def test_loads_of_new_nodes_are_those_of_the_time_of_the_step(monkeypatch: pytes
     monkeypatch.setattr(body_zones, "assemble_system", assemble)
     monkeypatch.setattr(body_zones.dataclasses, "replace", lambda system, full_model: (system, full_model))
     system: Any = Part(time_step=0.5, stable_time_step=0.7, options=None, scheme=None, full_model="whole")
-    found: Any = body_zones._system_with_refined_operator(system, Part(model=None, counted=None), 8)  # type: ignore[arg-type]
+    found: Any = body_zones._system_with_refined_operator(system, Part(model=None, volumes_and_bond_counts=None), 8)  # type: ignore[arg-type]
     assert times == [4.0]
     assert (found[0][0], found[1]) == ((0.5, 0.7), "whole")

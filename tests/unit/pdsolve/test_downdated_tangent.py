@@ -11,7 +11,7 @@ from pdsolve.operators.tangent import of_springs
 from pdsolve.state import Broken
 from pdsolve.steppers.downdated_tangent import AT_ONCE, DowndatedTangent
 from pdsolve.steppers.factors import factorize
-from pdsolve.steppers.rigid_body_modes import SupportedBonds, find_loose_bodies
+from pdsolve.steppers.rigid_body_modes import SupportChecker, find_loose_bodies
 
 COLUMNS, ROWS = 9, 7
 PLACE = square_grid(COLUMNS, ROWS, 1.0).position
@@ -104,18 +104,18 @@ def test_bodies_that_stay_supported_are(cut: bool) -> None:
         intact, pairs = np.ones(len(source), dtype=bool), np.column_stack([source, target])[source < target]
         if cut:
             pairs = pairs[(PLACE[pairs, 1] < ROWS // 2).sum(axis=1) == 1]
-        braced = SupportedBonds(PLACE, (source, target), held, intact)
+        braced = SupportChecker(PLACE, (source, target), held, intact)
         for pair in rng.permutation(pairs):
             intact = intact & without(source, target, pair[None])
             looks += 1
             said = find_loose_bodies(PLACE, ids, _left(source, target, intact), held).description
-            if braced.update_if_supported(intact):
+            if braced.accept_if_surely_supported(intact):
                 stays += 1
                 assert not said
                 continue
             if said:
                 break
-            braced = SupportedBonds(PLACE, (source, target), held, intact)
+            braced = SupportChecker(PLACE, (source, target), held, intact)
     assert stays > looks / 2  # of which the quick look decides most
     assert looks > stays
 

@@ -37,10 +37,10 @@ from pdmesh.model.node_grid import Grid, document_of, whole_lattice
 from pdmesh.model.refused_settings import impossible
 from pdmesh.quantities import UNITS
 from pdsolve.__main__ import main as solve_command
-from pdsolve.adaptivity.hybrid.coarse_cells import create_plate, initial_cells
+from pdsolve.adaptivity.hybrid.coarse_cells import create_hybrid_plate, initial_cell_kinds
 from pdsolve.adaptivity.hybrid.lattice import AROUND, COARSE, FINE
 from pdsolve.adaptivity.hybrid.prepare import rows_of_steep_content
-from pdsolve.adaptivity.hybrid.springs import coarse_springs, divide_bonds, fine_springs
+from pdsolve.adaptivity.hybrid.springs import coarse_springs, create_fine_springs, divide_bonds
 from pdsolve.checks import warn_of_created_energy
 from pdsolve.model import Model, ModelError, ModelWarning
 from pdsolve.options import Options
@@ -94,7 +94,7 @@ def test_what_cannot_be_solved_so_is_refused(model: Model, words: str) -> None:
     run = msgspec.structs.replace(model.settings.run, adapt="hybrid")
     model = dataclasses.replace(model, settings=msgspec.structs.replace(model.settings, run=run))
     with pytest.raises(ModelError, match=words) as error:
-        _ = select_scheme(model, Options()), create_plate(model, "conservative")
+        _ = select_scheme(model, Options()), create_hybrid_plate(model, "conservative")
     assert str(error.value).endswith("as run.adapt is hybrid")
 
 
@@ -115,26 +115,26 @@ def test_materials_of_two_micromoduli_have_one_family_in_the_plane(adapt: str, p
 def test_the_mode_of_the_thesis_is_refused() -> None:
     """Its bonds are one-sided."""
     with pytest.raises(ModelError, match=naming(found="thesis")):
-        create_plate(plate(cracked(), 4), "thesis")
+        create_hybrid_plate(plate(cracked(), 4), "thesis")
 
 
 def test_the_compact_lattice_is_as_stiff_as_the_fine_one() -> None:
     """C11 and C66 of a cell's springs, at m = 3 and 4, are those of a fine family; stretches of a bond fill it."""
     for m in (3.0, 4.0):
-        fine = fine_springs(GLASS, m, 1e-3)
+        fine = create_fine_springs(GLASS, m, 1e-3)
         coarse = coarse_springs(fine, 1e-3)
         for power in ((4, 0), (2, 2)):
             sums = []
             for springs, area in ((fine, 1e-6), (coarse, 4e-6)):
-                x, y, stiffness = springs.table[:, 0], springs.table[:, 1], springs.table[:, 5]
+                x, y, stiffness = springs.spring_table[:, 0], springs.spring_table[:, 1], springs.spring_table[:, 5]
                 length = np.hypot(x, y)
                 n = (x / length) ** power[0] * (y / length) ** power[1]
                 sums.append((stiffness * length**2 * n).sum() / 2 / area)
             assert sums[0] == pytest.approx(sums[1], rel=1e-13)
         cut = divide_bonds(fine)
-        first, last = cut.first_part[:, :, 0].ravel(), cut.first_part[:, :, 1].ravel()
+        first, last = cut.first_part_index[:, :, 0].ravel(), cut.first_part_index[:, :, 1].ravel()
         for one, other in zip(first, last, strict=True):
-            assert np.diff(cut.length_shares[one:other], axis=1).sum() == pytest.approx(1.0, abs=1e-12)
+            assert np.diff(cut.begin_and_end_shares[one:other], axis=1).sum() == pytest.approx(1.0, abs=1e-12)
 
 
 @pytest.mark.parametrize("how", ["temperature", "exchange", "supply"])
@@ -149,22 +149,22 @@ def test_cells_beside_an_edge_where_a_content_leaps_are_fine(how: str) -> None:
     steep = rows_of_steep_content(model)
     x = model.grid.position[:, 0]
     assert set(steep) == set(np.flatnonzero(x == x.min()))
-    whole = create_plate(model.moving_part(), "conservative")
-    cells = initial_cells(whole, 4, steep).reshape(-1, whole.numbering.cell_stride)
+    whole = create_hybrid_plate(model.moving_part(), "conservative")
+    cells = initial_cell_kinds(whole, 4, steep).reshape(-1, whole.numbering.cell_row_stride)
     across = cells[len(cells) // 2]
     assert across[AROUND : AROUND + 20].tolist() == 5 * [FINE] + 15 * [COARSE]
-    assert not (initial_cells(whole, 4) == FINE).any()
+    assert not (initial_cell_kinds(whole, 4) == FINE).any()
 
 
 def test_bits_of_cells_are_those_of_the_stretches_of_bonds() -> None:
     """At the largest horizon too; seen from its other end, a bond has the same cells."""
-    fine = fine_springs(GLASS, 6.0, 1e-3)
-    cut, half = divide_bonds(fine), len(fine.dx) // 2
+    fine = create_fine_springs(GLASS, 6.0, 1e-3)
+    cut, half = divide_bonds(fine), len(fine.family_dx) // 2
     for place in range(4):
         for k in range(half):
             for side in range(2):
-                cells = cut.cell[cut.first_part[place, k, side] : cut.first_part[place, k, side + 1]]
-                there = [place % 2 + fine.dx[k], place // 2 + fine.dy[k]]
+                cells = cut.cell_offset[cut.first_part_index[place, k, side] : cut.first_part_index[place, k, side + 1]]
+                there = [place % 2 + fine.family_dx[k], place // 2 + fine.family_dy[k]]
                 parity = there[0] % 2 + 2 * (there[1] % 2)
                 away = cells - np.array(there) // 2
                 assert int(cut.side_cell_bits[place, k, side]) == _bits(cells)

@@ -13,10 +13,10 @@ from zoned_plates import rectangle
 from pdmesh.model.document import Absorb, Lattice, Run
 from pdmesh.model.node_grid import whole_lattice
 from pdsolve.adaptivity.hybrid import irregular_bonds
-from pdsolve.adaptivity.hybrid.coarse_cells import create_plate
+from pdsolve.adaptivity.hybrid.coarse_cells import create_hybrid_plate
 from pdsolve.adaptivity.hybrid.irregular_bonds import find_irregular_bonds
-from pdsolve.adaptivity.hybrid.node_rows import values_at_nodes
-from pdsolve.adaptivity.hybrid.springs import fine_springs
+from pdsolve.adaptivity.hybrid.node_constants import values_at_nodes
+from pdsolve.adaptivity.hybrid.springs import create_fine_springs
 from pdsolve.options import Options
 from pdsolve.run.prepare import prepare
 
@@ -71,20 +71,22 @@ def test_rows_that_are_alike_have_the_constants_of_each_node() -> None:
     for grid in (whole_lattice(lattice, cracks=crack, outline=(ring,)), rectangle(200, 100, 1e-3, crack / 1e-3)):
         model = plate(grid, 3.0, run=Run(adapt="hybrid", steps=1), conditions=(absorb,))
         hybrid = prepare(model, Options(threads=1)).system.operator.engine  # type: ignore[attr-defined]
-        rows, place = hybrid.lattice.node_rows, hybrid.plate.fine_places
-        own = values_at_nodes(rows, rows.irregular_row, place)
+        rows, place = hybrid.lattice.node_constants, hybrid.plate.fine_places
+        own = values_at_nodes(rows, rows.irregular_bond_row, place)
         springs = (
-            np.where(own[:, None] >= 0, hybrid.lattice.irregular_stiffness[own], 0.0)
+            np.where(own[:, None] >= 0, hybrid.lattice.irregular_bond_stiffness[own], 0.0)
             / hybrid.lattice.spring_table[0, 5]
         )
         found.append(
             [
                 springs,
-                *(values_at_nodes(rows, values, place) for values in rows[1:] if values is not rows.irregular_row),
+                *(values_at_nodes(rows, values, place) for values in rows[1:] if values is not rows.irregular_bond_row),
             ]
         )
-        assert len(rows.mass) < 0.4 * len(rows.row_class)  # measured: 0.36, most of it of the layer that absorbs
-        assert values_at_nodes(rows, rows.mass, place) == pytest.approx(2235.0 * hybrid.plate.area * 1e-6, rel=1e-14)
+        assert len(rows.mass) < 0.4 * len(rows.constants_row)  # measured: 0.36, most of it of the layer that absorbs
+        assert values_at_nodes(rows, rows.mass, place) == pytest.approx(
+            2235.0 * hybrid.plate.area_shares * 1e-6, rel=1e-14
+        )
     (springs, *one), (others, *other) = found
     np.testing.assert_allclose(springs, others, atol=1e-12)  # 6e-14: nodes listed one by one have bonds of their own
     assert all(map(np.array_equal, one, other))
@@ -96,14 +98,16 @@ def test_nodes_that_lie_in_the_same_way_to_edges_and_cracks_share_their_bonds(mo
     cracks = 1e-3 * np.array([[0, 50.5, 60.5, 50.5], [90.5, 100, 90.5, 60.3], [110.2, 8.1, 170.3, 52.7]])
     ring = 1e-3 * np.array([[0, 0], [180, 0], [180, 100], [0, 100]])
     model = plate(whole_lattice(lattice, cracks=cracks, outline=(ring,)), 3.0, run=Run(adapt="hybrid", steps=1))
-    board = create_plate(model, "conservative")
-    springs = (fine_springs(model.materials[0], 3.0, board.h),)
+    board = create_hybrid_plate(model, "conservative")
+    springs = (create_fine_springs(model.materials[0], 3.0, board.spacing),)
     found = find_irregular_bonds(board, springs)
-    monkeypatch.setattr(irregular_bonds, "first_equivalent_rows", lambda plate, rows, reach: np.arange(len(rows)))
-    alone, which = find_irregular_bonds(board, springs), found.bond_row
+    monkeypatch.setattr(irregular_bonds, "find_first_equivalent_rows", lambda plate, rows, reach: np.arange(len(rows)))
+    alone, which = find_irregular_bonds(board, springs), found.bond_row_of_node
     assert len(found.stiffness) < 0.5 * len(alone.stiffness)  # measured: 0.42
     np.testing.assert_allclose(found.stiffness[which], alone.stiffness, rtol=1e-12, atol=0.0)  # measured: 1e-13
     np.testing.assert_allclose(found.stiffness_bound[which], alone.stiffness_bound, rtol=1e-12)
     assert np.array_equal(found.family_size[which], alone.family_size)
-    for mine, theirs in ((found.peak, alone.peak), (found.limit, alone.limit)):
-        np.testing.assert_allclose(mine[found.limit_row[which]], theirs[alone.limit_row], rtol=1e-12)
+    for mine, theirs in ((found.peak_strain, alone.peak_strain), (found.limit_strain, alone.limit_strain)):
+        np.testing.assert_allclose(
+            mine[found.limit_row_of_bond_row[which]], theirs[alone.limit_row_of_bond_row], rtol=1e-12
+        )

@@ -14,10 +14,10 @@ from plates import GLASS, plate, square_grid
 from pdmesh.model.document import Load, Region, Run, Split
 from pdsolve.adaptivity.quadtree import criteria
 from pdsolve.adaptivity.quadtree.incremental_bonds import create_leaf_bonds, update_leaf_bonds
-from pdsolve.adaptivity.quadtree.inherited_cracks import PastBonds, count_healed_bonds, inherit_breaks
+from pdsolve.adaptivity.quadtree.inherited_cracks import PastBonds, count_healed_bonds, inherit_break_steps
 from pdsolve.adaptivity.quadtree.interpolation import interpolate_state, kinetic_energy
 from pdsolve.adaptivity.quadtree.leaf_mapping import LeafOrigins, map_leaves
-from pdsolve.adaptivity.quadtree.operator import select_nodes_by_id
+from pdsolve.adaptivity.quadtree.operator import replace_boxes_by_node_ids
 from pdsolve.adaptivity.quadtree.tree import Cells, Tree
 from pdsolve.model import Model
 from pdsolve.schemes import SCHEMES
@@ -34,15 +34,15 @@ def tree(columns: int = 21, rows: int = 21, levels: int = 1, ratio: float = 3.0,
 
 def looked(of: Tree, cells: Cells, flagged: NDArray[np.int64]) -> criteria.LeafStates:
     """A look at leaves of which these rows are flagged; no bond has broken."""
-    height = np.zeros(len(cells.root))
+    height = np.zeros(len(cells.root_row))
     height[flagged] = 1.0
     horizon = of.model.settings.horizon.ratio * of.spacing / 2.0**cells.level
-    return criteria.LeafStates(cells, of.place(cells), horizon, height, np.zeros(len(height), dtype=bool))
+    return criteria.LeafStates(cells, of.centres(cells), horizon, height, np.zeros(len(height), dtype=bool))
 
 
 def nearest(of: Tree, cells: Cells, x: float, y: float) -> NDArray[np.int64]:
     """The row of the leaf at a place."""
-    return np.array([np.hypot(*(of.place(cells) - (x, y)).T).argmin()])
+    return np.array([np.hypot(*(of.centres(cells) - (x, y)).T).argmin()])
 
 
 @pytest.mark.parametrize(("ratio", "count"), [(3.0, 29), (4.0, 49)])
@@ -54,7 +54,7 @@ def test_all_within_the_old_horizon_split(ratio: float, count: int) -> None:
     assert splits.sum() == count
     new, transfer = map_leaves(of, cells, splits, cells.select(splits[:0].nonzero()[0]))
     assert transfer.is_quarter.sum() == 4 * count
-    assert len(new.root) == 441 + 3 * count
+    assert len(new.root_row) == 441 + 3 * count
 
 
 def test_leaves_that_touch_differ_by_one_level() -> None:
@@ -68,11 +68,11 @@ def test_leaves_that_touch_differ_by_one_level() -> None:
         cells, _ = map_leaves(of, cells, splits, nothing)
     assert np.bincount(cells.level).all()
     assert cells.level.max() == 3
-    place, half = of.place(cells), of.spacing / 2.0 ** (cells.level + 1)
+    place, half = of.centres(cells), of.spacing / 2.0 ** (cells.level + 1)
     away = np.abs(place[:, None] - place).max(axis=2)
     touch = away <= (half[:, None] + half) * (1 + 1e-9)
     assert np.abs(cells.level[:, None] - cells.level)[touch].max() == 1
-    assert cells.level[of.pinned[cells.root]].max() == 0
+    assert cells.level[of.pinned[cells.root_row]].max() == 0
     assert of.areas(cells).sum() == pytest.approx(441e-6, rel=1e-14)
 
 
@@ -85,13 +85,13 @@ def test_energy_is_measured_by_the_largest_between_floor_and_ceiling() -> None:
     assert critical == pytest.approx(np.full(441, 1.125 * material.E / 2 * squared), rel=1e-12)
     energy = np.zeros(441)
     energy[[0, 1, 2, 440]] = critical[0] * np.array([0.5, 0.2, 0.05, 9.0])
-    found = criteria.energy_shares(of, cells, energy, critical)
+    found = criteria.relative_energy_densities(of, cells, energy, critical)
     assert found[[0, 1, 2, 440]] == pytest.approx([1.0, 0.4, 0.0, 0.0])
     energy[3] = 50 * critical[0]
-    assert criteria.energy_shares(of, cells, energy, critical)[:4] == pytest.approx([0.5, 0.2, 0.0, 50.0])
+    assert criteria.relative_energy_densities(of, cells, energy, critical)[:4] == pytest.approx([0.5, 0.2, 0.0, 50.0])
     finer = cells._replace(level=np.ones(441, dtype=np.int64))
-    assert criteria.energy_shares(of, finer, energy, critical)[:4] == pytest.approx([0.25, 0.0, 0.0, 25.0])
-    assert not criteria.energy_shares(of, cells, np.zeros(441), critical).any()
+    assert criteria.relative_energy_densities(of, finer, energy, critical)[:4] == pytest.approx([0.25, 0.0, 0.0, 25.0])
+    assert not criteria.relative_energy_densities(of, cells, np.zeros(441), critical).any()
 
 
 def test_ids_say_which_cells_they_are() -> None:
@@ -101,9 +101,9 @@ def test_ids_say_which_cells_they_are() -> None:
     of = Tree(dataclasses.replace(of.model, grid=dataclasses.replace(of.model.grid, ids=shuffled)))
     cells = of.roots()
     for level in range(4):
-        found = of.cells(of.ids(cells))
+        found = of.cells_of_ids(of.node_ids(cells))
         assert all(np.array_equal(one, other) for one, other in zip(cells, found, strict=True))
-        assert len(np.unique(of.place(cells).round(9), axis=0)) == 20 * 4**level
+        assert len(np.unique(of.centres(cells).round(9), axis=0)) == 20 * 4**level
         cells = cells.quarters()
 
 
@@ -132,27 +132,27 @@ def test_cells_that_an_edge_cuts_keep_their_area() -> None:
     of = Tree(edged())
     cells, random = of.roots(), np.random.default_rng(2)
     whole, v = of.area.sum(), random.normal(size=(of.count, 2))
-    filled = SCHEMES["conservative"].fill(of.model_of(cells)).whole()
+    filled = SCHEMES["conservative"].fill(of.model_of_leaves(cells)).whole()
     state = State(np.zeros_like(v), v, v, *np.ones((3, of.count)))
-    splits = of.can_split(cells)
+    splits = of.mask_splittable(cells)
     new, transfer = map_leaves(of, cells, splits, cells.select(np.zeros(0, dtype=np.int64)))
     assert splits.sum() > 0.95 * of.count
-    assert len(new.root) < 4 * of.count - 100
+    assert len(new.root_row) < 4 * of.count - 100
     assert of.areas(new).sum() == pytest.approx(whole, rel=1e-13)
     begun = interpolate_state(state, transfer, filled.bonds, np.ones(len(filled.bonds.weight), dtype=bool))
     momentum = of.areas(new) @ begun.rate
     assert momentum == pytest.approx(of.area @ v, abs=1e-14 * np.abs(of.area @ np.abs(v)).max())
-    merged, back = map_leaves(of, new, np.zeros(len(new.root), dtype=bool), cells.select(splits))
-    filled = SCHEMES["conservative"].fill(of.model_of(new)).whole()
+    merged, back = map_leaves(of, new, np.zeros(len(new.root_row), dtype=bool), cells.select(splits))
+    filled = SCHEMES["conservative"].fill(of.model_of_leaves(new)).whole()
     begun = interpolate_state(begun, back, filled.bonds, np.ones(len(filled.bonds.weight), dtype=bool))
-    assert np.array_equal(of.ids(merged), of.ids(cells))
+    assert np.array_equal(of.node_ids(merged), of.node_ids(cells))
     assert of.area @ begun.rate == pytest.approx(of.area @ v, abs=1e-14 * np.abs(of.area @ np.abs(v)).max())
 
 
 def split_once(of: Tree, state: State, splits: NDArray[np.bool_]) -> tuple[Cells, LeafOrigins, State]:
     """Roots of which these have split, and their state."""
     cells = of.roots()
-    bonds = SCHEMES["conservative"].fill(of.model_of(cells)).whole().bonds
+    bonds = SCHEMES["conservative"].fill(of.model_of_leaves(cells)).whole().bonds
     new, transfer = map_leaves(of, cells, splits, cells.select(np.zeros(0, dtype=np.int64)))
     return new, transfer, interpolate_state(state, transfer, bonds, np.ones(len(bonds.weight), dtype=bool))
 
@@ -166,7 +166,7 @@ def test_linear_fields_are_split_exactly_and_energy_as_the_formula_has_it() -> N
     state = State(u, v, a, *random.uniform(size=(3, 441)))
     new, transfer, begun = split_once(of, state, np.ones(441, dtype=bool))
     for one, found in zip(slope, begun[:3], strict=True):
-        assert found == pytest.approx(of.place(new) @ one.T + 0.1, rel=1e-12)
+        assert found == pytest.approx(of.centres(new) @ one.T + 0.1, rel=1e-12)
     rho, area = 2235.0, of.areas(new)
     mass, whole = rho * area, rho * of.area
     gain = kinetic_energy(mass, begun.rate) - kinetic_energy(whole, v)
@@ -176,10 +176,10 @@ def test_linear_fields_are_split_exactly_and_energy_as_the_formula_has_it() -> N
     for spent in ("dissipated", "work", "damped"):
         assert area @ getattr(begun, spent) == pytest.approx(of.area @ getattr(state, spent), rel=1e-13)
     shaken = begun._replace(rate=begun.rate + random.normal(size=begun.rate.shape))
-    bonds = SCHEMES["conservative"].fill(of.model_of(new)).whole().bonds
-    merged, back = map_leaves(of, new, np.zeros(len(new.root), dtype=bool), of.roots())
+    bonds = SCHEMES["conservative"].fill(of.model_of_leaves(new)).whole().bonds
+    merged, back = map_leaves(of, new, np.zeros(len(new.root_row), dtype=bool), of.roots())
     after = interpolate_state(shaken, back, bonds, np.ones(len(bonds.weight), dtype=bool))
-    apart = shaken.rate - after.rate[np.searchsorted(merged.root, new.root)]
+    apart = shaken.rate - after.rate[np.searchsorted(merged.root_row, new.root_row)]
     loss = kinetic_energy(mass, shaken.rate) - kinetic_energy(whole, after.rate)
     assert loss == pytest.approx(kinetic_energy(mass, apart), abs=1e-14 * kinetic_energy(mass, shaken.rate))
     assert whole @ after.rate == pytest.approx(mass @ shaken.rate, abs=1e-14 * np.abs(mass @ np.abs(shaken.rate)).max())
@@ -193,11 +193,11 @@ def test_each_node_has_the_horizon_of_its_own_cell(mode: str) -> None:
     cells = of.roots()
     x, y = of.model.grid.position.T * 1e3
     new, _ = map_leaves(of, cells, (x > 3.5) & (x < 12.5) & (y > 3.5), cells.select(np.zeros(0, dtype=np.int64)))
-    filled = SCHEMES[mode].fill(of.model_of(new)).whole()
+    filled = SCHEMES[mode].fill(of.model_of_leaves(new)).whole()
     fine = square_grid(32, 32, 5e-4, x0=-2.5e-4, y0=-2.5e-4)
     expected = SCHEMES[mode].fill(plate(fine, 3, area_rule="square")).whole()
     at = nearest(of, new, 7.75e-3, 7.75e-3)[0]
-    other = np.hypot(*(fine.position - of.place(new)[at]).T).argmin()
+    other = np.hypot(*(fine.position - of.centres(new)[at]).T).argmin()
     assert new.level[at] == 1
     for name in ("stiffness", "limit", "weight"):
         own, theirs = (
@@ -213,13 +213,13 @@ def test_no_bond_heals(mode: str) -> None:
     of, random = tree(21, 20), np.random.default_rng(4)
     cells, scheme = of.roots(), SCHEMES[mode]
     for _ in range(3):
-        bonds = scheme.fill(of.model_of(cells)).whole().bonds
+        bonds = scheme.fill(of.model_of_leaves(cells)).whole().bonds
         broken = crossing(of, cells, bonds)
-        splits = of.can_split(cells) & (random.uniform(size=len(cells.root)) < 0.3)
+        splits = of.mask_splittable(cells) & (random.uniform(size=len(cells.root_row)) < 0.3)
         new, transfer = map_leaves(of, cells, splits, cells.select(np.zeros(0, dtype=np.int64)))
-        now = scheme.fill(of.model_of(new)).whole().bonds
+        now = scheme.fill(of.model_of_leaves(new)).whole().bonds
         before = PastBonds(bonds, broken)
-        found = inherit_breaks(before, now, transfer)
+        found = inherit_break_steps(before, now, transfer)
         assert np.array_equal(found, crossing(of, new, now))
         assert count_healed_bonds(before, now, transfer, found) == 0
         assert count_healed_bonds(before, now, transfer, np.zeros_like(found)) > 100
@@ -233,16 +233,16 @@ def test_what_has_changed_is_filled_as_all_would_be(mode: str) -> None:
     model, stiff = edged(), msgspec.structs.replace(GLASS, E=2 * GLASS.E)
     grid = dataclasses.replace(model.grid, cracks=1e-3 * np.array([[-1.0, 15.5, 6.0, 15.5]]))
     settings = msgspec.structs.replace(model.settings, regions=(Region(box=(0.0, 0.0, 4e-3, 1.0), material=stiff),))
-    of, scheme, random = Tree(select_nodes_by_id(Model(grid, settings))), SCHEMES[mode], np.random.default_rng(5)
+    of, scheme, random = Tree(replace_boxes_by_node_ids(Model(grid, settings))), SCHEMES[mode], np.random.default_rng(5)
     cells = of.roots()
-    now = create_leaf_bonds(scheme.by_pairs(of.model_of(cells)))
+    now = create_leaf_bonds(scheme.by_pairs(of.model_of_leaves(cells)))
     x, y = grid.position.T
     for near in ((2e-3, 15e-3), (14e-3, 10e-3), (4e-3, 14e-3)):
-        close = np.hypot(x - near[0], y - near[1])[cells.root] < 3.1e-3
-        splits = of.can_split(cells) & close & (random.uniform(size=len(close)) < 0.7)
-        parents = cells.select((cells.level == 1) & (cells.path == 0) & ~close).parent()
+        close = np.hypot(x - near[0], y - near[1])[cells.root_row] < 3.1e-3
+        splits = of.mask_splittable(cells) & close & (random.uniform(size=len(close)) < 0.7)
+        parents = cells.select((cells.level == 1) & (cells.path == 0) & ~close).parents()
         cells, transfer = map_leaves(of, cells, splits, parents)
-        model = of.model_of(cells)
+        model = of.model_of_leaves(cells)
         rule = scheme.by_pairs(model)
         now, again = update_leaf_bonds(rule, model, now, transfer), create_leaf_bonds(rule)
         assert transfer.is_quarter.any()
@@ -256,6 +256,6 @@ def test_what_has_changed_is_filled_as_all_would_be(mode: str) -> None:
 
 def crossing(of: Tree, cells: Cells, bonds: Any) -> NDArray[np.int32]:
     """7 of bonds (b,) that cross a row's edge in the middle of the plate, 0 of others."""
-    upper = of.place(cells)[:, 1] > 9.5e-3
+    upper = of.centres(cells)[:, 1] > 9.5e-3
     source = np.repeat(np.arange(len(upper)), np.diff(bonds.start))
     return np.where(upper[source] != upper[bonds.neighbour], 7, 0).astype(np.int32)

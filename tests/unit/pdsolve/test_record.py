@@ -51,15 +51,26 @@ def test_values_that_are_not_given_are_zero() -> None:
 def test_checkpoints_have_the_order_that_they_had() -> None:
     """Files hold these numbers without names."""
     stored = (
-        "fine_rows coarse_rows pieces border_nodes broken_bonds loads holds"
+        "active_fine_rows active_coarse_rows clipped_pieces border_nodes broken_bonds load_shares held_components"
         " damaged_nodes cell_changes refined_damaged_nodes"
     )
     assert list(arrays.Counts.__annotations__)[: arrays.STORED] == stored.split()
-    assert list(arrays.Totals.__annotations__) == ["work", "dissipated", "refinement", "clipped_e", "largest_e"]
-    assert list(zone.Totals.__annotations__) == ["dissipated", "refinement", "largest_e", "damped"]
+    assert list(arrays.Totals.__annotations__) == [
+        "work",
+        "dissipated_energy",
+        "refinement_energy",
+        "clipped_strain",
+        "largest_clipped_strain",
+    ]
+    assert list(zone.Totals.__annotations__) == [
+        "dissipated_energy",
+        "refinement_energy",
+        "largest_quadratic_strain",
+        "damped_energy",
+    ]
     assert list(zone.Counts.__annotations__) == ["broken_bonds", "refinement_due", "refinements"]
 
 
 def test_no_field_is_hidden_by_an_attribute_of_numpy() -> None:
-    for kind in (arrays.Counts, arrays.Totals, arrays.Entry, zone.Counts, zone.Totals):
+    for kind in (arrays.Counts, arrays.Totals, arrays.LoadOrHold, zone.Counts, zone.Totals):
         assert not set(kind.__annotations__) & set(dir(np.record)), kind

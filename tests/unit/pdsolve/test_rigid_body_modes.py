@@ -31,7 +31,7 @@ def test_a_strip_of_any_length_is_held_by_its_end(length: int, components: list[
     held = np.zeros(position.shape, dtype=bool)
     held[:3, components] = True
     found = find_loose_bodies(position, np.arange(len(position)), (bonds[0], bonds[1]), held)
-    assert found.is_loose.all() if free else not found.is_loose.any()
+    assert found.is_loose_node.all() if free else not found.is_loose_node.any()
     assert f"can {free}" in found.description if free else found.description == ""
 
 
@@ -41,7 +41,7 @@ def test_one_node_that_is_held_leaves_a_body_of_any_size_free_to_turn(scale: flo
     held = np.zeros(position.shape, dtype=bool)
     held[0] = True
     found = find_loose_bodies(scale * position, np.arange(len(position)), (bonds[0], bonds[1]), held)
-    assert found.is_loose.all()
+    assert found.is_loose_node.all()
     assert "can turn" in found.description
 
 
@@ -66,7 +66,7 @@ def test_a_body_turns_about_a_row_and_not_about_a_thin_strip(turned: float, widt
     number = np.arange(len(position))
     i, j = np.nonzero(np.abs(position[:, None] - position).max(axis=2) < 1.5e-3)
     found = find_loose_bodies(position @ rotation.T, number, (i[i != j], j[i != j]), held)
-    assert found.is_loose.any() == free
+    assert found.is_loose_node.any() == free
 
 
 @pytest.mark.parametrize("turned", [0.0, 0.7])

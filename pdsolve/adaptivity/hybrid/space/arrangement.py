@@ -46,23 +46,27 @@ class FineLattice(NamedTuple):
     divisions: BondDivisions  # of the upper half of the offsets
     reach: int  # spacings, along an axis
     node_volume: float  # h^3, m^3
-    limit_scale_of_pair: NDArray[np.float64]  # (p,) of pairs of materials: least e at which bonds break over theirs
-    xi_row_of_kind: NDArray[np.int32]  # (q,) row of `xi` of a kind of pieces
-    xi: NDArray[np.float64]  # (g, 4) xi, m, from the near end to the far one, and 1 / |xi|^2
+    least_over_own_limit_strain_of_material_pair: NDArray[
+        np.float64
+    ]  # (p,) of pairs of materials: least e at which bonds break over theirs
+    xi_row_of_piece_kind: NDArray[np.int32]  # (q,) row of `xi` of a kind of pieces
+    piece_xi: NDArray[np.float64]  # (g, 4) xi, m, from the near end to the far one, and 1 / |xi|^2
 
 
 class ClippedPieces(NamedTuple):
     """The p pieces of clipped bonds, in the order of their near ends, then of their owners."""
 
-    owner: NDArray[np.int32]  # (p,) site of the bond's lower node
-    kind: NDArray[np.int32]  # (p,) alike for pieces with the same xi; see `piece_directions`
-    near_place: NDArray[np.int64]  # (p,) the place of one end, a node if one is; see `_place_number`
-    far_place: NDArray[np.int64]  # (p,) of the other end
+    owner_site: NDArray[np.int32]  # (p,) site of the bond's lower node
+    piece_kind: NDArray[np.int32]  # (p,) alike for pieces with the same xi; see `number_and_list_piece_vectors`
+    near_end_place: NDArray[np.int64]  # (p,) the place of one end, a node if one is; see `_place_number`
+    far_end_place: NDArray[np.int64]  # (p,) of the other end
     stiffness: NDArray[np.float64]  # (p,) stiffness, N/m
-    limit_scale: NDArray[np.float64]  # (p,) least e at which bonds break over that of its own; 0 if it never breaks
+    least_over_own_limit_strain: NDArray[
+        np.float64
+    ]  # (p,) least e at which bonds break over that of its own; 0 if it never breaks
 
 
-def empty_pieces(count: int) -> ClippedPieces:
+def allocate_pieces(count: int) -> ClippedPieces:
     """Room for so many pieces."""
     owner, kind = np.empty((2, count), np.int32)
     return ClippedPieces(owner, kind, *np.empty((2, count), np.int64), *np.empty((2, count)))
@@ -83,10 +87,10 @@ class PiecePoints(NamedTuple):
 
 
 @cached_njit(error_model="numpy")
-def set_node_kinds(box, node, cells, sites, node_kinds, has_coarse_node):  # type: ignore[no-untyped-def]
+def set_node_kinds(box, node_at_site, cells, sites, node_kinds, has_coarse_node):  # type: ignore[no-untyped-def]
     """Set `node_kinds` and `has_coarse_node` (n,) at the sites `sites`."""
     for site in sites:
-        if node[site] < 0:
+        if node_at_site[site] < 0:
             continue
         x, y, z = fine_coordinates(box, site)
         node_kinds[site] = fine_node_kind(box, cells, x, y, z)
@@ -94,22 +98,22 @@ def set_node_kinds(box, node, cells, sites, node_kinds, has_coarse_node):  # typ
 
 
 @njit(**INNER)
-def _fill_cell_bits(box, cells, divisions, x, y, z, coarse, fine):  # type: ignore[no-untyped-def]
+def _fill_bits_of_surrounding_cells(box, cells, divisions, x, y, z, coarse, fine):  # type: ignore[no-untyped-def]
     """Fill the bits (w,) of the `coarse` and the `fine` ones of the cells around a fine node; whether there are any."""
     some_coarse = some_fine = False
     coarse[:] = fine[:] = 0
     number, (left_side, front, low) = (
         0,
         (
-            (x >> 1) + divisions.lowest_cell[x % 2],
-            (y >> 1) + divisions.lowest_cell[y % 2],
-            (z >> 1) + divisions.lowest_cell[z % 2],
+            (x >> 1) + divisions.lowest_cell_offset[x % 2],
+            (y >> 1) + divisions.lowest_cell_offset[y % 2],
+            (z >> 1) + divisions.lowest_cell_offset[z % 2],
         ),
     )
-    for cz in range(low, low + divisions.cells_around):
-        for cy in range(front, front + divisions.cells_around):
+    for cz in range(low, low + divisions.cells_around_per_axis):
+        for cy in range(front, front + divisions.cells_around_per_axis):
             row = cell_place(box, left_side, cy, cz)
-            for kind in cells[row : row + divisions.cells_around]:
+            for kind in cells[row : row + divisions.cells_around_per_axis]:
                 if kind != VOID:
                     word, bit = number // WORD, np.uint64(1) << np.uint64(number % WORD)
                     if kind == COARSE:
@@ -169,7 +173,7 @@ def store_bond_bits_and_pieces(fine, cells, bits, sites, pieces):  # type: ignor
         if tiles.node[site] < 0:
             continue
         x, y, z = fine_coordinates(box, site)
-        some_coarse, some_fine = _fill_cell_bits(box, cells, of, x, y, z, coarse_bits, fine_bits)
+        some_coarse, some_fine = _fill_bits_of_surrounding_cells(box, cells, of, x, y, z, coarse_bits, fine_bits)
         if not some_fine:
             continue
         tile, lane, place = site // ROW, np.uint16(site % ROW), x % 2 + 2 * (y % 2) + 4 * (z % 2)
@@ -196,7 +200,7 @@ def _set_bond_bits(bits, site, target, slot):  # type: ignore[no-untyped-def]
 def _append_pieces_of_bond(fine, cells, site, x, y, z, k, pieces, count):  # type: ignore[no-untyped-def]
     """List the pieces of bond k of the node x, y, z; returns how many there are then."""
     box, tiles, of = fine.box, fine.tiles, fine.divisions
-    slot, first = len(tiles.offsets) // 2 + k, of.first_part[x % 2 + 2 * (y % 2) + 4 * (z % 2), k]
+    slot, first = len(tiles.offsets) // 2 + k, of.first_part_index[x % 2 + 2 * (y % 2) + 4 * (z % 2), k]
     sides = _count_sides_with_cells(box, cells, of, first, x, y, z)
     for side in range(SIDES):
         has_cells = False
@@ -208,16 +212,21 @@ def _append_pieces_of_bond(fine, cells, site, x, y, z, k, pieces, count):  # typ
             while part < last and _cell_kind_of_part(box, cells, of, part, x, y, z) != COARSE:
                 part += 1
             if part > begin:
-                if count < len(pieces.owner):
-                    length = of.length_shares[part - 1, 1] - of.length_shares[begin, 0]
+                if count < len(pieces.owner_site):
+                    length = of.begin_and_end_shares[part - 1, 1] - of.begin_and_end_shares[begin, 0]
                     ends = _part_end_place(box, of, x, y, z, begin, 0), _part_end_place(box, of, x, y, z, part - 1, 1)
-                    back = of.ends_at_node[part - 1, 1] and not of.ends_at_node[begin, 0]
-                    pieces.owner[count], pieces.kind[count] = site, 2 * (begin * PARTS + part - 1 - begin) + back
-                    pieces.near_place[count], pieces.far_place[count] = (ends[1], ends[0]) if back else ends
+                    back = of.part_ends_at_node[part - 1, 1] and not of.part_ends_at_node[begin, 0]
+                    pieces.owner_site[count], pieces.piece_kind[count] = (
+                        site,
+                        2 * (begin * PARTS + part - 1 - begin) + back,
+                    )
+                    pieces.near_end_place[count], pieces.far_end_place[count] = (ends[1], ends[0]) if back else ends
                     pieces.stiffness[count] = _bond_stiffness(fine, site, slot) / (sides * length)
                     i, j = tiles.node[site], tiles.node[site + tiles.offsets[slot]]
-                    scale = fine.limit_scale_of_pair[pair_number(tiles, i, j)]
-                    pieces.limit_scale[count] = 0.0 if tiles.unbreakable[i] or tiles.unbreakable[j] else scale
+                    scale = fine.least_over_own_limit_strain_of_material_pair[pair_number(tiles, i, j)]
+                    pieces.least_over_own_limit_strain[count] = (
+                        0.0 if tiles.unbreakable[i] or tiles.unbreakable[j] else scale
+                    )
                 count += 1
             part += 1
     return count
@@ -235,7 +244,7 @@ def _bond_stiffness(fine, site, slot):  # type: ignore[no-untyped-def]
 @njit(**INNER)
 def _part_end_place(box, divisions, x, y, z, part, side):  # type: ignore[no-untyped-def]
     """The place where a part of a bond of the node x, y, z begins, 0, or ends, 1."""
-    at, unit = divisions.end_position[part, side], divisions.units_per_spacing
+    at, unit = divisions.part_end_position[part, side], divisions.units_per_spacing
     return _place_number(box, unit, unit * (x - x % 2) + at[0], unit * (y - y % 2) + at[1], unit * (z - z % 2) + at[2])
 
 
@@ -243,7 +252,7 @@ def _part_end_place(box, divisions, x, y, z, part, side):  # type: ignore[no-unt
 def _place_number(box, unit, x, y, z):  # type: ignore[no-untyped-def]
     """The number of a place (x, y, z) in h / unit: block by block, so that what is near in space is near in memory."""
     side = BLOCK * unit
-    across, along = box.sx // BLOCK + 1, box.sy // BLOCK + 1
+    across, along = box.fine_nodes_x // BLOCK + 1, box.fine_nodes_y // BLOCK + 1
     block = (z // side * along + y // side) * across + x // side
     return ((block * side + z % side) * side + y % side) * side + x % side
 
@@ -252,7 +261,7 @@ def _place_number(box, unit, x, y, z):  # type: ignore[no-untyped-def]
 def coordinates_of_place(box, unit, place):  # type: ignore[no-untyped-def]
     """The place (x, y, z) in h / unit of a number."""
     side = BLOCK * unit
-    across, along = box.sx // BLOCK + 1, box.sy // BLOCK + 1
+    across, along = box.fine_nodes_x // BLOCK + 1, box.fine_nodes_y // BLOCK + 1
     block, in_block = place // (side * side * side), place % (side * side * side)
     return (
         block % across * side + in_block % side,
@@ -262,33 +271,41 @@ def coordinates_of_place(box, unit, place):  # type: ignore[no-untyped-def]
 
 
 @cached_njit(error_model="numpy")
-def merge_pieces_into(old, stale, new, order, merged):  # type: ignore[no-untyped-def]
-    """Fill what is `merged` with the old pieces whose owners are not `stale` (sites,), and with those `new`, in the
-    `order` (q,) of their near ends."""
+def merge_pieces_into(old, is_owner_stale, new, order, merged):  # type: ignore[no-untyped-def]
+    """Fill what is `merged` with the old pieces whose owners are not `is_owner_stale` (sites,) and with those `new`, in
+    the `order` (q,) of their near ends."""
     at, n = 0, 0
     for m in order:
-        while n < len(old.owner) and (
-            old.near_place[n] < new.near_place[m]
-            or (old.near_place[n] == new.near_place[m] and old.owner[n] < new.owner[m])
+        while n < len(old.owner_site) and (
+            old.near_end_place[n] < new.near_end_place[m]
+            or (old.near_end_place[n] == new.near_end_place[m] and old.owner_site[n] < new.owner_site[m])
         ):
-            at, n = at + _copy_piece(old, n, merged, at, not stale[old.owner[n]]), n + 1
+            at, n = at + _copy_piece(old, n, merged, at, not is_owner_stale[old.owner_site[n]]), n + 1
         at += _copy_piece(new, m, merged, at, True)
-    while n < len(old.owner):
-        at, n = at + _copy_piece(old, n, merged, at, not stale[old.owner[n]]), n + 1
+    while n < len(old.owner_site):
+        at, n = at + _copy_piece(old, n, merged, at, not is_owner_stale[old.owner_site[n]]), n + 1
 
 
 @njit(**INNER)
-def _copy_piece(source, n, target, position, is_wanted):  # type: ignore[no-untyped-def]
+def _copy_piece(source, source_index, target, target_index, is_wanted):  # type: ignore[no-untyped-def]
     """Copy a piece if it is wanted; how many there are then."""
     if not is_wanted:
         return 0
-    target.owner[position], target.kind[position], target.stiffness[position], target.limit_scale[position] = (
-        source.owner[n],
-        source.kind[n],
-        source.stiffness[n],
-        source.limit_scale[n],
+    (
+        target.owner_site[target_index],
+        target.piece_kind[target_index],
+        target.stiffness[target_index],
+        target.least_over_own_limit_strain[target_index],
+    ) = (
+        source.owner_site[source_index],
+        source.piece_kind[source_index],
+        source.stiffness[source_index],
+        source.least_over_own_limit_strain[source_index],
     )
-    target.near_place[position], target.far_place[position] = source.near_place[n], source.far_place[n]
+    target.near_end_place[target_index], target.far_end_place[target_index] = (
+        source.near_end_place[source_index],
+        source.far_end_place[source_index],
+    )
     return 1
 
 
@@ -319,7 +336,7 @@ def create_piece_points(fine: FineLattice, node_kinds: NDArray[np.uint8], places
     return points
 
 
-def piece_directions(
+def number_and_list_piece_vectors(
     divisions: BondDivisions, table: NDArray[np.floating], h: float
 ) -> tuple[NDArray[np.int32], NDArray[np.float64]]:
     """The direction (q,) of each kind of pieces, and the xi, m, and 1 / |xi|^2 of each direction (g, 4).
@@ -327,11 +344,13 @@ def piece_directions(
     The kind of a piece is 2 PARTS times the number of its first part, plus twice that of those that follow it, plus 1
     if its near end is behind its far one.
     """
-    begin = np.repeat(np.arange(len(divisions.length_shares)), PARTS)
-    last = np.minimum(begin + np.tile(np.arange(PARTS), len(divisions.length_shares)), len(divisions.length_shares) - 1)
-    bond = np.searchsorted(divisions.first_part[:, :, 0].ravel(), begin, side="right") - 1
-    row = table[len(table) // 2 + bond % divisions.first_part.shape[1]].astype(np.float64)
-    length = divisions.length_shares[last, 1] - divisions.length_shares[begin, 0]
+    begin = np.repeat(np.arange(len(divisions.begin_and_end_shares)), PARTS)
+    last = np.minimum(
+        begin + np.tile(np.arange(PARTS), len(divisions.begin_and_end_shares)), len(divisions.begin_and_end_shares) - 1
+    )
+    bond = np.searchsorted(divisions.first_part_index[:, :, 0].ravel(), begin, side="right") - 1
+    row = table[len(table) // 2 + bond % divisions.first_part_index.shape[1]].astype(np.float64)
+    length = divisions.begin_and_end_shares[last, 1] - divisions.begin_and_end_shares[begin, 0]
     length[length <= 0] = 1.0  # of no piece
     xi = np.column_stack([length[:, None] * row[:, :3], row[:, INVERSE] / length**2])
     _, which, direction = np.unique(np.round(xi[:, :3] / h, 9), axis=0, return_index=True, return_inverse=True)
@@ -374,16 +393,16 @@ def fill_border_carriers(box, border_sites, sites, w):  # type: ignore[no-untype
 
 
 @cached_njit(error_model="numpy")
-def gather_to_coarse(fine, node_kinds, coarse_sites, fine_values, coarse_values):  # type: ignore[no-untyped-def]
+def gather_fine_values_to_coarse(fine, node_kinds, coarse_sites, fine_values, coarse_values):  # type: ignore[no-untyped-def]
     """Set `coarse_values` (k,) of coarse nodes at the fine sites `coarse_sites` to their shares of the `fine_values`
     (sites,) of all fine nodes that are not free."""
     box, tiles = fine.box, fine.tiles
     for n in range(len(coarse_sites)):
         x, y, z = fine_coordinates(box, coarse_sites[n])
         coarse_values[n] = 0.0
-        for dz in range(max(z - 1, 0), min(z + 2, box.sz)):
-            for dy in range(max(y - 1, 0), min(y + 2, box.sy)):
-                for dx in range(max(x - 1, 0), min(x + 2, box.sx)):
+        for dz in range(max(z - 1, 0), min(z + 2, box.fine_nodes_z)):
+            for dy in range(max(y - 1, 0), min(y + 2, box.fine_nodes_y)):
+                for dx in range(max(x - 1, 0), min(x + 2, box.fine_nodes_x)):
                     site = fine_site(box, dx, dy, dz)
                     if tiles.node[site] >= 0 and node_kinds[site] != FREE:
                         share = 0.5 ** (abs(dx - x) + abs(dy - y) + abs(dz - z))
@@ -391,16 +410,16 @@ def gather_to_coarse(fine, node_kinds, coarse_sites, fine_values, coarse_values)
 
 
 @cached_njit(error_model="numpy")
-def interpolate_fine(box, sites, w, row, node_values, fine_sites, fine_values):  # type: ignore[no-untyped-def]
+def interpolate_at_fine_sites(box, scratch_sites, scratch_weights, row_at_site, node_values, fine_sites, fine_values):  # type: ignore[no-untyped-def]
     """Fill `fine_values` (k, 3) with those of fine nodes at the sites `fine_sites`, from `node_values` (n, 3).
 
-    Nodes that were there before are those with a `row` (sites,) of at least 0; others lie in coarse cells.
-    `sites` and `w` are scratch.
+    Nodes that were there before are those with a `row_at_site` (sites,) of at least 0; others lie in coarse cells.
+    `scratch_sites` and `scratch_weights` are scratch.
     """
     for n in range(len(fine_sites)):
-        if row[fine_sites[n]] >= 0:
+        if row_at_site[fine_sites[n]] >= 0:
             for axis in range(3):
-                fine_values[n, axis] = node_values[row[fine_sites[n]], axis]
+                fine_values[n, axis] = node_values[row_at_site[fine_sites[n]], axis]
             continue
         x, y, z = fine_coordinates(box, fine_sites[n])
         for axis in range(3):
@@ -409,35 +428,35 @@ def interpolate_fine(box, sites, w, row, node_values, fine_sites, fine_values): 
         for dz in range(1 + z % 2):
             for dy in range(1 + y % 2):
                 for dx in range(1 + x % 2):
-                    sites[count] = fine_site(box, x - x % 2 + 2 * dx, y - y % 2 + 2 * dy, z - z % 2 + 2 * dz)
+                    scratch_sites[count] = fine_site(box, x - x % 2 + 2 * dx, y - y % 2 + 2 * dy, z - z % 2 + 2 * dz)
                     count += 1
         for m in range(count):
-            w[m] = 1.0 / count
+            scratch_weights[m] = 1.0 / count
             for axis in range(3):
-                fine_values[n, axis] += w[m] * node_values[row[sites[m]], axis]
+                fine_values[n, axis] += scratch_weights[m] * node_values[row_at_site[scratch_sites[m]], axis]
 
 
 @cached_njit(nogil=True, error_model="numpy")
-def count_bonds(sites, row, offsets, bits):  # type: ignore[no-untyped-def]
-    """Number (k,) of the bonds of nodes at these sites to nodes, which have a `row` of at least 0."""
+def count_bonds_of_sites(sites, row_at_site, offsets, bits):  # type: ignore[no-untyped-def]
+    """Number (k,) of the bonds of nodes at these sites to nodes, which have a `row_at_site` of at least 0."""
     counts = np.zeros(len(sites), dtype=np.int64)
     for n in range(len(sites)):
         tile, lane = sites[n] // ROW, np.uint16(sites[n] % ROW)
         for slot in range(len(offsets)):
-            if (bits[tile, slot] >> lane) & np.uint16(1) and row[sites[n] + offsets[slot]] >= 0:
+            if (bits[tile, slot] >> lane) & np.uint16(1) and row_at_site[sites[n] + offsets[slot]] >= 0:
                 counts[n] += 1
     return counts
 
 
 @cached_njit(nogil=True, error_model="numpy")
-def list_bond_targets(sites, row, offsets, bits, target):  # type: ignore[no-untyped-def]
+def list_bond_targets(sites, row_at_site, offsets, bits, target):  # type: ignore[no-untyped-def]
     """Fill the rows of the targets of these bonds."""
     at = 0
     for n in range(len(sites)):
         tile, lane = sites[n] // ROW, np.uint16(sites[n] % ROW)
         for slot in range(len(offsets)):
-            if (bits[tile, slot] >> lane) & np.uint16(1) and row[sites[n] + offsets[slot]] >= 0:
-                target[at] = row[sites[n] + offsets[slot]]
+            if (bits[tile, slot] >> lane) & np.uint16(1) and row_at_site[sites[n] + offsets[slot]] >= 0:
+                target[at] = row_at_site[sites[n] + offsets[slot]]
                 at += 1
 
 
@@ -447,16 +466,16 @@ __all__ = [
     "ClippedPieces",
     "FineLattice",
     "PiecePoints",
+    "allocate_pieces",
     "coordinates_of_place",
-    "count_bonds",
+    "count_bonds_of_sites",
     "create_piece_points",
-    "empty_pieces",
     "fill_border_carriers",
-    "gather_to_coarse",
-    "interpolate_fine",
+    "gather_fine_values_to_coarse",
+    "interpolate_at_fine_sites",
     "list_bond_targets",
     "merge_pieces_into",
-    "piece_directions",
+    "number_and_list_piece_vectors",
     "set_node_kinds",
     "store_bond_bits_and_pieces",
     "take_first_pieces",

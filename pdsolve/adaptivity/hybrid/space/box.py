@@ -21,21 +21,25 @@ IDLE, FREE, BORDER = range(3)  # fine nodes: in coarse cells alone, in fine ones
 class CellBox(NamedTuple):
     """A box of sx by sy by sz fine nodes and of cx by cy by cz cells."""
 
-    sx: int
-    sy: int
-    sz: int
-    cx: int
-    cy: int
-    cz: int
-    pad: int
+    fine_nodes_x: int
+    fine_nodes_y: int
+    fine_nodes_z: int
+    cells_x: int
+    cells_y: int
+    cells_z: int
+    void_margin: int
 
     @property
     def padded_shape(self) -> tuple[int, int, int]:
         """The shape of an array of all cells, void ones included."""
-        return self.cz + 2 * self.pad, self.cy + 2 * self.pad, self.cx + 2 * self.pad
+        return (
+            self.cells_z + 2 * self.void_margin,
+            self.cells_y + 2 * self.void_margin,
+            self.cells_x + 2 * self.void_margin,
+        )
 
 
-def number_box(sides: tuple[int, int, int], reach: int) -> CellBox:
+def create_cell_box(sides: tuple[int, int, int], reach: int) -> CellBox:
     """The numbering of a box of fine nodes whose bonds reach so many spacings."""
     x, y, z = (max(1, side // 2) for side in sides)
     return CellBox(*sides, x, y, z, reach // 2 + 2)
@@ -44,26 +48,30 @@ def number_box(sides: tuple[int, int, int], reach: int) -> CellBox:
 @njit(forceinline=True, **INNER)
 def cell_place(box, x, y, z):  # type: ignore[no-untyped-def]
     """The place of the cell (X, Y, Z)."""
-    pad = box.pad
-    return ((z + pad) * (box.cy + 2 * pad) + y + pad) * (box.cx + 2 * pad) + x + pad
+    pad = box.void_margin
+    return ((z + pad) * (box.cells_y + 2 * pad) + y + pad) * (box.cells_x + 2 * pad) + x + pad
 
 
 @njit(forceinline=True, **INNER)
 def fine_site(box, x, y, z):  # type: ignore[no-untyped-def]
     """The site of the fine node (x, y, z)."""
-    return (z * box.sy + y) * box.sx + x
+    return (z * box.fine_nodes_y + y) * box.fine_nodes_x + x
 
 
 @njit(forceinline=True, **INNER)
 def fine_coordinates(box, site):  # type: ignore[no-untyped-def]
     """The fine node (x, y, z) at a site."""
-    return site % box.sx, site // box.sx % box.sy, site // (box.sx * box.sy)
+    return (
+        site % box.fine_nodes_x,
+        site // box.fine_nodes_x % box.fine_nodes_y,
+        site // (box.fine_nodes_x * box.fine_nodes_y),
+    )
 
 
 @njit(forceinline=True, **INNER)
 def coarse_site(box, x, y, z):  # type: ignore[no-untyped-def]
     """The site of the coarse node (X, Y, Z)."""
-    return (z * (box.cy + 1) + y) * (box.cx + 1) + x
+    return (z * (box.cells_y + 1) + y) * (box.cells_x + 1) + x
 
 
 @njit(**INNER)

@@ -46,7 +46,7 @@ def cubic_stiffness(table: NDArray[np.floating]) -> CubicStiffness:
     return CubicStiffness(float((energy * n2[:, 0] ** 2).sum()), float((energy * n2[:, 0] * n2[:, 1]).sum()))
 
 
-def spring_offsets() -> NDArray[np.int64]:
+def coarse_spring_offsets() -> NDArray[np.int64]:
     """The offsets (26, 3) of a coarse node's springs, in the order of their sites."""
     steps = np.arange(-1, 2)
     z, y, x = (axis_steps.ravel() for axis_steps in np.meshgrid(steps, steps, steps, indexing="ij"))
@@ -54,21 +54,21 @@ def spring_offsets() -> NDArray[np.int64]:
     return np.asarray(offsets[offsets.any(axis=1)])
 
 
-def spring_stiffnesses(elastic: CubicStiffness, tau: float, h: float) -> NDArray[np.float64]:
+def coarse_spring_stiffnesses(elastic: CubicStiffness, vertex_force_ratio: float, h: float) -> NDArray[np.float64]:
     """Stiffness (26,), N/m, of whole springs."""
-    body = 1.5 * tau * elastic.c11 * h
+    body = 1.5 * vertex_force_ratio * elastic.c11 * h
     face = 2 * h * elastic.c12 - 4 / 3 * body
     edge = 2 * h * (elastic.c11 - 2 * elastic.c12) + 4 / 3 * body
-    return np.asarray(np.array([edge, face, body])[np.count_nonzero(spring_offsets(), axis=1) - 1])
+    return np.asarray(np.array([edge, face, body])[np.count_nonzero(coarse_spring_offsets(), axis=1) - 1])
 
 
 def create_coarse_sites(box: CellBox, h: float) -> Sites:
     """The sites of the coarse nodes of a box; no node is there yet."""
-    sides = box.cx + 1, box.cy + 1, box.cz + 1
+    sides = box.cells_x + 1, box.cells_y + 1, box.cells_z + 1
     every, stride = int(np.prod(sides)), sides[0] * sides[1]
     margin = -(-(stride + sides[0] + 1) // ROW) * ROW
     node = np.full(-(-every // ROW) * ROW, -1, dtype=np.int32)
-    return Sites(np.zeros(0, dtype=np.int64), node, sides, margin, 2 * h, spring_offsets())
+    return Sites(np.zeros(0, dtype=np.int64), node, sides, margin, 2 * h, coarse_spring_offsets())
 
 
 def create_spring_tiles(law: Law, sites: Sites, stiffness: NDArray[np.float64]) -> Tiles:
@@ -102,31 +102,38 @@ def create_spring_tiles(law: Law, sites: Sites, stiffness: NDArray[np.float64]) 
 
 
 @cached_njit(error_model="numpy")
-def set_coarse_springs(box, cells, modulus, way, nodes, tiles):  # type: ignore[no-untyped-def]
-    """Set the springs of the coarse nodes (k, 3) in `nodes`; `modulus` (c,) is that of cells."""
-    for n in range(len(nodes)):
-        x, y, z = nodes[n]
+def set_coarse_springs(box, cells, cell_moduli, spring_offsets, coarse_nodes, tiles):  # type: ignore[no-untyped-def]
+    """Set the springs of the coarse nodes (k, 3) in `coarse_nodes`; `cell_moduli` (c,) is that of cells."""
+    for n in range(len(coarse_nodes)):
+        x, y, z = coarse_nodes[n]
         site = coarse_site(box, x, y, z)
         tile, lane = site // ROW, site % ROW
-        for slot in range(len(way)):
+        for slot in range(len(spring_offsets)):
             count, total_modulus = 0, 0.0
-            for sz in range(min(way[slot, 2], 0) - (way[slot, 2] == 0), 1 - (way[slot, 2] < 0)):
-                for sy in range(min(way[slot, 1], 0) - (way[slot, 1] == 0), 1 - (way[slot, 1] < 0)):
-                    for sx in range(min(way[slot, 0], 0) - (way[slot, 0] == 0), 1 - (way[slot, 0] < 0)):
+            for sz in range(
+                min(spring_offsets[slot, 2], 0) - (spring_offsets[slot, 2] == 0), 1 - (spring_offsets[slot, 2] < 0)
+            ):
+                for sy in range(
+                    min(spring_offsets[slot, 1], 0) - (spring_offsets[slot, 1] == 0), 1 - (spring_offsets[slot, 1] < 0)
+                ):
+                    for sx in range(
+                        min(spring_offsets[slot, 0], 0) - (spring_offsets[slot, 0] == 0),
+                        1 - (spring_offsets[slot, 0] < 0),
+                    ):
                         count += 1
                         cell = cell_place(box, x + sx, y + sy, z + sz)
-                        total_modulus += modulus[cell] if cells[cell] == COARSE else 0.0
+                        total_modulus += cell_moduli[cell] if cells[cell] == COARSE else 0.0
             share, bit = total_modulus / count, np.uint16(1) << np.uint16(lane)
             tiles.share[tile, slot, lane] = share
             if share > 0:
                 tiles.bits[tile, slot] |= bit
             else:
                 tiles.bits[tile, slot] &= ~bit
-        tiles.kind[tile] = _tile_kind(tiles, tile)
+        tiles.kind[tile] = _classify_tile(tiles, tile)
 
 
 @cached_njit(error_model="numpy")
-def _tile_kind(tiles, tile):  # type: ignore[no-untyped-def]
+def _classify_tile(tiles, tile):  # type: ignore[no-untyped-def]
     """What the stiffnesses of a tile are made of."""
     kind = EMPTY
     for slot in range(len(tiles.offsets)):
@@ -149,14 +156,14 @@ def add_spring_energies(tiles, u, node_energy, tile_numbers):  # type: ignore[no
             row, word = tiles.table[slot], tiles.bits[t, slot]
             for lane in range(ROW):
                 if (word >> np.uint16(lane)) & np.uint16(1):
-                    e = _spring_e(tiles, u, t * ROW + lane, slot)
+                    e = _spring_quadratic_strain(tiles, u, t * ROW + lane, slot)
                     stretch = e / (np.sqrt(1 + e) + 1)
                     c = row[PULL] * tiles.share[t, slot, lane] / row[INVERSE] / 4
                     node_energy[tiles.node[t * ROW + lane]] += c * stretch * stretch
 
 
 @njit(**INNER)
-def _spring_e(tiles, u, site, slot):  # type: ignore[no-untyped-def]
+def _spring_quadratic_strain(tiles, u, site, slot):  # type: ignore[no-untyped-def]
     """The e of a spring."""
     row, near = tiles.table[slot], tiles.margin + site
     far, e = near + tiles.offsets[slot], 0.0
@@ -167,9 +174,9 @@ def _spring_e(tiles, u, site, slot):  # type: ignore[no-untyped-def]
 
 
 @cached_njit(error_model="numpy")
-def list_stretched_nodes(box, tiles, unbreakable, u, stretch_limit, stretched_sites):  # type: ignore[no-untyped-def]
-    """List the fine sites of coarse nodes with a spring stretched beyond `stretch_limit` (sites,) at one of its ends;
-    returns how many there are.
+def list_stretched_nodes(box, tiles, unbreakable, u, refinement_stretch, stretched_sites):  # type: ignore[no-untyped-def]
+    """List the fine sites of coarse nodes with a spring stretched beyond `refinement_stretch` (sites,) at one of its
+    ends; returns how many there are.
 
     `unbreakable` (n,) are the nodes whose bonds do not break.
     """
@@ -184,14 +191,14 @@ def list_stretched_nodes(box, tiles, unbreakable, u, stretch_limit, stretched_si
                     continue
                 site = t * ROW + lane
                 neighbour = site + tiles.offsets[slot]
-                limit = min(stretch_limit[site], stretch_limit[neighbour])
-                above = _spring_e(tiles, u, site, slot) > limit * (2 + limit)
+                limit = min(refinement_stretch[site], refinement_stretch[neighbour])
+                above = _spring_quadratic_strain(tiles, u, site, slot) > limit * (2 + limit)
                 if above and not (unbreakable[tiles.node[site]] or unbreakable[tiles.node[neighbour]]):
                     for end in (site, neighbour):
-                        row, x = end // (box.cx + 1), end % (box.cx + 1)
+                        row, x = end // (box.cells_x + 1), end % (box.cells_x + 1)
                         if count < len(stretched_sites):
                             stretched_sites[count] = fine_site(
-                                box, 2 * x, 2 * (row % (box.cy + 1)), 2 * (row // (box.cy + 1))
+                                box, 2 * x, 2 * (row % (box.cells_y + 1)), 2 * (row // (box.cells_y + 1))
                             )
                             count += 1
     return count

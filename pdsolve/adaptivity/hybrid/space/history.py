@@ -13,12 +13,12 @@ from pdsolve.lattice.sums import Breaks, room_for
 class ZoneHistory(NamedTuple):
     """Broken bonds and books."""
 
-    step: NDArray[np.int64]  # (b,) when directed bonds broke
-    source: NDArray[np.int64]  # (b,) fine sites, or rows of the grid
-    target: NDArray[np.int64]
+    break_step: NDArray[np.int64]  # (b,) when directed bonds broke
+    broken_source: NDArray[np.int64]  # (b,) fine sites, or rows of the grid
+    broken_target: NDArray[np.int64]
     refinement_energy: float  # J, in the plane per unit thickness: energy that refining has made
-    largest_clipped: float  # of bonds that do not break: e, or stretch over their limit
-    pending: Breaks  # bonds that broke in the last step in which any did; rows of nodes may be others since
+    largest_clipped_strain: float  # of bonds that do not break: e, or stretch over their limit
+    latest_breaks: Breaks  # bonds that broke in the last step in which any did; rows of nodes may be others since
 
 
 NEVER = np.zeros(0, dtype=np.int64)

@@ -25,26 +25,26 @@ class FullBody(NamedTuple):
     """What does not change: the body with all its fine nodes."""
 
     model: Model | None  # None of a block alone
-    fine: FineLattice
-    sites: Sites
+    fine_lattice: FineLattice
+    fine_sites: Sites
     coarse_sites: Sites  # of coarse nodes
-    precrack_cuts: NDArray[np.int64]  # (n,) bonds of each fine node that pre-cracks cut
-    relative_modulus: NDArray[np.float64]  # (c,) stiffness of coarse cells over that of the first material
-    stretch_limit: NDArray[np.float64]  # (sites,) of springs of a coarse node; beyond it cells around become fine
+    precrack_cut_counts: NDArray[np.int64]  # (n,) bonds of each fine node that pre-cracks cut
+    relative_cell_modulus: NDArray[np.float64]  # (c,) stiffness of coarse cells over that of the first material
+    refinement_stretch: NDArray[np.float64]  # (sites,) of springs of a coarse node; beyond it cells around become fine
     stiffness_over_density: float = 0.0  # 1/s^2, of all nodes of any zone: `Operator.stiffness_bound` over density
     solid_cell_count: int = 1  # cells that are not void
-    drive: Drive | None = None  # conditions on all fine nodes
+    full_drive: Drive | None = None  # conditions on all fine nodes
 
 
 class BodyZone(NamedTuple):
     """What follows from the cells; arrays are changed in place, others replaced."""
 
-    cells: NDArray[np.uint8]  # (c,)
+    cell_kinds: NDArray[np.uint8]  # (c,)
     node_kinds: NDArray[np.uint8]  # (sites,) of fine nodes
     has_coarse_node: NDArray[np.bool_]  # (sites,) whether a coarse node is there
-    tiles: Tiles  # of bonds whole in fine cells
-    springs: Tiles  # of coarse cells
-    pieces: ClippedPieces
+    fine_tiles: Tiles  # of bonds whole in fine cells
+    coarse_springs: Tiles  # of coarse cells
+    clipped_pieces: ClippedPieces
     fine_u: NDArray[np.float64]  # (3, m) displacements of fine sites, m
     coarse_u: NDArray[np.float64]
 
@@ -56,46 +56,54 @@ Bonds = tuple[Tiles, Sites, NDArray[np.int64], NDArray[np.float64], bool]
 class SpringNetwork(NamedTuple):
     """What springs there are between n nodes, for a tangent."""
 
-    volume: NDArray[np.float64]  # (n,) m^3
+    node_volume: NDArray[np.float64]  # (n,) m^3
     border_carriers: Ends  # rows and weights of the nodes that move fine nodes on the border
     point_carriers: Ends  # likewise of the points at which pieces end
     piece_end_points: NDArray[np.int32]  # (p, 2) points of pieces
-    bonds: Bonds  # of fine nodes: tiles, sites of points, points, what densities are of, and whether shares count
-    springs: Bonds
-    xi: NDArray[np.float64]  # (p, 3) m, of pieces
-    stiffness: NDArray[np.float64]  # (p,) N/m
+    fine_bonds: Bonds  # of fine nodes: tiles, sites of points, points, what densities are of, and whether shares count
+    coarse_springs: Bonds
+    piece_xi: NDArray[np.float64]  # (p, 3) m, of pieces
+    piece_stiffness: NDArray[np.float64]  # (p,) N/m
 
 
-def list_bond_rows(
-    sites: NDArray[np.int64], rows: NDArray[np.int64], row: NDArray[np.int32], tiles: Tiles
+def list_bonds_of_sites(
+    sites: NDArray[np.int64], rows: NDArray[np.int64], row_at_site: NDArray[np.int32], tiles: Tiles
 ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
     """Source and target rows (k,) of the bonds of nodes at these sites, whose rows are `rows`."""
-    count = arrangement.count_bonds(sites, row, tiles.offsets, tiles.bits)
+    count = arrangement.count_bonds_of_sites(sites, row_at_site, tiles.offsets, tiles.bits)
     target = np.zeros(int(count.sum()), dtype=np.int64)
-    arrangement.list_bond_targets(sites, row, tiles.offsets, tiles.bits, target)
+    arrangement.list_bond_targets(sites, row_at_site, tiles.offsets, tiles.bits, target)
     return np.repeat(rows, count), target
 
 
 def coordinates_of_sites(box: CellBox, sites: NDArray[np.signedinteger]) -> NDArray[np.int64]:
     """The fine nodes (k, 3) at sites."""
-    return np.column_stack([sites % box.sx, sites // box.sx % box.sy, sites // (box.sx * box.sy)])
+    return np.column_stack(
+        [
+            sites % box.fine_nodes_x,
+            sites // box.fine_nodes_x % box.fine_nodes_y,
+            sites // (box.fine_nodes_x * box.fine_nodes_y),
+        ]
+    )
 
 
 def mask_near_cells(
-    box: CellBox, new_cells: NDArray[np.int64], reach: int, above: int | None = None
+    box: CellBox, new_cells: NDArray[np.int64], reach: int, reach_above: int | None = None
 ) -> NDArray[np.bool_]:
-    """Mask (sites,) of fine nodes within `reach` spacings of cells (k, 3); along z behind them within those `above`."""
-    marked = np.zeros(-(-box.sx * box.sy * box.sz // ROW) * ROW, dtype=np.bool_)
-    inside = marked[: box.sx * box.sy * box.sz].reshape(box.sz, box.sy, box.sx)
-    _mark_sites_near_cells(new_cells, reach, reach if above is None else above, inside)
+    """Mask (sites,) of fine nodes within `reach` spacings of cells (k, 3), above them along z within `reach_above`."""
+    marked = np.zeros(-(-box.fine_nodes_x * box.fine_nodes_y * box.fine_nodes_z // ROW) * ROW, dtype=np.bool_)
+    inside = marked[: box.fine_nodes_x * box.fine_nodes_y * box.fine_nodes_z].reshape(
+        box.fine_nodes_z, box.fine_nodes_y, box.fine_nodes_x
+    )
+    _mark_sites_near_cells(new_cells, reach, reach if reach_above is None else reach_above, inside)
     return marked
 
 
 @cached_njit(error_model="numpy")
-def _mark_sites_near_cells(new_cells, reach, above, marked):  # type: ignore[no-untyped-def]
+def _mark_sites_near_cells(new_cells, reach, reach_above, marked):  # type: ignore[no-untyped-def]
     for n in range(len(new_cells)):
         x, y, z = 2 * new_cells[n, 0], 2 * new_cells[n, 1], 2 * new_cells[n, 2]
-        for dz in range(max(z - reach, 0), min(z + above + 3, marked.shape[0])):
+        for dz in range(max(z - reach, 0), min(z + reach_above + 3, marked.shape[0])):
             for dy in range(max(y - reach, 0), min(y + reach + 3, marked.shape[1])):
                 marked[dz, dy, max(x - reach, 0) : x + reach + 3] = True
 
@@ -104,55 +112,60 @@ def _copy_tiles(tiles: Tiles) -> Tiles:
     return tiles._replace(bits=tiles.bits.copy(), node=tiles.node.copy(), kind=tiles.kind.copy())
 
 
-def rearrange_zone(full_model: FullBody, zone: BodyZone, new_cells: NDArray[np.int64]) -> BodyZone:
+def zone_after_refinement(full_body: FullBody, zone: BodyZone, new_cells: NDArray[np.int64]) -> BodyZone:
     """The zone after the cells `new_cells` (k, 3), which are fine already, have become so.
 
     Bits and numbers are new arrays: results may still ask for bonds of before.
     """
-    fine, box = full_model.fine, full_model.fine.box
+    fine, box = full_body.fine_lattice, full_body.fine_lattice.box
     dirty = np.flatnonzero(
         mask_near_cells(box, new_cells, fine.reach - 1, 0)
     )  # lower ends of bonds that pass these cells
-    arrangement.set_node_kinds(box, fine.tiles.node, zone.cells, dirty, zone.node_kinds, zone.has_coarse_node)
-    zone = zone._replace(tiles=_copy_tiles(zone.tiles), springs=_copy_tiles(zone.springs))
-    new_pieces = arrangement.empty_pieces(2 * len(zone.pieces.owner) + ROOM * len(dirty))
-    count = arrangement.store_bond_bits_and_pieces(fine, zone.cells, zone.tiles.bits, dirty, new_pieces)
-    if count > len(new_pieces.owner):
-        new_pieces = arrangement.empty_pieces(count)
-        arrangement.store_bond_bits_and_pieces(fine, zone.cells, zone.tiles.bits, dirty, new_pieces)
+    arrangement.set_node_kinds(box, fine.tiles.node, zone.cell_kinds, dirty, zone.node_kinds, zone.has_coarse_node)
+    zone = zone._replace(fine_tiles=_copy_tiles(zone.fine_tiles), coarse_springs=_copy_tiles(zone.coarse_springs))
+    new_pieces = arrangement.allocate_pieces(2 * len(zone.clipped_pieces.owner_site) + ROOM * len(dirty))
+    count = arrangement.store_bond_bits_and_pieces(fine, zone.cell_kinds, zone.fine_tiles.bits, dirty, new_pieces)
+    if count > len(new_pieces.owner_site):
+        new_pieces = arrangement.allocate_pieces(count)
+        arrangement.store_bond_bits_and_pieces(fine, zone.cell_kinds, zone.fine_tiles.bits, dirty, new_pieces)
     stale = np.zeros(len(zone.node_kinds), dtype=bool)
     stale[dirty] = True
-    old, new_pieces = zone.pieces, arrangement.take_first_pieces(new_pieces, count)
-    ordered = arrangement.empty_pieces(len(old.owner) - np.count_nonzero(stale[old.owner]) + count)
-    arrangement.merge_pieces_into(old, stale, new_pieces, np.argsort(new_pieces.near_place, kind="stable"), ordered)
+    old, new_pieces = zone.clipped_pieces, arrangement.take_first_pieces(new_pieces, count)
+    ordered = arrangement.allocate_pieces(len(old.owner_site) - np.count_nonzero(stale[old.owner_site]) + count)
+    arrangement.merge_pieces_into(old, stale, new_pieces, np.argsort(new_pieces.near_end_place, kind="stable"), ordered)
     corners = np.unique((new_cells[:, None] + np.array(list(np.ndindex(2, 2, 2)))).reshape(-1, 3), axis=0)
     coarse_springs.set_coarse_springs(
-        box, zone.cells, full_model.relative_modulus, full_model.coarse_sites.ways, corners, zone.springs
+        box,
+        zone.cell_kinds,
+        full_body.relative_cell_modulus,
+        full_body.coarse_sites.ways,
+        corners,
+        zone.coarse_springs,
     )
-    return zone._replace(pieces=ordered)
+    return zone._replace(clipped_pieces=ordered)
 
 
-def create_body_zone(full_model: FullBody, cells: NDArray[np.uint8], springs: Tiles) -> BodyZone:
+def create_body_zone(full_body: FullBody, cells: NDArray[np.uint8], springs: Tiles) -> BodyZone:
     """The zone of cells (c,)."""
-    fine, box, count = full_model.fine, full_model.fine.box, len(full_model.sites.node)
+    fine, box, count = full_body.fine_lattice, full_body.fine_lattice.box, len(full_body.fine_sites.node)
     zone = BodyZone(
-        cells=cells,
+        cell_kinds=cells,
         node_kinds=np.zeros(count, dtype=np.uint8),
         has_coarse_node=np.zeros(count, dtype=np.bool_),
-        tiles=fine.tiles._replace(
+        fine_tiles=fine.tiles._replace(
             bits=np.zeros_like(fine.tiles.bits), node=fine.tiles.node.copy(), kind=fine.tiles.kind.copy()
         ),
-        springs=springs,
-        pieces=arrangement.empty_pieces(0),
-        fine_u=aligned(np.zeros((3, full_model.sites.size))),
-        coarse_u=aligned(np.zeros((3, full_model.coarse_sites.size))),
+        coarse_springs=springs,
+        clipped_pieces=arrangement.allocate_pieces(0),
+        fine_u=aligned(np.zeros((3, full_body.fine_sites.size))),
+        coarse_u=aligned(np.zeros((3, full_body.coarse_sites.size))),
     )
     arrangement.set_node_kinds(box, fine.tiles.node, cells, np.arange(count), zone.node_kinds, zone.has_coarse_node)
-    inner = cells.reshape(box.padded_shape)[(slice(box.pad, -box.pad),) * 3]
+    inner = cells.reshape(box.padded_shape)[(slice(box.void_margin, -box.void_margin),) * 3]
     every = np.argwhere(inner == FINE)[:, ::-1]
     corners = np.column_stack([axis_corners.ravel() for axis_corners in np.meshgrid(
-        *(np.arange(side + 1) for side in (box.cx, box.cy, box.cz)), indexing="ij")])  # fmt: skip
+        *(np.arange(side + 1) for side in (box.cells_x, box.cells_y, box.cells_z)), indexing="ij")])  # fmt: skip
     coarse_springs.set_coarse_springs(
-        box, cells, full_model.relative_modulus, full_model.coarse_sites.ways, corners, springs
+        box, cells, full_body.relative_cell_modulus, full_body.coarse_sites.ways, corners, springs
     )
-    return rearrange_zone(full_model, zone, np.ascontiguousarray(every)) if len(every) else zone
+    return zone_after_refinement(full_body, zone, np.ascontiguousarray(every)) if len(every) else zone

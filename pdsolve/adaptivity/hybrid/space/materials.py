@@ -21,47 +21,49 @@ BESIDE = 2  # spacings from a coarse node to the farthest fine nodes of its cell
 
 
 @dataclass(frozen=True)
-class MeanDensities(Model):
+class ModelWithMeanDensities(Model):
     """A model whose nodes have densities (n,), kg/m^3, beside those of materials."""
 
-    means: NDArray[np.float64] = field(default_factory=lambda: np.zeros(0))
+    mean_densities: NDArray[np.float64] = field(default_factory=lambda: np.zeros(0))
 
     @property
     def rho(self) -> NDArray[np.float64]:
         """Each node's density (n,), kg/m^3."""
-        return self.means
+        return self.mean_densities
 
 
-def node_masses(model: Model, sites: Sites, fine: FineLattice) -> NDArray[np.float64]:
+def fine_node_masses(model: Model, sites: Sites, fine: FineLattice) -> NDArray[np.float64]:
     """The mass (sites,), kg, of fine nodes."""
     mass = np.zeros(len(sites.node))
     mass[sites.site - sites.margin] = fine.node_volume * fine.tiles.cells[VOLUME, sites.site] * model.rho
     return mass
 
 
-def relative_limits(tiles: Tiles) -> NDArray[np.float64]:
+def least_over_own_limit_strains_of_material_pairs(tiles: Tiles) -> NDArray[np.float64]:
     """The least e at which bonds break over that (p,) of pairs of materials; 0 of those that never break."""
     e = tiles.peak.min(axis=1) * (2 + tiles.peak.min(axis=1))
     return np.asarray(np.divide(e.min(), e, out=np.zeros(len(e)), where=np.isfinite(e)))
 
 
-def cell_moduli(box: CellBox, tiles: Tiles) -> NDArray[np.float64]:
+def relative_cell_moduli(box: CellBox, tiles: Tiles) -> NDArray[np.float64]:
     """Stiffness (c,) of coarse cells over that of the first material."""
-    inside = tiles.cells[MODULUS, tiles.margin :][: box.sx * box.sy * box.sz]
-    modulus = (2.0 * inside.astype(np.float64)).reshape(box.sz, box.sy, box.sx)
-    for axis, cells in enumerate((box.cz, box.cy, box.cx)):
+    inside = tiles.cells[MODULUS, tiles.margin :][: box.fine_nodes_x * box.fine_nodes_y * box.fine_nodes_z]
+    modulus = (2.0 * inside.astype(np.float64)).reshape(box.fine_nodes_z, box.fine_nodes_y, box.fine_nodes_x)
+    for axis, cells in enumerate((box.cells_z, box.cells_y, box.cells_x)):
         first, middle, last = (_take_every_second(modulus, axis, step, cells, 1.0) for step in range(3))
         modulus = (first + 2 * middle + last) / 4
-    return np.pad(modulus, box.pad, constant_values=1.0).ravel()
+    return np.pad(modulus, box.void_margin, constant_values=1.0).ravel()
 
 
 def least_peak_stretches(box: CellBox, tiles: Tiles) -> NDArray[np.float64]:
     """The least peak (sites,) of a bond's stretch in the cells around each coarse node; infinite without a node."""
-    nodes = tiles.node[: box.sx * box.sy * box.sz]
+    nodes = tiles.node[: box.fine_nodes_x * box.fine_nodes_y * box.fine_nodes_z]
     count = int(np.sqrt(len(tiles.peak)) + 0.5)
     material_peak = tiles.peak[:: count + 1].min(axis=1)  # a bond between two materials has one between theirs
-    least_peak = np.where(nodes < 0, np.inf, material_peak[tiles.material[nodes]]).reshape(box.sz, box.sy, box.sx)
-    for axis, cells in enumerate((box.cz, box.cy, box.cx)):
+    least_peak = np.where(nodes < 0, np.inf, material_peak[tiles.material[nodes]]).reshape(
+        box.fine_nodes_z, box.fine_nodes_y, box.fine_nodes_x
+    )
+    for axis, cells in enumerate((box.cells_z, box.cells_y, box.cells_x)):
         ends = (_take_every_second(least_peak, axis, step, cells + 1, np.inf) for step in range(-BESIDE, BESIDE + 1))
         least_peak = np.minimum.reduce(list(ends))
     return least_peak.ravel()
@@ -79,4 +81,10 @@ def _take_every_second(
     return np.where(inside.reshape(shape), entries, outside)
 
 
-__all__ = ["MeanDensities", "cell_moduli", "least_peak_stretches", "node_masses", "relative_limits"]
+__all__ = [
+    "ModelWithMeanDensities",
+    "fine_node_masses",
+    "least_over_own_limit_strains_of_material_pairs",
+    "least_peak_stretches",
+    "relative_cell_moduli",
+]

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from pdsolve.adaptivity.hybrid.arrays import AHEAD
 from pdsolve.adaptivity.hybrid.engine import ZoneSummary
-from pdsolve.adaptivity.hybrid.irregular_bonds import part_of_model
+from pdsolve.adaptivity.hybrid.irregular_bonds import select_part_of_model
 from pdsolve.adaptivity.hybrid.space import arrangement, coarse_springs, pieces
 from pdsolve.adaptivity.hybrid.space.box import BORDER, COARSE, FINE, FREE
 from pdsolve.adaptivity.hybrid.space.history import ZoneHistory
@@ -26,13 +26,13 @@ from pdsolve.adaptivity.hybrid.space.layout import (
     FullBody,
     SpringNetwork,
     coordinates_of_sites,
-    list_bond_rows,
+    list_bonds_of_sites,
     mask_near_cells,
-    rearrange_zone,
+    zone_after_refinement,
 )
-from pdsolve.adaptivity.hybrid.space.materials import MeanDensities, node_masses
-from pdsolve.adaptivity.hybrid.space.zone import mark_cells_in_balls
-from pdsolve.adaptivity.hybrid.springs import e_from_stretch
+from pdsolve.adaptivity.hybrid.space.materials import ModelWithMeanDensities, fine_node_masses
+from pdsolve.adaptivity.hybrid.space.zone import refine_and_list_cells_in_balls
+from pdsolve.adaptivity.hybrid.springs import quadratic_strain_from_stretch
 from pdsolve.bonds.assembly import Counted
 from pdsolve.checkpoint_validation import entry, like
 from pdsolve.codegen.vector_code import ROW
@@ -70,10 +70,10 @@ class HybridBodyOperator:
     symmetric = True
     unknowns: tuple[Unknown, ...] = (Unknown("u", 3, 2),)
 
-    def __init__(self, full_model: FullBody, zone: BodyZone, history: ZoneHistory, threads: int) -> None:
+    def __init__(self, full_body: FullBody, zone: BodyZone, history: ZoneHistory, threads: int) -> None:
         """`zone` is that of its cells."""
-        self.full_body, self._zone, self.history, self._threads = full_model, zone, history, threads
-        fine, count = full_model.fine, len(full_model.sites.node)
+        self.full_body, self._zone, self.history, self._threads = full_body, zone, history, threads
+        fine, count = full_body.fine_lattice, len(full_body.fine_sites.node)
         self.sites = np.flatnonzero((zone.node_kinds == FREE) | zone.has_coarse_node)
         self.rows = fine.tiles.node[self.sites].astype(np.int64)  # of the grid
         self._row = np.full(count, -1, dtype=np.int32)
@@ -81,18 +81,21 @@ class HybridBodyOperator:
         self._free = np.flatnonzero(zone.node_kinds[self.sites] == FREE)
         self._coarse = np.flatnonzero(zone.has_coarse_node[self.sites])
         self._border = np.flatnonzero(zone.node_kinds == BORDER)
-        nodes, border, margin = len(self.sites), len(self._border), full_model.sites.margin
+        nodes, border, margin = len(self.sites), len(self._border), full_body.fine_sites.margin
         on, self._w = np.zeros((border, arrangement.ENDS), np.int64), np.zeros((border, arrangement.ENDS))
         arrangement.fill_border_carriers(fine.box, self._border, on, self._w)
-        self._on, self._pieces = self._row[on], pieces.link_pieces(fine, zone.node_kinds, self._row, zone.pieces)
+        self._on, self._pieces = (
+            self._row[on],
+            pieces.create_piece_springs(fine, zone.node_kinds, self._row, zone.clipped_pieces),
+        )
         volume = fine.node_volume * fine.tiles.cells[VOLUME, margin : margin + count]
         self.volume = self._gather_to_nodes(volume)
         self._border_volume = volume[self._border]
-        tiles, springs = self._number_tiles(zone.tiles), zone.springs
+        tiles, springs = self._tiles_with_node_numbers(zone.fine_tiles), zone.coarse_springs
         springs.node[:] = -1
         springs.node[self._coarse_sites_at(self.sites[self._coarse])] = self._coarse
         springs = springs._replace(unbreakable=np.ones(nodes, np.bool_), material=np.zeros(nodes, np.uint8))
-        self._zone = zone._replace(tiles=tiles, springs=springs)
+        self._zone = zone._replace(fine_tiles=tiles, coarse_springs=springs)
         self._coarse_sites = self.full_body.coarse_sites.margin + self._coarse_sites_at(self.sites[self._coarse])
         self._force, self._density = np.zeros((nodes, 3)), np.zeros((nodes + border, 3))
         self._known = Broken(*np.zeros((3, 0), dtype=np.int64))
@@ -102,21 +105,25 @@ class HybridBodyOperator:
     def _gather_to_nodes(self, fine_values: NDArray[np.floating]) -> NDArray[np.float64]:
         """What nodes (n,) have of what is the fine nodes' `fine_values` (sites,)."""
         node_values, coarse = fine_values[self.sites].astype(np.float64), np.zeros(len(self._coarse))
-        arrangement.gather_to_coarse(
-            self.full_body.fine, self._zone.node_kinds, self.sites[self._coarse], fine_values, coarse
+        arrangement.gather_fine_values_to_coarse(
+            self.full_body.fine_lattice, self._zone.node_kinds, self.sites[self._coarse], fine_values, coarse
         )
         node_values[self._coarse] = coarse
         return node_values
 
     def _coarse_sites_at(self, sites: NDArray[np.int64]) -> NDArray[np.int64]:
         """The coarse sites at fine sites."""
-        box = self.full_body.fine.box
-        x, y, z = sites % box.sx // 2, sites // box.sx % box.sy // 2, sites // (box.sx * box.sy) // 2
-        return np.asarray((z * (box.cy + 1) + y) * (box.cx + 1) + x)
+        box = self.full_body.fine_lattice.box
+        x, y, z = (
+            sites % box.fine_nodes_x // 2,
+            sites // box.fine_nodes_x % box.fine_nodes_y // 2,
+            sites // (box.fine_nodes_x * box.fine_nodes_y) // 2,
+        )
+        return np.asarray((z * (box.cells_y + 1) + y) * (box.cells_x + 1) + x)
 
-    def _number_tiles(self, tiles: Tiles) -> Tiles:
+    def _tiles_with_node_numbers(self, tiles: Tiles) -> Tiles:
         """The tiles with the numbers of nodes, followed by those on the border, whose bonds do not break."""
-        zone, full_tiles, nodes = self._zone, self.full_body.fine.tiles, len(self.sites)
+        zone, full_tiles, nodes = self._zone, self.full_body.fine_lattice.tiles, len(self.sites)
         tiles.node[:] = np.where(zone.node_kinds == FREE, self._row, -1)
         tiles.node[self._border] = nodes + np.arange(len(self._border))
         has_node = (tiles.node.reshape(-1, ROW) >= 0).any(axis=1)
@@ -130,7 +137,7 @@ class HybridBodyOperator:
     def model(self) -> Model:
         """The model of the n current nodes, without conditions."""
         assert self.full_body.model is not None
-        active_model = part_of_model(self.full_body.model, self.rows)
+        active_model = select_part_of_model(self.full_body.model, self.rows)
         delta = active_model.grid.delta.copy()
         delta[self._coarse] *= 2
         active_model = dataclasses.replace(
@@ -138,18 +145,20 @@ class HybridBodyOperator:
         )
         if not active_model.settings.regions:
             return active_model
-        mass = self._gather_to_nodes(node_masses(self.full_body.model, self.full_body.sites, self.full_body.fine))
-        return MeanDensities(active_model.grid, active_model.settings, active_model.name, mass / self.volume)
+        mass = self._gather_to_nodes(
+            fine_node_masses(self.full_body.model, self.full_body.fine_sites, self.full_body.fine_lattice)
+        )
+        return ModelWithMeanDensities(active_model.grid, active_model.settings, active_model.name, mass / self.volume)
 
     def to_own_layout(self, state: State) -> State:
         """The state itself: its arrays are those of all nodes."""
         return state
 
     def _set_displacements(self, value: NDArray[np.float64]) -> None:
-        zone, margin = self._zone, self.full_body.sites.margin
-        pieces.place_displacements(self._free, margin + self.sites[self._free], value, zone.fine_u)
-        pieces.place_displacements(self._coarse, self._coarse_sites, value, zone.coarse_u)
-        pieces.interpolate_border(margin + self._border, self._on, self._w, value, zone.fine_u)
+        zone, margin = self._zone, self.full_body.fine_sites.margin
+        pieces.copy_displacements_to_sites(self._free, margin + self.sites[self._free], value, zone.fine_u)
+        pieces.copy_displacements_to_sites(self._coarse, self._coarse_sites, value, zone.coarse_u)
+        pieces.interpolate_border_displacements(margin + self._border, self._on, self._w, value, zone.fine_u)
 
     def accumulate_force(self, state: State, out: NDArray[Any], step: int, dt: float) -> None:
         """Add the force densities (n, 3), N/m^3, to `out`; bonds over their limit break in this `step`, `dt` s long.
@@ -161,17 +170,17 @@ class HybridBodyOperator:
         force[:], density[:] = 0, 0
         with self._breaking:
             self._sum_forces_and_break_bonds(state, step, dt)
-        nothing = room_for(ROW * len(zone.springs.offsets) + 1)
+        nothing = room_for(ROW * len(zone.coarse_springs.offsets) + 1)
         of_state = state.rate, dt, 0, force, state.dissipated
 
         def work(first: int, last: int) -> None:
-            sum_tiles(zone.springs, zone.coarse_u, *of_state, nothing, first, last)
+            sum_tiles(zone.coarse_springs, zone.coarse_u, *of_state, nothing, first, last)
 
-        share(work, len(zone.springs.kind), self._threads)
+        share(work, len(zone.coarse_springs.kind), self._threads)
         largest = self._add_piece_forces(state.value, force)
         out += density[:nodes] + force / self.volume[:, None]
-        self.history = self.history._replace(largest_clipped=max(self.history.largest_clipped, largest))
-        if step > 0 and largest > self._least_peak_e:
+        self.history = self.history._replace(largest_clipped_strain=max(self.history.largest_clipped_strain, largest))
+        if step > 0 and largest > self._least_peak_strain:
             raise LateZoneError(
                 f"step {step}: the fine zone was refined too late (stretch at its border:"
                 f" {self.zone_summary().clipped_stretch:.2f} of critical)",
@@ -179,43 +188,43 @@ class HybridBodyOperator:
             )
 
     @property
-    def _least_peak_e(self) -> float:
-        return float(e_from_stretch(self.full_body.fine.tiles.peak.min()))
+    def _least_peak_strain(self) -> float:
+        return float(quadratic_strain_from_stretch(self.full_body.fine_lattice.tiles.peak.min()))
 
     def _sum_forces_and_break_bonds(self, state: State, step: int, dt: float) -> None:
         zone, density = self._zone, self._density
         broken_by_tile: list[tuple[int, Breaks]] = []
-        room = ROOM * ROW * len(zone.tiles.offsets)
+        room = ROOM * ROW * len(zone.fine_tiles.offsets)
 
         def work(first: int, last: int) -> None:
             breaks = room_for(room)
             while first < last:
                 begin, breaks.used[0] = first, 0
                 of_state = state.rate, dt, step, density, state.dissipated
-                first = sum_tiles(zone.tiles, zone.fine_u, *of_state, breaks, first, last)
+                first = sum_tiles(zone.fine_tiles, zone.fine_u, *of_state, breaks, first, last)
                 if breaks.used[0]:
                     broken_by_tile.append((begin, copy_breaks(breaks)))
 
-        pull_all_again(zone.tiles, zone.fine_u, state.rate, dt, step, self.history.pending, density)
-        share(work, len(zone.tiles.kind), self._threads)
+        pull_all_again(zone.fine_tiles, zone.fine_u, state.rate, dt, step, self.history.latest_breaks, density)
+        share(work, len(zone.fine_tiles.kind), self._threads)
         if broken_by_tile:
             pending = join_breaks([breaks for _, breaks in sorted(broken_by_tile, key=lambda one: one[0])])
             broken = Broken(*pending.bonds.T)
             self._remove_broken_from_full_body(broken.source, broken.target)
             self._new.append(broken)
-            self.history = self.history._replace(pending=pending)
+            self.history = self.history._replace(latest_breaks=pending)
 
     def _remove_broken_from_full_body(self, source: NDArray[np.int64], target: NDArray[np.int64]) -> None:
         """Take broken bonds out of those of the whole body too, so that none is there again."""
-        bits = self.full_body.fine.tiles.bits
+        bits = self.full_body.fine_lattice.tiles.bits
         tile, slot, bit = layout.placed(self._node_sites, source, target)
         np.bitwise_and.at(bits, (tile, slot), ~bit)
 
     @cached_property
     def _node_sites(self) -> Sites:
         """The fine sites of the nodes; -1 for those on the border that are none."""
-        return self.full_body.sites._replace(
-            site=(self.full_body.sites.margin + self.sites).astype(np.int32), node=self._row
+        return self.full_body.fine_sites._replace(
+            site=(self.full_body.fine_sites.margin + self.sites).astype(np.int32), node=self._row
         )
 
     def force_densities_near_new_cells(
@@ -223,7 +232,7 @@ class HybridBodyOperator:
     ) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
         """Force densities (n, 3), N/m^3, on nodes whose bonds may be others since `new_cells` (k, 3) became fine, and
         which (n,) these are; nothing breaks."""
-        box, reach = self.full_body.fine.box, self.full_body.fine.reach
+        box, reach = self.full_body.fine_lattice.box, self.full_body.fine_lattice.reach
         which = mask_near_cells(box, new_cells, reach + 1)[
             self.sites
         ]  # the ends of pieces move with nodes up to 2 h from them
@@ -231,8 +240,8 @@ class HybridBodyOperator:
         zone, density, force = self._zone, self._density, self._force
         force[:], density[:] = 0, 0
         for tiles, u, out, site_mask in (
-            (zone.tiles, zone.fine_u, density, mask_near_cells(box, new_cells, reach + 2)),
-            (zone.springs, zone.coarse_u, force, np.ones(len(zone.springs.node), dtype=np.bool_)),
+            (zone.fine_tiles, zone.fine_u, density, mask_near_cells(box, new_cells, reach + 2)),
+            (zone.coarse_springs, zone.coarse_u, force, np.ones(len(zone.coarse_springs.node), dtype=np.bool_)),
         ):
             sum_some(tiles, u, state.rate, out, state.dissipated, site_mask)
         self._add_piece_forces(state.value, force)
@@ -241,10 +250,12 @@ class HybridBodyOperator:
     def _add_piece_forces(self, value: NDArray[np.float64], force: NDArray[np.float64]) -> float:
         """Add to `force` (n, 3), N, that of pieces and what is on the border; the largest e of pieces."""
         largest = pieces.add_piece_forces(value, self._pieces, force)
-        pieces.pass_border_values(self._density[len(self.sites) :], self._on, self._w, self._border_volume, force)
+        pieces.pass_border_densities_to_carriers(
+            self._density[len(self.sites) :], self._on, self._w, self._border_volume, force
+        )
         return float(largest)
 
-    def forces(self, value: NDArray[np.float64]) -> NDArray[np.float64]:
+    def forces_at_displacements(self, value: NDArray[np.float64]) -> NDArray[np.float64]:
         """Forces (n, 3), N, at displacements (n, 3), m; nothing breaks."""
         nodes = len(value)
         state, out = State(value, *np.zeros((2, nodes, 3)), *np.zeros((3, nodes))), np.zeros((nodes, 3))
@@ -255,36 +266,39 @@ class HybridBodyOperator:
         """Strain energy densities (n,), J/m^3, and zeros: no bond softens."""
         every, above = (
             np.ones(len(site_values), dtype=np.bool_)
-            for site_values in (self._zone.node_kinds, self._zone.springs.node)
+            for site_values in (self._zone.node_kinds, self._zone.coarse_springs.node)
         )
         return self._energy_densities(state, every, above), np.zeros(len(self.sites))
 
     def energies_near_new_cells(self, state: State, new_cells: NDArray[np.int64]) -> NDArray[np.float64]:
         """Strain energy densities (n,), J/m^3, without bonds that are as before `new_cells` (k, 3) became fine."""
-        box = self.full_body.fine.box
+        box = self.full_body.fine_lattice.box
         site_mask, above = (
-            mask_near_cells(box, new_cells, self.full_body.fine.reach - 1),
-            np.zeros(len(self._zone.springs.node), np.bool_),
+            mask_near_cells(box, new_cells, self.full_body.fine_lattice.reach - 1),
+            np.zeros(len(self._zone.coarse_springs.node), np.bool_),
         )
         for corner in np.ndindex(2, 2, 2):
             x, y, z = (new_cells + np.array(corner)).T
-            above[(z * (box.cy + 1) + y) * (box.cx + 1) + x] = True
+            above[(z * (box.cells_y + 1) + y) * (box.cells_x + 1) + x] = True
         return self._energy_densities(state, site_mask, above)
 
     def _energy_densities(
-        self, state: State, site_mask: NDArray[np.bool_], above: NDArray[np.bool_]
+        self, state: State, site_mask: NDArray[np.bool_], coarse_site_mask: NDArray[np.bool_]
     ) -> NDArray[np.float64]:
         """Strain energy densities (n,), J/m^3, of bonds, springs and pieces from fine nodes of
-        `site_mask` (sites,), or coarse ones of `above` (sites,), and others in their tiles."""
+        `site_mask` (sites,), or coarse ones of `coarse_site_mask` (sites,), and others in their tiles."""
         self._set_displacements(state.value)
         zone, nodes, node_energy = self._zone, len(self.sites), np.zeros(len(self.sites))
         bond_density, nothing = np.zeros((2, len(self._density)))
-        sum_some_energies(zone.tiles, zone.fine_u, bond_density, nothing, site_mask)
+        sum_some_energies(zone.fine_tiles, zone.fine_u, bond_density, nothing, site_mask)
         coarse_springs.add_spring_energies(
-            zone.springs, zone.coarse_u, node_energy, np.flatnonzero(above.reshape(-1, ROW).any(axis=1))
+            zone.coarse_springs,
+            zone.coarse_u,
+            node_energy,
+            np.flatnonzero(coarse_site_mask.reshape(-1, ROW).any(axis=1)),
         )
         pieces.add_piece_energies(state.value, self._pieces, site_mask, node_energy)
-        pieces.pass_border_values(
+        pieces.pass_border_densities_to_carriers(
             bond_density[nodes:, None], self._on, self._w, self._border_volume, node_energy[:, None]
         )
         return node_energy / self.volume + bond_density[:nodes]
@@ -302,11 +316,11 @@ class HybridBodyOperator:
         from pdsolve.adaptivity.hybrid.space.tangent import assemble_tangent  # few runs need it
 
         zone, nodes, border = self._zone, len(self.sites), len(self._border)
-        full_model, margin = self.full_body, self.full_body.sites.margin
+        full_body, margin = self.full_body, self.full_body.fine_sites.margin
         every = (margin + np.append(self.sites, self._border)).astype(np.int32)
-        sites = full_model.sites._replace(site=every, node=zone.tiles.node)
-        at = full_model.coarse_sites
-        above = at._replace(site=np.full(nodes, at.margin, dtype=np.int32), node=zone.springs.node)
+        sites = full_body.fine_sites._replace(site=every, node=zone.fine_tiles.node)
+        at = full_body.coarse_sites
+        above = at._replace(site=np.full(nodes, at.margin, dtype=np.int32), node=zone.coarse_springs.node)
         above.site[self._coarse] = self._coarse_sites
         piece_springs = self._pieces
         of_pieces = pieces.list_stiff_springs(piece_springs)
@@ -315,11 +329,11 @@ class HybridBodyOperator:
             self.volume,
             (self._on, self._w),
             (piece_springs.carrier_rows, piece_springs.carrier_weights),
-            of_pieces.ends,
-            (zone.tiles, sites, free, np.append(self.volume, self._border_volume), False),
-            (zone.springs, above, self._coarse, np.ones(nodes), True),
+            of_pieces.end_points,
+            (zone.fine_tiles, sites, free, np.append(self.volume, self._border_volume), False),
+            (zone.coarse_springs, above, self._coarse, np.ones(nodes), True),
             of_pieces.xi,
-            of_pieces.k,
+            of_pieces.stiffness,
         )
         return assemble_tangent(network, state.value)
 
@@ -333,9 +347,9 @@ class HybridBodyOperator:
         low, high = np.searchsorted(self._coarse, [first, last])
         rows, above = self._coarse[low:high], self._coarse_sites[low:high] - self.full_body.coarse_sites.margin
         with self._breaking:
-            bond_lists = [list_bond_rows(sites, np.arange(first, last), self._row, zone.tiles)]
+            bond_lists = [list_bonds_of_sites(sites, np.arange(first, last), self._row, zone.fine_tiles)]
             _, broken_source, broken_target = self.broken()
-        bond_lists.append(list_bond_rows(above, rows, zone.springs.node, zone.springs))
+        bond_lists.append(list_bonds_of_sites(above, rows, zone.coarse_springs.node, zone.coarse_springs))
         if start:
             in_range = (broken_source >= first) & (broken_source < last)
             bond_lists.append((broken_source[in_range], broken_target[in_range]))
@@ -344,24 +358,26 @@ class HybridBodyOperator:
         return source[order], target[order]
 
     @cached_property
-    def counted(self) -> Counted:
+    def volumes_and_bond_counts(self) -> Counted:
         """Volumes (n,), and numbers of bonds at the start, with and without those cut by pre-cracks."""
         return self._count_bonds(np.ones(len(self.sites), dtype=np.bool_), np.zeros(len(self.sites), dtype=np.int64))
 
     def _count_bonds(self, changed: NDArray[np.bool_], known_counts: NDArray[np.int64]) -> Counted:
         """Volumes (n,) and numbers of bonds at the start; `known_counts` (n,) of those that are not `changed` (n,)."""
-        zone, springs, count = self._zone, self._zone.springs, known_counts
+        zone, springs, count = self._zone, self._zone.coarse_springs, known_counts
         with self._breaking:
-            count[changed] = arrangement.count_bonds(
-                self.sites[changed], self._row, zone.tiles.offsets, zone.tiles.bits
+            count[changed] = arrangement.count_bonds_of_sites(
+                self.sites[changed], self._row, zone.fine_tiles.offsets, zone.fine_tiles.bits
             )
             source = self.broken().source
             count += np.bincount(source[changed[source]], minlength=len(count))
         fresh = changed[self._coarse]
         above = self._coarse_sites[fresh] - self.full_body.coarse_sites.margin
-        count[self._coarse[fresh]] += arrangement.count_bonds(above, springs.node, springs.offsets, springs.bits)
+        count[self._coarse[fresh]] += arrangement.count_bonds_of_sites(
+            above, springs.node, springs.offsets, springs.bits
+        )
         family = count.copy()
-        family[self._free] += self.full_body.precrack_cuts[self.rows[self._free]]
+        family[self._free] += self.full_body.precrack_cut_counts[self.rows[self._free]]
         return Counted(self.volume, family, count)
 
     def broken(self, after: int = 0) -> Broken:
@@ -373,85 +389,98 @@ class HybridBodyOperator:
 
     def _record_new_breaks(self) -> None:
         """Add the bonds that broke since the last call to the history."""
-        if self._new or len(self._known.step) < len(self.history.step):
+        if self._new or len(self._known.step) < len(self.history.break_step):
             of = self.history
-            step = np.concatenate([of.step, *(new.step for new in self._new)])
-            source = np.concatenate([of.source, *(self.sites[new.source] for new in self._new)])
-            target = np.concatenate([of.target, *(self.sites[new.target] for new in self._new)])
-            self.history, self._new = of._replace(step=step, source=source, target=target), []
-            ends = (self._row[rows].astype(np.int64) for rows in (self.history.source, self.history.target))
-            self._known = Broken(self.history.step, *ends)
+            step = np.concatenate([of.break_step, *(new.step for new in self._new)])
+            source = np.concatenate([of.broken_source, *(self.sites[new.source] for new in self._new)])
+            target = np.concatenate([of.broken_target, *(self.sites[new.target] for new in self._new)])
+            self.history, self._new = of._replace(break_step=step, broken_source=source, broken_target=target), []
+            ends = (
+                self._row[rows].astype(np.int64) for rows in (self.history.broken_source, self.history.broken_target)
+            )
+            self._known = Broken(self.history.break_step, *ends)
 
     def zone_summary(self) -> ZoneSummary:
         """Summary of the fine zone."""
-        share, peak = np.count_nonzero(self._zone.cells == FINE) / self.full_body.solid_cell_count, self._least_peak_e
-        stretch = self.history.largest_clipped / (1 + np.sqrt(1 + self.history.largest_clipped))
+        share, peak = (
+            np.count_nonzero(self._zone.cell_kinds == FINE) / self.full_body.solid_cell_count,
+            self._least_peak_strain,
+        )
+        stretch = self.history.largest_clipped_strain / (1 + np.sqrt(1 + self.history.largest_clipped_strain))
         return ZoneSummary(self.history.refinement_energy, float(share), float(stretch / (np.sqrt(1 + peak) - 1)))
 
-    def mark_cells_to_refine(self, state: State, after_step: int) -> NDArray[np.int64]:
+    def refine_and_list_cells(self, state: State, after_step: int) -> NDArray[np.int64]:
         """Cells (k, 3) that become fine: around bonds broken after a step, and around stretched springs.
 
         They are marked as fine at once; `refine` makes the operator for them.
         """
         self._set_displacements(state.value)
-        zone, box, fine = self._zone, self.full_body.fine.box, self.full_body.fine
+        zone, box, fine = self._zone, self.full_body.fine_lattice.box, self.full_body.fine_lattice
         sites = np.unique(self.sites[self.broken(after_step).source])
         hot_sites = np.zeros(26 * max(len(self._coarse), 1), dtype=np.int64)
         unbreakable = fine.tiles.unbreakable[self.rows]
         count = coarse_springs.list_stretched_nodes(
-            box, zone.springs, unbreakable, zone.coarse_u, self.full_body.stretch_limit, hot_sites
+            box, zone.coarse_springs, unbreakable, zone.coarse_u, self.full_body.refinement_stretch, hot_sites
         )
         sites = np.unique(np.concatenate([sites, hot_sites[:count]]))
-        new = np.zeros((np.count_nonzero(zone.cells == COARSE), 3), dtype=np.int64)
-        count = mark_cells_in_balls(box, zone.cells, coordinates_of_sites(box, sites), AHEAD, new)
+        new = np.zeros((np.count_nonzero(zone.cell_kinds == COARSE), 3), dtype=np.int64)
+        count = refine_and_list_cells_in_balls(box, zone.cell_kinds, coordinates_of_sites(box, sites), AHEAD, new)
         return new[:count]
 
-    def refine(self, new_cells: NDArray[np.int64]) -> HybridBodyOperator:
+    def operator_after_refinement(self, new_cells: NDArray[np.int64]) -> HybridBodyOperator:
         """The operator after the cells `new_cells` (k, 3) have become fine."""
         self.broken()
         after = HybridBodyOperator(
-            self.full_body, rearrange_zone(self.full_body, self._zone, new_cells), self.history, self._threads
+            self.full_body, zone_after_refinement(self.full_body, self._zone, new_cells), self.history, self._threads
         )
         row = self._row[after.sites]
-        changed = (row < 0) | mask_near_cells(self.full_body.fine.box, new_cells, self.full_body.fine.reach + 1)[
-            after.sites
-        ]
-        after.counted = after._count_bonds(changed, np.where(changed, 0, self.counted.bonds[row]))
+        changed = (row < 0) | mask_near_cells(
+            self.full_body.fine_lattice.box, new_cells, self.full_body.fine_lattice.reach + 1
+        )[after.sites]
+        after.volumes_and_bond_counts = after._count_bonds(
+            changed, np.where(changed, 0, self.volumes_and_bond_counts.bonds[row])
+        )
         return after
 
-    def restore_cells(self, checkpoint: CheckpointArrays) -> HybridBodyOperator:
+    def operator_with_checkpoint_cells(self, checkpoint: CheckpointArrays) -> HybridBodyOperator:
         """The operator of a checkpoint's cells, some of which have become fine. Raises CheckpointError."""
-        cells = like(checkpoint, "cells", self._zone.cells)
-        new = (self._zone.cells == COARSE) & (cells == FINE)
-        if not ((cells == self._zone.cells) | new).all():
+        cells = like(checkpoint, "cells", self._zone.cell_kinds)
+        new = (self._zone.cell_kinds == COARSE) & (cells == FINE)
+        if not ((cells == self._zone.cell_kinds) | new).all():
             raise CheckpointError("cells are not those of the start; coarse ones may only become fine")
-        self._zone.cells[:] = cells
-        box = self.full_body.fine.box
-        where = np.argwhere(new.reshape(box.padded_shape))[:, ::-1] - box.pad
-        return self.refine(np.ascontiguousarray(where))
+        self._zone.cell_kinds[:] = cells
+        box = self.full_body.fine_lattice.box
+        where = np.argwhere(new.reshape(box.padded_shape))[:, ::-1] - box.void_margin
+        return self.operator_after_refinement(np.ascontiguousarray(where))
 
-    def interpolate_at_rows(self, grid_rows: NDArray[np.int64], values: NDArray[np.float64]) -> NDArray[np.float64]:
+    def interpolate_at_grid_rows(
+        self, grid_rows: NDArray[np.int64], values: NDArray[np.float64]
+    ) -> NDArray[np.float64]:
         """Values (k, 3) of rows of the grid `grid_rows` (k,), interpolated from those of the nodes here (n, 3)."""
         grid_values, scratch = np.zeros((len(grid_rows), 3)), (np.zeros(8, np.int64), np.zeros(8))
-        sites = self.full_body.sites.site[grid_rows].astype(np.int64) - self.full_body.sites.margin
-        arrangement.interpolate_fine(self.full_body.fine.box, *scratch, self._row, values, sites, grid_values)
+        sites = self.full_body.fine_sites.site[grid_rows].astype(np.int64) - self.full_body.fine_sites.margin
+        arrangement.interpolate_at_fine_sites(
+            self.full_body.fine_lattice.box, *scratch, self._row, values, sites, grid_values
+        )
         return grid_values
 
-    def current_rows(self, grid_rows: NDArray[np.int64]) -> NDArray[np.int64]:
+    def current_rows_of_grid_rows(self, grid_rows: NDArray[np.int64]) -> NDArray[np.int64]:
         """Rows (k,) of the rows of the grid `grid_rows`, -1 for nodes that are none now."""
-        return self._row[self.full_body.sites.site[grid_rows] - self.full_body.sites.margin].astype(np.int64)
+        return self._row[self.full_body.fine_sites.site[grid_rows] - self.full_body.fine_sites.margin].astype(np.int64)
 
-    def carrier_rows(self, grid_rows: NDArray[np.int64]) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+    def carrier_rows_of_grid_rows(self, grid_rows: NDArray[np.int64]) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
         """Rows (k, 8) of the nodes that move rows of the grid `grid_rows` (k,), and their shares."""
-        margin = self.full_body.sites.margin
-        sites, box = self.full_body.sites.site[grid_rows] - margin, self.full_body.fine.box
+        margin = self.full_body.fine_sites.margin
+        sites, box = self.full_body.fine_sites.site[grid_rows] - margin, self.full_body.fine_lattice.box
         node_rows, at = self._row[sites], coordinates_of_sites(box, sites)
         rows, w = np.zeros((len(grid_rows), 8), np.int64), np.zeros((len(grid_rows), 8))
         for number, corner in enumerate(np.ndindex(2, 2, 2)):
             step = np.array(corner)
             part = np.where(at % 2 == 1, 0.5, 1.0 - step).prod(axis=1)
-            end = np.minimum(at - at % 2 + 2 * step, np.array([box.sx, box.sy, box.sz]) - 1)
-            rows[:, number] = self._row[(end[:, 2] * box.sy + end[:, 1]) * box.sx + end[:, 0]]
+            end = np.minimum(
+                at - at % 2 + 2 * step, np.array([box.fine_nodes_x, box.fine_nodes_y, box.fine_nodes_z]) - 1
+            )
+            rows[:, number] = self._row[(end[:, 2] * box.fine_nodes_y + end[:, 1]) * box.fine_nodes_x + end[:, 0]]
             w[:, number] = part
         is_node = node_rows >= 0
         rows[is_node], w[is_node] = node_rows[is_node, None], np.eye(8)[0]
@@ -459,24 +488,24 @@ class HybridBodyOperator:
         return rows, w
 
     @property
-    def cells(self) -> NDArray[np.uint8]:
+    def cell_kinds(self) -> NDArray[np.uint8]:
         """All cells (c,)."""
-        return self._zone.cells
+        return self._zone.cell_kinds
 
     def checkpoint_arrays(self) -> CheckpointArrays:
         """The cells and books for a checkpoint."""
-        books = np.array([self.history.refinement_energy, self.history.largest_clipped])
-        site, slot = self.history.pending.places.T
-        source, target = (self._row[at].astype(np.int64) for at in (site, site + self._zone.tiles.offsets[slot]))
-        arrays = pending_to_arrays(PendingPulls(source, target, self.history.pending.stretch_before))
-        return arrays | {"cells": self._zone.cells.copy(), "zone_books": books}
+        books = np.array([self.history.refinement_energy, self.history.largest_clipped_strain])
+        site, slot = self.history.latest_breaks.places.T
+        source, target = (self._row[at].astype(np.int64) for at in (site, site + self._zone.fine_tiles.offsets[slot]))
+        arrays = pending_to_arrays(PendingPulls(source, target, self.history.latest_breaks.stretch_before))
+        return arrays | {"cells": self._zone.cell_kinds.copy(), "zone_books": books}
 
     def restore(self, checkpoint: CheckpointArrays, broken: Broken) -> None:
         """Restore the broken bonds and the books of a checkpoint of these cells."""
-        if not np.array_equal(like(checkpoint, "cells", self._zone.cells), self._zone.cells):
+        if not np.array_equal(like(checkpoint, "cells", self._zone.cell_kinds), self._zone.cell_kinds):
             raise CheckpointError("cells are not those of the nodes")
         energy_created, largest = entry(checkpoint, "zone_books", (2,), float).tolist()
-        layout.cleared(self._node_sites, broken.source, broken.target, self._zone.tiles.bits)
+        layout.cleared(self._node_sites, broken.source, broken.target, self._zone.fine_tiles.bits)
         self._remove_broken_from_full_body(broken.source, broken.target)
         source, target = (self.sites[rows] for rows in (broken.source, broken.target))
         pending = layout.place_pending(
@@ -486,5 +515,11 @@ class HybridBodyOperator:
 
     def bytes(self) -> int:
         """The memory of all arrays, bytes."""
-        parts = (*self._zone, *self._zone.tiles, *self._zone.springs, *self._zone.pieces, *self.full_body.fine.tiles)
+        parts = (
+            *self._zone,
+            *self._zone.fine_tiles,
+            *self._zone.coarse_springs,
+            *self._zone.clipped_pieces,
+            *self.full_body.fine_lattice.tiles,
+        )
         return sum(getattr(array, "nbytes", 0) for array in parts)

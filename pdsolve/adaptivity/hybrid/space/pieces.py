@@ -38,27 +38,29 @@ class PieceSprings(NamedTuple):
     carrier_count: NDArray[np.int64]  # (q,) nodes that move a point
     carrier_rows: NDArray[np.int32]  # (q, 4) these nodes
     carrier_weights: NDArray[np.float64]  # (q, 4) their weights
-    group_site: NDArray[np.int32]  # (g,) fine site of the near end, or of one less than a spacing from it
+    near_end_site_of_group: NDArray[np.int32]  # (g,) fine site of the near end, or of one less than a spacing from it
     near_point: NDArray[np.int32]  # (g,) point at the near end
     far_point: NDArray[np.int32]  # (8 g,) point at the far end
-    xi_row: NDArray[np.int32]  # (8 g,) row of xi
+    xi_row_of_piece: NDArray[np.int32]  # (8 g,) row of xi
     xi: NDArray[np.float64]  # (d, 4) xi, m, 1 / |xi|^2
     stiffness: NDArray[np.float64]  # (8 g,) stiffness, N/m
-    limit_scale: NDArray[np.float64]  # (8 g,) least e at which bonds break over that of its own; 0 if it never breaks
-    point_u: NDArray[np.float64]  # (q, 4) room for the displacements of points; the last column is 0
-    point_force: NDArray[np.float64]  # (q, 4) room for their forces
-    largest_scaled_e: NDArray[np.float64]  # (8,) room for the largest e times `limit_scale`
+    least_over_own_limit_strain: NDArray[
+        np.float64
+    ]  # (8 g,) least e at which bonds break over that of its own; 0 if it never breaks
+    point_displacements: NDArray[np.float64]  # (q, 4) room for the displacements of points; the last column is 0
+    point_forces: NDArray[np.float64]  # (q, 4) room for their forces
+    largest_scaled_strains: NDArray[np.float64]  # (8,) room for the largest e times `limit_scale`
 
 
 class PieceGroups(NamedTuple):
     """Room for groups of pieces; see `PieceSprings`."""
 
-    group_site: NDArray[np.int32]
+    near_end_site_of_group: NDArray[np.int32]
     near_point: NDArray[np.int32]
     far_point: NDArray[np.int32]
     xi_row: NDArray[np.int32]
     stiffness: NDArray[np.float64]
-    limit_scale: NDArray[np.float64]
+    least_over_own_limit_strain: NDArray[np.float64]
 
 
 class PlaceTable(NamedTuple):
@@ -71,12 +73,12 @@ class PlaceTable(NamedTuple):
     last_piece: NDArray[np.int64]  # (size / 2,) scratch: that piece
 
 
-def link_pieces(
-    fine: FineLattice, node_kinds: NDArray[np.uint8], row: NDArray[np.int32], pieces: ClippedPieces
+def create_piece_springs(
+    fine: FineLattice, node_kinds: NDArray[np.uint8], row_at_site: NDArray[np.int32], pieces: ClippedPieces
 ) -> PieceSprings:
-    """The springs of pieces; `node_kinds` and `row` (sites,) are those of fine nodes."""
-    count = len(pieces.near_place)
-    room = count + (TOGETHER - 1) * (np.count_nonzero(np.diff(pieces.near_place)) + 1) if count else 0
+    """The springs of pieces; `node_kinds` and `row_at_site` (sites,) are those of fine nodes."""
+    count = len(pieces.near_end_place)
+    room = count + (TOGETHER - 1) * (np.count_nonzero(np.diff(pieces.near_end_place)) + 1) if count else 0
     groups = room // TOGETHER
     size = 1 << max(4, count // SHARED).bit_length() + 1
     while True:
@@ -98,85 +100,105 @@ def link_pieces(
         size *= 2
     carry = create_piece_points(fine, node_kinds, numbers.place_of_number[:points])
     u, force = (aligned(np.zeros((points, 4))) for _ in range(2))
-    of_groups = group_arrays.group_site[:used], group_arrays.near_point[:used]
+    of_groups = group_arrays.near_end_site_of_group[:used], group_arrays.near_point[:used]
     far, direction = group_arrays.far_point[: TOGETHER * used], group_arrays.xi_row[: TOGETHER * used]
-    k, breaks = group_arrays.stiffness[: TOGETHER * used], group_arrays.limit_scale[: TOGETHER * used]
-    ends = *of_groups, far, direction, fine.xi, k, breaks
+    k, breaks = group_arrays.stiffness[: TOGETHER * used], group_arrays.least_over_own_limit_strain[: TOGETHER * used]
+    ends = *of_groups, far, direction, fine.piece_xi, k, breaks
     return PieceSprings(
-        carry.carrier_count, row[carry.carrier_sites], carry.carrier_weights, *ends, u, force, np.zeros(TOGETHER)
+        carry.carrier_count,
+        row_at_site[carry.carrier_sites],
+        carry.carrier_weights,
+        *ends,
+        u,
+        force,
+        np.zeros(TOGETHER),
     )
 
 
 class ListedSprings(NamedTuple):
     """The p springs of pieces."""
 
-    ends: NDArray[np.int32]  # (p, 2) points
+    end_points: NDArray[np.int32]  # (p, 2) points
     xi: NDArray[np.float64]  # (p, 3) m
-    k: NDArray[np.float64]  # (p,) N/m
+    stiffness: NDArray[np.float64]  # (p,) N/m
 
 
 def list_stiff_springs(springs: PieceSprings) -> ListedSprings:
     """The springs with a stiffness."""
     is_stiff = springs.stiffness > 0
     ends = np.column_stack([np.repeat(springs.near_point, TOGETHER), springs.far_point])
-    return ListedSprings(ends[is_stiff], springs.xi[springs.xi_row[is_stiff], :3], springs.stiffness[is_stiff])
+    return ListedSprings(ends[is_stiff], springs.xi[springs.xi_row_of_piece[is_stiff], :3], springs.stiffness[is_stiff])
 
 
 @cached_njit(error_model="numpy")
-def group_pieces(fine, pieces, numbers, group_arrays):  # type: ignore[no-untyped-def]
+def group_pieces(fine, pieces, place_table, group_arrays):  # type: ignore[no-untyped-def]
     """Put pieces into groups; the numbers of points and of groups, or -1 if there are more points than numbers."""
     count, m, run, i, unit = 0, 0, -1, 0, fine.divisions.units_per_spacing
-    for n in range(len(pieces.near_place)):
-        place = pieces.near_place[n]
-        if n == 0 or place != pieces.near_place[n - 1]:
+    for n in range(len(pieces.near_end_place)):
+        place = pieces.near_end_place[n]
+        if n == 0 or place != pieces.near_end_place[n - 1]:
             m = _fill_last_group(group_arrays, m, i)
-            i, count = _find_or_add_number(numbers, place, count)
+            i, count = _find_or_add_place_number(place_table, place, count)
             run += 1
-        j, count = _find_or_add_number(numbers, pieces.far_place[n], count)
-        if count > len(numbers.place_of_number) - 2:
+        j, count = _find_or_add_place_number(place_table, pieces.far_end_place[n], count)
+        if count > len(place_table.place_of_number) - 2:
             return -1, 0
-        if numbers.last_near_end[j] == run:
-            at = numbers.last_piece[j]
+        if place_table.last_near_end[j] == run:
+            at = place_table.last_piece[j]
             group_arrays.stiffness[at] += pieces.stiffness[n]
-            group_arrays.limit_scale[at] = max(group_arrays.limit_scale[at], pieces.limit_scale[n])
+            group_arrays.least_over_own_limit_strain[at] = max(
+                group_arrays.least_over_own_limit_strain[at], pieces.least_over_own_limit_strain[n]
+            )
             continue
         if m % TOGETHER == 0:
             group_arrays.near_point[m // TOGETHER] = i
             x, y, z = coordinates_of_place(fine.box, unit, place)
-            group_arrays.group_site[m // TOGETHER] = fine_site(fine.box, x // unit, y // unit, z // unit)
-        numbers.last_near_end[j], numbers.last_piece[j] = run, m
-        group_arrays.far_point[m], group_arrays.xi_row[m] = j, fine.xi_row_of_kind[pieces.kind[n]]
-        group_arrays.stiffness[m], group_arrays.limit_scale[m] = pieces.stiffness[n], pieces.limit_scale[n]
+            group_arrays.near_end_site_of_group[m // TOGETHER] = fine_site(fine.box, x // unit, y // unit, z // unit)
+        place_table.last_near_end[j], place_table.last_piece[j] = run, m
+        group_arrays.far_point[m], group_arrays.xi_row[m] = j, fine.xi_row_of_piece_kind[pieces.piece_kind[n]]
+        group_arrays.stiffness[m], group_arrays.least_over_own_limit_strain[m] = (
+            pieces.stiffness[n],
+            pieces.least_over_own_limit_strain[n],
+        )
         m += 1
     return count, _fill_last_group(group_arrays, m, i) // TOGETHER
 
 
 @njit(**INNER)
-def _fill_last_group(group_arrays, m, i):  # type: ignore[no-untyped-def]
+def _fill_last_group(group_arrays, spring_count, near_point):  # type: ignore[no-untyped-def]
     """Fill the last group with springs without stiffness; the entries used then."""
-    while m % TOGETHER:
-        group_arrays.far_point[m], group_arrays.xi_row[m], group_arrays.stiffness[m], group_arrays.limit_scale[m] = (
-            i,
+    while spring_count % TOGETHER:
+        (
+            group_arrays.far_point[spring_count],
+            group_arrays.xi_row[spring_count],
+            group_arrays.stiffness[spring_count],
+            group_arrays.least_over_own_limit_strain[spring_count],
+        ) = (
+            near_point,
             0,
             0.0,
             0.0,
         )
-        m += 1
-    return m
+        spring_count += 1
+    return spring_count
 
 
 @njit(**INNER)
-def _find_or_add_number(numbers, place, count):  # type: ignore[no-untyped-def]
+def _find_or_add_place_number(place_table, place, count):  # type: ignore[no-untyped-def]
     """The number of a place, a new one if it has none; and how many there are then."""
-    mask = np.uint64(len(numbers.places_by_hash) - 1)
+    mask = np.uint64(len(place_table.places_by_hash) - 1)
     away = (np.uint64(place) >> np.uint64(4)) * np.uint64(0x9E3779B97F4A7C15) >> np.uint64(20)
     at = (away << np.uint64(4) | np.uint64(place) & np.uint64(15)) & mask  # places beside each other stay so
-    while numbers.places_by_hash[at] not in (-1, place):
+    while place_table.places_by_hash[at] not in (-1, place):
         at = (at + np.uint64(1)) & mask
-    if numbers.places_by_hash[at] < 0:
-        numbers.places_by_hash[at], numbers.numbers_by_hash[at], numbers.place_of_number[count] = place, count, place
+    if place_table.places_by_hash[at] < 0:
+        place_table.places_by_hash[at], place_table.numbers_by_hash[at], place_table.place_of_number[count] = (
+            place,
+            count,
+            place,
+        )
         count += 1
-    return numbers.numbers_by_hash[at], count
+    return place_table.numbers_by_hash[at], count
 
 
 @cached_njit(nogil=True, error_model="numpy")
@@ -186,9 +208,9 @@ def add_piece_forces(value, pieces, force):  # type: ignore[no-untyped-def]
     Returns the largest e of those that could break.
     """
     _displace_points(value, pieces)
-    u, sums, xi = pieces.point_u, pieces.point_force, pieces.xi
+    u, sums, xi = pieces.point_displacements, pieces.point_forces, pieces.xi
     sums[:] = 0
-    pieces.largest_scaled_e[:] = 0
+    pieces.largest_scaled_strains[:] = 0
     for g in range(len(pieces.near_point)):
         at, near = TOGETHER * g, np.int64(pieces.near_point[g])
         add_pieces(
@@ -196,10 +218,10 @@ def add_piece_forces(value, pieces, force):  # type: ignore[no-untyped-def]
             sums,
             xi,
             pieces.far_point,
-            pieces.xi_row,
+            pieces.xi_row_of_piece,
             pieces.stiffness,
-            pieces.limit_scale,
-            pieces.largest_scaled_e,
+            pieces.least_over_own_limit_strain,
+            pieces.largest_scaled_strains,
             at,
             near,
         )
@@ -208,7 +230,7 @@ def add_piece_forces(value, pieces, force):  # type: ignore[no-untyped-def]
             row, share = pieces.carrier_rows[q, m], pieces.carrier_weights[q, m]
             for axis in range(3):
                 force[row, axis] += share * sums[q, axis]
-    return pieces.largest_scaled_e.max()
+    return pieces.largest_scaled_strains.max()
 
 
 @njit(**INNER)
@@ -219,7 +241,7 @@ def _displace_points(value, pieces):  # type: ignore[no-untyped-def]
         for m in range(pieces.carrier_count[q]):
             row, share = pieces.carrier_rows[q, m], pieces.carrier_weights[q, m]
             x, y, z = x + share * value[row, 0], y + share * value[row, 1], z + share * value[row, 2]
-        pieces.point_u[q, 0], pieces.point_u[q, 1], pieces.point_u[q, 2] = x, y, z
+        pieces.point_displacements[q, 0], pieces.point_displacements[q, 1], pieces.point_displacements[q, 2] = x, y, z
 
 
 @cached_njit(nogil=True, error_model="numpy")
@@ -227,11 +249,11 @@ def add_piece_energies(value, pieces, site_mask, node_energy):  # type: ignore[n
     """Add the energies of pieces, J, to `node_energy` (n,), half to each end; of those with their near ends at fine
     sites of `site_mask` (sites,) alone."""
     _displace_points(value, pieces)
-    energy, u = pieces.point_force, pieces.point_u
+    energy, u = pieces.point_forces, pieces.point_displacements
     energy[:] = 0
     for n in range(len(pieces.stiffness)):
-        i, j, row, e = pieces.near_point[n // TOGETHER], pieces.far_point[n], pieces.xi[pieces.xi_row[n]], 0.0
-        if not site_mask[pieces.group_site[n // TOGETHER]] or pieces.stiffness[n] == 0:
+        i, j, row, e = pieces.near_point[n // TOGETHER], pieces.far_point[n], pieces.xi[pieces.xi_row_of_piece[n]], 0.0
+        if not site_mask[pieces.near_end_site_of_group[n // TOGETHER]] or pieces.stiffness[n] == 0:
             continue
         for axis in range(3):
             eta = u[j, axis] - u[i, axis]
@@ -246,7 +268,7 @@ def add_piece_energies(value, pieces, site_mask, node_energy):  # type: ignore[n
 
 
 @cached_njit(nogil=True)
-def place_displacements(rows, sites, value, u):  # type: ignore[no-untyped-def]
+def copy_displacements_to_sites(rows, sites, value, u):  # type: ignore[no-untyped-def]
     """Displacements of the nodes `rows` (k,) to their sites (k,) of u (3, m)."""
     for n in range(len(rows)):
         for axis in range(3):
@@ -254,7 +276,7 @@ def place_displacements(rows, sites, value, u):  # type: ignore[no-untyped-def]
 
 
 @cached_njit(nogil=True)
-def interpolate_border(sites, rows, w, value, u):  # type: ignore[no-untyped-def]
+def interpolate_border_displacements(sites, rows, w, value, u):  # type: ignore[no-untyped-def]
     """Displacements of the nodes on the border (b,) to their sites of u (3, m), from those of nodes `rows` (b, 4)."""
     for n in range(len(sites)):
         for axis in range(3):
@@ -265,7 +287,7 @@ def interpolate_border(sites, rows, w, value, u):  # type: ignore[no-untyped-def
 
 
 @cached_njit(nogil=True)
-def pass_border_values(border, rows, w, volume, force):  # type: ignore[no-untyped-def]
+def pass_border_densities_to_carriers(border, rows, w, volume, force):  # type: ignore[no-untyped-def]
     """Pass what is on the border (b, ...) per volume (b,), m^3, on to the nodes `rows` (b, 4) of `force`."""
     for n in range(len(rows)):
         for m in range(ENDS):

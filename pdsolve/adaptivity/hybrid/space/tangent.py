@@ -32,13 +32,13 @@ def assemble_tangent(network: SpringNetwork, value: NDArray[np.float64]) -> csr_
     ).tocsr()
     u, last = points @ value, points.shape[0]
     matrix = csr_array((3 * last, 3 * last))
-    for tiles, sites, rows, volume, share in (network.bonds, network.springs):
+    for tiles, sites, rows, volume, share in (network.fine_bonds, network.coarse_springs):
         matrix += _tile_tangent(tiles, sites, rows, volume, u, share)
     near, far = (last - len(network.point_carriers[0]) + network.piece_end_points.astype(np.int64)).T
-    pull = network.stiffness * np.sqrt((network.xi**2).sum(axis=1))
+    pull = network.piece_stiffness * np.sqrt((network.piece_xi**2).sum(axis=1))
     for first, second, sign in ((near, far, 1.0), (far, near, -1.0)):
-        matrix += of_springs(first, second, sign * network.xi, pull, u)
-    tied, density = kron(points, eye_array(3)).tocsr(), diags_array(np.repeat(1 / network.volume, 3))
+        matrix += of_springs(first, second, sign * network.piece_xi, pull, u)
+    tied, density = kron(points, eye_array(3)).tocsr(), diags_array(np.repeat(1 / network.node_volume, 3))
     return (density @ (tied.T @ matrix @ tied)).tocsr()
 
 

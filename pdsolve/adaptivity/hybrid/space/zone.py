@@ -18,7 +18,7 @@ SAME = 1e-6  # of a cell: volumes this near are the same
 FLANKS = 8  # h: cells this near to the faces of a pre-crack are fine: none of their springs is cut
 
 
-def initial_cells(
+def initial_cell_kinds(
     box: CellBox,
     volume: NDArray[np.float64],
     has_node: NDArray[np.bool_],
@@ -32,21 +32,24 @@ def initial_cells(
     `volume` and `has_node` (z, y, x) are of fine nodes: cells over h^3, and whether there is one. `cracks` (t, 3, 3)
     are triangles in spacings from the first node. A face along cells cuts none, except at re-entrant edges.
     """
-    full_cubes = _find_full_cubes(has_node)
+    full_cubes = _mask_full_cubes(has_node)
     around = np.zeros(has_node.shape, dtype=np.int8)
     for side in product((0, 1), repeat=3):
         around += np.pad(full_cubes, [(1 - s, s) for s in side])
     odd = has_node & ((np.abs(volume - around / 8) > SAME) | np.isin(around, (3, 5, 6, 7)))
-    in_body, good = np.zeros((2, box.cz, box.cy, box.cx), dtype=bool)
+    in_body, good = np.zeros((2, box.cells_z, box.cells_y, box.cells_x), dtype=bool)
     good[:] = True
     wide = [
-        (0, max(0, 2 * count + 1 - side)) for count, side in zip((box.cz, box.cy, box.cx), has_node.shape, strict=True)
+        (0, max(0, 2 * count + 1 - side))
+        for count, side in zip((box.cells_z, box.cells_y, box.cells_x), has_node.shape, strict=True)
     ]
     odd, has_node = (np.pad(mask, wide) for mask in (odd, has_node))
     solid = np.zeros_like(has_node)
     solid[tuple(slice(0, n) for n in full_cubes.shape)] = full_cubes
     for z, y, x in product(range(3), repeat=3):
-        cell_nodes = np.s_[z : z + 2 * box.cz - 1 : 2, y : y + 2 * box.cy - 1 : 2, x : x + 2 * box.cx - 1 : 2]
+        cell_nodes = np.s_[
+            z : z + 2 * box.cells_z - 1 : 2, y : y + 2 * box.cells_y - 1 : 2, x : x + 2 * box.cells_x - 1 : 2
+        ]
         in_body |= odd[cell_nodes]
         good &= ~odd[cell_nodes] & has_node[cell_nodes]
         if max(z, y, x) < 2:
@@ -61,12 +64,12 @@ def initial_cells(
         cells[(away <= reach + RING) & good] = FINE
     _refine_around_cracks(cells, cracks)
     for side in product((0, 1), repeat=3):
-        z, y, x = ((unfit_nodes - side) // 2).clip(0, [box.cx - 1, box.cy - 1, box.cz - 1]).T[::-1]
+        z, y, x = ((unfit_nodes - side) // 2).clip(0, [box.cells_x - 1, box.cells_y - 1, box.cells_z - 1]).T[::-1]
         cells[z, y, x] = np.where(cells[z, y, x] == COARSE, FINE, cells[z, y, x])
-    return np.pad(cells, box.pad, constant_values=VOID).ravel()
+    return np.pad(cells, box.void_margin, constant_values=VOID).ravel()
 
 
-def _find_full_cubes(has_node: NDArray[np.bool_]) -> NDArray[np.bool_]:
+def _mask_full_cubes(has_node: NDArray[np.bool_]) -> NDArray[np.bool_]:
     """Mask of the cubes between nodes with a node at all eight corners, by their lowest one."""
     is_full = has_node
     for axis in range(3):
@@ -94,7 +97,7 @@ def _refine_around_cracks(cells: NDArray[np.uint8], cracks: NDArray[np.float64])
 
 
 @cached_njit(error_model="numpy")
-def mark_cells_in_balls(box, cells, places, radius, new_cells):  # type: ignore[no-untyped-def]
+def refine_and_list_cells_in_balls(box, cells, places, radius, new_cells):  # type: ignore[no-untyped-def]
     """Make coarse cells within `radius` of the fine nodes `places` (k, 3) fine, and list them in `new_cells` (., 3).
 
     Returns how many there are.
@@ -102,11 +105,15 @@ def mark_cells_in_balls(box, cells, places, radius, new_cells):  # type: ignore[
     count, half = 0, radius // 2 + 1
     for n in range(len(places)):
         x, y, z = places[n]
-        for cz in range(max((z >> 1) - half, 0), min((z >> 1) + half + 1, box.cz)):
-            for cy in range(max((y >> 1) - half, 0), min((y >> 1) + half + 1, box.cy)):
-                for cx in range(max((x >> 1) - half, 0), min((x >> 1) + half + 1, box.cx)):
+        for cz in range(max((z >> 1) - half, 0), min((z >> 1) + half + 1, box.cells_z)):
+            for cy in range(max((y >> 1) - half, 0), min((y >> 1) + half + 1, box.cells_y)):
+                for cx in range(max((x >> 1) - half, 0), min((x >> 1) + half + 1, box.cells_x)):
                     c = cell_place(box, cx, cy, cz)
-                    away = _squared_distance(x, cx) + _squared_distance(y, cy) + _squared_distance(z, cz)
+                    away = (
+                        _squared_distance_to_cell(x, cx)
+                        + _squared_distance_to_cell(y, cy)
+                        + _squared_distance_to_cell(z, cz)
+                    )
                     if cells[c] == COARSE and away < radius * radius:
                         cells[c] = FINE
                         new_cells[count, 0], new_cells[count, 1], new_cells[count, 2] = cx, cy, cz
@@ -115,7 +122,7 @@ def mark_cells_in_balls(box, cells, places, radius, new_cells):  # type: ignore[
 
 
 @njit(forceinline=True, **INNER)
-def _squared_distance(x, cell):  # type: ignore[no-untyped-def]
+def _squared_distance_to_cell(x, cell):  # type: ignore[no-untyped-def]
     """The square of the distance between a coordinate and a cell."""
     away = max(abs(x - (2 * cell + 1)) - 1, 0)
     return away * away

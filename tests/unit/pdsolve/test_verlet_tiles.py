@@ -16,9 +16,9 @@ from pdsolve.model import Model
 from pdsolve.options import Options
 from pdsolve.run.prepare import prepare
 from pdsolve.run.system import PreparedRun
-from pdsolve.steppers import lattice_march
-from pdsolve.steppers.lattice_march import LatticeMarch
+from pdsolve.steppers import verlet_tiles
 from pdsolve.steppers.verlet import Verlet
+from pdsolve.steppers.verlet_tiles import VerletTiles
 
 STEPS, RAMP = 25, ((0.0, 0.0), (1e-4, 1.0))
 BOTTOM, TOP, BACK = (-1, -1, -1, 9, 9, 0.1), (-1, -1, 0.5, 9, 9, 9), (-1, 0.6, -1, 9, 9, 9)
@@ -58,7 +58,7 @@ def outcome(prepared: PreparedRun) -> list[np.ndarray]:
 def of_verlet(model: Model) -> list[np.ndarray]:
     prepared = started(model)
     system = prepared.system
-    assert isinstance(system.stepper, LatticeMarch)
+    assert isinstance(system.stepper, VerletTiles)
     Verlet(system.operator, system.drive, model.rho, system.time_step, damping(system.model)).advance(
         prepared.state, 1, STEPS + 1
     )
@@ -68,7 +68,7 @@ def of_verlet(model: Model) -> list[np.ndarray]:
 @pytest.mark.process
 def test_each_bit_is_that_of_verlet_on_any_number_of_threads(monkeypatch: pytest.MonkeyPatch) -> None:
     """In marches of odd and even lengths, on two threads, with room for what breaks in one tile."""
-    monkeypatch.setattr(lattice_march, "ROOM", 1)
+    monkeypatch.setattr(verlet_tiles, "ROOM", 1)
     compare(driven(), 2, (1, 2, 20, STEPS + 1))
 
 

@@ -12,35 +12,38 @@ from pdsolve.codegen.vector_code import ROW
 from pdsolve.operators.simd_lattice.kernel import INNER
 
 
-class NodeRows(NamedTuple):
+class NodeConstants(NamedTuple):
     """Constants of the fine nodes in r different rows of 16 places, the first deep in the plate, the second empty."""
 
-    row_class: NDArray[np.int32]  # (n / 16,) of each row of fine places
+    constants_row: NDArray[np.int32]  # (n / 16,) of each row of fine places
     mass: NDArray[np.float64]  # (r, 16) of the cells of nodes, kg/m; 0 where there is none
     material: NDArray[np.uint8]  # (r, 16)
-    irregular_row: NDArray[
+    irregular_bond_row: NDArray[
         np.int32
     ]  # (r, 16) row in `own_springs` of a node that is not like those of a full lattice; -1: it is
     no_fail: NDArray[np.bool_]  # (r, 16) nodes whose bonds do not break
-    bond_bits: NDArray[np.uint64]  # (r, 16) bonds at the start, of the first half of the family
+    initial_bond_bits: NDArray[np.uint64]  # (r, 16) bonds at the start, of the first half of the family
     damping: NDArray[np.float64] | None  # (r, 16) 1/s; None: nothing is damped
 
 
 @njit(forceinline=True, **INNER)
-def value_at_node(rows, values, p):  # type: ignore[no-untyped-def]
+def value_at_node(node_constants, values, p):  # type: ignore[no-untyped-def]
     """The value of the fine node at place p, of values (r, 16)."""
-    return values[rows.row_class[p // ROW], p % ROW]
+    return values[node_constants.constants_row[p // ROW], p % ROW]
 
 
 def are_bonds_intact(
-    rows: NodeRows, broken_bits: NDArray[np.uint64], owner: NDArray[np.int64], bond: NDArray[np.integer]
+    node_constants: NodeConstants,
+    broken_bond_bits: NDArray[np.uint64],
+    owner: NDArray[np.int64],
+    bond: NDArray[np.integer],
 ) -> NDArray[np.bool_]:
     """Whether these bonds (k,) of the first half of the families at places `owner` (k,) were there at the start and are
-    not among those `broken_bits` (n,), a bit each."""
-    bits = values_at_nodes(rows, rows.bond_bits, owner) & ~broken_bits[owner]
+    not among those `broken_bond_bits` (n,), a bit each."""
+    bits = values_at_nodes(node_constants, node_constants.initial_bond_bits, owner) & ~broken_bond_bits[owner]
     return np.asarray(bits >> bond.astype(np.uint64) & np.uint64(1) != 0)
 
 
-def values_at_nodes(rows: NodeRows, values: NDArray[Any], places: NDArray[np.int64]) -> NDArray[Any]:
+def values_at_nodes(node_constants: NodeConstants, values: NDArray[Any], places: NDArray[np.int64]) -> NDArray[Any]:
     """Values (k,) of the fine nodes at places (k,), of values (r, 16)."""
-    return np.asarray(values[rows.row_class[places // ROW], places % ROW])
+    return np.asarray(values[node_constants.constants_row[places // ROW], places % ROW])
