@@ -140,7 +140,12 @@ class CellSplitting:
         changed[source_rows_of_bonds(now)[~origins.is_unchanged[now.neighbour]]] = True
         lost = np.zeros(len(removed), dtype=bool)
         lost[source_rows_of_bonds(before)[removed[before.neighbour]]] = True
-        same = origins.is_unchanged & ~changed & ~lost[origin] & (old_system.family_sizes[origin] == new_system.family_sizes)
+        same = (
+            origins.is_unchanged
+            & ~changed
+            & ~lost[origin]
+            & (old_system.family_sizes[origin] == new_system.family_sizes)
+        )
         return np.where(same, origin, -1)
 
     def restore_system(self, initial_system: System, checkpoint: CheckpointArrays) -> PreparedRun:

@@ -56,7 +56,9 @@ def test_each_frame_has_the_nodes_there_were(moving: Path, model: Model) -> None
             assert results.bond_updates(step) == updates
             order = np.argsort(grid.ids)[np.argsort(np.argsort(nodes.ids))]
             assert np.array_equal(nodes.ids, grid.ids[order])
-            assert damage_with_pre_cracks_at(results, step) == pytest.approx(compute_node_damage(system)[order], abs=1e-15)
+            assert damage_with_pre_cracks_at(results, step) == pytest.approx(
+                compute_node_damage(system)[order], abs=1e-15
+            )
             if step % 10:
                 continue
             frames += 1
