@@ -13,9 +13,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from pdmesh.model.output_fields import CRACKED
-from pdpost.measures.cracked_nodes import damage_at
-from pdpost.measures.cracks import DIRECTIONS, CrackEvents, crack_events
-from pdpost.measures.directions import measure_directions
+from pdpost.measures.cracked_nodes import damage_without_pre_cracks_at
+from pdpost.measures.cracks import DIRECTIONS, CrackEvents, find_crack_events
+from pdpost.measures.directions import measure_initial_directions
 from pdpost.measures.tips import crack_branches, find_forks
 from pdsolve.results import Results
 
@@ -67,8 +67,8 @@ def _apart(results: Results, _: CrackEvents) -> float:
     """When all arms of the first fork have left it, us: only then does a picture show them."""
     branches = crack_branches(results)
     for fork in find_forks(branches)[:1]:
-        arms = (branch for branch in branches if tuple(branch.place[0].tolist()) == fork.place)
-        return max(float(arm.time[1]) for arm in arms) * 1e6
+        arms = (branch for branch in branches if tuple(branch.points[0].tolist()) == fork.place)
+        return max(float(arm.passing_time[1]) for arm in arms) * 1e6
     return np.nan
 
 
@@ -78,14 +78,18 @@ def _place(event: str, sign: float = 1.0) -> Callable[[Results, CrackEvents], fl
 
 def _angle(results: Results, _: CrackEvents) -> float:
     """Mean of the angles of the cracks from the two notches, each as a whole, away from each other."""
-    return float(np.mean([abs(way.whole) for way in measure_directions(results, crack_branches(results))] or [np.nan]))
+    return float(
+        np.mean(
+            [abs(way.overall_angle) for way in measure_initial_directions(results, crack_branches(results))] or [np.nan]
+        )
+    )
 
 
 def _width(step: int) -> Callable[[Results, CrackEvents], float]:
     """Width of all that is cracked, mm."""
 
     def width(results: Results, _: CrackEvents) -> float:
-        x = results.nodes().position[damage_at(results, step) > CRACKED, 0]
+        x = results.nodes().position[damage_without_pre_cracks_at(results, step) > CRACKED, 0]
         return float(np.ptp(x)) * 1e3
 
     return width
@@ -95,7 +99,7 @@ def _furthest(step: int, direction: str, sign: float = 1.0) -> Callable[[Results
     """How far the cracked nodes reach, mm."""
 
     def furthest(results: Results, _: CrackEvents) -> float:
-        cracked = results.nodes().position[damage_at(results, step) > CRACKED]
+        cracked = results.nodes().position[damage_without_pre_cracks_at(results, step) > CRACKED]
         return sign * float((cracked @ np.array(DIRECTIONS[direction])).max(initial=-np.inf)) * 1e3
 
     return furthest
@@ -204,5 +208,5 @@ CASES = (
 
 def measured(case: Case, results: Results) -> list[float]:
     """The case's numbers as this run has them."""
-    found = crack_events(results, DIRECTIONS[case.along])
+    found = find_crack_events(results, DIRECTIONS[case.along])
     return [claim.measure(results, found) for claim in case.claims]

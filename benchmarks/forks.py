@@ -60,12 +60,12 @@ def forked(spacing: float, time_step: float) -> Forked:
     with simulate(Model(made.grid, settings), options=Options(threads=1)) as results:
         branches, particles, balance = crack_branches(results), results.particles(), float(results.summary()["balance"])
     first, *further = find_forks(branches)
-    trunk = min(branches, key=lambda branch: float(branch.along[0]))
+    trunk = min(branches, key=lambda branch: float(branch.length_along_crack[0]))
     points = np.concatenate(polylines(particles))
     apart = np.hypot(*(points[:, None] - points * [1, -1]).transpose(2, 0, 1)).min(axis=1)
     speed, place = trunk.mean_speed or np.nan, first.place[0] * 1e3
     off = max(float(apart.max()), abs(first.place[1]))
-    return Forked(place, first.time * 1e6, first.angle, speed, len(further), off, balance)
+    return Forked(place, first.time * 1e6, first.angle_between_outer_arms, speed, len(further), off, balance)
 
 
 def section(found: dict[float, list[Forked]]) -> str:

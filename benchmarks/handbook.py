@@ -18,7 +18,7 @@ from benchmarks import ties
 from benchmarks.specimens import HORIZON, SPECIMENS, UNIT, WIDE, Specimen
 from pdmesh.files import write_atomically
 from pdmesh.model.document import Horizon
-from pdpost.measures.stress_intensities import IntensityHistory, follow_tips
+from pdpost.measures.stress_intensities import TipIntensityHistory, follow_tip_intensities
 from pdsolve.model import Model
 from pdsolve.run.simulation import Options, simulate
 
@@ -74,9 +74,9 @@ def row(specimen: Specimen, wide: int = WIDE, horizon: float = HORIZON) -> Row:
     case = specimen.case(wide)
     settings = msgspec.structs.replace(case.model.settings, horizon=Horizon(horizon))
     with simulate(Model(case.model.grid, settings), None, Options(threads=1)) as results:
-        tips = follow_tips(results, [1])
+        tips = follow_tip_intensities(results, [1])
 
-    def off(tip: IntensityHistory) -> float:
+    def off(tip: TipIntensityHistory) -> float:
         return float(abs(tip.value["K1"][0] / case.K1 - 1))
 
     tip = max(tips, key=off)

@@ -86,7 +86,7 @@ def errors(scene: Scene, references: list[Path], folder: Path) -> list[float]:
     for number, reference in enumerate(references):
         path = solved(scene, folder / f"run {number}", number)
         with Results.open(path) as one, Results.open(reference) as other:
-            off = tradeoff.displacement_error(one, other)
+            off = tradeoff.relative_displacement_error(one, other)
         path.unlink()
         found.append(np.nan if off is None else off)
     return found

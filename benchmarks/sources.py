@@ -22,7 +22,7 @@ from benchmarks.thesis import provenance, table
 from pdmesh.drawing.file_reading import build_file
 from pdpost.figures import field_figure
 from pdpost.figures.style import save, styled
-from pdpost.measures.cracks import crack_events
+from pdpost.measures.cracks import find_crack_events
 from pdsolve.laws.higher_order_correspondence import fit
 from pdsolve.model import Model
 from pdsolve.results import Results
@@ -97,7 +97,7 @@ def _bar(results: Results) -> list[Number]:
 
 
 def _branching(results: Results) -> list[Number]:
-    whole = crack_events(results)
+    whole = find_crack_events(results)
     first = float(results.breaks().step.min()) * results.summary()["time_step"] * 1e6
     place = np.nan if whole.branching is None else whole.branching.along * 1e3
     through = np.nan if whole.split is None else whole.split.time * 1e6

@@ -20,7 +20,7 @@ from pdmesh.model.document import Horizon, Load, Material, Settings
 from pdmesh.model.domain_integrals import Ring
 from pdmesh.model.lattice_calibration import calibration, lattice_ratios
 from pdmesh.model.node_grid import Grid
-from pdpost.measures.stress_intensities import follow_tips
+from pdpost.measures.stress_intensities import follow_tip_intensities
 from pdsolve.laws import MODELS, ordinary
 from pdsolve.laws.law import Law
 from pdsolve.model import Model
@@ -93,7 +93,7 @@ def felt(law: str, ties: str = "cut", kind: str = "edge", wide: int = 40) -> Fel
     model = _model(LAWS[law], ties, kind, wide)
     chosen = {"ordinary": published()} if "as published" in law else {}
     with mock.patch.dict(MODELS, chosen), simulate(model, None, Options(threads=1)) as results:
-        (tip,) = follow_tips(results, [1], (0.5, 0.0), RING)
+        (tip,) = follow_tip_intensities(results, [1], (0.5, 0.0), RING)
     K1, K2 = (float(tip.value[name][0]) for name in ("K1", "K2"))
     expected = PULL * np.sqrt(np.pi / 2) * {"edge": edge_shape, "centre": centre_shape}[kind](0.5)
     share = C11 if law == "bonds, of C11" else 1.0

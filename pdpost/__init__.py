@@ -13,8 +13,8 @@ from pdmesh.lazy_imports import lazily
 if TYPE_CHECKING:
     from pdpost import figures
     from pdpost.figures.notebook import notebook_png
-    from pdpost.measures.crack_in_space import SummaryInSpace, crack_in_space
-    from pdpost.measures.crack_summary import Summary, crack, crack_table
+    from pdpost.measures.crack_in_space import CrackSurfaceSummary, crack_in_space
+    from pdpost.measures.crack_summary import CrackPathSummary, crack, crack_table
     from pdpost.measures.deformation_maxima import largest_displacement, largest_stretch
     from pdpost.reading.table_columns import study_table
     from pdsolve.results import Results
@@ -23,8 +23,8 @@ else:
         __name__,
         {
             "Results": "pdsolve.results",
-            "Summary": "pdpost.measures.crack_summary",
-            "SummaryInSpace": "pdpost.measures.crack_in_space",
+            "CrackPathSummary": "pdpost.measures.crack_summary",
+            "CrackSurfaceSummary": "pdpost.measures.crack_in_space",
             "crack": "pdpost.measures.crack_summary",
             "crack_in_space": "pdpost.measures.crack_in_space",
             "crack_table": "pdpost.measures.crack_summary",
@@ -37,9 +37,9 @@ else:
     )
 
 __all__ = [
+    "CrackPathSummary",
+    "CrackSurfaceSummary",
     "Results",
-    "Summary",
-    "SummaryInSpace",
     "crack",
     "crack_in_space",
     "crack_table",

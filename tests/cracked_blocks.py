@@ -14,7 +14,7 @@ from pdmesh.model.document import Horizon, Lattice, Material, Settings
 from pdmesh.model.lattice_calibration import calibration, lattice_ratios
 from pdmesh.model.material_constants import C11, C66
 from pdmesh.model.node_grid import whole_lattice
-from pdpost.measures.intensities_in_space import FrontIntensities, front_intensities
+from pdpost.measures.intensities_in_space import FrontIntensities, compute_front_intensities
 from pdsolve.model import Model
 from pdsolve.options import Options
 from pdsolve.results import Families, Nodes
@@ -86,4 +86,4 @@ def front_of(block: Block) -> FrontIntensities:
     source, target = system.operator.bonds()
     start = np.concatenate([[0], np.cumsum(np.bincount(source, minlength=len(grid)))])
     results = results_of(nodes, Families(start, target), block.u, [], model | {"horizon": {"ratio": 3.0}}, block.crack)
-    return front_intensities(results, 10)[0]
+    return compute_front_intensities(results, 10)[0]

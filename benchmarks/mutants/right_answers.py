@@ -280,8 +280,8 @@ RIGHT_ANSWERS = (
     ),
     Mutant(
         "pdpost/measures/predicted_directions.py",
-        "way.angle - angle))",
-        "way.angle))",
+        "way.angle_from_pre_crack - angle",
+        "way.angle_from_pre_crack",
         "tests/unit/pdpost/measures/test_predicted_directions.py::test_the_last_frame_before_bonds_broke_predicts",
     ),
     Mutant(
@@ -322,7 +322,7 @@ RIGHT_ANSWERS = (
     ),
     Mutant(
         "pdpost/measures/crack_summary.py",
-        'f"{line}{LEANING}" if abs(prediction.off) > LEANS else line',
+        'f"{line}{LEANING}" if abs(prediction.path_deviation) > LEANS else line',
         "line",
         "tests/unit/pdpost/measures/test_predicted_directions.py::test_a_path_that_leans_to_the_grid_is_told_to",
     ),

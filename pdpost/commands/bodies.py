@@ -88,24 +88,24 @@ def _slice(args: argparse.Namespace) -> int:
     if path is not None:
         style.check_format(path)
     with style.styled(dict(args.assignments)), Results.open(args.results) as results:
-        slices.expect_body(results)
+        slices.expect_3d_body(results)
         step, time = chosen_frame(results, args)
         name = args.field or fields.default_field_name(results, step)
         part = fields.choose_component(name, args.component, results.dimension)
-        shown = slices.reliable_values(results, name, step, part or None)
+        shown = slices.reliable_field_values(results, name, step, part or None)
         section = slices.cut_by_plane(results, shown, step, *args.plane)
         if path is not None:
             style.save(slice_figure.plane(results, section, name, part, step, largest_of(args, name)), path)
         nodes, when = results.nodes(step), moment(results, step)
-        x, y, z = nodes.position[section.rows].T
-        table = {"node": nodes.ids[section.rows], "x": x, "y": y, "z": z, name: section.values}
+        x, y, z = nodes.position[section.node_rows].T
+        table = {"node": nodes.ids[section.node_rows], "x": x, "y": y, "z": z, name: section.node_values}
         if args.csv is not None:
             write_csv(args, csv_columns.csv(table))
     if args.csv != "-":
-        smallest, largest = float(section.values.min()), float(section.values.max())
+        smallest, largest = float(section.node_values.min()), float(section.node_values.max())
         output = None if path is None else str(path)
-        result = {"output": output, "step": step, "time": time, "field": name, "nodes": len(section.rows)}
-        line = f"{path or args.csv}: {name} at {when}, {len(section.rows)} nodes, {smallest:.4g} to {largest:.4g}"
+        result = {"output": output, "step": step, "time": time, "field": name, "nodes": len(section.node_rows)}
+        line = f"{path or args.csv}: {name} at {when}, {len(section.node_rows)} nodes, {smallest:.4g} to {largest:.4g}"
         commandline.report({**result, "smallest": smallest, "largest": largest}, [line], args)
     return commandline.OK
 
@@ -127,7 +127,7 @@ def _render(args: argparse.Namespace) -> int:
             f"{exclusive_options[0]} cannot be combined with {(exclusive_options + others)[1]}; use one of them"
         )
     with style.styled(dict(args.assignments)), Results.open(args.results) as results:
-        slices.expect_body(results)
+        slices.expect_3d_body(results)
         step, time = chosen_frame(results, args)
         when = moment(results, step)
         if args.crack or args.explode is not None:
@@ -138,7 +138,7 @@ def _render(args: argparse.Namespace) -> int:
             return commandline.OK
         name = args.field or fields.default_field_name(results, step)
         part = fields.choose_component(name, args.component, results.dimension)
-        values = slices.reliable_values(results, name, step, part or None)
+        values = slices.reliable_field_values(results, name, step, part or None)
         shown = colours.colours(name, part, values, largest_of(args, name))
         title = colours.title(results, name, part, step, 0.0)
         if args.level is not None:
@@ -155,9 +155,11 @@ def _cracked(results: Results, step: int, explode: float | None) -> Figure:
     """The cracks of a body, or its fragments apart."""
     from pdpost.figures import crack_render
     from pdpost.figures.colours import at
-    from pdpost.measures.crack_faces import crack_surface, find_opened_pairs
+    from pdpost.measures.crack_faces import build_crack_surface, find_opening_steps_of_face_neighbours
 
-    parted_pairs, nodes = find_opened_pairs(results, step), results.nodes(step)
+    parted_pairs, nodes = find_opening_steps_of_face_neighbours(results, step), results.nodes(step)
     if explode is not None:
         return crack_render.fragments_apart(nodes, parted_pairs, explode, f"Fragments {at(results, step)}")
-    return crack_render.cracks_in_body(nodes, crack_surface(results, step, parted_pairs), f"Cracks {at(results, step)}")
+    return crack_render.cracks_in_body(
+        nodes, build_crack_surface(results, step, parted_pairs), f"Cracks {at(results, step)}"
+    )

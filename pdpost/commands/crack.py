@@ -82,10 +82,9 @@ def _crack(args: argparse.Namespace) -> int:
 
 
 def _one(args: argparse.Namespace, results: Results, threshold: float, path: Path | None) -> int:
-    from dataclasses import asdict
-
     from pdpost.measures import crack_summary
-    from pdpost.measures.predicted_directions import predict_directions
+    from pdpost.measures.predicted_directions import predict_initial_directions
+    from pdpost.reading.json_keys import fields_by_json_key
 
     check_window(results, args)
     summary = crack_summary.crack(results, _step(args, results), threshold, args.along)
@@ -93,11 +92,11 @@ def _one(args: argparse.Namespace, results: Results, threshold: float, path: Pat
         from pdpost.figures import crack_figure, style
 
         style.save(crack_figure.crack(results, summary, args.window), path)
-    header, rows = crack_summary.table(summary)
-    first = summary.growth.first_break
-    expected = [] if first is None else predict_directions(results, summary.directions, first.step)
-    lines = [*crack_summary.sentences(summary), *crack_summary.prediction_sentences(expected, results)]
-    result = {**crack_summary.numbers(summary), "predicted": [asdict(prediction) for prediction in expected]}
+    header, rows = crack_summary.path_point_table(summary)
+    first = summary.events.first_break
+    expected = [] if first is None else predict_initial_directions(results, summary.initial_directions, first.step)
+    lines = [*crack_summary.summary_sentences(summary), *crack_summary.prediction_sentences(expected, results)]
+    result = {**crack_summary.summary_for_json(summary), "predicted": [fields_by_json_key(one) for one in expected]}
     return number_options.deliver(args, result, lines, header, rows, path)
 
 
@@ -112,34 +111,37 @@ def _of_body(args: argparse.Namespace, results: Results, threshold: float, path:
         surface_files.check_suffix(args.surface)
         commandline.output_path(args.surface, args.results, args.surface.suffix, args.force)
     summary = crack_in_space.crack_in_space(results, _step(args, results), threshold)
-    lines = crack_in_space.sentences(summary)
+    lines = crack_in_space.summary_sentences(summary)
     if path is not None:
         from pdpost.figures import crack_surface_figure, style
 
         style.save(crack_surface_figure.crack_surface(results, summary), path)
     if args.surface is not None:
-        surface_files.write(args.surface, summary.surface, summary.speed)
-        lines = [f"{args.surface}: the surface, {len(summary.surface.faces)} faces", *lines]
-    header, rows = crack_in_space.table(summary)
-    return number_options.deliver(args, crack_in_space.numbers(summary), lines, header, rows, path)
+        surface_files.write(args.surface, summary.surface, summary.front_speed)
+        lines = [f"{args.surface}: the surface, {len(summary.surface.face_corners)} faces", *lines]
+    header, rows = crack_in_space.frame_table(summary)
+    return number_options.deliver(args, crack_in_space.summary_for_json(summary), lines, header, rows, path)
 
 
 def _two(args: argparse.Namespace, first_run: Results, second_run: Results, threshold: float, path: Path | None) -> int:
     from pdpost.measures import cracks, paths
-    from pdpost.measures.comparison import compare
+    from pdpost.measures.comparison import compare_cracks
+    from pdpost.reading.json_keys import fields_by_json_key
     from pdpost.reading.time_text import time_text
 
     check_window(first_run, args)
     steps = _step(args, first_run), _step(args, second_run)
-    along = args.along or paths.main_direction(paths.crack_paths(first_run, steps[0], threshold))
-    comparison = compare(first_run, second_run, steps, cracks.DIRECTIONS[along], threshold)
+    along = args.along or paths.main_direction_name(paths.crack_paths(first_run, steps[0], threshold))
+    comparison = compare_cracks(first_run, second_run, steps, cracks.DIRECTIONS[along], threshold)
     lines = ["one of the two runs has no crack: nothing to compare"]
-    if comparison.mean is not None and comparison.hausdorff is not None:
+    if comparison.mean_distance is not None and comparison.hausdorff_distance is not None:
         lines = [
-            f"mean distance {comparison.mean * 1e3:.3g} mm, at most {comparison.hausdorff * 1e3:.3g} mm (Hausdorff)"
+            f"mean distance {comparison.mean_distance * 1e3:.3g} mm,"
+            f" at most {comparison.hausdorff_distance * 1e3:.3g} mm (Hausdorff)"
         ]
+    by_json_key = fields_by_json_key(comparison)
     for name in ("start", "branching", "split"):
-        if (later := getattr(comparison, name)) is not None:
+        if (later := by_json_key[name]) is not None:
             lines.append(f"{name}: {time_text(later, '+.3g')} in {args.compare}")
     if path is not None:
         from pdpost.figures import crack_figure, style
@@ -154,7 +156,7 @@ def _two(args: argparse.Namespace, first_run: Results, second_run: Results, thre
         for number, line in enumerate(lines_of)
         for point in line
     ]
-    result = comparison._asdict() | {"results": [str(args.results), str(args.compare)], "along": along, "steps": steps}
+    result = by_json_key | {"results": [str(args.results), str(args.compare)], "along": along, "steps": steps}
     return number_options.deliver(args, result, lines, ("results", "branch", "x, m", "y, m"), rows, path)
 
 

@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from pdpost.commands.shared import Commands
-    from pdpost.measures.histories import History
+    from pdpost.measures.histories import NodeHistory
     from pdsolve.results import Results
 
 PLACE = "m, or such as 5,20mm, of a body with z"
@@ -91,6 +91,7 @@ def _place(name: str, *counts: int) -> Any:
 
 def _history(args: argparse.Namespace) -> int:
     from pdmesh.model.output_fields import FIELDS
+    from pdpost.reading.json_keys import fields_by_json_key
     from pdsolve.results import Results
 
     path = picture_path(args, ".history.png")
@@ -110,12 +111,12 @@ def _history(args: argparse.Namespace) -> int:
         "quantity": args.quantity,
         "components": parts,
         "unit": unit,
-        "curves": [curve._asdict() for curve in curves],
+        "curves": [fields_by_json_key(curve) for curve in curves],
     }
     rows = [
         (curve.label, curve.component, *row)
         for curve in curves
-        for row in zip(curve.time, curve.value, curve.low, curve.high, strict=True)
+        for row in zip(curve.time, curve.value, curve.smallest, curve.largest, strict=True)
     ]
     header = ("curve", "component", "time, s", f"{args.quantity}, {unit}", "smallest", "largest")
     return number_options.deliver(args, result, [_told(curve, unit) for curve in curves], header, rows, path)
@@ -124,25 +125,27 @@ def _history(args: argparse.Namespace) -> int:
 def _masses(args: argparse.Namespace, results: Results, path: Path | None) -> int:
     """The history of a substance that diffuses, or of heat."""
     from pdmesh.model.content_amounts import amounts_line
-    from pdpost.measures.diffused_amounts import balance_with_unit
+    from pdpost.measures.diffused_amounts import mass_balance_with_unit
+    from pdpost.reading.json_keys import fields_by_json_key
     from pdpost.reading.time_text import time_text
 
     if args.places or args.components:
         raise commandline.UsageError("history: masses are of the whole model; leave out nodes and components")
-    books, unit = balance_with_unit(results)
+    books, unit = mass_balance_with_unit(results)
     if path is not None:
         from pdpost.figures import charts, style
 
         style.save(charts.masses(books, unit), path)
-    last = {name: float(column[-1]) for name, column in books._asdict().items()}
+    by_json_key = fields_by_json_key(books)
+    last = {name: float(column[-1]) for name, column in by_json_key.items()}
     amounts_now = amounts_line(unit, last["inside"], last["through"], last["supplied"], last["error"])
     lines = [f"at {time_text(last['time'])}, {amounts_now}"]
     if last["left"] == last["left"]:
         lines.append(
-            f"solid left {last['left']:.2%}, surface {last['surface'] / float(books.surface[0]):.2%} of that at the"
-            f" start, dissolved {last['dissolved']:.6g} mol"
+            f"solid left {last['left']:.2%}, surface {last['surface'] / float(books.solid_surface_area[0]):.2%}"
+            f" of that at the start, dissolved {last['dissolved']:.6g} mol"
         )
-    result = {"units": results.meta()["units"], "unit": unit, "last": last, **books._asdict()}
+    result = {"units": results.meta()["units"], "unit": unit, "last": last, **by_json_key}
     ways = (f"{way}, {unit}" for way in ("inside", "gone out", "supplied"))
     header = ("step", "time, s", *ways, "solid", "dissolved, mol", "surface", "share left", "error")
     return number_options.deliver(args, result, lines, header, zip(*books, strict=True), path)
@@ -164,7 +167,7 @@ def _usual(results: Results) -> list[Place]:
     return [("--node", (float(results.nodes().ids[int(np.nanargmax(displacement))]),))]
 
 
-def _curve(results: Results, place: Place, *what: str) -> History:
+def _curve(results: Results, place: Place, *what: str) -> NodeHistory:
     """History of a quantity and its component at a place; `what` is (quantity, component)."""
     from pdpost.measures import histories
 
@@ -172,19 +175,19 @@ def _curve(results: Results, place: Place, *what: str) -> History:
     if option == "--node":
         return histories.node_history(results, int(values[0]), *what)
     if option == "--at":
-        return histories.place_history(results, values, *what)
-    return histories.box_history(results, values, *what)
+        return histories.nearest_node_history(results, values, *what)
+    return histories.mean_history_in_box(results, values, *what)
 
 
-def _told(curve: History, unit: str) -> str:
+def _told(curve: NodeHistory, unit: str) -> str:
     import numpy as np
 
     where = "" if curve.place is None else f" at ({', '.join(f'{x:g}' for x in curve.place)}) m"
-    off = f", {curve.off:.3g} m from the place asked for" if curve.off > 0 else ""
+    off = f", {curve.distance_from_place:.3g} m from the place asked for" if curve.distance_from_place > 0 else ""
     finite = np.isfinite(curve.value)
     if not finite.any():
         return f"{curve.label}{where}{off}, {curve.component}: at none of {len(curve.time)} times by {curve.source}"
-    low, high = float(np.min(curve.low[finite])), float(np.max(curve.high[finite]))
+    low, high = float(np.min(curve.smallest[finite])), float(np.max(curve.largest[finite]))
     values = f"{finite.sum()} times by {curve.source}, {low:.4g} to {high:.4g} {unit}"
     return f"{curve.label}{where}{off}, {curve.component}: {values}"
 
@@ -192,13 +195,13 @@ def _told(curve: History, unit: str) -> str:
 def _balance(args: argparse.Namespace) -> int:
     import numpy as np
 
-    from pdpost.measures.balance import balance, energy_remarks, thickness_unit_suffix
+    from pdpost.measures.balance import damping_remarks, energy_balance, thickness_unit_suffix
     from pdpost.reading.time_text import time_text
     from pdsolve.results import Results
 
     path = picture_path(args, ".balance.png")
     with number_options.styled(path, dict(args.assignments)), Results.open(args.results) as results:
-        books, per, said = balance(results), thickness_unit_suffix(results), energy_remarks(results)
+        books, per, said = energy_balance(results), thickness_unit_suffix(results), damping_remarks(results)
         if path is not None:
             from pdpost.figures import charts, style
 
@@ -233,7 +236,7 @@ def _balance(args: argparse.Namespace) -> int:
 
 def _reaction(args: argparse.Namespace) -> int:
     from pdpost.measures.balance import thickness_unit_suffix
-    from pdpost.measures.forces import reactions, select_reactions
+    from pdpost.measures.forces import read_reactions, select_reactions
     from pdsolve.results import Results
 
     if args.gap is not None:
@@ -243,14 +246,14 @@ def _reaction(args: argparse.Namespace) -> int:
     path = picture_path(args, ".reaction.png")
     with number_options.styled(path, dict(args.assignments)), Results.open(args.results) as results:
         axis, per, ways = _axis(results, args), thickness_unit_suffix(results), "xyz"[: results.dimension]
-        chosen_reactions = select_reactions(reactions(results), args.condition)
+        chosen_reactions = select_reactions(read_reactions(results), args.condition)
         if path is not None:
             from pdpost.figures import charts, style
 
             style.save(charts.reactions(chosen_reactions, axis, per), path)
     lines = []
     for curve in chosen_reactions:
-        along = curve.axis if axis is None else axis
+        along = curve.main_axis if axis is None else axis
         force, way = float(curve.force[-1, along]), float(curve.displacement[-1, along])
         most = float(curve.force[abs(curve.force[:, along]).argmax(), along])
         lines.append(
@@ -276,8 +279,9 @@ def _reaction(args: argparse.Namespace) -> int:
 
 def _gap(args: argparse.Namespace) -> int:
     from pdpost.measures.balance import thickness_unit_suffix
-    from pdpost.measures.forces import reactions, select_reactions
-    from pdpost.measures.gaps import force_against_gap, gap_between, named_gap
+    from pdpost.measures.forces import read_reactions, select_reactions
+    from pdpost.measures.gaps import force_over_gap_opening, measure_gap_between_places, read_named_gap
+    from pdpost.reading.json_keys import fields_by_json_key
     from pdsolve.results import Results
 
     if args.smooth < 1:
@@ -285,31 +289,39 @@ def _gap(args: argparse.Namespace) -> int:
     path = picture_path(args, ".gap.png")
     with number_options.styled(path, dict(args.assignments)), Results.open(args.results) as results:
         axis, per = _axis(results, args), thickness_unit_suffix(results)
-        opened = named_gap(results, args.gap[0]) if len(args.gap) == 1 else gap_between(results, *_two_places(args.gap))
-        conditions = select_reactions(reactions(results), args.condition)
+        opened = (
+            read_named_gap(results, args.gap[0])
+            if len(args.gap) == 1
+            else measure_gap_between_places(results, *_two_places(args.gap))
+        )
+        conditions = select_reactions(read_reactions(results), args.condition)
         opening_curves = [
-            force_against_gap(opened, curve, curve.axis if axis is None else axis, args.smooth) for curve in conditions
+            force_over_gap_opening(opened, curve, curve.main_axis if axis is None else axis, args.smooth)
+            for curve in conditions
         ]
         if path is not None:
             from pdpost.figures import charts, style
 
             style.save(charts.openings(opening_curves, per), path)
-    lines = [f"between nodes {opened.nodes[0]} and {opened.nodes[1]}"]
+    lines = [f"between nodes {opened.node_ids[0]} and {opened.node_ids[1]}"]
     for curve in opening_curves:
         last, most = (
-            f"{curve.force[k]:+.4g} N{per} at {curve.opening[k] * 1e3:+.4g} mm" for k in (-1, curve.peak_index)
+            f"{curve.force[k]:+.4g} N{per} at {curve.opening[k] * 1e3:+.4g} mm" for k in (-1, curve.peak_force_index)
         )
-        area = f"area {abs(curve.work):.4g} J{per}"
-        lines.append(f"{curve.name}, along {'xyz'[curve.axis]}: {last} of opening in the end, {most} at most, {area}")
+        area = f"area {abs(curve.work_under_curve):.4g} J{per}"
+        lines.append(
+            f"{curve.condition_name}, along {'xyz'[curve.axis]}: {last} of opening in the end, {most} at most, {area}"
+        )
     rows = [
-        (curve.name, opening, force)
+        (curve.condition_name, opening, force)
         for curve in opening_curves
         for opening, force in zip(curve.opening, curve.force, strict=True)
     ]
     forces = [
-        curve._asdict() | {"peak": float(curve.force[curve.peak_index]), "area": curve.work} for curve in opening_curves
+        fields_by_json_key(curve) | {"peak": float(curve.force[curve.peak_force_index]), "area": curve.work_under_curve}
+        for curve in opening_curves
     ]
-    result = {"units": _units(per), "nodes": opened.nodes, "forces": forces}
+    result = {"units": _units(per), "nodes": opened.node_ids, "forces": forces}
     return number_options.deliver(args, result, lines, ("condition", "opening, m", f"force, N{per}"), rows, path)
 
 

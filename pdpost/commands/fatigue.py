@@ -29,6 +29,8 @@ def add(commands: Commands) -> None:
 
 
 def _fatigue(args: argparse.Namespace) -> int:
+    from pdpost.reading.json_keys import fields_by_json_key
+
     path = picture_path(args, ".fatigue.png")
     with number_options.styled(path, dict(args.assignments)):
         runs = [_measured(args, name) for name in (args.results, *args.beside)]
@@ -40,12 +42,12 @@ def _fatigue(args: argparse.Namespace) -> int:
     run_results = [
         {
             "name": run.name,
-            "cycles": run.cycles,
-            "cycles_error": run.cycle_error,
+            "cycles": run.total_cycles,
+            "cycles_error": run.total_cycles_error,
             "first_break": run.first_break_cycles,
-            "first_range": run.first_strain_range,
-            "line": None if run.paris_line is None else run.paris_line._asdict(),
-            "tips": [tip._asdict() for tip in run.growths],
+            "first_range": run.first_break_strain_range,
+            "line": None if run.paris_line is None else fields_by_json_key(run.paris_line),
+            "tips": [fields_by_json_key(tip) for tip in run.tip_growths],
         }
         for run in runs
     ]
@@ -66,30 +68,33 @@ def _measured(args: argparse.Namespace, name: str) -> FatigueLife:
 
     with Results.open(Path(name)) as results:
         expect_mechanics(results)
-        return fatigue.fatigue_life(results, chosen(results, chosen_stride(results, args)), counted(args, "summing"))
+        return fatigue.measure_fatigue_life(
+            results, chosen(results, chosen_stride(results, args)), counted(args, "summing")
+        )
 
 
 def _lines(run: FatigueLife) -> list[str]:
     import numpy as np
 
-    wrong = run.cycle_error / run.cycles if run.cycle_error and run.cycles else None
+    wrong = run.total_cycles_error / run.total_cycles if run.total_cycles_error and run.total_cycles else None
     off = "" if wrong is None else f", with an error from jumps and from K that is estimated at {wrong:.1%}"
-    lines = [f"{run.cycles:.6g} cycles in all{off}"]
+    lines = [f"{run.total_cycles:.6g} cycles in all{off}"]
     if run.first_break_cycles is not None:
         lines.append(
             f"first bonds broke after {run.first_break_cycles:.6g} cycles,"
-            f" stretched by a range of {run.first_strain_range:.4g}"
+            f" stretched by a range of {run.first_break_strain_range:.4g}"
         )
     lines += [
-        f"{tip.name}: grown by {tip.length[-1] * 1e3:.4g} mm until {tip.cycles[-1]:.4g} cycles" for tip in run.growths
+        f"{tip.name}: grown by {tip.grown_length[-1] * 1e3:.4g} mm until {tip.cycles[-1]:.4g} cycles"
+        for tip in run.tip_growths
     ]
-    if run.growths and run.paris_line is not None:
-        at = float(run.paris_line.growth_rate(np.array(10e6)))
+    if run.tip_growths and run.paris_line is not None:
+        at = float(run.paris_line.growth_per_cycle(np.array(10e6)))
         lines.append(
             f"da/dN = {at:.4g} m a cycle at 10 MPa m^0.5, m = {run.paris_line.m:.4g}, from"
-            f" {run.paris_line.points} points, which scatter by {10**run.paris_line.scatter - 1:.1%}"
+            f" {run.paris_line.point_count} points, which scatter by {10**run.paris_line.scatter - 1:.1%}"
         )
-    elif run.growths:
+    elif run.tip_growths:
         lines.append("the crack grows in too few frames for a line")
     return lines
 
@@ -97,8 +102,18 @@ def _lines(run: FatigueLife) -> list[str]:
 def _rows(run: FatigueLife) -> Any:
     none = float("nan")
     if run.first_break_cycles is not None:
-        yield (run.name, "first break", run.first_break_cycles, none, none, none, none, None, run.first_strain_range)
-    for tip in run.growths:
-        rate, past_start = [*tip.rate.tolist(), none], [*tip.settled.tolist(), None]
-        for row in zip(tip.cycles, tip.length, tip.K, tip.dK, rate, past_start, strict=True):
+        yield (
+            run.name,
+            "first break",
+            run.first_break_cycles,
+            none,
+            none,
+            none,
+            none,
+            None,
+            run.first_break_strain_range,
+        )
+    for tip in run.tip_growths:
+        rate, past_start = [*tip.growth_per_cycle.tolist(), none], [*tip.is_past_slow_start.tolist(), None]
+        for row in zip(tip.cycles, tip.grown_length, tip.K, tip.dK, rate, past_start, strict=True):
             yield (run.name, tip.name, *row, none)

@@ -52,27 +52,30 @@ def _line(args: argparse.Namespace) -> int:
             dict.fromkeys(fields.choose_component(args.field, component, results.dimension) for component in components)
         )
         step, time = chosen_frame(results, args)
-        sampled_line = lines.sample_line(results, args.field, step, args.begins, args.ends)
+        sampled_line = lines.sample_field_along_line(results, args.field, step, args.begins, args.ends)
         if path is not None:
             from pdpost.figures import charts, colours, style
 
             style.save(charts.line(sampled_line, args.field, parts, f"{field.title} {colours.at(results, step)}"), path)
     words = []
     for part in parts:
-        values = sampled_line.values[part]
+        values = sampled_line.component_values[part]
         finite = np.flatnonzero(np.isfinite(values))
         said = f"nothing known at {len(values)} places"
         if len(finite):
             low, high = (int(finite[at]) for at in (values[finite].argmin(), values[finite].argmax()))
             ends = (
-                f"{values[at]:.4g} at ({', '.join(f'{x:.4g}' for x in sampled_line.place[at])}) m" for at in (low, high)
+                f"{values[at]:.4g} at ({', '.join(f'{x:.4g}' for x in sampled_line.points[at])}) m"
+                for at in (low, high)
             )
             said = f"{len(finite)} of {len(values)} places known, from {' to '.join(ends)}"
         words.append(f"{f'{args.field} {part}'.strip()} at {time_text(time)}: {said}")
-    names = {f"{args.field}_{part}" if part else args.field: values for part, values in sampled_line.values.items()}
+    names = {
+        f"{args.field}_{part}" if part else args.field: values for part, values in sampled_line.component_values.items()
+    }
     header = (
         "along, m",
-        *(f"{axis}, m" for axis in "xyz"[: sampled_line.place.shape[1]]),
+        *(f"{axis}, m" for axis in "xyz"[: sampled_line.points.shape[1]]),
         *(f"{name}, {field.unit}" if field.unit else name for name in names),
     )
     result = {
@@ -81,9 +84,9 @@ def _line(args: argparse.Namespace) -> int:
         "field": args.field,
         "components": parts,
         "unit": field.unit,
-        "along": sampled_line.along,
-        "place": sampled_line.place,
+        "along": sampled_line.distance_from_start,
+        "place": sampled_line.points,
         "values": names,
     }
-    rows = zip(sampled_line.along, *sampled_line.place.T, *names.values(), strict=True)
+    rows = zip(sampled_line.distance_from_start, *sampled_line.points.T, *names.values(), strict=True)
     return number_options.deliver(args, result, words, header, rows, path)

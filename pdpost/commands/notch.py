@@ -93,15 +93,19 @@ def _triangles(results: Results, step: int) -> _Found:
     """The pre-cracks of a body, and what opened in its run. Raises ResultsError without any."""
     import numpy as np
 
-    from pdpost.measures.crack_faces import crack_surface, find_opened_pairs, grown_triangles
+    from pdpost.measures.crack_faces import (
+        build_crack_surface,
+        find_opening_steps_of_face_neighbours,
+        triangles_of_grown_faces,
+    )
     from pdsolve.results import ResultsError
 
-    cracks = crack_surface(results, step, find_opened_pairs(results, step))
-    opened_triangles = grown_triangles(cracks)
+    cracks = build_crack_surface(results, step, find_opening_steps_of_face_neighbours(results, step))
+    opened_triangles = triangles_of_grown_faces(cracks)
     triangles = np.concatenate([results.cracks(), opened_triangles])
     if not len(triangles):
         raise ResultsError(f"{results.name} has no crack; use a body in which neighbours parted")
-    area = float(cracks.area[cracks.is_grown].sum())
+    area = float(cracks.face_area[cracks.face_opened_during_run].sum())
     return _Found(
         notch=tuple(map(tuple, triangles.tolist())),
         written=f"{len(triangles)} triangles of cracks",

@@ -40,7 +40,11 @@ def overlaid(args: argparse.Namespace, threshold: float) -> int:
 
             named_paths = [(name, way) for _, name, way in lines]
             style.save(study_figure.overlay(first, named_paths, title, args.window), picture)
-    apart = [(row, paths.path_distances(way, lines[0][2])[0]) for row, _, way in lines[1:] if way and lines[0][2]]
+    apart = [
+        (row, paths.mean_and_hausdorff_distance(way, lines[0][2])[0])
+        for row, _, way in lines[1:]
+        if way and lines[0][2]
+    ]
     text = [f"{len(lines)} runs, {sum(bool(way) for _, _, way in lines)} with a crack"]
     if apart:
         most = max(apart, key=lambda one: one[1])

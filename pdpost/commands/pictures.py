@@ -126,7 +126,7 @@ def _field(args: argparse.Namespace) -> int:
         unit = fields.FIELDS[name].unit
         reported = {"component": part or None, **numbers(shown), "unit": unit}
         low, high = reported["smallest"], reported["largest"]
-        ends = f"{low:.4g} to" if low is not None and fields.takes_both_signs(name, part) else "up to"
+        ends = f"{low:.4g} to" if low is not None and fields.component_takes_both_signs(name, part) else "up to"
         words = "nothing known" if high is None else f"{ends} {high:.4g} {unit}".rstrip()
         if reported["torn"]:
             words += f", {reported['torn']} torn nodes left out"
@@ -139,10 +139,10 @@ def _cut_open(results: Results, name: str, args: argparse.Namespace) -> bool:
     """Whether a body is drawn cut open: where a plane is given, and damage wherever PyVista is."""
     from importlib.util import find_spec
 
-    from pdpost.measures.slices import expect_body
+    from pdpost.measures.slices import expect_3d_body
 
     if args.clip is not None:
-        expect_body(results)
+        expect_3d_body(results)
     if args.clip is not None or results.dimension != 3 or name != "damage":
         return args.clip is not None
     has_pyvista = find_spec("pyvista") is not None
@@ -204,7 +204,7 @@ def _bonds(args: argparse.Namespace) -> int:
     def show(results: Results, step: int, scale: float) -> Drawn:
         expect_mechanics(results)
         bond_pairs = read_bond_pairs(results, step)
-        reported = {"intact": int((~bond_pairs.broken).sum()), "broken": int(bond_pairs.broken.sum())}
+        reported = {"intact": int((~bond_pairs.is_broken).sum()), "broken": int(bond_pairs.is_broken.sum())}
         words = f"{reported['intact']} bonds intact, {reported['broken']} broken"
         figure = bond_figure.bonds(results, step, scale=scale, window=args.window, bond_pairs=bond_pairs)
         return Drawn(figure, reported, words, lambda: csv_columns.of_bonds(results, step, bond_pairs))

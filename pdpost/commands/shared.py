@@ -211,7 +211,7 @@ def check_window(results: Results, args: argparse.Namespace) -> None:
     from pdpost.measures.plate_geometry import read_plate_geometry
     from pdsolve.results import ResultsError
 
-    shape, window = read_plate_geometry(results).shape, box(*args.window)
+    shape, window = read_plate_geometry(results).plate_shape, box(*args.window)
     asked, whole = (",".join(f"{edge:g}" for edge in edges) for edges in (args.window, shape.bounds))
     if not shape.intersects(window) or shape.touches(window):
         raise ResultsError(f"--window {asked} shows nothing of the plate; use some of {whole} (m)")

@@ -24,7 +24,7 @@ from pdpost.commands.shared import (
 if TYPE_CHECKING:
     from pdmesh.model.domain_integrals import Ring
     from pdpost.commands.shared import Commands
-    from pdpost.measures.stress_intensities import IntensityHistory
+    from pdpost.measures.stress_intensities import TipIntensityHistory
     from pdsolve.results import Results
 
 UNITS = {"J": "J/m^2", "K1": "Pa m^0.5", "K2": "Pa m^0.5", "T": "Pa", "angle": "degrees"}
@@ -64,7 +64,7 @@ def _sif(args: argparse.Namespace) -> int:
     from pdmesh.model.domain_integrals import Ring
     from pdpost.commands import sif_in_space
     from pdpost.measures import stress_intensities
-    from pdpost.measures.release import energy_release
+    from pdpost.measures.release import measure_energy_release
     from pdpost.measures.tips import crack_branches
     from pdpost.reading.embedded_model import expect_mechanics
     from pdsolve.results import Results
@@ -80,16 +80,16 @@ def _sif(args: argparse.Namespace) -> int:
         if args.tip is not None and len(args.tip) != 2:
             raise commandline.UsageError(f"--tip has {len(args.tip)} numbers; use 2, a place in m")
         _expect_on_plate(results, args.tip)
-        tip_series = stress_intensities.follow_tips(results, steps, args.tip, ring, counted(args, "summing"))
-        spent = energy_release(results, crack_branches(results, max(steps)))
-        release_rates = spent.release_at(tip_series[0].time)
+        tip_series = stress_intensities.follow_tip_intensities(results, steps, args.tip, ring, counted(args, "summing"))
+        spent = measure_energy_release(results, crack_branches(results, max(steps)))
+        release_rates = spent.release_rate_at(tip_series[0].time)
         if path is not None:
             from pdpost.figures import sif_figure, style
 
             style.save(sif_figure.sif(results, tip_series, spent, args.window), path)
-    left_out = [series for series in tip_series if series.last_integrals is None and series.refusal_reason]
+    left_out = [series for series in tip_series if series.last_integrals is None and series.no_room_reason]
     for series in left_out:
-        commandline.warn(f"{args.results}: {series.front.name} left out: {series.refusal_reason}")
+        commandline.warn(f"{args.results}: {series.tip_history.name} left out: {series.no_room_reason}")
     lines = [_words(series) for series in tip_series if series not in left_out]
     result = {
         "steps": steps,
@@ -111,7 +111,7 @@ def _expect_on_plate(results: Results, place: tuple[float, float] | None) -> Non
 
     if place is None:
         return
-    shape = read_plate_geometry(results).shape
+    shape = read_plate_geometry(results).plate_shape
     if shape.distance(Point(place)) > results.nodes(0).delta.max():
         x0, y0, x1, y1 = shape.bounds
         raise commandline.UsageError(
@@ -134,36 +134,36 @@ def _steps(results: Results, args: argparse.Namespace) -> list[int]:
     return [chosen_frame(results, args)[0]]
 
 
-def _told(series: IntensityHistory, release_rates: Any) -> dict[str, Any]:
+def _told(series: TipIntensityHistory, release_rates: Any) -> dict[str, Any]:
     rings: list[Ring] = [] if series.last_integrals is None else list(series.last_integrals.rings)
     return {
-        "name": series.front.name,
+        "name": series.tip_history.name,
         "time": series.time,
-        "place": series.place,
+        "place": series.tip_place,
         **series.value,
         "of_K": series.J_from_K,
         "at_least": series.low,
         "at_most": series.high,
         "dD_da": release_rates,
         "rings": [ring._asdict() for ring in rings],
-        "left_out": series.refusal_reason,
+        "left_out": series.no_room_reason,
     }
 
 
-def _rows(series: IntensityHistory, release_rates: Any) -> Any:
+def _rows(series: TipIntensityHistory, release_rates: Any) -> Any:
     columns = [side[name] for name in UNITS for side in (series.value, series.low, series.high)]
-    for row in zip(series.step, series.time, *series.place.T, *columns, release_rates, strict=True):
-        yield (series.front.name, *row)
+    for row in zip(series.step, series.time, *series.tip_place.T, *columns, release_rates, strict=True):
+        yield (series.tip_history.name, *row)
 
 
-def _words(series: IntensityHistory) -> str:
+def _words(series: TipIntensityHistory) -> str:
     import numpy as np
 
     from pdpost.reading.time_text import time_text
 
     finite = np.flatnonzero(np.isfinite(series.value["J"]))
     if not len(finite):
-        return f"{series.front.name}: at none of these frames"
+        return f"{series.tip_history.name}: at none of these frames"
     at = int(finite[-1])
     values = {name: (series.value[name][at], series.low[name][at], series.high[name][at]) for name in UNITS}
     said, elastic = [], bool(np.isfinite(values["K1"][0]))
@@ -176,9 +176,9 @@ def _words(series: IntensityHistory) -> str:
         said += [f"turns by {values['angle'][0]:+.1f} degrees"]
     if series.K_differs_from_J[at]:
         said += [f"(K1^2 + K2^2)/E' {series.J_from_K[at]:.4g} J/m^2 is outside the band of J: trust J"]
-    (x, y), when = series.place[at] * 1e3 + 0.0, time_text(float(series.time[at]))
+    (x, y), when = series.tip_place[at] * 1e3 + 0.0, time_text(float(series.time[at]))
     gaps = len(series.step) - len(finite)
     gap_note = f"; not known at {gaps} of {len(series.step)} frames" + (
-        f": {series.refusal_reason}" if series.refusal_reason else ""
+        f": {series.no_room_reason}" if series.no_room_reason else ""
     )
-    return f"{series.front.name} at ({x:.4g}, {y:.4g}) mm, {when}: {', '.join(said)}{gap_note * bool(gaps)}"
+    return f"{series.tip_history.name} at ({x:.4g}, {y:.4g}) mm, {when}: {', '.join(said)}{gap_note * bool(gaps)}"

@@ -20,9 +20,9 @@ UNITS = {"J": "J/m^2", "K1": "Pa m^0.5", "K2": "Pa m^0.5", "K3": "Pa m^0.5", "an
 
 def deliver_fronts(args: argparse.Namespace, results: Results, steps: list[int], path: Path | None) -> int:
     """Draw, print and table the fracture parameters along the fronts of a body; returns the exit code."""
-    from pdpost.measures.intensities_in_space import follow_fronts
+    from pdpost.measures.intensities_in_space import follow_front_intensities
 
-    front_states = follow_fronts(results, steps, args.tip, args.ring, counted(args, "summing"))
+    front_states = follow_front_intensities(results, steps, args.tip, args.ring, counted(args, "summing"))
     last = [front for front in front_states if front.step == front_states[-1].step]
     if path is not None:
         from pdpost.figures import front_figure, style
@@ -30,10 +30,10 @@ def deliver_fronts(args: argparse.Namespace, results: Results, steps: list[int],
         style.save(front_figure.along_fronts(front_states), path)
     for front in last:
         if left_out := Counter(  # what is in the way, without where
-            why.split(" from the front")[0].rsplit(" ", 3)[0] for why in front.refusal_reasons if why
+            why.split(" from the front")[0].rsplit(" ", 3)[0] for why in front.no_room_reasons if why
         ):
             reasons = ", ".join(f"{count} at {why}" for why, count in left_out.most_common())
-            said = f"{sum(left_out.values())} of {len(front.length_along)} points left out: {reasons}"
+            said = f"{sum(left_out.values())} of {len(front.length_along_front)} points left out: {reasons}"
             commandline.warn(f"{args.results}: {front.name}: {said}")
     lines = [_words(front) for front in last if len(front.points_with_values)]
     result = {"steps": steps, "units": UNITS, "fronts": [_told(front) for front in front_states]}
@@ -42,7 +42,7 @@ def deliver_fronts(args: argparse.Namespace, results: Results, steps: list[int],
     rows = []
     for front in front_states:
         columns = [side[name] for name in UNITS for side in (front.value, front.low, front.high)]
-        points = zip(front.length_along, *front.place.T, *columns, strict=True)
+        points = zip(front.length_along_front, *front.place.T, *columns, strict=True)
         rows += [(front.name, front.step, front.time, *point) for point in points]
     return number_options.deliver(args, result, lines, header, rows, path)
 
@@ -52,15 +52,15 @@ def _told(front: FrontIntensities) -> dict[str, Any]:
         "name": front.name,
         "step": front.step,
         "time": front.time,
-        "along": front.length_along,
+        "along": front.length_along_front,
         "place": front.place,
         "growth": front.growth_direction,
-        "normal": front.normal,
+        "normal": front.crack_normal,
         **front.value,
         "of_K": front.J_from_K,
         "at_least": front.low,
         "at_most": front.high,
-        "left_out": front.refusal_reasons,
+        "left_out": front.no_room_reasons,
     }
 
 
@@ -78,7 +78,7 @@ def _words(front: FrontIntensities) -> str:
         middle, low, high = (factor * side[name][at] for side in (front.value, front.low, front.high))
         said.append(f"{name} {middle:.4g} {unit} ({low:.4g} to {high:.4g})")
     means = ", ".join(f"{name} {front.value[name][known_points].mean() * 1e-6:.4g}" for name in intensities)
-    points = f"{len(known_points)} of {len(front.length_along)} points known"
+    points = f"{len(known_points)} of {len(front.length_along_front)} points known"
     return f"{front.name}, {time_text(front.time)}, {points}: largest J at ({place}) mm: {', '.join(said)};" + (
         f" in the mean {means} MPa m^0.5" if means else f" {YIELDS}"
     )

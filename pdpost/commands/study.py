@@ -50,7 +50,7 @@ def _study(args: argparse.Namespace) -> int:
         study = studies.read(args.results)
         measures, over = scatter.choose_measures_and_parameter(study, args.measure, args.over)
         nowhere = scatter.measures_without_values(study, args.measure)
-        measured = {name: scatter.group_runs(study, name, over) for name in measures}
+        measured = {name: scatter.group_runs_by_parameter(study, name, over) for name in measures}
         if path is not None:
             from pdpost.figures import study_figure, style
 
@@ -61,9 +61,9 @@ def _study(args: argparse.Namespace) -> int:
         (
             measure,
             spread.series,
-            spread.value,
-            spread.median,
-            *spread.extremes,
+            spread.parameter_value,
+            spread.median_value,
+            *spread.smallest_and_largest_value,
             len(spread.known_values),
             len(spread.measured_values),
         )

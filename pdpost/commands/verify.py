@@ -29,12 +29,14 @@ def add(commands: Commands) -> None:
 
 def _verify(args: argparse.Namespace) -> int:
     from pdpost.measures.verification import verify_database
+    from pdpost.reading.json_keys import fields_by_json_key
     from pdsolve.results import Results
 
     with Results.open(args.results) as results:
         counts = verify_database(results)
-    nodes, bonds = f"{counts.nodes} nodes", f"{counts.bonds} bonds, {counts.broken} of them broken"
-    rest = f"{counts.frames} frames of {counts.fields} fields, steps 0 to {counts.last}; the run is '{counts.status}'"
-    line = f"{args.results}: ok: {nodes}, {bonds}, {rest}" + ("" if counts.checksums else "; it has no checksums")
-    commandline.report({"results": str(args.results), "ok": True, **counts._asdict()}, [line], args)
+    nodes, bonds = f"{counts.node_count} nodes", f"{counts.bond_count} bonds, {counts.broken_bond_count} of them broken"
+    frames = f"{counts.frame_count} frames of {counts.field_count} fields, steps 0 to {counts.last_step}"
+    rest = f"{frames}; the run is '{counts.status}'"
+    line = f"{args.results}: ok: {nodes}, {bonds}, {rest}" + ("" if counts.has_checksums else "; it has no checksums")
+    commandline.report({"results": str(args.results), "ok": True, **fields_by_json_key(counts)}, [line], args)
     return commandline.OK

@@ -32,7 +32,7 @@ def of_field(results: Results, name: str, step: int) -> dict[str, NDArray[np.gen
     Strain and stress come with the damage, and with the separation, which tells where they are unreliable.
     """
     nodes = results.nodes(step)
-    components = fields.field_components(results, name, step)
+    components = fields.all_field_components(results, name, step)
     named = {f"{name}_{part}" if part else name: values for part, values in components.items()}
     shares = ("damage", "separation") if fields.FIELDS[name].is_fitted_to_bonds else ()
     more = {share: fields.field_values(results, share, step) for share in shares}
@@ -49,7 +49,7 @@ def of_frame(results: Results, step: int, also: Sequence[str] = ()) -> dict[str,
     more = {
         f"{name}_{part}": values
         for name in also
-        for part, values in fields.field_components(results, name, step).items()
+        for part, values in fields.all_field_components(results, name, step).items()
     }
     extent = "area" if results.dimension == 2 else "volume"
     return {"node": nodes.ids, **_places(nodes), "delta": nodes.delta, extent: nodes.area, **stored, **more}
@@ -63,7 +63,7 @@ def of_bonds(results: Results, step: int, bond_pairs: BondPairs) -> dict[str, ND
     """Both nodes of each bond in `bond_pairs` after `step`, and 1 if it is broken, else 0."""
     ids = results.nodes(step).ids
     return {
-        "node": ids[bond_pairs.ends[:, 0]],
-        "neighbour": ids[bond_pairs.ends[:, 1]],
-        "broken": bond_pairs.broken.astype(np.int8),
+        "node": ids[bond_pairs.node_rows[:, 0]],
+        "neighbour": ids[bond_pairs.node_rows[:, 1]],
+        "broken": bond_pairs.is_broken.astype(np.int8),
     }

@@ -54,7 +54,7 @@ def point_data(results: Results, step: int, also: Sequence[str] = ()) -> dict[st
         if set(stress_names) <= set(stored):
             data["stress"] = np.column_stack([results.field(part, step) for part in stress_names])
     for name in also:
-        part = fields.field_components(results, name, step)
+        part = fields.all_field_components(results, name, step)
         zero = np.zeros_like(part["xx"])
         rows = ("xx", "xy", "xz", "xy", "yy", "yz", "xz", "yz", "zz")
         data[name] = np.column_stack([part.get(component, zero) for component in rows])

@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 
 from pdmesh.files import write_atomically
 from pdpost.exports.frame_files import ExportError
-from pdpost.measures.crack_faces import CrackSurface, crack_surface, find_opened_pairs
-from pdpost.measures.crack_in_space import front_speeds
+from pdpost.measures.crack_faces import CrackSurface, build_crack_surface, find_opening_steps_of_face_neighbours
+from pdpost.measures.crack_in_space import front_speeds_below_rayleigh_speed
 from pdsolve.results import Results
 
 SUFFIXES = (".vtp", ".stl")
@@ -43,20 +43,20 @@ def write(path: Path, cracks: CrackSurface, speed: NDArray[np.float64]) -> None:
 
 def write_frame(path: Path, results: Results, step: int) -> None:
     """Write the surface of the cracks of a body after `step`."""
-    cracks = crack_surface(results, step, find_opened_pairs(results, step))
-    write(path, cracks, front_speeds(results, cracks))
+    cracks = build_crack_surface(results, step, find_opening_steps_of_face_neighbours(results, step))
+    write(path, cracks, front_speeds_below_rayleigh_speed(results, cracks))
 
 
 def vtp(cracks: CrackSurface, speed: NDArray[np.float64]) -> bytes:
     """The surface as VTK PolyData."""
-    polys = cracks.faces
+    polys = cracks.face_corners
     return VTP.format(
         points=len(cracks.corners),
         polys=len(polys),
         places=_array("Points", cracks.corners, 3),
         corners=_array("connectivity", polys.ravel()),
         ends=_array("offsets", polys.shape[1] * np.arange(1, len(polys) + 1)),
-        data=_array("opened", cracks.time) + _array("speed", speed) + _array("area", cracks.area),
+        data=_array("opened", cracks.opening_time) + _array("speed", speed) + _array("area", cracks.face_area),
     ).encode()
 
 
@@ -71,7 +71,7 @@ def _array(name: str, values: NDArray[np.generic], components: int = 1) -> str:
 
 def stl(cracks: CrackSurface) -> bytes:
     """The surface as binary STL, two triangles a face, in m."""
-    quads = cracks.corners[cracks.faces]
+    quads = cracks.corners[cracks.face_corners]
     triangles = np.concatenate([quads[:, [0, 1, 2]], quads[:, [0, 2, 3]]])
     normal = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
     normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-300)

@@ -25,7 +25,7 @@ from pdpost.figures.raster import Box
 from pdpost.figures.sheets import border, box_of, grown, hidden, legend, mark, paint, painted_cells, seen, shape, sheet
 from pdpost.figures.style import EDGE, TORN, UNKNOWN, FigureError
 from pdpost.measures import fields
-from pdpost.measures.slices import expect_body
+from pdpost.measures.slices import expect_3d_body
 from pdpost.reading.frame_steps import chosen
 from pdsolve.results import Results
 
@@ -73,7 +73,7 @@ def frames(
     shot = field_figure.values_of(results, name, steps[-1], part)  # where most is torn
     words = [(colour, words.split(":")[0]) for colour, words in field_figure.explained(shot)]
     last = still._replace(grown=hidden(shape(results, steps[-1], 0.0), hide).grown)
-    lines = bool(len(still.plate.cracks)) + bool(len(last.grown)) + still.plate.has_moving_zone
+    lines = bool(len(still.plate.pre_cracks)) + bool(len(last.grown)) + still.plate.has_moving_zone
     on = sheet(box, room=LINE * (len(words) + lines))
     canvas = FigureCanvasAgg(on.figure)
     on.figure.set_dpi(dpi)
@@ -111,7 +111,7 @@ def _in_space(
     progress: Progress,
 ) -> Iterator[Pixels]:
     """Pictures of a body: cut open by a plane, or on three of them."""
-    expect_body(results)
+    expect_3d_body(results)
     if clip is None:
         yield from slice_figure.film(results, name, part, every, dpi, largest, progress)
         return

@@ -40,9 +40,9 @@ def bonds(
     where = shape(results, step, scale)._replace(turned=None)
     bond_pairs = read_bond_pairs(results, step) if bond_pairs is None else bond_pairs
     box = window or box_of([where])
-    in_view = seen(where.position, box)[bond_pairs.ends].any(axis=1)
-    visible_pairs = BondPairs(bond_pairs.ends[in_view], bond_pairs.broken[in_view])
-    many = len(visible_pairs.broken) > LINES
+    in_view = seen(where.position, box)[bond_pairs.node_rows].any(axis=1)
+    visible_pairs = BondPairs(bond_pairs.node_rows[in_view], bond_pairs.is_broken[in_view])
+    many = len(visible_pairs.is_broken) > LINES
     on = sheet(box, bar=many)
     if many:
         _count(on, where, visible_pairs)
@@ -55,15 +55,15 @@ def bonds(
 
 
 def _draw_lines(on: Sheet, where: Shape, bond_pairs: BondPairs) -> None:
-    width = float(np.clip(INK / np.sqrt(max(len(bond_pairs.broken), 1)), 0.15, 0.8))
+    width = float(np.clip(INK / np.sqrt(max(len(bond_pairs.is_broken), 1)), 0.15, 0.8))
     for broken, colour, word, order in ((False, INTACT, "intact", 1), (True, BROKEN, "broken", 2)):
-        ends = bond_pairs.ends[bond_pairs.broken == broken]
+        ends = bond_pairs.node_rows[bond_pairs.is_broken == broken]
         lines = LineCollection(
             list(where.position[ends] * on.factor),
             colors=colour,
             linewidths=width * (1.5 if broken else 1),
             zorder=order,
-            rasterized=len(bond_pairs.broken) > SHARP,
+            rasterized=len(bond_pairs.is_broken) > SHARP,
         )
         on.axes.add_collection(lines, autolim=False)
         on.axes.plot([], [], color=colour, linewidth=1.5, label=f"{len(ends)} bonds {word}")
@@ -71,14 +71,14 @@ def _draw_lines(on: Sheet, where: Shape, bond_pairs: BondPairs) -> None:
 
 def _count(on: Sheet, where: Shape, bond_pairs: BondPairs) -> None:
     """Draw the share of broken bonds among those with their middle in a pixel; pixels are no finer than the nodes."""
-    middle = where.position[bond_pairs.ends].mean(axis=1)
+    middle = where.position[bond_pairs.node_rows].mean(axis=1)
     x0, _, x1, _ = on.box
     columns = int(np.clip((x1 - x0) / where.delta.min(), 16, sheets.pixels(on)))
-    share, _ = raster.averages(middle, np.zeros(len(middle)), bond_pairs.broken.astype(float), on.box, columns)
+    share, _ = raster.averages(middle, np.zeros(len(middle)), bond_pairs.is_broken.astype(float), on.box, columns)
     cmap = LinearSegmentedColormap.from_list("broken", [FEW, BROKEN]).with_extremes(under=INTACT, bad="#ffffff00")
     colours = ScalarMappable(Normalize(1e-9, 1.0), cmap)
     sheets.show(on, colours.to_rgba(np.ma.masked_invalid(share), bytes=True), where)
     on.figure.colorbar(colours, cax=field_figure.beside(on), label="share of broken bonds", extend="min")
     for broken, colour, word in ((False, INTACT, "intact"), (True, BROKEN, "broken")):
-        count = int((bond_pairs.broken == broken).sum())
+        count = int((bond_pairs.is_broken == broken).sum())
         on.axes.plot([], [], "s", color=colour, label=f"{count} bonds {word}")

@@ -15,14 +15,14 @@ from pdmesh.plain_text import for_legend
 from pdpost.figures.labels import scaled, ten_to
 from pdpost.figures.style import COLOURS
 from pdpost.measures import fields
-from pdpost.measures.balance import Balance
+from pdpost.measures.balance import EnergyBalance
 from pdpost.measures.diffused_amounts import AMOUNTS, MassBalance
 from pdpost.measures.forces import Reaction
 from pdpost.measures.gaps import ForceOpeningCurve
-from pdpost.measures.histories import History
+from pdpost.measures.histories import NodeHistory
 
 if TYPE_CHECKING:
-    from pdpost.measures.lines import FieldLine  # which would import SciPy
+    from pdpost.measures.lines import FieldAlongLine  # which would import SciPy
 
 DASHES = ("-", "--", "-.", ":")
 WIDTH = 7.0  # inches
@@ -41,7 +41,7 @@ def plain(axes: Axes) -> None:
     axes.set_axisbelow(True)
 
 
-def histories(curves: list[History], quantity: str) -> Figure:
+def histories(curves: list[NodeHistory], quantity: str) -> Figure:
     """Histories over time, of one or several components; the range of several nodes as a band."""
     figure = Figure(figsize=(WIDTH, 3.6), layout="constrained")
     axes = figure.add_subplot()
@@ -50,11 +50,11 @@ def histories(curves: list[History], quantity: str) -> Figure:
     parts = dict.fromkeys(curve.component for curve in curves)
     symbols = {part: f"|{letter}|" if part == "magnitude" else f"{letter}{part}" for part in parts}
     second, seconds = scaled((curve.time for curve in curves), "s")
-    factor, shown = scaled((side for curve in curves for side in (curve.low, curve.high)), unit)
+    factor, shown = scaled((side for curve in curves for side in (curve.smallest, curve.largest)), unit)
     for number, curve in enumerate(curves):
         style = look(number)
-        if len(curve.nodes) > 1:
-            sides = (curve.low * factor, curve.high * factor)
+        if len(curve.node_ids) > 1:
+            sides = (curve.smallest * factor, curve.largest * factor)
             axes.fill_between(curve.time * second, *sides, color=style["color"], alpha=0.2, lw=0)
         name = curve.label
         if curve.place is not None:
@@ -69,7 +69,7 @@ def histories(curves: list[History], quantity: str) -> Figure:
     return figure
 
 
-def balance(books: Balance, per: str = "/m") -> Figure:
+def balance(books: EnergyBalance, per: str = "/m") -> Figure:
     """Energies over time, with the error of the energy balance below; `per` is the end of the unit."""
     figure = Figure(figsize=(WIDTH, 5.0), layout="constrained")
     above, below = figure.subplots(2, 1, sharex=True, height_ratios=(2.6, 1))
@@ -98,7 +98,7 @@ def masses(books: MassBalance, unit: str = "mol") -> Figure:
 
     An amount is that of its way at the end, and negative while it goes the other way.
     """
-    dissolves = bool(np.isfinite(books.left).any())
+    dissolves = bool(np.isfinite(books.solid_share_left).any())
     figure = Figure(figsize=(WIDTH, 5.0 if dissolves else 3.2), layout="constrained")
     panels = figure.subplots(1 + dissolves, 1, sharex=True, squeeze=False)[:, 0]
     second, seconds = scaled([books.time], "s")
@@ -112,8 +112,14 @@ def masses(books: MassBalance, unit: str = "mol") -> Figure:
         panels[-1].plot(books.time * second, amount * factor, lw=1.4, label=word, **look(number))
     panels[-1].set(xlabel=f"time, {seconds}", ylabel=f"amount, {unit}")
     if dissolves:
-        panels[0].plot(books.time * second, books.left, lw=1.4, label="solid", **look(0))
-        panels[0].plot(books.time * second, books.surface / books.surface[0], lw=1.4, label="its surface", **look(1))
+        panels[0].plot(books.time * second, books.solid_share_left, lw=1.4, label="solid", **look(0))
+        panels[0].plot(
+            books.time * second,
+            books.solid_surface_area / books.solid_surface_area[0],
+            lw=1.4,
+            label="its surface",
+            **look(1),
+        )
         panels[0].set_ylabel("share that is left")
     for axes in panels:
         plain(axes)
@@ -130,7 +136,7 @@ def reactions(chosen_reactions: list[Reaction], axis: int | None = None, per: st
     """
     figure = Figure(figsize=(WIDTH, 3.2), layout="constrained")
     over_time, over_way = figure.subplots(1, 2, sharey=True)
-    axes_of = [curve.axis if axis is None else axis for curve in chosen_reactions]
+    axes_of = [curve.main_axis if axis is None else axis for curve in chosen_reactions]
     second, seconds = scaled((curve.time for curve in chosen_reactions), "s")
     newton, newtons = scaled(
         (curve.force[:, at] for curve, at in zip(chosen_reactions, axes_of, strict=True)), f"N{per}"
@@ -167,14 +173,18 @@ def openings(opening_curves: list[ForceOpeningCurve], per: str = "/m") -> Figure
     for number, curve in enumerate(opening_curves):
         style, (x, y) = look(number), (curve.opening * metre, curve.force * newton)
         axes.plot(
-            x, y, lw=1.2, label=f"{for_legend(curve.name)}, {'xyz'[curve.axis]}: {abs(curve.work):.4g} J{per}", **style
+            x,
+            y,
+            lw=1.2,
+            label=f"{for_legend(curve.condition_name)}, {'xyz'[curve.axis]}: {abs(curve.work_under_curve):.4g} J{per}",
+            **style,
         )
         axes.fill_between(x, y, color=style["color"], alpha=0.08, lw=0)
-        axes.plot(x[curve.peak_index], y[curve.peak_index], "o", ms=4, color=style["color"])
-        said = f"{y[curve.peak_index]:.4g} {newtons} at {x[curve.peak_index]:.3g} {metres}"
+        axes.plot(x[curve.peak_force_index], y[curve.peak_force_index], "o", ms=4, color=style["color"])
+        said = f"{y[curve.peak_force_index]:.4g} {newtons} at {x[curve.peak_force_index]:.3g} {metres}"
         axes.annotate(
             said,
-            (x[curve.peak_index], y[curve.peak_index]),
+            (x[curve.peak_force_index], y[curve.peak_force_index]),
             (6, 4),
             textcoords="offset points",
             va="bottom",
@@ -185,18 +195,24 @@ def openings(opening_curves: list[ForceOpeningCurve], per: str = "/m") -> Figure
     return figure
 
 
-def line(sampled_line: FieldLine, name: str, parts: Sequence[str], title: str) -> Figure:
+def line(sampled_line: FieldAlongLine, name: str, parts: Sequence[str], title: str) -> Figure:
     """Components of the field `name` along a line, with gaps where there is no value."""
     figure = Figure(figsize=(WIDTH, 3.6), layout="constrained")
     axes = figure.add_subplot(title=title)
     plain(axes)
-    metre, metres = scaled([sampled_line.along], "m")
-    factor, shown = scaled((sampled_line.values[part] for part in parts), fields.FIELDS[name].unit)
+    metre, metres = scaled([sampled_line.distance_from_start], "m")
+    factor, shown = scaled((sampled_line.component_values[part] for part in parts), fields.FIELDS[name].unit)
     for number, part in enumerate(parts):
-        axes.plot(sampled_line.along * metre, sampled_line.values[part] * factor, lw=1.2, label=part, **look(number))
+        axes.plot(
+            sampled_line.distance_from_start * metre,
+            sampled_line.component_values[part] * factor,
+            lw=1.2,
+            label=part,
+            **look(number),
+        )
     quantity = fields.FIELDS[name].title.lower()
     axes.set(xlabel=f"along the line, {metres}", ylabel=f"{quantity}, {shown}" if shown else quantity)
-    axes.set_xlim(0, float(sampled_line.along[-1]) * metre)
+    axes.set_xlim(0, float(sampled_line.distance_from_start[-1]) * metre)
     if parts != [""]:
         axes.legend(frameon=False)
     return figure

@@ -21,23 +21,23 @@ from pdpost.figures.raster import Box
 from pdpost.figures.sheets import Shape, Sheet, box_of, mark, on_axes, paint, shape
 from pdpost.figures.style import narrow
 from pdpost.measures import crack_summary
-from pdpost.measures.crack_summary import Summary
-from pdpost.measures.cracked_nodes import damage_at
+from pdpost.measures.crack_summary import CrackPathSummary
+from pdpost.measures.cracked_nodes import damage_without_pre_cracks_at
 from pdpost.measures.paths import LONG, Polyline
 from pdpost.measures.speed import WINDOW
-from pdpost.measures.tips import Branch
+from pdpost.measures.tips import CrackBranch
 from pdpost.reading.time_text import time_text
 from pdsolve.results import Results
 
-Numbered: TypeAlias = tuple[int, Branch]  # a branch with its number, which is its colour, as in pictures of `sif`
-Chart: TypeAlias = Callable[[list[Numbered], Axes, Summary], None]
+Numbered: TypeAlias = tuple[int, CrackBranch]  # a branch with its number, which is its colour, as in pictures of `sif`
+Chart: TypeAlias = Callable[[list[Numbered], Axes, CrackPathSummary], None]
 
 SHOWN = 6  # main branches with a curve of their own
 SLOW = 0.25  # of the Rayleigh speed: slower cracks have an axis of their own
 PALE, DARK = 0.06, 0.66  # greys of what is whole and of what is broken
 
 
-def crack(results: Results, summary: Summary | None = None, window: Box | None = None) -> Figure:
+def crack(results: Results, summary: CrackPathSummary | None = None, window: Box | None = None) -> Figure:
     """Path, length over time and speed over time of the cracks in a summary; long branches have colours.
 
     `summary` is by default that of the whole run; `window` is the part of the plate in view, m. Raises
@@ -48,10 +48,10 @@ def crack(results: Results, summary: Summary | None = None, window: Box | None =
     box = window or box_of([where])
     charts: list[Chart] = []  # beside the plate: none if no crack grows, and no speed for a run at rest
     if summary.branches:
-        released = [_released] if np.isfinite(summary.release.value).any() else []
-        charts = [_lengths, *([] if summary.at_rest else [_speeds]), *released]
+        released = [_released] if np.isfinite(summary.energy_release.release_rate).any() else []
+        charts = [_lengths, *([] if summary.is_quasi_static else [_speeds]), *released]
     figure, plate, places = _panels(box, len(charts))
-    on = on_grey_plate(plate, box, where, damage_at(results, summary.step))
+    on = on_grey_plate(plate, box, where, damage_without_pre_cracks_at(results, summary.step))
     when = time_text(summary.step * summary.time_step, micro="µs")
     if not summary.branches:
         plate.set_title(f"No crack has grown at {when}", fontsize="medium")
@@ -59,7 +59,7 @@ def crack(results: Results, summary: Summary | None = None, window: Box | None =
     long = [branch for branch in summary.branches if branch.length >= LONG * summary.branches[0].length][:SHOWN]
     for branch in summary.branches[len(long) :]:
         _path(on, branch, color="0.25", lw=1.0)
-    shown = sorted(enumerate(long), key=lambda one: (one[1].along[0], one[1].time[-1]))
+    shown = sorted(enumerate(long), key=lambda one: (one[1].length_along_crack[0], one[1].passing_time[-1]))
     for number, branch in shown:
         _path(on, branch, lw=1.5, **look(number))
     keys = [Line2D([], [], lw=1.5, label=f"branch {number}", **look(number)) for number in range(len(long))]
@@ -67,7 +67,7 @@ def crack(results: Results, summary: Summary | None = None, window: Box | None =
     if summary.forks:
         forks = on.factor * np.array([fork.place for fork in summary.forks]).T
         plate.plot(*forks, "o", ms=4.5, mfc="white", mec="black", mew=0.8, zorder=6)
-    if not all(branch.is_line.all() for branch in summary.branches):
+    if not all(branch.is_narrow.all() for branch in summary.branches):
         keys.append(Line2D([], [], ls=":", color="0.25", lw=1.0, label="wider than a crack"))
     if keys:  # on no branch
         figure.legend(handles=keys, loc="outside lower center", ncols=4, frameon=False, fontsize="small")
@@ -92,7 +92,7 @@ def comparison(
     height = float(np.clip(0.9 * WIDTH * _aspect(box), 2.0, 9.0))
     figure = Figure(figsize=(WIDTH, height + 0.9), layout="constrained")
     plate = figure.add_subplot()
-    on = on_grey_plate(plate, box, where, damage_at(first_run, step))
+    on = on_grey_plate(plate, box, where, damage_without_pre_cracks_at(first_run, step))
     for number, (lines, name) in enumerate(zip(paths, names, strict=True)):
         style = look(number) | {"lw": (2.2, 1.3)[number], "ls": ("-", (0, (4, 2)))[number]}
         for line in lines:
@@ -134,21 +134,21 @@ def on_grey_plate(axes: Axes, box: Box, where: Shape, damage: NDArray[np.float64
     return on
 
 
-def _path(on: Sheet, branch: Branch, **style: Any) -> None:
+def _path(on: Sheet, branch: CrackBranch, **style: Any) -> None:
     """Draw a branch, dotted where the cracked region is too wide to be a line."""
-    pieces = on.factor * np.stack([branch.place[:-1], branch.place[1:]], axis=1)
-    line = branch.is_line[:-1] & branch.is_line[1:]
+    pieces = on.factor * np.stack([branch.points[:-1], branch.points[1:]], axis=1)
+    line = branch.is_narrow[:-1] & branch.is_narrow[1:]
     for mask, more in ((line, {}), (~line, {"ls": ":"})):
         way = LineCollection(list(pieces[mask]), zorder=5, capstyle="round", **(style | more))
         on.axes.add_collection(way, autolim=False)
 
 
-def _lengths(shown: list[Numbered], length: Axes, _: Summary) -> None:
+def _lengths(shown: list[Numbered], length: Axes, _: CrackPathSummary) -> None:
     """Draw the length of the cracks over time."""
-    second, seconds = scaled((branch.time for _, branch in shown), "s")
-    metre, metres = scaled((branch.along for _, branch in shown), "m")
+    second, seconds = scaled((branch.passing_time for _, branch in shown), "s")
+    metre, metres = scaled((branch.length_along_crack for _, branch in shown), "m")
     for drawn_before, (number, branch) in enumerate(shown):
-        length.plot(branch.time * second, branch.along * metre, **_style(number, drawn_before))
+        length.plot(branch.passing_time * second, branch.length_along_crack * metre, **_style(number, drawn_before))
     length.set(ylabel=f"length of the crack, {metres}", xlabel=f"time, {seconds}")
     length.set_ylim(bottom=0)
     plain(length)
@@ -161,18 +161,18 @@ def _style(number: int, drawn_before: int) -> dict[str, Any]:
     return style
 
 
-def _speeds(shown: list[Numbered], speed: Axes, summary: Summary) -> None:
+def _speeds(shown: list[Numbered], speed: Axes, summary: CrackPathSummary) -> None:
     """Draw speed over time with its confidence band."""
     limit = summary.rayleigh_speed
-    second, seconds = scaled((branch.time for _, branch in shown), "s")
+    second, seconds = scaled((branch.passing_time for _, branch in shown), "s")
     fastest = max(float(np.nanmax(branch.speed.high, initial=0.0)) for _, branch in shown)
     slow = 0 < fastest < SLOW * limit
     fast, unit = scaled([np.array([fastest if slow else limit])], "m/s")
     for drawn_before, (number, branch) in enumerate(shown):
         style = _style(number, drawn_before)
         sides = branch.speed.low * fast, branch.speed.high * fast
-        speed.fill_between(branch.time * second, *sides, color=style["color"], alpha=0.18, lw=0)
-        speed.plot(branch.time * second, branch.speed.value * fast, **style)
+        speed.fill_between(branch.passing_time * second, *sides, color=style["color"], alpha=0.18, lw=0)
+        speed.plot(branch.passing_time * second, branch.speed.value * fast, **style)
     title = f"over {WINDOW:g} spacings, with its band"
     if slow:
         title += f"; Rayleigh waves run at {limit:.0f} m/s"
@@ -188,12 +188,12 @@ def _speeds(shown: list[Numbered], speed: Axes, summary: Summary) -> None:
     plain(speed)
 
 
-def _released(shown: list[Numbered], energy: Axes, summary: Summary) -> None:
+def _released(shown: list[Numbered], energy: Axes, summary: CrackPathSummary) -> None:
     """Draw the energy spent over the advance of all cracks, beside G0."""
-    spent = summary.release
-    second, seconds = scaled((branch.time for _, branch in shown), "s")
-    joule, unit = scaled([spent.value, np.array([spent.G0])], "J/m²")
-    energy.plot(spent.time * second, spent.value * joule, color="black", lw=1.3)
+    spent = summary.energy_release
+    second, seconds = scaled((branch.passing_time for _, branch in shown), "s")
+    joule, unit = scaled([spent.release_rate, np.array([spent.G0])], "J/m²")
+    energy.plot(spent.time * second, spent.release_rate * joule, color="black", lw=1.3)
     energy.axhline(spent.G0 * joule, color="black", ls="--", lw=0.9)
     energy.annotate(
         "G₀", (1, spent.G0 * joule), (0, 2), xycoords=("axes fraction", "data"),

@@ -15,8 +15,13 @@ from pdpost.figures.opening_colours import CMAP, Opening, opening_colours
 from pdpost.figures.render import STONE, add_body, framed, image, needed_pyvista, plotter_of, taken
 from pdpost.figures.style import COLOURS, FigureError
 from pdpost.measures import slices
-from pdpost.measures.crack_faces import CrackSurface, OpenedPairs, crack_surface, find_opened_pairs
-from pdpost.measures.fragments_in_space import SMALLEST, piece_of_node
+from pdpost.measures.crack_faces import (
+    CrackSurface,
+    FaceNeighbourPairs,
+    build_crack_surface,
+    find_opening_steps_of_face_neighbours,
+)
+from pdpost.measures.fragments_in_space import SMALLEST, fragment_number_of_nodes
 from pdpost.reading.stored_fields import diffuses
 from pdsolve.results import Nodes, Results
 
@@ -32,7 +37,7 @@ def cracks_in_body(nodes: Nodes, cracks: CrackSurface, written: str) -> Figure:
     for part in _solids(pyvista, nodes, np.ones(len(nodes.ids), dtype=bool)):
         plotter.add_mesh(part, color=STONE, opacity=CLEAR)
     times = _add_surface(pyvista, plotter, cracks)
-    painted = times.painted if cracks.is_grown.any() else None
+    painted = times.painted if cracks.face_opened_during_run.any() else None
     return framed(taken(plotter, nodes.position.mean(axis=0)), written, painted, times.label, "max")
 
 
@@ -68,9 +73,13 @@ def frame_cut_open(
     uncropped: bool = False,
 ) -> Figure:
     """`cut_open` of the component `part` of a field after `step`, by a plane through the middle if none is given."""
-    values = slices.reliable_values(results, name, step, part or None)
-    plane = plane or ("y", float(slices.grid_centre(results)[1]))
-    cracks = None if diffuses(results) else crack_surface(results, step, find_opened_pairs(results, step))
+    values = slices.reliable_field_values(results, name, step, part or None)
+    plane = plane or ("y", float(slices.bounding_box_centre_near_nodes(results)[1]))
+    cracks = (
+        None
+        if diffuses(results)
+        else build_crack_surface(results, step, find_opening_steps_of_face_neighbours(results, step))
+    )
     shown = colours(name, part, values, largest)
     return cut_open(results.nodes(step), values, shown, cracks, title(results, name, part, step, 0.0), plane, uncropped)
 
@@ -97,13 +106,13 @@ def _add_surface(pyvista: Any, plotter: Any, cracks: CrackSurface) -> Opening:
     """Add the surface of cracks to a plotter; returns the colours of what opened."""
     times = opening_colours(cracks)
     for is_opened in (False, True):
-        face_mask = cracks.is_grown == is_opened
+        face_mask = cracks.face_opened_during_run == is_opened
         if not face_mask.any():
             continue
-        quads = np.column_stack([np.full(face_mask.sum(), 4), cracks.faces[face_mask]])
+        quads = np.column_stack([np.full(face_mask.sum(), 4), cracks.face_corners[face_mask]])
         mesh = pyvista.PolyData(cracks.corners, quads.ravel())
         if is_opened:
-            mesh.cell_data["opened"] = cracks.time[face_mask] * times.factor
+            mesh.cell_data["opened"] = cracks.opening_time[face_mask] * times.factor
             clim = times.painted.get_clim()
             plotter.add_mesh(mesh, scalars="opened", cmap=CMAP, clim=clim, show_scalar_bar=False, **LIGHTING)
         else:
@@ -111,12 +120,12 @@ def _add_surface(pyvista: Any, plotter: Any, cracks: CrackSurface) -> Opening:
     return times
 
 
-def fragments_apart(nodes: Nodes, parted_pairs: OpenedPairs, by: float, written: str) -> Figure:
+def fragments_apart(nodes: Nodes, parted_pairs: FaceNeighbourPairs, by: float, written: str) -> Figure:
     """The fragments of a body, each in a colour, moved from its middle by `by` times their distance from it.
 
     Raises FigureError.
     """
-    pyvista, piece = needed_pyvista(), piece_of_node(parted_pairs)
+    pyvista, piece = needed_pyvista(), fragment_number_of_nodes(parted_pairs)
     count = np.bincount(piece)
     middle, plotter = nodes.position.mean(axis=0), plotter_of(pyvista)
     large = np.flatnonzero(count >= SMALLEST)

@@ -11,7 +11,7 @@ from pdmesh.plain_figure import Figure
 from pdpost.figures.charts import WIDTH, look, plain
 from pdpost.figures.labels import scaled
 from pdpost.figures.opening_colours import Opening, opening_colours
-from pdpost.measures.crack_in_space import SummaryInSpace
+from pdpost.measures.crack_in_space import CrackSurfaceSummary
 from pdpost.reading.time_text import time_text
 from pdsolve.results import Results
 
@@ -25,9 +25,9 @@ ENDS = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0], [0, 0, 1], [1, 0, 1
 SIDES = [(0, 1), (1, 2), (2, 3), (3, 0), (4, 5), (5, 6), (6, 7), (7, 4), (0, 4), (1, 5), (2, 6), (3, 7)]
 
 
-def crack_surface(results: Results, summary: SummaryInSpace) -> Figure:
+def crack_surface(results: Results, summary: CrackSurfaceSummary) -> Figure:
     """The surface of the cracks in a body and, once something opened, area and energy per area over time."""
-    opened = bool(summary.surface.is_grown.any())
+    opened = bool(summary.surface.face_opened_during_run.any())
     figure = Figure(figsize=(WIDTH, 8.0 if opened else 5.5), layout="constrained")
     grid = figure.add_gridspec(2 if opened else 1, 2, height_ratios=(2.6, 1) if opened else (1,))
     axes = figure.add_subplot(grid[0, :], projection="3d")
@@ -38,33 +38,33 @@ def crack_surface(results: Results, summary: SummaryInSpace) -> Figure:
     if opened:
         figure.colorbar(colours.painted, ax=axes, label=colours.label, shrink=0.6, pad=0.08, extend="max")
         area, release = figure.add_subplot(grid[1, 0]), figure.add_subplot(grid[1, 1])
-        second, seconds = scaled([summary.time], "s")
+        second, seconds = scaled([summary.frame_time], "s")
         plain(area)
-        area.plot(summary.time * second, summary.area * 1e6, lw=1.3, **look(0))
+        area.plot(summary.frame_time * second, summary.grown_area * 1e6, lw=1.3, **look(0))
         area.set(xlabel=f"time, {seconds}", ylabel="area that opened, mm²")
         plain(release)
-        release.plot(summary.time * second, summary.release / summary.G0, lw=1.3, **look(1))
+        release.plot(summary.frame_time * second, summary.dissipated_energy_per_area / summary.G0, lw=1.3, **look(1))
         release.axhline(1.0, color="0.5", lw=0.8, ls=":")
         release.set(xlabel=f"time, {seconds}", ylabel="dissipated / area / G₀", ylim=(0, None))
     return figure
 
 
-def _surface(axes: Axes3D, results: Results, summary: SummaryInSpace) -> Opening:
+def _surface(axes: Axes3D, results: Results, summary: CrackSurfaceSummary) -> Opening:
     """Draw the faces, the front and the box of the body; returns the colours of what opened."""
     surface = summary.surface
     nodes = results.nodes(0)
     half = nodes.delta[:, None] / 2
     low, high = (nodes.position - half).min(axis=0), (nodes.position + half).max(axis=0)
-    if len(surface.faces):  # the part of the body around the cracks
+    if len(surface.face_corners):  # the part of the body around the cracks
         ends = surface.corners.min(axis=0), surface.corners.max(axis=0)
         around = AROUND * float(np.max(ends[1] - ends[0]))
         low, high = np.maximum(low, ends[0] - around), np.minimum(high, ends[1] + around)
     metre, metres = scaled([low, high], "m")
     opening = opening_colours(surface)
-    colours = opening.painted.to_rgba(surface.time * opening.factor)
-    colours[~surface.is_grown] = to_rgba(OLD)
-    if len(surface.faces):
-        quads = surface.corners[surface.faces]
+    colours = opening.painted.to_rgba(surface.opening_time * opening.factor)
+    colours[~surface.face_opened_during_run] = to_rgba(OLD)
+    if len(surface.face_corners):
+        quads = surface.corners[surface.face_corners]
         normal = np.cross(quads[:, 2] - quads[:, 0], quads[:, 3] - quads[:, 1])
         normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), np.finfo(float).tiny)
         brightness = DARKEST + (1 - DARKEST) * np.abs(normal @ LIGHT)  # lit alike on both sides
@@ -72,7 +72,7 @@ def _surface(axes: Axes3D, results: Results, summary: SummaryInSpace) -> Opening
         axes.add_collection3d(
             Poly3DCollection(quads * metre, facecolors=colours, edgecolors=colours, linewidths=0.2, zorder=1)
         )
-    front = [line * metre for line in summary.fronts]
+    front = [line * metre for line in summary.front_lines]
     if front:  # else it has crossed the body, or opened nothing
         axes.add_collection3d(Line3DCollection(front, colors=FRONT, linewidths=1.0, zorder=2))
     box = (low + ENDS * (high - low)) * metre

@@ -12,18 +12,18 @@ from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 from pdmesh.plain_figure import Figure
 from pdmesh.plain_text import for_legend
 from pdpost.figures.charts import WIDTH, look, plain
-from pdpost.measures.fatigue import FIRST, FatigueLife, TipGrowth, dK_between_frames
+from pdpost.measures.fatigue import FIRST, FatigueLife, TipFatigueGrowth, effective_dK_between_frames
 
 WIDER = 3.0  # times the range of the points that Wöhler's line is drawn over
 
 
 def fatigue(runs: Sequence[FatigueLife]) -> Figure:
     """A panel of lengths and one of growth a cycle where cracks grow, and one of lives where smooth bodies break."""
-    cracked = [run for run in runs if run.growths]
+    cracked = [run for run in runs if run.tip_growths]
     smooth = [
         run
         for run in runs
-        if not run.growths or (run.prescribed_law.A1 is not None and run.first_break_cycles is not None)
+        if not run.tip_growths or (run.prescribed_law.A1 is not None and run.first_break_cycles is not None)
     ]
     panels = 2 * bool(cracked) + bool(smooth)
     figure = Figure(figsize=(WIDTH * max(panels, 1.2) / 2, 3.4), layout="constrained")
@@ -38,14 +38,14 @@ def fatigue(runs: Sequence[FatigueLife]) -> Figure:
     return figure
 
 
-def _tips(runs: Sequence[FatigueLife]) -> list[tuple[FatigueLife, TipGrowth]]:
-    return [(run, growth) for run in runs for growth in run.growths]
+def _tips(runs: Sequence[FatigueLife]) -> list[tuple[FatigueLife, TipFatigueGrowth]]:
+    return [(run, growth) for run in runs for growth in run.tip_growths]
 
 
 def _lengths(axes: Axes, runs: Sequence[FatigueLife], named: bool) -> None:
     for number, (run, growth) in enumerate(_tips(runs)):
         label = f"{for_legend(run.name)}, {growth.name}" if named else growth.name
-        axes.plot(growth.cycles, growth.length * 1e3, marker=".", lw=1.2, label=label, **look(number))
+        axes.plot(growth.cycles, growth.grown_length * 1e3, marker=".", lw=1.2, label=label, **look(number))
     axes.set(xlabel="cycles", ylabel="growth of the crack, mm")
     axes.legend(frameon=False, fontsize="small")
 
@@ -54,16 +54,18 @@ def _growth(axes: Axes, runs: Sequence[FatigueLife], named: bool) -> None:
     """Points, hollow at the start of a crack, where they are off the line; the line through them, and that given."""
     for number, (run, growth) in enumerate(_tips(runs)):
         colour = look(number)["color"]
-        dK = dK_between_frames(growth, run.paris_line.m if run.paris_line is not None else FIRST)
-        for point_mask, fill in ((growth.settled, colour), (~growth.settled, "white")):
-            axes.plot(dK[point_mask] * 1e-6, growth.rate[point_mask], "o", ms=4, mfc=fill, mec=colour, ls="none")
+        dK = effective_dK_between_frames(growth, run.paris_line.m if run.paris_line is not None else FIRST)
+        for point_mask, fill in ((growth.is_past_slow_start, colour), (~growth.is_past_slow_start, "white")):
+            axes.plot(
+                dK[point_mask] * 1e-6, growth.growth_per_cycle[point_mask], "o", ms=4, mfc=fill, mec=colour, ls="none"
+            )
     for run, dashes in zip(runs, ("--", ":", "-."), strict=False):
-        ranges = np.concatenate([growth.dK for growth in run.growths])
+        ranges = np.concatenate([growth.dK for growth in run.tip_growths])
         ends, of = np.array([ranges.min(), ranges.max()]), f"{for_legend(run.name)}: " if named else ""
         if run.paris_line is not None:
             words = f"{of}measured, m = {run.paris_line.m:.3g}"
-            axes.plot(ends * 1e-6, run.paris_line.growth_rate(ends), color="black", lw=0.9, ls=dashes, label=words)
-        law_rate = run.prescribed_growth_rate(ends)
+            axes.plot(ends * 1e-6, run.paris_line.growth_per_cycle(ends), color="black", lw=0.9, ls=dashes, label=words)
+        law_rate = run.prescribed_growth_per_cycle(ends)
         if law_rate is not None:
             words = f"{of}given, m = {run.prescribed_law.m:.3g}"
             axes.plot(ends * 1e-6, law_rate, color="0.6", lw=2.5, alpha=0.6, ls=dashes, label=words, zorder=0)
@@ -78,9 +80,9 @@ def _growth(axes: Axes, runs: Sequence[FatigueLife], named: bool) -> None:
 def _lives(axes: Axes, runs: Sequence[FatigueLife]) -> None:
     """Cycles until the first bonds break over the range of their stretch, beside the lines that runs were given."""
     broke = [
-        (run.first_strain_range, run.first_break_cycles)
+        (run.first_break_strain_range, run.first_break_cycles)
         for run in runs
-        if run.first_strain_range is not None and run.first_break_cycles is not None
+        if run.first_break_strain_range is not None and run.first_break_cycles is not None
     ]
     points = np.array(broke).reshape(-1, 2)
     plotted_laws = set()
@@ -94,14 +96,20 @@ def _lives(axes: Axes, runs: Sequence[FatigueLife]) -> None:
         plotted_laws.add((run.prescribed_law.A1, run.prescribed_law.m1, run.prescribed_law.endurance))
         low = max(points[:, 0].min() / WIDER, run.prescribed_law.endurance)
         eps = np.geomspace(low * (1 + 1e-9), points[:, 0].max() * WIDER, 50)
-        axes.plot(run.woehler_cycles(eps), eps, color="black", lw=0.9, label=f"given, m = {run.prescribed_law.m1:.3g}")
+        axes.plot(
+            run.woehler_cycles_to_break(eps),
+            eps,
+            color="black",
+            lw=0.9,
+            label=f"given, m = {run.prescribed_law.m1:.3g}",
+        )
         if run.prescribed_law.endurance > 0:
             axes.axhline(run.prescribed_law.endurance, color="0.6", lw=0.9, ls=":", label="endurance")
     for number, run in enumerate(runs):
-        if run.first_break_cycles is not None and run.first_strain_range is not None:
+        if run.first_break_cycles is not None and run.first_break_strain_range is not None:
             axes.plot(
                 run.first_break_cycles,
-                run.first_strain_range,
+                run.first_break_strain_range,
                 "o",
                 ms=5,
                 color=look(number)["color"],

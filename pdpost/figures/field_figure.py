@@ -26,7 +26,7 @@ class Shown(NamedTuple):
     """A component of a field as it is drawn."""
 
     values: NDArray[np.float64]  # (n,) SI; NaN: none
-    torn: NDArray[np.bool_]  # (n,) nodes whose value says nothing, see `fields.unreliable_nodes`
+    torn: NDArray[np.bool_]  # (n,) nodes whose value says nothing, see `fields.find_unreliable_nodes`
 
 
 def field(
@@ -68,7 +68,9 @@ def field(
 
 def values_of(results: Results, name: str, step: int, part: str) -> Shown:
     """A component of a field after `step`, with the nodes where it is unreliable. Raises ResultsError."""
-    return Shown(fields.field_values(results, name, step, part or None), fields.unreliable_nodes(results, name, step))
+    return Shown(
+        fields.field_values(results, name, step, part or None), fields.find_unreliable_nodes(results, name, step)
+    )
 
 
 def explained(shown: Shown, where: NDArray[np.bool_] | bool = True) -> list[tuple[str, str]]:

@@ -29,10 +29,12 @@ def along_fronts(front_states: list[FrontIntensities]) -> Figure:
     figure.suptitle(f"Along the fronts at {time_text(last[0].time, micro='µs')}", fontsize="medium")
     _curves(intensity, last, INTENSITIES, "Pa√m", "stress intensity")
     factor = _curves(energy, last, ("J",), "J/m²", "J")
-    metre, _ = scaled([front.length_along for front in last], "m")
+    metre, _ = scaled([front.length_along_front for front in last], "m")
     for number, front in enumerate(last):
         style = look(number) | {"ls": ":"}
-        energy.plot(front.length_along * metre, front.J_from_K * factor, lw=1.2, label=f"of K, {front.name}", **style)
+        energy.plot(
+            front.length_along_front * metre, front.J_from_K * factor, lw=1.2, label=f"of K, {front.name}", **style
+        )
     energy.legend(frameon=False, fontsize="small")
     intensity.legend(frameon=False, fontsize="small")
     if several:
@@ -42,17 +44,22 @@ def along_fronts(front_states: list[FrontIntensities]) -> Figure:
 
 def _curves(axes: Axes, last: list[FrontIntensities], names: tuple[str, ...], unit: str, label: str) -> float:
     """Draw values with their bands along the fronts; returns the factor from SI to the unit of the axis."""
-    metre, metres = scaled([front.length_along for front in last], "m")
+    metre, metres = scaled([front.length_along_front for front in last], "m")
     factor, shown = scaled((side[name] for front in last for name in names for side in (front.low, front.high)), unit)
     for number, front in enumerate(last):
         for order, name in enumerate(names):
             style = look(len(names) * number + order)
             sides = front.low[name] * factor, front.high[name] * factor
-            axes.fill_between(front.length_along * metre, *sides, color=style["color"], alpha=0.2, lw=0)
+            axes.fill_between(front.length_along_front * metre, *sides, color=style["color"], alpha=0.2, lw=0)
             marker = "." if len(front.points_with_values) < 3 else ""
             words = f"{name}, {front.name}"
             axes.plot(
-                front.length_along * metre, front.value[name] * factor, lw=1.3, marker=marker, label=words, **style
+                front.length_along_front * metre,
+                front.value[name] * factor,
+                lw=1.3,
+                marker=marker,
+                label=words,
+                **style,
             )
     axes.set(xlabel=f"along the front, {metres}", ylabel=f"{label}, {shown}")
     plain(axes)

@@ -19,12 +19,16 @@ def outlines(
 
     `turned` (n, 2, 2) is the linear map of each cell.
     """
-    corners = cell.corners if turned is None else np.einsum("cab,cb->ca", turned[cell.owner], cell.corners)
-    placed = factor * (corners + position[cell.owner])
+    corners = (
+        cell.corners_from_node
+        if turned is None
+        else np.einsum("cab,cb->ca", turned[cell.node_rows], cell.corners_from_node)
+    )
+    placed = factor * (corners + position[cell.node_rows])
     codes = np.full(len(placed), Curve.LINETO, dtype=np.uint8)
-    codes[np.append(True, cell.closes)[:-1]] = Curve.MOVETO
-    codes[cell.closes] = Curve.CLOSEPOLY
-    start = np.searchsorted(cell.owner, np.arange(len(position) + 1))
+    codes[np.append(True, cell.is_last_of_ring)[:-1]] = Curve.MOVETO
+    codes[cell.is_last_of_ring] = Curve.CLOSEPOLY
+    start = np.searchsorted(cell.node_rows, np.arange(len(position) + 1))
     return [Curve(placed[a:b], codes[a:b]) for a, b in pairwise(start.tolist())]
 
 

@@ -22,10 +22,10 @@ from pdpost.figures.labels import prefixed, spelled
 from pdpost.figures.scene_figure import acted_on, scene
 from pdpost.figures.style import written
 from pdpost.measures import crack_in_space, crack_summary
-from pdpost.measures.balance import balance, energy_remarks, thickness_unit_suffix
-from pdpost.measures.diffused_amounts import AMOUNTS, balance_with_unit
+from pdpost.measures.balance import damping_remarks, energy_balance, thickness_unit_suffix
+from pdpost.measures.diffused_amounts import AMOUNTS, mass_balance_with_unit
 from pdpost.measures.fields import default_field_name
-from pdpost.measures.forces import reactions
+from pdpost.measures.forces import read_reactions
 from pdpost.reading.embedded_model import at_rest, moment, whole
 from pdpost.reading.frame_steps import frames
 from pdpost.reading.stored_fields import OF_DIFFUSION, diffuses
@@ -135,43 +135,43 @@ def _conditions(nodes: Nodes, model: dict[str, Any]) -> str:
 
 
 def _balance(results: Results) -> list[str]:
-    books, per = balance(results), thickness_unit_suffix(results)
+    books, per = energy_balance(results), thickness_unit_suffix(results)
     names = ("work", "kinetic", "strain", "dissipated", *(("damped",) if np.isfinite(books.damped[-1]) else ()))
     names = (*names, *(("friction",) if books.friction[-1] else ()))
     last = {name: f"{getattr(books, name)[-1]:.5g} J{per}" for name in names}
     last = {"put in" if name == "work" else name: value for name, value in last.items()}
     last["balance error"] = f"{books.error[-1]:+.2e} of the most put in"
     last["broken bonds"] = str(pair_count(len(results.breaks().step)))
-    said = "".join(f"<li>{for_html(sentence)}</li>" for sentence in energy_remarks(results))
+    said = "".join(f"<li>{for_html(sentence)}</li>" for sentence in damping_remarks(results))
     parts = [
         _table(last),
         *([f"<ul>{said}</ul>"] if said else []),
         _image(charts.balance(books, per), "energies over time"),
     ]
     if len(results.reactions()):
-        parts.append(_image(charts.reactions(reactions(results), per=per), "forces of loads and grips"))
+        parts.append(_image(charts.reactions(read_reactions(results), per=per), "forces of loads and grips"))
     return parts
 
 
 def _masses(results: Results) -> list[str]:
-    books, unit = balance_with_unit(results)
+    books, unit = mass_balance_with_unit(results)
     at_end = {name: float(getattr(books, name)[-1]) for name in AMOUNTS}
     last = {way(name, amount): f"{abs(amount):.6g} {unit}" for name, amount in at_end.items()}
     last["balance error"] = f"{books.error[-1]:+.1e} of what there was"
-    if np.isfinite(books.left[-1]):
-        last["solid left"] = f"{books.left[-1]:.2%}"
+    if np.isfinite(books.solid_share_left[-1]):
+        last["solid left"] = f"{books.solid_share_left[-1]:.2%}"
     return [_table(last), _image(charts.masses(books, unit), "amounts over time")]
 
 
 def _crack(results: Results) -> list[str]:
     if results.dimension == 3:
         in_space = crack_in_space.crack_in_space(results)
-        sentences = crack_in_space.sentences(in_space)
+        sentences = crack_in_space.summary_sentences(in_space)
         figure = crack_surface_figure.crack_surface(results, in_space)
         words = "surface of the crack, its area and its cost"
     else:
         summary = crack_summary.crack(results)
-        sentences = crack_summary.sentences(summary)
+        sentences = crack_summary.summary_sentences(summary)
         figure, words = crack_figure.crack(results, summary), "path, length and speed of the crack"
     items = "".join(f"<li>{for_html(spelled(sentence))}</li>" for sentence in sentences)
     return [f"<ul>{items}</ul>", _image(figure, words)]

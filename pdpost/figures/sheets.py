@@ -27,8 +27,8 @@ from pdpost.figures.outlines import around, outlines
 from pdpost.figures.raster import Box
 from pdpost.figures.style import BLACK, EDGE, GROWN, THICK, THIN, TORN, narrow
 from pdpost.measures import plate_geometry
-from pdpost.measures.plate_geometry import PlateGeometry, VoronoiCells, read_plate_geometry, voronoi_cells
-from pdpost.measures.strain import remove_broken_bonds
+from pdpost.measures.plate_geometry import PlateGeometry, VoronoiCells, clipped_voronoi_cells, read_plate_geometry
+from pdpost.measures.strain import families_without_broken_bonds
 from pdpost.reading.stored_fields import vector
 from pdsolve.results import Results
 
@@ -73,7 +73,7 @@ def shape(results: Results, step: int, scale: float, still: Shape | None = None)
     nodes, epoch = results.nodes(step), results.epoch(step)
     if still is None or still.epoch != epoch:
         on = read_plate_geometry(results) if still is None else still.plate
-        node_cells = voronoi_cells(nodes, on.shape) if len(nodes.ids) <= plate_geometry.MANY else None
+        node_cells = clipped_voronoi_cells(nodes, on.plate_shape) if len(nodes.ids) <= plate_geometry.MANY else None
         still = Shape(on, nodes.position, nodes.position, nodes.delta, node_cells, None, 0.0, epoch)
     still = still._replace(grown=arms(until(results.particles(), step), after=0).reshape(-1, 2, 2))
     if not scale:
@@ -81,7 +81,7 @@ def shape(results: Results, step: int, scale: float, still: Shape | None = None)
     displacements = displacement(results, step)
     turned = None
     if still.cells is not None:
-        families = remove_broken_bonds(results, results.families(step), step)
+        families = families_without_broken_bonds(results, results.families(step), step)
         turned = np.eye(2) + scale * gradients_of(nodes.position, nodes.area, displacements, *families)
         turned[~np.isfinite(turned).all(axis=(1, 2)) | (np.abs(turned).max(axis=(1, 2)) > 2)] = np.eye(2)
     return still._replace(position=nodes.position + scale * displacements, turned=turned, scale=scale)
@@ -92,7 +92,7 @@ def hidden(nodes: Shape, names: Collection[str]) -> Shape:
     visible_plate = nodes.plate._replace(has_moving_zone=nodes.plate.has_moving_zone and "zone" not in names)
     if "cracks" not in names:
         return nodes._replace(plate=visible_plate)
-    return nodes._replace(plate=visible_plate._replace(cracks=np.zeros((0, 4))), grown=np.zeros((0, 2, 2)))
+    return nodes._replace(plate=visible_plate._replace(pre_cracks=np.zeros((0, 4))), grown=np.zeros((0, 2, 2)))
 
 
 def displacement(results: Results, step: int) -> NDArray[np.float64]:
@@ -115,7 +115,7 @@ def chosen_scale(results: Results, step: int) -> float:
 
 def box_of(shapes: list[Shape]) -> Box:
     """The box, m, that contains all the shapes, except for fragments thrown far off the plate."""
-    bounds = np.reshape(shapes[0].plate.shape.bounds, (2, 2))
+    bounds = np.reshape(shapes[0].plate.plate_shape.bounds, (2, 2))
     size = float(np.ptp(bounds, axis=0).max())
     low, high = bounds
     for frame_shape in shapes:
@@ -207,10 +207,10 @@ def tint(on: Sheet, nodes: Shape, colours: NDArray[np.float64], **lines: Any) ->
 def mark(on: Sheet, nodes: Shape) -> None:
     """Draw cracks and the edges of the plate and its holes; the undeformed ones dotted if nodes are displaced."""
     style = {"linestyle": ":"} if nodes.scale else {}
-    if nodes.plate.edges:
-        rings = [ring[[*range(len(ring)), 0]] * on.factor for ring in nodes.plate.edges]
+    if nodes.plate.outline_and_holes:
+        rings = [ring[[*range(len(ring)), 0]] * on.factor for ring in nodes.plate.outline_and_holes]
         on.axes.add_collection(LineCollection(rings, colors=EDGE, linewidths=THIN, zorder=3, **style), autolim=False)
-    ends = nodes.plate.cracks.reshape(-1, 2, 2)
+    ends = nodes.plate.pre_cracks.reshape(-1, 2, 2)
     inside = (ends.max(axis=1) >= on.box[:2]).all(axis=1) & (ends.min(axis=1) <= on.box[2:]).all(axis=1)
     lines = ends[inside] * on.factor
     if len(lines):
@@ -246,7 +246,7 @@ def border(on: Sheet, nodes: Shape) -> list[Artist]:
     reach = nodes.delta[finer]
     fine_area = shapely.union_all(_rows(nodes.reference[finer], reach))  # over coarse ones on its edge
     zone = fine_area.buffer(-float(reach.max()) / 2, join_style="mitre")
-    zone = shapely.intersection(zone, nodes.plate.shape).segmentize(coarsest)
+    zone = shapely.intersection(zone, nodes.plate.plate_shape).segmentize(coarsest)
     rings = [shapely.get_coordinates(ring) for ring in shapely.get_rings(shapely.get_parts(zone))]
     if nodes.scale:
         displacements, nearest = nodes.position - nodes.reference, tree_of(nodes.reference)
@@ -295,8 +295,8 @@ def show(on: Sheet, painted: NDArray[np.generic], nodes: Shape) -> Artist:
     image = on.axes.imshow(
         painted, origin="lower", extent=(x0, x1, y0, y1), interpolation="nearest", aspect="equal", zorder=1
     )
-    if not nodes.scale and nodes.plate.edges:
-        image.set_clip_path(PathPatch(around(nodes.plate.shape, on.factor), transform=on.axes.transData))
+    if not nodes.scale and nodes.plate.outline_and_holes:
+        image.set_clip_path(PathPatch(around(nodes.plate.plate_shape, on.factor), transform=on.axes.transData))
     return image
 
 
@@ -316,12 +316,12 @@ def _cells(on: Sheet, painted: list[Curve], **more: Any) -> PathCollection:
 def _filled(on: Sheet, nodes: Shape, values: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
     """`raster.averages` of the sheet's box, with empty pixels of the plate filled from the nearest node."""
     mean, covered = raster.averages(nodes.position, nodes.delta, values, on.box, pixels(on))
-    if nodes.scale or not nodes.plate.edges or covered.all():
+    if nodes.scale or not nodes.plate.outline_and_holes or covered.all():
         return mean, covered
     rows, columns = np.nonzero(~covered)
     low, high = np.array(on.box[:2]), np.array(on.box[2:])
     middle = low + (np.column_stack([columns, rows]) + 0.5) / covered.shape[::-1] * (high - low)
-    bare = shapely.dwithin(nodes.plate.shape, shapely.points(middle), float((high - low)[0]) / covered.shape[1])
+    bare = shapely.dwithin(nodes.plate.plate_shape, shapely.points(middle), float((high - low)[0]) / covered.shape[1])
     _, nearest = tree_of(nodes.position).query(middle[bare])
     mean[rows[bare], columns[bare]] = values[nearest]
     covered[rows[bare], columns[bare]] = True

@@ -15,9 +15,9 @@ from pdpost.figures.crack_figure import on_grey_plate
 from pdpost.figures.labels import scaled
 from pdpost.figures.raster import Box
 from pdpost.figures.sheets import Sheet, box_of, shape
-from pdpost.measures.cracked_nodes import damage_at
+from pdpost.measures.cracked_nodes import damage_without_pre_cracks_at
 from pdpost.measures.release import EnergyRelease
-from pdpost.measures.stress_intensities import IntensityHistory
+from pdpost.measures.stress_intensities import TipIntensityHistory
 from pdpost.reading.time_text import time_text
 from pdsolve.results import Results
 
@@ -26,7 +26,7 @@ BETWEEN = 8  # parts of a curve between two frames
 
 
 def sif(
-    results: Results, tip_series: list[IntensityHistory], spent: EnergyRelease, window: Box | None = None
+    results: Results, tip_series: list[TipIntensityHistory], spent: EnergyRelease, window: Box | None = None
 ) -> Figure:
     """The tips with their rings at the last frame that has any, K1 and K2, and J with dD/da; `window` is in view, m."""
     shown = [series for series in tip_series if series.last_integrals is not None][:SHOWN]
@@ -37,24 +37,24 @@ def sif(
     figure = Figure(figsize=(WIDTH, tall + 3.4), layout="constrained")
     grid = figure.add_gridspec(2, 2, height_ratios=(tall + 0.4, 3.0))
     plate, intensity, energy = (figure.add_subplot(place) for place in (grid[0, :], grid[1, 0], grid[1, 1]))
-    on = on_grey_plate(plate, box, where, damage_at(results, step))
+    on = on_grey_plate(plate, box, where, damage_without_pre_cracks_at(results, step))
     for series in shown:
-        _rings(on, series, str(look(series.front.number)["color"]))
+        _rings(on, series, str(look(series.tip_history.branch_number)["color"]))
     when = time_text(float(tip_series[0].time[-1]), micro="µs")
     plate.set_title(f"Damage at {when} and the rings of the tips, the last they had", fontsize="medium")
     _curves(intensity, shown, ("K1", "K2"), "Pa√m", "stress intensity")
     _curves(energy, shown, ("J",), "J/m²", "J")
-    if np.isfinite(spent.value).any():  # dD/da and G0 beside J
+    if np.isfinite(spent.release_rate).any():  # dD/da and G0 beside J
         second, _ = scaled((series.time for series in shown), "s")
         factor, _ = scaled((side["J"] for series in shown for side in (series.low, series.high)), "J/m²")
-        energy.plot(spent.time * second, spent.value * factor, color="black", lw=1.0, ls="-.", label="dD/da")
+        energy.plot(spent.time * second, spent.release_rate * factor, color="black", lw=1.0, ls="-.", label="dD/da")
         energy.axhline(spent.G0 * factor, color="0.4", lw=0.8, ls=":", label="G₀")
     energy.legend(frameon=False)
     figure.legend(*intensity.get_legend_handles_labels(), loc="outside lower center", ncols=4, frameon=False)
     return figure
 
 
-def _rings(on: Sheet, series: IntensityHistory, colour: str) -> None:
+def _rings(on: Sheet, series: TipIntensityHistory, colour: str) -> None:
     assert series.last_integrals is not None
     place = series.last_integrals.tip.place * on.factor
     ring = series.last_integrals.rings[1]
@@ -67,7 +67,7 @@ def _rings(on: Sheet, series: IntensityHistory, colour: str) -> None:
     on.axes.plot(*place, "+", color=colour, ms=7, zorder=6)
 
 
-def _curves(axes: Axes, shown: list[IntensityHistory], names: tuple[str, ...], unit: str, label: str) -> None:
+def _curves(axes: Axes, shown: list[TipIntensityHistory], names: tuple[str, ...], unit: str, label: str) -> None:
     """Draw values with their bands over time; points for a single frame."""
     second, seconds = scaled((series.time for series in shown), "s")
     factor, scale = scaled(
@@ -75,9 +75,9 @@ def _curves(axes: Axes, shown: list[IntensityHistory], names: tuple[str, ...], u
     )
     for series in shown:
         for name in names:
-            style = look(series.front.number) | {"ls": "--" if name == "K2" else "-"}
+            style = look(series.tip_history.branch_number) | {"ls": "--" if name == "K2" else "-"}
             few = np.isfinite(series.value[name]).sum() < 3
-            words = f"{name}, {series.front.name}"
+            words = f"{name}, {series.tip_history.name}"
             sides = [series.low[name], series.high[name], series.value[name]]
             time = series.time
             if name == "J":

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from pdmesh.plain_figure import Figure
 from pdpost.figures.colours import SHARES, Colours, at, caption, colours, mappable, usual
 from pdpost.figures.labels import scaled
-from pdpost.measures.slices import AXES, PlaneCut, cut_by_plane, grid_centre, reliable_values
+from pdpost.measures.slices import AXES, PlaneCut, bounding_box_centre_near_nodes, cut_by_plane, reliable_field_values
 from pdpost.reading.frame_steps import chosen
 from pdsolve.results import Results
 
@@ -30,12 +30,12 @@ Pixels = NDArray[np.uint8]  # (rows, columns, 3)
 
 def plane(results: Results, section: PlaneCut, name: str, part: str, step: int, largest: float | None = None) -> Figure:
     """The field `name` on a plane; the colour range ends at `largest` (SI) or at the usual largest value."""
-    range_of = colours(name, part, section.values, largest)
-    size = np.ptp(section.place, axis=0) + section.delta.max()
+    range_of = colours(name, part, section.node_values, largest)
+    size = np.ptp(section.plane_coordinates, axis=0) + section.spacing.max()
     figure = Figure(figsize=(WIDTH, min(TALLEST, 1.0 + (WIDTH - 1.5) * size[1] / size[0])), layout="constrained")
     axes = figure.add_subplot(aspect="equal")
     painted = mappable(range_of)
-    metre, metres = scaled([section.place], "m")
+    metre, metres = scaled([section.plane_coordinates], "m")
     _paint(axes, section, range_of, painted, metre)
     axes.autoscale_view()
     axes.margins(0.01)
@@ -50,7 +50,7 @@ class Sections:
 
     def __init__(self, results: Results, name: str, part: str, range_of: Colours) -> None:
         self._results, self._name, self._part, self._range = results, name, part, range_of
-        nodes, self._middle = results.nodes(0), grid_centre(results)
+        nodes, self._middle = results.nodes(0), bounding_box_centre_near_nodes(results)
         low, high = nodes.position.min(axis=0), nodes.position.max(axis=0)
         reach = nodes.delta.max() / 2 + GAP * float((high - low).max())
         self._low, self._high = low - reach, high + reach
@@ -78,7 +78,7 @@ class Sections:
             painted.append(_paint(axes, section, self._range, self._colours, self._metre))
             _named(axes, section, self._metres)
             axes.set_title(_place(section, self._metre, self._metres), fontsize="small")
-            rows = [AXES.index(letter) for letter in section.axes]
+            rows = [AXES.index(letter) for letter in section.plane_axes]
             (x0, y0), (x1, y1) = self._low[rows] * self._metre, self._high[rows] * self._metre
             axes.set(xlim=(x0, x1), ylim=(y0, y1))
         self.figure.suptitle(f"{caption(self._name, self._part)} {at(self._results, step)}", fontsize="medium")
@@ -113,7 +113,7 @@ def film(
     canvas = FigureCanvasAgg(planes.figure)
     planes.figure.set_dpi(dpi)
     for step in progress(steps):
-        painted = planes.draw(step, reliable_values(results, name, step, part or None))
+        painted = planes.draw(step, reliable_field_values(results, name, step, part or None))
         canvas.draw()
         yield np.asarray(canvas.buffer_rgba())[:, :, :3].copy()
         for artist in painted:
@@ -123,24 +123,25 @@ def film(
 def field_range(results: Results, name: str, part: str, steps: list[int]) -> tuple[float | None, float, float]:
     """End of the colour range of all frames, None if there is nothing to show, and the smallest and largest value."""
     frame_values = [
-        array[np.isfinite(array)] for array in (reliable_values(results, name, step, part or None) for step in steps)
+        array[np.isfinite(array)]
+        for array in (reliable_field_values(results, name, step, part or None) for step in steps)
     ]
     ends = [(float(array.min(initial=0.0)), float(array.max(initial=0.0))) for array in frame_values]
     return max(map(usual, frame_values)) or None, min(low for low, _ in ends), max(high for _, high in ends)
 
 
 def _paint(axes: Axes, section: PlaneCut, range_of: Colours, painted: ScalarMappable, metre: float) -> PolyCollection:
-    squares = (section.place[:, None, :] + section.delta[:, None, None] * CORNERS) * metre
-    paint = painted.to_rgba(np.ma.masked_invalid(section.values * range_of.factor))
+    squares = (section.plane_coordinates[:, None, :] + section.spacing[:, None, None] * CORNERS) * metre
+    paint = painted.to_rgba(np.ma.masked_invalid(section.node_values * range_of.factor))
     collection = PolyCollection(squares, facecolors=paint, edgecolors=paint, linewidths=0.2)
     axes.add_collection(collection)
     return collection
 
 
 def _named(axes: Axes, section: PlaneCut, metres: str) -> None:
-    axes.set(xlabel=f"{section.axes[0]}, {metres}", ylabel=f"{section.axes[1]}, {metres}")
+    axes.set(xlabel=f"{section.plane_axes[0]}, {metres}", ylabel=f"{section.plane_axes[1]}, {metres}")
 
 
 def _place(section: PlaneCut, metre: float, metres: str) -> str:
-    (third,) = set(AXES) - set(section.axes)
+    (third,) = set(AXES) - set(section.plane_axes)
     return f"{third} = {section.plane_position * metre + 0.0:.4g} {metres}"

@@ -16,9 +16,9 @@ from pdpost.figures.crack_figure import on_grey_plate
 from pdpost.figures.labels import scaled, spelled
 from pdpost.figures.raster import Box
 from pdpost.figures.sheets import box_of, shape
-from pdpost.measures.cracked_nodes import damage_at
+from pdpost.measures.cracked_nodes import damage_without_pre_cracks_at
 from pdpost.measures.paths import Polyline
-from pdpost.measures.scatter import RunGroup, choose_measures_and_parameter, group_runs
+from pdpost.measures.scatter import StudyRunGroup, choose_measures_and_parameter, group_runs_by_parameter
 from pdpost.reading.frame_steps import last_step
 from pdpost.reading.studies import Read, read, short, value_of
 from pdsolve.results import Results
@@ -36,10 +36,10 @@ def study(path: FilePath, measures: Sequence[str] = (), over: str | None = None)
     """
     study = read(Path(path))
     names, against = choose_measures_and_parameter(study, measures, over)
-    return panels_of(study, {name: group_runs(study, name, against) for name in names}, against)
+    return panels_of(study, {name: group_runs_by_parameter(study, name, against) for name in names}, against)
 
 
-def panels_of(study: Read, measured: Mapping[str, Sequence[RunGroup]], over: str | None) -> Figure:
+def panels_of(study: Read, measured: Mapping[str, Sequence[StudyRunGroup]], over: str | None) -> Figure:
     """A figure with one panel for each measure: its spread against the parameter `over`."""
     columns = min(len(measured), 2)
     rows = -(-len(measured) // columns)
@@ -55,7 +55,7 @@ def panels_of(study: Read, measured: Mapping[str, Sequence[RunGroup]], over: str
     return figure
 
 
-def _panel(axes: Axes, study: Read, name: str, measure_spreads: Sequence[RunGroup], over: str | None) -> None:
+def _panel(axes: Axes, study: Read, name: str, measure_spreads: Sequence[StudyRunGroup], over: str | None) -> None:
     plain(axes)
     series = list(dict.fromkeys(spread.series for spread in measure_spreads))
     places = _places(axes, study, measure_spreads, over)
@@ -64,7 +64,7 @@ def _panel(axes: Axes, study: Read, name: str, measure_spreads: Sequence[RunGrou
         factor, unit = 1.0, study.columns[name].unit
     for number, which in enumerate(series):
         mine = [spread for spread in measure_spreads if spread.series == which]
-        at = np.array([places[spread.value] for spread in mine])
+        at = np.array([places[spread.parameter_value] for spread in mine])
         if axes.get_xscale() == "linear":
             values = np.sort(list(places.values()))
             room = float(np.diff(values).min()) if len(values) > 1 else 1.0
@@ -80,9 +80,12 @@ def _panel(axes: Axes, study: Read, name: str, measure_spreads: Sequence[RunGrou
                 alpha=0.45,
                 mew=0,
             )
-        low, high = (factor * np.array(side) for side in zip(*(spread.extremes for spread in mine), strict=True))
+        low, high = (
+            factor * np.array(side)
+            for side in zip(*(spread.smallest_and_largest_value for spread in mine), strict=True)
+        )
         axes.vlines(at, low, high, color=colour, lw=1.0)
-        middle = factor * np.array([spread.median for spread in mine])
+        middle = factor * np.array([spread.median_value for spread in mine])
         axes.plot(at, middle, marker="_", ms=9, mew=1.6, lw=0.9, color=colour, label=for_legend(which) or None)
     missing = sum(len(spread.measured_values) - len(spread.known_values) for spread in measure_spreads)
     least, most = min(places.values()), max(places.values())  # also of values at which no run has one
@@ -97,9 +100,9 @@ def _panel(axes: Axes, study: Read, name: str, measure_spreads: Sequence[RunGrou
         axes.set_title(f"{which} of {len(study.rows)} runs", fontsize="small")
 
 
-def _places(axes: Axes, study: Read, measure_spreads: Sequence[RunGroup], over: str | None) -> dict[object, float]:
+def _places(axes: Axes, study: Read, measure_spreads: Sequence[StudyRunGroup], over: str | None) -> dict[object, float]:
     """Position of each parameter value on the axis: numbers in their unit, words side by side."""
-    values = list(dict.fromkeys(spread.value for spread in measure_spreads))
+    values = list(dict.fromkeys(spread.parameter_value for spread in measure_spreads))
     column = None if over is None else study.columns[over]
     if column is not None and all(isinstance(value, int | float) for value in values):
         numbers = np.array(values, dtype=float)
@@ -127,7 +130,7 @@ def overlay(
     height = float(np.clip(0.9 * WIDTH * (box[3] - box[1]) / (box[2] - box[0]), 2.0, 9.0))
     figure = Figure(figsize=(WIDTH, height + 0.9), layout="constrained")
     plate = figure.add_subplot(title=title)
-    on = on_grey_plate(plate, box, where, 0.0 * damage_at(results, step))
+    on = on_grey_plate(plate, box, where, 0.0 * damage_without_pre_cracks_at(results, step))
     names = list(dict.fromkeys(name for name, paths in lines if paths))
     for name, paths in ((name, paths) for name, paths in lines if paths):
         style = look(names.index(name)) | {"lw": 1.0, "alpha": 0.6}

@@ -21,7 +21,7 @@ COSTS = {"wall_time": "wall time, s", "bond_updates": "bond updates", "bytes": "
 
 
 def tradeoff(points: Sequence[TradeoffPoint], by: str, kinds: Sequence[str], within: float | None = None) -> Figure:
-    """Cost against each of the `kinds` of errors; `by` is the field of Cost on the x-axes."""
+    """Cost against each of the `kinds` of errors; `by` is the field of `RunCost` on the x-axes."""
     columns = min(len(kinds), 3)
     rows = -(-len(kinds) // columns)
     figure = Figure(figsize=(WIDTH * 1.25, 2.9 * rows), layout="constrained")

@@ -14,7 +14,7 @@ from pdpost.reading.embedded_model import expect_mechanics, read
 from pdsolve.results import Results, ResultsError
 
 
-class Balance(NamedTuple):
+class EnergyBalance(NamedTuple):
     """Energy balance at t steps; J/m for a plate (per unit thickness), J for a body."""
 
     step: NDArray[np.int64]  # (t,)
@@ -46,12 +46,12 @@ def friction_heat(ledger: NDArray[np.void]) -> NDArray[np.float64]:
     return np.asarray(ledger["friction"] if "friction" in (ledger.dtype.names or ()) else np.zeros(len(ledger)))
 
 
-def largest_energy_supplied(ledger: NDArray[np.void], initial_energy: float) -> float:
+def largest_energy_supplied_so_far(ledger: NDArray[np.void], initial_energy: float) -> float:
     """Largest total energy supplied to a run so far, J/m, including the `initial_energy` energy at the start."""
     return max(float(np.abs(ledger["work"]).max()), initial_energy)
 
 
-class _BalanceKeys(msgspec.Struct):
+class _EnergyBalanceGridFileKeys(msgspec.Struct):
     """The keys of the grid file that the balance of energy needs."""
 
     run: Run = Run()
@@ -59,16 +59,16 @@ class _BalanceKeys(msgspec.Struct):
     contact: Contact | None = None
 
 
-def energy_remarks(results: Results) -> list[str]:
+def damping_remarks(results: Results) -> list[str]:
     """Sentences about energy that went elsewhere than into cracks, if it is a large share."""
-    ledger, model = results.history(), read(results, _BalanceKeys)
-    energy_input = largest_energy_supplied(ledger, float(results.meta()["initial_energy"]))
+    ledger, model = results.history(), read(results, _EnergyBalanceGridFileKeys)
+    energy_input = largest_energy_supplied_so_far(ledger, float(results.meta()["initial_energy"]))
     damped = float(np.nan_to_num(damped_energy(ledger))[-1] + friction_heat(ledger)[-1])
     said = damping_warning(model.run, model.conditions, model.contact, damped, energy_input)
     return [] if said is None else [said]
 
 
-def balance(results: Results) -> Balance:
+def energy_balance(results: Results) -> EnergyBalance:
     """The energy balance of a run. Raises ResultsError if its ledger is empty."""
     ledger = results.history()
     if not len(ledger):
@@ -80,9 +80,9 @@ def balance(results: Results) -> Balance:
     energy_input = ledger["work"] + initial
     if "refinement" in (ledger.dtype.names or ()):
         energy_input = energy_input + ledger["refinement"]
-    scale = largest_energy_supplied(ledger, initial)
+    scale = largest_energy_supplied_so_far(ledger, initial)
     error = (total - energy_input) / scale if scale > 0 else np.zeros(len(ledger))
-    return Balance(
+    return EnergyBalance(
         ledger["step"].astype(np.int64),
         ledger["time"],
         ledger["kinetic"],

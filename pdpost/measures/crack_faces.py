@@ -27,8 +27,8 @@ from scipy.spatial import cKDTree
 from pdmesh.model.neighbours import Pairs
 from pdmesh.model.output_fields import CRACKED
 from pdmesh.model.triangulated_surface import Screen
-from pdpost.measures.cracked_nodes import separation_at
-from pdpost.measures.lattice_neighbours import NEAR, face_neighbours
+from pdpost.measures.cracked_nodes import damage_with_pre_cracks_at
+from pdpost.measures.lattice_neighbours import NEAR, face_neighbour_pairs
 from pdsolve.results import Nodes, Results
 
 OPEN = 3.0  # what a way over an open face counts, in ways over a closed one
@@ -44,48 +44,52 @@ class CrackSurface(NamedTuple):
     """Cracks as faces, those that opened first before the others."""
 
     corners: NDArray[np.float64]  # (p, 3) m, smoothed; where they were at the start of the run
-    faces: NDArray[np.int64]  # (f, 4) corners around each face
-    time: NDArray[np.float64]  # (f,) s, when it opened; BEFORE of a pre-crack
-    area: NDArray[np.float64]  # (f,) m^2
-    edges: NDArray[np.int64]  # (e, 2) corners
-    edges_of_face: NDArray[np.int64]  # (f, 4) edges of each face
-    edge_is_inside: NDArray[np.bool_]  # (e,) whether cubes are all round the edge: a crack that ends there has a front
+    face_corners: NDArray[np.int64]  # (f, 4) corners around each face
+    opening_time: NDArray[np.float64]  # (f,) s, when it opened; BEFORE of a pre-crack
+    face_area: NDArray[np.float64]  # (f,) m^2
+    edge_corners: NDArray[np.int64]  # (e, 2) corners
+    face_edges: NDArray[np.int64]  # (f, 4) edges of each face
+    edge_is_inside_body: NDArray[
+        np.bool_
+    ]  # (e,) whether cubes are all round the edge: a crack that ends there has a front
 
     @property
-    def is_grown(self) -> NDArray[np.bool_]:
+    def face_opened_during_run(self) -> NDArray[np.bool_]:
         """Mask (f,) of the faces that opened during the run."""
-        return np.asarray(self.time > BEFORE)
+        return np.asarray(self.opening_time > BEFORE)
 
     @property
     def face_centres(self) -> NDArray[np.float64]:
         """The middles (f, 3) of the faces, m."""
-        return np.asarray(self.corners[self.faces].mean(axis=1))
+        return np.asarray(self.corners[self.face_corners].mean(axis=1))
 
     def grown_area_at(self, time: NDArray[np.float64]) -> NDArray[np.float64]:
         """The area (t,) that opened during the run until times (t,), s, in m^2."""
-        new_faces = self.is_grown
-        total_area = np.concatenate([[0.0], np.cumsum(self.area[new_faces])])
-        return np.asarray(total_area[np.searchsorted(self.time[new_faces], time, side="right")])
+        new_faces = self.face_opened_during_run
+        total_area = np.concatenate([[0.0], np.cumsum(self.face_area[new_faces])])
+        return np.asarray(total_area[np.searchsorted(self.opening_time[new_faces], time, side="right")])
 
 
-class OpenedPairs(NamedTuple):
+class FaceNeighbourPairs(NamedTuple):
     """Pairs of neighbours and when they parted."""
 
-    pairs: NDArray[np.int64]  # (b, 2) rows of nodes
-    step: NDArray[np.int64]  # (b,) in which they parted; PRE_CRACK by a pre-crack, CLOSED not at all
-    is_sound_node: NDArray[np.bool_]  # (n,) nodes that are not cracked
+    node_rows: NDArray[np.int64]  # (b, 2) rows of nodes
+    opening_step: NDArray[np.int64]  # (b,) in which they parted; PRE_CRACK by a pre-crack, CLOSED not at all
+    node_is_sound: NDArray[np.bool_]  # (n,) nodes that are not cracked
 
     @property
     def is_opened(self) -> NDArray[np.bool_]:
         """Mask (b,) of the pairs that are parted."""
-        return np.asarray(self.step != CLOSED)
+        return np.asarray(self.opening_step != CLOSED)
 
 
-def find_opened_pairs(results: Results, step: int, threshold: float = CRACKED) -> OpenedPairs:
+def find_opening_steps_of_face_neighbours(
+    results: Results, step: int, threshold: float = CRACKED
+) -> FaceNeighbourPairs:
     """Which neighbours in a body parted until `step`: their bond is broken and their mean damage is above `threshold`,
     or a pre-crack is between them. Nodes are cracked above the same damage."""
     nodes, breaks = results.nodes(step), results.breaks()
-    pairs, past, count = face_neighbours(nodes), breaks.step <= step, len(nodes.ids)
+    pairs, past, count = face_neighbour_pairs(nodes), breaks.step <= step, len(nodes.ids)
     order, when = np.argsort(nodes.ids), breaks.step[past]
     ends = [order[np.searchsorted(nodes.ids, side[past], sorter=order)] for side in (breaks.node, breaks.neighbour)]
     broken, pair_keys = np.minimum(*ends) * count + np.maximum(*ends), pairs[:, 0] * count + pairs[:, 1]
@@ -93,22 +97,22 @@ def find_opened_pairs(results: Results, step: int, threshold: float = CRACKED) -
     matched = pair_keys[place] == broken
     parting_step = np.full(len(pairs), CLOSED)
     np.maximum.at(parting_step, place[matched], when[matched])
-    damage = DamageHistory(nodes, ends[0], when)
+    damage = NodeDamageHistory(nodes, ends[0], when)
     parted_rows = np.flatnonzero(parting_step != CLOSED)
     parting_step[parted_rows] = np.maximum(
-        parting_step[parted_rows], _first_cracked_step(damage, pairs[parted_rows], step, threshold)
+        parting_step[parted_rows], _find_first_cracked_step_of_pairs(damage, pairs[parted_rows], step, threshold)
     )
     parting_step[parting_step > step] = CLOSED
     parting_step[_pairs_cut_by_pre_cracks(nodes, pairs, results.cracks().reshape(-1, 3, 3))] = PRE_CRACK
-    return OpenedPairs(pairs, parting_step, separation_at(results, step) <= threshold)
+    return FaceNeighbourPairs(pairs, parting_step, damage_with_pre_cracks_at(results, step) <= threshold)
 
 
-class DamageHistory:
+class NodeDamageHistory:
     """The damage of nodes at any step, from the rows (k,) whose bonds broke and the steps (k,) in which they did."""
 
-    def __init__(self, nodes: Nodes, row: NDArray[np.int64], step: NDArray[np.int64]) -> None:
-        self._nodes, self._steps = nodes, int(step.max(initial=0)) + 1
-        self._keys = np.sort(row * self._steps + step)
+    def __init__(self, nodes: Nodes, broken_bond_rows: NDArray[np.int64], broken_bond_steps: NDArray[np.int64]) -> None:
+        self._nodes, self._steps = nodes, int(broken_bond_steps.max(initial=0)) + 1
+        self._keys = np.sort(broken_bond_rows * self._steps + broken_bond_steps)
 
     def damage_at(self, rows: NDArray[np.int64], step: NDArray[np.int64]) -> NDArray[np.float64]:
         """The damage (k,) of `rows` (k,) after `step` (k,), which is not negative."""
@@ -118,8 +122,8 @@ class DamageHistory:
         return np.asarray((self._nodes.cut[rows] + broken_count) / np.maximum(self._nodes.family[rows], 1))
 
 
-def _first_cracked_step(
-    damage: DamageHistory, pairs: NDArray[np.int64], last_step: int, threshold: float
+def _find_first_cracked_step_of_pairs(
+    damage: NodeDamageHistory, pairs: NDArray[np.int64], last_step: int, threshold: float
 ) -> NDArray[np.int64]:
     """The first step (k,) after which the mean damage of pairs (k, 2) is above `threshold`; `last_step` + 1 for
     none."""
@@ -131,21 +135,22 @@ def _first_cracked_step(
     return high
 
 
-def crack_surface(results: Results, step: int, opened_pairs: OpenedPairs) -> CrackSurface:
+def build_crack_surface(results: Results, step: int, opened_pairs: FaceNeighbourPairs) -> CrackSurface:
     """The cracks of a body after `step` from the neighbours that parted, its pre-cracks included."""
     nodes = results.nodes(step)
     crack = np.flatnonzero(
-        (opened_pairs.step == PRE_CRACK) | (opened_pairs.is_opened & _is_between_sound_nodes(nodes, opened_pairs))
+        (opened_pairs.opening_step == PRE_CRACK)
+        | (opened_pairs.is_opened & _pairs_are_in_crack_middle(nodes, opened_pairs))
     )
-    crack = crack[np.argsort(opened_pairs.step[crack], kind="stable")]
-    when = opened_pairs.step[crack]
+    crack = crack[np.argsort(opened_pairs.opening_step[crack], kind="stable")]
+    when = opened_pairs.opening_step[crack]
     time = np.where(when == PRE_CRACK, BEFORE, when * float(results.meta()["time_step"]))
-    return mesh_faces(nodes, opened_pairs.pairs[crack], time)
+    return mesh_faces_between_pairs(nodes, opened_pairs.node_rows[crack], time)
 
 
-def grown_triangles(cracks: CrackSurface) -> NDArray[np.float64]:
+def triangles_of_grown_faces(cracks: CrackSurface) -> NDArray[np.float64]:
     """Two triangles (t, 9), m, for each face that opened during the run."""
-    corners = cracks.corners[cracks.faces[cracks.is_grown]]
+    corners = cracks.corners[cracks.face_corners[cracks.face_opened_during_run]]
     return np.asarray(corners[:, [[0, 1, 2], [0, 2, 3]]].reshape(-1, 9))
 
 
@@ -163,9 +168,9 @@ def _pairs_cut_by_pre_cracks(
     return np.asarray(near[Screen(triangles, nodes.position, nodes.delta).met(near_pairs)])
 
 
-def _is_between_sound_nodes(nodes: Nodes, opened_pairs: OpenedPairs) -> NDArray[np.bool_]:
+def _pairs_are_in_crack_middle(nodes: Nodes, opened_pairs: FaceNeighbourPairs) -> NDArray[np.bool_]:
     """Mask (b,) of pairs whose nodes belong to sound nodes far from each other, or to none."""
-    pairs, sound = opened_pairs.pairs, np.flatnonzero(opened_pairs.is_sound_node)
+    pairs, sound = opened_pairs.node_rows, np.flatnonzero(opened_pairs.node_is_sound)
     if not len(sound):
         return np.ones(len(pairs), dtype=bool)
     cost = np.where(opened_pairs.is_opened, OPEN, 1.0)
@@ -177,7 +182,7 @@ def _is_between_sound_nodes(nodes: Nodes, opened_pairs: OpenedPairs) -> NDArray[
     return np.asarray((sound_a < 0) | (sound_b < 0) | ((way * way).sum(axis=1) > (APART * spacing) ** 2))
 
 
-def mesh_faces(nodes: Nodes, pairs: NDArray[np.int64], time: NDArray[np.float64]) -> CrackSurface:
+def mesh_faces_between_pairs(nodes: Nodes, pairs: NDArray[np.int64], opening_time: NDArray[np.float64]) -> CrackSurface:
     """The faces between `pairs` (f, 2) of neighbours that parted at `time` (f,), s, in this order."""
     finer = np.take_along_axis(pairs, nodes.delta[pairs].argmin(axis=1)[:, None], axis=1)[:, 0]
     way = nodes.position[pairs.sum(axis=1) - finer] - nodes.position[finer]
@@ -195,9 +200,13 @@ def mesh_faces(nodes: Nodes, pairs: NDArray[np.int64], time: NDArray[np.float64]
     edges, sides = np.unique(every, axis=0, return_inverse=True)
     free = np.bincount(sides.ravel(), minlength=len(edges)) == 1
     cubes = NodeCubes(nodes)
-    inside = _edges_are_inside(cubes, stairs[edges])
-    corners = _smooth_corners(stairs, edges, free, _corners_are_fixed(cubes, stairs, edges[free], inside[free]))
-    return CrackSurface(corners, faces, time, quadrilateral_areas(corners[faces]), edges, sides.reshape(-1, 4), inside)
+    inside = _edges_are_inside_body(cubes, stairs[edges])
+    corners = _smooth_corners(
+        stairs, edges, free, _corners_are_fixed_in_smoothing(cubes, stairs, edges[free], inside[free])
+    )
+    return CrackSurface(
+        corners, faces, opening_time, quadrilateral_areas(corners[faces]), edges, sides.reshape(-1, 4), inside
+    )
 
 
 class NodeCubes:
@@ -212,7 +221,7 @@ class NodeCubes:
         return np.asarray(away < (0.5 + NEAR) * self._delta[nearest])
 
 
-def _edges_are_inside(cubes: NodeCubes, edges: NDArray[np.float64]) -> NDArray[np.bool_]:
+def _edges_are_inside_body(cubes: NodeCubes, edges: NDArray[np.float64]) -> NDArray[np.bool_]:
     """Mask (e,) of edges (e, 2, 3) of cubes that are between four cubes."""
     if not len(edges):
         return np.zeros(0, dtype=bool)
@@ -228,7 +237,7 @@ def _edges_are_inside(cubes: NodeCubes, edges: NDArray[np.float64]) -> NDArray[n
     return inside
 
 
-def _corners_are_fixed(
+def _corners_are_fixed_in_smoothing(
     cubes: NodeCubes, corners: NDArray[np.float64], free_edges: NDArray[np.int64], edge_is_inside: NDArray[np.bool_]
 ) -> NDArray[np.bool_]:
     """Mask (p,) of corners on edges of the body, and of those where `free_edges` (k, 2) edges inside meet others."""

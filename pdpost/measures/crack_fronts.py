@@ -17,17 +17,17 @@ KNOWN = 0.5  # share of the scatter of times that a plane must explain
 Polyline = NDArray[np.float64]  # (k, 3) m
 
 
-def front_edges(cracks: CrackSurface, time: float) -> NDArray[np.int64]:
+def front_edges_at(cracks: CrackSurface, time: float) -> NDArray[np.int64]:
     """The edges (k,) inside the body where the surface that is open at `time`, s, ends."""
-    open_now = cracks.time <= time
-    uses = np.bincount(cracks.edges_of_face[open_now].ravel(), minlength=len(cracks.edges))
-    return np.flatnonzero((uses == 1) & cracks.edge_is_inside)
+    open_now = cracks.opening_time <= time
+    uses = np.bincount(cracks.face_edges[open_now].ravel(), minlength=len(cracks.edge_corners))
+    return np.flatnonzero((uses == 1) & cracks.edge_is_inside_body)
 
 
-def front_lines(cracks: CrackSurface, time: float) -> list[Polyline]:
+def front_lines_at(cracks: CrackSurface, time: float) -> list[Polyline]:
     """The front at `time`, s, as lines; the longest first, closed ones end where they begin."""
-    edges = cracks.edges[front_edges(cracks, time)]
-    lines = [cracks.corners[chain] for chain in edge_chains(edges)]
+    edges = cracks.edge_corners[front_edges_at(cracks, time)]
+    lines = [cracks.corners[chain] for chain in chain_edges(edges)]
     return sorted(lines, key=lambda line: -line_length(line))
 
 
@@ -36,7 +36,7 @@ def line_length(line: Polyline) -> float:
     return float(np.linalg.norm(np.diff(line, axis=0), axis=1).sum())
 
 
-def edge_chains(edges: NDArray[np.int64]) -> list[list[int]]:
+def chain_edges(edges: NDArray[np.int64]) -> list[list[int]]:
     """Edges (k, 2) between corners as chains of corners; each edge is in one, chains end where not two edges meet."""
     at: dict[int, list[int]] = {}
     for number, ends in enumerate(edges.tolist()):
@@ -62,16 +62,16 @@ def edge_chains(edges: NDArray[np.int64]) -> list[list[int]]:
     return corner_chains
 
 
-def face_speeds(cracks: CrackSurface) -> NDArray[np.float64]:
+def estimate_front_speed_over_faces(cracks: CrackSurface) -> NDArray[np.float64]:
     """The speed (f,) at which the front went over each face, m/s: one over the slope of the opening times around it.
 
     NaN of pre-cracks, and where a plane through these times explains less than half of their scatter.
     """
-    speed, new_faces = np.full(len(cracks.faces), np.nan), np.flatnonzero(cracks.is_grown)
+    speed, new_faces = np.full(len(cracks.face_corners), np.nan), np.flatnonzero(cracks.face_opened_during_run)
     if len(new_faces) < FEWEST:
         return speed
-    place, time = cracks.face_centres[new_faces], cracks.time[new_faces]
-    size = float(np.sqrt(np.median(cracks.area[new_faces])))
+    place, time = cracks.face_centres[new_faces], cracks.opening_time[new_faces]
+    size = float(np.sqrt(np.median(cracks.face_area[new_faces])))
     near = cKDTree(place).query_pairs(AROUND * size, output_type="ndarray")
     face, neighbour = np.concatenate([near, near[:, ::-1]]).T
     face_numbers = np.arange(len(new_faces))

@@ -21,7 +21,7 @@ from scipy.sparse import csr_array
 from scipy.spatial import cKDTree
 
 from pdmesh.model.output_fields import CRACKED
-from pdpost.measures.cracked_nodes import LINKED, ROUND_OFF, cracked_since, separation_at
+from pdpost.measures.cracked_nodes import LINKED, ROUND_OFF, damage_with_pre_cracks_at, first_cracked_step_of_nodes
 from pdsolve.results import Results
 
 ABREAST = 0.5  # local spacings: nodes no further apart along a crack are beside each other
@@ -32,12 +32,14 @@ class CrackedNodes(NamedTuple):
     """The c nodes that have cracked since the start, and the cracks they belong to."""
 
     position: NDArray[np.float64]  # (c, 2) m
-    delta: NDArray[np.float64]  # (c,) spacing, m
-    damage: NDArray[np.float64]  # (c,)
-    crack: NDArray[np.int64]  # (c,) number of the crack; -1: none, a crumb
-    reached_step: NDArray[np.int64]  # (c,) step in which the crack came to the node, or joined it if it cracked ahead
-    level: NDArray[np.float64]  # (c,) spacings from where the crack began, along the way it came
-    links: csr_array  # (c, c) spacings between nodes that touch
+    spacing: NDArray[np.float64]  # (c,) spacing, m
+    damage_with_pre_cracks: NDArray[np.float64]  # (c,)
+    crack_number: NDArray[np.int64]  # (c,) number of the crack; -1: none, a crumb
+    crack_arrival_step: NDArray[
+        np.int64
+    ]  # (c,) step in which the crack came to the node, or joined it if it cracked ahead
+    spacings_from_origin: NDArray[np.float64]  # (c,) spacings from where the crack began, along the way it came
+    touching_distances: csr_array  # (c, c) spacings between nodes that touch
 
 
 class _CrackOrigin(NamedTuple):
@@ -49,7 +51,7 @@ class _CrackOrigin(NamedTuple):
 
 def label_cracked_nodes(results: Results, step: int, threshold: float = CRACKED) -> CrackedNodes:
     """The nodes cracked after `step`, without those cracked at the start, each assigned to a crack."""
-    nodes, since = results.nodes(step), cracked_since(results, threshold, step)
+    nodes, since = results.nodes(step), first_cracked_step_of_nodes(results, threshold, step)
     rows = np.flatnonzero((since > 0) & (since <= step))
     position, delta = nodes.position[rows], nodes.delta[rows]
     # a graph of the nodes within 1.5 times the larger spacing of each other, its weights distances in mean spacings
@@ -59,11 +61,11 @@ def label_cracked_nodes(results: Results, step: int, threshold: float = CRACKED)
     near, far = near[close], far[close] / delta[near[close]].mean(axis=1)
     ends = near.T.ravel(), near[:, ::-1].T.ravel()
     links = csr_array((np.tile(far, 2), ends), (len(rows), len(rows)))
-    spread = _spread_cracks(links, since[rows], _find_crack_origins(links, position, delta, since[rows]))
-    return CrackedNodes(position, delta, separation_at(results, step)[rows], *spread, links)
+    spread = _spread_cracks_from_origins(links, since[rows], _find_crack_origins(links, position, delta, since[rows]))
+    return CrackedNodes(position, delta, damage_with_pre_cracks_at(results, step)[rows], *spread, links)
 
 
-class _Patches:
+class _NodePatchUnionFind:
     """A union-find of touching nodes, joined step by step; each patch is represented by one of its nodes."""
 
     def __init__(
@@ -76,14 +78,14 @@ class _Patches:
             _CrackOrigin(step, [node]) for node, step in enumerate(cracked_step.tolist())
         ]
 
-    def representative(self, node: int) -> int:
+    def find_representative(self, node: int) -> int:
         """The representative node of a node's patch."""
         while self.parent[node] != node:
             self.parent[node] = self.parent[self.parent[node]]
             node = self.parent[node]
         return node
 
-    def join(self, patches: list[int]) -> _CrackOrigin | None:
+    def join_patches(self, patches: list[int]) -> _CrackOrigin | None:
         """Join several patches; returns the origin if the result becomes a crack. The root of a crack is None."""
         largest = max(patches, key=lambda patch: len(self.members[patch]))
         roots = [self.roots[patch] for patch in patches]
@@ -101,39 +103,43 @@ class _Patches:
         rows = self.members[largest]
         far = np.hypot(*(self.position[rows] - self.position[began.nodes].mean(axis=0)).T)
         if (far >= SHORTEST * self.delta[rows]).any():
-            return _CrackOrigin(first, self._origin_nodes(began.nodes, rows))
+            return _CrackOrigin(first, self._choose_origin_nodes(began.nodes, rows))
         self.roots[largest] = began
         return None
 
-    def _origin_nodes(self, first: list[int], rows: list[int]) -> list[int]:
+    def _choose_origin_nodes(self, first_nodes: list[int], patch_nodes: list[int]) -> list[int]:
         """Origin of a crack: the nodes that cracked first or, if they are many, those furthest from their centre."""
-        apart = np.hypot(*(self.position[first] - self.position[first].mean(axis=0)).T)
-        if (apart <= SHORTEST / 2 * self.delta[first]).all():
-            return first
-        far = np.hypot(*(self.position[first] - self.position[rows].mean(axis=0)).T)
-        return [node for node, off in zip(first, far, strict=True) if off >= far.max() - ABREAST * self.delta[node]]
+        apart = np.hypot(*(self.position[first_nodes] - self.position[first_nodes].mean(axis=0)).T)
+        if (apart <= SHORTEST / 2 * self.delta[first_nodes]).all():
+            return first_nodes
+        far = np.hypot(*(self.position[first_nodes] - self.position[patch_nodes].mean(axis=0)).T)
+        return [
+            node for node, off in zip(first_nodes, far, strict=True) if off >= far.max() - ABREAST * self.delta[node]
+        ]
 
 
 def _find_crack_origins(
     touching: csr_array, position: NDArray[np.float64], delta: NDArray[np.float64], cracked_step: NDArray[np.int64]
 ) -> list[_CrackOrigin]:
     """Origins of the cracks, oldest first."""
-    patches = _Patches(position, delta, cracked_step)
+    patches = _NodePatchUnionFind(position, delta, cracked_step)
     roots = []
-    for links in _touching_pairs_by_step(touching, cracked_step):
+    for links in _group_touching_pairs_by_step(touching, cracked_step):
         pairs = {
             (min(pair), max(pair))
             for node, neighbour in links
-            if len(pair := {patches.representative(node), patches.representative(neighbour)}) > 1
+            if len(pair := {patches.find_representative(node), patches.find_representative(neighbour)}) > 1
         }
-        for together in _connected_groups(pairs):
-            root = patches.join(together)
+        for together in _connected_components_of_pairs(pairs):
+            root = patches.join_patches(together)
             if root is not None:
                 roots.append(root)
     return sorted(roots, key=lambda root: (root.step, min(root.nodes)))
 
 
-def _touching_pairs_by_step(touching: csr_array, cracked_step: NDArray[np.int64]) -> Iterator[list[tuple[int, int]]]:
+def _group_touching_pairs_by_step(
+    touching: csr_array, cracked_step: NDArray[np.int64]
+) -> Iterator[list[tuple[int, int]]]:
     """Groups of pairs of touching nodes, one for each step from which both nodes are cracked."""
     links = touching.tocoo()
     once = links.row < links.col
@@ -145,7 +151,7 @@ def _touching_pairs_by_step(touching: csr_array, cracked_step: NDArray[np.int64]
         yield [(a, b) for _, a, b in group]
 
 
-def _connected_groups(pairs: set[tuple[int, int]]) -> list[list[int]]:
+def _connected_components_of_pairs(pairs: set[tuple[int, int]]) -> list[list[int]]:
     """The parts of a small graph."""
     linked: dict[int, set[int]] = {}
     for first, second in pairs:
@@ -162,7 +168,7 @@ def _connected_groups(pairs: set[tuple[int, int]]) -> list[list[int]]:
     return parts
 
 
-def _spread_cracks(
+def _spread_cracks_from_origins(
     touching: csr_array, cracked_step: NDArray[np.int64], origins: list[_CrackOrigin]
 ) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.float64]]:
     """Let the cracks spread from their roots; returns crack, reached and level (c,) of `CrackedNodes`.

@@ -28,27 +28,27 @@ ROUND_OFF = 1e-6
 SAME_PLACE = 1e-12  # m: ends of pre-cracks as near as that are one
 
 
-class _BondKeys(msgspec.Struct):
+class _BondGridFileKeys(msgspec.Struct):
     """The keys of the grid file that say who is bonded."""
 
     horizon: Horizon = Horizon()
     material: Material | None = None
 
 
-def separation_at(results: Results, step: int) -> NDArray[np.float64]:
+def damage_with_pre_cracks_at(results: Results, step: int) -> NDArray[np.float64]:
     """Separation (n,) of the living nodes after any step, also between frames; see above."""
-    family, broken_count = _bonds_and_broken_at(results, step)
+    family, broken_count = _count_bonds_and_broken_bonds_at(results, step)
     return np.asarray(broken_count / np.maximum(family, 1))
 
 
-def damage_at(results: Results, step: int) -> NDArray[np.float64]:
+def damage_without_pre_cracks_at(results: Results, step: int) -> NDArray[np.float64]:
     """Damage (n,) of the living nodes after any step, also between frames; see above."""
-    family, broken_count = _bonds_and_broken_at(results, step)
+    family, broken_count = _count_bonds_and_broken_bonds_at(results, step)
     cut = _count_bonds_cut_by_pre_cracks(results, step)
     return np.asarray((broken_count - cut) / np.maximum(family - cut, 1))
 
 
-def _bonds_and_broken_at(results: Results, step: int) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+def _count_bonds_and_broken_bonds_at(results: Results, step: int) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
     """Bonds (n,) of the living nodes, and those of them that are gone after a step."""
     lives, breaks, rows = results.lives(), results.breaks(), results.rows(step)
     before = breaks.step <= step
@@ -70,7 +70,7 @@ def _count_bonds_cut_by_pre_cracks(results: Results, step: int) -> NDArray[np.in
         return cut
     crossing = np.zeros(len(rows), dtype=np.int64)
     if len(cracks):
-        bonded, nowhere = read(results, _BondKeys), np.full(len(rows), -1)
+        bonded, nowhere = read(results, _BondGridFileKeys), np.full(len(rows), -1)
         margin = 0.5 if bonded.material is not None and has_partial_cells(bonded.material) else 0.0
         around = Neighbours(nodes.position, nodes.delta, (bonded.horizon.ratio + margin) * nodes.delta, mutual=True)
         grid = Grid(nodes.ids, nodes.position, nodes.delta, nowhere >= 0, nowhere, cracks)
@@ -79,7 +79,9 @@ def _count_bonds_cut_by_pre_cracks(results: Results, step: int) -> NDArray[np.in
     return np.where(lives.birth[rows] > 0, np.minimum(cut, crossing), cut)
 
 
-def cracked_since(results: Results, threshold: float = CRACKED, step: int | None = None) -> NDArray[np.int64]:
+def first_cracked_step_of_nodes(
+    results: Results, threshold: float = CRACKED, step: int | None = None
+) -> NDArray[np.int64]:
     """The step (n,) from which each node's separation exceeds `threshold`; -1 for nodes that stay sound.
 
     The nodes are those at `step`, by default those of the last frame.
@@ -100,14 +102,14 @@ def cracked_since(results: Results, threshold: float = CRACKED, step: int | None
     ends, hurt = np.argsort(lives.death, kind="stable"), count > 0
     for epoch in results.epochs()[1:].tolist():
         born, died = (slice(*np.searchsorted(steps, [epoch, epoch + 1])) for steps in (lives.birth, lives.death[ends]))
-        _inherit_cracked_step(lives, np.arange(len(since))[born], ends[died], since, hurt)
+        _inherit_cracked_step_of_replaced_nodes(lives, np.arange(len(since))[born], ends[died], since, hurt)
     return since[results.rows(step)]
 
 
-def _inherit_cracked_step(
+def _inherit_cracked_step_of_replaced_nodes(
     lives: Lives,
-    born: NDArray[np.int64],
-    died: NDArray[np.int64],
+    born_rows: NDArray[np.int64],
+    died_rows: NDArray[np.int64],
     cracked_step: NDArray[np.int64],
     broken: NDArray[np.bool_],
 ) -> None:
@@ -117,25 +119,27 @@ def _inherit_cracked_step(
     `cracked_step` (r,) and `broken` (r,), whether bonds broke during the run, cover all nodes that ever lived.
     """
     place, half, birth = lives.nodes.position, lives.nodes.delta / 2, lives.birth
-    if len(born) and len(died):
-        reach = half[born] + half[died].max()
-        near = tree_of(place[died]).query_ball_point(place[born], reach * (1 + ROUND_OFF), p=np.inf)
+    if len(born_rows) and len(died_rows):
+        reach = half[born_rows] + half[died_rows].max()
+        near = tree_of(place[died_rows]).query_ball_point(place[born_rows], reach * (1 + ROUND_OFF), p=np.inf)
         count = np.array([len(rows) for rows in near])
-        born_row = np.repeat(born, count)
-        died_row = died[np.concatenate([np.zeros(0, dtype=np.int64), *near]).astype(np.int64)]
+        born_row = np.repeat(born_rows, count)
+        died_row = died_rows[np.concatenate([np.zeros(0, dtype=np.int64), *near]).astype(np.int64)]
         apart = np.abs(place[born_row] - place[died_row]).max(axis=1)
         touch = apart < (half[born_row] + half[died_row]) * (1 - ROUND_OFF)
         born_row, died_row = born_row[touch], died_row[touch]
         broken[born_row[broken[died_row]]] = True
         cracked = (cracked_step[died_row] >= 0) & (cracked_step[born_row] == birth[born_row])
         np.minimum.at(cracked_step, born_row[cracked], cracked_step[died_row[cracked]])
-    cracked_step[born[(cracked_step[born] == birth[born]) & ~broken[born]]] = 0
+    cracked_step[born_rows[(cracked_step[born_rows] == birth[born_rows]) & ~broken[born_rows]]] = 0
 
 
-def pre_crack_tips(cracks: NDArray[np.float64]) -> list[tuple[NDArray[np.float64], NDArray[np.float64]]]:
+def pre_crack_tips_and_headings(
+    pre_cracks: NDArray[np.float64],
+) -> list[tuple[NDArray[np.float64], NDArray[np.float64]]]:
     """Ends of pre-cracks (k, 4) that no other segment touches, each with the unit vector of the arriving crack."""
-    ends = np.concatenate([cracks[:, :2], cracks[:, 2:]])
-    starts = np.concatenate([cracks[:, 2:], cracks[:, :2]])
+    ends = np.concatenate([pre_cracks[:, :2], pre_cracks[:, 2:]])
+    starts = np.concatenate([pre_cracks[:, 2:], pre_cracks[:, :2]])
     if not len(ends):
         return []
     alone = tree_of(ends).query_ball_point(ends, SAME_PLACE, p=np.inf, return_length=True) == 1

@@ -15,8 +15,8 @@ from scipy.spatial import cKDTree
 
 from pdmesh.model.graphs import connected
 from pdmesh.model.output_fields import CRACKED
-from pdpost.measures.cracked_nodes import LINKED, ROUND_OFF, cracked_since
-from pdpost.measures.tips import Branch, crack_branches, find_forks
+from pdpost.measures.cracked_nodes import LINKED, ROUND_OFF, first_cracked_step_of_nodes
+from pdpost.measures.tips import CrackBranch, crack_branches, find_forks
 from pdsolve.results import Nodes, Results
 
 ADVANCE = 1.5  # of the finest spacing: a crack this far from what was cracked at first has started
@@ -26,7 +26,7 @@ DIRECTIONS = {"right": (1.0, 0.0), "left": (-1.0, 0.0), "up": (0.0, 1.0), "down"
 
 
 @dataclass(frozen=True)
-class Event:
+class CrackEvent:
     """Something that happened to a crack, and how far along its direction; None where a place has no meaning."""
 
     step: int
@@ -38,20 +38,20 @@ class Event:
 class CrackEvents:
     """Events of a crack; those that did not happen are None."""
 
-    first_break: Event | None
+    first_break: CrackEvent | None
     initial_tip: float | None  # m; None where nothing was cracked before
-    start: Event | None
-    branching: Event | None
-    split: Event | None
+    start: CrackEvent | None
+    branching: CrackEvent | None
+    split: CrackEvent | None
     final_tip: float | None  # m
 
 
-def crack_events(
+def find_crack_events(
     results: Results,
     direction: tuple[float, float] = (1.0, 0.0),
     threshold: float = CRACKED,
     step: int | None = None,
-    branches: Sequence[Branch] | None = None,
+    branches: Sequence[CrackBranch] | None = None,
 ) -> CrackEvents:
     """Events of the cracks of a run until `step` (default: its end), along the unit vector `direction`.
 
@@ -59,7 +59,7 @@ def crack_events(
     away from all that were cracked at first, or the first cracked node of all if none was; for cracks of particles, the
     first growth. Branching: the first fork of `branches`, by default of `crack_branches`. Split: see `plate_is_split`.
     """
-    nodes, breaks, since = results.nodes(step), results.breaks(), cracked_since(results, threshold, step)
+    nodes, breaks, since = results.nodes(step), results.breaks(), first_cracked_step_of_nodes(results, threshold, step)
     until = np.inf if step is None else step
     since = np.where(since <= until, since, -1)
     time_step = float(results.meta()["time_step"])
@@ -69,32 +69,37 @@ def crack_events(
     if (since == 0).any():
         away, _ = cKDTree(nodes.position[since == 0]).query(nodes.position)
         begins &= away >= (ADVANCE - ROUND_OFF) * nodes.delta.min()
-    when, grown, ends = since, since[begins], (_largest_or_none(along[since == 0]), _largest_or_none(along[since >= 0]))
+    when, grown, ends = (
+        since,
+        since[begins],
+        (_largest_value_or_none(along[since == 0]), _largest_value_or_none(along[since >= 0])),
+    )
     particles = results.particles()
     if len(particles.place):
         along, when = particles.place @ axis, particles.step
         grown = when[(when > 0) & (when <= until)]
-        ends = _largest_or_none(along[when == 0]), _largest_or_none(along[when <= until])
+        ends = _largest_value_or_none(along[when == 0]), _largest_value_or_none(along[when <= until])
     start = None
     if len(grown):
         begun = int(grown.min())
-        start = Event(begun, begun * time_step, _largest_or_none(along[when == begun]))
+        start = CrackEvent(begun, begun * time_step, _largest_value_or_none(along[when == begun]))
     branches = crack_branches(results, step, threshold) if branches is None else branches
     forked = [
-        Event(round(fork.time / time_step), fork.time, float(axis @ fork.place)) for fork in find_forks(branches)[:1]
+        CrackEvent(round(fork.time / time_step), fork.time, float(axis @ fork.place))
+        for fork in find_forks(branches)[:1]
     ]
     first = breaks.step[:1][breaks.step[:1] <= until].tolist()
     return CrackEvents(
-        first_break=Event(first[0], first[0] * time_step) if first else None,
+        first_break=CrackEvent(first[0], first[0] * time_step) if first else None,
         initial_tip=ends[0],
         start=start,
         branching=forked[0] if forked else None,
-        split=_first_split_event(nodes, since, time_step),
+        split=_find_first_split_event(nodes, since, time_step),
         final_tip=ends[1],
     )
 
 
-def _largest_or_none(along: NDArray[np.float64]) -> float | None:
+def _largest_value_or_none(along: NDArray[np.float64]) -> float | None:
     return float(along.max()) if len(along) else None
 
 
@@ -124,7 +129,7 @@ def plate_is_split(nodes: Nodes, cracked: NDArray[np.bool_]) -> bool:
     return int((piece > PIECE * len(cracked)).sum()) > 1
 
 
-def _first_split_event(nodes: Nodes, cracked_step: NDArray[np.int64], time_step: float) -> Event | None:
+def _find_first_split_event(nodes: Nodes, cracked_step: NDArray[np.int64], time_step: float) -> CrackEvent | None:
     """The first step at which the plate is split, by bisection, as a cracked node stays cracked."""
     steps = np.unique(cracked_step[cracked_step >= 0])
     low, high = 0, len(steps)
@@ -134,4 +139,4 @@ def _first_split_event(nodes: Nodes, cracked_step: NDArray[np.int64], time_step:
             high = middle
         else:
             low = middle + 1
-    return None if low == len(steps) else Event(int(steps[low]), int(steps[low]) * time_step)
+    return None if low == len(steps) else CrackEvent(int(steps[low]), int(steps[low]) * time_step)

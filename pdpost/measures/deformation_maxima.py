@@ -14,7 +14,7 @@ TOGETHER = 2_000_000  # bonds that are looked at at once
 
 def largest_displacement(results: Results) -> float | None:
     """The largest displacement of any node in all frames, m; None if no frame holds displacements."""
-    displacements = (_frame_displacement(results, step) for step in frames(results)[0].tolist())
+    displacements = (_read_frame_displacements(results, step) for step in frames(results)[0].tolist())
     return max(
         (float(np.linalg.norm(u, axis=1).max(initial=0.0)) for u in displacements if u is not None), default=None
     )
@@ -23,7 +23,7 @@ def largest_displacement(results: Results) -> float | None:
 def largest_stretch(results: Results) -> float | None:
     """The largest stretch of a bond that is intact in the last frame; None if it has no displacements."""
     step = last_frame(results)
-    u = _frame_displacement(results, step)
+    u = _read_frame_displacements(results, step)
     if u is None:
         return None
     families, position = results.families(step), results.nodes(step).position
@@ -38,7 +38,7 @@ def largest_stretch(results: Results) -> float | None:
     return max(largest, default=None)
 
 
-def _frame_displacement(results: Results, step: int) -> NDArray[np.float64] | None:
+def _read_frame_displacements(results: Results, step: int) -> NDArray[np.float64] | None:
     """Displacements (n, d) of a frame, m, or None if it has none."""
     names, stored = ("ux", "uy", "uz")[: results.dimension], results.stored(step)
     if not set(names) <= set(stored):

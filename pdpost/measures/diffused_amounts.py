@@ -19,7 +19,7 @@ class MassBalance(NamedTuple):
     """Balance of a diffusion run at t times; for a plate, per unit thickness.
 
     Amounts are in mol. Those of heat are in K m^d as `mass_balance` reads them, and in the unit that
-    `balance_with_unit` returns.
+    `mass_balance_with_unit` returns.
     """
 
     step: NDArray[np.int64]  # (t,)
@@ -27,23 +27,23 @@ class MassBalance(NamedTuple):
     inside: NDArray[np.float64]  # (t,) in all nodes, what is solid counted
     through: NDArray[np.float64]  # (t,) gone out through nodes of prescribed content
     supplied: NDArray[np.float64]  # (t,)
-    solid: NDArray[np.float64]  # (t,) m^d
+    solid_volume: NDArray[np.float64]  # (t,) m^d
     dissolved: NDArray[np.float64]  # (t,) mol that was solid
-    surface: NDArray[np.float64]  # (t,) m^(d - 1) of what is solid
-    left: NDArray[np.float64]  # (t,) of the solid there was; NaN without any
+    solid_surface_area: NDArray[np.float64]  # (t,) m^(d - 1) of what is solid
+    solid_share_left: NDArray[np.float64]  # (t,) of the solid there was; NaN without any
     error: NDArray[np.float64]  # (t,) of the balance, over what there was or was supplied
 
 
-class _MediumKeys(msgspec.Struct):
+class _MediumGridFileKeys(msgspec.Struct):
     """The key of the grid file that says what amounts are of."""
 
     medium: Medium | None = None
 
 
-def balance_with_unit(results: Results) -> tuple[MassBalance, str]:
+def mass_balance_with_unit(results: Results) -> tuple[MassBalance, str]:
     """The balance of a run, and the unit of its amounts: mol; of heat J or J/m, or K m^d where its heat capacity is not
     known. Raises ResultsError for a run of mechanics."""
-    balance, medium = mass_balance(results), read(results, _MediumKeys).medium
+    balance, medium = mass_balance(results), read(results, _MediumGridFileKeys).medium
     factor, unit = (1.0, "mol") if medium is None else amount_of(medium, results.dimension)
     return balance._replace(**{name: factor * getattr(balance, name) for name in AMOUNTS}), unit
 
@@ -59,4 +59,5 @@ def mass_balance(results: Results) -> MassBalance:
     missing = inside + through - supplied - inside[0]
     scale = np.maximum(inside[0], np.maximum(np.abs(supplied), np.abs(through)))
     solid_share = solid / solid[0] if solid[0] > 0 else np.full(len(solid), np.nan)
-    return MassBalance(**columns, left=solid_share, error=missing / np.where(scale > 0, scale, 1.0))
+    columns |= {"solid_volume": columns.pop("solid"), "solid_surface_area": columns.pop("surface")}
+    return MassBalance(**columns, solid_share_left=solid_share, error=missing / np.where(scale > 0, scale, 1.0))

@@ -14,9 +14,9 @@ from numpy.typing import NDArray
 from scipy.special import stdtrit
 
 from pdpost.measures.crack_labels import SHORTEST
-from pdpost.measures.cracked_nodes import pre_crack_tips
+from pdpost.measures.cracked_nodes import pre_crack_tips_and_headings
 from pdpost.measures.speed import SURE
-from pdpost.measures.tips import ARM, BEGINS, NEAR_TIP, Branch, fit_direction
+from pdpost.measures.tips import ARM, BEGINS, NEAR_TIP, CrackBranch, fit_line_direction
 from pdsolve.results import Results
 
 STRAIGHT = 1.0  # local spacings: a stretch with a point further off its line is not straight
@@ -27,65 +27,74 @@ BEHIND = 135.0  # degrees: what turns back further runs along its notch
 
 
 @dataclass(frozen=True)
-class CrackDirection:
+class InitialCrackDirection:
     """The angle between a crack and the pre-crack that it starts from, positive to the left."""
 
-    tip: tuple[float, float]  # m
-    angle: float  # degrees from the line of the pre-crack
-    low: float  # degrees, with `high` the band that it is in with a probability of 0.95
-    high: float
-    length: float  # m of the crack, from the tip, that the line is through
-    whole: float  # degrees, of a line through all of the crack until it forks or ends
+    pre_crack_tip: tuple[float, float]  # m
+    angle_from_pre_crack: float  # degrees from the line of the pre-crack
+    lowest_angle: float  # degrees, with `high` the band that it is in with a probability of 0.95
+    highest_angle: float
+    fitted_length: float  # m of the crack, from the tip, that the line is through
+    overall_angle: float  # degrees, of a line through all of the crack until it forks or ends
 
 
-def measure_directions(results: Results, branches: Sequence[Branch]) -> list[CrackDirection]:
+def measure_initial_directions(results: Results, branches: Sequence[CrackBranch]) -> list[InitialCrackDirection]:
     """Directions of the cracks from each tip of a pre-crack, from all `branches` (see `crack_branches`).
 
     A crack that forks within five spacings of the tip has a direction for each arm. A crack of particles has the
     direction of its first arm.
     """
     crack_directions = []
-    for tip, heading in pre_crack_tips(results.cracks()):
+    for tip, heading in pre_crack_tips_and_headings(results.cracks()):
         for first in branches:
-            if np.hypot(*(first.place[0] - tip)) > BEGINS * first.spacing[0]:
+            if np.hypot(*(first.points[0] - tip)) > BEGINS * first.node_spacing[0]:
                 continue
-            for branch in _branches_to_measure(first, branches):
-                way = _branch_direction(branch, tip, heading)
-                if way is not None and abs(way.angle) <= BEHIND:
+            for branch in _branch_or_arms_if_short(first, branches):
+                way = _measure_branch_direction(branch, tip, heading)
+                if way is not None and abs(way.angle_from_pre_crack) <= BEHIND:
                     crack_directions.append(way)
     return crack_directions
 
 
-def _branches_to_measure(branch: Branch, branches: Sequence[Branch]) -> list[Branch]:
+def _branch_or_arms_if_short(branch: CrackBranch, branches: Sequence[CrackBranch]) -> list[CrackBranch]:
     """The branch itself or, if it is too short for a direction, its arms."""
     arms = [candidate for candidate in branches if candidate.begin_joint == branch.end_joint]
-    if branch.is_of_particles or branch.length >= SHORTEST * branch.spacing[0] or not arms:
+    if branch.is_of_particles or branch.length >= SHORTEST * branch.node_spacing[0] or not arms:
         return [branch]
-    return [leaving_arm for arm in arms for leaving_arm in _branches_to_measure(arm, branches)]
+    return [leaving_arm for arm in arms for leaving_arm in _branch_or_arms_if_short(arm, branches)]
 
 
-def _branch_direction(branch: Branch, tip: NDArray[np.float64], heading: NDArray[np.float64]) -> CrackDirection | None:
+def _measure_branch_direction(
+    branch: CrackBranch, tip: NDArray[np.float64], heading: NDArray[np.float64]
+) -> InitialCrackDirection | None:
     """The direction of a branch; None if it has too few points."""
     place = (float(tip[0]), float(tip[1]))
     if branch.is_of_particles:
         angle, overall_angle = (
-            _signed_angle(way, heading) for way in (branch.direction[0], fit_direction(branch.place))
+            _signed_angle_from_heading(way, heading) for way in (branch.direction[0], fit_line_direction(branch.points))
         )
-        return CrackDirection(place, angle, angle, angle, float(branch.along[1] - branch.along[0]), overall_angle)
-    beyond = np.hypot(*(branch.place - tip).T) > NEAR_TIP * branch.spacing
+        return InitialCrackDirection(
+            place,
+            angle,
+            angle,
+            angle,
+            float(branch.length_along_crack[1] - branch.length_along_crack[0]),
+            overall_angle,
+        )
+    beyond = np.hypot(*(branch.points - tip).T) > NEAR_TIP * branch.node_spacing
     first = int(beyond.argmax()) if beyond.sum() >= FEWEST else 0
-    points, spacing, along = branch.place[first:], branch.spacing[first:], branch.along[first:]
+    points, spacing, along = branch.points[first:], branch.node_spacing[first:], branch.length_along_crack[first:]
     if len(points) < FEWEST:
         return None
     count = _count_straight_points(points, spacing, along - along[0])
     line, free = points[:count], count - 2
     # the uncertainty is Student's, but not below the resolution of the nodes
     scatter = float(stdtrit(free, (1 + SURE) / 2)) * np.sqrt((_distances_from_fitted_line(line) ** 2).sum() / free)
-    from_middle = (line - line.mean(axis=0)) @ fit_direction(line)
+    from_middle = (line - line.mean(axis=0)) @ fit_line_direction(line)
     slope = max(float(scatter), NORMAL * PLACED * float(spacing[:count].max())) / np.sqrt((from_middle**2).sum())
-    angle, off = _signed_angle(fit_direction(line), heading), float(np.degrees(np.arctan(slope)))
-    length, overall_angle = float(along[count - 1]), _signed_angle(fit_direction(points), heading)
-    return CrackDirection(place, angle, angle - off, angle + off, length, overall_angle)
+    angle, off = _signed_angle_from_heading(fit_line_direction(line), heading), float(np.degrees(np.arctan(slope)))
+    length, overall_angle = float(along[count - 1]), _signed_angle_from_heading(fit_line_direction(points), heading)
+    return InitialCrackDirection(place, angle, angle - off, angle + off, length, overall_angle)
 
 
 def _count_straight_points(
@@ -104,10 +113,10 @@ def _count_straight_points(
 
 def _distances_from_fitted_line(points: NDArray[np.float64]) -> NDArray[np.float64]:
     """Distances (k,) of points from the straight line through them, m."""
-    x, y = fit_direction(points)
+    x, y = fit_line_direction(points)
     return np.asarray((points - points.mean(axis=0)) @ np.array([-y, x]))
 
 
-def _signed_angle(direction: NDArray[np.float64], heading: NDArray[np.float64]) -> float:
+def _signed_angle_from_heading(direction: NDArray[np.float64], heading: NDArray[np.float64]) -> float:
     """Angle in degrees from the unit vector `heading` to the unit vector `direction`, positive to the left."""
     return float(np.degrees(np.arctan2(heading[0] * direction[1] - heading[1] * direction[0], heading @ direction)))

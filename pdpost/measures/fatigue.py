@@ -37,16 +37,16 @@ FIRST, ROUNDS = 3.0, 20  # slope to begin with, and how often it is taken anew
 CYCLES = Cycled._fields.index("cycles")
 
 
-class TipGrowth(NamedTuple):
+class TipFatigueGrowth(NamedTuple):
     """A tip at t frames, and its t - 1 ways from one to the next."""
 
     name: str
     cycles: Array  # (t,)
-    length: Array  # (t,) m, that the crack has grown since the start of the run
+    grown_length: Array  # (t,) m, that the crack has grown since the start of the run
     K: Array  # (t,) Pa m^0.5
     dK: Array  # (t,) Pa m^0.5
-    rate: Array  # (t - 1,) m a cycle
-    settled: NDArray[np.bool_]  # (t - 1,) whether it is beyond the start, which is slower
+    growth_per_cycle: Array  # (t - 1,) m a cycle
+    is_past_slow_start: NDArray[np.bool_]  # (t - 1,) whether it is beyond the start, which is slower
 
 
 class ParisLine(NamedTuple):
@@ -54,10 +54,10 @@ class ParisLine(NamedTuple):
 
     C: float  # m a cycle at 1 Pa m^0.5
     m: float
-    points: int
+    point_count: int
     scatter: float  # of points about it: the standard deviation of log10 of the growth
 
-    def growth_rate(self, dK: Array) -> Array:
+    def growth_per_cycle(self, dK: Array) -> Array:
         """Growth a cycle, m."""
         return np.asarray(self.C * dK**self.m)
 
@@ -66,24 +66,24 @@ class FatigueLife(NamedTuple):
     """What a run under loads that repeat came to."""
 
     name: str
-    cycles: float  # in all
-    cycle_error: float | None  # cycles, estimated, from the length of jumps; None: jumps go from break to break
+    total_cycles: float  # in all
+    total_cycles_error: float | None  # cycles, estimated, from the length of jumps; None: jumps go from break to break
     first_break_cycles: (
         float | None
     )  # cycles until its first bonds broke; None: none did, or the crack is one of particles
-    first_strain_range: float | None  # of the stretch of these bonds
+    first_break_strain_range: float | None  # of the stretch of these bonds
     prescribed_law: Fatigue
-    growths: list[TipGrowth]  # of its cracks; empty: a smooth body
+    tip_growths: list[TipFatigueGrowth]  # of its cracks; empty: a smooth body
     paris_line: ParisLine | None  # Paris's, through these
 
-    def woehler_cycles(self, strain_range: Array) -> Array:
+    def woehler_cycles_to_break(self, strain_range: Array) -> Array:
         """Wöhler's line: cycles until bonds stretched by these ranges break, away from damage."""
         A1, m1 = self.prescribed_law.A1, self.prescribed_law.m1
         if A1 is None or m1 is None:
             return np.full(len(strain_range), np.inf)
         return np.where(strain_range > self.prescribed_law.endurance, 1 / (A1 * strain_range**m1), np.inf)
 
-    def prescribed_growth_rate(self, dK: Array) -> Array | None:
+    def prescribed_growth_per_cycle(self, dK: Array) -> Array | None:
         """Growth a cycle by what the run was given: C and m, or m alone through the middle of the settled points."""
         C, m = self.prescribed_law.C, self.prescribed_law.m
         if m is None or (C is None and self.paris_line is None):
@@ -91,30 +91,32 @@ class FatigueLife(NamedTuple):
         if C is not None:
             return np.asarray(C * dK**m)
         assert self.paris_line is not None
-        rate, at = settled_rates_and_dK(self.growths, m)
+        rate, at = growth_per_cycle_and_dK_past_slow_start(self.tip_growths, m)
         return np.asarray(np.exp(np.log(rate).mean()) * (dK / np.exp(np.log(at).mean())) ** m)
 
 
-def settled_rates_and_dK(growths: Sequence[TipGrowth], m: float) -> Array:
+def growth_per_cycle_and_dK_past_slow_start(growths: Sequence[TipFatigueGrowth], paris_exponent: float) -> Array:
     """Growth a cycle, m, and dK of all settled points, (2, p), for Paris's exponent."""
     columns = [np.empty((2, 0))]
     for growth in growths:
-        good = growth.settled & (growth.rate > 0) & np.isfinite(growth.rate)
-        columns.append(np.array([growth.rate[good], dK_between_frames(growth, m)[good]]))
+        good = growth.is_past_slow_start & (growth.growth_per_cycle > 0) & np.isfinite(growth.growth_per_cycle)
+        columns.append(
+            np.array([growth.growth_per_cycle[good], effective_dK_between_frames(growth, paris_exponent)[good]])
+        )
     return np.concatenate(columns, axis=1)
 
 
-def dK_between_frames(growth: TipGrowth, m: float) -> Array:
+def effective_dK_between_frames(growth: TipFatigueGrowth, paris_exponent: float) -> Array:
     """The dK (t - 1,) to which the growth between two frames belongs, for Paris's exponent."""
     first, last = growth.dK[:-1], growth.dK[1:]
     more = np.log(last / first)
-    steep = np.abs(m * more) > FLAT
+    steep = np.abs(paris_exponent * more) > FLAT
     with np.errstate(divide="ignore", invalid="ignore"):
-        effective_range = first * (m * more / -np.expm1(-m * more)) ** (1 / m)
+        effective_range = first * (paris_exponent * more / -np.expm1(-paris_exponent * more)) ** (1 / paris_exponent)
     return np.where(steep, effective_range, (first + last) / 2)
 
 
-class _FatigueKeys(msgspec.Struct):
+class _FatigueGridFileKeys(msgspec.Struct):
     """The keys of the grid file that fatigue needs."""
 
     horizon: Horizon = Horizon()
@@ -122,13 +124,13 @@ class _FatigueKeys(msgspec.Struct):
     notch: list[Any] = []
 
 
-def fatigue_life(
+def measure_fatigue_life(
     results: Results, steps: Sequence[int], progress: Callable[[list[int]], Iterable[int]] = lambda steps: steps
 ) -> FatigueLife:
     """The life of a run, and the growth of its cracks. Raises ResultsError."""
-    N, model = cycles_after_steps(results), read(results, _FatigueKeys)
+    N, model = cycles_after_steps(results), read(results, _FatigueGridFileKeys)
     said = results.summary()
-    growths = tip_growths(results, steps, progress) if model.notch else []
+    growths = measure_tip_growths(results, steps, progress) if model.notch else []
     first, stretch = (said.get(name) for name in ("first_break", "first_range"))
     broke = first is not None and stretch is not None and stretch > 0
     fatigue = model.run.fatigue or Fatigue()
@@ -145,19 +147,25 @@ def cycles_after_steps(results: Results) -> Array:
     return np.concatenate([[0.0], checkpoint_state["cycled"].reshape(-1, len(Cycled._fields))[:, CYCLES]])
 
 
-def tip_growths(
+def measure_tip_growths(
     results: Results, steps: Sequence[int], progress: Callable[[list[int]], Iterable[int]] = lambda steps: steps
-) -> list[TipGrowth]:
+) -> list[TipFatigueGrowth]:
     """The growth of each tip that has room for J at two frames or more. Raises ResultsError."""
-    N, model = cycles_after_steps(results), read(results, _FatigueKeys)
+    N, model = cycles_after_steps(results), read(results, _FatigueGridFileKeys)
     ratio = 0.0 if model.run.fatigue is None else max(model.run.fatigue.ratio, 0.0)
     growths = []
-    for series in stress_intensities.follow_tips(results, [step for step in steps if step < len(N)], progress=progress):
-        known_frames = np.flatnonzero((series.value["J"] > 0) & np.isfinite(series.place).all(axis=1))
+    for series in stress_intensities.follow_tip_intensities(
+        results, [step for step in steps if step < len(N)], progress=progress
+    ):
+        known_frames = np.flatnonzero((series.value["J"] > 0) & np.isfinite(series.tip_place).all(axis=1))
         if len(known_frames) < 2 or series.last_integrals is None:
             continue
-        begins = series.front.tip_at(0.0)
-        place = series.place[known_frames] if begins is None else np.vstack([begins.place, series.place[known_frames]])
+        begins = series.tip_history.tip_at(0.0)
+        place = (
+            series.tip_place[known_frames]
+            if begins is None
+            else np.vstack([begins.place, series.tip_place[known_frames]])
+        )
         K = np.sqrt(series.value["J"][known_frames] * series.last_integrals.effective_modulus)
         way = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(place, axis=0).T))])[-len(known_frames) :]
         least = SETTLED * model.horizon.ratio * float(results.nodes(int(steps[0])).delta.min())
@@ -165,17 +173,17 @@ def tip_growths(
         n = N[series.step[known_frames]]
         with np.errstate(divide="ignore", invalid="ignore"):
             rate = np.diff(way) / np.diff(n)
-        growths.append(TipGrowth(series.front.name, n, way, K, (1 - ratio) * K, rate, past_start))
+        growths.append(TipFatigueGrowth(series.tip_history.name, n, way, K, (1 - ratio) * K, rate, past_start))
     if not growths:
         raise ResultsError(f"{results.name}: no tip grows over two frames or more; use a crack that grows")
     return growths
 
 
-def fit_paris_line(growths: Sequence[TipGrowth]) -> ParisLine | None:
+def fit_paris_line(growths: Sequence[TipFatigueGrowth]) -> ParisLine | None:
     """The line through all settled points; None with fewer than three."""
     slope, at_0, x, y = FIRST, 0.0, np.empty(0), np.empty(0)
     for _ in range(ROUNDS):  # as the dK of a point depends on the slope a little
-        y, x = np.log10(settled_rates_and_dK(growths, slope))
+        y, x = np.log10(growth_per_cycle_and_dK_past_slow_start(growths, slope))
         if len(x) < FEWEST:
             return None
         slope, at_0 = (float(number) for number in np.polyfit(x, y, 1))

@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from pdmesh.model import output_fields
 from pdmesh.model.gradients import green, hooke, thinning
 from pdmesh.model.output_fields import CRACKED
-from pdpost.measures.cracked_nodes import damage_at, separation_at
-from pdpost.measures.strain import displacement_gradients, elastic_constants, thermal_strain
+from pdpost.measures.cracked_nodes import damage_with_pre_cracks_at, damage_without_pre_cracks_at
+from pdpost.measures.strain import displacement_gradients, elastic_constants_of_nodes, thermal_strain_of_nodes
 from pdpost.reading.stored_fields import OF_DIFFUSION, diffuses, expect_physics_of, scalar, vector
 from pdsolve.results import Results
 
@@ -26,7 +26,7 @@ class FieldError(ValueError):
 
 
 @dataclass(frozen=True)
-class Field:
+class NodalField:
     """A quantity at the nodes. Its first component is the default."""
 
     name: str
@@ -46,30 +46,30 @@ class Field:
         return (*self.components, *(("z",) if self.components == VECTOR else ("xz", "yz")))
 
 
-def _stored_field(name: str, title: str, components: tuple[str, ...] = ()) -> Field:
+def _describe_stored_field(name: str, title: str, components: tuple[str, ...] = ()) -> NodalField:
     """A field stored in results, with its unit from the table of stored fields."""
     unit = output_fields.FIELDS[name].unit
-    return Field(name, title, "" if unit == "1" else unit.translate(POWERS), components)
+    return NodalField(name, title, "" if unit == "1" else unit.translate(POWERS), components)
 
 
 FIELDS = {
     field.name: field
     for field in (
-        _stored_field("damage", "Damage"),
-        Field("separation", "Damage, pre-cracks counted", ""),
-        _stored_field("energy", "Strain energy"),
-        _stored_field("displacement", "Displacement", VECTOR),
-        _stored_field("velocity", "Velocity", VECTOR),
-        _stored_field("acceleration", "Acceleration", VECTOR),
-        Field("strain", "Strain", "", TENSOR),
-        Field("stress", "Stress", "Pa", (*TENSOR, "mises")),
-        _stored_field("plastic", "Equivalent plastic strain"),
-        _stored_field("rotation", "Rotation"),
-        _stored_field("volume", "Volume over that at the start"),
-        _stored_field("concentration", "Concentration"),
-        _stored_field("content", "Content, the solid counted"),
-        _stored_field("solid", "Share that is solid"),
-        _stored_field("temperature", "Temperature"),
+        _describe_stored_field("damage", "Damage"),
+        NodalField("separation", "Damage, pre-cracks counted", ""),
+        _describe_stored_field("energy", "Strain energy"),
+        _describe_stored_field("displacement", "Displacement", VECTOR),
+        _describe_stored_field("velocity", "Velocity", VECTOR),
+        _describe_stored_field("acceleration", "Acceleration", VECTOR),
+        NodalField("strain", "Strain", "", TENSOR),
+        NodalField("stress", "Stress", "Pa", (*TENSOR, "mises")),
+        _describe_stored_field("plastic", "Equivalent plastic strain"),
+        _describe_stored_field("rotation", "Rotation"),
+        _describe_stored_field("volume", "Volume over that at the start"),
+        _describe_stored_field("concentration", "Concentration"),
+        _describe_stored_field("content", "Content, the solid counted"),
+        _describe_stored_field("solid", "Share that is solid"),
+        _describe_stored_field("temperature", "Temperature"),
     )
 }
 
@@ -96,17 +96,17 @@ def default_field_name(results: Results, step: int) -> str:
     return next((name for name in (first, *OF_DIFFUSION) if output_fields.FIELDS[name].columns[0] in stored), first)
 
 
-def unreliable_nodes(results: Results, name: str, step: int) -> NDArray[np.bool_]:
+def find_unreliable_nodes(results: Results, name: str, step: int) -> NDArray[np.bool_]:
     """Mask (n,) of nodes whose value is unreliable: for strain and stress, more than 0.35 of the bonds are broken.
 
     A gradient fitted to so few bonds measures the opening of a crack, not a strain.
     """
     if not FIELDS[name].is_fitted_to_bonds:
         return np.zeros(len(results.rows(step)), dtype=bool)
-    return separation_at(results, step) > CRACKED
+    return damage_with_pre_cracks_at(results, step) > CRACKED
 
 
-def takes_both_signs(name: str, component: str) -> bool:
+def component_takes_both_signs(name: str, component: str) -> bool:
     """Whether a component takes both signs."""
     return name == "rotation" or (bool(component) and component not in ("magnitude", "mises"))
 
@@ -117,47 +117,47 @@ def field_values(results: Results, name: str, step: int, component: str | None =
     Damage is known at every step, other fields at frames that store them. Raises FieldError, and ResultsError naming
     what is stored.
     """
-    return field_components(results, name, step)[choose_component(name, component, results.dimension)]
+    return all_field_components(results, name, step)[choose_component(name, component, results.dimension)]
 
 
-def field_components(results: Results, name: str, step: int) -> dict[str, NDArray[np.float64]]:
+def all_field_components(results: Results, name: str, step: int) -> dict[str, NDArray[np.float64]]:
     """All components (n,) of the field `name` after `step`, by name; a scalar's name is ""."""
     field = FIELDS[name]
     if name == "damage" and not diffuses(results):
-        return {"": damage_at(results, step)}
+        return {"": damage_without_pre_cracks_at(results, step)}
     if name == "separation":
         expect_physics_of(results, name)
-        return {"": separation_at(results, step)}
+        return {"": damage_with_pre_cracks_at(results, step)}
     if not field.components:
         return {"": scalar(results, name, step)}
     if field.components == VECTOR:
         ways = vector(results, name, step).T
         return {"magnitude": reduce(np.hypot, ways), **dict(zip("xyz", ways, strict=False))}
     if results.dimension == 3:
-        return _components_in_space(results, name, step)
+        return _strain_or_stress_components_of_body(results, name, step)
     if name == "stress" and "sxx" in results.stored(step):
         stress = vector(results, "stress", step)
     else:
         strain, elastic, free = (
             green(displacement_gradients(results, step)),
-            elastic_constants(results, step),
-            thermal_strain(results, step),
+            elastic_constants_of_nodes(results, step),
+            thermal_strain_of_nodes(results, step),
         )
         if name == "strain":
-            return {**_principal_components(strain), "zz": thinning(strain, elastic, free)}
+            return {**_plane_tensor_components(strain), "zz": thinning(strain, elastic, free)}
         stress = hooke(strain, elastic, free)
     xx, yy, xy, zz = stress.T
     mises = np.sqrt(((xx - yy) ** 2 + (yy - zz) ** 2 + (zz - xx) ** 2) / 2 + 3 * xy**2)
-    return {**_principal_components(stress[:, :3]), "mises": mises, "zz": zz}
+    return {**_plane_tensor_components(stress[:, :3]), "mises": mises, "zz": zz}
 
 
-def _principal_components(tensor: NDArray[np.float64]) -> dict[str, NDArray[np.float64]]:
+def _plane_tensor_components(tensor: NDArray[np.float64]) -> dict[str, NDArray[np.float64]]:
     xx, yy, xy = tensor.T
     middle, radius = (xx + yy) / 2, np.hypot((xx - yy) / 2, xy)
     return {"largest": middle + radius, "smallest": middle - radius, "xx": xx, "yy": yy, "xy": xy}
 
 
-def _components_in_space(results: Results, name: str, step: int) -> dict[str, NDArray[np.float64]]:
+def _strain_or_stress_components_of_body(results: Results, name: str, step: int) -> dict[str, NDArray[np.float64]]:
     """All components (n,) of the strain or stress of a body, by name."""
     expect_physics_of(results, name)
     if name == "stress" and "sxx" in results.stored(step):
@@ -165,7 +165,7 @@ def _components_in_space(results: Results, name: str, step: int) -> dict[str, ND
     else:
         tensor = green(displacement_gradients(results, step))
         if name == "stress":
-            tensor = hooke(tensor, elastic_constants(results, step), thermal_strain(results, step))
+            tensor = hooke(tensor, elastic_constants_of_nodes(results, step), thermal_strain_of_nodes(results, step))
     xx, yy, xy, zz, xz, yz = tensor.T
     matrices = np.moveaxis(np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]), 2, 0)
     finite = np.isfinite(tensor).all(axis=1)

@@ -14,7 +14,7 @@ from pdpost.reading.embedded_model import read
 from pdsolve.results import Results, ResultsError
 
 
-class _ConditionKeys(msgspec.Struct):
+class _ConditionGridFileKeys(msgspec.Struct):
     """The keys of the grid file that name its conditions and load cells."""
 
     conditions: list[dict[str, Any]] = []
@@ -39,14 +39,14 @@ class Reaction(NamedTuple):
     displacement: NDArray[np.float64]  # (t, d) m, mean of its nodes
 
     @property
-    def axis(self) -> int:
+    def main_axis(self) -> int:
         """The axis (0, 1 or 2) along which the condition acts."""
         return int(np.abs(self.force).max(axis=0).argmax())
 
 
-def reactions(results: Results) -> list[Reaction]:
+def read_reactions(results: Results) -> list[Reaction]:
     """Reactions of all conditions over the run, then load cells. Raises ResultsError if there are none."""
-    rows, ways, model = results.reactions(), "xyz"[: results.dimension], read(results, _ConditionKeys)
+    rows, ways, model = results.reactions(), "xyz"[: results.dimension], read(results, _ConditionGridFileKeys)
     conditions = model.conditions
     all_reactions = []
     wrong = (rows["condition"] < 0) | (rows["condition"] >= len(conditions))

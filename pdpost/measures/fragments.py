@@ -7,31 +7,31 @@ from typing import NamedTuple
 import numpy as np
 
 from pdmesh.model.output_fields import CRACKED
-from pdpost.measures.cracked_nodes import separation_at
+from pdpost.measures.cracked_nodes import damage_with_pre_cracks_at
 from pdpost.measures.cracks import PIECE, cluster_nodes
 from pdsolve.results import Results
 
 
-class Fragment(NamedTuple):
+class PlateFragment(NamedTuple):
     """One fragment of the plate."""
 
-    nodes: int
+    node_count: int
     area: float  # m^2
     centre: tuple[float, float]  # m
 
 
-class Fragments(NamedTuple):
+class PlateFragments(NamedTuple):
     """All fragments; their areas, that of the crumbs and the cracked area add up to the plate's."""
 
-    pieces: tuple[Fragment, ...]  # the largest first
-    crumbs: int  # pieces of no more than 2 per cent of the nodes
+    pieces: tuple[PlateFragment, ...]  # the largest first
+    crumb_count: int  # pieces of no more than 2 per cent of the nodes
     crumbs_area: float  # m^2
     cracked_area: float  # m^2, of the cracked nodes, which belong to no piece
 
 
-def find_fragments(results: Results, step: int, cracked_separation: float = CRACKED) -> Fragments:
+def find_plate_fragments(results: Results, step: int, cracked_separation: float = CRACKED) -> PlateFragments:
     """The fragments after `step`: sound nodes linked along rows and columns, as in `cracks.plate_is_split`."""
-    nodes, cracked = results.nodes(step), separation_at(results, step) > cracked_separation
+    nodes, cracked = results.nodes(step), damage_with_pre_cracks_at(results, step) > cracked_separation
     sound = np.flatnonzero(~cracked)
     piece = cluster_nodes(nodes.position[sound], nodes.delta[sound], link_distance=1.0)
     fragment_list, crumbs, crumbs_area = [], 0, 0.0
@@ -40,8 +40,8 @@ def find_fragments(results: Results, step: int, cracked_separation: float = CRAC
         area = nodes.area[rows]
         if len(rows) > PIECE * len(cracked):
             x, y = (float(np.average(places, weights=area)) for places in nodes.position[rows].T)
-            fragment_list.append(Fragment(len(rows), float(area.sum()), (x, y)))
+            fragment_list.append(PlateFragment(len(rows), float(area.sum()), (x, y)))
         else:
             crumbs, crumbs_area = crumbs + 1, crumbs_area + float(area.sum())
     pieces = tuple(sorted(fragment_list, key=lambda one: (-one.area, one.centre)))
-    return Fragments(pieces, crumbs, crumbs_area, float(nodes.area[cracked].sum()))
+    return PlateFragments(pieces, crumbs, crumbs_area, float(nodes.area[cracked].sum()))

@@ -11,32 +11,32 @@ from numpy.typing import NDArray
 from pdmesh.model.document import Material, Region
 from pdmesh.model.graphs import connected
 from pdmesh.model.selection import selected
-from pdpost.measures.crack_faces import OpenedPairs
+from pdpost.measures.crack_faces import FaceNeighbourPairs
 from pdpost.reading.embedded_model import read
 from pdsolve.results import Results
 
 SMALLEST = 27  # nodes: less is a crumb
 
 
-class Fragment(NamedTuple):
+class BodyFragment(NamedTuple):
     """One fragment of a body."""
 
-    nodes: int
+    node_count: int
     volume: float  # m^3
     mass: float  # kg
     centre: tuple[float, float, float]  # m, at the start
     velocity: tuple[float, float, float] | None  # m/s, of its centre of mass; None in a frame without velocities
 
 
-class Fragments(NamedTuple):
+class BodyFragments(NamedTuple):
     """All fragments. Their masses and that of the crumbs add up to the body's."""
 
-    pieces: tuple[Fragment, ...]  # the heaviest first
-    crumbs: int  # pieces of fewer than 27 nodes
+    pieces: tuple[BodyFragment, ...]  # the heaviest first
+    crumb_count: int  # pieces of fewer than 27 nodes
     crumbs_mass: float  # kg
 
 
-class _DensityKeys(msgspec.Struct):
+class _DensityGridFileKeys(msgspec.Struct):
     """The keys of the grid file that densities come from."""
 
     material: Material
@@ -45,22 +45,22 @@ class _DensityKeys(msgspec.Struct):
 
 def node_masses(results: Results, step: int) -> NDArray[np.float64]:
     """The mass (n,) of the nodes of a body, kg. Raises ResultsError."""
-    model, nodes = read(results, _DensityKeys), results.nodes(step)
+    model, nodes = read(results, _DensityGridFileKeys), results.nodes(step)
     rho = np.full(len(nodes.ids), model.material.rho)
     for region in model.regions:
         rho[selected(nodes, region.nodes, region.box)] = region.material.rho
     return np.asarray(rho * nodes.area)
 
 
-def piece_of_node(opened_pairs: OpenedPairs) -> NDArray[np.int64]:
+def fragment_number_of_nodes(opened_pairs: FaceNeighbourPairs) -> NDArray[np.int64]:
     """The number (n,) of the piece that each node is in."""
-    return connected(len(opened_pairs.is_sound_node), *opened_pairs.pairs[~opened_pairs.is_opened].T)
+    return connected(len(opened_pairs.node_is_sound), *opened_pairs.node_rows[~opened_pairs.is_opened].T)
 
 
-def find_fragments(results: Results, step: int, opened_pairs: OpenedPairs) -> Fragments:
+def find_body_fragments(results: Results, step: int, opened_pairs: FaceNeighbourPairs) -> BodyFragments:
     """The fragments of a body after `step`, from the neighbours that parted."""
     nodes, mass = results.nodes(step), node_masses(results, step)
-    piece = piece_of_node(opened_pairs)
+    piece = fragment_number_of_nodes(opened_pairs)
     count = np.bincount(piece)
     large = count >= SMALLEST
     names = ("vx", "vy", "vz")
@@ -70,20 +70,20 @@ def find_fragments(results: Results, step: int, opened_pairs: OpenedPairs) -> Fr
     sums = np.column_stack([np.bincount(piece, mass * column) for column in columns.T])
     volume = np.bincount(piece, nodes.area)
     pieces = [
-        Fragment(
+        BodyFragment(
             int(count[number]),
             float(volume[number]),
             float(sums[number, 0]),
-            _mean_vector(sums[number], 1),
-            _mean_vector(sums[number], 4) if velocity else None,
+            _mass_weighted_mean_vector(sums[number], 1),
+            _mass_weighted_mean_vector(sums[number], 4) if velocity else None,
         )
         for number in np.flatnonzero(large)
     ]
     pieces.sort(key=lambda each: (-each.mass, each.centre))
-    return Fragments(tuple(pieces), int((~large).sum()), float(sums[~large, 0].sum()))
+    return BodyFragments(tuple(pieces), int((~large).sum()), float(sums[~large, 0].sum()))
 
 
-def _mean_vector(sums: NDArray[np.float64], first_column: int) -> tuple[float, float, float]:
+def _mass_weighted_mean_vector(sums: NDArray[np.float64], first_column: int) -> tuple[float, float, float]:
     """Three components of a mean, from sums weighted by mass."""
     x, y, z = (float(component) for component in sums[first_column : first_column + 3] / sums[0])
     return x, y, z

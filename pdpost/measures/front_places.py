@@ -16,8 +16,8 @@ from scipy.spatial import cKDTree
 
 from pdmesh.model.crack_surfaces import TOUCH, front
 from pdmesh.model.front_integrals import FrontPlace
-from pdpost.measures.crack_faces import crack_surface, find_opened_pairs
-from pdpost.measures.crack_fronts import Polyline, edge_chains, front_lines, line_length
+from pdpost.measures.crack_faces import build_crack_surface, find_opening_steps_of_face_neighbours
+from pdpost.measures.crack_fronts import Polyline, chain_edges, front_lines_at, line_length
 from pdpost.measures.lattice_neighbours import NEAR
 from pdsolve.results import Nodes, Results
 
@@ -26,32 +26,32 @@ WINDOW = 1.5  # horizons to both sides of a point: what an arc and a normal are 
 FEWEST = 6  # points that an arc or a plane is fitted to
 
 
-class CracksInSpace(NamedTuple):
+class CrackPointsAndFronts(NamedTuple):
     """The surface of all cracks as points about a spacing apart, and their fronts inside the body."""
 
-    points: NDArray[np.float64]  # (p, 3) m
-    fronts: list[Polyline]  # the longest first; closed ones end where they begin
+    surface_points: NDArray[np.float64]  # (p, 3) m
+    front_lines: list[Polyline]  # the longest first; closed ones end where they begin
 
 
 class FrontPoints(NamedTuple):
     """Points of a front, from its first end on."""
 
-    along: NDArray[np.float64]  # (k,) m
+    length_along_front: NDArray[np.float64]  # (k,) m
     places: list[FrontPlace]
-    spacing: NDArray[np.float64]  # (k,) m, of the nodes there
+    node_spacing: NDArray[np.float64]  # (k,) m, of the nodes there
 
 
-def cracks_at(results: Results, step: int) -> CracksInSpace:
+def crack_points_and_fronts_at(results: Results, step: int) -> CrackPointsAndFronts:
     """The cracks of a body after `step`."""
     nodes = results.nodes(step)
     triangles = results.cracks().reshape(-1, 3, 3)
     if (results.breaks().step <= step).any():
-        parted_pairs = find_opened_pairs(results, step)
-        if (parted_pairs.step >= 0).any():
-            cracks, now = crack_surface(results, step, parted_pairs), step * float(results.meta()["time_step"])
-            return CracksInSpace(cracks.face_centres[cracks.time <= now], front_lines(cracks, now))
+        parted_pairs = find_opening_steps_of_face_neighbours(results, step)
+        if (parted_pairs.opening_step >= 0).any():
+            cracks, now = build_crack_surface(results, step, parted_pairs), step * float(results.meta()["time_step"])
+            return CrackPointsAndFronts(cracks.face_centres[cracks.opening_time <= now], front_lines_at(cracks, now))
     if not len(triangles):
-        return CracksInSpace(np.zeros((0, 3)), [])
+        return CrackPointsAndFronts(np.zeros((0, 3)), [])
     spacing, edges = float(nodes.delta.min()), front(triangles)
     ends = edges.reshape(-1, 3)
     size = TOUCH * float(np.ptp(ends, axis=0).max())
@@ -59,15 +59,15 @@ def cracks_at(results: Results, step: int) -> CracksInSpace:
     places = ends[first]
     lines = [
         part
-        for chain in edge_chains(number.reshape(-1, 2))
-        for part in _parts_inside_body(nodes, places[chain], spacing)
+        for chain in chain_edges(number.reshape(-1, 2))
+        for part in _line_parts_inside_body(nodes, places[chain], spacing)
     ]
-    return CracksInSpace(
-        _sample_triangles(nodes, triangles, spacing), sorted(lines, key=lambda line: -line_length(line))
+    return CrackPointsAndFronts(
+        _sample_points_of_triangles(nodes, triangles, spacing), sorted(lines, key=lambda line: -line_length(line))
     )
 
 
-def _parts_inside_body(nodes: Nodes, line: Polyline, spacing: float) -> list[Polyline]:
+def _line_parts_inside_body(nodes: Nodes, line: Polyline, spacing: float) -> list[Polyline]:
     """The parts of a line, as points at most half a spacing apart, that are in the cubes of nodes."""
     low, high = _bounding_box(nodes)
     pieces = []
@@ -88,18 +88,18 @@ def _parts_inside_body(nodes: Nodes, line: Polyline, spacing: float) -> list[Pol
 
 
 def _clip_segment_to_box(
-    a: NDArray[np.float64], b: NDArray[np.float64], low: NDArray[np.float64], high: NDArray[np.float64]
+    start: NDArray[np.float64], end: NDArray[np.float64], low: NDArray[np.float64], high: NDArray[np.float64]
 ) -> NDArray[np.float64] | None:
     """The part (2, 3) of a segment in a box; None if there is none."""
-    way = b - a
+    way = end - start
     with np.errstate(divide="ignore", invalid="ignore"):
-        at_low, at_high = (low - a) / way, (high - a) / way
+        at_low, at_high = (low - start) / way, (high - start) / way
     still = way == 0
-    if (still & ((a < low) | (a > high))).any():
+    if (still & ((start < low) | (start > high))).any():
         return None
     first = np.where(still, 0.0, np.minimum(at_low, at_high)).max(initial=0.0)
     last = np.where(still, 1.0, np.maximum(at_low, at_high)).min(initial=1.0)
-    return np.array([a + first * way, a + last * way]) if first < last else None
+    return np.array([start + first * way, start + last * way]) if first < last else None
 
 
 def _bounding_box(nodes: Nodes) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
@@ -107,7 +107,7 @@ def _bounding_box(nodes: Nodes) -> tuple[NDArray[np.float64], NDArray[np.float64
     return (nodes.position - half).min(axis=0), (nodes.position + half).max(axis=0)
 
 
-def _sample_triangles(nodes: Nodes, triangles: NDArray[np.float64], spacing: float) -> NDArray[np.float64]:
+def _sample_points_of_triangles(nodes: Nodes, triangles: NDArray[np.float64], spacing: float) -> NDArray[np.float64]:
     """Points (p, 3) of triangles in the box of the nodes: the middles of pieces no longer than a spacing."""
     low, high = _bounding_box(nodes)
     points = []
@@ -123,7 +123,9 @@ def _sample_triangles(nodes: Nodes, triangles: NDArray[np.float64], spacing: flo
     return np.concatenate(points)
 
 
-def front_points(nodes: Nodes, cracks: CracksInSpace, line: Polyline, horizon_ratio: float) -> FrontPoints:
+def sample_front_points(
+    nodes: Nodes, cracks: CrackPointsAndFronts, line: Polyline, horizon_ratio: float
+) -> FrontPoints:
     """Points of a front about two spacings apart, with their arcs; `horizon_ratio` is the horizon in spacings.
 
     Points are left out where too little of the front or of the crack is around them for an arc or a normal.
@@ -131,20 +133,20 @@ def front_points(nodes: Nodes, cracks: CracksInSpace, line: Polyline, horizon_ra
     distances = np.linalg.norm(np.diff(line, axis=0), axis=1)
     at = np.concatenate([[0.0], np.cumsum(distances)])
     total_length, closed = float(at[-1]), bool(np.allclose(line[0], line[-1]))
-    tree, surface_tree = cKDTree(nodes.position), cKDTree(cracks.points)
+    tree, surface_tree = cKDTree(nodes.position), cKDTree(cracks.surface_points)
     grain = float(nodes.delta.min())
     count = max(round(total_length / (EVERY * grain)), 1)
     along = (np.arange(count) + (0.0 if closed else 0.5)) * total_length / count
     fine = np.arange(0.0, total_length, min(grain / 2, total_length / 64))
-    points = _places_on_line(line, at, fine)
+    points = _interpolate_points_along_line(line, at, fine)
     arc_lengths, places, spacings, before = [], [], [], None
     for s in along.tolist():
-        point = _places_on_line(line, at, np.array([s]))[0]
+        point = _interpolate_points_along_line(line, at, np.array([s]))[0]
         spacing = float(nodes.delta[tree.query(point)[1]])
         off = np.abs(fine - s)
         off = np.minimum(off, total_length - off) if closed else off
         near_front = points[off <= WINDOW * horizon_ratio * spacing]
-        near_crack = cracks.points[surface_tree.query_ball_point(point, WINDOW * horizon_ratio * spacing)]
+        near_crack = cracks.surface_points[surface_tree.query_ball_point(point, WINDOW * horizon_ratio * spacing)]
         if len(near_front) < FEWEST or len(near_crack) < FEWEST:
             continue
         place = _fit_front_arc(point, near_front, near_crack, before)
@@ -155,10 +157,10 @@ def front_points(nodes: Nodes, cracks: CracksInSpace, line: Polyline, horizon_ra
     return FrontPoints(np.array(arc_lengths), places, np.array(spacings))
 
 
-def _places_on_line(
-    line: Polyline, line_length_at_points: NDArray[np.float64], lengths: NDArray[np.float64]
+def _interpolate_points_along_line(
+    line: Polyline, length_at_corners: NDArray[np.float64], lengths: NDArray[np.float64]
 ) -> NDArray[np.float64]:
-    return np.column_stack([np.interp(lengths, line_length_at_points, column) for column in line.T])
+    return np.column_stack([np.interp(lengths, length_at_corners, column) for column in line.T])
 
 
 def _fit_front_arc(

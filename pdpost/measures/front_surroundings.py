@@ -6,19 +6,16 @@ of the arc. Only what is beside the piece of front that a tube belongs to counts
 
 from __future__ import annotations
 
-from typing import Any
-
-import msgspec
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from pdmesh.model.front_integrals import FrontPlace, across
 from pdmesh.model.selection import selected
-from pdpost.measures.front_places import CracksInSpace
-from pdpost.measures.lattice_neighbours import NEAR, face_neighbours
-from pdpost.measures.strain import elastic_constants
-from pdpost.measures.tip_surroundings import FREE, UndisturbedRoom
+from pdpost.measures.front_places import CrackPointsAndFronts
+from pdpost.measures.lattice_neighbours import NEAR, face_neighbour_pairs
+from pdpost.measures.strain import elastic_constants_of_nodes
+from pdpost.measures.tip_surroundings import FREE, ConditionGridFileKeys, UndisturbedRoom
 from pdpost.reading.embedded_model import read
 from pdsolve.results import Nodes, Results
 
@@ -26,26 +23,22 @@ BESIDE, SLANT = 1.5, 0.1  # spacings beside an arc's plane or circle, and of the
 AXIS = 0.95  # of an arc's radius
 
 
-class _ConditionKeys(msgspec.Struct):
-    """The key of the grid file that holds its conditions."""
-
-    conditions: list[dict[str, Any]] = []
-
-
-class ObstaclesInSpace:
+class FrontObstacles:
     """Obstacles to the fields around fronts after a step."""
 
-    def __init__(self, results: Results, step: int, cracks: CracksInSpace) -> None:
+    def __init__(self, results: Results, step: int, cracks: CrackPointsAndFronts) -> None:
         nodes = results.nodes(step)
         self._nodes, self._cracks, self._tree = nodes, cracks, cKDTree(nodes.position)
-        self._elastic = elastic_constants(results, step)
+        self._elastic = elastic_constants_of_nodes(results, step)
         acted_on = np.zeros(len(nodes.ids), dtype=bool)
-        for condition in read(results, _ConditionKeys).conditions:
+        for condition in read(results, ConditionGridFileKeys).conditions:
             if condition["kind"] not in FREE:
                 acted_on |= selected(nodes, condition.get("nodes"), condition.get("box"))
-        self._held, self._surface = acted_on, _surface_face_centres(nodes)
+        self._held, self._surface = acted_on, _body_surface_face_centres(nodes)
 
-    def undisturbed_room(self, front_place: FrontPlace, half_length: float, largest_radius: float) -> UndisturbedRoom:
+    def find_undisturbed_room(
+        self, front_place: FrontPlace, half_length: float, largest_radius: float
+    ) -> UndisturbedRoom:
         """The room around a point of a front, `largest_radius` m at most, for a tube of the half length `half_length`,
         m."""
         near = np.array(
@@ -59,11 +52,11 @@ class ObstaclesInSpace:
         rooms = [UndisturbedRoom(largest_radius, "")]
         if front_place.curvature:
             rooms.append(UndisturbedRoom(AXIS / abs(front_place.curvature), "the middle of the front's arc"))
-        points = self._cracks.points
+        points = self._cracks.surface_points
         x, y, _, _ = across(points, front_place)
         slack = np.maximum(BESIDE * spacing, SLANT * np.hypot(x, y))
         behind = (np.abs(y) < slack) & (x < slack)  # of the crack whose front has the arc
-        ahead = np.concatenate(self._cracks.fronts)
+        ahead = np.concatenate(self._cracks.front_lines)
         x, y, s, _ = across(ahead, front_place)
         on_arc = np.hypot(x, y) < np.maximum(BESIDE * spacing, SLANT * np.abs(s))
         for places, what in (
@@ -80,9 +73,9 @@ class ObstaclesInSpace:
         return min(rooms)
 
 
-def _surface_face_centres(nodes: Nodes) -> NDArray[np.float64]:
+def _body_surface_face_centres(nodes: Nodes) -> NDArray[np.float64]:
     """The middles (k, 3) of those faces of nodes' cubes that other cubes do not cover: the surface of the body."""
-    pairs, count = face_neighbours(nodes), len(nodes.ids)
+    pairs, count = face_neighbour_pairs(nodes), len(nodes.ids)
     way = nodes.position[pairs[:, 1]] - nodes.position[pairs[:, 0]]
     axis = np.abs(way).argmax(axis=1)
     ahead = way[np.arange(len(pairs)), axis] > 0

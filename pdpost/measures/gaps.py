@@ -11,17 +11,17 @@ from numpy.typing import NDArray
 
 from pdmesh.model.document import Run
 from pdpost.measures.forces import Reaction
-from pdpost.measures.histories import place_history
+from pdpost.measures.histories import nearest_node_history
 from pdpost.reading.embedded_model import read
 from pdsolve.results import Results, ResultsError
 
 Place = tuple[float, ...]  # x, y and in a body z, m
 
 
-class Gap(NamedTuple):
+class GapOpeningHistory(NamedTuple):
     """The opening between two nodes at t steps."""
 
-    nodes: tuple[int, int]  # ids
+    node_ids: tuple[int, int]  # ids
     time: NDArray[np.float64]  # (t,) s
     opening: NDArray[np.float64]  # (t,) m, how much longer the way between them has become
 
@@ -29,48 +29,48 @@ class Gap(NamedTuple):
 class ForceOpeningCurve(NamedTuple):
     """A force against a gap, at the t times at which both are recorded."""
 
-    name: str  # of the condition
+    condition_name: str  # of the condition
     axis: int  # 0, 1 or 2
     opening: NDArray[np.float64]  # (t,) m
     force: NDArray[np.float64]  # (t,) N/m, of a body N
 
     @property
-    def peak_index(self) -> int:
+    def peak_force_index(self) -> int:
         """The step with the largest force, by its size."""
         return int(np.abs(self.force).argmax())
 
     @property
-    def work(self) -> float:
+    def work_under_curve(self) -> float:
         """The area under the curve, J/m, of a body J: the work of a force that acts where the gap opens."""
         return float(np.sum(np.diff(self.opening) * (self.force[1:] + self.force[:-1])) / 2)
 
 
-class _GapKeys(msgspec.Struct):
+class _GapGridFileKeys(msgspec.Struct):
     """The key of the grid file that has its gaps."""
 
     run: Run = Run()
 
 
-def named_gap(results: Results, name: str) -> Gap:
+def read_named_gap(results: Results, name: str) -> GapOpeningHistory:
     """The gap of this name in the model. Raises ResultsError naming those that there are."""
-    gaps = {gap_settings.name: gap_settings for gap_settings in read(results, _GapKeys).run.gaps}
+    gaps = {gap_settings.name: gap_settings for gap_settings in read(results, _GapGridFileKeys).run.gaps}
     if name not in gaps:
         raise ResultsError(f"--gap: there is no gap '{name}'; use {', '.join(gaps) or 'two places: it has no gap'}")
     first_place, second_place = gaps[name].ends
-    return gap_between(results, first_place, second_place)
+    return measure_gap_between_places(results, first_place, second_place)
 
 
-def gap_between(results: Results, first_place: Place, second_place: Place) -> Gap:
+def measure_gap_between_places(results: Results, first_place: Place, second_place: Place) -> GapOpeningHistory:
     """The gap between the nodes nearest to two places, m, from probes if there are any, else from frames.
 
     Raises ResultsError for places off the plate, for places with the same nearest node, and where nothing is recorded.
     """
     ways = "xyz"[: results.dimension]
     ends = [
-        [place_history(results, place, "displacement", component) for component in ways]
+        [nearest_node_history(results, place, "displacement", component) for component in ways]
         for place in (first_place, second_place)
     ]
-    nodes = ends[0][0].nodes[0], ends[1][0].nodes[0]
+    nodes = ends[0][0].node_ids[0], ends[1][0].node_ids[0]
     if nodes[0] == nodes[1]:
         raise ResultsError(f"--gap: node {nodes[0]} is nearest to both places; use places nearest to two nodes")
     first, second = (np.array(end[0].place) for end in ends)
@@ -78,10 +78,12 @@ def gap_between(results: Results, first_place: Place, second_place: Place) -> Ga
     time = times[0][np.isin(times[0], times[1])]
     u = [np.column_stack([part.value[np.isin(part.time, time)] for part in end]) for end in ends]
     way = reduce(np.hypot, (second - first + u[1].astype(float) - u[0]).T)
-    return Gap(nodes, time, way - float(reduce(np.hypot, second - first)))
+    return GapOpeningHistory(nodes, time, way - float(reduce(np.hypot, second - first)))
 
 
-def force_against_gap(gap: Gap, reaction: Reaction, axis: int, averaged_steps: int = 1) -> ForceOpeningCurve:
+def force_over_gap_opening(
+    gap: GapOpeningHistory, reaction: Reaction, axis: int, averaged_steps: int = 1
+) -> ForceOpeningCurve:
     """The force of a condition along an axis against a gap; `averaged_steps` is the number of steps in a running mean.
 
     Raises ResultsError where fewer than two steps are left.

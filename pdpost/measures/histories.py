@@ -22,22 +22,24 @@ OUTSIDE = 1.5  # spacings: a place further from every node is not of the plate
 Place = tuple[float, ...]  # x, y and in a body z, m
 
 
-class History(NamedTuple):
+class NodeHistory(NamedTuple):
     """A quantity of one node, or the mean of several nodes, at t times."""
 
     label: str
     component: str  # x, y, of a body z, or magnitude
-    nodes: tuple[int, ...]  # ids
+    node_ids: tuple[int, ...]  # ids
     source: str  # "probe" or "frames"
     time: NDArray[np.float64]  # (t,) s
     value: NDArray[np.float64]  # (t,)
-    low: NDArray[np.float64]  # (t,) smallest of the nodes
-    high: NDArray[np.float64]  # (t,) largest
+    smallest: NDArray[np.float64]  # (t,) smallest of the nodes
+    largest: NDArray[np.float64]  # (t,) largest
     place: Place | None  # m, of the one node
-    off: float  # m, from the place that was asked for
+    distance_from_place: float  # m, from the place that was asked for
 
 
-def node_history(results: Results, node: int, quantity: str = "displacement", component: str = "magnitude") -> History:
+def node_history(
+    results: Results, node: int, quantity: str = "displacement", component: str = "magnitude"
+) -> NodeHistory:
     """The history of one node, from its probe if there is one, else from the frames. Raises ResultsError."""
     nodes = results.lives().nodes
     (rows,) = np.nonzero(nodes.ids == node)
@@ -47,37 +49,39 @@ def node_history(results: Results, node: int, quantity: str = "displacement", co
     label = f"node {node}"
     probes = results.probes()
     mine = probes[probes["node"] == node]
-    if len(mine) and (len(results.epochs()) == 1 or len(mine) == _count_ledger_rows(results, node)):
+    if len(mine) and (len(results.epochs()) == 1 or len(mine) == _count_ledger_rows_in_node_life(results, node)):
         columns = of_dimension(quantity, results.dimension)
         value = _vector_component(np.column_stack([mine[column] for column in columns]), component)
-        return History(label, component, (node,), "probe", mine["time"], value, value, value, place, 0.0)
+        return NodeHistory(label, component, (node,), "probe", mine["time"], value, value, value, place, 0.0)
     time, values = _read_quantity_of_frames(
         results, lambda nodes: np.flatnonzero(nodes.ids == node), quantity, component
     )
     value = np.array([frame_values[0] if len(frame_values) else np.nan for frame_values in values])
-    return History(label, component, (node,), "frames", time, value, value, value, place, 0.0)
+    return NodeHistory(label, component, (node,), "frames", time, value, value, value, place, 0.0)
 
 
-def place_history(
+def nearest_node_history(
     results: Results, place: Place, quantity: str = "displacement", component: str = "magnitude"
-) -> History:
+) -> NodeHistory:
     """The history of the node nearest to a place, m; where nodes change, the nearest one at each frame.
 
     Raises ResultsError if the place is not on the plate.
     """
-    _expect_dimension(results, "--at", place, 1)
+    _expect_coordinate_count(results, "--at", place, 1)
     nodes = results.nodes()
     far = _distances_from_place(nodes, place)
     row = int(far.argmin())
     if not far[row] <= OUTSIDE * nodes.delta[row]:
         low, high = nodes.position.min(axis=0), nodes.position.max(axis=0)
         raise ResultsError(
-            f"{results.name}: no node is near {_place_text(place)}: node {nodes.ids[row]} is {far[row]:.3g} m away;"
-            f" use a place {'on' if len(place) == 2 else 'in'} the {_body_or_plate(results)}, from {_place_text(low)}"
-            f" to {_place_text(high)}"
+            f"{results.name}: no node is near {_format_place(place)}: node {nodes.ids[row]} is {far[row]:.3g} m away;"
+            f" use a place {'on' if len(place) == 2 else 'in'} the {_body_or_plate_word(results)},"
+            f" from {_format_place(low)} to {_format_place(high)}"
         )
     if len(results.epochs()) == 1:
-        return node_history(results, int(nodes.ids[row]), quantity, component)._replace(off=float(far[row]))
+        return node_history(results, int(nodes.ids[row]), quantity, component)._replace(
+            distance_from_place=float(far[row])
+        )
     steps = frames(results)[0].tolist()
     nearest = {step: int(_distances_from_place(results.nodes(step), place).argmin()) for step in steps}
     ids = tuple(dict.fromkeys(int(results.nodes(step).ids[at]) for step, at in nearest.items()))
@@ -87,28 +91,28 @@ def place_history(
     value = np.concatenate(values)
     where = tuple(nodes.position[row].tolist())
     label = f"node {ids[0]}" if len(ids) == 1 else f"nearest of {len(ids)} nodes"
-    return History(label, component, ids, "frames", time, value, value, value, where, float(far[row]))
+    return NodeHistory(label, component, ids, "frames", time, value, value, value, where, float(far[row]))
 
 
-def box_history(
+def mean_history_in_box(
     results: Results,
     box: tuple[float, ...],
     quantity: str = "displacement",
     component: str = "magnitude",
-) -> History:
+) -> NodeHistory:
     """The mean, smallest and largest value of all nodes in a box, m: x0, y0, x1, y1 in a plate, six numbers in a body.
 
     Raises ResultsError.
     """
-    _expect_dimension(results, "--box", box, 2)
+    _expect_coordinate_count(results, "--box", box, 2)
     corners = np.sort(np.reshape(box, (2, -1)), axis=0)
     nodes = results.lives().nodes
     inside = selection.in_box(nodes, corners)
     if not inside.any():
         low, high = nodes.position.min(axis=0), nodes.position.max(axis=0)
         raise ResultsError(
-            f"{results.name}: no node is in the box {_place_text(box)}; the {_body_or_plate(results)} goes from"
-            f" {_place_text(low)} to {_place_text(high)}"
+            f"{results.name}: no node is in the box {_format_place(box)}; the {_body_or_plate_word(results)} goes from"
+            f" {_format_place(low)} to {_format_place(high)}"
         )
     ids = tuple(dict.fromkeys(nodes.ids[inside].tolist()))
     label = f"mean of {len(ids)} nodes" if len(ids) > 1 else f"node {ids[0]}"
@@ -122,7 +126,7 @@ def box_history(
         for frame_values in values
     ]
     middle, low, high = np.array(spread).T
-    return History(label, component, ids, "frames", time, middle, low, high, None, 0.0)
+    return NodeHistory(label, component, ids, "frames", time, middle, low, high, None, 0.0)
 
 
 def _read_quantity_of_frames(
@@ -134,7 +138,7 @@ def _read_quantity_of_frames(
     return times, [_vector_component(ways, component) for ways in frame_vectors]
 
 
-def _count_ledger_rows(results: Results, node: int) -> int:
+def _count_ledger_rows_in_node_life(results: Results, node: int) -> int:
     """Number of ledger entries during a node's life."""
     steps = results.history()["step"].astype(np.int64)
     return int((results.lives().at(np.full(len(steps), node), steps) >= 0).sum())
@@ -153,16 +157,18 @@ def _vector_component(vectors: NDArray[np.float64], component: str) -> NDArray[n
     return np.asarray(vectors[:, "xyz".index(component)])
 
 
-def _expect_dimension(results: Results, option: str, coordinates: tuple[float, ...], places: int) -> None:
+def _expect_coordinate_count(results: Results, option: str, coordinates: tuple[float, ...], place_count: int) -> None:
     """Raise ResultsError if a place has not as many coordinates as the nodes."""
-    expected = places * results.dimension
+    expected = place_count * results.dimension
     if len(coordinates) != expected:
-        raise ResultsError(f"{option} has {len(coordinates)} numbers; use {expected} in a {_body_or_plate(results)}")
+        raise ResultsError(
+            f"{option} has {len(coordinates)} numbers; use {expected} in a {_body_or_plate_word(results)}"
+        )
 
 
-def _body_or_plate(results: Results) -> str:
+def _body_or_plate_word(results: Results) -> str:
     return "plate" if results.dimension == 2 else "body"
 
 
-def _place_text(place: Iterable[float]) -> str:
+def _format_place(place: Iterable[float]) -> str:
     return ",".join(f"{number:g}" for number in place)

@@ -13,7 +13,7 @@ from pdsolve.results import Nodes
 NEAR = 1e-3  # of a spacing: by how much a cube may be off
 
 
-def face_neighbours(nodes: Nodes) -> NDArray[np.int64]:
+def face_neighbour_pairs(nodes: Nodes) -> NDArray[np.int64]:
     """Pairs (b, 2) of rows of nodes whose cubes share a face, the smaller row first, sorted."""
     levels = [np.flatnonzero(nodes.delta == spacing) for spacing in np.unique(nodes.delta)]
     trees = [cKDTree(nodes.position[rows]) for rows in levels]

@@ -14,7 +14,7 @@ from scipy.spatial import Delaunay, QhullError, cKDTree
 from pdpost.measures import fields
 from pdpost.measures.lattice_neighbours import NEAR
 from pdpost.measures.plate_geometry import read_plate_geometry
-from pdpost.measures.strain import remove_broken_bonds
+from pdpost.measures.strain import families_without_broken_bonds
 from pdsolve.results import Nodes, Results, ResultsError
 
 AROUND = 3.0  # of the coarsest spacing: nodes further from the line do not count
@@ -25,22 +25,26 @@ SHEARED = np.array([[1.0, 2e-3, 3e-3], [0.0, 1.0, 5e-3], [0.0, 0.0, 1.0]])  # a 
 # are on one sphere, of which Delaunay's tetrahedra would be any
 
 
-class FieldLine(NamedTuple):
+class FieldAlongLine(NamedTuple):
     """A field at k places of a line."""
 
-    place: NDArray[np.float64]  # (k, d) m
-    along: NDArray[np.float64]  # (k,) m, from the start
-    values: dict[str, NDArray[np.float64]]  # (k,) each, SI, by component, a scalar's under ""; NaN where there is none
+    points: NDArray[np.float64]  # (k, d) m
+    distance_from_start: NDArray[np.float64]  # (k,) m, from the start
+    component_values: dict[
+        str, NDArray[np.float64]
+    ]  # (k,) each, SI, by component, a scalar's under ""; NaN where there is none
 
 
-def sample_line(results: Results, name: str, step: int, start: tuple[float, ...], end: tuple[float, ...]) -> FieldLine:
+def sample_field_along_line(
+    results: Results, name: str, step: int, start: tuple[float, ...], end: tuple[float, ...]
+) -> FieldAlongLine:
     """All components of the field `name` after `step`, at two places a spacing from `start` to `end`, m.
 
     A value is linear in the triangle of three nodes (in a body the tetrahedron of four) that are all bonded to each
     other. Where bonds are cut or broken, and at the edge, it is that of the nearest node. It is NaN off the plate or
-    the body and where the nearest node's value is unreliable (see `fields.unreliable_nodes`). Raises ResultsError for
-    ends of another dimension, a line without length, outside or far longer than the part, and for a frame without the
-    field.
+    the body and where the nearest node's value is unreliable (see `fields.find_unreliable_nodes`). Raises ResultsError
+    for ends of another dimension, a line without length, outside or far longer than the part, and for a frame without
+    the field.
     """
     for word, place in (("--from", start), ("--to", end)):
         if len(place) != results.dimension:
@@ -48,46 +52,46 @@ def sample_line(results: Results, name: str, step: int, start: tuple[float, ...]
     ends = np.array([start, end], dtype=float)
     length = float(np.sqrt(((ends[1] - ends[0]) ** 2).sum()))
     if not length > 0:
-        raise ResultsError(f"--to is {_coordinates_text(end)}, where the line begins; use another place")
+        raise ResultsError(f"--to is {_format_coordinates(end)}, where the line begins; use another place")
     nodes = results.nodes(step)
     size = float(np.linalg.norm(np.ptp(nodes.position, axis=0)))
     if length > LONGEST * size:
         raise ResultsError(
-            f"the line from {_coordinates_text(start)} to {_coordinates_text(end)} is {length:g} m long, and the part"
-            f" {size:.3g} m; use some of {_coordinates_text(_bounding_box(results, nodes))} (m), or write units such"
-            " as 20mm"
+            f"the line from {_format_coordinates(start)} to {_format_coordinates(end)} is {length:g} m long,"
+            f" and the part {size:.3g} m; use some of {_format_coordinates(_bounding_box(results, nodes))} (m),"
+            " or write units such as 20mm"
         )
     rows = np.flatnonzero(_distances_from_segment(nodes.position, *ends) <= AROUND * nodes.delta.max())
     count = min(int(np.ceil(PER_SPACING * length / nodes.delta[rows].min(initial=length))) + 1, MOST)
     share = np.linspace(0, 1, max(count, 2))
     places = ends[0] + share[:, None] * (ends[1] - ends[0])
-    on = _places_on_body(results, nodes, places)
+    on = _places_are_on_body(results, nodes, places)
     if not len(rows) or not on.any():
         raise ResultsError(
-            f"{results.name}: no place from {_coordinates_text(start)} to {_coordinates_text(end)} is in the"
+            f"{results.name}: no place from {_format_coordinates(start)} to {_format_coordinates(end)} is in the"
             f" {'body' if results.dimension == 3 else 'plate'}; use some of"
-            f" {_coordinates_text(_bounding_box(results, nodes))}"
+            f" {_format_coordinates(_bounding_box(results, nodes))}"
         )
-    node_values = fields.field_components(results, name, step)
-    silent = fields.unreliable_nodes(results, name, step)[rows]
-    corners, weights = _interpolation_weights(results, nodes, rows, places, step)
+    node_values = fields.all_field_components(results, name, step)
+    silent = fields.find_unreliable_nodes(results, name, step)[rows]
+    corners, weights = _interpolation_rows_and_weights(results, nodes, rows, places, step)
     line_values = {}
     for part, values in node_values.items():
         row_values = np.where(silent, np.nan, values[rows])
         at = np.einsum("kc,kc->k", row_values[corners], weights)
         nearest = row_values[corners[np.arange(len(corners)), weights.argmax(axis=1)]]
         line_values[part] = np.where(on, np.where(np.isfinite(at), at, nearest), np.nan)
-    return FieldLine(places, share * length, line_values)
+    return FieldAlongLine(places, share * length, line_values)
 
 
-def _coordinates_text(numbers: Iterable[float]) -> str:
+def _format_coordinates(numbers: Iterable[float]) -> str:
     return ",".join(f"{number:g}" for number in numbers)
 
 
 def _bounding_box(results: Results, nodes: Nodes) -> tuple[float, ...]:
     """The corners of the box around a plate or around the cubes of a body, m."""
     if results.dimension == 2:
-        return tuple(map(float, read_plate_geometry(results).shape.bounds))
+        return tuple(map(float, read_plate_geometry(results).plate_shape.bounds))
     half = nodes.delta[:, None] / 2
     return (*(nodes.position - half).min(axis=0).tolist(), *(nodes.position + half).max(axis=0).tolist())
 
@@ -101,16 +105,16 @@ def _distances_from_segment(
     return np.asarray(np.sqrt(((away - share[:, None] * way) ** 2).sum(axis=1)))
 
 
-def _places_on_body(results: Results, nodes: Nodes, places: NDArray[np.float64]) -> NDArray[np.bool_]:
+def _places_are_on_body(results: Results, nodes: Nodes, places: NDArray[np.float64]) -> NDArray[np.bool_]:
     """Mask (k,) of the places on the plate, or in a body in the cube of their nearest node."""
     if results.dimension == 3:
         away, nearest = cKDTree(nodes.position).query(places, p=np.inf)
         return np.asarray(away <= (0.5 + NEAR) * nodes.delta[nearest])
     slack = 1e-6 * float(nodes.delta.min())
-    return np.asarray(shapely.dwithin(read_plate_geometry(results).shape, shapely.points(places), slack))
+    return np.asarray(shapely.dwithin(read_plate_geometry(results).plate_shape, shapely.points(places), slack))
 
 
-def _interpolation_weights(
+def _interpolation_rows_and_weights(
     results: Results, nodes: Nodes, rows: NDArray[np.int64], places: NDArray[np.float64], step: int
 ) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
     """For each place, d + 1 indices into `rows` (k, d + 1) and their weights (k, d + 1)."""
@@ -127,7 +131,7 @@ def _interpolation_weights(
     simplex = mesh.find_simplex(targets)
     inside = np.flatnonzero(simplex >= 0)
     simplex_corners = mesh.simplices[simplex[inside]]
-    start, neighbour = remove_broken_bonds(results, results.families(step), step)
+    start, neighbour = families_without_broken_bonds(results, results.families(step), step)
     count, corner_rows = len(nodes.ids), rows[simplex_corners]
     keys = np.repeat(np.arange(count), np.diff(start)) * count + neighbour  # rising but for neighbours' order
     bonded = np.ones(len(inside), dtype=bool)  # all corners to each other

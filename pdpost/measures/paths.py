@@ -25,10 +25,12 @@ class PathError(ValueError):
 
 def crack_paths(results: Results, step: int, threshold: float = CRACKED) -> list[Polyline]:
     """The crack paths after `step`: a polyline (k, 2), m, for each branch, the longest first."""
-    return [branch.place for branch in crack_branches(results, step, threshold)]
+    return [branch.points for branch in crack_branches(results, step, threshold)]
 
 
-def path_distances(first_lines: Sequence[Polyline], second_lines: Sequence[Polyline]) -> tuple[float, float]:
+def mean_and_hausdorff_distance(
+    first_lines: Sequence[Polyline], second_lines: Sequence[Polyline]
+) -> tuple[float, float]:
     """Distances between two sets of lines, m: the mean over the length of both, and the Hausdorff distance.
 
     The mean is that of the two mean distances from one set to the nearest points of the other. Each set is sampled at
@@ -43,7 +45,7 @@ def path_distances(first_lines: Sequence[Polyline], second_lines: Sequence[Polyl
     return (forward[0] + back[0]) / 2, max(forward[1], back[1])
 
 
-def main_direction(lines: Sequence[Polyline]) -> str:
+def main_direction_name(lines: Sequence[Polyline]) -> str:
     """The direction in `cracks.DIRECTIONS` along which most of a crack's length runs; "right" without a crack.
 
     Lines shorter than 0.4 of the longest do not count. Of directions within a tenth of each other, the first is taken.

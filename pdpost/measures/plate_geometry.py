@@ -25,9 +25,9 @@ Ring: TypeAlias = Annotated[list[tuple[float, float]], msgspec.Meta(min_length=3
 class PlateGeometry(NamedTuple):
     """What a figure shows of a model besides its nodes, m."""
 
-    edges: tuple[NDArray[np.float64], ...]  # (k, 2) each: outline and holes; none if the model has none
-    cracks: NDArray[np.float64]  # (k, 4) segments of pre-cracks
-    shape: shapely.Geometry  # all that is plate
+    outline_and_holes: tuple[NDArray[np.float64], ...]  # (k, 2) each: outline and holes; none if the model has none
+    pre_cracks: NDArray[np.float64]  # (k, 4) segments of pre-cracks
+    plate_shape: shapely.Geometry  # all that is plate
     has_moving_zone: bool  # whether a zone of finer nodes moves
     has_splitting_cells: bool  # whether its cells split, so that there are zones within zones
 
@@ -35,12 +35,12 @@ class PlateGeometry(NamedTuple):
 class VoronoiCells(NamedTuple):
     """The cells of n nodes. The rings of a node are consecutive; a ring's last corner is its first."""
 
-    corners: NDArray[np.float64]  # (c, 2) m, from their nodes
-    closes: NDArray[np.bool_]  # (c,) whether a corner is the last of its ring
-    owner: NDArray[np.int64]  # (c,) rows of the nodes, rising; a node outside the plate has no cell
+    corners_from_node: NDArray[np.float64]  # (c, 2) m, from their nodes
+    is_last_of_ring: NDArray[np.bool_]  # (c,) whether a corner is the last of its ring
+    node_rows: NDArray[np.int64]  # (c,) rows of the nodes, rising; a node outside the plate has no cell
 
 
-class _DrawingKeys(msgspec.Struct):
+class _OutlineGridFileKeys(msgspec.Struct):
     """The keys of the grid file that shape the plate."""
 
     outline: list[Ring] = []
@@ -54,7 +54,7 @@ def read_plate_geometry(results: Results) -> PlateGeometry:
     Without an outline it is the union of its nodes' squares at the start, with gaps between spacings closed; for many
     nodes, their bounding box.
     """
-    geometry = read(results, _DrawingKeys)
+    geometry = read(results, _OutlineGridFileKeys)
     edges = tuple(np.array(ring) for ring in (*geometry.outline, *geometry.holes))
     if edges:
         outer, holes = (
@@ -77,7 +77,7 @@ def read_plate_geometry(results: Results) -> PlateGeometry:
 
 def expect_same_plate(results: Results, reference: Results) -> None:
     """Raise ResultsError if two plates differ by more than a strip of two of the larger spacings."""
-    shape, expected = read_plate_geometry(results).shape, read_plate_geometry(reference).shape
+    shape, expected = read_plate_geometry(results).plate_shape, read_plate_geometry(reference).plate_shape
     reach = ALIKE / 2 * max(float(run.nodes(0).delta.max()) for run in (results, reference))
     off = shapely.symmetric_difference(shape, expected).buffer(-reach)
     if off.is_empty:
@@ -92,7 +92,7 @@ def expect_same_plate(results: Results, reference: Results) -> None:
     )
 
 
-def voronoi_cells(nodes: Nodes, plate_shape: shapely.Geometry) -> VoronoiCells:
+def clipped_voronoi_cells(nodes: Nodes, plate_shape: shapely.Geometry) -> VoronoiCells:
     """The Voronoi cell of each node, clipped by `plate_shape`.
 
     Raises ResultsError for coincident nodes.

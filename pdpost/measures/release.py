@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from pdmesh.model.material import Material
 from pdpost.measures.balance import damped_energy
 from pdpost.measures.speed import WINDOW
-from pdpost.measures.tips import Branch
+from pdpost.measures.tips import CrackBranch
 from pdpost.reading.embedded_model import at_rest, read
 from pdsolve.results import Results
 
@@ -26,38 +26,42 @@ class EnergyRelease(NamedTuple):
     """Energy released over crack advance, dD/da, at k ledger entries while cracks grew."""
 
     time: NDArray[np.float64]  # (k,) s
-    length: NDArray[np.float64]  # (k,) m, of all cracks together
-    value: NDArray[np.float64]  # (k,) J/m^2, over ten spacings of length; NaN nearer to either end than five
+    crack_length: NDArray[np.float64]  # (k,) m, of all cracks together
+    release_rate: NDArray[np.float64]  # (k,) J/m^2, over ten spacings of length; NaN nearer to either end than five
     G0: float  # J/m^2, of the plate's own material
-    before: float = 0.0  # J/m, spent when the cracks began to grow: by what softens ahead of a crack to be
-    whole: float = float("nan")  # J/m^2, all that was spent until they grew last over their length
+    dissipated_before_growth: float = (
+        0.0  # J/m, spent when the cracks began to grow: by what softens ahead of a crack to be
+    )
+    overall_release_rate: float = float("nan")  # J/m^2, all that was spent until they grew last over their length
 
-    def release_at(self, time: NDArray[np.float64]) -> NDArray[np.float64]:
+    def release_rate_at(self, time: NDArray[np.float64]) -> NDArray[np.float64]:
         """The energy release dD/da (t,) at times (t,), s, in J/m^2; NaN where no crack grows."""
-        finite = np.isfinite(self.value)
+        finite = np.isfinite(self.release_rate)
         if not finite.any():
             return np.full(len(time), np.nan)
-        return np.asarray(np.interp(time, self.time[finite], self.value[finite], left=np.nan, right=np.nan))
+        return np.asarray(np.interp(time, self.time[finite], self.release_rate[finite], left=np.nan, right=np.nan))
 
 
-class _MaterialKeys(msgspec.Struct):
+class _FractureEnergyGridFileKeys(msgspec.Struct):
     """The keys of the grid file that the energy release needs."""
 
     material: Material
 
 
-def energy_release(results: Results, branches: Sequence[Branch]) -> EnergyRelease:
+def measure_energy_release(results: Results, branches: Sequence[CrackBranch]) -> EnergyRelease:
     """dD/da of a run, where a is the length of all `branches` together.
 
     D is the dissipated energy of the ledger; at rest it includes the energy that the plate releases on the way to rest.
     """
     ledger = results.history()
     spent = ledger["dissipated"] + (np.nan_to_num(damped_energy(ledger)) if at_rest(results) else 0.0)
-    return release_over_length(ledger["time"], spent, branches, read(results, _MaterialKeys).material.G0)
+    return energy_release_over_crack_length(
+        ledger["time"], spent, branches, read(results, _FractureEnergyGridFileKeys).material.G0
+    )
 
 
-def release_over_length(
-    time: NDArray[np.float64], dissipated: NDArray[np.float64], branches: Sequence[Branch], G0: float
+def energy_release_over_crack_length(
+    time: NDArray[np.float64], dissipated: NDArray[np.float64], branches: Sequence[CrackBranch], G0: float
 ) -> EnergyRelease:
     """dD/da, where D is the energy `dissipated` (t,) at times (t,), s, and a the length of all `branches` together."""
     length = (
@@ -70,17 +74,17 @@ def release_over_length(
     time, length, dissipated = time[span], length[span], dissipated[span]
     unique, which = np.unique(length, return_inverse=True)
     mean = np.bincount(which, dissipated) / np.bincount(which)  # of the entries while it waited
-    half = WINDOW / 2 * max(float(branch.spacing.max()) for branch in branches)
+    half = WINDOW / 2 * max(float(branch.node_spacing.max()) for branch in branches)
     ends = np.array([length - half, length + half])
     within = (ends[0] >= unique[0]) & (ends[1] <= unique[-1])
     value = np.where(within, np.diff(np.interp(ends, unique, mean), axis=0)[0] / (2 * half), np.nan)
     return EnergyRelease(time, length, value, G0, float(dissipated[0]), float(dissipated[-1] / length[-1]))
 
 
-def _branch_length_at(branch: Branch, time: NDArray[np.float64]) -> NDArray[np.float64]:
+def _branch_length_at(branch: CrackBranch, time: NDArray[np.float64]) -> NDArray[np.float64]:
     """The length (t,) of a branch at times (t,), s, in m; of several points at one time, the last counts."""
-    keep = np.append(np.diff(branch.time) > 0, True)
-    at, far = branch.time[keep], branch.along[keep] - branch.along[0]
-    if at[0] > branch.time[0]:
-        at, far = np.insert(at, 0, branch.time[0]), np.insert(far, 0, 0.0)
+    keep = np.append(np.diff(branch.passing_time) > 0, True)
+    at, far = branch.passing_time[keep], branch.length_along_crack[keep] - branch.length_along_crack[0]
+    if at[0] > branch.passing_time[0]:
+        at, far = np.insert(at, 0, branch.passing_time[0]), np.insert(far, 0, 0.0)
     return np.asarray(np.interp(time, at, far))

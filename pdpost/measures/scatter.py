@@ -20,12 +20,12 @@ HOW = ("kernel", "precision", "run.adapt")  # how a run is solved: what it takes
 PANELS = 4
 
 
-class RunGroup(NamedTuple):
+class StudyRunGroup(NamedTuple):
     """The runs with one value of the parameter that differ only in their disturbances."""
 
     series: str  # the values of what else was varied
-    value: Any  # of the parameter; None where it was not given
-    numbers: list[int]  # of the runs (k,), in the table
+    parameter_value: Any  # of the parameter; None where it was not given
+    run_numbers: list[int]  # of the runs (k,), in the table
     measured_values: NDArray[np.float64]  # (k,) SI units; NaN where it did not happen
 
     @property
@@ -34,12 +34,12 @@ class RunGroup(NamedTuple):
         return self.measured_values[np.isfinite(self.measured_values)]
 
     @property
-    def median(self) -> float:
+    def median_value(self) -> float:
         """Median of the known values; NaN without any."""
         return float(np.median(self.known_values)) if len(self.known_values) else float("nan")
 
     @property
-    def extremes(self) -> tuple[float, float]:
+    def smallest_and_largest_value(self) -> tuple[float, float]:
         """Smallest and largest known value; NaN without any."""
         known_values = self.known_values
         return (
@@ -49,7 +49,7 @@ class RunGroup(NamedTuple):
         )
 
 
-def group_runs(study: Read, measure: str, parameter: str | None) -> list[RunGroup]:
+def group_runs_by_parameter(study: Read, measure: str, parameter: str | None) -> list[StudyRunGroup]:
     """The runs of a study grouped by equal parameters, series by series, in the order of the parameter `parameter`.
 
     Without a parameter, each group of equal runs is a series of its own.
@@ -62,9 +62,9 @@ def group_runs(study: Read, measure: str, parameter: str | None) -> list[RunGrou
         at = (label(row, others, units), None if parameter is None else row.values[parameter])
         together.setdefault(at, []).append((row.number, np.nan if measure_value is None else float(measure_value)))
     series = list(dict.fromkeys(name for name, _ in together))
-    ordered = sorted(together, key=lambda at: (series.index(at[0]), _sort_key(at[1])))
+    ordered = sorted(together, key=lambda at: (series.index(at[0]), _parameter_sort_key(at[1])))
     return [
-        RunGroup(*at, [number for number, _ in together[at]], np.array([value for _, value in together[at]]))
+        StudyRunGroup(*at, [number for number, _ in together[at]], np.array([value for _, value in together[at]]))
         for at in ordered
     ]
 
@@ -84,7 +84,7 @@ def choose_measures_and_parameter(
     parameters = [name for name, kind in kinds.items() if kind != "measure"]
     if parameter is not None and parameter not in parameters:
         raise StudyError(f"--over is '{parameter}'; use one of {', '.join(parameters) or 'none'}")
-    return list(measures) or _informative_measures(study), parameter or _choose_parameter(study)
+    return list(measures) or _choose_informative_measures(study), parameter or _choose_parameter(study)
 
 
 def measures_without_values(study: Read, measures: Sequence[str]) -> list[str]:
@@ -93,7 +93,7 @@ def measures_without_values(study: Read, measures: Sequence[str]) -> list[str]:
     return [name for name in names if all(row.values[name] is None for row in study.rows)]
 
 
-def _informative_measures(study: Read) -> list[str]:
+def _choose_informative_measures(study: Read) -> list[str]:
     """The most informative measures: those that differ between runs, first those known in at least half of the runs."""
     candidates = ["wall_time"] if set(HOW) & set(study.varied) else []
     candidates += [name for name in FIRST if name in study.columns]
@@ -110,7 +110,7 @@ def _choose_parameter(study: Read) -> str | None:
     return max(numbers or values, key=lambda name: len(values[name]), default=None)
 
 
-def _sort_key(value: Any) -> tuple[int, float, str]:
+def _parameter_sort_key(value: Any) -> tuple[int, float, str]:
     """Sort key: not given, then numbers, then words."""
     if value is None:
         return (0, 0.0, "")

@@ -29,10 +29,13 @@ class CrackSkeleton:
     """Parts of slabs and their links; a removed part has no links."""
 
     def __init__(self, cracked: CrackedNodes) -> None:
-        mine = np.flatnonzero(cracked.crack >= 0)
-        self.level = cracked.level
-        slab, crack = np.floor((cracked.level[mine] + ROUND_OFF) / SLAB).astype(np.int64), cracked.crack[mine]
-        links = cracked.links[mine][:, mine].tocoo()
+        mine = np.flatnonzero(cracked.crack_number >= 0)
+        self.level = cracked.spacings_from_origin
+        slab, crack = (
+            np.floor((cracked.spacings_from_origin[mine] + ROUND_OFF) / SLAB).astype(np.int64),
+            cracked.crack_number[mine],
+        )
+        links = cracked.touching_distances[mine][:, mine].tocoo()
         node, neighbour = links.coords
         of_one_crack = crack[node] == crack[neighbour]
         inside, across = (of_one_crack & (np.abs(slab[node] - slab[neighbour]) == apart) for apart in (0, 1))
@@ -47,7 +50,7 @@ class CrackSkeleton:
         for a, b in zip(part[node[across]].tolist(), part[neighbour[across]].tolist(), strict=True):
             self.links[a].add(b)
 
-    def chains_between_joints(self) -> list[Chain]:
+    def find_chains_between_joints(self) -> list[Chain]:
         """All parts as chains from joint to joint; joints are where cracks begin, end, fork and meet."""
         joints = {
             at
@@ -79,14 +82,14 @@ class CrackSkeleton:
                 ends = chain[0], chain[-1]
                 if all(abs(touched.get(end, length) - length) <= ROUND_OFF for end in ends):
                     touched |= dict.fromkeys(ends, length)
-                    self._merge_chain_into(chain, way) if way else self._remove_chain(chain)
-        for chain in self.chains_between_joints():
+                    self._merge_chain_into(chain, way) if way else self._unlink_chain(chain)
+        for chain in self.find_chains_between_joints():
             if (
                 len(self.links[chain[0]]) == 1
                 and self.is_dead_end(chain[-1])
                 and self._length_in_spacings(chain) < SHORTEST
             ):
-                self._remove_chain(chain)
+                self._unlink_chain(chain)
 
     def _next_parts(self, part: int) -> list[int]:
         """The parts that follow one, away from the crack's origin."""
@@ -101,20 +104,20 @@ class CrackSkeleton:
     def _find_short_chains(self) -> Iterator[tuple[float, Chain, Chain]]:
         """Pairs of a short chain and itself if it is a dead end, or another chain that joins the same two joints."""
         ways: dict[tuple[int, int], Chain] = {}
-        for chain in self.chains_between_joints():
+        for chain in self.find_chains_between_joints():
             length, way = self._length_in_spacings(chain), (chain[0], chain[-1])
             loose = self.is_dead_end(chain[-1]) and len(self.links[chain[0]]) > 1
             if length < SHORTEST and (loose or way in ways):
                 yield length, chain, ways.get(way, [])
             ways.setdefault(way, chain)
 
-    def _remove_chain(self, chain: Chain) -> None:
+    def _unlink_chain(self, chain: Chain) -> None:
         for part, next_part in pairwise(chain):
             self.links[part].discard(next_part)
             self.links[next_part].discard(part)
 
-    def _merge_chain_into(self, chain: Chain, other: Chain) -> None:
+    def _merge_chain_into(self, chain: Chain, target_chain: Chain) -> None:
         """Move the nodes of a chain to another between the same joints, slab by slab."""
-        self._remove_chain(chain)
-        for part, into in zip(chain[1:-1], other[1:-1], strict=True):
+        self._unlink_chain(chain)
+        for part, into in zip(chain[1:-1], target_chain[1:-1], strict=True):
             self.members[into] = np.concatenate([self.members[into], self.members[part]])

@@ -17,31 +17,31 @@ ROUND_OFF = 1e-6  # of a spacing
 class PlaneCut(NamedTuple):
     """The k nodes whose cells a plane cuts."""
 
-    rows: NDArray[np.int64]  # (k,)
-    place: NDArray[np.float64]  # (k, 2) m, in the plane
-    delta: NDArray[np.float64]  # (k,) m
-    values: NDArray[np.float64]  # (k,) SI
-    axes: str  # the two along the plane
+    node_rows: NDArray[np.int64]  # (k,)
+    plane_coordinates: NDArray[np.float64]  # (k, 2) m, in the plane
+    spacing: NDArray[np.float64]  # (k,) m
+    node_values: NDArray[np.float64]  # (k,) SI
+    plane_axes: str  # the two along the plane
     plane_position: float  # m, along the third
 
 
-def expect_body(results: Results) -> None:
+def expect_3d_body(results: Results) -> None:
     """Raise ResultsError for a plate."""
     if results.dimension != 3:
         raise ResultsError(f"{results.name} is a plate; use a body in space")
 
 
-def reliable_values(results: Results, name: str, step: int, component: str | None = None) -> NDArray[np.float64]:
+def reliable_field_values(results: Results, name: str, step: int, component: str | None = None) -> NDArray[np.float64]:
     """A component (n,) of a field after `step`, NaN where it is unreliable. Raises FieldError, ResultsError."""
     component = fields.choose_component(name, component, results.dimension)
     return np.where(
-        fields.unreliable_nodes(results, name, step),
+        fields.find_unreliable_nodes(results, name, step),
         np.nan,
         fields.field_values(results, name, step, component or None),
     )
 
 
-def grid_centre(results: Results) -> NDArray[np.float64]:
+def bounding_box_centre_near_nodes(results: Results) -> NDArray[np.float64]:
     """The centre (3,) of the bounding box of the nodes at the start, m.
 
     Where no node lies at that coordinate along an axis, it is the nearest node's.

@@ -22,7 +22,7 @@ class TipSpeeds(NamedTuple):
     high: NDArray[np.float64]  # (k,)
 
 
-def tip_speeds(
+def estimate_tip_speeds(
     along: NDArray[np.float64],
     time: NDArray[np.float64],
     spacing: NDArray[np.float64],

@@ -25,7 +25,7 @@ from pdpost.reading.stored_fields import scalar, vector
 from pdsolve.results import Families, Results, ResultsError
 
 
-class _MaterialKeys(msgspec.Struct):
+class _MaterialGridFileKeys(msgspec.Struct):
     """The keys of the grid file that stress needs."""
 
     material: Material
@@ -37,14 +37,14 @@ def displacement_gradients(results: Results, step: int) -> NDArray[np.float64]:
 
     Raises ResultsError if the frame does not hold the displacement.
     """
-    families = remove_broken_bonds(results, results.families(step), step)
+    families = families_without_broken_bonds(results, results.families(step), step)
     nodes, u = results.nodes(step), vector(results, "displacement", step)
     if physics_of(results) == "thermoelastic":
         return curved_gradients_of(nodes.position, nodes.area, u, *families)
     return gradients_of(nodes.position, nodes.area, u, *families)
 
 
-def remove_broken_bonds(results: Results, families: Families, step: int) -> Families:
+def families_without_broken_bonds(results: Results, families: Families, step: int) -> Families:
     """The bonds of `families` that are not broken after `step`."""
     unbroken = ~bonds_are_broken(results, families, step)
     count = len(families.start) - 1
@@ -55,7 +55,7 @@ def remove_broken_bonds(results: Results, families: Families, step: int) -> Fami
 
 def bonds_are_broken(results: Results, families: Families, step: int) -> NDArray[np.bool_]:
     """Whether each bond (b,) of `families` is broken after `step`; its two directions are separate entries."""
-    node, neighbour, _ = broken_bond_ends(results, step)
+    node, neighbour, _ = broken_bond_ends_and_steps(results, step)
     count = len(families.start) - 1
     torn = np.zeros(count, dtype=bool)
     torn[node] = True
@@ -66,7 +66,7 @@ def bonds_are_broken(results: Results, families: Families, step: int) -> NDArray
     return broken_mask
 
 
-def broken_bond_ends(
+def broken_bond_ends_and_steps(
     results: Results, step: int, with_bonds_before_birth: bool = False
 ) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.int64]]:
     """Rows (b,) of both end nodes at `step` of the bonds broken until then, and the steps in which they broke.
@@ -87,17 +87,17 @@ def broken_bond_ends(
     )
 
 
-def elastic_constants(results: Results, step: int) -> Stiffness:
+def elastic_constants_of_nodes(results: Results, step: int) -> Stiffness:
     """Elastic constants of the nodes at `step`. Raises ResultsError.
 
     A node that was born later has the material of the nearest initial node.
     """
-    which, materials = _materials_of_nodes(results, step)
+    which, materials = _material_numbers_and_materials(results, step)
     E, nu = (np.array(column)[which] for column in zip(*((m.E, poisson(m)) for m in materials), strict=True))
     return Stiffness(E, nu, materials[0].plane)
 
 
-def thermal_strain(results: Results, step: int) -> NDArray[np.float64]:
+def thermal_strain_of_nodes(results: Results, step: int) -> NDArray[np.float64]:
     """The strain (n,) of free nodes at `step`, alpha (T - T0); 0 in a model of mechanics alone.
 
     Raises ResultsError if the frame holds neither the temperature, T, nor the concentration, c.
@@ -109,18 +109,18 @@ def thermal_strain(results: Results, step: int) -> NDArray[np.float64]:
         raise ResultsError(
             f"{results.name} has no field 'T' or 'c' at step {step}; solve it with one (pdsolve --fields +T, or +c)"
         )
-    which, materials = _materials_of_nodes(results, step)
+    which, materials = _material_numbers_and_materials(results, step)
     alpha, T0 = (np.array(column)[which] for column in zip(*((m.alpha, m.T0) for m in materials), strict=True))
     return np.asarray(alpha * (results.field(content, step).astype(float) - T0))
 
 
-def stress_work(results: Results, step: int) -> NDArray[np.float64] | None:
+def stress_work_if_yielded(results: Results, step: int) -> NDArray[np.float64] | None:
     """Work of the stress on the nodes (n,) until `step`, J/m^3, where some have flowed; else None.
 
     It is the elastic energy of the stress, and the yield stress times the plastic strain. Raises ResultsError if the
     frame lacks the plastic strain of a plastic solid, or the stress.
     """
-    which, materials = _materials_of_nodes(results, step)
+    which, materials = _material_numbers_and_materials(results, step)
     if not any(material.solid == "j2" for material in materials):
         return None
     alpha = scalar(results, "plastic", step)
@@ -137,9 +137,9 @@ def stress_work(results: Results, step: int) -> NDArray[np.float64] | None:
     return np.asarray(elastic + alpha * (yields + hardening * alpha / 2))
 
 
-def _materials_of_nodes(results: Results, step: int) -> tuple[NDArray[np.int64], tuple[Material, ...]]:
+def _material_numbers_and_materials(results: Results, step: int) -> tuple[NDArray[np.int64], tuple[Material, ...]]:
     """The number (n,) of each node's material at `step`, and the materials. Raises ResultsError."""
-    model, nodes = read(results, _MaterialKeys), results.nodes(0)
+    model, nodes = read(results, _MaterialGridFileKeys), results.nodes(0)
     which = np.zeros(len(nodes.ids if model.regions else results.rows(step)), dtype=np.int64)
     for number, region in enumerate(model.regions):
         which[selected(nodes, region.nodes, region.box)] = number + 1

@@ -21,9 +21,16 @@ from pdmesh.model.domain_integrals import FractureParameters, Ring, Sampled, Sam
 from pdmesh.model.gradients import gradients_of, green
 from pdmesh.model.tip_fields import Elastic
 from pdpost.measures import fields
-from pdpost.measures.cracked_nodes import ROUND_OFF, separation_at
-from pdpost.measures.strain import elastic_constants, remove_broken_bonds, stress_work
-from pdpost.measures.tip_surroundings import Tip, TipHistory, TipObstacles, UndisturbedRoom, nearest_node, tip_histories
+from pdpost.measures.cracked_nodes import ROUND_OFF, damage_with_pre_cracks_at
+from pdpost.measures.strain import elastic_constants_of_nodes, families_without_broken_bonds, stress_work_if_yielded
+from pdpost.measures.tip_surroundings import (
+    TipHistory,
+    TipObstacles,
+    TipPosition,
+    UndisturbedRoom,
+    nearest_node_row,
+    tip_histories,
+)
 from pdpost.reading.embedded_model import at_rest, read
 from pdpost.reading.stored_fields import vector
 from pdsolve.results import Results, ResultsError
@@ -35,31 +42,31 @@ CRUMB = 0.6  # damage above which a node is no face of a crack, and what is fitt
 RINGS = ((0.0, 0.8), (0.25, 0.8), (0.5, 0.95))  # inner ends between the blurred and 0.8, outer ones of the room
 
 
-class RingIntegrals(NamedTuple):
+class TipRingIntegrals(NamedTuple):
     """The rings around a tip in one frame, and the values on each."""
 
-    tip: Tip
+    tip: TipPosition
     rings: tuple[Ring, ...]
-    ring_integrals: tuple[FractureParameters, ...]
+    ring_parameters: tuple[FractureParameters, ...]
     effective_modulus: float  # Pa, E' of the plate there: E, or E / (1 - nu^2) in plane strain
     has_yielded: bool  # whether nodes of the plate have yielded: only J has a meaning then
 
 
-class IntensityHistory(NamedTuple):
+class TipIntensityHistory(NamedTuple):
     """Fracture parameters of a tip at t frames; NaN where the tip does not exist or has no room.
 
     All but J are NaN, too, where the body has yielded.
     """
 
-    front: TipHistory
+    tip_history: TipHistory
     step: NDArray[np.int64]  # (t,)
     time: NDArray[np.float64]  # (t,) s
-    place: NDArray[np.float64]  # (t, 2) m
+    tip_place: NDArray[np.float64]  # (t, 2) m
     value: dict[str, NDArray[np.float64]]  # (t,) each: J, K1, K2, T, angle
     low: dict[str, NDArray[np.float64]]
     high: dict[str, NDArray[np.float64]]
-    last_integrals: RingIntegrals | None  # of the last frame with room
-    refusal_reason: str  # why there was no room, the last time, and what would give it; "" if there always was
+    last_integrals: TipRingIntegrals | None  # of the last frame with room
+    no_room_reason: str  # why there was no room, the last time, and what would give it; "" if there always was
     J_from_K: NDArray[np.float64]  # (t,) J/m^2, (K1^2 + K2^2) / E', which J is of a crack at rest in a classical plate
 
     @property
@@ -72,20 +79,20 @@ class IntensityHistory(NamedTuple):
 NAMES = ("J", "K1", "K2", "T", "angle")
 
 
-class _FractureKeys(msgspec.Struct):
+class _FractureGridFileKeys(msgspec.Struct):
     """The keys of the grid file that fracture parameters need."""
 
     material: Material
     horizon: Horizon = Horizon()
 
 
-def follow_tips(
+def follow_tip_intensities(
     results: Results,
     steps: Sequence[int],
     near: tuple[float, float] | None = None,
     ring: Ring | None = None,
     progress: Callable[[list[int]], Iterable[int]] = lambda steps: steps,
-) -> list[IntensityHistory]:
+) -> list[TipIntensityHistory]:
     """Fracture parameters of a run's tips at the frames `steps`: of all tips, or of the one nearest to a place, m.
 
     `ring` is the widest of the rings, m; by default the rings fill the available room. Raises ResultsError if no tip is
@@ -98,24 +105,24 @@ def follow_tips(
         raise ResultsError(f"{results.name}: no tip of a crack is inside the plate; use a frame with one")
     obstacles = TipObstacles(results, every)
     state = CachedFrameFields(results)
-    got: list[list[RingIntegrals | None]] = [[] for _ in chosen]
+    got: list[list[TipRingIntegrals | None]] = [[] for _ in chosen]
     refused = [""] * len(chosen)
     for step in progress(list(steps)):
         for number, front in enumerate(chosen):
             tip, rings = front.tip_at(step * time_step), None
             if tip is not None:
-                room = obstacles.undisturbed_room(tip, step, step * time_step)
-                said = _refusal_reason(results, step, tip, room, ring)
+                room = obstacles.find_undisturbed_room(tip, step, step * time_step)
+                said = _no_room_reason(results, step, tip, room, ring)
                 refused[number] = said or refused[number]
                 if not said:
-                    rings = state.integrate_around(step, tip, _choose_rings(results, step, tip, room, ring))
+                    rings = state.integrate_around_tip(step, tip, _choose_rings(results, step, tip, room, ring))
             got[number].append(rings)
     if not any(any(front_rings) for front_rings in got):
         all_of_them = [f"{front.name}: {why}" for front, why in zip(chosen, refused, strict=True) if why]
         raise ResultsError(f"{results.name}: {'; '.join(all_of_them) or 'found no tip of a crack at these frames'}")
     when = np.array(steps, dtype=np.int64)
     return [
-        _collect_history(front, when, time_step, front_rings, why)
+        _collect_intensity_history(front, when, time_step, front_rings, why)
         for front, front_rings, why in zip(chosen, got, refused, strict=True)
     ]
 
@@ -127,31 +134,33 @@ class CachedFrameFields:
         self._results, self._rest = results, at_rest(results)
         self._step = -1
         self._sampled: Sampled | None = None
-        self._model = read(results, _FractureKeys)
+        self._model = read(results, _FractureGridFileKeys)
 
-    def integrate_around(self, step: int, tip: Tip, rings: tuple[Ring, ...]) -> RingIntegrals:
+    def integrate_around_tip(self, step: int, tip: TipPosition, rings: tuple[Ring, ...]) -> TipRingIntegrals:
         """Fracture parameters of a tip on rings after a step."""
         if self._sampled is None or self._step != step:
             self._step, self._sampled = step, self._sample_fields(step)
         nodes = self._results.nodes(step)
-        every, near = elastic_constants(self._results, step), nearest_node(nodes, tip.place)
+        every, near = elastic_constants_of_nodes(self._results, step), nearest_node_row(nodes, tip.place)
         elastic = Elastic(float(every.E[near]), float(every.nu[near]), every.plane)
         ring_integrals = tuple(integrals(self._sampled, tip.place, tip.direction, ring, elastic) for ring in rings)
-        return RingIntegrals(tip, rings, ring_integrals, elastic.effective_modulus, self._sampled.work is not None)
+        return TipRingIntegrals(tip, rings, ring_integrals, elastic.effective_modulus, self._sampled.work is not None)
 
     def _sample_fields(self, step: int) -> Sampled:
         results, nodes = self._results, self._results.nodes(step)
-        families = remove_broken_bonds(results, results.families(step), step)
+        families = families_without_broken_bonds(results, results.families(step), step)
         gradient = gradients_of(nodes.position, nodes.area, vector(results, "displacement", step), *families)
-        gradient[separation_at(results, step) > CRUMB] = np.nan
+        gradient[damage_with_pre_cracks_at(results, step) > CRUMB] = np.nan
         motion = None
         if not self._rest:
             velocity, acceleration = (vector(results, name, step) for name in ("velocity", "acceleration"))
             rates = gradients_of(nodes.position, nodes.area, velocity, *families)
             motion = SampledMotion(self._model.material.rho, velocity, acceleration, rates)
-        stress = fields.field_components(results, "stress", step)
+        stress = fields.all_field_components(results, "stress", step)
         parts = np.column_stack([stress[part] for part in ("xx", "yy", "xy")])
-        return Sampled(nodes.position, nodes.area, gradient, green(gradient), parts, motion, stress_work(results, step))
+        return Sampled(
+            nodes.position, nodes.area, gradient, green(gradient), parts, motion, stress_work_if_yielded(results, step)
+        )
 
 
 def _nearest_tip(
@@ -164,16 +173,16 @@ def _nearest_tip(
     return min(tips, key=far)
 
 
-def _spacing_at_tip(results: Results, step: int, tip: Tip) -> float:
+def _spacing_at_tip(results: Results, step: int, tip: TipPosition) -> float:
     """The spacing of the node nearest to a tip, m."""
     nodes = results.nodes(step)
-    return float(nodes.delta[nearest_node(nodes, tip.place)])
+    return float(nodes.delta[nearest_node_row(nodes, tip.place)])
 
 
-def _refusal_reason(results: Results, step: int, tip: Tip, room: UndisturbedRoom, ring: Ring | None) -> str:
+def _no_room_reason(results: Results, step: int, tip: TipPosition, room: UndisturbedRoom, ring: Ring | None) -> str:
     """Why a tip has no room for rings, and the spacing that would give it room; "" if it has."""
     x, y = tip.place
-    spacing, ratio = _spacing_at_tip(results, step, tip), read(results, _FractureKeys).horizon.ratio
+    spacing, ratio = _spacing_at_tip(results, step, tip), read(results, _FractureGridFileKeys).horizon.ratio
     if ring is not None and ring.outer - ring.inner < spacing:
         wide = f"{ring.outer - ring.inner:.3g} m wide; use at least a spacing, {spacing:.3g} m"
         return f"the ring around the tip at ({x:.4g}, {y:.4g}) m is {wide}"
@@ -191,24 +200,26 @@ def _refusal_reason(results: Results, step: int, tip: Tip, room: UndisturbedRoom
     return f"{message} {LEAST:g} horizons, {least:.3g} m{finer}"
 
 
-def _choose_rings(results: Results, step: int, tip: Tip, room: UndisturbedRoom, ring: Ring | None) -> tuple[Ring, ...]:
+def _choose_rings(
+    results: Results, step: int, tip: TipPosition, room: UndisturbedRoom, ring: Ring | None
+) -> tuple[Ring, ...]:
     """Three rings; the middle one gives the reported value."""
     if ring is not None:
         quarter = (ring.outer - ring.inner) / 4
         return Ring(ring.inner, ring.outer - quarter), ring, Ring(ring.inner + quarter, ring.outer)
-    horizon = read(results, _FractureKeys).horizon.ratio * _spacing_at_tip(results, step, tip)
+    horizon = read(results, _FractureGridFileKeys).horizon.ratio * _spacing_at_tip(results, step, tip)
     least = max(BLURRED * horizon, 0.2 * room.radius)
     span = 0.8 * room.radius - least
     return tuple(Ring(least + inner * span, outer * room.radius) for inner, outer in RINGS)
 
 
-def _collect_history(
+def _collect_intensity_history(
     tip: TipHistory,
     steps: NDArray[np.int64],
     time_step: float,
-    frame_integrals: list[RingIntegrals | None],
-    refusal_reason: str,
-) -> IntensityHistory:
+    frame_integrals: list[TipRingIntegrals | None],
+    no_room_reason: str,
+) -> TipIntensityHistory:
     columns = {name: np.full((3, len(steps)), np.nan) for name in NAMES}
     places, of_K = np.full((len(steps), 2), np.nan), np.full(len(steps), np.nan)
     for at, rings in enumerate(frame_integrals):
@@ -216,11 +227,11 @@ def _collect_history(
             continue
         places[at] = rings.tip.place
         for name in NAMES[:1] if rings.has_yielded else NAMES:
-            ring_values = [float(getattr(integral, name)) for integral in rings.ring_integrals]
+            ring_values = [float(getattr(integral, name)) for integral in rings.ring_parameters]
             columns[name][:, at] = ring_values[1], min(ring_values), max(ring_values)
         of_K[at] = (columns["K1"][0, at] ** 2 + columns["K2"][0, at] ** 2) / rings.effective_modulus
     value, low, high = ({name: column[row] for name, column in columns.items()} for row in range(3))
     last = next((rings for rings in reversed(frame_integrals) if rings is not None), None)
-    return IntensityHistory(
-        tip, steps, np.asarray(steps * time_step), places, value, low, high, last, refusal_reason, of_K
+    return TipIntensityHistory(
+        tip, steps, np.asarray(steps * time_step), places, value, low, high, last, no_room_reason, of_K
     )

@@ -16,10 +16,10 @@ import shapely
 from numpy.typing import NDArray
 
 from pdmesh.model.selection import selected
-from pdpost.measures.cracked_nodes import pre_crack_tips
+from pdpost.measures.cracked_nodes import pre_crack_tips_and_headings
 from pdpost.measures.plate_geometry import read_plate_geometry
-from pdpost.measures.strain import elastic_constants
-from pdpost.measures.tips import ARM, BEGINS, Branch, crack_branches
+from pdpost.measures.strain import elastic_constants_of_nodes
+from pdpost.measures.tips import ARM, BEGINS, CrackBranch, crack_branches
 from pdpost.reading.embedded_model import read
 from pdsolve.results import Nodes, Results
 
@@ -33,31 +33,36 @@ class TipHistory:
     """A tip through a run: the end of a pre-crack, the branch that grows from it, or both."""
 
     name: str
-    number: int  # of its branch; pre-cracks that have none come after all branches
-    start: NDArray[np.float64] | None  # (2,) m: the tip of the pre-crack
-    heading: NDArray[np.float64]  # (2,) unit vector it arrives there with; of a branch alone, its first direction
-    branch: Branch | None
+    branch_number: int  # of its branch; pre-cracks that have none come after all branches
+    pre_crack_tip: NDArray[np.float64] | None  # (2,) m: the tip of the pre-crack
+    initial_heading: NDArray[
+        np.float64
+    ]  # (2,) unit vector it arrives there with; of a branch alone, its first direction
+    branch: CrackBranch | None
     last_time: float  # s: up to when it was there, before it forked or met another crack or an edge; inf if it still is
 
-    def tip_at(self, time: float) -> Tip | None:
+    def tip_at(self, time: float) -> TipPosition | None:
         """The tip at a time, s; None before it exists and after it ends."""
         branch = self.branch
-        if branch is None or time < branch.time[0]:
-            return None if self.start is None else Tip(self.start, self.heading)
+        if branch is None or time < branch.passing_time[0]:
+            return None if self.pre_crack_tip is None else TipPosition(self.pre_crack_tip, self.initial_heading)
         if time > self.last_time:
             return None
-        place = points_passed(branch, time)
+        place = branch_points_until(branch, time)
         if branch.is_of_particles:
-            return Tip(place[-1], branch.direction[len(place) - 1])
-        back = branch.along[min(len(place), len(branch.along)) - 1] - branch.along[: len(place)]
-        near = place[back <= ARM * branch.spacing[min(len(place), len(branch.along)) - 1]]
+            return TipPosition(place[-1], branch.direction[len(place) - 1])
+        back = (
+            branch.length_along_crack[min(len(place), len(branch.length_along_crack)) - 1]
+            - branch.length_along_crack[: len(place)]
+        )
+        near = place[back <= ARM * branch.node_spacing[min(len(place), len(branch.length_along_crack)) - 1]]
         if len(near) < 2:
-            return Tip(place[-1], self.heading)
+            return TipPosition(place[-1], self.initial_heading)
         way = near[-1] - near[0]
-        return Tip(place[-1], way / np.hypot(*way))
+        return TipPosition(place[-1], way / np.hypot(*way))
 
 
-class Tip(NamedTuple):
+class TipPosition(NamedTuple):
     """Position of a tip and the direction in which it arrived."""
 
     place: NDArray[np.float64]  # (2,) m
@@ -77,19 +82,19 @@ def tip_histories(results: Results, step: int) -> list[TipHistory]:
     Ends of pre-cracks on the edge of the plate or off it are no tips.
     """
     branches, spacing = crack_branches(results, step), float(results.nodes(0).delta.min())
-    edge = read_plate_geometry(results).shape.boundary
+    edge = read_plate_geometry(results).plate_shape.boundary
     starts = [
         (tip, heading)
-        for tip, heading in pre_crack_tips(results.cracks())
-        if is_on_plate(results, tip) and edge.distance(shapely.Point(tip)) > spacing / 2
+        for tip, heading in pre_crack_tips_and_headings(results.cracks())
+        if place_is_on_plate(results, tip) and edge.distance(shapely.Point(tip)) > spacing / 2
     ]
     tip_fronts, carried = [], set()
     for number, branch in enumerate(branches):
-        near = [k for k, (tip, _) in enumerate(starts) if np.hypot(*(tip - branch.place[0])) < BEGINS * spacing]
+        near = [k for k, (tip, _) in enumerate(starts) if np.hypot(*(tip - branch.points[0])) < BEGINS * spacing]
         carried |= set(near)
         start, heading = starts[near[0]] if near else (None, branch.direction[0])
         tip_fronts.append(
-            TipHistory(f"branch {number}", number, start, heading, branch, _last_tip_time(results, branch, branches))
+            TipHistory(f"branch {number}", number, start, heading, branch, _last_time_of_tip(results, branch, branches))
         )
     for k, (tip, heading) in enumerate(starts):
         if k not in carried:
@@ -97,40 +102,44 @@ def tip_histories(results: Results, step: int) -> list[TipHistory]:
     return tip_fronts
 
 
-def _last_tip_time(results: Results, branch: Branch, branches: Sequence[Branch]) -> float:
+def _last_time_of_tip(results: Results, branch: CrackBranch, branches: Sequence[CrackBranch]) -> float:
     """The last time, s, at which the tip of a branch existed."""
     arms = [other_branch for other_branch in branches if other_branch.begin_joint == branch.end_joint]
     if not branch.is_of_particles:
         met = any(other_branch.end_joint == branch.end_joint for other_branch in branches if other_branch is not branch)
-        return float(branch.time[-1]) if arms or met else np.inf
+        return float(branch.passing_time[-1]) if arms or met else np.inf
     if arms:
-        return float(np.nextafter(arms[0].time[0], 0))
-    end, spacing, shape = shapely.Point(branch.place[-1]), branch.spacing[-1], read_plate_geometry(results).shape
-    arm_segments = (np.stack([any_branch.place[:-1], any_branch.place[1:]], axis=1) for any_branch in branches)
+        return float(np.nextafter(arms[0].passing_time[0], 0))
+    end, spacing, shape = (
+        shapely.Point(branch.points[-1]),
+        branch.node_spacing[-1],
+        read_plate_geometry(results).plate_shape,
+    )
+    arm_segments = (np.stack([any_branch.points[:-1], any_branch.points[1:]], axis=1) for any_branch in branches)
     every = shapely.linestrings(np.concatenate([results.cracks().reshape(-1, 2, 2), *arm_segments]))
     on_another = shapely.dwithin(every, end, TOUCHES * spacing).sum() > 1  # its own last arm is one
     on_edge = not shapely.intersects(shape, end) or shape.boundary.distance(end) <= spacing / 2
-    return float(np.nextafter(branch.time[-1], 0)) if on_another or on_edge else np.inf
+    return float(np.nextafter(branch.passing_time[-1], 0)) if on_another or on_edge else np.inf
 
 
-def nearest_node(nodes: Nodes, place: NDArray[np.float64]) -> int:
+def nearest_node_row(nodes: Nodes, place: NDArray[np.float64]) -> int:
     """The row of the node nearest to a place (2,), m."""
     return int(np.hypot(*(nodes.position - place).T).argmin())
 
 
-def is_on_plate(results: Results, place: NDArray[np.float64]) -> bool:
+def place_is_on_plate(results: Results, place: NDArray[np.float64]) -> bool:
     """Whether a place is on the plate."""
-    return bool(shapely.intersects_xy(read_plate_geometry(results).shape, *place))
+    return bool(shapely.intersects_xy(read_plate_geometry(results).plate_shape, *place))
 
 
-def points_passed(branch: Branch, time: float) -> NDArray[np.float64]:
+def branch_points_until(branch: CrackBranch, time: float) -> NDArray[np.float64]:
     """Points (k, 2) of a branch up to its tip's position at a time, s, and at least the first."""
-    count = int(np.searchsorted(branch.time, time, side="right"))
-    place = branch.place[:count]
-    if count < len(branch.time) and not branch.is_of_particles:
-        share = (time - branch.time[count - 1]) / (branch.time[count] - branch.time[count - 1])
+    count = int(np.searchsorted(branch.passing_time, time, side="right"))
+    place = branch.points[:count]
+    if count < len(branch.passing_time) and not branch.is_of_particles:
+        share = (time - branch.passing_time[count - 1]) / (branch.passing_time[count] - branch.passing_time[count - 1])
         if share > 0:
-            place = np.vstack([place, place[-1] + share * (branch.place[count] - place[-1])])
+            place = np.vstack([place, place[-1] + share * (branch.points[count] - place[-1])])
     return place
 
 
@@ -139,14 +148,14 @@ class TipObstacles:
 
     def __init__(self, results: Results, tips: Sequence[TipHistory]) -> None:
         self._results, self._fronts = results, tips
-        self._edge = read_plate_geometry(results).shape.boundary
-        self._conditions = read(results, _ConditionKeys).conditions
+        self._edge = read_plate_geometry(results).plate_shape.boundary
+        self._conditions = read(results, ConditionGridFileKeys).conditions
 
-    def undisturbed_room(self, tip: Tip, step: int, time: float) -> UndisturbedRoom:
+    def find_undisturbed_room(self, tip: TipPosition, step: int, time: float) -> UndisturbedRoom:
         """The room around a tip after a step."""
         nodes = self._results.nodes(step)
-        elastic = elastic_constants(self._results, step)
-        near = nearest_node(nodes, tip.place)
+        elastic = elastic_constants_of_nodes(self._results, step)
+        near = nearest_node_row(nodes, tip.place)
         other_material = (elastic.E[near] != elastic.E) | (elastic.nu[near] != elastic.nu)
         tips = [at.place for front in self._fronts if (at := front.tip_at(time)) is not None]
         other_tips = np.array([place for place in tips if not np.array_equal(place, tip.place)]).reshape(-1, 2)
@@ -157,7 +166,7 @@ class TipObstacles:
         rooms = [UndisturbedRoom(float(self._edge.distance(shapely.Point(tip.place))), "the edge of the plate")]
         for places, what in (
             (other_tips, "another tip"),
-            (self._other_cracks(tip, time, float(nodes.delta[near])), "another crack or a bend of this one"),
+            (self._points_of_other_cracks(tip, time, float(nodes.delta[near])), "another crack or a bend of this one"),
             (nodes.position[acted_on], "nodes of a load or grip"),
             (nodes.position[other_material], "another material"),
         ):
@@ -165,12 +174,12 @@ class TipObstacles:
                 rooms.append(UndisturbedRoom(float(np.hypot(*(places - tip.place).T).min()), what))
         return min(rooms)
 
-    def _other_cracks(self, tip: Tip, time: float, spacing: float) -> NDArray[np.float64]:
+    def _points_of_other_cracks(self, tip: TipPosition, time: float, spacing: float) -> NDArray[np.float64]:
         """Points of all cracks except those on the line behind the tip."""
         segments = [self._results.cracks().reshape(-1, 2, 2)]
         for front in self._fronts:
-            if front.branch is not None and time >= front.branch.time[0]:
-                line = points_passed(front.branch, time)
+            if front.branch is not None and time >= front.branch.passing_time[0]:
+                line = branch_points_until(front.branch, time)
                 segments.append(np.stack([line[:-1], line[1:]], axis=1))
         every = np.concatenate(segments)
         count = np.ceil(2 * np.hypot(*(every[:, 1] - every[:, 0]).T) / spacing).astype(int) + 1
@@ -182,7 +191,7 @@ class TipObstacles:
         return np.asarray((away + tip.place)[~behind_tip])
 
 
-class _ConditionKeys(msgspec.Struct):
+class ConditionGridFileKeys(msgspec.Struct):
     """The keys of the grid file that hold its conditions."""
 
     conditions: list[dict[str, Any]] = []

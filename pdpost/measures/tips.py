@@ -25,10 +25,10 @@ from pdmesh.model.document import Horizon
 from pdmesh.model.kd_trees import tree_of
 from pdmesh.model.output_fields import CRACKED
 from pdpost.measures.crack_labels import CrackedNodes, label_cracked_nodes
-from pdpost.measures.cracked_nodes import ROUND_OFF, pre_crack_tips
+from pdpost.measures.cracked_nodes import ROUND_OFF, pre_crack_tips_and_headings
 from pdpost.measures.plate_geometry import read_plate_geometry
 from pdpost.measures.skeleton import SLAB, Chain, CrackSkeleton
-from pdpost.measures.speed import WINDOW, TipSpeeds, averaging_window, tip_speeds
+from pdpost.measures.speed import WINDOW, TipSpeeds, averaging_window, estimate_tip_speeds
 from pdpost.reading.embedded_model import read
 from pdsolve.results import Results
 
@@ -39,25 +39,29 @@ WIDE = 8.0  # local spacings: what is cracked over a greater width is crushed, a
 
 
 @dataclass(frozen=True)
-class Branch:
+class CrackBranch:
     """The path of a tip from the crack's origin or a fork to where it ends, forks or meets another; k points."""
 
-    place: NDArray[np.float64]  # (k, 2) m
-    time: NDArray[np.float64]  # (k,) s, never falling, when the tip came past; when it left the tip of a pre-crack
+    points: NDArray[np.float64]  # (k, 2) m
+    passing_time: NDArray[
+        np.float64
+    ]  # (k,) s, never falling, when the tip came past; when it left the tip of a pre-crack
     direction: NDArray[np.float64]  # (k, 2) unit vectors, of some ten spacings around
-    along: NDArray[np.float64]  # (k,) length from the beginning of the crack, m, over its parents
+    length_along_crack: NDArray[np.float64]  # (k,) length from the beginning of the crack, m, over its parents
     speed: TipSpeeds  # (k,) m/s
-    spacing: NDArray[np.float64]  # (k,) m, of the nodes there
-    is_line: NDArray[np.bool_]  # (k,) False where so much is cracked that there is no line to tell
+    node_spacing: NDArray[np.float64]  # (k,) m, of the nodes there
+    is_narrow: NDArray[np.bool_]  # (k,) False where so much is cracked that there is no line to tell
     begin_joint: int  # number of the joint it begins at
     end_joint: int  # number of the joint it ends at
     is_of_particles: bool = False  # whether these are particles, so that the tip was at each, and nowhere between
-    points_before_edge: int | None = None  # how many points come before the edge that the crack runs into; None: all
+    point_count_before_edge: int | None = (
+        None  # how many points come before the edge that the crack runs into; None: all
+    )
 
     @property
     def length(self) -> float:
         """The length of this branch alone, m, without those before it."""
-        return float(self.along[-1] - self.along[0])
+        return float(self.length_along_crack[-1] - self.length_along_crack[0])
 
     @property
     def mean_speed(self) -> float | None:
@@ -66,37 +70,40 @@ class Branch:
         A crack that runs into an edge has arrived when its tip is a horizon away. The last nodes, whose families the
         edge cuts, come off later, as the two sides part.
         """
-        along, time, line = (column[: self.points_before_edge] for column in (self.along, self.time, self.is_line))
+        along, time, line = (
+            column[: self.point_count_before_edge]
+            for column in (self.length_along_crack, self.passing_time, self.is_narrow)
+        )
         took = float(time[-1] - time[0])
         return float(along[-1] - along[0]) / took if took > 0 and line.all() else None
 
 
 @dataclass(frozen=True)
-class Fork:
+class CrackFork:
     """A place where a crack becomes several."""
 
     place: tuple[float, float]  # m
     time: float  # s, when the crack came there
-    angle: float  # degrees between the outer arms
-    arms: tuple[float, ...]  # degrees of each arm from the direction the crack came with, to the left positive
+    angle_between_outer_arms: float  # degrees between the outer arms
+    arm_angles: tuple[float, ...]  # degrees of each arm from the direction the crack came with, to the left positive
 
 
-class _HorizonKeys(msgspec.Struct):
+class _HorizonGridFileKeys(msgspec.Struct):
     """The key of the grid file that says how far bonds reach."""
 
     horizon: Horizon = Horizon()
 
 
-class _Point(NamedTuple):
+class _PathPoint(NamedTuple):
     """Some cracked nodes, merged to one point of a line."""
 
     place: NDArray[np.float64]  # (2,) m
-    step: float  # a mean, when the tip came past
+    passing_step: float  # a mean, when the tip came past
     spacing: float  # m
-    line: bool
+    is_narrow: bool
 
 
-def crack_branches(results: Results, step: int | None = None, threshold: float = CRACKED) -> list[Branch]:
+def crack_branches(results: Results, step: int | None = None, threshold: float = CRACKED) -> list[CrackBranch]:
     """All branches of the cracks after `step` (default: the last), the longest first.
 
     A node is cracked above the damage `threshold`, which cracks of particles do not use. Mirrored cracks have mirrored
@@ -104,38 +111,44 @@ def crack_branches(results: Results, step: int | None = None, threshold: float =
     """
     particles = results.particles()
     if len(particles.place):
-        return _branches_of_particles(results, particles if step is None else until(particles, step))
+        return _branches_of_crack_particles(results, particles if step is None else until(particles, step))
     last = int(results.breaks().step.max(initial=0)) if step is None else step
     cracked = label_cracked_nodes(results, last, threshold)
     skeleton = CrackSkeleton(cracked)
     skeleton.remove_short_chains()
     time_step = float(results.meta()["time_step"])
-    pre_cracks = np.array([tip for tip, _ in pre_crack_tips(results.cracks())]).reshape(-1, 2)
+    pre_cracks = np.array([tip for tip, _ in pre_crack_tips_and_headings(results.cracks())]).reshape(-1, 2)
     reached: dict[int, tuple[float, float]] = {}  # time and length at joints
     branches = []
-    for chain in sorted(skeleton.chains_between_joints(), key=lambda chain: (skeleton.slab[chain[0]], chain)):
-        points = _points_of_chain(skeleton, cracked, chain, pre_cracks)
-        branch = _branch_of_chain(chain, points, *reached.get(chain[0], (0.0, 0.0)), time_step)
+    for chain in sorted(skeleton.find_chains_between_joints(), key=lambda chain: (skeleton.slab[chain[0]], chain)):
+        points = _path_points_of_chain(skeleton, cracked, chain, pre_cracks)
+        branch = _branch_from_chain(chain, points, *reached.get(chain[0], (0.0, 0.0)), time_step)
         branches.append(branch)
-        arrival = float(branch.time[-1]), float(branch.along[-1])
+        arrival = float(branch.passing_time[-1]), float(branch.length_along_crack[-1])
         reached[chain[-1]] = min(arrival, reached.get(chain[-1], arrival))
     if branches:
-        edges, ratio = read_plate_geometry(results).shape.boundary, read(results, _HorizonKeys).horizon.ratio
+        edges, ratio = (
+            read_plate_geometry(results).plate_shape.boundary,
+            read(results, _HorizonGridFileKeys).horizon.ratio,
+        )
         branches = [
-            replace(branch, points_before_edge=_count_points_before_edge(branch, edges, ratio)) for branch in branches
+            replace(branch, point_count_before_edge=_count_points_before_edge(branch, edges, ratio))
+            for branch in branches
         ]
     return sorted(branches, key=lambda branch: -branch.length)
 
 
-def _count_points_before_edge(branch: Branch, edges: shapely.Geometry, horizon_ratio: float) -> int | None:
+def _count_points_before_edge(branch: CrackBranch, edges: shapely.Geometry, horizon_ratio: float) -> int | None:
     """Points of a branch before its tip is a horizon, `horizon_ratio` spacings, from the edge it runs into; None:
     all."""
-    away = shapely.distance(edges, shapely.points(branch.place)) > horizon_ratio * branch.spacing * (1 - ROUND_OFF)
+    away = shapely.distance(edges, shapely.points(branch.points)) > horizon_ratio * branch.node_spacing * (
+        1 - ROUND_OFF
+    )
     before = int(np.flatnonzero(away).max(initial=0)) + 1
-    return before if before < len(away) and branch.time[before - 1] > branch.time[0] else None
+    return before if before < len(away) and branch.passing_time[before - 1] > branch.passing_time[0] else None
 
 
-def find_forks(branches: Sequence[Branch]) -> list[Fork]:
+def find_forks(branches: Sequence[CrackBranch]) -> list[CrackFork]:
     """Forks, where one of the `branches` ends and two or more begin, in the order of time.
 
     Directions are those of straight lines through the ten spacings next to the fork.
@@ -146,15 +159,17 @@ def find_forks(branches: Sequence[Branch]) -> list[Fork]:
         stems = [branch for branch in branches if branch.end_joint == joint]
         if len(arms) < 2 or not stems:
             continue
-        came = -np.sum([_initial_direction(stem.place[::-1], ARM * stem.spacing[-1]) for stem in stems], axis=0)
-        ways = [_initial_direction(arm.place, ARM * arm.spacing[0]) for arm in arms]
+        came = -np.sum(
+            [_initial_direction_of_line(stem.points[::-1], ARM * stem.node_spacing[-1]) for stem in stems], axis=0
+        )
+        ways = [_initial_direction_of_line(arm.points, ARM * arm.node_spacing[0]) for arm in arms]
         angles = sorted(float(np.degrees(np.arctan2(came[0] * w[1] - came[1] * w[0], came @ w))) for w in ways)
-        x, y = arms[0].place[0].tolist()
-        fork_list.append(Fork((x, y), float(arms[0].time[0]), angles[-1] - angles[0], tuple(angles)))
+        x, y = arms[0].points[0].tolist()
+        fork_list.append(CrackFork((x, y), float(arms[0].passing_time[0]), angles[-1] - angles[0], tuple(angles)))
     return sorted(fork_list, key=lambda fork: fork.time)
 
 
-def _branches_of_particles(results: Results, particles: Particles) -> list[Branch]:
+def _branches_of_crack_particles(results: Results, particles: Particles) -> list[CrackBranch]:
     """The grown arms of cracks of particles, from the tip of a pre-crack or a fork to an end or the next fork."""
     place, _, parent, step = particles
     after: list[list[int]] = [[] for _ in parent]
@@ -176,71 +191,75 @@ def _branches_of_particles(results: Results, particles: Particles) -> list[Branc
         time = np.asarray(step[[first, *chain[1:]]] * time_step, dtype=float)
         length[chain[-1]] = along[-1]
         line, ways = np.ones(len(chain), dtype=bool), (arms / far[:, None])[[0, *range(len(arms))]]
-        fast = tip_speeds(along, time, spacing[chain], line, time_step)
+        fast = estimate_tip_speeds(along, time, spacing[chain], line, time_step)
         points = place[chain], time, ways, along, fast, spacing[chain], line
-        branches.append(Branch(*points, begin, chain[-1], is_of_particles=True))
+        branches.append(CrackBranch(*points, begin, chain[-1], is_of_particles=True))
     return sorted(branches, key=lambda branch: -branch.length)
 
 
-def _branch_of_chain(
-    chain: Chain, points: list[_Point], start_time: float, start_length: float, time_step: float
-) -> Branch:
+def _branch_from_chain(
+    chain: Chain, points: list[_PathPoint], start_time: float, start_length: float, time_step: float
+) -> CrackBranch:
     """A chain as a branch; time and length continue from the end of its parent."""
     place, step, spacing, line = (np.array(column) for column in zip(*points, strict=True))
     smooth = place.copy()  # the lattice's zigzag is no way that the tip went
     smooth[1:-1] = (place[:-2] + 2 * place[1:-1] + place[2:]) / 4
     along = start_length + np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(smooth, axis=0).T))])
     time = np.maximum.accumulate(np.maximum(step * time_step, start_time))
-    fast = tip_speeds(along, time, spacing, line, time_step)
+    fast = estimate_tip_speeds(along, time, spacing, line, time_step)
     stretches = (
         averaging_window(along, at, WINDOW * spacing[at]) or slice(None) for at in range(len(place))
     )  # as of its speeds
-    direction = np.array([fit_direction(place[points]) for points in stretches])
-    return Branch(place, time, direction, along, fast, spacing, line, chain[0], chain[-1])
+    direction = np.array([fit_line_direction(place[points]) for points in stretches])
+    return CrackBranch(place, time, direction, along, fast, spacing, line, chain[0], chain[-1])
 
 
-def _points_of_chain(
+def _path_points_of_chain(
     skeleton: CrackSkeleton, cracked: CrackedNodes, chain: Chain, pre_cracks: NDArray[np.float64]
-) -> list[_Point]:
+) -> list[_PathPoint]:
     """The points of a chain, extended to its first and last nodes and to adjacent tips of pre-cracks."""
-    points = [_merge_to_point(cracked, skeleton.members[at]) for at in chain]
-    level, first, last = cracked.level, skeleton.members[chain[0]], skeleton.members[chain[-1]]
+    points = [_merge_nodes_to_point(cracked, skeleton.members[at]) for at in chain]
+    level, first, last = cracked.spacings_from_origin, skeleton.members[chain[0]], skeleton.members[chain[-1]]
     if chain[0] in skeleton.begins:
         if len(skeleton.links[chain[0]]) == 1 and level[first].mean() >= 0.25:
-            points.insert(0, _merge_to_point(cracked, first[level[first] < 0.5])._replace(line=points[0].line))
+            points.insert(
+                0, _merge_nodes_to_point(cracked, first[level[first] < 0.5])._replace(is_narrow=points[0].is_narrow)
+            )
         points[:0] = _pre_crack_tip_near(points[0], pre_cracks)
     if skeleton.is_dead_end(chain[-1]):
         far = level[last].max()
         if far - level[last].mean() >= 0.25:
-            points.append(_merge_to_point(cracked, last[level[last] >= far - 0.5])._replace(line=points[-1].line))
+            points.append(
+                _merge_nodes_to_point(cracked, last[level[last] >= far - 0.5])._replace(is_narrow=points[-1].is_narrow)
+            )
         points += _pre_crack_tip_near(points[-1], pre_cracks)
     return points
 
 
-def _merge_to_point(cracked: CrackedNodes, rows: NDArray[np.int64]) -> _Point:
+def _merge_nodes_to_point(cracked: CrackedNodes, rows: NDArray[np.int64]) -> _PathPoint:
     """The centre of nodes; the time is the mean over spacings of length of the first node in each."""
-    layer, delta = np.floor(cracked.level[rows] + ROUND_OFF), cracked.delta[rows]
-    steps = [int(cracked.reached_step[rows][layer == number].min()) for number in np.unique(layer)]
-    place = np.average(cracked.position[rows], axis=0, weights=cracked.damage[rows])
+    layer, delta = np.floor(cracked.spacings_from_origin[rows] + ROUND_OFF), cracked.spacing[rows]
+    steps = [int(cracked.crack_arrival_step[rows][layer == number].min()) for number in np.unique(layer)]
+    place = np.average(cracked.position[rows], axis=0, weights=cracked.damage_with_pre_cracks[rows])
     width = float((delta**2).sum() / delta.mean() ** 2) / SLAB
-    return _Point(place, float(np.mean(steps)), float(delta.mean()), width <= WIDE)
+    return _PathPoint(place, float(np.mean(steps)), float(delta.mean()), width <= WIDE)
 
 
-def _pre_crack_tip_near(point: _Point, pre_cracks: NDArray[np.float64]) -> list[_Point]:
+def _pre_crack_tip_near(point: _PathPoint, pre_cracks: NDArray[np.float64]) -> list[_PathPoint]:
     """The tip of a pre-crack near a point but not at it, reached at the same time; empty without one."""
     far = np.hypot(*(pre_cracks - point.place).T)
     near = len(far) > 0 and 0.1 * point.spacing < far.min() <= NEAR_TIP * point.spacing
     return [point._replace(place=pre_cracks[far.argmin()])] if near else []
 
 
-def _initial_direction(points: NDArray[np.float64], fitted_length: float) -> NDArray[np.float64]:
+def _initial_direction_of_line(points: NDArray[np.float64], fitted_length: float) -> NDArray[np.float64]:
     """The unit vector along which a line leaves its first point, over its first `fitted_length`, m."""
     far = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(points, axis=0).T))])
     near = points[far <= max(fitted_length, far[1] * (1 + ROUND_OFF))]
-    return fit_direction(near[1:] if len(near) > 3 else near)  # the fork itself lies between its arms
+    return fit_line_direction(near[1:] if len(near) > 3 else near)  # the fork itself lies between its arms
 
 
-def fit_direction(points: NDArray[np.float64]) -> NDArray[np.float64]:
+def fit_line_direction(points: NDArray[np.float64]) -> NDArray[np.float64]:
     """The unit vector (2,) of a straight line fitted to points, from the first to the last."""
     _, _, axes = np.linalg.svd(points - points.mean(axis=0), full_matrices=False)
     axis: NDArray[np.float64] = axes[0]

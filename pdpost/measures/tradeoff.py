@@ -16,9 +16,9 @@ from scipy.spatial import QhullError, cKDTree
 
 from pdmesh.model.output_fields import CRACKED
 from pdpost.measures.balance import damped_energy
-from pdpost.measures.cracked_nodes import separation_at
-from pdpost.measures.cracks import DIRECTIONS, Event, crack_events
-from pdpost.measures.paths import Polyline, crack_paths, main_direction, path_distances
+from pdpost.measures.cracked_nodes import damage_with_pre_cracks_at
+from pdpost.measures.cracks import DIRECTIONS, CrackEvent, find_crack_events
+from pdpost.measures.paths import Polyline, crack_paths, main_direction_name, mean_and_hausdorff_distance
 from pdpost.measures.plate_geometry import expect_same_plate
 from pdpost.reading.frame_steps import frames
 from pdpost.reading.stored_fields import vector
@@ -27,7 +27,7 @@ from pdsolve.results import Results, ResultsError
 AWAY = 2.0  # of the larger spacing: displacements are compared where no crack is nearer
 
 
-class Cost(NamedTuple):
+class RunCost(NamedTuple):
     """The cost of a run: wall time, bond updates and the size of its file."""
 
     wall_time: float  # s
@@ -35,7 +35,7 @@ class Cost(NamedTuple):
     bytes: float  # of its file
 
 
-class Errors(NamedTuple):
+class RelativeErrors(NamedTuple):
     """Relative errors of a run against its reference; None where the reference has nothing to compare with."""
 
     displacement: float | None  # L2 norm over the nodes away from cracks, at the last common time
@@ -55,36 +55,39 @@ class TradeoffPoint(NamedTuple):
 
     name: str
     nodes: int
-    cost: Cost
-    errors: Errors
+    cost: RunCost
+    errors: RelativeErrors
 
 
 def tradeoff_point(results: Results, file: Path, reference: Results) -> TradeoffPoint:
-    """A result as a point of the chart. Raises ResultsError as `run_cost` and `run_errors` do."""
-    return TradeoffPoint(file.stem, len(results.nodes().ids), run_cost(results, file), run_errors(results, reference))
+    """A result as a point of the chart. Raises ResultsError as `run_cost` and `relative_run_errors` do."""
+    return TradeoffPoint(
+        file.stem, len(results.nodes().ids), run_cost(results, file), relative_run_errors(results, reference)
+    )
 
 
-def run_cost(results: Results, file: Path) -> Cost:
+def run_cost(results: Results, file: Path) -> RunCost:
     """The cost of a run. Raises ResultsError if it is not finished."""
     summary = results.summary()
     if not summary:
         raise ResultsError(f"{results.name} is a run without a summary; let it end first (pdsolve --resume)")
     updates = float(results.bond_updates(int(summary["steps"])))
-    return Cost(float(summary["wall_time"]), updates, float(file.stat().st_size))
+    return RunCost(float(summary["wall_time"]), updates, float(file.stat().st_size))
 
 
-def run_errors(results: Results, reference: Results) -> Errors:
+def relative_run_errors(results: Results, reference: Results) -> RelativeErrors:
     """Errors of a run against its reference. Raises ResultsError if the scenes differ or a frame is missing."""
-    time = _common_time(results, reference)
-    lines = [crack_paths(run, _step_at(run, time)) for run in (results, reference)]
-    direction = DIRECTIONS[main_direction(lines[1])]
-    run_growth, expected = crack_events(results, direction), crack_events(reference, direction)
-    return Errors(
-        displacement=displacement_error(results, reference),
-        path=_path_error(*lines),
-        start=_event_time_error(run_growth.start, expected.start),
-        branching=_event_time_error(run_growth.branching, expected.branching),
-        energy=_relative_error(_dissipated_energy_at(results, time), _dissipated_energy_at(reference, time)),
+    expect_same_plate(results, reference)
+    time = _last_common_time(results, reference)
+    lines = [crack_paths(run, _step_at_time(run, time)) for run in (results, reference)]
+    direction = DIRECTIONS[main_direction_name(lines[1])]
+    run_growth, expected = find_crack_events(results, direction), find_crack_events(reference, direction)
+    return RelativeErrors(
+        displacement=relative_displacement_error(results, reference),
+        path=_relative_path_error(*lines),
+        start=_relative_event_time_error(run_growth.start, expected.start),
+        branching=_relative_event_time_error(run_growth.branching, expected.branching),
+        energy=_relative_error(_total_energy_at(results, time), _total_energy_at(reference, time)),
     )
 
 
@@ -104,58 +107,58 @@ def cheapest_point(cost: NDArray[np.float64], error: NDArray[np.float64], larges
     return int(good[cost[good].argmin()]) if len(good) else None
 
 
-def _common_time(results: Results, reference: Results) -> float:
-    expect_same_plate(results, reference)
+def _last_common_time(results: Results, reference: Results) -> float:
     return min(float(frames(run)[1][-1]) for run in (results, reference))
 
 
-def _step_at(results: Results, time: float) -> int:
+def _step_at_time(results: Results, time: float) -> int:
     return round(time / float(results.meta()["time_step"]))
 
 
-def displacement_error(results: Results, reference: Results) -> float | None:
+def relative_displacement_error(results: Results, reference: Results) -> float | None:
     """Relative error of the displacements; None if there is nothing to compare. Raises ResultsError.
 
     The comparison is at the nodes of the coarser run; displacements of the finer run are interpolated linearly.
     """
-    time = _common_time(results, reference)
-    runs = sorted((results, reference), key=lambda run: len(run.nodes(_first_frame_after(run, time)).ids))
-    coarse, fine = (run.nodes(_first_frame_after(run, time)) for run in runs)
+    expect_same_plate(results, reference)
+    time = _last_common_time(results, reference)
+    runs = sorted((results, reference), key=lambda run: len(run.nodes(_first_frame_step_at_or_after(run, time)).ids))
+    coarse, fine = (run.nodes(_first_frame_step_at_or_after(run, time)) for run in runs)
     away = np.ones(len(coarse.ids), dtype=bool)
     for run in runs:
-        step = _step_at(run, time)
+        step = _step_at_time(run, time)
         nodes = run.nodes(step)
-        near = (separation_at(run, step) > CRACKED) | (nodes.cut > 0)
+        near = (damage_with_pre_cracks_at(run, step) > CRACKED) | (nodes.cut > 0)
         if near.any():
             reach = AWAY * float(max(coarse.delta.max(), fine.delta.max()))
             away &= cKDTree(nodes.position[near]).query(coarse.position)[0] > reach
     try:
-        between = LinearNDInterpolator(fine.position, _displacement_at(runs[1], time))(coarse.position)
+        between = LinearNDInterpolator(fine.position, _interpolate_displacement_at(runs[1], time))(coarse.position)
     except QhullError:  # fewer than three nodes, or all in one row
         return None
     away &= np.isfinite(between).all(axis=1)
     if not away.any():
         return None
-    displacements = {id(runs[0]): _displacement_at(runs[0], time)[away], id(runs[1]): between[away]}
+    displacements = {id(runs[0]): _interpolate_displacement_at(runs[0], time)[away], id(runs[1]): between[away]}
     off = displacements[id(results)] - displacements[id(reference)]
     area = coarse.area[away, None]
     size = float(np.sum(area * displacements[id(reference)] ** 2))
     return float(np.sqrt(np.sum(area * off**2) / size)) if size > 0 else None
 
 
-def _first_frame_after(results: Results, time: float) -> int:
+def _first_frame_step_at_or_after(results: Results, time: float) -> int:
     """The step of the first frame at or after a time, or else of the last frame."""
     steps, times = results.frames()
     return int(steps[np.searchsorted(times, time).clip(max=len(times) - 1)])
 
 
-def _displacement_at(results: Results, time: float) -> NDArray[np.float64]:
+def _interpolate_displacement_at(results: Results, time: float) -> NDArray[np.float64]:
     """Displacements (n, 2), m, at a time between two frames, at the nodes of the second.
 
     Where the first frame has other nodes, its displacements are interpolated linearly.
     """
     steps, times = results.frames()
-    after = int(np.searchsorted(steps, _first_frame_after(results, time)))
+    after = int(np.searchsorted(steps, _first_frame_step_at_or_after(results, time)))
     before = max(after - 1, 0)
     gap = float(times[after] - times[before])
     share = (time - float(times[before])) / gap if gap > 0 else 1.0
@@ -170,16 +173,16 @@ def _displacement_at(results: Results, time: float) -> NDArray[np.float64]:
     return np.asarray((1 - share) * old + share * new)
 
 
-def _path_error(run_paths: list[Polyline], expected: list[Polyline]) -> float | None:
+def _relative_path_error(run_paths: list[Polyline], expected: list[Polyline]) -> float | None:
     if not expected:
         return None
     if not run_paths:
         return float("inf")
     length = sum(float(np.hypot(*np.diff(line, axis=0).T).sum()) for line in expected)
-    return path_distances(run_paths, expected)[0] / length if length > 0 else None
+    return mean_and_hausdorff_distance(run_paths, expected)[0] / length if length > 0 else None
 
 
-def _event_time_error(event: Event | None, expected: Event | None) -> float | None:
+def _relative_event_time_error(event: CrackEvent | None, expected: CrackEvent | None) -> float | None:
     if expected is None:
         return None
     return float("inf") if event is None else _relative_error(event.time, expected.time)
@@ -189,7 +192,7 @@ def _relative_error(value: float, expected: float) -> float | None:
     return abs(value - expected) / abs(expected) if expected else None
 
 
-def _dissipated_energy_at(results: Results, time: float) -> float:
+def _total_energy_at(results: Results, time: float) -> float:
     ledger = results.history()
     if not len(ledger):
         raise ResultsError(f"{results.name} has no energies; use a run of mechanics")

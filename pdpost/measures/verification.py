@@ -21,15 +21,15 @@ MASS_CLOSE = 1e-6  # of the substance there is
 class DatabaseContents(NamedTuple):
     """Contents of a database that has been read and found consistent."""
 
-    nodes: int  # at the end
-    bonds: int  # pairs of nodes, at their births
-    broken: int  # of them
-    frames: int
-    fields: int  # of the last frame
-    last: int  # step of the ledger
+    node_count: int  # at the end
+    bond_count: int  # pairs of nodes, at their births
+    broken_bond_count: int  # of them
+    frame_count: int
+    field_count: int  # of the last frame
+    last_step: int  # step of the ledger
     status: str
-    schema: int
-    checksums: bool  # whether the file has some: the oldest ones have none
+    schema_version: int
+    has_checksums: bool  # whether the file has some: the oldest ones have none
 
 
 def verify_database(results: Results) -> DatabaseContents:
@@ -42,7 +42,7 @@ def verify_database(results: Results) -> DatabaseContents:
     _expect_ordered_steps(results, ledger, steps)
     if marches:
         for table, step, time in (("frame", steps, times), ("the ledger", ledger["step"], ledger["time"])):
-            _expect_times(results, table, step, time, float(meta["time_step"]))
+            _expect_times_match_steps(results, table, step, time, float(meta["time_step"]))
     odd = steps[:-1][steps[:-1] % run.every != 0]
     if len(odd):
         raise DamagedError(f"{results.name}: there is a frame at step {odd[0]}; frames are every {run.every} steps")
@@ -82,7 +82,7 @@ def _expect_ordered_steps(results: Results, ledger: NDArray[np.void], steps: NDA
         )
 
 
-def _expect_times(
+def _expect_times_match_steps(
     results: Results, table: str, step: NDArray[np.generic], time: NDArray[np.float64], time_step: float
 ) -> None:
     """Raise ResultsError unless the times (t,), s, are those of the steps (t,)."""

@@ -10,7 +10,7 @@ from pdpost.reading.embedded_model import read
 from pdsolve.results import Results
 
 
-class _MaterialKeys(msgspec.Struct):
+class _WaveSpeedGridFileKeys(msgspec.Struct):
     """The keys of the grid file that wave speeds need."""
 
     material: Material
@@ -18,5 +18,5 @@ class _MaterialKeys(msgspec.Struct):
 
 def plate_rayleigh_speed(results: Results) -> float:
     """Rayleigh wave speed of the plate's main material, m/s; material regions are ignored."""
-    material = read(results, _MaterialKeys).material
+    material = read(results, _WaveSpeedGridFileKeys).material
     return rayleigh_speed(material.E, material.rho, material.plane, poisson(material))

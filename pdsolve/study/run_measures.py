@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from pdpost import Summary, crack, largest_displacement, largest_stretch
+from pdpost import CrackPathSummary, crack, largest_displacement, largest_stretch
 from pdsolve.results import Results
 from pdsolve.study.measure_columns import measures_of
 
@@ -26,23 +26,26 @@ def measured(results: Results) -> dict[str, float | None]:
     return {name: None if value is None or not math.isfinite(value) else value for name, value in values.items()}
 
 
-def _cracked(summary: Summary) -> dict[str, Any]:
-    events = {name: getattr(summary.growth, name) for name in ("first_break", "start", "branching", "split")}
+def _cracked(summary: CrackPathSummary) -> dict[str, Any]:
+    events = {name: getattr(summary.events, name) for name in ("first_break", "start", "branching", "split")}
     times = {name: None if event is None else event.time for name, event in events.items()}
-    branching, spent = events["branching"], summary.release.value[np.isfinite(summary.release.value)]
+    branching, spent = (
+        events["branching"],
+        summary.energy_release.release_rate[np.isfinite(summary.energy_release.release_rate)],
+    )
     sound = [branch for branch in summary.branches if (branch.mean_speed or math.inf) <= summary.rayleigh_speed]
     fork = summary.forks[0] if summary.forks else None
     return times | {
         "branching_at": None if branching is None else branching.along,
         "length": sum(branch.length for branch in summary.branches),
         "longest": max((branch.length for branch in summary.branches), default=0.0),
-        "speed": sound[0].mean_speed if sound and not summary.at_rest else None,
+        "speed": sound[0].mean_speed if sound and not summary.is_quasi_static else None,
         "branches": len(summary.branches),
         "forks": len(summary.forks),
-        "fork_angle": None if fork is None else fork.angle,
+        "fork_angle": None if fork is None else fork.angle_between_outer_arms,
         "fork_x": None if fork is None else fork.place[0],
         "fork_y": None if fork is None else fork.place[1],
-        "direction": max((abs(way.angle) for way in summary.directions), default=None),
+        "direction": max((abs(way.angle_from_pre_crack) for way in summary.initial_directions), default=None),
         "spent": float(np.median(spent)) if len(spent) else None,
         "pieces": len(summary.fragments.pieces),
     }

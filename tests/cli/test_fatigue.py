@@ -13,7 +13,7 @@ import pytest
 from pdmesh import Circle, Fatigue, Material, Run, Scene, box, build
 from pdpost.__main__ import main as pdpost
 from pdpost.figures.fatigue_figure import fatigue as figure
-from pdpost.measures.fatigue import FatigueLife, ParisLine, TipGrowth
+from pdpost.measures.fatigue import FatigueLife, ParisLine, TipFatigueGrowth
 from pdsolve.model import Model
 from pdsolve.run.simulation import Options, simulate
 
@@ -65,7 +65,7 @@ def test_smooth_bodies_lie_on_woehlers_line(
 def life(name: str, given: Fatigue, line: ParisLine | None, first: float | None = None) -> FatigueLife:
     dK = np.geomspace(10e6, 40e6, 5)
     rate = np.full(4, 2e-8)
-    tip = TipGrowth("branch 0", np.arange(5.0), np.arange(5.0) * 1e-3, dK, dK, rate, np.ones(4, dtype=bool))
+    tip = TipFatigueGrowth("branch 0", np.arange(5.0), np.arange(5.0) * 1e-3, dK, dK, rate, np.ones(4, dtype=bool))
     return FatigueLife(name, 4.0, 0.1, first, None if first is None else 1e-3, given, [tip], line)
 
 
@@ -74,12 +74,12 @@ def test_the_line_that_was_given_stands_beside_the_one_found() -> None:
     of_K = life("K", Fatigue(C=2e-37, m=4.0), line)
     of_bonds = life("bonds", Fatigue(A=1e9, m=3.0, A1=A1, m1=M1), line, first=1e5)
     at = np.array([10e6, 20e6])
-    assert of_K.prescribed_growth_rate(at) == pytest.approx([2e-9, 3.2e-8])
-    given = of_bonds.prescribed_growth_rate(at)
+    assert of_K.prescribed_growth_per_cycle(at) == pytest.approx([2e-9, 3.2e-8])
+    given = of_bonds.prescribed_growth_per_cycle(at)
     assert given is not None
     assert given[1] / given[0] == pytest.approx(8)
-    assert life("none", Fatigue(A=1e9, m=3.0), None).prescribed_growth_rate(at) is None
-    assert of_bonds.woehler_cycles(at * 1e-10) == pytest.approx([1e6, 1e6 / 64])
+    assert life("none", Fatigue(A=1e9, m=3.0), None).prescribed_growth_per_cycle(at) is None
+    assert of_bonds.woehler_cycles_to_break(at * 1e-10) == pytest.approx([1e6, 1e6 / 64])
     drawn = figure([of_K, of_bonds])
     lengths, rates, lives = drawn.axes
     assert {one.get_text() for one in rates.get_legend().get_texts()} == {  # type: ignore[union-attr]

@@ -17,8 +17,8 @@ from plates import plate, square_grid
 from benchmarks.specimens import Case, edge
 from pdmesh.model.document import Horizon, Load, Run
 from pdpost.__main__ import main
-from pdpost.measures.stress_intensities import _refusal_reason, follow_tips
-from pdpost.measures.tip_surroundings import Tip, UndisturbedRoom
+from pdpost.measures.stress_intensities import _no_room_reason, follow_tip_intensities
+from pdpost.measures.tip_surroundings import TipPosition, UndisturbedRoom
 from pdsolve.results import Results
 from pdsolve.run.simulation import Options, simulate
 
@@ -71,7 +71,7 @@ def test_what_K_says_of_J_is_remarked_outside_its_band(
     assert main(["sif", str(pulled), "-o", "remarked.png"]) == 0
     assert mentions(capsys.readouterr().out, "(K1^2 + K2^2)/E'", f"{tip['of_K'][2]:.4g} J/m^2", "J")
     with Results.open(pulled) as results:
-        (series,) = follow_tips(results, [2])
+        (series,) = follow_tip_intensities(results, [2])
     assert series.K_differs_from_J.tolist() == [True]
     wider = series._replace(high={**series.high, "J": 1.02 * series.high["J"]})
     assert wider.K_differs_from_J.tolist() == [False]
@@ -80,13 +80,13 @@ def test_what_K_says_of_J_is_remarked_outside_its_band(
 @pytest.mark.slow
 def test_room_that_is_round_off_is_none(pulled: Path) -> None:
     """No length of 1e-18 m, and no spacing that would give room; from a hundredth of the spacing on, advice."""
-    tip = Tip(np.array([0.4875, 0.0]), np.array([1.0, 0.0]))
+    tip = TipPosition(np.array([0.4875, 0.0]), np.array([1.0, 0.0]))
     with Results.open(pulled) as results:
         for radius in (0.0, 1.7e-18, 4.9e-19):
-            said = _refusal_reason(results, 2, tip, UndisturbedRoom(radius, "another tip"), None)
+            said = _no_room_reason(results, 2, tip, UndisturbedRoom(radius, "another tip"), None)
             assert said.startswith("another tip is at the tip at (0.4875, 0) m; it needs room of 3.5 horizons")
             assert "apart have it" not in said
-        assert mentions(_refusal_reason(results, 2, tip, UndisturbedRoom(0.05, "another tip"), None), "0.0035 m")
+        assert mentions(_no_room_reason(results, 2, tip, UndisturbedRoom(0.05, "another tip"), None), "0.0035 m")
 
 
 @pytest.mark.slow

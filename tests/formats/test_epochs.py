@@ -17,8 +17,8 @@ from numpy.typing import NDArray
 from splitting_clouds import Moving, marched, torn_plate
 
 from pdpost.measures.bond_pairs import read_bond_pairs
-from pdpost.measures.cracked_nodes import separation_at
-from pdpost.measures.strain import remove_broken_bonds
+from pdpost.measures.cracked_nodes import damage_with_pre_cracks_at
+from pdpost.measures.strain import families_without_broken_bonds
 from pdsolve.model import Model
 from pdsolve.results import DamagedError, Results, ResultsError
 from pdsolve.run.measures import damage
@@ -56,7 +56,7 @@ def test_each_frame_has_the_nodes_there_were(moving: Path, model: Model) -> None
             assert results.bond_updates(step) == updates
             order = np.argsort(grid.ids)[np.argsort(np.argsort(nodes.ids))]
             assert np.array_equal(nodes.ids, grid.ids[order])
-            assert separation_at(results, step) == pytest.approx(damage(system)[order], abs=1e-15)
+            assert damage_with_pre_cracks_at(results, step) == pytest.approx(damage(system)[order], abs=1e-15)
             if step % 10:
                 continue
             frames += 1
@@ -64,12 +64,12 @@ def test_each_frame_has_the_nodes_there_were(moving: Path, model: Model) -> None
             assert np.array_equal(nodes.area, system.area[order])
             for name, values in (("uy", state.value[:, 1]), ("vx", state.rate[:, 0]), ("damage", damage(system))):
                 assert np.array_equal(results.field(name, step), values[order].astype("<f4"))
-            start, neighbour = remove_broken_bonds(results, results.families(step), step)
+            start, neighbour = families_without_broken_bonds(results, results.families(step), step)
             found = named(nodes.ids, np.repeat(np.arange(len(nodes.ids)), np.diff(start)), neighbour)
             assert found == named(grid.ids, *system.operator.bonds())
             drawn = read_bond_pairs(results, step)
-            assert 2 * (~drawn.broken).sum() == len(found)
-            assert drawn.broken.sum() >= len(separation_at(results, step) > 0) * (step == 60)
+            assert 2 * (~drawn.is_broken).sum() == len(found)
+            assert drawn.is_broken.sum() >= len(damage_with_pre_cracks_at(results, step) > 0) * (step == 60)
         assert (frames, len(results.epochs())) == (7, 11)
         assert len(results.lives().birth) > 2 * len(model.grid)
         assert results.history()["broken"].tolist() == [

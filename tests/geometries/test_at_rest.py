@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 from plates import shipped
 
-from pdpost.measures.forces import reactions, select_reactions
-from pdpost.measures.gaps import force_against_gap, named_gap
-from pdpost.measures.stress_intensities import follow_tips
+from pdpost.measures.forces import read_reactions, select_reactions
+from pdpost.measures.gaps import force_over_gap_opening, read_named_gap
+from pdpost.measures.stress_intensities import follow_tip_intensities
 from pdsolve.model import Model
 from pdsolve.results import Results
 from pdsolve.run.simulation import Options, resume, simulate
@@ -25,7 +25,7 @@ def solved(name: str, *words: tuple[str, str]) -> Results:
 
 
 def forces(results: Results, name: str, axis: int) -> np.ndarray:
-    return np.abs(select_reactions(reactions(results), [name])[0].force[:, axis])
+    return np.abs(select_reactions(read_reactions(results), [name])[0].force[:, axis])
 
 
 def balance(results: Results) -> float:
@@ -62,7 +62,7 @@ def test_a_double_cantilever_beam_has_its_intensity(spacing: float, off: float, 
     arm, crack = 0.02, 0.08
     with solved("double_cantilever.py", ("spacing", str(spacing))) as results:
         load = float(forces(results, "upper", 1)[-1])
-        tip = follow_tips(results, [1])[0].value
+        tip = follow_tip_intensities(results, [1])[0].value
         assert results.summary()["broken_bonds"] == 0
     K = 2 * np.sqrt(3) * load * crack * (1 + 0.64 * arm / crack) / arm**1.5
     assert tip["K1"][0] / K - 1 == pytest.approx(off, abs=0.003)
@@ -149,7 +149,9 @@ def test_a_resumed_path_of_bodies_that_touch_has_the_same_bits(tmp_path: Path) -
 def test_a_crack_from_an_offset_notch_rises_to_the_load() -> None:
     with solved("offset_notch.py") as results:
         peak = forces(results, "middle", 1).max() * 0.0254
-        opened = force_against_gap(named_gap(results, "mouth"), select_reactions(reactions(results), ["middle"])[0], 1)
+        opened = force_over_gap_opening(
+            read_named_gap(results, "mouth"), select_reactions(read_reactions(results), ["middle"])[0], 1
+        )
         last = int(results.frames()[0][-1])
         x, y = results.nodes().position.T
         damage = results.field("damage", last)
@@ -168,9 +170,9 @@ def test_a_crack_from_an_offset_notch_rises_to_the_load() -> None:
 def test_a_plate_that_is_sheared_and_pulled_tears_from_both_notches(spacing: str, peak: float, between: int) -> None:
     """The shear alone softens bonds at the notches; at 5 mm two cracks pass each other, with a block between them."""
     with solved("nooru_mohamed.py", ("spacing", spacing)) as results:
-        pull, shear = (select_reactions(reactions(results), [name])[0].force for name in ("top", "shear"))
+        pull, shear = (select_reactions(read_reactions(results), [name])[0].force for name in ("top", "shear"))
         assert balance(results) < 1e-3
-        gaps = [named_gap(results, name).opening for name in ("left", "right")]
+        gaps = [read_named_gap(results, name).opening for name in ("left", "right")]
         position, uy = results.nodes().position, results.field("uy", int(results.frames()[0][-1]))
     assert shear[1:, 0] == pytest.approx(10e3 / 0.05, rel=1e-6)
     assert pull[:, 1].max() * 0.05 == pytest.approx(peak, rel=0.01)

@@ -12,22 +12,22 @@ from messages import mentions
 from mirror_images import mirrored
 from plates import shipped
 
-from pdpost.measures.crack_summary import Summary, crack, sentences
+from pdpost.measures.crack_summary import CrackPathSummary, crack, summary_sentences
 from pdpost.measures.paths import LONG
 from pdsolve.model import Model
 from pdsolve.results import Results
 from pdsolve.run.simulation import Options, simulate
 
 
-def told(results: Results) -> Summary:
+def told(results: Results) -> CrackPathSummary:
     """The cracks of a whole run, after what holds of all of them."""
     found = crack(results)
     for branch in found.branches:
-        assert (np.diff(branch.time) >= 0).all()
+        assert (np.diff(branch.passing_time) >= 0).all()
         for stem in found.branches:
-            if stem.end_joint == branch.begin_joint and branch.time[0] < stem.time[-1]:
-                other = min(one.time[-1] for one in found.branches if one.end_joint == branch.begin_joint)
-                assert branch.time[0] >= other  # of two stems that meet the first goes on
+            if stem.end_joint == branch.begin_joint and branch.passing_time[0] < stem.passing_time[-1]:
+                other = min(one.passing_time[-1] for one in found.branches if one.end_joint == branch.begin_joint)
+                assert branch.passing_time[0] >= other  # of two stems that meet the first goes on
         known = np.isfinite(branch.speed.value)
         low, value, high = (column[known] for column in (branch.speed.low, branch.speed.value, branch.speed.high))
         assert (low <= value).all()
@@ -52,18 +52,20 @@ def test_kalthoff_and_winkler(mode: str) -> None:
     one, other = found.branches[:2]
     assert one.length == pytest.approx(other.length, rel=1e-12)
     assert one.length == pytest.approx(0.063, abs=0.006)  # measured 61.0 and 65.0 mm
-    lower, upper = sorted((one, other), key=lambda branch: float(branch.place[0, 1]))
+    lower, upper = sorted((one, other), key=lambda branch: float(branch.points[0, 1]))
     for branch, notch in ((lower, 75.5e-3), (upper, 124.5e-3)):
-        assert branch.place[0] == pytest.approx([50e-3, notch])
+        assert branch.points[0] == pytest.approx([50e-3, notch])
         assert branch.mean_speed is not None
         assert branch.mean_speed / found.rayleigh_speed == pytest.approx(0.6, abs=0.1)  # measured 0.58 and 0.62
         assert np.isfinite(branch.speed.value).mean() > 0.7
         assert np.nanmax(branch.speed.value) < found.rayleigh_speed
-    main = [way for way in found.directions if abs(way.whole) < 90]  # the others are short and run back at 131 degrees
-    assert [way.whole for way in main] == pytest.approx([-68, 68], abs=3)
+    main = [
+        way for way in found.initial_directions if abs(way.overall_angle) < 90
+    ]  # the others are short and run back at 131 degrees
+    assert [way.overall_angle for way in main] == pytest.approx([-68, 68], abs=3)
     first = {"thesis": 61.1, "conservative": 45.9}[mode]  # measured: cracks turn away from their notches by and by
-    assert [way.angle for way in main] == pytest.approx([-first, first], abs=1)
-    rubble = [branch for branch in found.branches if not branch.is_line.all()]
+    assert [way.angle_from_pre_crack for way in main] == pytest.approx([-first, first], abs=1)
+    rubble = [branch for branch in found.branches if not branch.is_narrow.all()]
     assert rubble or mode == "conservative"  # under the impactor
     assert all(branch.mean_speed is None for branch in rubble)
 
@@ -75,7 +77,7 @@ def test_duran(solved: Callable[[str], Path], mode: str) -> None:
         found = told(results)
     mirrored(found.branches, found.branches, np.array([1.0, -1.0]))
     (fork,) = found.forks
-    assert fork.arms[0] == pytest.approx(-fork.arms[1], abs=1e-9)
+    assert fork.arm_angles[0] == pytest.approx(-fork.arm_angles[1], abs=1e-9)
     assert len([one for one in found.branches if one.length >= LONG * found.branches[0].length]) == 3
 
 
@@ -87,15 +89,15 @@ def test_a_crack_that_starts_away_from_the_pre_crack() -> None:
     with simulate(Model(built.grid, msgspec.structs.replace(built.settings, run=run)), None) as results:
         found = told(results)
     first, second = found.branches
-    assert found.growth.start is not None
-    assert found.growth.start.time == first.time[0]
-    assert first.time[0] == pytest.approx(53e-6, abs=1e-6)  # measured 52.95
-    assert first.place[0] == pytest.approx([74e-3, 14e-3], abs=1e-3)
-    assert second.place[0] == pytest.approx([92.3e-3, 39.3e-3], abs=1e-4)  # the right end of the arc
-    assert second.time[0] > first.time[0]
-    (way,) = found.directions  # the crack at the left end came to it from below
-    assert way.tip == pytest.approx((92.3e-3, 39.3e-3), abs=1e-4)
-    assert any(mentions(sentence, "(74, 14) mm", "52.95 us") for sentence in sentences(found))
+    assert found.events.start is not None
+    assert found.events.start.time == first.passing_time[0]
+    assert first.passing_time[0] == pytest.approx(53e-6, abs=1e-6)  # measured 52.95
+    assert first.points[0] == pytest.approx([74e-3, 14e-3], abs=1e-3)
+    assert second.points[0] == pytest.approx([92.3e-3, 39.3e-3], abs=1e-4)  # the right end of the arc
+    assert second.passing_time[0] > first.passing_time[0]
+    (way,) = found.initial_directions  # the crack at the left end came to it from below
+    assert way.pre_crack_tip == pytest.approx((92.3e-3, 39.3e-3), abs=1e-4)
+    assert any(mentions(sentence, "(74, 14) mm", "52.95 us") for sentence in summary_sentences(found))
 
 
 @pytest.mark.slow
@@ -114,7 +116,7 @@ def test_kalthoff_and_winkler_with_the_projectile() -> None:
         with simulate(Model(built.grid, settings), None, Options(threads=1)) as results:
             found, last = told(results), results.history()[-1]
             velocity = results.field("vx", int(last["step"]))
-        ways.append([way.whole for way in found.directions])
+        ways.append([way.overall_angle for way in found.initial_directions])
         below, above = ways[-1]
         assert above == pytest.approx(-below, abs=1e-9)  # 7e-15 degrees
         lengths += [branch.length for branch in found.branches[:2]]

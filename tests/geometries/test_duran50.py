@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pdpost.measures.cracks import crack_events
+from pdpost.measures.cracks import find_crack_events
 from pdsolve.results import Results
 
 
@@ -16,7 +16,7 @@ from pdsolve.results import Results
 def test_the_thesis_mode_does_what_the_thesis_says(solved: Callable[[str], Path]) -> None:
     """Starts at about 10 us, branches at about 29 us, 68 mm from the left edge."""
     with Results.open(solved("thesis")) as results:
-        crack = crack_events(results)
+        crack = find_crack_events(results)
     assert crack.start is not None
     assert crack.start.time == pytest.approx(10e-6, abs=1.5e-6)
     assert crack.branching is not None
@@ -32,7 +32,7 @@ def test_the_conservative_mode_branches_too(solved: Callable[[str], Path]) -> No
     """Its pre-crack's faces are as stiff as the plate, so it starts 0.1 us later than with bare ones (6.9 instead of
     6.8 us to the first bond)."""
     with Results.open(solved("conservative")) as results:
-        crack = crack_events(results)
+        crack = find_crack_events(results)
     assert crack.start is not None
     assert crack.branching is not None
     assert (crack.start.step, crack.branching.step) == pytest.approx((366, 960), abs=4)  # measured: 9.1 and 24.0 us

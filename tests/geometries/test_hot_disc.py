@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from plates import shipped
 
-from pdpost.measures.fields import field_components
+from pdpost.measures.fields import all_field_components
 from pdsolve.model import Model
 from pdsolve.run.simulation import Options, simulate
 
@@ -19,7 +19,7 @@ def test_the_rim_of_a_hot_disc_is_stretched() -> None:
         nodes, T, stress = (
             results.nodes(20),
             results.field("T", 20).astype(float),
-            field_components(results, "stress", 20),
+            all_field_components(results, "stress", 20),
         )
         summary = results.summary()
     (x, y), r = nodes.position.T, np.hypot(*nodes.position.T)

@@ -10,7 +10,7 @@ import pytest
 from benchmarks.claims import CASES, Case, measured
 from benchmarks.runs import built, solved
 from pdmesh.model.output_fields import CRACKED
-from pdpost.measures.cracked_nodes import damage_at
+from pdpost.measures.cracked_nodes import damage_without_pre_cracks_at
 from pdsolve.options import Options
 from pdsolve.results import Results
 from pdsolve.run.prepare import prepare
@@ -81,7 +81,7 @@ def test_noise_of_a_nanometre_breaks_the_symmetry_of_branches(cache: Path) -> No
     unlike = []
     for name in ("duran50_24MPa", "duran50_24MPa_noise"):
         with Results.open(solved(by_name(name), "thesis", cache)) as results:
-            nodes, cracked = results.nodes(), damage_at(results, 1100) > CRACKED
+            nodes, cracked = results.nodes(), damage_without_pre_cracks_at(results, 1100) > CRACKED
         up, down = (cracked & (side * nodes.position[:, 1] > 0) for side in (1, -1))
         mirrored = {tuple(place) for place in np.round(nodes.position[down] * [1, -1] * 1e5)}
         unlike.append(len(mirrored ^ {tuple(place) for place in np.round(nodes.position[up] * 1e5)}))

@@ -36,7 +36,7 @@ def largest(rows: int, Bi: int, *, steps: int, last: float) -> float:
         stress = []
         for step in range(1, steps + 1):
             c = (results.field("T", step)[edge] - COLD) / (HOT - COLD)
-            strain = fields.field_components(results, "strain", step)["yy"][edge] / (9e-6 * (HOT - COLD))
+            strain = fields.all_field_components(results, "strain", step)["yy"][edge] / (9e-6 * (HOT - COLD))
             stress.append(float((strain + 1 - c).mean()))
     return max(stress) / LARGEST[Bi]
 

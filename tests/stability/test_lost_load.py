@@ -14,7 +14,7 @@ from system_checks import bonds_of, equilibrium, sources
 from benchmarks.specimens import PULL, STATIC, edge_shape
 from pdmesh import Scene, box, build
 from pdmesh.model.document import Load, Material, Run
-from pdpost.measures.stress_intensities import follow_tips
+from pdpost.measures.stress_intensities import follow_tip_intensities
 from pdsolve.model import Model
 from pdsolve.options import Options
 from pdsolve.run.prepare import prepare
@@ -74,7 +74,7 @@ def intensity(rows: int) -> float:
     scene = scene.load("top", traction=(0, PULL), rows=rows).load("bottom", traction=(0, -PULL), rows=rows)
     built = build(scene)
     with simulate(Model(built.grid, built.settings), None, Options("thesis", threads=1)) as results:
-        (tip,) = follow_tips(results, [1])
+        (tip,) = follow_tip_intensities(results, [1])
     return float(tip.value["K1"][0]) / (PULL * np.sqrt(np.pi * a) * edge_shape(a))
 
 

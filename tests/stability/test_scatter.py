@@ -18,8 +18,8 @@ from plates import plate, struck_plate
 
 from pdmesh.model.document import Load, Material, Run
 from pdmesh.model.node_grid import Grid
-from pdpost.measures.cracked_nodes import cracked_since
-from pdpost.measures.directions import measure_directions
+from pdpost.measures.cracked_nodes import first_cracked_step_of_nodes
+from pdpost.measures.directions import measure_initial_directions
 from pdpost.measures.tips import crack_branches
 from pdsolve.model import Model
 from pdsolve.options import Options
@@ -81,7 +81,7 @@ def duran(turned: float = 0.0, place: tuple[float, float] = (0.0, 0.0), up: floa
         for low, force in ((HEIGHT / 2 - 8e-3, 1.5e9), (-HEIGHT / 2, -1.5e9))
     )
     with solved(plate(grid, 4, conditions=pull), DURATION, share) as results:
-        since, books, step = cracked_since(results), results.history(), results.meta()["time_step"]
+        since, books, step = first_cracked_step_of_nodes(results), results.history(), results.meta()["time_step"]
     x, y = position.T
     time = np.where(since >= 0, since * float(step), np.inf)
     places = np.arange(*TRUNK, 1e-3)
@@ -207,8 +207,8 @@ def struck(ratio: float, kr: float) -> Struck:
     for share in (1.0, 0.95, 0.9, 0.8, 0.7, 0.6):
         with solved(struck_plate(ratio, 16.5, clamped=False, material=steel), 70e-6, share) as results:
             books, first = results.history(), results.breaks().step.min() * float(results.meta()["time_step"])
-            ways = measure_directions(results, crack_branches(results))
-            found.append((np.mean([abs(way.whole) for way in ways]), 1e6 * first, books["dissipated"][-1]))
+            ways = measure_initial_directions(results, crack_branches(results))
+            found.append((np.mean([abs(way.overall_angle) for way in ways]), 1e6 * first, books["dissipated"][-1]))
     return Struck(*np.array(found).T)
 
 

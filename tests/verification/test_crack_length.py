@@ -15,8 +15,8 @@ from shapely import Point
 
 from pdmesh import Material, Run, Scene, Static, box, build, ramp
 from pdmesh.model.document import ParticleRules
-from pdpost.measures.forces import reactions, select_reactions
-from pdpost.measures.gaps import force_against_gap, named_gap
+from pdpost.measures.forces import read_reactions, select_reactions
+from pdpost.measures.gaps import force_over_gap_opening, read_named_gap
 from pdsolve.model import Model, ModelWarning
 from pdsolve.results import Results
 from pdsolve.run.simulation import Options, UnsettledError, resume, simulate
@@ -87,7 +87,9 @@ def test_cantilevers_part_by_a_falling_load() -> None:
     """By the K of beams on an elastic foundation; the crack takes G0 a length."""
     arm = 12e-3
     with simulate(cantilevers(20), None, ONE) as results:
-        curve = force_against_gap(named_gap(results, "loads"), select_reactions(reactions(results), ["upper"])[0], 1)
+        curve = force_over_gap_opening(
+            read_named_gap(results, "loads"), select_reactions(read_reactions(results), ["upper"])[0], 1
+        )
         a, (spent, missing), summary = lengths(results), books(results), results.summary()
     load = np.abs(curve.force[1:])
     assert a[-1] - a[0] == pytest.approx(19e-3, rel=1e-3)
@@ -107,7 +109,7 @@ def test_an_edge_crack_snaps_back() -> None:
         warnings.simplefilter("ignore", ModelWarning)
         with simulate(edge_crack(6), None, ONE) as results:
             a, summary, (_, missing) = lengths(results), results.summary(), books(results)
-            opening = named_gap(results, "ends").opening[1:]
+            opening = read_named_gap(results, "ends").opening[1:]
     factor = np.array([row["factor"] for row in summary["path_steps"]])
     x = a / 36e-3
     shape = np.sqrt(2 / (np.pi * x) * np.tan(np.pi * x / 2)) / np.cos(np.pi * x / 2)

@@ -14,7 +14,7 @@ from plates import plate, shipped, square_grid
 
 from pdmesh import Scene, box, build
 from pdmesh.model.document import Displacement, Fatigue, Load, Material, Run
-from pdpost.measures.fatigue import TipGrowth, dK_between_frames, fit_paris_line, tip_growths
+from pdpost.measures.fatigue import TipFatigueGrowth, effective_dK_between_frames, fit_paris_line, measure_tip_growths
 from pdsolve.model import Model
 from pdsolve.results import Results
 from pdsolve.run.simulation import Options, resume, simulate
@@ -132,12 +132,12 @@ def test_paris_line_of_a_crack_whose_intensity_grows() -> None:
     C, m, way = 1e-33, 3.5, 2e-3
     K = 10e6 * 1.5 ** np.arange(7)
     took = way / np.log(1.5) / (m * C) * (K[:-1] ** -m - K[1:] ** -m)
-    one = TipGrowth("tip", np.cumsum([0, *took]), way * np.arange(7.0), K, K, way / took, np.ones(6, dtype=bool))
+    one = TipFatigueGrowth("tip", np.cumsum([0, *took]), way * np.arange(7.0), K, K, way / took, np.ones(6, dtype=bool))
     line = fit_paris_line([one])
     assert line is not None
     assert (line.m, line.C) == (pytest.approx(m, rel=1e-9), pytest.approx(C, rel=1e-6))
-    assert dK_between_frames(one, m)[0] == pytest.approx(K[0] * (m * np.log(1.5) / (1 - 1.5**-m)) ** (1 / m))
-    assert fit_paris_line([one._replace(settled=np.zeros(6, dtype=bool))]) is None
+    assert effective_dK_between_frames(one, m)[0] == pytest.approx(K[0] * (m * np.log(1.5) / (1 - 1.5**-m)) ** (1 / m))
+    assert fit_paris_line([one._replace(is_past_slow_start=np.zeros(6, dtype=bool))]) is None
 
 
 @pytest.mark.slow
@@ -146,11 +146,11 @@ def test_a_crack_grows_along_paris_line() -> None:
     built = shipped("fatigue_compact_tension.py")
     with simulate(Model(built.grid, built.settings), None, ONE) as results:
         steps = results.frames()[0].tolist()
-        found = tip_growths(results, steps)
+        found = measure_tip_growths(results, steps)
         said = summary(results)
     line = fit_paris_line(found)
     assert line is not None
-    dK = found[0].dK[:-1][found[0].settled]
+    dK = found[0].dK[:-1][found[0].is_past_slow_start]
     assert dK[-1] / dK[0] > 3  # measured: 3.08; 11 at half the spacing
     assert line.m == pytest.approx(4.0, rel=0.02)  # measured: 3.953; 3.951 at half the spacing
     assert line.scatter < 0.02

@@ -17,7 +17,12 @@ from plates import shipped
 from pdmesh import Circle, Fatigue, Material, Run, Scene, box, build
 from pdmesh.model.document import ParticleRules
 from pdmesh.model.fatigue import Cycled
-from pdpost.measures.fatigue import TipGrowth, fit_paris_line, settled_rates_and_dK, tip_growths
+from pdpost.measures.fatigue import (
+    TipFatigueGrowth,
+    fit_paris_line,
+    growth_per_cycle_and_dK_past_slow_start,
+    measure_tip_growths,
+)
 from pdsolve.model import Model, ModelError
 from pdsolve.results import Results
 from pdsolve.run.prepare import prepare
@@ -50,9 +55,9 @@ def ended(results: Results) -> tuple[str, float]:
     return said["ended"], said["fatigue_steps"][-1]["cycles"]
 
 
-def grown(model: Model) -> list[TipGrowth]:
+def grown(model: Model) -> list[TipFatigueGrowth]:
     with simulate(model, None, ONE) as results:
-        return tip_growths(results, results.frames()[0][1:].tolist())
+        return measure_tip_growths(results, results.frames()[0][1:].tolist())
 
 
 def compact_tension() -> Model:
@@ -102,16 +107,16 @@ def test_the_line_of_one_specimen_predicts_the_growth_of_another() -> None:
     assert line is not None
     assert first[0].dK[-1] > 10 * first[0].dK[0]  # measured: 10.8
     assert line.m == pytest.approx(4.0, rel=0.02)  # measured: 3.995; 3.970 where jumps are not halved at the end
-    rate, dK = settled_rates_and_dK(first, line.m)
+    rate, dK = growth_per_cycle_and_dK_past_slow_start(first, line.m)
     assert rate == pytest.approx(LINE["C"] * dK**4, rel=0.02)  # measured: .985 to 1.004; .91 at the end without
     assert len(second) == 2
-    rate, dK = settled_rates_and_dK(second, line.m)
+    rate, dK = growth_per_cycle_and_dK_past_slow_start(second, line.m)
     assert len(rate) == 16
     assert rate == pytest.approx(
-        line.growth_rate(dK), rel=0.09
+        line.growth_per_cycle(dK), rel=0.09
     )  # measured: 1.084 in the first growth of the drawn crack
     later = np.arange(16) % 8 > 0  # of each of its two tips
-    assert rate[later] == pytest.approx(line.growth_rate(dK[later]), rel=0.05)  # measured: 1.003 to 1.022
+    assert rate[later] == pytest.approx(line.growth_per_cycle(dK[later]), rel=0.05)  # measured: 1.003 to 1.022
 
 
 @pytest.mark.slow
@@ -214,14 +219,16 @@ def test_growth_is_reported_from_its_start_and_its_cycles_with_their_error() -> 
     """Against the integral of da / (C K^m) by the handbook, of every particle since the pre-crack."""
     line, steps = {"C": 1e-29, "m": 3.0}, 13
     with simulate(specimen(steps, **line), None, ONE) as results:
-        said, found = json.loads(results.meta()["summary"]), tip_growths(results, results.frames()[0].tolist())
-        again = tip_growths(results, results.frames()[0][1:].tolist())
-    assert found[0].length == pytest.approx(1e-3 * np.arange(1, steps + 1))  # one particle short before
-    assert np.array_equal(again[0].length, found[0].length)  # whether or not the first frame is among those asked for
-    assert found[0].settled.all()  # as cracks grown by K have no slow start
+        said, found = json.loads(results.meta()["summary"]), measure_tip_growths(results, results.frames()[0].tolist())
+        again = measure_tip_growths(results, results.frames()[0][1:].tolist())
+    assert found[0].grown_length == pytest.approx(1e-3 * np.arange(1, steps + 1))  # one particle short before
+    assert np.array_equal(
+        again[0].grown_length, found[0].grown_length
+    )  # whether or not the first frame is among those asked for
+    assert found[0].is_past_slow_start.all()  # as cracks grown by K have no slow start
     fitted = fit_paris_line(found)
     assert fitted is not None
-    assert fitted.points == steps - 1
+    assert fitted.point_count == steps - 1
     assert fitted.m == pytest.approx(3.0, rel=0.01)  # measured: 2.989
     middles = 0.015 + (np.arange(1000 * steps) + 0.5) * 1e-6
     whole = sum(1e-6 / (line["C"] * handbook(a) ** line["m"]) for a in middles)

@@ -14,7 +14,7 @@ import sneddon
 from prescribed_results import results_of
 
 from pdmesh import Body, Box, Material, Run, build
-from pdpost.measures.intensities_in_space import FrontIntensities, front_intensities
+from pdpost.measures.intensities_in_space import FrontIntensities, compute_front_intensities
 from pdsolve.model import Model
 from pdsolve.results import Families, Nodes
 from pdsolve.run.simulation import Options, simulate
@@ -33,8 +33,8 @@ def front_of(penny: penny_cracks.Penny) -> FrontIntensities:
     model |= {"horizon": {"ratio": 3.0}}
     families = Families(bonds.start.astype(np.int64), bonds.neighbour.astype(np.int64))
     results = results_of(nodes, families, SMALL * penny.u, [], model, penny_cracks.disc(256))
-    (front,) = front_intensities(results, 10)
-    assert len(front.points_with_values) == len(front.length_along)
+    (front,) = compute_front_intensities(results, 10)
+    assert len(front.points_with_values) == len(front.length_along_front)
     return front
 
 
@@ -75,6 +75,6 @@ def test_a_suddenly_loaded_penny_settles_to_what_it_feels_at_rest() -> None:
     found, exact = build(body), 2 * SMALL * np.sqrt(radius / np.pi)
     with simulate(Model(found.grid, found.settings), None, Options(threads=1)) as results:
         last = int(results.frames()[0][-1])
-        first, rest = (front_intensities(results, step)[0].value["K1"] / exact for step in (40, last))
+        first, rest = (compute_front_intensities(results, step)[0].value["K1"] / exact for step in (40, last))
     assert first.mean() == pytest.approx(1.203, abs=0.02)  # beyond it at first
     assert rest == pytest.approx(1.0, abs=0.05)  # measured 1.029 +- 0.003 in this block

@@ -10,7 +10,7 @@ import pytest
 from plates import plate, square_grid
 
 from pdmesh.model.document import Load, Run
-from pdpost.measures.cracks import crack_events
+from pdpost.measures.cracks import find_crack_events
 from pdsolve.model import Model
 from pdsolve.run.simulation import Options, simulate
 
@@ -47,7 +47,7 @@ def duran(m: int) -> Model:
 def crack(m: int, mode: str) -> Crack:
     """Follow it; 80 ns is surely stable up to m = 8."""
     with simulate(duran(m), options=Options(mode)) as results:
-        found = crack_events(results)
+        found = find_crack_events(results)
         damage = results.field("damage", 500).reshape(round(WIDTH * m / HORIZON), -1)
     assert found.start is not None
     branch = found.branching

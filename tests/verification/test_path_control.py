@@ -16,8 +16,8 @@ from plates import plate, square_grid
 
 from pdmesh.model.document import Displacement, Gap, LoadCell, Material, Run, Static, write_file
 from pdmesh.model.node_grid import document_of
-from pdpost.measures.forces import reactions, select_reactions
-from pdpost.measures.gaps import ForceOpeningCurve, force_against_gap, named_gap
+from pdpost.measures.forces import read_reactions, select_reactions
+from pdpost.measures.gaps import ForceOpeningCurve, force_over_gap_opening, read_named_gap
 from pdsolve.__main__ import main as pdsolve
 from pdsolve.model import Model, ModelWarning
 from pdsolve.results import Results
@@ -47,7 +47,9 @@ def beam(static: Static) -> Model:
 
 
 def curve(results: Results, name: str) -> ForceOpeningCurve:
-    return force_against_gap(named_gap(results, "mouth"), select_reactions(reactions(results), [name])[0], 1)
+    return force_over_gap_opening(
+        read_named_gap(results, "mouth"), select_reactions(read_reactions(results), [name])[0], 1
+    )
 
 
 @pytest.mark.slow
@@ -66,8 +68,8 @@ def test_the_path_is_that_by_dissipation() -> None:
     assert np.abs(there - opened.force).max() < 0.03 * np.abs(energy.force).max()
     steps = np.diff(opened.opening)
     assert steps.min() > 0
-    work = cell.work
-    assert work == pytest.approx(-opened.work, rel=1e-4)
+    work = cell.work_under_curve
+    assert work == pytest.approx(-opened.work_under_curve, rel=1e-4)
 
 
 @pytest.mark.slow

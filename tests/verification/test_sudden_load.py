@@ -11,7 +11,7 @@ from plates import plate, square_grid
 from pdmesh.model.document import Displacement, Load, Material, Run
 from pdmesh.model.domain_integrals import Ring
 from pdmesh.model.material_constants import BONDS_NU, pressure_speed
-from pdpost.measures.stress_intensities import IntensityHistory, follow_tips
+from pdpost.measures.stress_intensities import TipIntensityHistory, follow_tip_intensities
 from pdsolve.model import Model
 from pdsolve.run.simulation import Options, simulate
 
@@ -51,14 +51,14 @@ def expected(since: np.ndarray) -> np.ndarray:
     return 2 * 2 * PUSH * np.sqrt(c * (1 - 2 * nu) / np.pi) / (1 - nu) * (steps[0] - steps[1]) * c / RAMP
 
 
-def felt(reach: int, ratio: float) -> tuple[IntensityHistory, np.ndarray, np.ndarray]:
+def felt(reach: int, ratio: float) -> tuple[TipIntensityHistory, np.ndarray, np.ndarray]:
     """What the tip feels, times since the waves met over those that one takes through the ring, K1 expected."""
     c = pressure_speed(SOLID)
     with simulate(hit(reach, ratio), None, Options(threads=1)) as results:
         steps = results.frames()[0]
         since = steps * STEP - (5 * reach - 0.5) / c
         used = since > 2 * reach / c
-        (found,) = follow_tips(results, steps[used].tolist(), ring=Ring(2 * ratio, reach))
+        (found,) = follow_tip_intensities(results, steps[used].tolist(), ring=Ring(2 * ratio, reach))
     return found, since[used] * c / reach, expected(since[used])
 
 

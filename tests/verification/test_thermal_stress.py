@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from pdmesh import Circle, Material, Medium, Run, Scene, box, build
-from pdpost.measures.fields import field_components
+from pdpost.measures.fields import all_field_components
 from pdpost.reading.embedded_model import expect_mechanics
 from pdsolve.model import Model
 from pdsolve.results import Results, ResultsError
@@ -37,7 +37,7 @@ def heated(plane: str, *, clamped: bool, fields: tuple[str, ...] | None = None) 
 def test_a_free_bar_has_no_stress_in_its_plane(plane: str) -> None:
     """It grows by alpha dT in plane stress, by 1 + nu times that in plane strain, where E alpha dT pushes along z."""
     with heated(plane, clamped=False) as results:
-        stress, strain = field_components(results, "stress", 1), field_components(results, "strain", 1)
+        stress, strain = all_field_components(results, "stress", 1), all_field_components(results, "strain", 1)
     scale = E * ALPHA * DT
     within = max(np.abs(stress[name]).max() for name in ("xx", "yy", "xy"))
     assert within < 5e-6 * scale  # measured 1.1e-6: fields are in single precision
@@ -54,7 +54,7 @@ def test_a_clamped_bar_pushes(plane: str, expected: float) -> None:
     with heated(plane, clamped=True) as results:
         push = float(results.reactions()[-1]["force_x"])
         middle = np.argmin(np.hypot(*(results.nodes(1).position - [LONG / 2, HIGH / 2]).T))
-        stress = field_components(results, "stress", 1)["xx"][middle]
+        stress = all_field_components(results, "stress", 1)["xx"][middle]
     assert push / HIGH == pytest.approx(-expected * E * ALPHA * DT, rel=0.01)  # measured 0.65 and 0.66 % less
     assert stress == pytest.approx(-expected * E * ALPHA * DT, rel=0.06)  # measured 5.5 % less: ends are softer
 
@@ -63,7 +63,7 @@ def test_a_clamped_bar_pushes(plane: str, expected: float) -> None:
 def test_stress_asks_for_the_temperature_and_crack_tips_are_refused() -> None:
     with heated("stress", clamped=False, fields=("ux", "uy")) as results:
         with pytest.raises(ResultsError, match="'c'"):
-            field_components(results, "stress", 1)
+            all_field_components(results, "stress", 1)
         with pytest.raises(ResultsError, match="thermoelastic"):
             expect_mechanics(results)
 
@@ -88,7 +88,7 @@ def test_a_disc_with_a_hot_middle() -> None:
     )
     built = build(scene)
     with simulate(Model(built.grid, built.settings), None, Options(threads=1)) as results:
-        nodes, stress, T = results.nodes(1), field_components(results, "stress", 1), results.field("c", 1)
+        nodes, stress, T = results.nodes(1), all_field_components(results, "stress", 1), results.field("c", 1)
         u = np.column_stack([results.field(name, 1).astype(float) for name in ("ux", "uy")])
     r = np.hypot(*nodes.position.T)
     share = nodes.area[T > T0 + DT / 2].sum() / nodes.area.sum()  # of the disc that is hot

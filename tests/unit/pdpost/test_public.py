@@ -9,7 +9,7 @@ import pytest
 
 from pdpost import Results, crack, figures
 from pdpost.__main__ import main
-from pdpost.measures.crack_summary import Summary
+from pdpost.measures.crack_summary import CrackPathSummary
 
 
 def test_all_of_it_at_once() -> None:
@@ -25,8 +25,8 @@ def test_the_last_frame_and_step_are_what_is_meant_without_one(small_results: Pa
         found, expected = crack(results), crack(results, 60)
         titles = [draw(results).axes[0].get_title() for draw in (figures.field, figures.nodes, figures.bonds)]
         assert figures.crack(results).axes[0].get_title().endswith("3 µs")
-    assert isinstance(found, Summary)
-    assert (found.step, found.growth) == (60, expected.growth)
+    assert isinstance(found, CrackPathSummary)
+    assert (found.step, found.events) == (60, expected.events)
     assert all(title.endswith("(step 60)") for title in titles)
 
 

@@ -19,7 +19,7 @@ from pdmesh.model.document import Displacement, Load, ParticleRules, Run, Static
 from pdmesh.model.domain_integrals import Ring, Sampled
 from pdmesh.model.material_constants import poisson, rayleigh_speed
 from pdmesh.model.visibility import Sight
-from pdpost.measures.cracks import crack_events
+from pdpost.measures.cracks import find_crack_events
 from pdsolve.crack_growth.criteria import ANGLES, Verdict, _maxima, by_stress
 from pdsolve.crack_growth.growth import every_of
 from pdsolve.crack_growth.obstacles import CrackedPlate
@@ -143,7 +143,7 @@ def test_a_crack_by_intensities_reaches_the_edge(tmp_path: Path) -> None:
         place = results.particles().place
         assert place[-1] == pytest.approx([30.5e-3, 0.0], abs=1e-9)
         assert np.abs(place[:, 1]).max() < 1e-9
-        assert crack_events(results).split is not None
+        assert find_crack_events(results).split is not None
         assert results.summary()["remarks"] == []
 
 

@@ -17,7 +17,7 @@ from tampered_databases import tampered
 from pdpost.__main__ import main
 from pdpost.exports import frame_files, node_sets
 from pdpost.exports.frame_files import ExportError
-from pdpost.measures.cracked_nodes import damage_at
+from pdpost.measures.cracked_nodes import damage_without_pre_cracks_at
 from pdsolve.results import Results, ResultsError
 
 
@@ -31,7 +31,7 @@ def test_a_frame_as_vtu(small_results: Path, tmp_path: Path) -> None:
     with Results.open(small_results) as results:
         frame_files.vtu(results, 40, tmp_path / "a.vtu", also=("strain", "stress"))
         nodes = results.nodes()
-        u, damage = moved(results, 40), damage_at(results, 40).astype(np.float32)
+        u, damage = moved(results, 40), damage_without_pre_cracks_at(results, 40).astype(np.float32)
     mesh = meshio.read(tmp_path / "a.vtu")
     assert mesh.points == pytest.approx(np.column_stack([nodes.position, 0 * nodes.delta]))
     (cells,) = mesh.cells
@@ -177,7 +177,11 @@ def test_vtk_reads_what_is_exported(small_results: Path, tmp_path: Path) -> None
 
     with Results.open(small_results) as results:
         frame_files.vtu(results, 60, tmp_path / "a.vtu", also=("stress",))
-        nodes, u, damage = results.nodes(), moved(results, 60), damage_at(results, 60).astype(np.float32)
+        nodes, u, damage = (
+            results.nodes(),
+            moved(results, 60),
+            damage_without_pre_cracks_at(results, 60).astype(np.float32),
+        )
     reader = vtkXMLUnstructuredGridReader()
     reader.SetFileName(str(tmp_path / "a.vtu"))
     reader.Update()

@@ -33,7 +33,7 @@ from pdpost.figures.labels import prefixed
 from pdpost.figures.style import FigureError
 from pdpost.measures import crack_summary, plate_geometry
 from pdpost.measures.bond_pairs import read_bond_pairs
-from pdpost.measures.cracked_nodes import damage_at
+from pdpost.measures.cracked_nodes import damage_without_pre_cracks_at
 from pdpost.measures.fields import FIELDS, FieldError
 from pdpost.measures.tips import crack_branches
 from pdsolve.results import Breaks, Families, FrameRecord, Results, ResultsError, Writer
@@ -69,7 +69,7 @@ def test_the_damage_picture(small_results: Path) -> None:
     """A cell of each node's size and value, equal axes, colours from 0 to 1, the time in the title."""
     with Results.open(small_results) as results:
         figure = field_figure.field(results, "damage", 40)
-        nodes, values = results.nodes(), damage_at(results, 40).astype(np.float32)
+        nodes, values = results.nodes(), damage_without_pre_cracks_at(results, 40).astype(np.float32)
     axes = figure.axes[0]
     cells = axes.collections[0]
     assert axes.get_aspect() == 1.0
@@ -323,13 +323,13 @@ def test_bonds_are_blue_and_red(small_results: Path) -> None:
         early = read_bond_pairs(results, 0)
         nodes, breaks, families = results.nodes(), results.breaks(), results.families()
     gone = {frozenset(pair) for pair in zip(breaks.node.tolist(), breaks.neighbour.tolist(), strict=True)}
-    assert len(found.broken) == len(families.neighbour) / 2
-    assert {frozenset(pair) for pair in nodes.ids[found.ends[found.broken]].tolist()} == gone
-    assert not early.broken.any()
+    assert len(found.is_broken) == len(families.neighbour) / 2
+    assert {frozenset(pair) for pair in nodes.ids[found.node_rows[found.is_broken]].tolist()} == gone
+    assert not early.is_broken.any()
     intact, broken, *_ = (lines for lines in figure.axes[0].collections if isinstance(lines, LineCollection))
     assert tuple(broken.get_color()[0][:3]) == pytest.approx(to_rgb("#d55e00"))
-    assert (len(intact.get_segments()), len(broken.get_segments())) == (len(found.broken) - len(gone), len(gone))
-    ends = nodes.position[found.ends[found.broken]] * 1e3
+    assert (len(intact.get_segments()), len(broken.get_segments())) == (len(found.is_broken) - len(gone), len(gone))
+    ends = nodes.position[found.node_rows[found.is_broken]] * 1e3
     assert np.array(broken.get_segments()) == pytest.approx(ends)
 
 
@@ -372,7 +372,7 @@ def test_many_bonds_are_counted(small_results: Path, monkeypatch: pytest.MonkeyP
     monkeypatch.setattr(bond_figure, "LINES", 10)
     with Results.open(small_results) as results:
         figure = bond_figure.bonds(results, 60)
-        share = read_bond_pairs(results, 60).broken.mean()
+        share = read_bond_pairs(results, 60).is_broken.mean()
     assert len(figure.axes[0].images) == 1
     pixels = np.asarray(figure.axes[0].images[0].get_array())
     blue = np.array([*(255 * np.array(to_rgb("#56b4e9"))).round(), 255])
@@ -397,7 +397,7 @@ def test_the_legend_of_a_crack_covers_no_branch(small_results: Path) -> None:
     from damaged_results import lattice, run
 
     branches = crack_branches(run(lattice(), [(x, x, y) for x in range(5, 16) for y in (-1, 0, 1)]))
-    wide = [replace(one, is_line=np.zeros_like(one.is_line)) for one in branches]
+    wide = [replace(one, is_narrow=np.zeros_like(one.is_narrow)) for one in branches]
     with Results.open(small_results) as results:
         figure = crack_figure.crack(results, replace(crack_summary.crack(results), branches=wide))
     assert figure.axes[0].get_legend() is None

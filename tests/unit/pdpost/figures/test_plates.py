@@ -20,7 +20,7 @@ from pdmesh.model.node_grid import document_of
 from pdpost.figures import bond_figure, crack_figure, field_figure, level_figure, sheets
 from pdpost.figures.scene_figure import scene
 from pdpost.measures import plate_geometry
-from pdpost.measures.plate_geometry import expect_same_plate, read_plate_geometry, voronoi_cells
+from pdpost.measures.plate_geometry import clipped_voronoi_cells, expect_same_plate, read_plate_geometry
 from pdsolve.model import read_model
 from pdsolve.results import Results, ResultsError
 from pdsolve.run.simulation import simulate
@@ -92,11 +92,11 @@ def test_fields_fill_the_plate_and_nothing_else(
             collection.set_edgecolor("face") if not isinstance(collection, LineCollection) else None
     pixels, places = shot(figure)
     places = shapely.points(places / 1e3)
-    edges = shapely.union(on.shape.boundary, shapely.multilinestrings(list(on.cracks.reshape(-1, 2, 2))))
+    edges = shapely.union(on.plate_shape.boundary, shapely.multilinestrings(list(on.pre_cracks.reshape(-1, 2, 2))))
     clear = ~shapely.dwithin(edges, places, 0.6e-3)  # of the lines that are drawn
     white = (pixels > 252).all(axis=2)
-    inside, outside = shapely.contains(on.shape, places), shapely.disjoint(on.shape, places)
-    outside &= shapely.dwithin(on.shape.envelope, places, 0.2e-3)
+    inside, outside = shapely.contains(on.plate_shape, places), shapely.disjoint(on.plate_shape, places)
+    outside &= shapely.dwithin(on.plate_shape.envelope, places, 0.2e-3)
     assert (inside & clear).sum() > 5_000
     assert not white[inside & clear].any()
     assert white[outside & clear].all()
@@ -117,7 +117,7 @@ def test_edges_and_pre_cracks_are_drawn(bored: Path, what: str) -> None:
         on = read_plate_geometry(results)
     drawn = [lines for lines in figure.axes[0].collections if isinstance(lines, LineCollection)]
     rings = [line for lines in drawn for line in lines.get_segments() if len(line) > 5]
-    assert sorted(len(ring) - 1 for ring in rings) == sorted(len(ring) for ring in on.edges)
+    assert sorted(len(ring) - 1 for ring in rings) == sorted(len(ring) for ring in on.outline_and_holes)
     bore = min(rings, key=lambda ring: float(np.ptp(ring[:, 0])))
     assert np.hypot(*(bore - 1e3 * np.array(BORE[:2])).T) == pytest.approx(4.0, abs=0.03)
     (pre_crack,) = [lines for lines in drawn if lines.get_label() == "pre-crack"]
@@ -129,14 +129,14 @@ def test_cells_share_the_plate_out(bored: Path) -> None:
     """They cover the plate, none twice, and each has its node in it or on its edge; areas are those of the nodes."""
     with Results.open(bored) as results:
         nodes, on = results.nodes(), read_plate_geometry(results)
-        own = voronoi_cells(nodes, on.shape)
+        own = clipped_voronoi_cells(nodes, on.plate_shape)
     shapes = []
     for row in range(len(nodes.ids)):
-        corners = own.corners[own.owner == row]
-        rings = np.split(corners, np.flatnonzero(own.closes[own.owner == row]) + 1)
+        corners = own.corners_from_node[own.node_rows == row]
+        rings = np.split(corners, np.flatnonzero(own.is_last_of_ring[own.node_rows == row]) + 1)
         shapes.append(shapely.Polygon(rings[0] + nodes.position[row]))
     area = shapely.area(shapes)
-    assert area.sum() == pytest.approx(on.shape.area, rel=1e-9)
+    assert area.sum() == pytest.approx(on.plate_shape.area, rel=1e-9)
     assert area == pytest.approx(nodes.area, rel=1e-4)
     assert shapely.union_all(shapes).area == pytest.approx(area.sum(), rel=1e-9)
     assert shapely.dwithin(shapes, shapely.points(nodes.position), 1e-6).all()
@@ -151,9 +151,9 @@ def test_a_bore_smaller_than_a_cell_is_a_hole_in_it() -> None:
         np.arange(count), np.column_stack([x.ravel(), y.ravel()]), np.full(count, 1e-3), *[np.ones(count)] * 3
     )  # type: ignore[arg-type]
     shape = shapely.box(0, 0, 2e-3, 2e-3).difference(shapely.Point(1.2e-3, 1.2e-3).buffer(0.1e-3))
-    own = voronoi_cells(nodes, shape)
-    assert own.closes[own.owner == 4].sum() == 2  # two rings
-    middle = own.corners[own.owner == 4]
+    own = clipped_voronoi_cells(nodes, shape)
+    assert own.is_last_of_ring[own.node_rows == 4].sum() == 2  # two rings
+    middle = own.corners_from_node[own.node_rows == 4]
     assert len(middle) > 20
 
 
@@ -173,8 +173,8 @@ def test_a_deformed_plate_keeps_its_cells(bored: Path) -> None:
 def test_a_plate_without_an_outline_is_where_its_nodes_are(small_results: Path) -> None:
     with Results.open(small_results) as results:
         on, nodes = read_plate_geometry(results), results.nodes()
-    assert on.edges == ()
-    assert on.shape.area == pytest.approx(nodes.area.sum(), rel=1e-9)
+    assert on.outline_and_holes == ()
+    assert on.plate_shape.area == pytest.approx(nodes.area.sum(), rel=1e-9)
 
 
 def test_other_plates_are_not_alike(bored: Path, tmp_path: Path) -> None:

@@ -11,8 +11,8 @@ from plates import plate, square_grid
 
 from pdmesh.model.document import InitialVelocity, Load, Run, Velocity
 from pdpost.figures import charts
-from pdpost.measures.balance import balance
-from pdpost.measures.forces import reactions, select_reactions
+from pdpost.measures.balance import energy_balance
+from pdpost.measures.forces import read_reactions, select_reactions
 from pdsolve.results import Results, ResultsError
 from pdsolve.run.simulation import simulate
 
@@ -20,7 +20,7 @@ from pdsolve.run.simulation import simulate
 def test_the_last_error_is_the_solvers_own(small_results: Path) -> None:
     """Work only grows here, so that the most put in is the last; total is all that is there."""
     with Results.open(small_results) as results:
-        books, summary = balance(results), results.summary()
+        books, summary = energy_balance(results), results.summary()
     assert books.error[-1] == pytest.approx(summary["balance"], rel=1e-12)
     assert books.total[-1] - books.work[-1] == pytest.approx(books.error[-1] * books.work.max(), rel=1e-9)
     assert books.dissipated[-1] > 0
@@ -32,7 +32,7 @@ def test_energy_at_the_start_counts_as_put_in() -> None:
         square_grid(9, 5), conditions=(InitialVelocity(box=(0, 0, 5e-3, 1), x=2.0),), run=Run(time_step=1e-8, steps=50)
     )
     with simulate(model) as results:
-        books = balance(results)
+        books = energy_balance(results)
     assert books.work == pytest.approx(2235 / 2 * 30e-6 * 4)
     assert np.abs(books.error).max() < 1e-3  # measured 6e-5
     assert books.strain[-1] > 0
@@ -50,8 +50,8 @@ def test_reactions_have_the_names_of_their_conditions() -> None:
         run=Run(time_step=1e-8, steps=20, every=10),
     )
     with simulate(model) as results:
-        found = reactions(results)
-    assert [(one.number, one.name, one.kind, one.axis) for one in found] == [
+        found = read_reactions(results)
+    assert [(one.number, one.name, one.kind, one.main_axis) for one in found] == [
         (1, "pull", "load", 1),
         (2, "condition 2", "velocity", 0),
     ]
@@ -70,7 +70,7 @@ def test_reactions_have_the_names_of_their_conditions() -> None:
 def test_the_figure_of_the_balance(small_results: Path) -> None:
     """Handy units, the same colours each time; what was put in lies over the total."""
     with Results.open(small_results) as results:
-        books = balance(results)
+        books = energy_balance(results)
     above, below = charts.balance(books).axes
     labels = [line.get_label() for line in above.lines]
     assert labels == ["kinetic", "strain", "dissipated", "total", "put in"]

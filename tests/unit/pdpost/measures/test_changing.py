@@ -12,7 +12,11 @@ from numpy.typing import NDArray
 from plates import square_grid
 
 from pdpost.measures import histories, strain, tradeoff
-from pdpost.measures.cracked_nodes import cracked_since, damage_at, separation_at
+from pdpost.measures.cracked_nodes import (
+    damage_with_pre_cracks_at,
+    damage_without_pre_cracks_at,
+    first_cracked_step_of_nodes,
+)
 from pdsolve.results import Breaks, Epoch, FrameRecord, Nodes, Results, Writer
 from pdsolve.run.measures import LedgerRow
 
@@ -45,14 +49,27 @@ def test_a_node_that_is_born_cracked_is_so_since_the_one_before() -> None:
         FrameRecord(30, 3e-5, {}, Breaks(*np.array(broken).T), [], [], {}, epochs=changes, rows=np.arange(7, 16))
     )
     results = Results(writer.connection, "memory")
-    assert cracked_since(results, step=9).tolist() == [5, 0, -1, -1, -1]
-    assert cracked_since(results, step=15).tolist() == [5, -1, 0, 0, 10, -1, 12, -1, 0, -1]
-    assert cracked_since(results).tolist() == [0, 0, 10, -1, 12, -1, 0, -1, 5]
-    assert separation_at(results, 11).tolist() == [0.5, 0, 0.4, 0.4, 0.4, 0, 0, 0, 0.4, 0]
-    assert separation_at(results, 24)[-1] == 0.4
-    assert separation_at(results, 25)[-1] == 0.5
-    assert damage_at(results, 9).tolist() == pytest.approx([0.4, 0, 0.2, 0, 0])  # of what pre-cracks left
-    assert damage_at(results, 11).tolist() == [0.5, 0, 0.4, 0.4, 0.4, 0, 0, 0, 0.4, 0]  # there is none in the model
+    assert first_cracked_step_of_nodes(results, step=9).tolist() == [5, 0, -1, -1, -1]
+    assert first_cracked_step_of_nodes(results, step=15).tolist() == [5, -1, 0, 0, 10, -1, 12, -1, 0, -1]
+    assert first_cracked_step_of_nodes(results).tolist() == [0, 0, 10, -1, 12, -1, 0, -1, 5]
+    assert damage_with_pre_cracks_at(results, 11).tolist() == [0.5, 0, 0.4, 0.4, 0.4, 0, 0, 0, 0.4, 0]
+    assert damage_with_pre_cracks_at(results, 24)[-1] == 0.4
+    assert damage_with_pre_cracks_at(results, 25)[-1] == 0.5
+    assert damage_without_pre_cracks_at(results, 9).tolist() == pytest.approx(
+        [0.4, 0, 0.2, 0, 0]
+    )  # of what pre-cracks left
+    assert damage_without_pre_cracks_at(results, 11).tolist() == [
+        0.5,
+        0,
+        0.4,
+        0.4,
+        0.4,
+        0,
+        0,
+        0,
+        0.4,
+        0,
+    ]  # there is none in the model
 
 
 def test_a_node_that_is_born_beside_a_pre_crack_has_its_own_damage_alone() -> None:
@@ -65,9 +82,9 @@ def test_a_node_that_is_born_beside_a_pre_crack_has_its_own_damage_alone() -> No
     changes = [epoch(10, 4, born, [1], 4)]
     writer.write(FrameRecord(30, 3e-5, {}, NO_BREAKS, [], [], {}, epochs=changes, rows=np.array([0, 2, 3, 4])))
     results = Results(writer.connection, "memory")
-    assert damage_at(results, 5).tolist() == [0, 0, 0, 0]
-    assert separation_at(results, 30).tolist() == [0.3, 0.1, 0.1, 0.4]
-    assert damage_at(results, 30) == pytest.approx([0, 0, 0, 3 / 9])
+    assert damage_without_pre_cracks_at(results, 5).tolist() == [0, 0, 0, 0]
+    assert damage_with_pre_cracks_at(results, 30).tolist() == [0.3, 0.1, 0.1, 0.4]
+    assert damage_without_pre_cracks_at(results, 30) == pytest.approx([0, 0, 0, 3 / 9])
 
 
 def test_who_is_born_is_of_the_material_of_the_nearest_at_the_start() -> None:
@@ -80,8 +97,8 @@ def test_who_is_born_is_of_the_material_of_the_nearest_at_the_start() -> None:
         FrameRecord(5, 5e-6, None, NO_BREAKS, [], [], {}, epochs=[epoch(3, 2, parts, [1], 3)], rows=np.array([0, 2, 3]))
     )
     results = Results(writer.connection, "memory")
-    assert strain.elastic_constants(results, 0)[0].tolist() == [1.0, 2.0]
-    assert strain.elastic_constants(results, 5)[0].tolist() == [1.0, 2.0, 2.0]
+    assert strain.elastic_constants_of_nodes(results, 0)[0].tolist() == [1.0, 2.0]
+    assert strain.elastic_constants_of_nodes(results, 5)[0].tolist() == [1.0, 2.0, 2.0]
 
 
 def split(path: Path, at: int, side: int = 8) -> Results:
@@ -117,13 +134,13 @@ def test_histories_are_of_those_there_are(tmp_path: Path) -> None:
         dies, born = histories.node_history(results, 1), histories.node_history(results, 65)
         assert np.isfinite(dies.value).tolist() == [True, True, False, False, False]
         assert np.isfinite(born.value).tolist() == [False, False, True, True, True]
-        here = histories.place_history(results, (0.3e-3, 0.3e-3), component="x")
+        here = histories.nearest_node_history(results, (0.3e-3, 0.3e-3), component="x")
         x = np.array([0.5e-3, 0.5e-3, 0.25e-3, 0.25e-3, 0.25e-3])
         assert here.value == pytest.approx(-1e-3 * x * 10 * np.arange(5), rel=1e-6)
-        assert (here.nodes, here.label) == ((1, 65), "nearest of 2 nodes")
-        mean = histories.box_history(results, (0, 0, 1e-3, 1e-3), component="y")
+        assert (here.node_ids, here.label) == ((1, 65), "nearest of 2 nodes")
+        mean = histories.mean_history_in_box(results, (0, 0, 1e-3, 1e-3), component="y")
         assert mean.value == pytest.approx(0.5e-6 * 10 * np.arange(5), rel=1e-6)
-        assert len(mean.nodes) == 5
+        assert len(mean.node_ids) == 5
 
 
 @pytest.mark.quick_cases(2)
@@ -132,10 +149,10 @@ def test_displacements_are_compared_where_nodes_change_in_between(tmp_path: Path
     """What is linear in space and time is the same on all clouds, but at the edges of the coarser one."""
     with split(tmp_path / "a.sqlite", at) as one, split(tmp_path / "b.sqlite", 99) as other:
         for results, reference in ((one, other), (other, one)):
-            error = tradeoff.displacement_error(results, reference)
+            error = tradeoff.relative_displacement_error(results, reference)
             assert error is not None
             assert error < 1e-6  # measured 4e-8: single precision
-        moved = tradeoff._displacement_at(one, 3.5e-6)
+        moved = tradeoff._interpolate_displacement_at(one, 3.5e-6)
         nodes = one.nodes(40)
         inside = np.isfinite(moved).all(axis=1)
         x, y = nodes.position[inside].T

@@ -11,8 +11,8 @@ from plates import plate, square_grid
 
 from pdmesh.model.document import Displacement, Run, Static
 from pdpost.__main__ import main
-from pdpost.measures.forces import reactions
-from pdpost.measures.gaps import force_against_gap, gap_between
+from pdpost.measures.forces import read_reactions
+from pdpost.measures.gaps import force_over_gap_opening, measure_gap_between_places
 from pdsolve.results import Results, ResultsError
 from pdsolve.run.simulation import Options, simulate
 
@@ -33,21 +33,21 @@ def stretched(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def test_force_against_opening(stretched: Path) -> None:
     with Results.open(stretched) as results:
-        _, right = reactions(results)
-        found = gap_between(results, (0.0, 0.0), (20e-3, 0.0))
+        _, right = read_reactions(results)
+        found = measure_gap_between_places(results, (0.0, 0.0), (20e-3, 0.0))
         assert found.opening == pytest.approx(2e-6 * np.arange(6) / 5, rel=1e-5, abs=1e-15)
-        across = gap_between(results, (10e-3, 0.0), (10e-3, 8e-3))
+        across = measure_gap_between_places(results, (10e-3, 0.0), (10e-3, 8e-3))
         assert across.opening[-1] < -1e-8  # it becomes narrower
-        pulled = force_against_gap(found, right, 0)
+        pulled = force_over_gap_opening(found, right, 0)
         assert pulled.force == pytest.approx(pulled.opening * pulled.force[-1] / 2e-6, rel=1e-4)
-        assert pulled.peak_index == 5
-        assert pulled.work == pytest.approx(pulled.force[-1] * 1e-6, rel=1e-4)  # a triangle
-        smooth = force_against_gap(found, right, 0, 3)
+        assert pulled.peak_force_index == 5
+        assert pulled.work_under_curve == pytest.approx(pulled.force[-1] * 1e-6, rel=1e-4)  # a triangle
+        smooth = force_over_gap_opening(found, right, 0, 3)
         assert smooth.force == pytest.approx(pulled.force[1:-1], rel=1e-4)
         with pytest.raises(ResultsError, match=naming(found="6 times", expected="7")):
-            force_against_gap(found, right, 0, 7)
+            force_over_gap_opening(found, right, 0, 7)
         with pytest.raises(ResultsError, match=naming(found=("node 1", "both"))):
-            gap_between(results, (0.0, 0.0), (1e-4, 0.0))
+            measure_gap_between_places(results, (0.0, 0.0), (1e-4, 0.0))
 
 
 @pytest.mark.slow

@@ -11,7 +11,7 @@ from messages import naming
 from plates import plate, square_grid
 
 from pdmesh.model.document import Run, Velocity
-from pdpost.measures.histories import box_history, node_history, place_history
+from pdpost.measures.histories import mean_history_in_box, nearest_node_history, node_history
 from pdsolve.model import Model
 from pdsolve.results import Results, ResultsError
 from pdsolve.run.simulation import simulate
@@ -22,14 +22,14 @@ def test_a_probe_is_finer_than_frames(small_plate: Model) -> None:
     run = msgspec.structs.replace(small_plate.settings.run, probes=((7e-3, 0.5e-3),), ledger=5)
     settings = msgspec.structs.replace(small_plate.settings, run=run)
     with simulate(Model(small_plate.grid, settings)) as results:
-        here, there = place_history(results, (7.1e-3, 0.5e-3)), place_history(results, (8.1e-3, 0.5e-3))
-        faster = node_history(results, here.nodes[0], "acceleration", "x")
-        u = results.field("ux", 60)[here.nodes[0] - 1], results.field("uy", 60)[here.nodes[0] - 1]
+        here, there = nearest_node_history(results, (7.1e-3, 0.5e-3)), nearest_node_history(results, (8.1e-3, 0.5e-3))
+        faster = node_history(results, here.node_ids[0], "acceleration", "x")
+        u = results.field("ux", 60)[here.node_ids[0] - 1], results.field("uy", 60)[here.node_ids[0] - 1]
     assert (here.source, there.source) == ("probe", "frames")
     assert here.time == pytest.approx(np.arange(0, 61, 5) * 50e-9)
     assert there.time == pytest.approx(np.arange(0, 61, 20) * 50e-9)
     assert here.value[-1] == pytest.approx(np.hypot(*u), rel=1e-6)
-    assert here.off == pytest.approx(0.1e-3)
+    assert here.distance_from_place == pytest.approx(0.1e-3)
     assert len(faster.value) == 13  # fields of frames have no acceleration here
 
 
@@ -48,17 +48,17 @@ def test_components(component: str, value: float) -> None:
 
 def test_the_mean_of_a_box_and_its_range(small_results: Path) -> None:
     with Results.open(small_results) as results:
-        curve = box_history(results, (5e-3, 2e-3, 0.0, 0.0), "displacement", "y")  # corners in any order
+        curve = mean_history_in_box(results, (5e-3, 2e-3, 0.0, 0.0), "displacement", "y")  # corners in any order
         nodes = results.nodes()
         inside = (nodes.position[:, 0] < 5.1e-3) & (nodes.position[:, 1] > 0) & (nodes.position[:, 1] < 2e-3)
         uy = results.field("uy", 60)[inside].astype(float)
-    assert len(curve.nodes) == inside.sum() == 12
-    assert (curve.value[-1], curve.low[-1], curve.high[-1]) == pytest.approx((uy.mean(), uy.min(), uy.max()))
-    assert curve.low[-1] < curve.value[-1] < curve.high[-1]
+    assert len(curve.node_ids) == inside.sum() == 12
+    assert (curve.value[-1], curve.smallest[-1], curve.largest[-1]) == pytest.approx((uy.mean(), uy.min(), uy.max()))
+    assert curve.smallest[-1] < curve.value[-1] < curve.largest[-1]
 
 
 def test_a_place_a_spacing_and_a_half_off_is_outside(small_results: Path) -> None:
     with Results.open(small_results) as results:
-        assert place_history(results, (21.4e-3, 0.5e-3)).off == pytest.approx(1.4e-3)
+        assert nearest_node_history(results, (21.4e-3, 0.5e-3)).distance_from_place == pytest.approx(1.4e-3)
         with pytest.raises(ResultsError, match=naming(found=("0.0216,0.0005", "0.0016 m"))):
-            place_history(results, (21.6e-3, 0.5e-3))
+            nearest_node_history(results, (21.6e-3, 0.5e-3))

@@ -7,7 +7,7 @@ import pytest
 from damaged_results import lattice, run
 from messages import naming
 
-from pdpost.measures.paths import PathError, crack_paths, main_direction, path_distances
+from pdpost.measures.paths import PathError, crack_paths, main_direction_name, mean_and_hausdorff_distance
 
 
 def test_a_path_is_where_the_tips_were() -> None:
@@ -26,7 +26,7 @@ def test_a_path_is_where_the_tips_were() -> None:
     ],
 )
 def test_where_a_crack_runs(lines: list, way: str) -> None:
-    assert main_direction([np.array(line, dtype=float) for line in lines]) == way
+    assert main_direction_name([np.array(line, dtype=float) for line in lines]) == way
 
 
 LINE = np.array([[0.0, 0.0], [10.0, 0.0]])
@@ -49,10 +49,10 @@ LINE = np.array([[0.0, 0.0], [10.0, 0.0]])
     ],
 )
 def test_distances_of_lines(other: list[np.ndarray], mean: float, hausdorff: float) -> None:
-    assert path_distances([LINE], other) == pytest.approx((mean, hausdorff), rel=1e-6, abs=1e-12)
-    assert path_distances(other, [LINE]) == pytest.approx((mean, hausdorff), rel=1e-6, abs=1e-12)
+    assert mean_and_hausdorff_distance([LINE], other) == pytest.approx((mean, hausdorff), rel=1e-6, abs=1e-12)
+    assert mean_and_hausdorff_distance(other, [LINE]) == pytest.approx((mean, hausdorff), rel=1e-6, abs=1e-12)
 
 
 def test_no_line_has_no_distance() -> None:
     with pytest.raises(PathError, match=naming(found="path")):
-        path_distances([], [LINE])
+        mean_and_hausdorff_distance([], [LINE])

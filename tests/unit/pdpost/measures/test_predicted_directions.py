@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 
 from pdpost.measures import crack_summary, predicted_directions
-from pdpost.measures.directions import CrackDirection
-from pdpost.measures.predicted_directions import PredictedDirection, predict_directions
+from pdpost.measures.directions import InitialCrackDirection
+from pdpost.measures.predicted_directions import PredictedCrackDirection, predict_initial_directions
 from pdsolve.results import ResultsError
 
-LEFT = CrackDirection((0.02, 0.03), -45.1, -46.9, -43.4, 0.02, -45.1)
+LEFT = InitialCrackDirection((0.02, 0.03), -45.1, -46.9, -43.4, 0.02, -45.1)
 
 
 def results() -> Any:
@@ -32,34 +32,34 @@ def test_the_last_frame_before_bonds_broke_predicts(monkeypatch: pytest.MonkeyPa
         looked.append((steps, near))
         return [around(-70.5, -71.0, -70.0)]
 
-    monkeypatch.setattr(predicted_directions, "follow_tips", follow)
-    (found,) = predict_directions(results(), [LEFT], 6)
+    monkeypatch.setattr(predicted_directions, "follow_tip_intensities", follow)
+    (found,) = predict_initial_directions(results(), [LEFT], 6)
     assert looked == [([5], (0.02, 0.03))]
-    assert (found.step, found.angle) == (5, -70.5)
-    assert found.off == pytest.approx(25.4)
-    assert predict_directions(results(), [LEFT], 0) == []
+    assert (found.frame_step, found.angle_from_pre_crack) == (5, -70.5)
+    assert found.path_deviation == pytest.approx(25.4)
+    assert predict_initial_directions(results(), [LEFT], 0) == []
 
 
 @pytest.mark.parametrize("angle", [(-70.5, -90.0, -60.0), (np.nan, np.nan, np.nan), (-70.5, -71.0, -70.0, 0.0)])
 def test_what_is_vague_predicts_nothing(angle: tuple[float, ...], monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(predicted_directions, "follow_tips", lambda *_: [around(*angle)])
-    assert predict_directions(results(), [LEFT], 6) == []
+    monkeypatch.setattr(predicted_directions, "follow_tip_intensities", lambda *_: [around(*angle)])
+    assert predict_initial_directions(results(), [LEFT], 6) == []
 
 
 def test_a_tip_without_room_predicts_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
     def follow(*_: Any) -> Any:
         raise ResultsError("found no tip")
 
-    monkeypatch.setattr(predicted_directions, "follow_tips", follow)
-    assert predict_directions(results(), [LEFT], 6) == []
+    monkeypatch.setattr(predicted_directions, "follow_tip_intensities", follow)
+    assert predict_initial_directions(results(), [LEFT], 6) == []
 
 
 def test_a_path_that_leans_to_the_grid_is_told_to(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(crack_summary, "moment", lambda _, step: f"load step {step}")
     lines = crack_summary.prediction_sentences(
         [
-            PredictedDirection((0.02, 0.03), 5, -70.5, -71, -70, 25.4),
-            PredictedDirection((0.02, 0.03), 5, -1e-4, -1, 1, -0.3),
+            PredictedCrackDirection((0.02, 0.03), 5, -70.5, -71, -70, 25.4),
+            PredictedCrackDirection((0.02, 0.03), 5, -1e-4, -1, 1, -0.3),
         ],
         results(),
     )

@@ -9,7 +9,7 @@ import pytest
 from damaged_results import lattice, run
 
 from pdmesh.model.material_constants import rayleigh_ratio, rayleigh_speed
-from pdpost.measures.speed import TipSpeeds, averaging_window, tip_speeds
+from pdpost.measures.speed import TipSpeeds, averaging_window, estimate_tip_speeds
 from pdpost.measures.waves import plate_rayleigh_speed
 
 
@@ -30,7 +30,7 @@ def test_plane_stress_and_strain_have_the_same_ratio_and_other_shear_waves() -> 
 
 def told(along: np.ndarray, time: np.ndarray, line: np.ndarray | None = None, step: float = 0.0) -> TipSpeeds:
     """Speeds of a path on nodes 1 mm apart."""
-    return tip_speeds(
+    return estimate_tip_speeds(
         along, time, np.full(len(along), 1e-3), np.ones(len(along), dtype=bool) if line is None else line, step
     )
 

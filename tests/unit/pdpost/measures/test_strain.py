@@ -119,7 +119,7 @@ def test_principal_and_equivalent_stress() -> None:
     nodes, families = plate()
     g = 1e-6
     u = nodes.position @ np.array([[0.0, g], [g, 0.0]])
-    found = fields.field_components(results_of(nodes, families, u, []), "stress", 10)
+    found = fields.all_field_components(results_of(nodes, families, u, []), "stress", 10)
     t = 70e9 / (1 + 1 / 3) * g
     assert found["xy"] == pytest.approx(t, rel=1e-4)
     assert found["largest"] == pytest.approx(t, rel=1e-4)
@@ -135,7 +135,7 @@ def test_regions_have_their_own_stiffness() -> None:
         "material": {**MODEL["material"], "plane": "strain"},  # type: ignore[dict-item]
         "regions": [{"material": other, "nodes": [3, 6]}, {"material": {**other, "E": 2.0}, "box": [0, 0, 0, 2e-3]}],
     }
-    modulus, nu, plane = strain.elastic_constants(results_of(nodes, families, np.zeros((9, 2)), [], model), 0)
+    modulus, nu, plane = strain.elastic_constants_of_nodes(results_of(nodes, families, np.zeros((9, 2)), [], model), 0)
     assert plane == "strain"
     assert set(nu.tolist()) == {0.25}
     assert modulus.tolist() == [2.0, 1.0, 70e9, 2.0, 70e9, 70e9, 2.0, 70e9, 70e9]
@@ -144,7 +144,7 @@ def test_regions_have_their_own_stiffness() -> None:
 def test_a_model_without_material_is_said() -> None:
     nodes, families = plate(3)
     with pytest.raises(ResultsError, match=naming("memory", found=("model", "missing"))):
-        strain.elastic_constants(results_of(nodes, families, np.zeros((9, 2)), [], {"nodes": []}), 0)
+        strain.elastic_constants_of_nodes(results_of(nodes, families, np.zeros((9, 2)), [], {"nodes": []}), 0)
 
 
 @pytest.mark.parametrize(("columns", "stress"), [(4, (7.0, 0.0, 0.0, 0.0)), (6, (1.0, 1.0, 1.0, 0.0, 0.0, 2.0))])
@@ -155,12 +155,14 @@ def test_the_work_of_the_stress_is_elastic_and_plastic(
     steel = Material(
         E=10.0, rho=1.0, G0=1.0, nu=0.25, model="correspondence", solid="j2", yield_stress=5.0, hardening=2.0
     )
-    monkeypatch.setattr(strain, "_materials_of_nodes", lambda results, step: (np.zeros(2, dtype=int), (steel,)))
+    monkeypatch.setattr(
+        strain, "_material_numbers_and_materials", lambda results, step: (np.zeros(2, dtype=int), (steel,))
+    )
     stored = dict(zip(("sxx", "syy", "szz", "sxy", "sxz", "syz"), np.outer(stress, np.ones(2)), strict=False))
     flowed = np.array([0.0, 1.0])
     monkeypatch.setattr(strain, "scalar", lambda results, name, step: flowed)
     results = SimpleNamespace(dimension=2 if columns == 4 else 3, field=lambda name, step: stored[name])
     elastic = {4: 49 / 20, 6: 1 / (2 * 20 / 3) + 4 / (2 * 4)}[columns]
-    assert strain.stress_work(results, 1) == pytest.approx([elastic, elastic + 5.0 + 2.0 / 2])  # type: ignore[arg-type]
+    assert strain.stress_work_if_yielded(results, 1) == pytest.approx([elastic, elastic + 5.0 + 2.0 / 2])  # type: ignore[arg-type]
     flowed[1] = 0.0
-    assert strain.stress_work(results, 1) is None  # type: ignore[arg-type]
+    assert strain.stress_work_if_yielded(results, 1) is None  # type: ignore[arg-type]

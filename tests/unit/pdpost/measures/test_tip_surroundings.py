@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from damaged_results import lattice, run
 
-from pdpost.measures.tip_surroundings import Tip, TipObstacles, tip_histories
+from pdpost.measures.tip_surroundings import TipObstacles, TipPosition, tip_histories
 
 US = 1e-6
 MODEL = {"nodes": [], "notch": [], "material": {"E": 1e9, "rho": 1e3, "G0": 1.0}}
@@ -109,7 +109,7 @@ def test_room_ends_at_whatever_is_nearest(
 ) -> None:
     """Of the tip at (9.5, 0) mm in a plate of 20 x 25 mm: distances are those to what is drawn."""
     results = run(lattice(20, 25), [], np.array(notch), json.dumps(MODEL | more))
-    tip = Tip(np.array([9.5e-3, 0.0]), np.array([1.0, 0.0]))
-    room = TipObstacles(results, tip_histories(results, 100)).undisturbed_room(tip, 100, 1e-4)
+    tip = TipPosition(np.array([9.5e-3, 0.0]), np.array([1.0, 0.0]))
+    room = TipObstacles(results, tip_histories(results, 100)).find_undisturbed_room(tip, 100, 1e-4)
     assert room.nearest_obstacle == limit
     assert room.radius == pytest.approx(radius, abs=0.51e-3)

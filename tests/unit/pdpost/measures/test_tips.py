@@ -15,7 +15,7 @@ from pdpost.figures.charts import look
 from pdpost.figures.crack_figure import crack
 from pdpost.measures import crack_summary
 from pdpost.measures.tip_surroundings import tip_histories
-from pdpost.measures.tips import Branch, crack_branches, find_forks
+from pdpost.measures.tips import CrackBranch, crack_branches, find_forks
 from pdsolve.results import Nodes
 
 
@@ -41,19 +41,19 @@ def strip(slope: float, first: int, last: int, rows: int = 2) -> list[tuple[int,
 def test_a_straight_crack_from_its_notch() -> None:
     """From the tip of the pre-crack to the last cracked node, along y = 0; each place with its time and direction."""
     (branch,) = crack_branches(run(lattice(), [(x, x, y) for x in range(5, 16) for y in (-1, 0, 1)]))
-    assert branch.place[0].tolist() == [4.5e-3, 0.0]
-    assert branch.place[-1] == pytest.approx([15e-3, 0.0], abs=1e-15)
-    assert np.abs(branch.place[:, 1]).max() < 1e-15
-    assert (np.diff(branch.place[:, 0]) > 0).all()
-    assert branch.direction == pytest.approx(np.tile([1.0, 0.0], (len(branch.place), 1)))
-    assert branch.time[[0, -1]] == pytest.approx([5e-6, 15e-6])
-    assert branch.time[1:-1] * 1e3 == pytest.approx(branch.place[1:-1, 0], abs=0.6e-3)
-    assert branch.is_line.all()
+    assert branch.points[0].tolist() == [4.5e-3, 0.0]
+    assert branch.points[-1] == pytest.approx([15e-3, 0.0], abs=1e-15)
+    assert np.abs(branch.points[:, 1]).max() < 1e-15
+    assert (np.diff(branch.points[:, 0]) > 0).all()
+    assert branch.direction == pytest.approx(np.tile([1.0, 0.0], (len(branch.points), 1)))
+    assert branch.passing_time[[0, -1]] == pytest.approx([5e-6, 15e-6])
+    assert branch.passing_time[1:-1] * 1e3 == pytest.approx(branch.points[1:-1, 0], abs=0.6e-3)
+    assert branch.is_narrow.all()
 
 
 def test_a_step_ends_a_path() -> None:
     results = run(lattice(), [(x, x, 0) for x in range(5, 18)])
-    assert crack_branches(results, 12)[0].place[-1] == pytest.approx([12e-3, 0.0], abs=1e-15)
+    assert crack_branches(results, 12)[0].points[-1] == pytest.approx([12e-3, 0.0], abs=1e-15)
     assert crack_branches(results, 8) == []  # four nodes are too few for a path
     assert crack_branches(results, 0) == []
 
@@ -63,8 +63,8 @@ def test_an_oblique_crack_is_known_to_half_a_spacing(slope: float) -> None:
     nodes = lattice(40, 70, below=3)
     (branch,) = crack_branches(run(nodes, strip(slope, 5, 35)))
     ends = (4.5e-3, 0.0), (34.5e-3, slope * 30e-3)
-    assert near(branch.place, ends) < 0.5e-3  # measured 0.36, 0.22, 0.12, 0.43 mm
-    assert np.hypot(*(branch.place[-1] - ends[1])) < 1.5e-3
+    assert near(branch.points, ends) < 0.5e-3  # measured 0.36, 0.22, 0.12, 0.43 mm
+    assert np.hypot(*(branch.points[-1] - ends[1])) < 1.5e-3
     angle = np.degrees(np.arctan2(branch.direction[:, 1], branch.direction[:, 0]))
     assert angle == pytest.approx(np.degrees(np.arctan(slope)), abs=4)  # measured 2.7, 1.5, 0.5, 3.1
 
@@ -76,7 +76,7 @@ def test_a_crack_round_a_corner() -> None:
     (branch,) = crack_branches(run(nodes, legs))
     assert branch.length == pytest.approx(15.5e-3 + 30e-3, abs=1.5e-3)
     corner = np.array([20e-3, 0.0])
-    assert np.hypot(*(branch.place - corner).T).min() < 1e-3
+    assert np.hypot(*(branch.points - corner).T).min() < 1e-3
     assert branch.direction[0] == pytest.approx([1, 0], abs=1e-9)
     assert branch.direction[-1] == pytest.approx([0, 1], abs=1e-9)
 
@@ -92,16 +92,16 @@ def test_a_fork_has_a_trunk_two_arms_and_an_angle() -> None:
     assert len(found) == 3
     (place,) = find_forks(found)
     assert place.place == pytest.approx((15e-3, 0.0), abs=1e-3)  # measured 15.7 mm
-    assert place.angle == pytest.approx(90.0, abs=0.1)
-    assert place.arms == pytest.approx((-45.0, 45.0), abs=0.1)
-    ends = sorted(tuple(branch.place[-1]) for branch in found)
+    assert place.angle_between_outer_arms == pytest.approx(90.0, abs=0.1)
+    assert place.arm_angles == pytest.approx((-45.0, 45.0), abs=0.1)
+    ends = sorted(tuple(branch.points[-1]) for branch in found)
     assert ends[1:] == [pytest.approx((34e-3, -19e-3), abs=1e-12), pytest.approx((34e-3, 19e-3), abs=1e-12)]
-    trunk = min(found, key=lambda branch: branch.along[0])
-    assert place.time == trunk.time[-1]
+    trunk = min(found, key=lambda branch: branch.length_along_crack[0])
+    assert place.time == trunk.passing_time[-1]
     for arm in found:
         if arm is not trunk:
-            assert arm.along[0] == pytest.approx(trunk.length)
-            assert (arm.time >= trunk.time[-1]).all()
+            assert arm.length_along_crack[0] == pytest.approx(trunk.length)
+            assert (arm.passing_time >= trunk.passing_time[-1]).all()
 
 
 @pytest.mark.parametrize(("came", "left"), [((1, 0), (0, 1)), ((0, 1), (-1, 0)), ((-1, 0), (0, -1)), ((0, -1), (1, 0))])
@@ -113,7 +113,7 @@ def test_arms_to_the_left_are_positive(came: tuple[int, int], left: tuple[int, i
     nodes = bare(61, 61)._replace()
     nodes = nodes._replace(position=nodes.position - [30e-3, 0.0])
     (found,) = find_forks(crack_branches(run(nodes, trunk + arms, notch=np.empty((0, 4)))))
-    assert found.arms == pytest.approx((0.0, 45.0), abs=4)  # measured -2.2 to 2.2 and 45.0
+    assert found.arm_angles == pytest.approx((0.0, 45.0), abs=4)  # measured -2.2 to 2.2 and 45.0
 
 
 def test_rough_edges_are_no_branches() -> None:
@@ -121,7 +121,7 @@ def test_rough_edges_are_no_branches() -> None:
     spurs = [(30, x, side * k) for x in (9, 14) for side in (-1, 1) for k in (1, 2, 3)]
     crumbs = [(31, 30, 6), (31, 31, 6), (32, 31, 5)]
     (branch,) = crack_branches(run(lattice(40, 21), [(x, x, 0) for x in range(5, 25)] + spurs + crumbs))
-    assert np.abs(branch.place[:, 1]).max() < 1e-15
+    assert np.abs(branch.points[:, 1]).max() < 1e-15
 
 
 def test_a_ring_is_followed_both_ways() -> None:
@@ -139,7 +139,7 @@ def test_a_small_hole_in_a_crack_is_no_fork() -> None:
     nodes = lattice(40, 21)
     hole = [(x, x, y) for x in range(5, 30) for y in (-1, 0, 1) if not (x in (14, 15) and y == 0)]
     (branch,) = crack_branches(run(nodes, hole))
-    assert np.abs(branch.place[:, 1]).max() < 1e-15
+    assert np.abs(branch.points[:, 1]).max() < 1e-15
 
 
 def test_a_crack_without_a_pre_crack_runs_both_ways_from_where_it_began() -> None:
@@ -147,7 +147,7 @@ def test_a_crack_without_a_pre_crack_runs_both_ways_from_where_it_began() -> Non
     assert len(found) == 2
     assert {branch.begin_joint for branch in found} == {found[0].begin_joint}
     assert find_forks(found) == []
-    assert sorted(branch.place[-1][0] for branch in found) == pytest.approx([2e-3, 18e-3])
+    assert sorted(branch.points[-1][0] for branch in found) == pytest.approx([2e-3, 18e-3])
     assert sorted(branch.direction[-1][0] for branch in found) == pytest.approx([-1, 1])
 
 
@@ -160,9 +160,9 @@ def test_coarse_nodes_are_followed_too() -> None:
     nodes = Nodes(np.arange(1, count + 1), position, delta, delta**2, np.full(count, 10), np.zeros(count, dtype=int))
     line = [(1 + y, 10, y) for y in range(21)] + [(22 + y, 10, 22 + 2 * y) for y in range(11)]
     (found,) = crack_branches(run(nodes, line, notch=np.empty((0, 4))))
-    assert found.place[:, 0] == pytest.approx(10e-3)
-    assert found.place[[0, -1], 1] == pytest.approx([0, 42e-3], abs=1e-12)
-    assert found.spacing[[0, -1]] == pytest.approx([1e-3, 2e-3])
+    assert found.points[:, 0] == pytest.approx(10e-3)
+    assert found.points[[0, -1], 1] == pytest.approx([0, 42e-3], abs=1e-12)
+    assert found.node_spacing[[0, -1]] == pytest.approx([1e-3, 2e-3])
 
 
 @pytest.mark.parametrize("late", [0, 7, 40])
@@ -176,10 +176,10 @@ def test_two_cracks_that_meet_stay_two(late: int) -> None:
     meet = (79 + late) / 2
     for branch in found:
         from_left = branch.direction[0][0] > 0
-        assert branch.place[0][0] == pytest.approx(0.0 if from_left else 79e-3, abs=1e-12)
-        assert branch.place[-1][0] == pytest.approx(min(meet, 79) * 1e-3, abs=1.6e-3)
-        assert branch.time[0] == pytest.approx((1 if from_left else 1 + late) * 1e-6)
-        assert (np.diff(branch.time) >= 0).all()
+        assert branch.points[0][0] == pytest.approx(0.0 if from_left else 79e-3, abs=1e-12)
+        assert branch.points[-1][0] == pytest.approx(min(meet, 79) * 1e-3, abs=1.6e-3)
+        assert branch.passing_time[0] == pytest.approx((1 if from_left else 1 + late) * 1e-6)
+        assert (np.diff(branch.passing_time) >= 0).all()
 
 
 @pytest.mark.parametrize("between", [False, True])
@@ -193,7 +193,7 @@ def test_two_cracks_become_one(between: bool) -> None:
     assert len(found) == 3
     mirrored(found, found, np.array([1.0, -1.0]), (0.0, sum(ends) * 1e-3))
     joint = found[0].begin_joint
-    assert found[0].place[-1] == pytest.approx([49e-3, np.mean(ends) * 1e-3])
+    assert found[0].points[-1] == pytest.approx([49e-3, np.mean(ends) * 1e-3])
     assert [branch.end_joint for branch in found[1:]] == [joint, joint]
 
 
@@ -201,8 +201,8 @@ def test_nodes_that_crack_ahead_wait_for_the_crack() -> None:
     """A patch of three nodes 6 mm ahead cracks long before: the crack reaches it in its own time."""
     steps = [(100 + 2 * x, x, 0) for x in range(5, 38) if x not in (20, 21, 22)] + [(3, x, 0) for x in (20, 21, 22)]
     (branch,) = crack_branches(run(lattice(40, 9), steps))
-    assert branch.place[0] == pytest.approx([4.5e-3, 0])
-    assert (np.diff(branch.time) >= 0).all()
+    assert branch.points[0] == pytest.approx([4.5e-3, 0])
+    assert (np.diff(branch.passing_time) >= 0).all()
     assert np.nanmax(np.abs(branch.speed.value / 500 - 1)) < 0.3  # measured 0.22, where it was helped
 
 
@@ -213,7 +213,7 @@ def test_a_stretch_that_breaks_at_once_has_a_path_and_no_speed() -> None:
     assert all(np.isnan(branch.speed.value).all() and branch.mean_speed is None for branch in found)
     steps = [(7 if x < 11 else x, x, y) for x in range(5, 38) for y in (0, 1)]
     (branch,) = crack_branches(run(bare(40, 9), steps, notch=np.empty((0, 4))))
-    assert branch.place[[0, -1], 0] == pytest.approx([5e-3, 37e-3])
+    assert branch.points[[0, -1], 0] == pytest.approx([5e-3, 37e-3])
 
 
 @pytest.mark.slow
@@ -222,16 +222,16 @@ def test_what_is_crushed_is_no_line_and_has_no_speed() -> None:
     nodes = bare(60, 41)
     rubble = [(30 + x // 8, x, y) for x in range(30, 60) for y in range(-8, 8)]
     found = crack_branches(run(nodes, [(1 + x, x, 0) for x in range(30)] + rubble, notch=np.empty((0, 4))))
-    main = max(found, key=lambda branch: branch.is_line.sum())
-    inside = main.place[:, 0] > 33e-3
+    main = max(found, key=lambda branch: branch.is_narrow.sum())
+    inside = main.points[:, 0] > 33e-3
     assert inside.any()
-    assert main.is_line[inside].mean() < 0.2  # a corner of the block is narrow; measured 0.14
+    assert main.is_narrow[inside].mean() < 0.2  # a corner of the block is narrow; measured 0.14
     assert np.isnan(main.speed.value[inside]).all()
-    assert np.isfinite(main.speed.value[main.place[:, 0] < 20e-3]).all()
+    assert np.isfinite(main.speed.value[main.points[:, 0] < 20e-3]).all()
     assert main.mean_speed is None
 
 
-def drawn(angle: float, jitter: float, seed: int = 0) -> Branch:
+def drawn(angle: float, jitter: float, seed: int = 0) -> CrackBranch:
     """The longest branch of a crack of 1000 m/s at an angle (degrees), two nodes wide, times off by some spacings."""
     nodes, rng = bare(80, 90, below=5), np.random.default_rng(seed)
     way = np.array([np.cos(np.radians(angle)), np.sin(np.radians(angle))])
@@ -264,10 +264,10 @@ def test_a_mean_speed_ends_where_the_crack_reaches_the_edge() -> None:
     line = np.abs(across - np.median(across)) < 1e-3
     through = crack_branches(at_steps(nodes, np.where(line, late, -1), time_step=1e-7))[0]
     assert through.mean_speed == pytest.approx(1000.0, rel=0.02)  # measured 1001.8
-    whole = replace(through, points_before_edge=None).mean_speed
+    whole = replace(through, point_count_before_edge=None).mean_speed
     assert whole == pytest.approx(660, abs=20)  # measured 663.7
     short = crack_branches(at_steps(nodes, np.where(line & (along < right - 10e-3), steps, -1), time_step=1e-7))[0]
-    assert short.points_before_edge is None
+    assert short.point_count_before_edge is None
 
 
 @pytest.mark.slow
@@ -279,7 +279,7 @@ def test_noise_widens_the_band() -> None:
         for every in zip(*(b.speed for b in branches), strict=True)
     ]
     value, low, high = speeds
-    assert all((np.diff(branch.time) >= 0).all() for branch in branches)
+    assert all((np.diff(branch.passing_time) >= 0).all() for branch in branches)
     assert ((low <= 1000) & (high >= 1000)).mean() > 0.85  # measured 0.93
     assert np.sqrt(np.mean((value / 1000 - 1) ** 2)) < 0.12  # measured 0.077
     assert np.median(high - low) > 100
@@ -338,11 +338,11 @@ def test_time_never_falls_along_a_branch(seed: int) -> None:
     """Nor from a branch to those it forks into."""
     found = crack_branches(at_steps(*rubble(seed)))
     for branch in found:
-        assert (np.diff(branch.time) >= 0).all()
-        assert (np.diff(branch.along) >= 0).all()
+        assert (np.diff(branch.passing_time) >= 0).all()
+        assert (np.diff(branch.length_along_crack) >= 0).all()
         stems = [other for other in found if other.end_joint == branch.begin_joint]
         if stems:
-            assert branch.time[0] >= min(stem.time[-1] for stem in stems) - 1e-15
+            assert branch.passing_time[0] >= min(stem.passing_time[-1] for stem in stems) - 1e-15
         assert np.hypot(*branch.direction.T) == pytest.approx(1.0)
 
 
@@ -353,13 +353,13 @@ def test_branches_have_one_order_of_colours() -> None:
     last = int(results.breaks().step.max())
     branches, tips = crack_branches(results), tip_histories(results, last)
     assert len(branches) == 3
-    assert [(tip.name, tip.number) for tip in tips[:3]] == [(f"branch {number}", number) for number in range(3)]
-    assert all(np.array_equal(tip.branch.place, branch.place) for tip, branch in zip(tips, branches, strict=False))
+    assert [(tip.name, tip.branch_number) for tip in tips[:3]] == [(f"branch {number}", number) for number in range(3)]
+    assert all(np.array_equal(tip.branch.points, branch.points) for tip, branch in zip(tips, branches, strict=False))
     figure = crack(results, crack_summary.crack(results, last))
     (legend,) = figure.legends
     colour_of = {key.get_label(): key.get_color() for key in legend.legend_handles}
     assert colour_of == {f"branch {number}": look(number)["color"] for number in range(3)}
-    ends = {tuple(np.round(branch.place[-1] * 1e3, 6)): number for number, branch in enumerate(branches)}
+    ends = {tuple(np.round(branch.points[-1] * 1e3, 6)): number for number, branch in enumerate(branches)}
     drawn_ways = [way for way in figure.axes[0].collections if isinstance(way, LineCollection) and way.get_segments()]
     colours = {tuple(np.round(way.get_segments()[-1][-1], 6)): to_hex(way.get_color()[0]) for way in drawn_ways}
     assert {ends[end]: colour for end, colour in colours.items() if end in ends} == {

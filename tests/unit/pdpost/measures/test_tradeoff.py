@@ -12,7 +12,7 @@ from plates import plate, square_grid
 
 from pdmesh.model.document import Load, Run
 from pdpost.__main__ import main
-from pdpost.measures.tradeoff import cheapest_point, pareto_front, run_cost, run_errors
+from pdpost.measures.tradeoff import cheapest_point, pareto_front, relative_run_errors, run_cost
 from pdsolve.model import ModelWarning
 from pdsolve.results import Breaks, Families, FrameRecord, Nodes, Results, ResultsError, Writer
 from pdsolve.run.measures import LedgerRow
@@ -78,8 +78,8 @@ def _reach(cracked: dict[int, float] | None, step: int) -> float:
 def test_displacements_are_compared_where_nodes_are_not_the_same(tmp_path: Path) -> None:
     """2 % more stretched; between nodes a linear field is exact. Frames at other times are interpolated."""
     with run(tmp_path / "a", 10, 1.02e-3) as coarse, run(tmp_path / "b", 40, 1e-3, end=2e-5) as fine:
-        found = run_errors(coarse, fine)
-        back = run_errors(fine, coarse)
+        found = relative_run_errors(coarse, fine)
+        back = relative_run_errors(fine, coarse)
     assert found.displacement == pytest.approx(0.02, rel=1e-5)  # float32
     assert back.displacement == pytest.approx(0.02 / 1.02, rel=1e-5)
     assert (found.path, found.start, found.branching) == (None, None, None)
@@ -101,15 +101,15 @@ def test_large_cells_weigh_more(tmp_path: Path) -> None:
         )
         writer.close("finished")
     with Results.open(tmp_path / "a") as one, Results.open(tmp_path / "b") as other:
-        assert run_errors(one, other).displacement == pytest.approx(
+        assert relative_run_errors(one, other).displacement == pytest.approx(
             0.02 * np.sqrt(3 / 4), rel=1e-3
         )  # unweighted: 0.0141
 
 
 def test_energies_are_compared_at_the_common_time(tmp_path: Path) -> None:
     with run(tmp_path / "a", 10, 1e-3, energy=3.3) as one, run(tmp_path / "b", 10, 1e-3, end=2e-5, energy=6.0) as other:
-        assert run_errors(one, other).energy == pytest.approx(0.1)
-        assert run_errors(one, other).displacement == pytest.approx(0, abs=1e-6)
+        assert relative_run_errors(one, other).energy == pytest.approx(0.1)
+        assert relative_run_errors(one, other).displacement == pytest.approx(0, abs=1e-6)
 
 
 @pytest.mark.slow
@@ -121,7 +121,7 @@ def test_cracks_are_compared(tmp_path: Path) -> None:
         run(tmp_path / "a", 40, 1e-3, cracked=later, shift=4e-3) as one,
         run(tmp_path / "b", 40, 1e-3, cracked=straight) as other,
     ):
-        found = run_errors(one, other)
+        found = relative_run_errors(one, other)
     assert found.start == pytest.approx(0.2)
     assert found.path == pytest.approx(4 / 28, rel=0.06)  # measured 0.1429: the path has points 1 mm inside the ends
     assert found.branching is None
@@ -131,7 +131,7 @@ def test_cracks_are_compared(tmp_path: Path) -> None:
 @pytest.mark.slow
 def test_what_did_not_happen_is_an_infinite_error(tmp_path: Path) -> None:
     with run(tmp_path / "a", 40, 1e-3) as one, run(tmp_path / "b", 40, 1e-3, cracked={50: 0.03}) as other:
-        found = run_errors(one, other)
+        found = relative_run_errors(one, other)
     assert (found.path, found.start) == (np.inf, np.inf)
 
 
@@ -151,7 +151,7 @@ def test_other_plates_are_refused(tmp_path: Path) -> None:
         Results.open(tmp_path / "b") as other,
         pytest.raises(ResultsError, match=naming("a", found="(0, 0)", expected=("b", "differ"))),
     ):
-        run_errors(one, other)
+        relative_run_errors(one, other)
 
 
 def test_the_front_and_the_cheapest() -> None:
@@ -197,7 +197,7 @@ def test_plates_too_small_to_compare(
     pull = Load(nodes=(1,), body_force=(1e9, 0.0))
     line = plate(square_grid(10, 1), conditions=(pull,), run=Run(time_step=1e-8, steps=2, every=1))
     with pytest.warns(ModelWarning), simulate(line, Path("row.sqlite")) as row:
-        assert run_errors(row, row).displacement is None
+        assert relative_run_errors(row, row).displacement is None
     run(tmp_path / "a.sqlite", 10, 1e-3).close()
     assert main(["tradeoff", "a.sqlite", "--reference", "a.sqlite", "--by", "path"]) == 2
     assert mentions(

@@ -14,8 +14,8 @@ from pdmesh import Run, Scene, Static, box, build
 from pdpost import figures
 from pdpost.figures.colours import title
 from pdpost.figures.labels import scaled
-from pdpost.measures.crack_summary import crack, numbers, sentences
-from pdpost.measures.cracks import Event
+from pdpost.measures.crack_summary import crack, summary_for_json, summary_sentences
+from pdpost.measures.cracks import CrackEvent
 from pdpost.reading.embedded_model import moment
 from pdpost.reading.time_text import time_text
 from pdsolve.__main__ import main as pdsolve
@@ -42,9 +42,9 @@ def test_a_crack_at_rest_has_no_speed() -> None:
     steps = [(10 * x, x, 0) for x in range(5, 15)]
     results = run(lattice(), steps, model=model)
     found = crack(results)
-    assert "m/s" in " ".join(sentences(crack(run(lattice(), steps, model=model.replace("static", "explicit")))))
-    assert "m/s" not in " ".join(sentences(found))
-    assert numbers(found)["branches"][0]["mean_speed"] is None
+    assert "m/s" in " ".join(summary_sentences(crack(run(lattice(), steps, model=model.replace("static", "explicit")))))
+    assert "m/s" not in " ".join(summary_sentences(found))
+    assert summary_for_json(found)["branches"][0]["mean_speed"] is None
     assert np.isnan(found.branches[0].speed.value).all()
     assert len(figures.crack(results, found).axes) == 2
 
@@ -52,8 +52,8 @@ def test_a_crack_at_rest_has_no_speed() -> None:
 def test_a_crack_of_load_steps_is_told_in_seconds() -> None:
     model = '{"material": {"E": 65e9, "rho": 2235, "G0": 204}}'
     found = crack(run(lattice(), [(x, x, 0) for x in range(5, 15)], model=model))
-    slow = replace(found, growth=replace(found.growth, first_break=Event(5, 2.5)))
-    assert sentences(slow)[0] == "first break: step 5, 2.5 s"
+    slow = replace(found, events=replace(found.events, first_break=CrackEvent(5, 2.5)))
+    assert summary_sentences(slow)[0] == "first break: step 5, 2.5 s"
 
 
 def test_no_time_is_a_power_of_ten() -> None:
