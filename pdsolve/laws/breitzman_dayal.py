@@ -32,7 +32,7 @@ from pdsolve.model import Model
 STIFFENS = 1.8  # largest eigenvalue of torn families over that of the start
 
 
-class Columns(NamedTuple):
+class BreitzmanDayalColumns(NamedTuple):
     """Columns of n nodes and b bonds, in d dimensions."""
 
     inverse: NDArray[np.floating]  # (n, d d) K^-1, 0 where there is none
@@ -49,16 +49,16 @@ class Columns(NamedTuple):
     d: int
 
 
-def columns(model: Model, bonds: Bonds) -> Columns:
+def columns(model: Model, bonds: Bonds) -> BreitzmanDayalColumns:
     """Columns of these bonds (b,) and their nodes."""
     nodal, nodes = correspondence.columns(model, bonds), len(bonds.start) - 1
     source = np.repeat(np.arange(nodes), np.diff(bonds.start))
     total = np.bincount(source, bonds.weight, minlength=nodes).astype(bonds.xi.dtype)
-    shared = {name: getattr(nodal, name) for name in Columns._fields if name != "total"}
-    return Columns(total=total, **shared)
+    shared = {name: getattr(nodal, name) for name in BreitzmanDayalColumns._fields if name != "total"}
+    return BreitzmanDayalColumns(total=total, **shared)
 
 
-def update_after_breakage(law: Columns, bonds: AnyList, rows: NDArray[np.int64]) -> None:
+def update_after_breakage(law: BreitzmanDayalColumns, bonds: AnyList, rows: NDArray[np.int64]) -> None:
     """Recompute K^-1 and w of these nodes (k,) from the intact bonds; nodes of torn, stiffer families have no K^-1."""
     correspondence.update_after_breakage(law, bonds, rows)  # type: ignore[arg-type]
     law.inverse[rows[law.share[rows] < 1]] = 0
@@ -69,17 +69,19 @@ def update_after_breakage(law: Columns, bonds: AnyList, rows: NDArray[np.int64])
     )
 
 
-def torn_stiffness(law: Columns, start: NDArray[np.float64]) -> NDArray[np.float64]:
+def torn_stiffness(law: BreitzmanDayalColumns, start: NDArray[np.float64]) -> NDArray[np.float64]:
     """Bound of the stiffness (n,) of nodes that have lost bonds, N/m^4: a bond left has more of the family's weight."""
     return STIFFENS * start
 
 
-def rows(law: Columns, dimension: int) -> int:
+def rows(law: BreitzmanDayalColumns, dimension: int) -> int:
     """Width of `m`: A, H, sigma, J, as in `correspondence`."""
     return 2 * dimension**2 + (4 if dimension == 2 else 6) + 1
 
 
-def fields(law: Columns, value: NDArray[np.floating], m: NDArray[np.floating]) -> dict[str, NDArray[np.float64]]:
+def fields(
+    law: BreitzmanDayalColumns, value: NDArray[np.floating], m: NDArray[np.floating]
+) -> dict[str, NDArray[np.float64]]:
     """Stored fields (n,) by result column: stress, rotation, volume and the solid's history."""
     return correspondence.shown(law.d, law.solid, m, law.d * law.d)
 
@@ -227,7 +229,7 @@ def energy(law, bond, now, m, i, j, k):  # type: ignore[no-untyped-def]
 
 
 LAW = Law(
-    Columns=Columns,
+    columns_type=BreitzmanDayalColumns,
     columns=columns,
     passes=Passes(accumulate_bond_force, first_pass, finish_pass),
     energy=energy,

@@ -271,7 +271,7 @@ def pair_of(law: Any) -> Pair:
 
 def bind(law: Law) -> None:
     """Bind the functions of a law to its columns' type; numba keeps them for the life of the process."""
-    kind = law.Columns
+    kind = law.columns_type
     if kind in _bound:
         return
     # numba calls what it compiles after the names of types: two laws of the same columns would be one

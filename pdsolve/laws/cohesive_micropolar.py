@@ -33,7 +33,7 @@ from pdsolve.laws.pair_laws import cohesive
 from pdsolve.model import Model, ModelError
 
 
-class Columns(NamedTuple):
+class CohesiveMicropolarColumns(NamedTuple):
     """Columns of n nodes and b bonds; each curve has a subclass of its own."""
 
     stiffness: NDArray[np.floating]  # (b,) force density on i for a unit stretch, N/m^3
@@ -45,15 +45,15 @@ class Columns(NamedTuple):
     broken: NDArray[np.int32]  # (b,) step in which the bond broke, 0 while intact
 
 
-class LinearColumns(Columns):
+class LinearColumns(CohesiveMicropolarColumns):
     """Columns of bonds that soften along a line."""
 
 
-class BilinearColumns(Columns):
+class BilinearColumns(CohesiveMicropolarColumns):
     """Columns of bonds that soften along two lines."""
 
 
-class ExponentialColumns(Columns):
+class ExponentialColumns(CohesiveMicropolarColumns):
     """Columns of bonds that soften exponentially."""
 
 
@@ -83,7 +83,7 @@ def columns_of(kind: type[Any]) -> Callable[[Model, Bonds], Any]:
     return columns
 
 
-def scale(law: Columns, bonds: Bonds) -> NDArray[np.float64]:
+def scale(law: CohesiveMicropolarColumns, bonds: Bonds) -> NDArray[np.float64]:
     """Relative stiffness of nodes (n,), N/m^4."""
     source = np.repeat(np.arange(len(law.turn)), np.diff(bonds.start))
     length = np.sqrt((bonds.xi.astype(float) ** 2).sum(axis=1))
@@ -143,7 +143,7 @@ def energy(law, bond, now, m, i, j, k):  # type: ignore[no-untyped-def]
 
 def _law(kind: type[Any], shape: str) -> Law:
     return Law(
-        Columns=kind,
+        columns_type=kind,
         columns=columns_of(kind),
         passes=Passes(accumulate_bond_force),
         energy=energy,

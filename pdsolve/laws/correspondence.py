@@ -65,7 +65,7 @@ FLAT = 0.01  # least over sum of a family's moments: less is as good as a line
 LINE = 1e-4  # likewise: less is a line, or single bonds, to round-off
 
 
-class Columns(NamedTuple):
+class CorrespondenceColumns(NamedTuple):
     """Columns of n nodes and b bonds, in d dimensions."""
 
     inverse: NDArray[np.floating]  # (n, d d) K^-1, 0 where there is none
@@ -85,14 +85,14 @@ class Columns(NamedTuple):
     ]  # (1,) largest q, times the horizon squared, with which torn families have all of their stress
 
 
-def columns(model: Model, bonds: Bonds) -> Columns:
+def columns(model: Model, bonds: Bonds) -> CorrespondenceColumns:
     """Columns of these bonds (b,) and their nodes."""
     kind, d, nodes = bonds.xi.dtype, bonds.xi.shape[1], len(bonds.start) - 1
     source = np.repeat(np.arange(nodes), np.diff(bonds.start))
     total = np.bincount(source, bonds.weight, minlength=nodes).astype(float)
     solid, first = solid_of(model, kind, d), model.materials[0]
     control = silling(model, total, d) if first.control == "silling" else np.zeros(nodes)
-    law = Columns(
+    law = CorrespondenceColumns(
         inverse=np.zeros((nodes, d * d), kind),
         share=np.zeros(nodes, kind),
         control=control.astype(kind),
@@ -123,7 +123,7 @@ def silling(model: Model, total: NDArray[np.float64], d: int) -> NDArray[np.floa
     return np.divide(G * strength, total, out=np.zeros(len(total)), where=total > 0)
 
 
-def update_after_breakage(law: Columns, bonds: AnyList, rows: NDArray[np.int64]) -> None:
+def update_after_breakage(law: CorrespondenceColumns, bonds: AnyList, rows: NDArray[np.int64]) -> None:
     """Recompute K^-1 and the share of the stress of these nodes (k,) from the intact bonds."""
     intact_bonds = left(bonds, law.weight, law.broken, rows)
     K = shapes(bonds, intact_bonds, len(rows))
@@ -144,7 +144,7 @@ def update_after_breakage(law: Columns, bonds: AnyList, rows: NDArray[np.int64])
         law.share[rows[sound]] = share[sound]
 
 
-def _largest_stiffness(law: Columns, bonds: AnyList) -> float:
+def _largest_stiffness(law: CorrespondenceColumns, bonds: AnyList) -> float:
     """q, times the horizon squared, of a straight face along an axis, but no more than the largest at the start."""
     every = np.arange(len(law.share))
     q = _stiffness(law, bonds, left(bonds, law.weight, law.broken, every), every)
@@ -168,7 +168,9 @@ def stiffness_of(g: NDArray[np.float64]) -> float:
     return float((g**2).sum() + (g.sum(axis=0) ** 2).sum())
 
 
-def _stiffness(law: Columns, bonds: AnyList, intact_bonds: Left, rows: NDArray[np.int64]) -> NDArray[np.float64]:
+def _stiffness(
+    law: CorrespondenceColumns, bonds: AnyList, intact_bonds: Left, rows: NDArray[np.int64]
+) -> NDArray[np.float64]:
     """q times the horizon squared of these nodes (k,), from their intact bonds."""
     inverse = law.inverse[rows].astype(float).reshape(-1, law.d, law.d)
     xi = np.array([x[intact_bonds.which] for x in bonds.xi], dtype=float)
@@ -178,7 +180,7 @@ def _stiffness(law: Columns, bonds: AnyList, intact_bonds: Left, rows: NDArray[n
     return np.asarray(q * law.horizon[rows] ** 2)
 
 
-def torn_stiffness(law: Columns, start: NDArray[np.float64]) -> NDArray[np.float64]:
+def torn_stiffness(law: CorrespondenceColumns, start: NDArray[np.float64]) -> NDArray[np.float64]:
     """Bound of the stiffness (n,) of nodes that have lost bonds, N/m^4."""
     first, twice = (np.asarray(moduli, dtype=float) for moduli in (law.solid.first, 2 * law.solid.shear))
     if law.solid.plane_stress:
@@ -186,7 +188,7 @@ def torn_stiffness(law: Columns, start: NDArray[np.float64]) -> NDArray[np.float
     return np.asarray(BESIDE / 2 * (first + twice) * law.stiffest[0] / law.horizon**2)
 
 
-def scale(law: Columns, bonds: Bonds) -> NDArray[np.float64]:
+def scale(law: CorrespondenceColumns, bonds: Bonds) -> NDArray[np.float64]:
     """Relative stiffness of nodes (n,), N/m^4."""
     trace = law.inverse[:, :: law.d + 1].sum(axis=1)
     source = np.repeat(np.arange(len(trace)), np.diff(bonds.start))
@@ -195,12 +197,14 @@ def scale(law: Columns, bonds: Bonds) -> NDArray[np.float64]:
     return np.asarray((law.solid.first + 2 * law.solid.shear) * usual + 0 * trace)
 
 
-def rows(law: Columns, dimension: int) -> int:
+def rows(law: CorrespondenceColumns, dimension: int) -> int:
     """Width of `m`: A, H, sigma (in the plane xx, yy, zz, xy), J."""
     return 2 * dimension**2 + (4 if dimension == 2 else 6) + 1
 
 
-def fields(law: Columns, value: NDArray[np.floating], m: NDArray[np.floating]) -> dict[str, NDArray[np.float64]]:
+def fields(
+    law: CorrespondenceColumns, value: NDArray[np.floating], m: NDArray[np.floating]
+) -> dict[str, NDArray[np.float64]]:
     """Stored fields (n,) by result column: stress, rotation, volume and the solid's history."""
     return shown(law.d, law.solid, m, law.d * law.d)
 
@@ -287,13 +291,13 @@ def lifted(m, i, at, d):  # type: ignore[no-untyped-def]
     return square(m, i, at, (none, none, none))
 
 
-def tabled(law: Columns, bonds: Bonds) -> Tabled:
+def tabled(law: CorrespondenceColumns, bonds: Bonds) -> Tabled:
     """Data of bonds (b,) for the block kernels."""
     source = np.repeat(np.arange(len(law.control)), np.diff(bonds.start))
     return watched(law, (law.weight, law.control[source] + law.control[bonds.neighbour]), nodal_count=4)
 
 
-def watched(law: Columns, columns: tuple[NDArray[np.floating], ...], nodal_count: int) -> Tabled:
+def watched(law: CorrespondenceColumns, columns: tuple[NDArray[np.floating], ...], nodal_count: int) -> Tabled:
     """These columns, with the limits for failure of single bonds."""
     if law.failure in (NEVER, STRESS):
         return Tabled(columns, tuple(range(len(columns))), nodal_count, False)
@@ -316,14 +320,14 @@ def margin_of(law, bond, c, node_numbers, neighbour_numbers):  # type: ignore[no
     return failure_measure, c[len(c) - 1]
 
 
-def standing(law: Columns, rows: NDArray[np.int64]) -> NDArray[np.floating]:
+def standing(law: CorrespondenceColumns, rows: NDArray[np.int64]) -> NDArray[np.floating]:
     """Nodal constants for `finish_sums`: K^-1, lambda, mu, the share of the stress, whether it is above 0, Z."""
     share = law.share[rows]
     scalar_rows = law.solid.first[rows], law.solid.shear[rows], share, np.ceil(share), law.control[rows]
     return np.vstack([law.inverse[rows].T, *scalar_rows])
 
 
-def by_lanes(law: Columns) -> bool:
+def by_lanes(law: CorrespondenceColumns) -> bool:
     """Whether nodes can be finished in lanes: all of one solid without a history."""
     kind = law.solid.kind
     return not law.solid.rate and bool((kind == kind[0]).all()) and kind[0] in (LINEAR, SVK)
@@ -436,7 +440,7 @@ def deviation(bond, m, i, at, a):  # type: ignore[no-untyped-def]
 
 
 LAW = Law(
-    Columns=Columns,
+    columns_type=CorrespondenceColumns,
     columns=columns,
     passes=Sums(numbers, initial_sums, accumulate, finish_pass, nodal_numbers, bond_force),
     energy=energy,

@@ -35,7 +35,7 @@ from pdsolve.model import Model, ModelError
 CARRIED = 1e-5  # of the largest diagonal entry of R: with less, a family does not tell a monomial from others
 
 
-class Columns(NamedTuple):
+class HigherOrderCorrespondenceColumns(NamedTuple):
     """Columns of n nodes and b bonds, in d dimensions, with p components of a fit."""
 
     q: NDArray[np.floating]  # (b, p) Q
@@ -60,7 +60,7 @@ class Columns(NamedTuple):
     d: int
 
 
-def columns(model: Model, bonds: Bonds) -> Columns:
+def columns(model: Model, bonds: Bonds) -> HigherOrderCorrespondenceColumns:
     """Columns of these bonds (b,) and their nodes. Raises ModelError for an order that no family can determine."""
     kind, d, nodes = bonds.xi.dtype, bonds.xi.shape[1], len(bonds.start) - 1
     source, first = np.repeat(np.arange(nodes), np.diff(bonds.start)), model.materials[0]
@@ -71,7 +71,7 @@ def columns(model: Model, bonds: Bonds) -> Columns:
     itself = np.zeros(nodes)
     if constant:
         np.maximum.at(itself, bonds.neighbour, np.sqrt(bonds.weight))
-    law = Columns(
+    law = HigherOrderCorrespondenceColumns(
         q=np.zeros((len(source), wide), kind),
         own=np.zeros((nodes, wide), kind),
         t=np.zeros((nodes, wide, d), kind),
@@ -142,12 +142,12 @@ def fit(
     return Q, t, 0
 
 
-def update_after_breakage(law: Columns, bonds: AnyList, rows: NDArray[np.int64]) -> None:
+def update_after_breakage(law: HigherOrderCorrespondenceColumns, bonds: AnyList, rows: NDArray[np.int64]) -> None:
     """Refit these nodes (k,) to the intact bonds."""
     _refit(law, bonds, rows)
 
 
-def _refit(law: Columns, bonds: AnyList, rows: NDArray[np.int64]) -> float:
+def _refit(law: HigherOrderCorrespondenceColumns, bonds: AnyList, rows: NDArray[np.int64]) -> float:
     """Refit these nodes (k,) to the intact bonds; returns q times the horizon squared of the stiffest."""
     most = 0.0
     for i in rows.tolist():
@@ -185,17 +185,19 @@ def _spanned(xi: NDArray[np.float64], root: NDArray[np.float64], itself: float, 
     return np.asarray(U[:, sizes > CARRIED * sizes.max(initial=0.0)])
 
 
-def scale(law: Columns, bonds: Bonds) -> NDArray[np.float64]:
+def scale(law: HigherOrderCorrespondenceColumns, bonds: Bonds) -> NDArray[np.float64]:
     """Relative stiffness of nodes (n,), N/m^4."""
     return np.asarray((law.solid.first + 2 * law.solid.shear) / law.horizon**2)
 
 
-def rows(law: Columns, dimension: int) -> int:
+def rows(law: HigherOrderCorrespondenceColumns, dimension: int) -> int:
     """Width of `m`: force components, a_r, H, sigma, J."""
     return 2 * dimension * int(law.q.shape[1]) + dimension**2 + (4 if dimension == 2 else 6) + 1
 
 
-def fields(law: Columns, value: NDArray[np.floating], m: NDArray[np.floating]) -> dict[str, NDArray[np.float64]]:
+def fields(
+    law: HigherOrderCorrespondenceColumns, value: NDArray[np.floating], m: NDArray[np.floating]
+) -> dict[str, NDArray[np.float64]]:
     """Stored fields (n,) by result column: stress, rotation, volume and the solid's history."""
     return correspondence.shown(law.d, law.solid, m, 2 * law.d * law.q.shape[1])
 
@@ -308,7 +310,7 @@ def energy(law, bond, now, m, i, j, k):  # type: ignore[no-untyped-def]
 
 
 LAW = Law(
-    Columns=Columns,
+    columns_type=HigherOrderCorrespondenceColumns,
     columns=columns,
     passes=Passes(accumulate_bond_force, first_pass, finish_pass),
     energy=energy,

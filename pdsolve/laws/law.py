@@ -18,7 +18,7 @@ Symbols, for the bond k from node i to node j:
     q       |xi + eta| / |xi|                           stretch  q - 1, free of cancellation for small displacements
     m       (n, width) what nodes have between the passes
     now     the state as loops know it (`pdsolve.laws.bond_arrays.Now`)
-    law     the columns (`Law.Columns`): arrays of all bonds (b,) and nodes (n,)
+    law     the columns (`Law.columns_type`): arrays of all bonds (b,) and nodes (n,)
 """
 
 from __future__ import annotations
@@ -145,9 +145,9 @@ def displacement(dimension: int) -> tuple[Unknown, ...]:
 
 @dataclass(frozen=True, kw_only=True)
 class Law:
-    """A law as operators use it. Columns in `Columns` named `broken` (b,) are steps in which bonds broke, or 0."""
+    """A law as operators use it. Arrays in `columns_type` named `broken` (b,) are steps in which bonds broke, or 0."""
 
-    Columns: type[Any]  # a NamedTuple of its own
+    columns_type: type[Any]  # a NamedTuple of its own
     columns: Callable[[Model, Bonds], Any]
     passes: Passes | Sums
     energy: Function  # (law, bond, now, m, i, j, k) what bond k adds to node i, J/m^3: stored, and dissipated

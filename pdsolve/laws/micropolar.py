@@ -30,7 +30,7 @@ from pdsolve.model import Model, ModelError
 from pdsolve.state import Unknown
 
 
-class Columns(NamedTuple):
+class MicropolarColumns(NamedTuple):
     """Columns of n nodes and b bonds."""
 
     along: NDArray[np.floating]  # (b,) c w / |xi|, N/m^4, w the neighbour's cell as far as it counts
@@ -42,7 +42,7 @@ class Columns(NamedTuple):
     breaks: bool
 
 
-def columns(model: Model, bonds: Bonds) -> Columns:
+def columns(model: Model, bonds: Bonds) -> MicropolarColumns:
     """Columns of these bonds (b,). Raises ModelError in space."""
     if bonds.xi.shape[1] != 2:
         raise ModelError(f"{model.place_of(0)}.model is 'micropolar' in space; use it in the plane")
@@ -60,7 +60,7 @@ def columns(model: Model, bonds: Bonds) -> Columns:
     kind = bonds.xi.dtype
     broken, breaks = np.zeros(len(bonds.limit), np.int32), model.materials[0].failure == "stretch"
     along, across, bending, turn = (np.asarray(column, dtype=kind) for column in numbers)
-    return Columns(along, across, bending, turn, bonds.limit, broken, breaks)
+    return MicropolarColumns(along, across, bending, turn, bonds.limit, broken, breaks)
 
 
 def stiffnesses(E: float, nu: float, plane: str) -> tuple[float, float]:
@@ -90,18 +90,20 @@ def unknowns(dimension: int) -> tuple[Unknown, ...]:
     return Unknown("u", 2, 2), Unknown("rotation", 1, 2)
 
 
-def scale(law: Columns, bonds: Bonds) -> NDArray[np.float64]:
+def scale(law: MicropolarColumns, bonds: Bonds) -> NDArray[np.float64]:
     """Relative stiffness of nodes (n,), N/m^4."""
     source = np.repeat(np.arange(len(law.turn)), np.diff(bonds.start))
     return np.bincount(source, law.along + law.across, minlength=len(law.turn)).astype(float)
 
 
-def rows(law: Columns, dimension: int) -> int:
+def rows(law: MicropolarColumns, dimension: int) -> int:
     """Width of `m`: 1, unused, as nothing is gathered."""
     return 1
 
 
-def fields(law: Columns, value: NDArray[np.floating], m: NDArray[np.floating]) -> dict[str, NDArray[np.float64]]:
+def fields(
+    law: MicropolarColumns, value: NDArray[np.floating], m: NDArray[np.floating]
+) -> dict[str, NDArray[np.float64]]:
     """The rotation (n,) of nodes, rad, as a field of results."""
     return {"rotation": (law.turn * value[:, 2]).astype(float)}
 
@@ -141,7 +143,7 @@ def energy(law, bond, now, m, i, j, k):  # type: ignore[no-untyped-def]
 
 
 LAW = Law(
-    Columns=Columns,
+    columns_type=MicropolarColumns,
     columns=columns,
     passes=Passes(accumulate_bond_force),
     energy=energy,

@@ -48,7 +48,7 @@ LEAST = 0.1  # of the mean shear weight: less leaves a bond without stiffness of
 KNOWN = 1e-6  # of the largest: smaller eigenvalues of moments are round-off, or of ways that families do not reach
 
 
-class Columns(NamedTuple):
+class OrdinaryStateBasedColumns(NamedTuple):
     """Columns of n nodes and b bonds."""
 
     bulk: NDArray[np.floating]  # (n,) K, Pa
@@ -64,7 +64,7 @@ class Columns(NamedTuple):
     d: int  # dimensions
 
 
-def columns(model: Model, bonds: Bonds, corrected: bool = True) -> Columns:
+def columns(model: Model, bonds: Bonds, corrected: bool = True) -> OrdinaryStateBasedColumns:
     """Columns of these bonds (b,) and their nodes; not `corrected`: as published, for comparison."""
     dimension, exact = bonds.xi.shape[1], bonds._replace(xi=bonds.xi.astype(float), weight=bonds.weight.astype(float))
     bulk, shear = (values[model.material_of] for values in np.array([_moduli(m, dimension) for m in model.materials]).T)
@@ -76,7 +76,7 @@ def columns(model: Model, bonds: Bonds, corrected: bool = True) -> Columns:
     every = bulk, shear, dilating, dilating[back] * ratio, shearing, shearing[back] * ratio
     kind = bonds.xi.dtype
     numbers = [np.asarray(column, dtype=kind) for column in every]
-    return Columns(
+    return OrdinaryStateBasedColumns(
         bulk=numbers[0],
         shear=numbers[1],
         dilating=numbers[2],
@@ -97,7 +97,7 @@ def _moduli(material, dimension: int) -> tuple[float, float]:  # type: ignore[no
     return bulk_modulus(material.E, material.nu, space), material.E / (1 + material.nu)
 
 
-def rows(law: Columns, dimension: int) -> int:
+def rows(law: OrdinaryStateBasedColumns, dimension: int) -> int:
     """The width of `m`: the numbers that a node has between the two passes."""
     return ROWS
 
@@ -177,7 +177,7 @@ def _least(moments: NDArray[np.float64], wanted: NDArray[np.float64]) -> NDArray
     return np.asarray(np.einsum("nab,nb,ncb,nc->na", vectors, inverse, vectors, wanted, optimize=True))
 
 
-def scale(law: Columns, bonds: Bonds) -> NDArray[np.float64]:
+def scale(law: OrdinaryStateBasedColumns, bonds: Bonds) -> NDArray[np.float64]:
     """Relative stiffness of nodes (n,), N/m^4."""
     source, nodes = _sources(bonds), len(bonds.start) - 1
     squared = np.bincount(source, law.weight * (bonds.xi**2).sum(axis=1), minlength=nodes)
@@ -217,7 +217,7 @@ def pressure(bulk, d, theta, sheared, moment):  # type: ignore[no-untyped-def]
     return bulk * theta - (sheared - theta * moment / d) / d
 
 
-def tabled(law: Columns, bonds: Bonds) -> Tabled:
+def tabled(law: OrdinaryStateBasedColumns, bonds: Bonds) -> Tabled:
     """Data of bonds (b,) for the block kernels."""
     columns = law.shearing, law.shearing_back, law.dilating, law.dilating_back
     if law.failure == NEVER:
@@ -226,12 +226,12 @@ def tabled(law: Columns, bonds: Bonds) -> Tabled:
     return Tabled((*columns, limit), (0, 0, 1, 1, 2), nodal_count=2, watched=True)
 
 
-def standing(law: Columns, rows: NDArray[np.int64]) -> NDArray[np.floating]:
+def standing(law: OrdinaryStateBasedColumns, rows: NDArray[np.int64]) -> NDArray[np.floating]:
     """Nodal constants for `finish_sums`: K."""
     return law.bulk[None, rows]
 
 
-def by_lanes(law: Columns) -> bool:
+def by_lanes(law: OrdinaryStateBasedColumns) -> bool:
     """True: nodes can always be finished in lanes."""
     return True
 
@@ -297,7 +297,7 @@ def energy(law, bond, now, m, i, j, k):  # type: ignore[no-untyped-def]
 
 
 LAW = Law(
-    Columns=Columns,
+    columns_type=OrdinaryStateBasedColumns,
     columns=columns,
     passes=Sums(numbers, initial_sums, accumulate, finish_pass, nodal_numbers, bond_force),
     energy=energy,

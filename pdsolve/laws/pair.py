@@ -32,9 +32,9 @@ class PairColumns(NamedTuple):
 
 def no_bonds(law: Law) -> PairColumns:
     """Columns without bonds, whose type tells kernels the law."""
-    assert issubclass(law.Columns, PairColumns)
+    assert issubclass(law.columns_type, PairColumns)
     none = np.zeros(0)
-    columns: PairColumns = law.Columns(none, none, none, none, np.zeros(0, np.int32), none, law.matches_work)
+    columns: PairColumns = law.columns_type(none, none, none, none, np.zeros(0, np.int32), none, law.matches_work)
     return columns
 
 
@@ -52,7 +52,7 @@ def pair_law(kind: type[Any], pair: Pair) -> Law:
     straight = _accumulate_one_sided if pair.elastic_in_compression else _accumulate_straight
     curve = straight if pair.bond_strain_energy is None else _accumulate_curved
     return Law(
-        Columns=kind,
+        columns_type=kind,
         columns=columns,
         passes=Passes(_accumulate_linear if linear else curve),
         energy=_energy_linear if linear else _energy,

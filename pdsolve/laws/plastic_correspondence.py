@@ -52,7 +52,7 @@ from pdsolve.model import Model
 LINEAR_PART = 1e-5  # of the terms of a sum: more is not round-off, even in single precision
 
 
-class Columns(NamedTuple):
+class PlasticCorrespondenceColumns(NamedTuple):
     """Columns of n nodes and b bonds, in d dimensions."""
 
     inverse: NDArray[np.floating]  # (n, d d) K^-1, 0 where there is none
@@ -74,13 +74,13 @@ class Columns(NamedTuple):
     d: int
 
 
-def columns(model: Model, bonds: Bonds) -> Columns:
+def columns(model: Model, bonds: Bonds) -> PlasticCorrespondenceColumns:
     """Columns of these bonds (b,) and their nodes."""
     elastic, nodes = correspondence.columns(model, bonds), len(bonds.start) - 1
     source, slip = np.repeat(np.arange(nodes), np.diff(bonds.start)), np.zeros_like(bonds.xi.T, order="C")
-    shared = {name: getattr(elastic, name) for name in Columns._fields if hasattr(elastic, name)}
+    shared = {name: getattr(elastic, name) for name in PlasticCorrespondenceColumns._fields if hasattr(elastic, name)}
     initial_control = _control(model, elastic)
-    return Columns(
+    return PlasticCorrespondenceColumns(
         **shared
         | {
             "whole": initial_control,
@@ -92,7 +92,7 @@ def columns(model: Model, bonds: Bonds) -> Columns:
     )
 
 
-def _control(model: Model, law: correspondence.Columns) -> NDArray[np.floating]:
+def _control(model: Model, law: correspondence.CorrespondenceColumns) -> NDArray[np.floating]:
     """Z (n, d d) of whole families."""
     d, unit = law.d, np.eye(law.d).ravel()
     if model.materials[0].control != "wan":
@@ -104,7 +104,7 @@ def _control(model: Model, law: correspondence.Columns) -> NDArray[np.floating]:
     return np.asarray(trace[:, None] * unit + twice[:, None] * law.inverse, law.control.dtype)
 
 
-def update_after_breakage(law: Columns, bonds: AnyList, rows: NDArray[np.int64]) -> None:
+def update_after_breakage(law: PlasticCorrespondenceColumns, bonds: AnyList, rows: NDArray[np.int64]) -> None:
     """Recompute K^-1 and Z of these nodes (k,) from the intact bonds, and what of p has no linear part of theirs."""
     correspondence.update_after_breakage(law, bonds, rows)  # type: ignore[arg-type]
     intact_bonds, d = left(bonds, law.weight, law.broken, rows), law.d
@@ -126,12 +126,14 @@ def update_after_breakage(law: Columns, bonds: AnyList, rows: NDArray[np.int64])
     law.slip[:, intact_bonds.which] = slip - np.einsum("kab,bk->ak", linear, xi)
 
 
-def width(law: Columns, dimension: int) -> int:
+def width(law: PlasticCorrespondenceColumns, dimension: int) -> int:
     """Width of `m`: A, c R Z R^T, c R Z, and H, sigma, J as in `correspondence`, c, 4 mu psi."""
     return 4 * dimension**2 + (4 if dimension == 2 else 6) + 3
 
 
-def fields(law: Columns, value: NDArray[np.floating], m: NDArray[np.floating]) -> dict[str, NDArray[np.float64]]:
+def fields(
+    law: PlasticCorrespondenceColumns, value: NDArray[np.floating], m: NDArray[np.floating]
+) -> dict[str, NDArray[np.float64]]:
     """Stored fields (n,) by result column: stress, rotation, volume and the solid's history."""
     return correspondence.shown(law.d, law.solid, m, 3 * law.d * law.d)
 
@@ -307,7 +309,7 @@ def energy(law, bond, now, m, i, j, k):  # type: ignore[no-untyped-def]
 
 
 LAW = Law(
-    Columns=Columns,
+    columns_type=PlasticCorrespondenceColumns,
     columns=columns,
     passes=Sums(numbers, initial_sums, accumulate, finish_pass, nodal_numbers, bond_force),
     energy=energy,

@@ -55,28 +55,30 @@ from pdsolve.laws.small_tensors import (
 from pdsolve.model import Model
 
 
-class Columns(correspondence.Columns):
+class WanCorrespondenceColumns(correspondence.CorrespondenceColumns):
     """Columns of n nodes and b bonds, in d dimensions; `control` (n, d d) is K^-1 of whole families."""
 
 
-def columns(model: Model, bonds: Bonds) -> Columns:
+def columns(model: Model, bonds: Bonds) -> WanCorrespondenceColumns:
     """Columns of these bonds (b,) and their nodes."""
     law = correspondence.columns(model, bonds)
-    return Columns(*law._replace(control=law.inverse.copy()))
+    return WanCorrespondenceColumns(*law._replace(control=law.inverse.copy()))
 
 
-def update_after_breakage(law: Columns, bonds: AnyList, rows: NDArray[np.int64]) -> None:
+def update_after_breakage(law: WanCorrespondenceColumns, bonds: AnyList, rows: NDArray[np.int64]) -> None:
     """Recompute K^-1 and the share of the stress of these nodes (k,); those without a share have no gradient."""
     correspondence.update_after_breakage(law, bonds, rows)
     law.inverse[rows[law.share[rows] == 0]] = 0
 
 
-def rows(law: Columns, dimension: int) -> int:
+def rows(law: WanCorrespondenceColumns, dimension: int) -> int:
     """Width of `m`: A, Z, and H, sigma, J as in `correspondence`."""
     return 3 * dimension**2 + (4 if dimension == 2 else 6) + 1
 
 
-def fields(law: Columns, value: NDArray[np.floating], m: NDArray[np.floating]) -> dict[str, NDArray[np.float64]]:
+def fields(
+    law: WanCorrespondenceColumns, value: NDArray[np.floating], m: NDArray[np.floating]
+) -> dict[str, NDArray[np.float64]]:
     """Stored fields (n,) by result column: stress, rotation, volume and the solid's history."""
     return correspondence.shown(law.d, law.solid, m, 2 * law.d * law.d)
 
@@ -174,12 +176,12 @@ def _turned_in_the_plane(sums, H, P, Z):  # type: ignore[no-untyped-def]
     return (P[0] - g * s, P[1] - g * c, P[2] + g * c, P[3] - g * s), Z
 
 
-def tabled(law: Columns, bonds: Bonds) -> Tabled:
+def tabled(law: WanCorrespondenceColumns, bonds: Bonds) -> Tabled:
     """Data of bonds (b,) for the block kernels."""
     return correspondence.watched(law, (law.weight,), nodal_count=8)
 
 
-def standing(law: Columns, rows: NDArray[np.int64]) -> NDArray[np.floating]:
+def standing(law: WanCorrespondenceColumns, rows: NDArray[np.int64]) -> NDArray[np.floating]:
     """Nodal constants for `finish_sums`: K^-1, lambda, mu, the share of the stress, whether it is above 0, and Z."""
     first, shear, share = law.solid.first[rows], law.solid.shear[rows], law.share[rows]
     flat = first * (2 * shear / (first + 2 * shear)) if law.solid.plane_stress else first
@@ -243,7 +245,7 @@ def energy(law, bond, now, m, i, j, k):  # type: ignore[no-untyped-def]
 
 
 LAW = Law(
-    Columns=Columns,
+    columns_type=WanCorrespondenceColumns,
     columns=columns,
     passes=Sums(numbers, initial_sums, accumulate, finish_pass, nodal_numbers, bond_force),
     energy=energy,

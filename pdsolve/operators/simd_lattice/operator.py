@@ -126,7 +126,7 @@ class SimdLattice:
         row = self.blocks.slots[slot, LIMITS]
         peak, limit = (table[row, lane].astype(np.float64) for table in (self.blocks.peak, self.blocks.limit))
         worst = self.tracks.worst.ravel()[numbers].astype(np.float64) if self.tracks.worst.size else np.zeros(len(slot))
-        columns = self._law.Columns(stiffness, peak, limit, worst, np.zeros(len(slot), np.int32), np.zeros(0))
+        columns = self._law.columns_type(stiffness, peak, limit, worst, np.zeros(len(slot), np.int32), np.zeros(0))
         start = np.searchsorted(source, np.arange(nodes + 1))
         bonds = List(start, target.astype(np.int32), tuple(np.ascontiguousarray(x) for x in xi.T), np.hypot(*xi.T))
         value = state.value.astype(np.complex128)
