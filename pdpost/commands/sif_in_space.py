@@ -42,7 +42,7 @@ def deliver_fronts(args: argparse.Namespace, results: Results, steps: list[int],
     rows = []
     for front in front_states:
         columns = [side[name] for name in UNITS for side in (front.value, front.low, front.high)]
-        points = zip(front.length_along_front, *front.place.T, *columns, strict=True)
+        points = zip(front.length_along_front, *front.points.T, *columns, strict=True)
         rows += [(front.name, front.step, front.time, *point) for point in points]
     return number_options.deliver(args, result, lines, header, rows, path)
 
@@ -53,7 +53,7 @@ def _told(front: FrontIntensities) -> dict[str, Any]:
         "step": front.step,
         "time": front.time,
         "along": front.length_along_front,
-        "place": front.place,
+        "place": front.points,
         "growth": front.growth_direction,
         "normal": front.crack_normal,
         **front.value,
@@ -72,7 +72,7 @@ def _words(front: FrontIntensities) -> str:
 
     known_points = front.points_with_values
     at = int(known_points[front.value["J"][known_points].argmax()])
-    place = ", ".join(f"{x * 1e3 + 0.0:.4g}" for x in front.place[at])
+    place = ", ".join(f"{x * 1e3 + 0.0:.4g}" for x in front.points[at])
     said, intensities = [], ("K1", "K2", "K3") if np.isfinite(front.value["K1"][at]) else ()
     for name, factor, unit in (("J", 1.0, "J/m^2"), *((intensity, 1e-6, "MPa m^0.5") for intensity in intensities)):
         middle, low, high = (factor * side[name][at] for side in (front.value, front.low, front.high))

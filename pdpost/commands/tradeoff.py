@@ -81,7 +81,13 @@ def _tradeoff(args: argparse.Namespace) -> int:
         "cost": args.cost,
         "errors": kinds,
         "points": [
-            {"name": point.name, "nodes": point.nodes, **point.cost._asdict(), **point.errors._asdict(), "worst": worst}
+            {
+                "name": point.name,
+                "nodes": point.node_count,
+                **point.cost._asdict(),
+                **point.errors._asdict(),
+                "worst": worst,
+            }
             for point, worst in rated
         ],
         "front": [points[at].name for at in best],
@@ -91,7 +97,7 @@ def _tradeoff(args: argparse.Namespace) -> int:
     write_atomically(table, json.dumps(number_options.finite(result), indent=1, allow_nan=False).encode() + b"\n")
     header = ("name", "nodes", *COSTS, *ERRORS, "worst", "front")
     rows = [
-        (point.name, point.nodes, *point.cost, *point.errors, worst, at in best)
+        (point.name, point.node_count, *point.cost, *point.errors, worst, at in best)
         for at, (point, worst) in enumerate(rated)
     ]
     lines = []
@@ -114,7 +120,7 @@ def _points(files: list[Path], reference: Path) -> list[TradeoffPoint]:
     with Results.open(reference) as fine:
         for name, path in named:
             with Results.open(path) as results:
-                points.append(tradeoff.tradeoff_point(results, path, fine)._replace(name=name))
+                points.append(tradeoff.measure_tradeoff_point(results, path, fine)._replace(name=name))
     if len({point.name for point in points}) < len(points):
         points = [point._replace(name=str(path)) for point, (_, path) in zip(points, named, strict=True)]
     return points

@@ -15,7 +15,13 @@ from numpy.typing import NDArray
 from pdmesh.plain_figure import Figure
 from pdpost.figures.colours import SHARES, Colours, at, caption, colours, mappable, usual
 from pdpost.figures.labels import scaled
-from pdpost.measures.slices import AXES, PlaneCut, bounding_box_centre_near_nodes, cut_by_plane, reliable_field_values
+from pdpost.measures.slices import (
+    AXES,
+    PlaneCut,
+    bounding_box_centre_near_nodes,
+    cut_values_by_plane,
+    reliable_field_values,
+)
 from pdpost.reading.frame_steps import chosen
 from pdsolve.results import Results
 
@@ -74,7 +80,7 @@ class Sections:
         """Draw a frame's values (n,) on the planes; returns the artists, which the caller may remove."""
         painted: list[Artist] = []
         for axis, axes in self._panels.items():
-            section = cut_by_plane(self._results, shown, step, axis, float(self._middle[AXES.index(axis)]))
+            section = cut_values_by_plane(self._results, shown, step, axis, float(self._middle[AXES.index(axis)]))
             painted.append(_paint(axes, section, self._range, self._colours, self._metre))
             _named(axes, section, self._metres)
             axes.set_title(_place(section, self._metre, self._metres), fontsize="small")

@@ -49,9 +49,7 @@ class CrackSurface(NamedTuple):
     face_area: NDArray[np.float64]  # (f,) m^2
     edge_corners: NDArray[np.int64]  # (e, 2) corners
     face_edges: NDArray[np.int64]  # (f, 4) edges of each face
-    edge_is_inside_body: NDArray[
-        np.bool_
-    ]  # (e,) whether cubes are all round the edge: a crack that ends there has a front
+    edge_is_inside_body: NDArray[np.bool_]  # (e,) cubes are all round the edge: a crack that ends there has a front
 
     @property
     def face_opened_during_run(self) -> NDArray[np.bool_]:
@@ -135,17 +133,17 @@ def _find_first_cracked_step_of_pairs(
     return high
 
 
-def build_crack_surface(results: Results, step: int, opened_pairs: FaceNeighbourPairs) -> CrackSurface:
+def build_crack_surface(results: Results, step: int, neighbour_pairs: FaceNeighbourPairs) -> CrackSurface:
     """The cracks of a body after `step` from the neighbours that parted, its pre-cracks included."""
     nodes = results.nodes(step)
     crack = np.flatnonzero(
-        (opened_pairs.opening_step == PRE_CRACK)
-        | (opened_pairs.is_opened & _pairs_are_in_crack_middle(nodes, opened_pairs))
+        (neighbour_pairs.opening_step == PRE_CRACK)
+        | (neighbour_pairs.is_opened & _pairs_are_in_crack_middle(nodes, neighbour_pairs))
     )
-    crack = crack[np.argsort(opened_pairs.opening_step[crack], kind="stable")]
-    when = opened_pairs.opening_step[crack]
+    crack = crack[np.argsort(neighbour_pairs.opening_step[crack], kind="stable")]
+    when = neighbour_pairs.opening_step[crack]
     time = np.where(when == PRE_CRACK, BEFORE, when * float(results.meta()["time_step"]))
-    return mesh_faces_between_pairs(nodes, opened_pairs.node_rows[crack], time)
+    return mesh_faces_between_pairs(nodes, neighbour_pairs.node_rows[crack], time)
 
 
 def triangles_of_grown_faces(cracks: CrackSurface) -> NDArray[np.float64]:
@@ -168,12 +166,12 @@ def _pairs_cut_by_pre_cracks(
     return np.asarray(near[Screen(triangles, nodes.position, nodes.delta).met(near_pairs)])
 
 
-def _pairs_are_in_crack_middle(nodes: Nodes, opened_pairs: FaceNeighbourPairs) -> NDArray[np.bool_]:
+def _pairs_are_in_crack_middle(nodes: Nodes, neighbour_pairs: FaceNeighbourPairs) -> NDArray[np.bool_]:
     """Mask (b,) of pairs whose nodes belong to sound nodes far from each other, or to none."""
-    pairs, sound = opened_pairs.node_rows, np.flatnonzero(opened_pairs.node_is_sound)
+    pairs, sound = neighbour_pairs.node_rows, np.flatnonzero(neighbour_pairs.node_is_sound)
     if not len(sound):
         return np.ones(len(pairs), dtype=bool)
-    cost = np.where(opened_pairs.is_opened, OPEN, 1.0)
+    cost = np.where(neighbour_pairs.is_opened, OPEN, 1.0)
     graph = csr_array((np.tile(cost, 2), (pairs.T.ravel(), pairs[:, ::-1].T.ravel())), shape=(len(nodes.ids),) * 2)
     _, _, home = dijkstra(graph, indices=sound, min_only=True, return_predecessors=True)
     sound_a, sound_b = home[pairs].T

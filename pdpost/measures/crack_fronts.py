@@ -62,7 +62,7 @@ def chain_edges(edges: NDArray[np.int64]) -> list[list[int]]:
     return corner_chains
 
 
-def estimate_front_speed_over_faces(cracks: CrackSurface) -> NDArray[np.float64]:
+def estimate_front_speed_at_faces(cracks: CrackSurface) -> NDArray[np.float64]:
     """The speed (f,) at which the front went over each face, m/s: one over the slope of the opening times around it.
 
     NaN of pre-cracks, and where a plane through these times explains less than half of their scatter.

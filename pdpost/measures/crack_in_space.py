@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from pdmesh.model.material import Material
 from pdmesh.model.output_fields import CRACKED
 from pdpost.measures.crack_faces import CrackSurface, build_crack_surface, find_opening_steps_of_face_neighbours
-from pdpost.measures.crack_fronts import Polyline, estimate_front_speed_over_faces, front_lines_at, line_length
+from pdpost.measures.crack_fronts import Polyline, estimate_front_speed_at_faces, front_lines_at, line_length
 from pdpost.measures.fragments_in_space import BodyFragments, find_body_fragments
 from pdpost.measures.waves import plate_rayleigh_speed
 from pdpost.reading.embedded_model import at_rest, read
@@ -89,7 +89,7 @@ def front_speeds_below_rayleigh_speed(results: Results, cracks: CrackSurface) ->
     """Speed of the front over each face (f,), m/s; NaN at rest and where it is not known."""
     if not len(cracks.face_corners) or at_rest(results):
         return np.full(len(cracks.face_corners), np.nan)
-    speed = estimate_front_speed_over_faces(cracks)
+    speed = estimate_front_speed_at_faces(cracks)
     return np.where(speed > plate_rayleigh_speed(results), np.nan, speed)
 
 

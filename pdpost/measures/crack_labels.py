@@ -35,9 +35,7 @@ class CrackedNodes(NamedTuple):
     spacing: NDArray[np.float64]  # (c,) spacing, m
     damage_with_pre_cracks: NDArray[np.float64]  # (c,)
     crack_number: NDArray[np.int64]  # (c,) number of the crack; -1: none, a crumb
-    crack_arrival_step: NDArray[
-        np.int64
-    ]  # (c,) step in which the crack came to the node, or joined it if it cracked ahead
+    crack_arrival_step: NDArray[np.int64]  # (c,) in which the crack came to the node, or joined it if it cracked ahead
     spacings_from_origin: NDArray[np.float64]  # (c,) spacings from where the crack began, along the way it came
     touching_distances: csr_array  # (c, c) spacings between nodes that touch
 
@@ -45,8 +43,8 @@ class CrackedNodes(NamedTuple):
 class _CrackOrigin(NamedTuple):
     """The origin of a crack."""
 
-    step: int
-    nodes: list[int]
+    first_cracked_step: int
+    origin_nodes: list[int]
 
 
 def label_cracked_nodes(results: Results, step: int, threshold: float = CRACKED) -> CrackedNodes:
@@ -69,9 +67,9 @@ class _NodePatchUnionFind:
     """A union-find of touching nodes, joined step by step; each patch is represented by one of its nodes."""
 
     def __init__(
-        self, position: NDArray[np.float64], delta: NDArray[np.float64], cracked_step: NDArray[np.int64]
+        self, position: NDArray[np.float64], spacing: NDArray[np.float64], cracked_step: NDArray[np.int64]
     ) -> None:
-        self.position, self.delta = position, delta
+        self.position, self.delta = position, spacing
         self.parent = list(range(len(cracked_step)))
         self.members = [[node] for node in self.parent]
         self.roots: list[_CrackOrigin | None] = [
@@ -98,12 +96,14 @@ class _NodePatchUnionFind:
         known_roots = [root for root in roots if root is not None]
         if len(known_roots) < len(roots):
             return None
-        first = min(root.step for root in known_roots)
-        began = _CrackOrigin(first, [node for root in known_roots if root.step == first for node in root.nodes])
+        first = min(root.first_cracked_step for root in known_roots)
+        began = _CrackOrigin(
+            first, [node for root in known_roots if root.first_cracked_step == first for node in root.origin_nodes]
+        )
         rows = self.members[largest]
-        far = np.hypot(*(self.position[rows] - self.position[began.nodes].mean(axis=0)).T)
+        far = np.hypot(*(self.position[rows] - self.position[began.origin_nodes].mean(axis=0)).T)
         if (far >= SHORTEST * self.delta[rows]).any():
-            return _CrackOrigin(first, self._choose_origin_nodes(began.nodes, rows))
+            return _CrackOrigin(first, self._choose_origin_nodes(began.origin_nodes, rows))
         self.roots[largest] = began
         return None
 
@@ -119,12 +119,15 @@ class _NodePatchUnionFind:
 
 
 def _find_crack_origins(
-    touching: csr_array, position: NDArray[np.float64], delta: NDArray[np.float64], cracked_step: NDArray[np.int64]
+    touching_distances: csr_array,
+    position: NDArray[np.float64],
+    spacing: NDArray[np.float64],
+    cracked_step: NDArray[np.int64],
 ) -> list[_CrackOrigin]:
     """Origins of the cracks, oldest first."""
-    patches = _NodePatchUnionFind(position, delta, cracked_step)
+    patches = _NodePatchUnionFind(position, spacing, cracked_step)
     roots = []
-    for links in _group_touching_pairs_by_step(touching, cracked_step):
+    for links in _group_touching_pairs_by_step(touching_distances, cracked_step):
         pairs = {
             (min(pair), max(pair))
             for node, neighbour in links
@@ -134,14 +137,14 @@ def _find_crack_origins(
             root = patches.join_patches(together)
             if root is not None:
                 roots.append(root)
-    return sorted(roots, key=lambda root: (root.step, min(root.nodes)))
+    return sorted(roots, key=lambda root: (root.first_cracked_step, min(root.origin_nodes)))
 
 
 def _group_touching_pairs_by_step(
-    touching: csr_array, cracked_step: NDArray[np.int64]
+    touching_distances: csr_array, cracked_step: NDArray[np.int64]
 ) -> Iterator[list[tuple[int, int]]]:
     """Groups of pairs of touching nodes, one for each step from which both nodes are cracked."""
-    links = touching.tocoo()
+    links = touching_distances.tocoo()
     once = links.row < links.col
     node, neighbour = links.row[once], links.col[once]
     since = np.maximum(cracked_step[node], cracked_step[neighbour])
@@ -169,7 +172,7 @@ def _connected_components_of_pairs(pairs: set[tuple[int, int]]) -> list[list[int
 
 
 def _spread_cracks_from_origins(
-    touching: csr_array, cracked_step: NDArray[np.int64], origins: list[_CrackOrigin]
+    touching_distances: csr_array, cracked_step: NDArray[np.int64], origins: list[_CrackOrigin]
 ) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.float64]]:
     """Let the cracks spread from their roots; returns crack, reached and level (c,) of `CrackedNodes`.
 
@@ -179,26 +182,30 @@ def _spread_cracks_from_origins(
     crack, reached, level = np.full(count, -1), np.full(count, -1), np.full(count, np.inf)
     same = list(range(len(origins)))  # the crack that each root's is a part of
 
-    def of(number: int) -> int:
+    def find_merged_crack(number: int) -> int:
         while same[number] != number:
             number = same[number]
         return number
 
-    def one(first_crack: int, second_crack: int) -> None:
-        same[max(of(first_crack), of(second_crack))] = min(of(first_crack), of(second_crack))
+    def merge_cracks(first_crack: int, second_crack: int) -> None:
+        older, younger = sorted((find_merged_crack(first_crack), find_merged_crack(second_crack)))
+        same[younger] = older
 
     heap = [
-        (int(cracked_step[node]), root.step, 0.0, node, at) for at, root in enumerate(origins) for node in root.nodes
+        (int(cracked_step[node]), root.first_cracked_step, 0.0, node, at)
+        for at, root in enumerate(origins)
+        for node in root.origin_nodes
     ]
     heapq.heapify(heap)
     start, near, apart, cracked = (
-        part.tolist() for part in (touching.indptr, touching.indices, touching.data, cracked_step)
+        part.tolist()
+        for part in (touching_distances.indptr, touching_distances.indices, touching_distances.data, cracked_step)
     )
     while heap:
         step, age, far, node, number = heapq.heappop(heap)
         if crack[node] >= 0:
-            if (reached[node], origins[crack[node]].step) == (step, age) and far - level[node] < ROUND_OFF:
-                one(int(crack[node]), number)
+            if (reached[node], origins[crack[node]].first_cracked_step) == (step, age) and far - level[node] < ROUND_OFF:
+                merge_cracks(int(crack[node]), number)
             continue
         crack[node], reached[node], level[node] = number, step, far
         for link in range(start[node], start[node + 1]):
@@ -206,7 +213,7 @@ def _spread_cracks_from_origins(
             its = int(crack[neighbour])
             if its < 0:
                 heapq.heappush(heap, (max(step, cracked[neighbour]), age, far + apart[link], neighbour, number))
-            elif (reached[neighbour], origins[its].step) == (step, age):
-                one(its, number)
-    crack_of_root = np.array([*(of(at) for at in range(len(origins))), -1])
+            elif (reached[neighbour], origins[its].first_cracked_step) == (step, age):
+                merge_cracks(its, number)
+    crack_of_root = np.array([*(find_merged_crack(at) for at in range(len(origins))), -1])
     return crack_of_root[crack], reached, level

@@ -170,7 +170,11 @@ def summary_sentences(summary: CrackPathSummary) -> list[str]:
         )
     lines += _energy_release_sentences(summary.energy_release)
     for way in summary.initial_directions:
-        band = f" ({way.lowest_angle:+.1f} to {way.highest_angle:+.1f})" if way.lowest_angle < way.highest_angle else ""
+        band = (
+            f" ({way.angle_lower_bound:+.1f} to {way.angle_upper_bound:+.1f})"
+            if way.angle_lower_bound < way.angle_upper_bound
+            else ""
+        )
         angle, overall_angle = (
             f"{round(number, 1) + 0.0:+.1f}" for number in (way.angle_from_pre_crack, way.overall_angle)
         )

@@ -111,7 +111,7 @@ def _inherit_cracked_step_of_replaced_nodes(
     born_rows: NDArray[np.int64],
     died_rows: NDArray[np.int64],
     cracked_step: NDArray[np.int64],
-    broken: NDArray[np.bool_],
+    has_broken_bonds: NDArray[np.bool_],
 ) -> None:
     """For nodes born cracked, set `cracked_step` to that of the overlapping nodes that die at the same time.
 
@@ -128,10 +128,10 @@ def _inherit_cracked_step_of_replaced_nodes(
         apart = np.abs(place[born_row] - place[died_row]).max(axis=1)
         touch = apart < (half[born_row] + half[died_row]) * (1 - ROUND_OFF)
         born_row, died_row = born_row[touch], died_row[touch]
-        broken[born_row[broken[died_row]]] = True
+        has_broken_bonds[born_row[has_broken_bonds[died_row]]] = True
         cracked = (cracked_step[died_row] >= 0) & (cracked_step[born_row] == birth[born_row])
         np.minimum.at(cracked_step, born_row[cracked], cracked_step[died_row[cracked]])
-    cracked_step[born_rows[(cracked_step[born_rows] == birth[born_rows]) & ~broken[born_rows]]] = 0
+    cracked_step[born_rows[(cracked_step[born_rows] == birth[born_rows]) & ~has_broken_bonds[born_rows]]] = 0
 
 
 def pre_crack_tips_and_headings(

@@ -99,20 +99,20 @@ def find_crack_events(
     )
 
 
-def _largest_value_or_none(along: NDArray[np.float64]) -> float | None:
-    return float(along.max()) if len(along) else None
+def _largest_value_or_none(values: NDArray[np.float64]) -> float | None:
+    return float(values.max()) if len(values) else None
 
 
 def cluster_nodes(
-    position: NDArray[np.float64], delta: NDArray[np.float64], link_distance: float = LINKED
+    position: NDArray[np.float64], spacing: NDArray[np.float64], link_distance: float = LINKED
 ) -> NDArray[np.int64]:
     """Cluster number (c,) of each node; nodes within `link_distance` times the larger spacing of each other are
     linked."""
     tree = cKDTree(position)
-    reach = (link_distance + ROUND_OFF) * float(delta.max(initial=0.0))
+    reach = (link_distance + ROUND_OFF) * float(spacing.max(initial=0.0))
     near = tree.query_pairs(reach, output_type="ndarray")
     far = np.hypot(*(position[near[:, 0]] - position[near[:, 1]]).T)
-    near = near[far <= (link_distance + ROUND_OFF) * delta[near].max(axis=1, initial=0.0)]
+    near = near[far <= (link_distance + ROUND_OFF) * spacing[near].max(axis=1, initial=0.0)]
     return connected(len(position), *near.T)
 
 

@@ -74,16 +74,16 @@ FIELDS = {
 }
 
 
-def choose_component(name: str, component: str | None, dimension: int = 2) -> str:
+def choose_component(field_name: str, component: str | None, dimension: int = 2) -> str:
     """The component to show: the given one or the first; "" for a scalar. Raises FieldError."""
-    if name not in FIELDS:
-        raise FieldError(f"field '{name}' is unknown; use one of {', '.join(FIELDS)}")
-    available = FIELDS[name].component_names(dimension)
+    if field_name not in FIELDS:
+        raise FieldError(f"field '{field_name}' is unknown; use one of {', '.join(FIELDS)}")
+    available = FIELDS[field_name].component_names(dimension)
     if component is None:
         return available[0] if available else ""
     if component not in available:
         expected = f"one of {', '.join(available)}" if available else "none, it is a scalar"
-        raise FieldError(f"{name} has no component '{component}'; use {expected}")
+        raise FieldError(f"{field_name} has no component '{component}'; use {expected}")
     return component
 
 
@@ -96,46 +96,46 @@ def default_field_name(results: Results, step: int) -> str:
     return next((name for name in (first, *OF_DIFFUSION) if output_fields.FIELDS[name].columns[0] in stored), first)
 
 
-def find_unreliable_nodes(results: Results, name: str, step: int) -> NDArray[np.bool_]:
+def find_unreliable_nodes(results: Results, field_name: str, step: int) -> NDArray[np.bool_]:
     """Mask (n,) of nodes whose value is unreliable: for strain and stress, more than 0.35 of the bonds are broken.
 
     A gradient fitted to so few bonds measures the opening of a crack, not a strain.
     """
-    if not FIELDS[name].is_fitted_to_bonds:
+    if not FIELDS[field_name].is_fitted_to_bonds:
         return np.zeros(len(results.rows(step)), dtype=bool)
     return damage_with_pre_cracks_at(results, step) > CRACKED
 
 
-def component_takes_both_signs(name: str, component: str) -> bool:
+def component_takes_both_signs(field_name: str, component: str) -> bool:
     """Whether a component takes both signs."""
-    return name == "rotation" or (bool(component) and component not in ("magnitude", "mises"))
+    return field_name == "rotation" or (bool(component) and component not in ("magnitude", "mises"))
 
 
-def field_values(results: Results, name: str, step: int, component: str | None = None) -> NDArray[np.float64]:
-    """A component (n,) of the field `name` after `step`, in SI units; NaN where a node has none.
+def field_values(results: Results, field_name: str, step: int, component: str | None = None) -> NDArray[np.float64]:
+    """A component (n,) of the field `field_name` after `step`, in SI units; NaN where a node has none.
 
     Damage is known at every step, other fields at frames that store them. Raises FieldError, and ResultsError naming
     what is stored.
     """
-    return all_field_components(results, name, step)[choose_component(name, component, results.dimension)]
+    return all_field_components(results, field_name, step)[choose_component(field_name, component, results.dimension)]
 
 
-def all_field_components(results: Results, name: str, step: int) -> dict[str, NDArray[np.float64]]:
-    """All components (n,) of the field `name` after `step`, by name; a scalar's name is ""."""
-    field = FIELDS[name]
-    if name == "damage" and not diffuses(results):
+def all_field_components(results: Results, field_name: str, step: int) -> dict[str, NDArray[np.float64]]:
+    """All components (n,) of the field `field_name` after `step`, by name; a scalar's name is ""."""
+    field = FIELDS[field_name]
+    if field_name == "damage" and not diffuses(results):
         return {"": damage_without_pre_cracks_at(results, step)}
-    if name == "separation":
-        expect_physics_of(results, name)
+    if field_name == "separation":
+        expect_physics_of(results, field_name)
         return {"": damage_with_pre_cracks_at(results, step)}
     if not field.components:
-        return {"": scalar(results, name, step)}
+        return {"": scalar(results, field_name, step)}
     if field.components == VECTOR:
-        ways = vector(results, name, step).T
+        ways = vector(results, field_name, step).T
         return {"magnitude": reduce(np.hypot, ways), **dict(zip("xyz", ways, strict=False))}
     if results.dimension == 3:
-        return _strain_or_stress_components_of_body(results, name, step)
-    if name == "stress" and "sxx" in results.stored(step):
+        return _strain_or_stress_components_of_body(results, field_name, step)
+    if field_name == "stress" and "sxx" in results.stored(step):
         stress = vector(results, "stress", step)
     else:
         strain, elastic, free = (
@@ -143,7 +143,7 @@ def all_field_components(results: Results, name: str, step: int) -> dict[str, ND
             elastic_constants_of_nodes(results, step),
             thermal_strain_of_nodes(results, step),
         )
-        if name == "strain":
+        if field_name == "strain":
             return {**_plane_tensor_components(strain), "zz": thinning(strain, elastic, free)}
         stress = hooke(strain, elastic, free)
     xx, yy, xy, zz = stress.T
@@ -157,14 +157,16 @@ def _plane_tensor_components(tensor: NDArray[np.float64]) -> dict[str, NDArray[n
     return {"largest": middle + radius, "smallest": middle - radius, "xx": xx, "yy": yy, "xy": xy}
 
 
-def _strain_or_stress_components_of_body(results: Results, name: str, step: int) -> dict[str, NDArray[np.float64]]:
+def _strain_or_stress_components_of_body(
+    results: Results, field_name: str, step: int
+) -> dict[str, NDArray[np.float64]]:
     """All components (n,) of the strain or stress of a body, by name."""
-    expect_physics_of(results, name)
-    if name == "stress" and "sxx" in results.stored(step):
+    expect_physics_of(results, field_name)
+    if field_name == "stress" and "sxx" in results.stored(step):
         tensor = vector(results, "stress", step)
     else:
         tensor = green(displacement_gradients(results, step))
-        if name == "stress":
+        if field_name == "stress":
             tensor = hooke(tensor, elastic_constants_of_nodes(results, step), thermal_strain_of_nodes(results, step))
     xx, yy, xy, zz, xz, yz = tensor.T
     matrices = np.moveaxis(np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]), 2, 0)
@@ -173,6 +175,6 @@ def _strain_or_stress_components_of_body(results: Results, name: str, step: int)
     principal[finite] = np.linalg.eigvalsh(matrices[finite])
     parts = {"largest": principal[:, 2], "smallest": principal[:, 0]}
     parts |= dict(zip(("xx", "yy", "xy", "zz", "xz", "yz"), tensor.T, strict=True))
-    if name == "stress":
+    if field_name == "stress":
         parts["mises"] = np.sqrt(((xx - yy) ** 2 + (yy - zz) ** 2 + (zz - xx) ** 2) / 2 + 3 * (xy**2 + xz**2 + yz**2))
     return parts

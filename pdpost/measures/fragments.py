@@ -29,9 +29,9 @@ class PlateFragments(NamedTuple):
     cracked_area: float  # m^2, of the cracked nodes, which belong to no piece
 
 
-def find_plate_fragments(results: Results, step: int, cracked_separation: float = CRACKED) -> PlateFragments:
+def find_plate_fragments(results: Results, step: int, threshold: float = CRACKED) -> PlateFragments:
     """The fragments after `step`: sound nodes linked along rows and columns, as in `cracks.plate_is_split`."""
-    nodes, cracked = results.nodes(step), damage_with_pre_cracks_at(results, step) > cracked_separation
+    nodes, cracked = results.nodes(step), damage_with_pre_cracks_at(results, step) > threshold
     sound = np.flatnonzero(~cracked)
     piece = cluster_nodes(nodes.position[sound], nodes.delta[sound], link_distance=1.0)
     fragment_list, crumbs, crumbs_area = [], 0, 0.0

@@ -52,15 +52,15 @@ def node_masses(results: Results, step: int) -> NDArray[np.float64]:
     return np.asarray(rho * nodes.area)
 
 
-def fragment_number_of_nodes(opened_pairs: FaceNeighbourPairs) -> NDArray[np.int64]:
+def fragment_number_of_nodes(neighbour_pairs: FaceNeighbourPairs) -> NDArray[np.int64]:
     """The number (n,) of the piece that each node is in."""
-    return connected(len(opened_pairs.node_is_sound), *opened_pairs.node_rows[~opened_pairs.is_opened].T)
+    return connected(len(neighbour_pairs.node_is_sound), *neighbour_pairs.node_rows[~neighbour_pairs.is_opened].T)
 
 
-def find_body_fragments(results: Results, step: int, opened_pairs: FaceNeighbourPairs) -> BodyFragments:
+def find_body_fragments(results: Results, step: int, neighbour_pairs: FaceNeighbourPairs) -> BodyFragments:
     """The fragments of a body after `step`, from the neighbours that parted."""
     nodes, mass = results.nodes(step), node_masses(results, step)
-    piece = fragment_number_of_nodes(opened_pairs)
+    piece = fragment_number_of_nodes(neighbour_pairs)
     count = np.bincount(piece)
     large = count >= SMALLEST
     names = ("vx", "vy", "vz")

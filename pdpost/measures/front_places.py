@@ -37,7 +37,7 @@ class FrontPoints(NamedTuple):
     """Points of a front, from its first end on."""
 
     length_along_front: NDArray[np.float64]  # (k,) m
-    places: list[FrontPlace]
+    front_places: list[FrontPlace]
     node_spacing: NDArray[np.float64]  # (k,) m, of the nodes there
 
 

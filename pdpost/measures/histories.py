@@ -117,10 +117,10 @@ def mean_history_in_box(
     ids = tuple(dict.fromkeys(nodes.ids[inside].tolist()))
     label = f"mean of {len(ids)} nodes" if len(ids) > 1 else f"node {ids[0]}"
 
-    def rows(nodes: Nodes) -> NDArray[np.int64]:
+    def find_rows_in_box(nodes: Nodes) -> NDArray[np.int64]:
         return np.flatnonzero(selection.in_box(nodes, corners))
 
-    time, values = _read_quantity_of_frames(results, rows, quantity, component)
+    time, values = _read_quantity_of_frames(results, find_rows_in_box, quantity, component)
     spread = [
         (frame_values.mean(), frame_values.min(), frame_values.max()) if len(frame_values) else (np.nan,) * 3
         for frame_values in values

@@ -56,7 +56,7 @@ class FrontIntensities(NamedTuple):
     step: int
     time: float  # s
     length_along_front: NDArray[np.float64]  # (k,) m, from the first end of the front
-    place: NDArray[np.float64]  # (k, 3) m
+    points: NDArray[np.float64]  # (k, 3) m
     growth_direction: NDArray[np.float64]  # (k, 3) unit vectors across the front, in the plane of the crack
     crack_normal: NDArray[np.float64]  # (k, 3) unit vectors: K2 and the angle are positive towards it
     value: dict[str, NDArray[np.float64]]  # (k,) each: J, K1, K2, K3, angle
@@ -111,7 +111,7 @@ def compute_front_intensities(
         place = np.array(near)
         lines = sorted(lines, key=lambda line: float(np.linalg.norm(line - place, axis=1).min()))[:1]
     line_points = [sample_front_points(nodes, cracks, line, ratio) for line in lines]
-    numbered = [(number, points) for number, points in enumerate(line_points) if len(points.places)]
+    numbered = [(number, points) for number, points in enumerate(line_points) if len(points.front_places)]
     if not numbered:
         raise ResultsError(f"{results.name}: no front of a crack is inside the body; use a frame with one")
     rooms = _find_undisturbed_rooms(results, step, cracks, [points for _, points in numbered], tube_radii)
@@ -125,7 +125,7 @@ def compute_front_intensities(
     every = [
         (front_place.place, tube)
         for (_, points), per_point in zip(numbered, tubes, strict=True)
-        for front_place, wide in zip(points.places, per_point, strict=True)
+        for front_place, wide in zip(points.front_places, per_point, strict=True)
         for tube in wide[1:2]
     ]
     if not every:
@@ -136,11 +136,11 @@ def compute_front_intensities(
     at, elastic = _sample_fields_of_nodes(results, step, rows), elastic_constants_of_nodes(results, step)
     series = []
     for (number, points), per_point, room in zip(numbered, tubes, rooms, strict=True):
-        nearest = tree.query(np.array([front_place.place for front_place in points.places]))[1]
+        nearest = tree.query(np.array([front_place.place for front_place in points.front_places]))[1]
         solids = [Elastic(float(elastic.E[row]), float(elastic.nu[row]), "strain") for row in nearest]
         got = [
             [front_integrals(at, front_place, tube, solid) for tube in wide]
-            for front_place, wide, solid in zip(points.places, per_point, solids, strict=True)
+            for front_place, wide, solid in zip(points.front_places, per_point, solids, strict=True)
         ]
         refused = _no_room_reasons(points, room, ratio, tube_radii)
         found_here = _collect_intensities(results, step, f"front {number}", points, got, solids, refused)
@@ -161,7 +161,7 @@ def _find_undisturbed_rooms(
             obstacles.find_undisturbed_room(
                 front_place, HALF * ratio * spacing, MOST * ratio * spacing if tube_radii is None else tube_radii[1]
             )
-            for front_place, spacing in zip(points.places, points.node_spacing.tolist(), strict=True)
+            for front_place, spacing in zip(points.front_places, points.node_spacing.tolist(), strict=True)
         ]
         for points in fronts
     ]
@@ -189,7 +189,7 @@ def _no_room_reasons(
 ) -> tuple[str, ...]:
     """Why each point has no room; "" if it has."""
     said = []
-    for front_place, spacing, room in zip(points.places, points.node_spacing.tolist(), rooms, strict=True):
+    for front_place, spacing, room in zip(points.front_places, points.node_spacing.tolist(), rooms, strict=True):
         least = LEAST * horizon_ratio * spacing if tube_radii is None else tube_radii[1]
         if room.radius >= least * (1 - ROUND_OFF):
             said.append("")
@@ -262,9 +262,9 @@ def _collect_intensities(
         _, K1, K2, K3 = tubes[1]
         of_K[at] = (K1**2 + K2**2) / solid.effective_modulus + K3**2 / (2 * solid.shear)
     value, low, high = ({quantity: column[row] for quantity, column in columns.items()} for row in range(3))
-    frames = np.array([front_place.frame for front_place in points.places])
+    frames = np.array([front_place.frame for front_place in points.front_places])
     place, time = (
-        np.array([front_place.place for front_place in points.places]),
+        np.array([front_place.place for front_place in points.front_places]),
         step * float(results.meta()["time_step"]),
     )
     return FrontIntensities(

@@ -30,15 +30,13 @@ class FieldAlongLine(NamedTuple):
 
     points: NDArray[np.float64]  # (k, d) m
     distance_from_start: NDArray[np.float64]  # (k,) m, from the start
-    component_values: dict[
-        str, NDArray[np.float64]
-    ]  # (k,) each, SI, by component, a scalar's under ""; NaN where there is none
+    component_values: dict[str, NDArray[np.float64]]  # (k,) each, SI; a scalar's under ""; NaN where there is none
 
 
 def sample_field_along_line(
-    results: Results, name: str, step: int, start: tuple[float, ...], end: tuple[float, ...]
+    results: Results, field_name: str, step: int, start: tuple[float, ...], end: tuple[float, ...]
 ) -> FieldAlongLine:
-    """All components of the field `name` after `step`, at two places a spacing from `start` to `end`, m.
+    """All components of the field `field_name` after `step`, at two places a spacing from `start` to `end`, m.
 
     A value is linear in the triangle of three nodes (in a body the tetrahedron of four) that are all bonded to each
     other. Where bonds are cut or broken, and at the edge, it is that of the nearest node. It is NaN off the plate or
@@ -72,8 +70,8 @@ def sample_field_along_line(
             f" {'body' if results.dimension == 3 else 'plate'}; use some of"
             f" {_format_coordinates(_bounding_box(results, nodes))}"
         )
-    node_values = fields.all_field_components(results, name, step)
-    silent = fields.find_unreliable_nodes(results, name, step)[rows]
+    node_values = fields.all_field_components(results, field_name, step)
+    silent = fields.find_unreliable_nodes(results, field_name, step)[rows]
     corners, weights = _interpolation_rows_and_weights(results, nodes, rows, places, step)
     line_values = {}
     for part, values in node_values.items():

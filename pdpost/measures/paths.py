@@ -59,11 +59,11 @@ def main_direction_name(lines: Sequence[Polyline]) -> str:
     return list(DIRECTIONS)[int((lengths >= 0.9 * lengths.max()).argmax())]
 
 
-def _mean_and_largest_distance(lines: Sequence[Polyline], others: Sequence[Polyline]) -> tuple[float, float]:
+def _mean_and_largest_distance(lines: Sequence[Polyline], target_lines: Sequence[Polyline]) -> tuple[float, float]:
     """Mean and largest distance from points of `lines` to the nearest points of `others`, m."""
     points, weight = _sample_points_and_lengths(lines)
-    start = np.concatenate([line[:-1] if len(line) > 1 else line for line in others])
-    end = np.concatenate([line[1:] if len(line) > 1 else line for line in others])
+    start = np.concatenate([line[:-1] if len(line) > 1 else line for line in target_lines])
+    end = np.concatenate([line[1:] if len(line) > 1 else line for line in target_lines])
     nearest = distances_to_nearest_segment(points, start, end)
     return float(np.average(nearest, weights=weight)), float(nearest.max())
 

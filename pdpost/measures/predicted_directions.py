@@ -26,8 +26,8 @@ class PredictedCrackDirection:
     pre_crack_tip: tuple[float, float]  # m
     frame_step: int  # of the frame before bonds broke
     angle_from_pre_crack: float  # degrees from the line of the pre-crack, to the left positive
-    lowest_angle: float  # degrees, over the rings around the tip
-    highest_angle: float
+    angle_lower_bound: float  # degrees, over the rings around the tip
+    angle_upper_bound: float
     path_deviation: float  # degrees that the path turns more to the left than that
 
 

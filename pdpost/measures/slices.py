@@ -31,13 +31,15 @@ def expect_3d_body(results: Results) -> None:
         raise ResultsError(f"{results.name} is a plate; use a body in space")
 
 
-def reliable_field_values(results: Results, name: str, step: int, component: str | None = None) -> NDArray[np.float64]:
+def reliable_field_values(
+    results: Results, field_name: str, step: int, component: str | None = None
+) -> NDArray[np.float64]:
     """A component (n,) of a field after `step`, NaN where it is unreliable. Raises FieldError, ResultsError."""
-    component = fields.choose_component(name, component, results.dimension)
+    component = fields.choose_component(field_name, component, results.dimension)
     return np.where(
-        fields.find_unreliable_nodes(results, name, step),
+        fields.find_unreliable_nodes(results, field_name, step),
         np.nan,
-        fields.field_values(results, name, step, component or None),
+        fields.field_values(results, field_name, step, component or None),
     )
 
 
@@ -54,7 +56,7 @@ def bounding_box_centre_near_nodes(results: Results) -> NDArray[np.float64]:
     return np.asarray(np.where(has_node, centre, nearest))
 
 
-def cut_by_plane(
+def cut_values_by_plane(
     results: Results, values: NDArray[np.float64], step: int, axis: str, plane_position: float
 ) -> PlaneCut:
     """The values `values` (n,) of the nodes cut by the plane `axis` = `plane_position` (m). Raises ResultsError if it

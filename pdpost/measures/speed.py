@@ -23,7 +23,7 @@ class TipSpeeds(NamedTuple):
 
 
 def estimate_tip_speeds(
-    along: NDArray[np.float64],
+    length_along_crack: NDArray[np.float64],
     time: NDArray[np.float64],
     spacing: NDArray[np.float64],
     known_time: NDArray[np.bool_],
@@ -36,14 +36,14 @@ def estimate_tip_speeds(
     cracks wait and jump. A speed is NaN if the stretch is shorter, if one of its points is not `known_time`, or if the
     uncertainty of the slope exceeds one half.
     """
-    speed_columns = np.full((3, len(along)), np.nan)
-    for at in range(len(along)):
-        near = averaging_window(along, at, WINDOW * spacing[at])
+    speed_columns = np.full((3, len(length_along_crack)), np.nan)
+    for at in range(len(length_along_crack)):
+        near = averaging_window(length_along_crack, at, WINDOW * spacing[at])
         if near is not None:  # of the coarsest nodes there
-            near = averaging_window(along, at, WINDOW * float(spacing[near].max()))
+            near = averaging_window(length_along_crack, at, WINDOW * float(spacing[near].max()))
         if near is None or not known_time[near].all():
             continue
-        away, late = along[near] - along[near].mean(), time[near] - time[near].mean()
+        away, late = length_along_crack[near] - length_along_crack[near].mean(), time[near] - time[near].mean()
         free = len(away) - 2
         slowness = float(away @ late) / float(away @ away)
         least_variance = time_step**2 / 12 + (BLUR * spacing[at] * slowness) ** 2
@@ -54,15 +54,15 @@ def estimate_tip_speeds(
     return TipSpeeds(*speed_columns)
 
 
-def averaging_window(along: NDArray[np.float64], point: int, length: float) -> slice | None:
+def averaging_window(length_along_crack: NDArray[np.float64], point: int, length: float) -> slice | None:
     """The points around one, first to last at least `length` apart, extending equally to both sides if the path allows.
 
     None if the whole path is shorter.
     """
     slack = 1e-9 * length
-    if along[-1] - along[0] < length - slack:
+    if length_along_crack[-1] - length_along_crack[0] < length - slack:
         return None
-    low = min(max(along[point] - length / 2, along[0]), along[-1] - length)
-    first = int(np.searchsorted(along, low + slack, side="right")) - 1
-    last = int(np.searchsorted(along, low + length - slack))
+    low = min(max(length_along_crack[point] - length / 2, length_along_crack[0]), length_along_crack[-1] - length)
+    first = int(np.searchsorted(length_along_crack, low + slack, side="right")) - 1
+    last = int(np.searchsorted(length_along_crack, low + length - slack))
     return slice(max(first, 0), last + 1)

@@ -166,11 +166,11 @@ class CachedFrameFields:
 def _nearest_tip(
     tips: list[TipHistory], steps: Sequence[int], time_step: float, near: tuple[float, float]
 ) -> TipHistory:
-    def far(front: TipHistory) -> float:
+    def distance_to_tip(front: TipHistory) -> float:
         places = [tip.place for step in steps if (tip := front.tip_at(step * time_step)) is not None]
         return min((float(np.hypot(*(place - near))) for place in places), default=np.inf)
 
-    return min(tips, key=far)
+    return min(tips, key=distance_to_tip)
 
 
 def _spacing_at_tip(results: Results, step: int, tip: TipPosition) -> float:

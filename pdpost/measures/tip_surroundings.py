@@ -35,9 +35,7 @@ class TipHistory:
     name: str
     branch_number: int  # of its branch; pre-cracks that have none come after all branches
     pre_crack_tip: NDArray[np.float64] | None  # (2,) m: the tip of the pre-crack
-    initial_heading: NDArray[
-        np.float64
-    ]  # (2,) unit vector it arrives there with; of a branch alone, its first direction
+    initial_heading: NDArray[np.float64]  # (2,) unit vector at the pre-crack tip, or the first of a branch alone
     branch: CrackBranch | None
     last_time: float  # s: up to when it was there, before it forked or met another crack or an edge; inf if it still is
 

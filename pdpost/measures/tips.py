@@ -43,9 +43,7 @@ class CrackBranch:
     """The path of a tip from the crack's origin or a fork to where it ends, forks or meets another; k points."""
 
     points: NDArray[np.float64]  # (k, 2) m
-    passing_time: NDArray[
-        np.float64
-    ]  # (k,) s, never falling, when the tip came past; when it left the tip of a pre-crack
+    passing_time: NDArray[np.float64]  # (k,) s, never falling, when the tip came past or left that of a pre-crack
     direction: NDArray[np.float64]  # (k, 2) unit vectors, of some ten spacings around
     length_along_crack: NDArray[np.float64]  # (k,) length from the beginning of the crack, m, over its parents
     speed: TipSpeeds  # (k,) m/s

@@ -54,19 +54,19 @@ class TradeoffPoint(NamedTuple):
     """One result on the chart of cost against error."""
 
     name: str
-    nodes: int
+    node_count: int
     cost: RunCost
     errors: RelativeErrors
 
 
-def tradeoff_point(results: Results, file: Path, reference: Results) -> TradeoffPoint:
-    """A result as a point of the chart. Raises ResultsError as `run_cost` and `relative_run_errors` do."""
+def measure_tradeoff_point(results: Results, file: Path, reference: Results) -> TradeoffPoint:
+    """A result as a point of the chart. Raises ResultsError as `read_run_cost` and `relative_run_errors` do."""
     return TradeoffPoint(
-        file.stem, len(results.nodes().ids), run_cost(results, file), relative_run_errors(results, reference)
+        file.stem, len(results.nodes().ids), read_run_cost(results, file), relative_run_errors(results, reference)
     )
 
 
-def run_cost(results: Results, file: Path) -> RunCost:
+def read_run_cost(results: Results, file: Path) -> RunCost:
     """The cost of a run. Raises ResultsError if it is not finished."""
     summary = results.summary()
     if not summary:

@@ -5,7 +5,12 @@ from __future__ import annotations
 import dataclasses
 from typing import Any
 
-_ANGLES = {"pre_crack_tip": "tip", "angle_from_pre_crack": "angle", "lowest_angle": "low", "highest_angle": "high"}
+_ANGLES = {
+    "pre_crack_tip": "tip",
+    "angle_from_pre_crack": "angle",
+    "angle_lower_bound": "low",
+    "angle_upper_bound": "high",
+}
 
 JSON_KEYS: dict[str, dict[str, str]] = {  # of each record's fields; a field that is not here is its own key
     "BodyFragment": {"node_count": "nodes"},

@@ -55,7 +55,7 @@ def test_a_penny_under_shear() -> None:
     """Eight spacings in radius, in a cube of three times its width, held as without a crack, which lowers both."""
     penny = penny_cracks.opened(8, 3, penny_cracks.sheared)
     front, exact = front_of(penny), 4 * SMALL / ((2 - penny.nu) * np.sqrt(np.pi))
-    angle = np.arctan2(front.place[:, 1], front.place[:, 0])
+    angle = np.arctan2(front.points[:, 1], front.points[:, 0])
     slid, torn = 2 * (front.value["K2"] * np.cos(angle)).mean(), 2 * (front.value["K3"] * np.sin(angle)).mean()
     assert abs(slid) / exact == pytest.approx(0.968, abs=0.01)  # measured 0.9685
     assert abs(torn) / ((1 - penny.nu) * exact) == pytest.approx(1.009, abs=0.01)  # measured 1.0093

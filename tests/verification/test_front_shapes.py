@@ -39,7 +39,7 @@ def test_an_inclined_penny() -> None:
 
     block = blocks.at_rest(1 / 8, (48, 48, 48), blocks.flat(blocks.ellipse(1, 1), turn), outer)
     front = blocks.front_of(block)
-    x, y, _ = (front.place @ turn).T
+    x, y, _ = (front.points @ turn).T
     angle = np.arctan2(y, x)
     K1, K2 = 2 * tension * SMALL / np.sqrt(np.pi), 4 * shear * SMALL / ((2 - block.nu) * np.sqrt(np.pi))
     assert len(front.points_with_values) == len(angle)
@@ -60,7 +60,7 @@ def test_an_ellipse() -> None:
     crack = blocks.flat(blocks.ellipse(2, 1))
     block = blocks.at_rest(1 / 6, (48, 36, 36), crack, lambda x, E, nu: sneddon.displacements(x, radius, E, nu))
     front = blocks.front_of(block)
-    w = np.arctan2(front.place[:, 1], front.place[:, 0] / 2)[front.points_with_values]
+    w = np.arctan2(front.points[:, 1], front.points[:, 0] / 2)[front.points_with_values]
     exact = SMALL * np.sqrt(np.pi) / whole * (np.sin(w) ** 2 + np.cos(w) ** 2 / 4) ** 0.25
     assert len(w) >= 20
     assert np.abs(np.cos(w)).max() > 0.75
@@ -87,7 +87,7 @@ def test_a_crack_through_a_thick_plate() -> None:
     block = blocks.at_rest(1 / 8, (40, 32, 40), crack, outer, held=(0, 2))
     front = blocks.front_of(block)
     found = front.value["K1"] / (SMALL * np.sqrt(np.pi))
-    middle = np.abs(front.place[:, 1]) < 0.5
+    middle = np.abs(front.points[:, 1]) < 0.5
     assert np.isfinite(found[middle]).all()
     assert found[middle] == pytest.approx(np.ones(np.count_nonzero(middle)), abs=0.03)  # measured 1.007 to 1.008
-    assert np.isnan(found[np.abs(front.place[:, 1]) > 1.5]).all()  # within two horizons of the surface
+    assert np.isnan(found[np.abs(front.points[:, 1]) > 1.5]).all()  # within two horizons of the surface

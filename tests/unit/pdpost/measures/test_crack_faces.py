@@ -15,7 +15,7 @@ from pdpost.measures.crack_faces import (
     mesh_faces_between_pairs,
 )
 from pdpost.measures.crack_faces import _pairs_are_in_crack_middle as in_the_middle
-from pdpost.measures.crack_fronts import chain_edges, estimate_front_speed_over_faces, front_lines_at, line_length
+from pdpost.measures.crack_fronts import chain_edges, estimate_front_speed_at_faces, front_lines_at, line_length
 from pdpost.measures.lattice_neighbours import face_neighbour_pairs
 from pdsolve.results import Nodes
 
@@ -69,7 +69,7 @@ def test_area_and_front_of_a_penny(normal: tuple[float, float, float]) -> None:
 @pytest.mark.parametrize("normal", [(0, 0, 1), (0, 1, 1), (1, 2, 3)])
 def test_the_speed_of_a_front(normal: tuple[float, float, float]) -> None:
     """A penny that grows at 700 m/s. Measured: medians 1.025 to 1.037 of that, as the front is round."""
-    found = estimate_front_speed_over_faces(penny(normal, speed=700.0))
+    found = estimate_front_speed_at_faces(penny(normal, speed=700.0))
     known = np.isfinite(found)
     assert known.mean() > 0.98
     assert np.median(found[known]) == pytest.approx(700, rel=0.045)
@@ -85,7 +85,7 @@ def test_far_faces_have_no_speed_and_give_no_warning() -> None:
     row = up & (middle[:, 2] == 0) & (middle[:, 0] == 0.5)
     some = np.flatnonzero(alone | row)
     assert np.isnan(
-        estimate_front_speed_over_faces(mesh_faces_between_pairs(nodes, pairs[some], np.zeros(len(some))))
+        estimate_front_speed_at_faces(mesh_faces_between_pairs(nodes, pairs[some], np.zeros(len(some))))
     ).all()
 
 

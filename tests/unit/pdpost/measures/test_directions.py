@@ -24,7 +24,7 @@ def test_the_direction_of_a_straight_crack(up: int, angle: float) -> None:
     (found,) = left(run(lattice(40, 61), line))
     assert found.pre_crack_tip == (4.5e-3, 0.0)
     assert found.angle_from_pre_crack == pytest.approx(angle, abs=0.5)  # measured 45.00 and 63.4
-    assert found.lowest_angle < angle < found.highest_angle < found.lowest_angle + 10
+    assert found.angle_lower_bound < angle < found.angle_upper_bound < found.angle_lower_bound + 10
     assert found.overall_angle == pytest.approx(angle, abs=0.5)
 
 
@@ -35,7 +35,7 @@ def test_a_crack_that_runs_straight_and_forks_later_went_straight() -> None:
         arms = [(30 + k, 27 + ahead * k, side * rise * k) for k in range(1, 20) for side in (-1, 1)]
         (found,) = left(run(lattice(60, 60), trunk + arms))
         assert found.angle_from_pre_crack == pytest.approx(0, abs=1e-6)
-        assert -3 < found.lowest_angle < 0 < found.highest_angle < 3
+        assert -3 < found.angle_lower_bound < 0 < found.angle_upper_bound < 3
         assert found.fitted_length == pytest.approx(22.5e-3, abs=2e-3)
         assert found.overall_angle == pytest.approx(0, abs=1e-6)
 
@@ -45,7 +45,7 @@ def test_a_crack_that_turns_later_left_as_it_left() -> None:
     legs = [(x, x, 0) for x in range(5, 28)] + [(28 + k, 27, k) for k in range(1, 24)]
     (found,) = left(run(lattice(60, 60), legs))
     assert found.angle_from_pre_crack == pytest.approx(0, abs=2)  # measured 1.5
-    assert found.lowest_angle < 0 < found.highest_angle
+    assert found.angle_lower_bound < 0 < found.angle_upper_bound
     assert found.fitted_length == pytest.approx(23e-3, abs=3e-3)
     assert 40 < found.overall_angle < 65
 
@@ -55,8 +55,8 @@ def test_the_band_is_as_wide_as_the_path_is_rough() -> None:
     straight = [(x, x, 0) for x in range(5, 35)]
     rough = [(x, x, 2 * (x // 3 % 2)) for x in range(5, 35)] + [(x, x, 1) for x in range(6, 35, 3)]
     (one,), (other,) = (left(run(lattice(60, 60), steps)) for steps in (straight, rough))
-    assert other.lowest_angle < 0 < other.highest_angle
-    assert other.highest_angle - other.lowest_angle > one.highest_angle - one.lowest_angle
+    assert other.angle_lower_bound < 0 < other.angle_upper_bound
+    assert other.angle_upper_bound - other.angle_lower_bound > one.angle_upper_bound - one.angle_lower_bound
 
 
 def test_a_crack_that_forks_at_the_notch_leaves_it_both_ways() -> None:

@@ -12,7 +12,7 @@ from plates import plate, square_grid
 
 from pdmesh.model.document import Load, Run
 from pdpost.__main__ import main
-from pdpost.measures.tradeoff import cheapest_point, pareto_front, relative_run_errors, run_cost
+from pdpost.measures.tradeoff import cheapest_point, pareto_front, read_run_cost, relative_run_errors
 from pdsolve.model import ModelWarning
 from pdsolve.results import Breaks, Families, FrameRecord, Nodes, Results, ResultsError, Writer
 from pdsolve.run.measures import LedgerRow
@@ -137,7 +137,7 @@ def test_what_did_not_happen_is_an_infinite_error(tmp_path: Path) -> None:
 
 def test_cost(tmp_path: Path) -> None:
     with run(tmp_path / "a", 10, 1e-3) as results:
-        found = run_cost(results, tmp_path / "a")
+        found = read_run_cost(results, tmp_path / "a")
     assert found == (2.0, 10 * 100 * 100, (tmp_path / "a").stat().st_size)
 
 
