@@ -204,8 +204,8 @@ def _spread_cracks_from_origins(
     while heap:
         step, age, far, node, number = heapq.heappop(heap)
         if crack[node] >= 0:
-            first_cracked_step = origins[crack[node]].first_cracked_step
-            if (reached[node], first_cracked_step) == (step, age) and far - level[node] < ROUND_OFF:
+            is_as_old = (reached[node], origins[crack[node]].first_cracked_step) == (step, age)
+            if is_as_old and far - level[node] < ROUND_OFF:
                 merge_cracks(int(crack[node]), number)
             continue
         crack[node], reached[node], level[node] = number, step, far

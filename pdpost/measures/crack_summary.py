@@ -150,9 +150,8 @@ def summary_sentences(summary: CrackPathSummary) -> list[str]:
         else ("y", DIRECTIONS[summary.main_direction][1])
     )
     events = {name: getattr(summary.events, name) for name in ("first_break", "start", "branching", "split")}
-    step, far = (
-        ("load step", "as far as ") if summary.is_quasi_static else ("step", "")
-    )  # within which breaks have no order
+    # within a load step breaks have no order
+    step, far = ("load step", "as far as ") if summary.is_quasi_static else ("step", "")
     lines = [
         f"{name.replace('_', ' ')}: {step} {event.step}, {time_text(event.time)}"
         + ("" if event.along is None else f", {far}{axis} = {sign * event.along * 1e3:.4g} mm")
