@@ -95,7 +95,7 @@ def test_a_crack_runs_towards_another_material_as_on_the_fine_lattice(other: Mat
             found.append((results.history(), int(results.breaks().step.min()), results.summary()["balance"]))
     (books, first, balance), (others, before, _) = found
     assert abs(first - before) <= 1  # 95 in all
-    for name, most in (("work", 0.005), ("kinetic", 0.02), ("dissipated", 0.04)):  # 0.0006, 0.0034, 0.016
-        assert books[name][-1] == pytest.approx(others[name][-1], rel=most)
+    for name in ("work", "kinetic", "dissipated"):  # at most 0.0007, 0.0010 and 0.0008 of the work, at any time
+        assert books[name] == pytest.approx(others[name], abs=0.002 * others["work"][-1])
     assert abs(balance) < 0.005  # 0.0009
     assert 0.3 < books["fine_share"][0] < books["fine_share"][-1] < 0.5
