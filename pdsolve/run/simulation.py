@@ -202,8 +202,9 @@ def _solve_new_run(recorder: Recorder, request: RunRequest) -> Results:
     start = [recorder.system]  # whose nodes may have changed when the writer is made
 
     def make_new_writer() -> Writer:
-        refinement_metadata = late_zones.earlier_refinement_metadata(request.earlier_refinements)
-        metadata = run_metadata(recorder, request.provenance) | refinement_metadata
+        metadata = run_metadata(recorder, request.provenance)
+        if request.earlier_refinements:
+            metadata |= late_zones.earlier_refinement_metadata(request.earlier_refinements)
         writer = recorder.make_database_writer(start[0], request.output, metadata)
         start.clear()
         return writer
@@ -420,15 +421,17 @@ def _advance_to_end(recorder: Recorder, writer: Behind, request: RunRequest) -> 
     while step < run.steps and not (interrupted or done):
         looks = run.steps if adapt is None else change_nodes_if_due_and_find_next_step(recorder, adapt, step)
         looks = min(looks, grow_cracks_if_due_and_find_next_step(recorder, step, run.steps))
-        next_kappa_step = late_zones.set_due_kappa_and_find_next_change(
-            recorder.system, request.earlier_refinements, step, run.steps
-        )
+        if request.earlier_refinements:
+            next_kappa_step = late_zones.set_due_kappa_and_find_next_change(
+                recorder.system, request.earlier_refinements, step, run.steps
+            )
+            looks = min(looks, next_kappa_step)
         chunk = pace.choose_batch_step_count(
             EVERY if recorder.system.moving_zone_operator else 1,
             int(PATIENCE / max(recorder.system.directed_bond_count, 1)),
         )
         records = next_multiple(step, run.every), next_multiple(step, run.ledger or run.every), run.steps
-        ends = (step + chunk, looks, next_kappa_step, *records)
+        ends = (step + chunk, looks, *records)
         began = running_time()
         last = recorder.advance(step + 1, min(ends) + 1)
         pace.record_duration(min(ends) - step, running_time() - began)
