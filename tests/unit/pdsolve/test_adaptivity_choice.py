@@ -191,7 +191,7 @@ def test_in_the_end_all_nodes_are_fine(monkeypatch: pytest.MonkeyPatch) -> None:
     with warnings.catch_warnings(record=True) as found:
         warnings.simplefilter("always", ModelWarning)
         one = simulate(stretched(4.0))
-    said = [str(each.message) for each in found if mentions(each.message, "step 39")]
+    said = [str(each.message) for each in found if mentions(each.message, "step 38")]
     assert all(
         mentions(line, word) for line, word in zip(said, ("run.hybrid.kappa 0.69", "run.adapt none"), strict=True)
     )
