@@ -180,7 +180,7 @@ def worked(ranks: Team, first: int, last: int) -> float:
         waited[0] += time.process_time() - began
 
     ghosts.receive_values, began = timed, time.process_time()
-    start.advance_rank(ranks, first, last)
+    start.advance_this_rank(ranks, first, last)
     spent = time.process_time() - began
     del ghosts.receive_values
     return spent - waited[0]

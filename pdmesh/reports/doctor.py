@@ -25,7 +25,7 @@ WALLS = (
 )
 DEVICES = (
     "from pdsolve.operators.device.runtime import devices\n"
-    "try:\n    print(*(found.words for found in devices()), sep=', ')\n"
+    "try:\n    print(*(device.summary for device in devices()), sep=', ')\n"
     "except ValueError as error:\n    raise SystemExit(f'{error}')"
 )
 EXTRAS = {

@@ -131,7 +131,7 @@ def _two(args: argparse.Namespace, first_run: Results, second_run: Results, thre
 
     check_window(first_run, args)
     steps = _step(args, first_run), _step(args, second_run)
-    along = args.along or paths.main_direction_name(paths.crack_paths(first_run, steps[0], threshold))
+    along = args.along or paths.main_growth_direction_name(paths.crack_paths(first_run, steps[0], threshold))
     comparison = compare_cracks(first_run, second_run, steps, cracks.DIRECTIONS[along], threshold)
     lines = ["one of the two runs has no crack: nothing to compare"]
     if comparison.mean_distance is not None and comparison.hausdorff_distance is not None:

@@ -195,13 +195,17 @@ def _told(curve: NodeHistory, unit: str) -> str:
 def _balance(args: argparse.Namespace) -> int:
     import numpy as np
 
-    from pdpost.measures.balance import damping_remarks, energy_balance, thickness_unit_suffix
+    from pdpost.measures.balance import energy_balance, remarks_on_energy_not_spent_by_cracks, thickness_unit_suffix
     from pdpost.reading.time_text import time_text
     from pdsolve.results import Results
 
     path = picture_path(args, ".balance.png")
     with number_options.styled(path, dict(args.assignments)), Results.open(args.results) as results:
-        books, per, said = energy_balance(results), thickness_unit_suffix(results), damping_remarks(results)
+        books, per, said = (
+            energy_balance(results),
+            thickness_unit_suffix(results),
+            remarks_on_energy_not_spent_by_cracks(results),
+        )
         if path is not None:
             from pdpost.figures import charts, style
 

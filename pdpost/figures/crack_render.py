@@ -74,7 +74,7 @@ def frame_cut_open(
 ) -> Figure:
     """`cut_open` of the component `part` of a field after `step`, by a plane through the middle if none is given."""
     values = slices.reliable_field_values(results, name, step, part or None)
-    plane = plane or ("y", float(slices.bounding_box_centre_near_nodes(results)[1]))
+    plane = plane or ("y", float(slices.default_slice_point(results)[1]))
     cracks = (
         None
         if diffuses(results)

@@ -18,8 +18,8 @@ from pdpost.figures.labels import scaled
 from pdpost.measures.slices import (
     AXES,
     PlaneCut,
-    bounding_box_centre_near_nodes,
     cut_values_by_plane,
+    default_slice_point,
     reliable_field_values,
 )
 from pdpost.reading.frame_steps import chosen
@@ -56,7 +56,7 @@ class Sections:
 
     def __init__(self, results: Results, name: str, part: str, range_of: Colours) -> None:
         self._results, self._name, self._part, self._range = results, name, part, range_of
-        nodes, self._middle = results.nodes(0), bounding_box_centre_near_nodes(results)
+        nodes, self._middle = results.nodes(0), default_slice_point(results)
         low, high = nodes.position.min(axis=0), nodes.position.max(axis=0)
         reach = nodes.delta.max() / 2 + GAP * float((high - low).max())
         self._low, self._high = low - reach, high + reach

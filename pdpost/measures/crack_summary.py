@@ -12,7 +12,7 @@ from pdmesh.model.output_fields import CRACKED
 from pdpost.measures.cracks import DIRECTIONS, PIECE, CrackEvents, find_crack_events
 from pdpost.measures.directions import InitialCrackDirection, measure_initial_directions
 from pdpost.measures.fragments import PlateFragments, find_plate_fragments
-from pdpost.measures.paths import main_direction_name
+from pdpost.measures.paths import main_growth_direction_name
 from pdpost.measures.predicted_directions import LEANS, PredictedCrackDirection
 from pdpost.measures.release import EnergyRelease, measure_energy_release
 from pdpost.measures.speed import TipSpeeds
@@ -63,7 +63,7 @@ def crack(
         too_fast = branch.speed.low > (0.0 if rest else limit)  # surely: there a whole stretch broke at once
         speed = TipSpeeds(*(np.where(too_fast, np.nan, column) for column in branch.speed))
         branches.append(replace(branch, speed=speed))
-    along = along or main_direction_name([branch.points for branch in branches])
+    along = along or main_growth_direction_name([branch.points for branch in branches])
     return CrackPathSummary(
         step,
         float(results.meta()["time_step"]),

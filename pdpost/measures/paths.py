@@ -45,7 +45,7 @@ def mean_and_hausdorff_distance(
     return (forward[0] + back[0]) / 2, max(forward[1], back[1])
 
 
-def main_direction_name(lines: Sequence[Polyline]) -> str:
+def main_growth_direction_name(lines: Sequence[Polyline]) -> str:
     """The direction in `cracks.DIRECTIONS` along which most of a crack's length runs; "right" without a crack.
 
     Lines shorter than 0.4 of the longest do not count. Of directions within a tenth of each other, the first is taken.

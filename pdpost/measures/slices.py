@@ -43,7 +43,7 @@ def reliable_field_values(
     )
 
 
-def bounding_box_centre_near_nodes(results: Results) -> NDArray[np.float64]:
+def default_slice_point(results: Results) -> NDArray[np.float64]:
     """The centre (3,) of the bounding box of the nodes at the start, m.
 
     Where no node lies at that coordinate along an axis, it is the nearest node's.

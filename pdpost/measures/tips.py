@@ -237,7 +237,7 @@ def _path_points_of_chain(
 def _merge_nodes_to_point(cracked: CrackedNodes, rows: NDArray[np.int64]) -> _PathPoint:
     """The centre of nodes; the time is the mean over spacings of length of the first node in each."""
     layer, delta = np.floor(cracked.spacings_from_origin[rows] + ROUND_OFF), cracked.spacing[rows]
-    steps = [int(cracked.crack_arrival_step[rows][layer == number].min()) for number in np.unique(layer)]
+    steps = [int(cracked.joined_crack_step[rows][layer == number].min()) for number in np.unique(layer)]
     place = np.average(cracked.position[rows], axis=0, weights=cracked.damage_with_pre_cracks[rows])
     width = float((delta**2).sum() / delta.mean() ** 2) / SLAB
     return _PathPoint(place, float(np.mean(steps)), float(delta.mean()), width <= WIDE)

@@ -18,7 +18,7 @@ from pdmesh.model.output_fields import CRACKED
 from pdpost.measures.balance import damped_energy
 from pdpost.measures.cracked_nodes import damage_with_pre_cracks_at
 from pdpost.measures.cracks import DIRECTIONS, CrackEvent, find_crack_events
-from pdpost.measures.paths import Polyline, crack_paths, main_direction_name, mean_and_hausdorff_distance
+from pdpost.measures.paths import Polyline, crack_paths, main_growth_direction_name, mean_and_hausdorff_distance
 from pdpost.measures.plate_geometry import expect_same_plate
 from pdpost.reading.frame_steps import frames
 from pdpost.reading.stored_fields import vector
@@ -80,7 +80,7 @@ def relative_run_errors(results: Results, reference: Results) -> RelativeErrors:
     expect_same_plate(results, reference)
     time = _last_common_time(results, reference)
     lines = [crack_paths(run, _step_at_time(run, time)) for run in (results, reference)]
-    direction = DIRECTIONS[main_direction_name(lines[1])]
+    direction = DIRECTIONS[main_growth_direction_name(lines[1])]
     run_growth, expected = find_crack_events(results, direction), find_crack_events(reference, direction)
     return RelativeErrors(
         displacement=relative_displacement_error(results, reference),

@@ -18,7 +18,7 @@ from pdsolve.state import Broken, State
 PIECE = 0.02  # of all nodes: smaller parts of a plate do not count as pieces
 
 
-class BondState(NamedTuple):
+class NodeEnergiesAndBreaks(NamedTuple):
     """Energies and fields of an operator at one state, computed once for all users."""
 
     strain_energy_density: NDArray[np.float64]  # (n,) energy in intact bonds, J/m^3
@@ -26,9 +26,9 @@ class BondState(NamedTuple):
     broken_bonds: Broken  # all so far
 
 
-def compute_bond_state(system: System, state: State) -> BondState:
+def compute_bond_state(system: System, state: State) -> NodeEnergiesAndBreaks:
     """Energies and fields of the operator at this state."""
-    return BondState(*system.operator.energies(state), system.operator.broken())
+    return NodeEnergiesAndBreaks(*system.operator.energies(state), system.operator.broken())
 
 
 class LedgerRow(NamedTuple):
@@ -65,7 +65,9 @@ class LedgerRow(NamedTuple):
         return max(abs(self.work), largest_work, initial_energy)
 
 
-def compute_ledger_row(system: System, state: State, step: int, bond_state: BondState | None = None) -> LedgerRow:
+def compute_ledger_row(
+    system: System, state: State, step: int, bond_state: NodeEnergiesAndBreaks | None = None
+) -> LedgerRow:
     """The ledger entry after `step`, in double precision and the nodes' order; `bond_state` is that of this state, if
     known."""
     strain, softened, broken = bond_state or compute_bond_state(system, state)
@@ -129,7 +131,7 @@ def compute_node_damage(system: System, broken: Broken | None = None) -> NDArray
 
 
 def compute_output_fields(
-    system: System, state: State, field_names: Iterable[str], bond_state: BondState | None = None
+    system: System, state: State, field_names: Iterable[str], bond_state: NodeEnergiesAndBreaks | None = None
 ) -> dict[str, NDArray[np.floating]]:
     """Fields (n,) of these names at a state; `bond_state` is that of this state, if known."""
     columns: dict[str, NDArray[np.floating]] = {}

@@ -15,7 +15,7 @@ from pdsolve.errors import UnstableError
 from pdsolve.laws.material_checks import negative_secants
 from pdsolve.results import FrameRecord, Results
 from pdsolve.run.inversion_checks import MotionChecks
-from pdsolve.run.measures import BondState, LedgerRow, compute_ledger_row
+from pdsolve.run.measures import LedgerRow, NodeEnergiesAndBreaks, compute_ledger_row
 from pdsolve.run.operator_factory import compute_stable_time_step_of_intact_bonds
 from pdsolve.run.reactions import Reaction, compute_reactions, list_acting_conditions
 from pdsolve.run.system import System
@@ -28,7 +28,7 @@ class MechanicsRecords:
     """The records of one motion; see `pdsolve.run.physics_records.PhysicsRecords`."""
 
     def __init__(
-        self, system: System, state: State, step: int, bond_state: BondState, past_results: Results | None
+        self, system: System, state: State, step: int, bond_state: NodeEnergiesAndBreaks, past_results: Results | None
     ) -> None:
         """`past_results` are those of a resumed run after `step`, else None."""
         self._initialize_records(system, step, past_results)
@@ -97,7 +97,7 @@ class MechanicsRecords:
             text += f", clipped stretch {fine.clipped_stretch:.2f}" if fine.clipped_stretch else ""
         return text
 
-    def update_last_ledger_row(self, state: State, step: int, bond_state: BondState) -> None:
+    def update_last_ledger_row(self, state: State, step: int, bond_state: NodeEnergiesAndBreaks) -> None:
         """Make this step the last entry."""
         if self.last.step != step:
             self.last, self._heat_energy = (
@@ -105,7 +105,7 @@ class MechanicsRecords:
                 self._compute_clamped_swelling_energy(state),
             )
 
-    def record_step(self, state: State, step: int, bond_state: BondState) -> None:
+    def record_step(self, state: State, step: int, bond_state: NodeEnergiesAndBreaks) -> None:
         """Record the ledger, the probes and the reactions of this step. Raises UnstableError."""
         if not self._nodes_are_current:
             self._find_monitored_nodes()

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any, Protocol
 
 from pdsolve.results import FrameRecord
-from pdsolve.run.measures import BondState
+from pdsolve.run.measures import NodeEnergiesAndBreaks
 from pdsolve.run.system import PreparedRun, System
 from pdsolve.state import State
 
@@ -27,10 +27,10 @@ class PhysicsRecords(Protocol):
     def switch_system(self, system: System) -> None:
         """Continue with changed nodes."""
 
-    def update_last_ledger_row(self, state: State, step: int, bond_state: BondState) -> None:
+    def update_last_ledger_row(self, state: State, step: int, bond_state: NodeEnergiesAndBreaks) -> None:
         """Make this step the last entry, without recording it."""
 
-    def record_step(self, state: State, step: int, bond_state: BondState) -> None:
+    def record_step(self, state: State, step: int, bond_state: NodeEnergiesAndBreaks) -> None:
         """Record this step. Raises UnstableError."""
 
     def move_records_into(self, frame: FrameRecord) -> FrameRecord:
@@ -77,13 +77,13 @@ class CoupledRecords:
         """Go on with other nodes."""
         self._motion.switch_system(system)
 
-    def update_last_ledger_row(self, state: State, step: int, bond_state: BondState) -> None:
+    def update_last_ledger_row(self, state: State, step: int, bond_state: NodeEnergiesAndBreaks) -> None:
         """Make the last entries those of this step, without noting them."""
         self._motion.update_last_ledger_row(state, step, bond_state)
         for records, prepared in self._others:
             records.update_last_ledger_row(prepared.state, step, bond_state)
 
-    def record_step(self, state: State, step: int, bond_state: BondState) -> None:
+    def record_step(self, state: State, step: int, bond_state: NodeEnergiesAndBreaks) -> None:
         """Note this step. Raises UnstableError."""
         self._motion.record_step(state, step, bond_state)
         for records, prepared in self._others:

@@ -22,14 +22,20 @@ from pdsolve.diffusion.swelling import Swelling
 from pdsolve.errors import CheckpointError
 from pdsolve.results import Breaks, Epoch, Families, FrameRecord, Nodes, Results, Writer
 from pdsolve.results.schema import taken
-from pdsolve.run.measures import BondState, compute_bond_state, compute_output_fields, count_bodies, count_pieces
+from pdsolve.run.measures import (
+    NodeEnergiesAndBreaks,
+    compute_bond_state,
+    compute_output_fields,
+    count_bodies,
+    count_pieces,
+)
 from pdsolve.run.mechanics_records import MechanicsRecords
 from pdsolve.run.node_changes import NodeChange
 from pdsolve.run.physics_records import CoupledRecords, PhysicsRecords
 from pdsolve.run.system import System
 from pdsolve.state import Broken, State, zero_state
 from pdsolve.steppers.cycle_or_path_steps import CycleOrPathSteps
-from pdsolve.steppers.load_steps import LoadStepResult
+from pdsolve.steppers.load_steps import LoadStepStatistics
 from pdsolve.steppers.path_stepper import PathStepper
 
 GAP = 64  # rows between born nodes whose bonds are asked for together
@@ -148,7 +154,7 @@ def restore_state(
     if system.moving_zone_operator is None:  # whose nodes are not known before it has gone back
         system.operator.restore(checkpoint, past)
     if system.load_stepper is not None:
-        load_step_rows = entry(checkpoint, "rested", (step, len(LoadStepResult._fields)), float)
+        load_step_rows = entry(checkpoint, "rested", (step, len(LoadStepStatistics._fields)), float)
         if not np.array_equal(load_step_rows[:, 0], np.arange(1, step + 1)):
             raise CheckpointError(f"load steps are not 1 to {step}, those until the checkpoint")
         system.load_stepper.restore(load_step_rows, past)
@@ -186,7 +192,9 @@ class RunHistory(NamedTuple):
     past_results: Results | None = None  # so far; None: it begins
 
 
-def _make_physics_records(system: System, state: State, history: RunHistory, bond_state: BondState) -> PhysicsRecords:
+def _make_physics_records(
+    system: System, state: State, history: RunHistory, bond_state: NodeEnergiesAndBreaks
+) -> PhysicsRecords:
     """The records of a system from a step on."""
     if system.transport is not None:
         return MassAccounts(system.transport, state, history.checkpoint_step, history.past_results)
@@ -341,7 +349,7 @@ class Recorder:
         bond_state = self._update_bond_state(step)
         self.physics_records.record_step(self.state, step, bond_state)
 
-    def _update_bond_state(self, step: int) -> BondState:
+    def _update_bond_state(self, step: int) -> NodeEnergiesAndBreaks:
         """What the operator says of the state after this step, asked once."""
         self._fetch_state()
         if step != self.step:

@@ -26,7 +26,7 @@ from pdsolve.operators.protocol import Operator
 from pdsolve.state import State
 from pdsolve.steppers.equilibrium import Equilibrium, UnsettledError, force_densities
 from pdsolve.steppers.growing_cracks import CrackedBodySnapshot, CrackGrowth, JudgedTip, stress_intensities_of_tips
-from pdsolve.steppers.load_steps import LoadStepResult, LoadSteps
+from pdsolve.steppers.load_steps import LoadSteps, LoadStepStatistics
 from pdsolve.steppers.path_stepper import REACHED, PathStepper
 
 Array = NDArray[np.float64]
@@ -56,7 +56,7 @@ class CrackLengthSteps(PathStepper):
     def restore(self, checkpoint: Mapping[str, NDArray[Any]], step: int) -> None:
         """Restore a checkpoint after `step`. Raises CheckpointError."""
         super().restore(checkpoint, step)
-        self._motion.restore(np.zeros((0, len(LoadStepResult._fields))), self._operator.broken())
+        self._motion.restore(np.zeros((0, len(LoadStepStatistics._fields))), self._operator.broken())
 
     def _finished_path_share(self) -> float:
         """How much of the path is done: of its steps, or of the loads."""
@@ -131,7 +131,7 @@ class CrackLengthSteps(PathStepper):
             if not growth.add_crack_particles(tips, state, step):
                 raise NoGrowingTipError("no crack goes on")
             cut = inside - force_densities(operator, state)  # forces of the bonds that are gone
-            motion.raise_if_unsupported()
+            motion.raise_if_a_body_lacks_supports()
             previous_point = (0.0, 0.0)
             if self._start.any():
                 motion.settle_at_time_without_booking(state, step, start)

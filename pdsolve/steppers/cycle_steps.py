@@ -14,7 +14,7 @@ from pdsolve.errors import CheckpointError
 from pdsolve.operators.protocol import Operator
 from pdsolve.state import State
 from pdsolve.steppers.equilibrium import Equilibrium
-from pdsolve.steppers.load_steps import LoadStepProgress, LoadStepResult, LoadSteps
+from pdsolve.steppers.load_steps import LoadStepProgress, LoadSteps, LoadStepStatistics
 
 
 class CycleSteps:
@@ -71,7 +71,7 @@ class CycleSteps:
         self.step_results = [Cycled(int(s), int(i), r, c, int(b)) for s, i, r, c, b in rows.tolist()]
         if step:
             self._motion.restore(
-                entry(checkpoint, "rested", (1, len(LoadStepResult._fields)), float), self._operator.broken()
+                entry(checkpoint, "rested", (1, len(LoadStepStatistics._fields)), float), self._operator.broken()
             )
 
     def progress_text(self) -> str:

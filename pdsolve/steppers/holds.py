@@ -8,7 +8,7 @@ from pdsolve.conditions import ACCELERATION, DISPLACEMENT, VELOCITY, factor_at
 
 
 @njit
-def prescribe_held_component(u, v, a, holds, profiles, held_speed, entry, dt, time):  # type: ignore[no-untyped-def]
+def prescribe_held_u_and_v(u, v, a, holds, profiles, held_speed, entry, dt, time):  # type: ignore[no-untyped-def]
     """Set the held component e to its prescribed value at `time`, s; u, v, a are (n, 2)."""
     i, axis = holds.node[entry], holds.axis[entry]
     held_speed[entry] = v[i, axis] - dt / 2 * a[i, axis]

@@ -44,7 +44,7 @@ BETWEEN = 1e-5  # tolerance of equilibria between rounds of breaking: bonds are 
 JUMP = 4  # horizons: cracks that grow by more in a load step, by themselves, jump; by less they go from node to node
 
 
-class LoadStepResult(NamedTuple):
+class LoadStepStatistics(NamedTuple):
     """How one load step came to rest."""
 
     step: int
@@ -87,7 +87,7 @@ class LoadSteps:
         self.held = np.zeros(drive.force.shape, dtype=bool)
         self.held[drive.holds.node, drive.holds.axis] = True
         self._supported = self.held | grounded(model, drive.force.shape[1])
-        self.step_results: list[LoadStepResult] = []
+        self.step_results: list[LoadStepStatistics] = []
         self._remember, self._grow = on_equilibrium, grow_cracks
         self._contact = method.contact if isinstance(method, EquilibriumMethodWithContact) else None
         self.on_progress: Callable[[LoadStepProgress], None] | None = None
@@ -145,19 +145,19 @@ class LoadSteps:
         self._store_reactions_and_stop_motion(state)
         return equilibrium
 
-    def raise_if_unsupported(self) -> None:
+    def raise_if_a_body_lacks_supports(self) -> None:
         """Raise UnsettledError where broken bonds leave a body without supports."""
         broken = self._operator.broken()
         self._check_supports_and_restrain_loose_bodies(broken, f"after {pair_count(len(broken.step))} bonds broke: ")
 
     def checkpoint_rows(self) -> Array:
         """Convergence data (k, 5) of the load steps so far, for a checkpoint."""
-        return np.array(self.step_results, dtype=float).reshape(-1, len(LoadStepResult._fields))
+        return np.array(self.step_results, dtype=float).reshape(-1, len(LoadStepStatistics._fields))
 
     def restore(self, load_step_rows: Array, broken: Broken) -> None:
         """Restore a checkpoint (k, 5) with these broken bonds."""
         self.step_results = [
-            LoadStepResult(int(s), int(i), r, int(b), least) for s, i, r, b, least in load_step_rows.tolist()
+            LoadStepStatistics(int(s), int(i), r, int(b), least) for s, i, r, b, least in load_step_rows.tolist()
         ]
         if self._breaking is not None:
             self._breaking.restore(broken)
@@ -180,7 +180,7 @@ class LoadSteps:
         except UnsettledError as error:
             raise UnsettledError(f"{self._model.name}: load step {step}, {step * self._dt:.4g} s: {error}") from None
         self.step_results.append(
-            LoadStepResult(step, equilibrium.iterations, equilibrium.residual, breaks + growth_count, least)
+            LoadStepStatistics(step, equilibrium.iterations, equilibrium.residual, breaks + growth_count, least)
         )
         self._warn_of_unstable_crack_growth(
             step,
@@ -320,7 +320,7 @@ class LoadSteps:
         self, state: State, step: int, iterations_before: int = 0, sufficient_residual: float = 0.0
     ) -> Equilibrium:
         """Settle again after bonds broke, at least to a residual of `sufficient_residual`. Raises UnsettledError."""
-        self.raise_if_unsupported()
+        self.raise_if_a_body_lacks_supports()
         try:
             return self._settle_at_constant_load(state, step, iterations_before, sufficient_residual)
         except UnsettledError as error:

@@ -214,9 +214,9 @@ def cycles_relative_to_constant_first_rate(rate_ratio: float) -> float:
     return 1.0 if abs(rate_ratio - 1) < ALIKE else float(np.log(rate_ratio) / (rate_ratio - 1))
 
 
-def crack_growth_per_cycle(law: Fatigue, K: NDArray[np.float64]) -> NDArray[np.float64]:
+def crack_growth_per_cycle(law: Fatigue, K_max: NDArray[np.float64]) -> NDArray[np.float64]:
     """Growth (k,) of tips with these intensities (k,), Pa m^0.5, of the largest loads, m a cycle."""
     assert law.C is not None
     assert law.m is not None
-    dK = (1 - max(law.ratio, 0.0)) * np.maximum(K, 0.0)
+    dK = (1 - max(law.ratio, 0.0)) * np.maximum(K_max, 0.0)
     return np.asarray(np.where(dK > law.threshold_K, law.C * dK**law.m, 0.0))

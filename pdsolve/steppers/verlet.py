@@ -18,7 +18,7 @@ from pdsolve.steppers.ghosts import Ghosts
 from pdsolve.steppers.holds import (
     accelerate_held_component_and_book_work,
     damp_component_and_return_energy,
-    prescribe_held_component,
+    prescribe_held_u_and_v,
 )
 
 
@@ -72,7 +72,7 @@ def _kick_drift_and_apply_conditions(state, drive, dt, time):  # type: ignore[no
             v[i, axis] += dt / 2 * a[i, axis]
             u[i, axis] += dt * v[i, axis]
     for e in range(len(drive.holds.node)):
-        prescribe_held_component(u, v, a, drive.holds, drive.profiles, drive.held_speed, e, dt, time)
+        prescribe_held_u_and_v(u, v, a, drive.holds, drive.profiles, drive.held_speed, e, dt, time)
     if drive.varies:
         apply_loads(drive, time)
 

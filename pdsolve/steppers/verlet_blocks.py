@@ -26,7 +26,7 @@ from pdsolve.operators.simd_lattice.layout import aligned
 from pdsolve.operators.simd_lattice.operator import SimdLattice
 from pdsolve.state import State
 from pdsolve.steppers.ghosts import Ghosts
-from pdsolve.steppers.holds import accelerate_held_component_and_book_work, prescribe_held_component
+from pdsolve.steppers.holds import accelerate_held_component_and_book_work, prescribe_held_u_and_v
 
 
 class BlockMotion(NamedTuple):
@@ -42,7 +42,7 @@ class BlockMotion(NamedTuple):
     first_held_entry_of_block: NDArray[np.int64]  # (blocks + 1,) those of a block
     block_order_for_threads: NDArray[np.int64]  # (own blocks,) the order in which blocks are shared out to threads
     contact_force: NDArray[np.float64]  # (2, m) force density of contact now, N/m^3
-    may_have_contact: NDArray[np.bool_]  # (blocks,) whether contact may act on the block
+    adds_contact_force: NDArray[np.bool_]  # (blocks,) whether contact may act on the block
     next_sweep: NDArray[np.int64]  # (1,) the sweep to go on with
 
 
@@ -84,7 +84,7 @@ class VerletBlocks:
             first_held_entry_of_block=held_start,
             block_order_for_threads=turns,
             contact_force=np.zeros((2, LANES * count if contact is not None else 0)),
-            may_have_contact=np.zeros(count, dtype=np.bool_),
+            adds_contact_force=np.zeros(count, dtype=np.bool_),
             next_sweep=np.zeros(1, dtype=np.int64),
         )
         nodes = len(rho)
@@ -138,7 +138,7 @@ class VerletBlocks:
         free = contact.free_steps(now, step, self._dt)
         rows = contact.rows if free == 0 else self._rows[:0]
         _clear_contact_forces_and_mark_blocks(
-            block_motion.contact_force, block_motion.may_have_contact, self._rows, rows
+            block_motion.contact_force, block_motion.adds_contact_force, self._rows, rows
         )
         self._rows = rows
         if free > 0:
@@ -214,13 +214,13 @@ def advance_blocks_of_thread(  # type: ignore[no-untyped-def]
 
 
 @cached_njit(error_model="numpy")
-def _clear_contact_forces_and_mark_blocks(contact_force, may_have_contact, previous_rows, rows):  # type: ignore[no-untyped-def]
+def _clear_contact_forces_and_mark_blocks(contact_force, adds_contact_force, previous_rows, rows):  # type: ignore[no-untyped-def]
     """Clear the forces of contact on the rows `previous_rows`, and set the mask of the blocks of `rows`."""
-    may_have_contact[:] = False
+    adds_contact_force[:] = False
     for i in previous_rows:
         contact_force[0, i] = contact_force[1, i] = 0.0
     for i in rows:
-        may_have_contact[i // LANES] = True
+        adds_contact_force[i // LANES] = True
 
 
 @njit(forceinline=True, **INNER)
@@ -229,7 +229,7 @@ def _advance_block_without_loads(blocks, tracks, block_motion, u, previous_u, ne
     full_step, half, lightness = u.dtype.type(dt), u.dtype.type(dt / 2), block_motion.inverse_rho
     for lane in range(0, LANES, across(scratch)):
         sum_lanes(blocks, tracks, u, previous_u, step, block, lane, scratch)
-        if block_motion.may_have_contact[block]:
+        if block_motion.adds_contact_force[block]:
             for k in range(across(scratch)):
                 scratch[k] += block_motion.contact_force[0, block * LANES + lane + k]
                 scratch[ROW + k] += block_motion.contact_force[1, block * LANES + lane + k]
@@ -248,7 +248,7 @@ def _advance_block_with_loads(  # type: ignore[no-untyped-def]
             sum_lanes(blocks, tracks, u, previous_u, step, block, lane, scratch)
             for k in range(across(scratch)):
                 scratch[FX + lane + k], scratch[FY + lane + k] = scratch[k], scratch[ROW + k]
-        if block_motion.may_have_contact[block]:
+        if block_motion.adds_contact_force[block]:
             _add_contact_forces(block_motion.contact_force, scratch, block)
         if block_motion.has_loads[block]:
             _add_loads_and_book_work(
@@ -286,7 +286,7 @@ def _accelerate_held_components(tracks, block_motion, drive, dt, time, block):  
 def _prescribe_held_components(tracks, block_motion, drive, u, dt, time, block):  # type: ignore[no-untyped-def]
     v, a = tracks.v.T, tracks.a.T
     for k in range(block_motion.first_held_entry_of_block[block], block_motion.first_held_entry_of_block[block + 1]):
-        prescribe_held_component(
+        prescribe_held_u_and_v(
             u.T, v, a, drive.holds, drive.profiles, drive.held_speed, block_motion.held_entries_by_block[k], dt, time
         )
 

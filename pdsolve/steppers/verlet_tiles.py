@@ -40,7 +40,7 @@ from pdsolve.state import State
 from pdsolve.steppers.holds import (
     accelerate_held_component_and_book_work,
     damp_component_and_return_energy,
-    prescribe_held_component,
+    prescribe_held_u_and_v,
 )
 
 READY, NO_ROOM, NO_MEMORY = range(3)  # what a tile waits for
@@ -61,7 +61,7 @@ class TileMotion(NamedTuple):
     held_entries_by_tile: NDArray[np.int64]  # (holds,) prescribed components in the order of their tiles
     first_held_entry_of_tile: NDArray[np.int64]  # (t + 1,) those of a tile
     waiting_reason: NDArray[np.uint8]  # (t,) READY, or what a tile waits for
-    sweep_with_waiting_tiles: NDArray[np.int64]  # (1,) the sweep in which tiles wait, or -1
+    stalled_sweep: NDArray[np.int64]  # (1,) the sweep in which tiles wait, or -1
 
 
 class TileBuffers(NamedTuple):
@@ -134,7 +134,7 @@ class VerletTiles:
             held_entries_by_tile=np.argsort(tile, kind="stable"),
             first_held_entry_of_tile=np.searchsorted(np.sort(tile), np.arange(count + 1)),
             waiting_reason=np.zeros(count, dtype=np.uint8),
-            sweep_with_waiting_tiles=np.zeros(1, dtype=np.int64),
+            stalled_sweep=np.zeros(1, dtype=np.int64),
         )
 
     def advance(self, state: State, first: int, last: int) -> None:
@@ -161,7 +161,7 @@ class VerletTiles:
         self, state: State, first_step: int, end_step: int, first_sweep: int, end_sweep: int
     ) -> int:
         """Do the sweeps `first_sweep` to `end_sweep` - 1 of these steps, or fewer; returns the one to go on with."""
-        threads, stop = self._operator.threads, self._course.sweep_with_waiting_tiles
+        threads, stop = self._operator.threads, self._course.stalled_sweep
 
         def sweep_tiles(thread: int, begin: int, end: int, only_waiting_tiles: bool, gate: Any) -> None:
             sweeps = SweepRange(first_step, end_step, begin, end, only_waiting_tiles)
@@ -239,9 +239,9 @@ def sweep_tiles_of_thread(tiles, tile_motion, drive, state, dt, sweep_range, bre
                 tiles, tile_motion, drive, sweep_arguments, buffers, t
             )
             if tile_motion.waiting_reason[t] != READY:
-                tile_motion.sweep_with_waiting_tiles[0] = sweep
+                tile_motion.stalled_sweep[0] = sweep
         meet(gate)
-        if tile_motion.sweep_with_waiting_tiles[0] == sweep:
+        if tile_motion.stalled_sweep[0] == sweep:
             return
 
 
@@ -275,7 +275,7 @@ def _sweep_tile_or_return_waiting_reason(tiles, tile_motion, drive, sweep_argume
     if tiles.kind[tile] == EMPTY:
         return READY
     if not starts:
-        waits_for = _sum_tile_forces(tiles, tile_motion, sweep_arguments, buffers, tile)
+        waits_for = _sum_tile_forces_and_break_bonds(tiles, tile_motion, sweep_arguments, buffers, tile)
         if waits_for != READY:
             return waits_for
     if tile_motion.has_only_bond_forces[tile] and not starts and not sweep_arguments.is_last_sweep:
@@ -289,7 +289,7 @@ def _sweep_tile_or_return_waiting_reason(tiles, tile_motion, drive, sweep_argume
 
 
 @njit(**IN_PLACE)
-def _sum_tile_forces(tiles, tile_motion, sweep_arguments, buffers, tile):  # type: ignore[no-untyped-def]
+def _sum_tile_forces_and_break_bonds(tiles, tile_motion, sweep_arguments, buffers, tile):  # type: ignore[no-untyped-def]
     """Fill the force densities on a tile; returns what it waits for."""
     motion = sweep_arguments.motion
     breaks = sweep_arguments.breaks_of_thread
@@ -369,7 +369,7 @@ def _kick_and_drift_tile(tile_motion, drive, u, v, a, dt, time, tile):  # type: 
             v[axis, lane] += dt / 2 * a[axis, lane]
             u[axis, lane] += dt * v[axis, lane]
     for k in range(tile_motion.first_held_entry_of_tile[tile], tile_motion.first_held_entry_of_tile[tile + 1]):
-        prescribe_held_component(
+        prescribe_held_u_and_v(
             u.T, v.T, a.T, drive.holds, drive.profiles, drive.held_speed, tile_motion.held_entries_by_tile[k], dt, time
         )
 

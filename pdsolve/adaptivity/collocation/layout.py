@@ -70,7 +70,7 @@ class LatticeConstants(NamedTuple):
     edge_row_stiffness: NDArray[np.float64]  # (patterns * k, 1, 16) these, N/m
     no_fail: NDArray[np.bool_]  # (places,) nodes whose bonds do not break
     limit_strain: float  # e above which a bond breaks
-    stencil_offsets: NDArray[np.int64]  # (s,) places from a coarse node to those of its stencil
+    coarse_stencil_place_offsets: NDArray[np.int64]  # (s,) places from a coarse node to those of its stencil
     stencil_stiffness: NDArray[np.float64]  # (s, 3) xx, xy and yy, 1/s^2: accelerations
     stencil_vector_constants: NDArray[np.float64]  # (s, 3) 2 xi / |xi|^2 and 1 / |xi|^2 of the stencil's nodes
 
@@ -83,7 +83,7 @@ class CollocationPlate(NamedTuple):
     grid_row_at_place: NDArray[np.int32]  # (places,) of the grid, -1 without a node
     node_areas: NDArray[np.float64]  # (n,) of nodes, m^2
     cut_bond_bits: NDArray[np.uint16]  # (places / 16, k) a bit for each bond that is cut or broken
-    precrack_cut_counts: NDArray[np.int64]  # (places,) bonds that pre-cracks cut
+    precrack_cut_counts_of_places: NDArray[np.int64]  # (places,) bonds that pre-cracks cut
     has_full_family: NDArray[np.bool_]  # (places,) nodes whose family is whole and uncut
     has_condition: NDArray[np.bool_]  # (places,) nodes that are loaded, held or do not break
 
@@ -136,7 +136,7 @@ def create_constants_and_plate(
         edge_row_stiffness=np.zeros((0, 1, ROW)),
         no_fail=no_fail,
         limit_strain=float(quadratic_strain_from_stretch(springs.limit_stretch)),
-        stencil_offsets=2 * (stencil.xi[:, 1] * numbering.row_stride + stencil.xi[:, 0]),
+        coarse_stencil_place_offsets=2 * (stencil.xi[:, 1] * numbering.row_stride + stencil.xi[:, 0]),
         stencil_stiffness=np.column_stack([theta[:, 0, 0], theta[:, 0, 1], theta[:, 1, 1]]),
         stencil_vector_constants=np.column_stack([2 * xi / square[:, None], 1 / square]),
     )
@@ -148,18 +148,18 @@ def create_constants_and_plate(
     near = _mask_near_edges_and_cracks(area_share[0], numbering, cracks) & (row >= 0)
     near |= hidden
     full_family = (row >= 0) & ~near
-    near_places, precrack_cut_counts, has_condition = (
+    near_places, precrack_cut_counts_of_places, has_condition = (
         np.flatnonzero(near),
         np.zeros(numbering.place_count, dtype=np.int64),
         no_fail.copy(),
     )
-    _cut_bonds_across_precracks(lattice, cut, near_places, cracks, precrack_cut_counts)
+    _cut_bonds_across_precracks(lattice, cut, near_places, cracks, precrack_cut_counts_of_places)
     _store_surface_correction_and_full_families(lattice, cut, near_places, full_family)
     for condition in model.settings.conditions:
         if not isinstance(condition, InitialVelocity):
             has_condition[place_of_grid_row[model.selected(condition)]] = True
     return lattice, CollocationPlate(
-        model, place_of_grid_row, row, area, cut, precrack_cut_counts, full_family, has_condition
+        model, place_of_grid_row, row, area, cut, precrack_cut_counts_of_places, full_family, has_condition
     )
 
 
@@ -252,7 +252,7 @@ def _cut_bonds_across_holes(
 
 
 @cached_njit(error_model="numpy")
-def _cut_bonds_across_precracks(lattice, cut_bond_bits, places, cracks, precrack_cut_counts):  # type: ignore[no-untyped-def]
+def _cut_bonds_across_precracks(lattice, cut_bond_bits, places, cracks, precrack_cut_counts_of_places):  # type: ignore[no-untyped-def]
     """Cut and count the bonds of these nodes that cross a pre-crack."""
     numbering = lattice.numbering
     for p in places:
@@ -266,7 +266,7 @@ def _cut_bonds_across_precracks(lattice, cut_bond_bits, places, cracks, precrack
             )
             if not is_visible(cracks, ix, iy, x, y):
                 mark_bond_cut(cut_bond_bits, p, k)
-                precrack_cut_counts[p] += 1
+                precrack_cut_counts_of_places[p] += 1
 
 
 @cached_njit(error_model="numpy")

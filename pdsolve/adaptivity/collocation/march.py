@@ -27,7 +27,7 @@ from pdsolve.conditions import apply_loads
 from pdsolve.laws.calls import added_force, broken_energy, second_share
 from pdsolve.numerics.thread_team import meet
 from pdsolve.operators.simd_lattice.kernel import INNER
-from pdsolve.steppers.holds import accelerate_held_component_and_book_work, prescribe_held_component
+from pdsolve.steppers.holds import accelerate_held_component_and_book_work, prescribe_held_u_and_v
 
 DONE, SWITCH, ROOM = range(3)  # how a march ends: at its last step; as nodes are to be made fine; for want of room
 BEGIN, FORCES, SUM = range(3)  # where in a step it goes on; with `SUM` it ends once forces are summed
@@ -48,7 +48,7 @@ def _kick_and_drift(lattice, zone, drive, time):  # type: ignore[no-untyped-def]
             v[axis, p] += dt / 2 * a[axis, p]
             u[axis, p] += dt * v[axis, p]
     for e in range(len(drive.holds.node)):
-        prescribe_held_component(u.T, v.T, a.T, drive.holds, drive.profiles, drive.held_speed, e, dt, time)
+        prescribe_held_u_and_v(u.T, v.T, a.T, drive.holds, drive.profiles, drive.held_speed, e, dt, time)
     if drive.varies:
         apply_loads(drive, time)
 
@@ -69,8 +69,8 @@ def mark_stretched_coarse_pairs(lattice, zone, kappa):  # type: ignore[no-untype
     hot = kappa * stretch * (kappa * stretch + 2)
     u, any_hot = zone.u, False
     for q in zone.active_coarse_places:
-        for s in range(len(lattice.stencil_offsets)):
-            j = q + lattice.stencil_offsets[s]
+        for s in range(len(lattice.coarse_stencil_place_offsets)):
+            j = q + lattice.coarse_stencil_place_offsets[s]
             x, y = u[0, j] - u[0, q], u[1, j] - u[1, q]
             inverse = lattice.stencil_vector_constants[s, 2]
             e = (x * inverse + lattice.stencil_vector_constants[s, 0]) * x + (
@@ -89,8 +89,8 @@ def sum_coarse_accelerations(lattice, zone):  # type: ignore[no-untyped-def]
     u = zone.u
     for q in zone.active_coarse_places:
         x, y = 0.0, 0.0
-        for s in range(len(lattice.stencil_offsets)):
-            j = q + lattice.stencil_offsets[s]
+        for s in range(len(lattice.coarse_stencil_place_offsets)):
+            j = q + lattice.coarse_stencil_place_offsets[s]
             x += lattice.stencil_stiffness[s, 0] * u[0, j] + lattice.stencil_stiffness[s, 1] * u[1, j]
             y += lattice.stencil_stiffness[s, 1] * u[0, j] + lattice.stencil_stiffness[s, 2] * u[1, j]
         zone.f[0, q], zone.f[1, q] = x, y
@@ -316,8 +316,8 @@ def store_strain_energy_densities(lattice, zone, rows, densities):  # type: igno
     u = zone.u
     for q in zone.active_coarse_places:
         energy = 0.0
-        for s in range(len(lattice.stencil_offsets)):
-            j = q + lattice.stencil_offsets[s]
+        for s in range(len(lattice.coarse_stencil_place_offsets)):
+            j = q + lattice.coarse_stencil_place_offsets[s]
             x, y = u[0, j] - u[0, q], u[1, j] - u[1, q]
             energy += (
                 lattice.stencil_stiffness[s, 0] * x * x

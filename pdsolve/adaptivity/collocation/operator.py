@@ -62,14 +62,14 @@ class CollocationOperator(TwoLatticeOperator[CollocationEngine]):
     def initial_bond_counts_and_family_sizes(self) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
         """Bonds (n,) of each node at the start, and their number including those cut by pre-cracks."""
         lattice, plate, fine = self.engine.lattice, self.engine.plate, self._kind[self.places] == FINE
-        fine_places, count = self.places[fine], np.full(len(self.places), len(lattice.stencil_offsets) - 1)
+        fine_places, count = self.places[fine], np.full(len(self.places), len(lattice.coarse_stencil_place_offsets) - 1)
         _, node, spring, *_ = self._before
         lost = np.bincount(
             np.concatenate([node, node + lattice.neighbour_offsets[spring]]), minlength=lattice.numbering.place_count
         )
         count[fine] = _count_intact_bonds(lattice, self._cut, self._kind, fine_places) + lost[fine_places]
         family = count.copy()
-        family[fine] += plate.precrack_cut_counts[fine_places]
+        family[fine] += plate.precrack_cut_counts_of_places[fine_places]
         return count, family
 
     @property
@@ -177,7 +177,7 @@ class CollocationOperator(TwoLatticeOperator[CollocationEngine]):
                 sources.append(near[in_range])
                 targets.append(far[in_range])
         places_of_kind = places[self._kind[places] == COARSE]
-        ways = lattice.stencil_offsets[lattice.stencil_offsets != 0]
+        ways = lattice.coarse_stencil_place_offsets[lattice.coarse_stencil_place_offsets != 0]
         sources.append(np.repeat(places_of_kind, len(ways)))
         targets.append((places_of_kind[:, None] + ways).ravel())
         source, target = (self._row_of[np.concatenate(ends)] for ends in (sources, targets))

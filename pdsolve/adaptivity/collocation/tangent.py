@@ -48,7 +48,7 @@ def assemble_tangent(
     xx, xy, yy = (-lattice.rho * lattice.stencil_stiffness).T
     theta = np.stack([np.stack([xx, xy], axis=1), np.stack([xy, yy], axis=1)], axis=1)  # (s, 2, 2)
     centre_points = np.repeat(point[coarse], len(theta))
-    stencil_points = point[(coarse[:, None] + lattice.stencil_offsets).ravel()]
+    stencil_points = point[(coarse[:, None] + lattice.coarse_stencil_place_offsets).ravel()]
     a, b = (index.ravel() for index in np.indices((2, 2)))
     rows, columns = (2 * centre_points[:, None] + a).ravel(), (2 * stencil_points[:, None] + b).ravel()
     matrix += coo_array((np.tile(theta.ravel(), len(coarse)), (rows, columns)), matrix.shape).tocsr()

@@ -129,10 +129,15 @@ class LoadOrHold(Record):
     value: float  # N/m, m or m/s at factor 1
     mean_speed_since_last_step: float  # of holds: mean velocity since the last step, m/s
     speed_at_last_step: float  # of holds: velocity at the last step, m/s
-    holding_force: float  # of holds: on the component at the last step, N/m
+    force_on_held_component: float  # of holds: on the component at the last step, N/m
 
 
-HOLD_COLUMNS = ("value", "mean_speed_since_last_step", "speed_at_last_step", "holding_force")  # of a checkpoint
+HOLD_COLUMNS = (
+    "value",
+    "mean_speed_since_last_step",
+    "speed_at_last_step",
+    "force_on_held_component",
+)  # of a checkpoint
 
 
 class LoadsOrHolds(NamedTuple):
@@ -171,7 +176,7 @@ class Counts(Record):
     affected_fine_nodes: int  # fine nodes, in `affected_fine` of the zone
     affected_coarse_nodes: int  # coarse nodes, in `affected_coarse` of the zone
     lacks_array_room: int  # 1 where the arrays are too short for what comes next, or 0
-    active_far_rows: int  # of 16 places, in `far.active_rows`
+    active_far_node_rows: int  # of 16 places, in `far.active_rows`
     tied_nodes: int  # coarse nodes on the border of far cells
     affected_far_nodes: int  # far nodes, in `affected_far` of the zone
 

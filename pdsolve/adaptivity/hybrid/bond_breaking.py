@@ -86,7 +86,7 @@ def _stretch_one_step_ago(lattice, fine, p, j, k, eta_x, eta_y):  # type: ignore
 
 
 @njit(**INNER)
-def soften_and_break_bonds(lattice, zone, u, first_node, count, step):  # type: ignore[no-untyped-def]
+def soften_and_break_bonds_and_add_pulls(lattice, zone, u, first_node, count, step):  # type: ignore[no-untyped-def]
     """Soften and remove bonds of some nodes of a row, add the pulls that match their work to the forces f, and book the
     energy they dissipated.
 

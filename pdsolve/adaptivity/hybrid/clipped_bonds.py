@@ -195,7 +195,7 @@ def append_pieces_of_node(lattice, cells, broken_bond_bits, node_kinds, p, piece
         )
         if fine_sides == whole_sides or not is_bond_intact(lattice, broken_bond_bits, p, k):
             continue
-        first = bond_parts.first_part_index[place, k]
+        first = bond_parts.part_bounds_of_sides[place, k]
         for side in range(2):
             n, last = first[side], first[side + 1]
             if plate_bits & bond_parts.side_cell_bits[place, k, side] == 0:
@@ -246,7 +246,7 @@ def _set_piece_end(lattice, node_kinds, p, k, part, side, pieces, count):  # typ
         return
     x, y = (ix >> 1) + bond_parts.part_end_edges[part, side, 0], (iy >> 1) + bond_parts.part_end_edges[part, side, 1]
     a, b, w = coarse_carriers_on_edge(
-        lattice, node_kinds, x, y, direction, bond_parts.part_end_edge_positions[part, side]
+        lattice, node_kinds, x, y, direction, bond_parts.begin_and_end_shares_along_edge[part, side]
     )
     end[2 * side], end[2 * side + 1] = a, b
     pieces.spring_constants[count, side] = w

@@ -176,7 +176,13 @@ def fill_strain_energies(lattice, zone, buffer, fine_energy, coarse_energy, far_
             lattice.coarse_neighbour_offsets,
             coarse_energy,
         ),
-        (zone.far, zone.counts.active_far_rows, lattice.far_spring_table, lattice.far_neighbour_offsets, far_energy),
+        (
+            zone.far,
+            zone.counts.active_far_node_rows,
+            lattice.far_spring_table,
+            lattice.far_neighbour_offsets,
+            far_energy,
+        ),
     )
     for nodes, count, table, ways, energies in lattices:
         for row in nodes.active_rows[:count]:

@@ -237,7 +237,7 @@ class HybridEngine:
         zone = self.zone
         yield "fine", zone.fine, zone.fine.active_rows[: zone.counts.active_fine_rows]
         yield "coarse", zone.coarse, zone.coarse.active_rows[: zone.counts.active_coarse_rows]
-        yield "far", zone.far, zone.far.active_rows[: zone.counts.active_far_rows]
+        yield "far", zone.far, zone.far.active_rows[: zone.counts.active_far_node_rows]
 
     def places_of_free_nodes(self, nodes: LatticeNodes, rows: NDArray[np.int64]) -> NDArray[np.int64]:
         """Places of the free nodes in these rows of a lattice."""

@@ -97,7 +97,7 @@ def _divide_and_list_far_cells_near(numbering, cells, x, y, listed, count):  # t
 def _divide_and_list_stretched_far_cells(lattice, zone, buffer, count):  # type: ignore[no-untyped-def]
     """List the far cells near stretched far springs."""
     numbering, far, table = lattice.numbering, zone.far, lattice.far_spring_table
-    for row in far.active_rows[: zone.counts.active_far_rows]:
+    for row in far.active_rows[: zone.counts.active_far_node_rows]:
         if far.has_large_stretch[row] == 0:
             continue
         for lane in range(ROW):

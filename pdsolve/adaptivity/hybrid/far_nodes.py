@@ -128,9 +128,9 @@ def list_active_rows(nodes):  # type: ignore[no-untyped-def]
 def list_far_rows_and_tied_nodes(lattice, zone, coarse_row_count):  # type: ignore[no-untyped-def]
     """List rows with far nodes, and the coarse nodes tied to them, in so many rows."""
     coarse, far, tied, count = zone.coarse, zone.far, zone.tied_coarse_nodes, 0
-    zone.counts.active_far_rows = list_active_rows(far)
+    zone.counts.active_far_node_rows = list_active_rows(far)
     zone.counts.tied_nodes = 0
-    if zone.counts.active_far_rows == 0:
+    if zone.counts.active_far_node_rows == 0:
         return
     far.has_extra_forces[:] = False
     for row in coarse.active_rows[:coarse_row_count]:

@@ -14,7 +14,10 @@ from typing import Any
 import numpy as np
 from numba import njit
 
-from pdsolve.adaptivity.hybrid.bond_breaking import add_second_pulls_of_broken_bonds, soften_and_break_bonds
+from pdsolve.adaptivity.hybrid.bond_breaking import (
+    add_second_pulls_of_broken_bonds,
+    soften_and_break_bonds_and_add_pulls,
+)
 from pdsolve.adaptivity.hybrid.damping import book_damped_energy, damp_forces
 from pdsolve.adaptivity.hybrid.energy import piece_end_displacement, spring_quadratic_strain
 from pdsolve.codegen.atomics import counted, take
@@ -155,7 +158,7 @@ def _sum_forces_of_fine_rows(lattice, zone, buffer, step, thread, job):  # type:
             p = aside[n] if breaks else fine.active_rows[n // parts_per_row] * ROW + n % parts_per_row * wide
             row, flags = p // ROW, 1
             if breaks:
-                soften_and_break_bonds(lattice, zone, u, p, wide, step)
+                soften_and_break_bonds_and_add_pulls(lattice, zone, u, p, wide, step)
             elif fine.has_large_stretch[row] == 0:
                 flags = sum_fine_narrow(lattice, fine, u, fine.stiffness_index_of_row[row], p % ROW, p, s)
             if flags & 1:
@@ -243,7 +246,7 @@ def _sum_and_move_far_rows(lattice, zone, buffer, velocity_lag, ends_sequence, t
     """Forces on far rows and their motion, see `_sum_and_move_rows`, once forces on tied nodes are passed on."""
     nodes, rows, table, ways = (
         zone.far,
-        zone.counts.active_far_rows,
+        zone.counts.active_far_node_rows,
         lattice.far_spring_table,
         lattice.far_neighbour_offsets,
     )
@@ -375,7 +378,7 @@ def _start_forces_with_loads_and_pieces(lattice, zone, profiles, buffer, step): 
     fine, coarse, dt = zone.fine, zone.coarse, lattice.dt
     _clear_extra_forces(fine, zone.counts.active_fine_rows)
     _clear_extra_forces(coarse, zone.counts.active_coarse_rows)
-    _clear_extra_forces(zone.far, zone.counts.active_far_rows)
+    _clear_extra_forces(zone.far, zone.counts.active_far_node_rows)
     _add_loads(
         zone.counts.load_shares, zone.loads, fine, coarse, zone.totals, profiles, step * dt, dt if step > 0 else 0.0
     )
@@ -412,7 +415,7 @@ def sum_forces_and_move_nodes(lattice, zone, profiles, buffer, step, velocity_la
                 _pass_border_forces_to_carriers(zone.fine.f, zone.coarse.f, zone.border_nodes, zone.counts.border_nodes)
                 take(zone.job_counters, STAGE)
             _move_fine_rows(zone, buffer, lattice.dt, velocity_lag, ends_sequence, thread)
-    if zone.counts.active_far_rows > 0:
+    if zone.counts.active_far_node_rows > 0:
         _sum_and_move_far_rows(lattice, zone, buffer, velocity_lag, ends_sequence, thread, gate)
     meet(gate)
 

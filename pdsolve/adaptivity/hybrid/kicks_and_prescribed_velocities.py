@@ -44,7 +44,7 @@ def kick_and_drift_all(lattice, zone, buffer, drifts):  # type: ignore[no-untype
     lattices = (
         (zone.fine, counts.active_fine_rows),
         (zone.coarse, counts.active_coarse_rows),
-        (zone.far, counts.active_far_rows),
+        (zone.far, counts.active_far_node_rows),
     )
     for nodes, rows in lattices:
         _book_damped_energy_of_rows(nodes, rows, lattice.dt, zone.lane_sums[0], drifts)
@@ -58,9 +58,9 @@ def store_holding_forces(fine, coarse, holds, count):  # type: ignore[no-untyped
         on, entry = holds.node_and_entry[n, 0], holds.entries[holds.node_and_entry[n, 1]]
         axis = entry.axis
         if on >= 0:
-            entry.holding_force, entry.speed_at_last_step = fine.f[axis, on], fine.v[axis, on]
+            entry.force_on_held_component, entry.speed_at_last_step = fine.f[axis, on], fine.v[axis, on]
         else:
-            entry.holding_force, entry.speed_at_last_step = coarse.f[axis, -1 - on], coarse.v[axis, -1 - on]
+            entry.force_on_held_component, entry.speed_at_last_step = coarse.f[axis, -1 - on], coarse.v[axis, -1 - on]
 
 
 @njit(**INNER)
@@ -99,9 +99,9 @@ def _prescribe_held_component(nodes, p, entry, totals, dt, profiles, buffer, ste
     if entry.hold_kind == VELOCITY:
         speed = entry.value * factor_at(profiles, profile, time)
     if not begins_sequence:
-        totals.work -= (entry.holding_force + force) / 2 * dt * entry.mean_speed_since_last_step
+        totals.work -= (entry.force_on_held_component + force) / 2 * dt * entry.mean_speed_since_last_step
         totals.work += nodes.mass[p] / 2 * (speed**2 - entry.speed_at_last_step**2)
-        entry.holding_force, entry.speed_at_last_step = force, speed
+        entry.force_on_held_component, entry.speed_at_last_step = force, speed
     if ends_sequence:
         return
     if entry.hold_kind == DISPLACEMENT:

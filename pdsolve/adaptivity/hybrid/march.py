@@ -112,7 +112,7 @@ def _arrays_have_room(zone, new_fine_rows):  # type: ignore[no-untyped-def]
 def _divide_far_cells_if_due(lattice, zone, buffer):  # type: ignore[no-untyped-def]
     """Make far cells coarse where it is due, before the cells in `zone.new_cells` become fine."""
     count = zone.counts.new_cells
-    if zone.counts.active_far_rows > 0 and divide_far_cells(lattice, zone, buffer):
+    if zone.counts.active_far_node_rows > 0 and divide_far_cells(lattice, zone, buffer):
         rebuild_lists_of_rows_and_loads(lattice, zone)
         zone.counts.new_cells = count
         for c in zone.new_cells[:count]:

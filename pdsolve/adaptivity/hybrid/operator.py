@@ -59,7 +59,7 @@ class HybridOperator(TwoLatticeOperator[HybridEngine]):
         fine = _active_places(zone.fine, zone.counts.active_fine_rows)
         coarse, far = (
             _active_places(zone.coarse, zone.counts.active_coarse_rows),
-            _active_places(zone.far, zone.counts.active_far_rows),
+            _active_places(zone.far, zone.counts.active_far_node_rows),
         )
         self._fine, self._coarse, self._far = fine, coarse.astype(np.int32), far.astype(np.int32)
         del coarse, far
@@ -348,7 +348,7 @@ class HybridOperator(TwoLatticeOperator[HybridEngine]):
         """Forces (profiles, 2), N/m, that hold the nodes with prescribed motion."""
         zone, forces = self.engine.zone, np.zeros((profile_count, 2))
         holds = zone.holds.entries[zone.holds.node_and_entry[: zone.counts.held_components, 1]]
-        np.add.at(forces, (holds["profile"], holds["axis"]), -holds["holding_force"])
+        np.add.at(forces, (holds["profile"], holds["axis"]), -holds["force_on_held_component"])
         return forces
 
     def bonds(

@@ -108,13 +108,13 @@ class BondParts(NamedTuple):
     cells belongs half to either side; those on the other side end at first[f, k, 2].
     """
 
-    first_part_index: NDArray[np.int64]  # (4, k, 3)
+    part_bounds_of_sides: NDArray[np.int64]  # (4, k, 3)
     begin_and_end_shares: NDArray[np.float64]  # (s, 2) shares of the bond where it begins and ends
     cell_offset: NDArray[np.int64]  # (s, 2) the cell it is in, from the node's own
     part_end_edges: NDArray[
         np.int64
     ]  # (s, 2, 3) where it begins and ends: coarse node, from the cell's corner, and direction
-    part_end_edge_positions: NDArray[np.float64]  # (s, 2) how far along that edge
+    begin_and_end_shares_along_edge: NDArray[np.float64]  # (s, 2) how far along that edge
     side_cell_bits: NDArray[np.uint64]  # (4, k, 2) the cells of a bond on each side: bits of the window
 
 

@@ -149,12 +149,15 @@ def receive_columns_from_ranks(
         for _, _, length, after in order:
             crc = crc_joined(crc, after, length * kind.itemsize)
         columns[name] = Column(
-            kind, sum(length for *_, length, _ in order), crc, _iterate_received_arrays(team, local_arrays, order, kind)
+            kind,
+            sum(length for *_, length, _ in order),
+            crc,
+            _iterate_column_chunks_of_ranks(team, local_arrays, order, kind),
         )
     return columns
 
 
-def _iterate_received_arrays(
+def _iterate_column_chunks_of_ranks(
     team: Team,
     local_arrays: Iterator[NDArray[Any]],
     array_descriptions: list[tuple[int, str, int, int]],

@@ -14,7 +14,7 @@ from pdsolve.numerics.team import PASSED, Team
 from pdsolve.ranks.part import Part, broken
 from pdsolve.results import Results
 from pdsolve.run.inversion_checks import DisplacementRange, MotionChecks, compute_displacement_range
-from pdsolve.run.measures import BondState, LedgerRow, compute_bond_state, per_node_ledger_functions
+from pdsolve.run.measures import LedgerRow, NodeEnergiesAndBreaks, compute_bond_state, per_node_ledger_functions
 from pdsolve.run.mechanics_records import (
     MechanicsRecords,
     instability_message,
@@ -66,13 +66,13 @@ class MechanicsRecordsOnRanks(MechanicsRecords):
         self.known = self._gather_reports(resumed_step)
         self.last, self._heat_energy = self.known.ledger_row, 0.0
 
-    def update_last_ledger_row(self, state: State, step: int, bond_state: BondState | None) -> None:
+    def update_last_ledger_row(self, state: State, step: int, bond_state: NodeEnergiesAndBreaks | None) -> None:
         """Make this step the last entry."""
         if self.last.step != step:
             self.known = self._gather_reports(step)
             self.last = self.known.ledger_row
 
-    def record_step(self, state: State, step: int, bond_state: BondState | None) -> None:
+    def record_step(self, state: State, step: int, bond_state: NodeEnergiesAndBreaks | None) -> None:
         """Record the ledger, the probes and the reactions of this step. Raises UnstableError."""
         self.update_last_ledger_row(state, step, bond_state)
         if self._is_unstable(self.last, self.known.values_are_finite):  # the error is that of one process
@@ -128,7 +128,7 @@ class MechanicsRecordsOnRanks(MechanicsRecords):
         )
 
 
-def compute_rank_bond_state_once(team: Team, step: int) -> BondState:
+def compute_rank_bond_state_once(team: Team, step: int) -> NodeEnergiesAndBreaks:
     """What the operator says of the window's state after a step, asked once."""
     subdomain: RankSystem = team.part.now
     if subdomain.bond_state_step != step:

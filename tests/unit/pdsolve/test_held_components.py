@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from pdsolve.conditions import DISPLACEMENT, VELOCITY, Entries, Profiles
-from pdsolve.steppers.holds import prescribe_held_component
+from pdsolve.steppers.holds import prescribe_held_u_and_v
 
 U, V, A, DT = 0.3, 2.0, 4.0, 0.1  # m, m/s, m/s^2, s: after the drift of a step
 RAMP = Profiles(np.array([0, 2]), np.array([0.0, 1.0]), np.array([0.0, 1.0]))
@@ -26,7 +26,7 @@ def test_a_held_component_goes_on_from_where_it_was_before_the_step(
     held = np.zeros(1)
     one = {"node": 1, "axis": 0, "value": value, "profile": 0, "kind": kind}
     holds = Entries(**{name: np.array([each]) for name, each in one.items()})
-    prescribe_held_component.py_func(u, v, a, holds, RAMP, held, 0, DT, 0.5)
+    prescribe_held_u_and_v.py_func(u, v, a, holds, RAMP, held, 0, DT, 0.5)
     assert held[0] == pytest.approx(V - DT / 2 * A)  # of the half step before
     assert v[1, 0] == pytest.approx(speed)
     assert u[1, 0] == pytest.approx(place)

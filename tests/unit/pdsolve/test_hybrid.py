@@ -132,7 +132,7 @@ def test_the_compact_lattice_is_as_stiff_as_the_fine_one() -> None:
                 sums.append((stiffness * length**2 * n).sum() / 2 / area)
             assert sums[0] == pytest.approx(sums[1], rel=1e-13)
         cut = divide_bonds(fine)
-        first, last = cut.first_part_index[:, :, 0].ravel(), cut.first_part_index[:, :, 1].ravel()
+        first, last = cut.part_bounds_of_sides[:, :, 0].ravel(), cut.part_bounds_of_sides[:, :, 1].ravel()
         for one, other in zip(first, last, strict=True):
             assert np.diff(cut.begin_and_end_shares[one:other], axis=1).sum() == pytest.approx(1.0, abs=1e-12)
 
@@ -163,7 +163,9 @@ def test_bits_of_cells_are_those_of_the_stretches_of_bonds() -> None:
     for place in range(4):
         for k in range(half):
             for side in range(2):
-                cells = cut.cell_offset[cut.first_part_index[place, k, side] : cut.first_part_index[place, k, side + 1]]
+                cells = cut.cell_offset[
+                    cut.part_bounds_of_sides[place, k, side] : cut.part_bounds_of_sides[place, k, side + 1]
+                ]
                 there = [place % 2 + fine.family_dx[k], place // 2 + fine.family_dy[k]]
                 parity = there[0] % 2 + 2 * (there[1] % 2)
                 away = cells - np.array(there) // 2

@@ -58,7 +58,7 @@ class ClippedPieces(NamedTuple):
 
     owner_site: NDArray[np.int32]  # (p,) site of the bond's lower node
     piece_kind: NDArray[np.int32]  # (p,) alike for pieces with the same xi; see `number_and_list_piece_vectors`
-    near_end_place: NDArray[np.int64]  # (p,) the place of one end, a node if one is; see `_place_number`
+    near_end_place: NDArray[np.int64]  # (p,) the place of one end, a node if one is; see `_blockwise_place_number`
     far_end_place: NDArray[np.int64]  # (p,) of the other end
     stiffness: NDArray[np.float64]  # (p,) stiffness, N/m
     least_over_own_limit_strain: NDArray[
@@ -185,7 +185,7 @@ def store_bond_bits_and_pieces(fine, cells, bits, sites, pieces):  # type: ignor
                 if not (bits[tile, slot] >> lane) & np.uint16(1):
                     _set_bond_bits(bits, site, site + tiles.offsets[slot], slot)
             elif _have_common_bit(passed, fine_bits):
-                count = _append_pieces_of_bond(fine, cells, site, x, y, z, k, pieces, count)
+                count = _append_pieces_outside_coarse_cells(fine, cells, site, x, y, z, k, pieces, count)
     return count
 
 
@@ -197,10 +197,10 @@ def _set_bond_bits(bits, site, target, slot):  # type: ignore[no-untyped-def]
 
 
 @njit(**INNER)
-def _append_pieces_of_bond(fine, cells, site, x, y, z, k, pieces, count):  # type: ignore[no-untyped-def]
+def _append_pieces_outside_coarse_cells(fine, cells, site, x, y, z, k, pieces, count):  # type: ignore[no-untyped-def]
     """List the pieces of bond k of the node x, y, z; returns how many there are then."""
     box, tiles, of = fine.box, fine.tiles, fine.divisions
-    slot, first = len(tiles.offsets) // 2 + k, of.first_part_index[x % 2 + 2 * (y % 2) + 4 * (z % 2), k]
+    slot, first = len(tiles.offsets) // 2 + k, of.part_bounds_of_sides[x % 2 + 2 * (y % 2) + 4 * (z % 2), k]
     sides = _count_sides_with_cells(box, cells, of, first, x, y, z)
     for side in range(SIDES):
         has_cells = False
@@ -245,11 +245,13 @@ def _bond_stiffness(fine, site, slot):  # type: ignore[no-untyped-def]
 def _part_end_place(box, divisions, x, y, z, part, side):  # type: ignore[no-untyped-def]
     """The place where a part of a bond of the node x, y, z begins, 0, or ends, 1."""
     at, unit = divisions.part_end_position[part, side], divisions.units_per_spacing
-    return _place_number(box, unit, unit * (x - x % 2) + at[0], unit * (y - y % 2) + at[1], unit * (z - z % 2) + at[2])
+    return _blockwise_place_number(
+        box, unit, unit * (x - x % 2) + at[0], unit * (y - y % 2) + at[1], unit * (z - z % 2) + at[2]
+    )
 
 
 @njit(**INNER)
-def _place_number(box, unit, x, y, z):  # type: ignore[no-untyped-def]
+def _blockwise_place_number(box, unit, x, y, z):  # type: ignore[no-untyped-def]
     """The number of a place (x, y, z) in h / unit: block by block, so that what is near in space is near in memory."""
     side = BLOCK * unit
     across, along = box.fine_nodes_x // BLOCK + 1, box.fine_nodes_y // BLOCK + 1
@@ -348,8 +350,8 @@ def number_and_list_piece_vectors(
     last = np.minimum(
         begin + np.tile(np.arange(PARTS), len(divisions.begin_and_end_shares)), len(divisions.begin_and_end_shares) - 1
     )
-    bond = np.searchsorted(divisions.first_part_index[:, :, 0].ravel(), begin, side="right") - 1
-    row = table[len(table) // 2 + bond % divisions.first_part_index.shape[1]].astype(np.float64)
+    bond = np.searchsorted(divisions.part_bounds_of_sides[:, :, 0].ravel(), begin, side="right") - 1
+    row = table[len(table) // 2 + bond % divisions.part_bounds_of_sides.shape[1]].astype(np.float64)
     length = divisions.begin_and_end_shares[last, 1] - divisions.begin_and_end_shares[begin, 0]
     length[length <= 0] = 1.0  # of no piece
     xi = np.column_stack([length[:, None] * row[:, :3], row[:, INVERSE] / length**2])

@@ -21,7 +21,7 @@ class BondDivisions(NamedTuple):
     and end are whole multiples of h / unit.
     """
 
-    first_part_index: NDArray[np.int64]  # (8, k, 5)
+    part_bounds_of_sides: NDArray[np.int64]  # (8, k, 5)
     begin_and_end_shares: NDArray[np.float64]  # (p, 2) shares of the bond where it begins and ends
     cell_offset: NDArray[np.int64]  # (p, 3) the cell it is in, from the node's own
     part_end_position: NDArray[

@@ -28,7 +28,7 @@ class FullBody(NamedTuple):
     fine_lattice: FineLattice
     fine_sites: Sites
     coarse_sites: Sites  # of coarse nodes
-    precrack_cut_counts: NDArray[np.int64]  # (n,) bonds of each fine node that pre-cracks cut
+    precrack_cut_counts_of_places: NDArray[np.int64]  # (n,) bonds of each fine node that pre-cracks cut
     relative_cell_modulus: NDArray[np.float64]  # (c,) stiffness of coarse cells over that of the first material
     refinement_stretch: NDArray[np.float64]  # (sites,) of springs of a coarse node; beyond it cells around become fine
     stiffness_over_density: float = 0.0  # 1/s^2, of all nodes of any zone: `Operator.stiffness_bound` over density

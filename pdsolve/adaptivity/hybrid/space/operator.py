@@ -377,7 +377,7 @@ class HybridBodyOperator:
             above, springs.node, springs.offsets, springs.bits
         )
         family = count.copy()
-        family[self._free] += self.full_body.precrack_cut_counts[self.rows[self._free]]
+        family[self._free] += self.full_body.precrack_cut_counts_of_places[self.rows[self._free]]
         return Counted(self.volume, family, count)
 
     def broken(self, after: int = 0) -> Broken:

@@ -52,7 +52,7 @@ def create_body_operator(model: Model, options: Options, threads: int) -> Hybrid
         )
     law, h = law_of(model), tiling.sites.spacing
     full_body = create_full_body(model, tiling.sites, tiling.tiles)._replace(
-        precrack_cut_counts=tiling.counted.family - tiling.counted.bonds
+        precrack_cut_counts_of_places=tiling.counted.family - tiling.counted.bonds
     )
     box, tiles = full_body.fine_lattice.box, tiling.tiles
     nodes = (int(box.fine_nodes_x) + BLOCK) * (int(box.fine_nodes_y) + BLOCK) * (int(box.fine_nodes_z) + BLOCK)

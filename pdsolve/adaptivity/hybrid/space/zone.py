@@ -110,9 +110,9 @@ def refine_and_list_cells_in_balls(box, cells, places, radius, new_cells):  # ty
                 for cx in range(max((x >> 1) - half, 0), min((x >> 1) + half + 1, box.cells_x)):
                     c = cell_place(box, cx, cy, cz)
                     away = (
-                        _squared_distance_to_cell(x, cx)
-                        + _squared_distance_to_cell(y, cy)
-                        + _squared_distance_to_cell(z, cz)
+                        _squared_distance_to_cell_along_axis(x, cx)
+                        + _squared_distance_to_cell_along_axis(y, cy)
+                        + _squared_distance_to_cell_along_axis(z, cz)
                     )
                     if cells[c] == COARSE and away < radius * radius:
                         cells[c] = FINE
@@ -122,7 +122,7 @@ def refine_and_list_cells_in_balls(box, cells, places, radius, new_cells):  # ty
 
 
 @njit(forceinline=True, **INNER)
-def _squared_distance_to_cell(x, cell):  # type: ignore[no-untyped-def]
+def _squared_distance_to_cell_along_axis(x, cell):  # type: ignore[no-untyped-def]
     """The square of the distance between a coordinate and a cell."""
     away = max(abs(x - (2 * cell + 1)) - 1, 0)
     return away * away

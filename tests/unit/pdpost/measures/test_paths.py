@@ -7,7 +7,7 @@ import pytest
 from damaged_results import lattice, run
 from messages import naming
 
-from pdpost.measures.paths import PathError, crack_paths, main_direction_name, mean_and_hausdorff_distance
+from pdpost.measures.paths import PathError, crack_paths, main_growth_direction_name, mean_and_hausdorff_distance
 
 
 def test_a_path_is_where_the_tips_were() -> None:
@@ -26,7 +26,7 @@ def test_a_path_is_where_the_tips_were() -> None:
     ],
 )
 def test_where_a_crack_runs(lines: list, way: str) -> None:
-    assert main_direction_name([np.array(line, dtype=float) for line in lines]) == way
+    assert main_growth_direction_name([np.array(line, dtype=float) for line in lines]) == way
 
 
 LINE = np.array([[0.0, 0.0], [10.0, 0.0]])

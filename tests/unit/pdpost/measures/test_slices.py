@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from pdpost.measures.slices import bounding_box_centre_near_nodes, cut_values_by_plane
+from pdpost.measures.slices import cut_values_by_plane, default_slice_point
 
 
 def of(x: list[float]) -> Any:
@@ -28,6 +28,6 @@ def of(x: list[float]) -> Any:
     ],
 )
 def test_the_middle_has_nodes(x: list[float], at: float, rows: list[int]) -> None:
-    found = bounding_box_centre_near_nodes(of(x))
+    found = default_slice_point(of(x))
     assert found == pytest.approx([at, 0.05, 0.05])
     assert cut_values_by_plane(of(x), np.arange(len(x)), 0, "x", float(found[0])).node_rows.tolist() == rows
