@@ -70,7 +70,8 @@ def crack(results: Results, summary: CrackPathSummary | None = None, window: Box
     if not all(branch.is_narrow.all() for branch in summary.branches):
         keys.append(Line2D([], [], ls=":", color="0.25", lw=1.0, label="wider than a crack"))
     if keys:  # on no branch
-        figure.legend(handles=keys, loc="outside lower center", ncols=4, frameon=False, fontsize="small")
+        columns = 2 if narrow() else 4
+        figure.legend(handles=keys, loc="outside lower center", ncols=columns, frameon=False, fontsize="small")
     for draw, axes in zip(charts, places, strict=True):
         draw(shown, axes, summary)
         axes.set_xlim(places[0].get_xlim())
@@ -149,7 +150,7 @@ def _lengths(shown: list[Numbered], length: Axes, _: CrackPathSummary) -> None:
     metre, metres = scaled((branch.length_along_crack for _, branch in shown), "m")
     for drawn_before, (number, branch) in enumerate(shown):
         length.plot(branch.passing_time * second, branch.length_along_crack * metre, **_style(number, drawn_before))
-    length.set(ylabel=f"length of the crack, {metres}", xlabel=f"time, {seconds}")
+    length.set(ylabel=f"length, {metres}", xlabel=f"time, {seconds}")
     length.set_ylim(bottom=0)
     plain(length)
 
@@ -184,7 +185,7 @@ def _speeds(shown: list[Numbered], speed: Axes, summary: CrackPathSummary) -> No
         )  # fmt: skip
     speed.set_ylim(0, 1.15 * fast * (fastest if slow else limit))
     speed.set_title(title, fontsize="small")
-    speed.set(xlabel=f"time, {seconds}", ylabel=f"speed of the tip, {unit}")
+    speed.set(xlabel=f"time, {seconds}", ylabel=f"tip speed, {unit}")
     plain(speed)
 
 
