@@ -43,7 +43,7 @@ def read_pending_pulls(checkpoint: CheckpointArrays, nodes: int, kind: DTypeLike
 
 
 def last_breaks(broken: Broken) -> Broken:
-    """Those of some bonds that broke in the last of their steps."""
+    """The bonds among these that broke in the latest step of all."""
     last = broken.step == broken.step.max(initial=0)
     return Broken(*(column[last] for column in broken))
 
