@@ -291,7 +291,7 @@ class BondList:
         for name in self._node_history_names():
             column = getattr(self.columns, name)
             column[:] = like(checkpoint, name, column)
-        if "torn" in checkpoint:
+        if not checkpoint.keys().isdisjoint(("torn", "torn_source", "torn_target")):
             self._restore_torn_bonds(checkpoint)
         self._lose(np.flatnonzero(self._steps()), self._every)
 

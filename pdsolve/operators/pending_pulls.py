@@ -32,7 +32,7 @@ def pending_to_arrays(pending: PendingPulls) -> dict[str, NDArray[Any]]:
 
 def read_pending_pulls(checkpoint: CheckpointArrays, nodes: int, kind: DTypeLike) -> PendingPulls:
     """PendingPulls among so many nodes from a checkpoint, none in one of an older version. Raises CheckpointError."""
-    if "pending" not in checkpoint:
+    if checkpoint.keys().isdisjoint(("pending", "pending_source", "pending_target")):
         none = np.zeros(0, dtype=np.int64)
         return PendingPulls(none, none, np.zeros(0, dtype=kind))
     stretch = entry(checkpoint, "pending", (None,), kind)
@@ -59,6 +59,6 @@ def pulls_to_arrays(
 
 def read_pulls(checkpoint: CheckpointArrays, bonds: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """What `pulls_to_arrays` gave, 0 in a checkpoint of an older version. Raises CheckpointError."""
-    if "break_pull" not in checkpoint:
+    if checkpoint.keys().isdisjoint(("break_pull", "break_growth")):
         return np.zeros(bonds), np.zeros(bonds)
     return entry(checkpoint, "break_pull", (bonds,), float), entry(checkpoint, "break_growth", (bonds,), float)
