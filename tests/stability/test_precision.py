@@ -63,11 +63,11 @@ def test_float32_and_mirrors(failure: Callable[..., None]) -> None:
     assert found["float64"][1] < (1e-11, 1)  # measured 1.6e-12: a breaking bond divides by its growth
     assert found["float64"][1][1] == 0
     assert found["float32"][0][0] < 1e-3  # measured 2.3e-4: likewise, in both of its pulls
-    assert found["float32"][1][0] > 0.01  # measured 0.026
-    assert found["float32"][1][1] > 20  # measured 664
+    assert found["float32"][1][0] > 0.001  # measured 0.0039
+    assert found["float32"][1][1] > 20  # measured 72
     failure(
         fails=f"The Duran plate in float32, pulled at 13 GN/m^3: its halves agree to {found['float32'][0][0]:.0e} of "
-        f"the largest displacement at step 800, and to {found['float32'][1][0]:.2f} of it at step 1800, in fragments; "
+        f"the largest displacement at step 800, and to {found['float32'][1][0]:.1g} of it at step 1800, in fragments; "
         f"{found['float32'][1][1]} of {COLUMNS * ROWS} nodes differ in damage from their mirror image.",
         noticed="Not at all; each half is a crack that noise could have made. `meta` in the database gives the "
         "precision.",

@@ -195,7 +195,7 @@ def test_threads_do_not_show_and_broken_bonds_are_known(small: Model) -> None:
     for side in ("source", "target"):
         assert np.array_equal(ids[getattr(own, side)], grid.ids[getattr(every, side)])
     assert compute_output_fields(one.system, one.state, ("c",))["c"].tolist() == pytest.approx(
-        one.system.coupled_runs[0].state.value[operator.rows, 0].tolist()  # type: ignore[union-attr]
+        one.system.coupled_runs[0].state.value[operator.grid_rows, 0].tolist()  # type: ignore[union-attr]
     )
     ledger = compute_ledger_row(one.system, one.state, 280)
     assert abs(ledger.balance_error(one.system.initial_energy)) < 0.05
