@@ -74,7 +74,7 @@ def accelerations(engine: CollocationEngine) -> NDArray[np.float64]:
 def _accelerations(lattice, zone):  # type: ignore[no-untyped-def]
     steps.interpolate_fictitious_nodes(zone, zone.u)
     steps.sum_forces_of_fine_rows(lattice, zone, 0, len(zone.rows_with_fine_nodes))
-    found = zone.f / (lattice.rho * lattice.h**2)
+    found = zone.f / (lattice.rho * lattice.spacing**2)
     steps.sum_coarse_accelerations(lattice, zone)
     for q in zone.active_coarse_places:
         found[:, q] = zone.f[:, q]

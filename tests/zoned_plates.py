@@ -110,7 +110,7 @@ class Zoned(NamedTuple):
     @property
     def pieces(self) -> int:
         """How many pieces of clipped bonds there are."""
-        return int(self.zone.counts.pieces)
+        return int(self.zone.counts.clipped_pieces)
 
 
 def rectangle(columns: int, rows: int, delta: float, cracks: Any = ()) -> Grid:
