@@ -51,6 +51,11 @@ def entry(
     return array.reshape([length if size is None else size for size in shape])
 
 
+def lacks_all(checkpoint: Mapping[str, NDArray[Any]], *names: str) -> bool:
+    """Whether a checkpoint has none of these arrays, which are written together or not at all."""
+    return checkpoint.keys().isdisjoint(names)
+
+
 def like(checkpoint: Mapping[str, NDArray[Any]], name: str, array: NDArray[Any]) -> NDArray[Any]:
     """The array `name` of a checkpoint, with the shape and type of `array`. Raises CheckpointError."""
     return entry(checkpoint, name, array.shape, array.dtype)

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pdsolve.bonds.assembly import Bonds, ends, find, in_precision, stiffness_bound
-from pdsolve.checkpoint_validation import entry, like
+from pdsolve.checkpoint_validation import entry, lacks_all, like
 from pdsolve.laws.bond_arrays import AnyList, Now, SwollenList, list_of
 from pdsolve.laws.calls import bind
 from pdsolve.laws.law import Law, Sums
@@ -291,7 +291,7 @@ class BondList:
         for name in self._node_history_names():
             column = getattr(self.columns, name)
             column[:] = like(checkpoint, name, column)
-        if not checkpoint.keys().isdisjoint(("torn", "torn_source", "torn_target")):
+        if not lacks_all(checkpoint, "torn", "torn_source", "torn_target"):
             self._restore_torn_bonds(checkpoint)
         self._lose(np.flatnonzero(self._steps()), self._every)
 

@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import DTypeLike, NDArray
 
-from pdsolve.checkpoint_validation import entry
+from pdsolve.checkpoint_validation import entry, lacks_all
 from pdsolve.operators.protocol import CheckpointArrays
 from pdsolve.state import Broken
 
@@ -32,7 +32,7 @@ def pending_to_arrays(pending: PendingPulls) -> dict[str, NDArray[Any]]:
 
 def read_pending_pulls(checkpoint: CheckpointArrays, nodes: int, kind: DTypeLike) -> PendingPulls:
     """PendingPulls among so many nodes from a checkpoint, none in one of an older version. Raises CheckpointError."""
-    if checkpoint.keys().isdisjoint(("pending", "pending_source", "pending_target")):
+    if lacks_all(checkpoint, "pending", "pending_source", "pending_target"):
         none = np.zeros(0, dtype=np.int64)
         return PendingPulls(none, none, np.zeros(0, dtype=kind))
     stretch = entry(checkpoint, "pending", (None,), kind)
@@ -59,6 +59,6 @@ def pulls_to_arrays(
 
 def read_pulls(checkpoint: CheckpointArrays, bonds: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """What `pulls_to_arrays` gave, 0 in a checkpoint of an older version. Raises CheckpointError."""
-    if checkpoint.keys().isdisjoint(("break_pull", "break_growth")):
+    if lacks_all(checkpoint, "break_pull", "break_growth"):
         return np.zeros(bonds), np.zeros(bonds)
     return entry(checkpoint, "break_pull", (bonds,), float), entry(checkpoint, "break_growth", (bonds,), float)

@@ -26,7 +26,7 @@ class NodeEnergiesAndBreaks(NamedTuple):
     broken_bonds: Broken  # all so far
 
 
-def compute_bond_state(system: System, state: State) -> NodeEnergiesAndBreaks:
+def compute_node_energies_and_breaks(system: System, state: State) -> NodeEnergiesAndBreaks:
     """Energies and fields of the operator at this state."""
     return NodeEnergiesAndBreaks(*system.operator.energies(state), system.operator.broken())
 
@@ -70,7 +70,7 @@ def compute_ledger_row(
 ) -> LedgerRow:
     """The ledger entry after `step`, in double precision and the nodes' order; `bond_state` is that of this state, if
     known."""
-    strain, softened, broken = bond_state or compute_bond_state(system, state)
+    strain, softened, broken = bond_state or compute_node_energies_and_breaks(system, state)
     if system.moving_zone_operator is not None:
         sums, zone = (
             system.moving_zone_operator.ledger_totals()._asdict(),

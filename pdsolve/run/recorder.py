@@ -24,7 +24,7 @@ from pdsolve.results import Breaks, Epoch, Families, FrameRecord, Nodes, Results
 from pdsolve.results.schema import taken
 from pdsolve.run.measures import (
     NodeEnergiesAndBreaks,
-    compute_bond_state,
+    compute_node_energies_and_breaks,
     compute_output_fields,
     count_bodies,
     count_pieces,
@@ -233,7 +233,7 @@ class Recorder:
 
     def _create_physics_records(self, history: RunHistory) -> None:
         """Open the records of the state that the run begins with."""
-        self.bond_state = compute_bond_state(self.system, self.state)
+        self.bond_state = compute_node_energies_and_breaks(self.system, self.state)
         self.physics_records = _make_physics_records(self.system, self.state, history, self.bond_state)
 
     def make_database_writer(self, initial_system: System, output: Path | None, meta: Mapping[str, Any]) -> Writer:
@@ -353,7 +353,7 @@ class Recorder:
         """What the operator says of the state after this step, asked once."""
         self._fetch_state()
         if step != self.step:
-            self.bond_state, self.step = compute_bond_state(self.system, self.state), step
+            self.bond_state, self.step = compute_node_energies_and_breaks(self.system, self.state), step
         return self.bond_state
 
     def make_frame(self, step: int, with_fields: bool, with_checkpoint: bool) -> FrameRecord:

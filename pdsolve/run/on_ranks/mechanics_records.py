@@ -14,7 +14,12 @@ from pdsolve.numerics.team import PASSED, Team
 from pdsolve.ranks.part import Part, broken
 from pdsolve.results import Results
 from pdsolve.run.inversion_checks import DisplacementRange, MotionChecks, compute_displacement_range
-from pdsolve.run.measures import LedgerRow, NodeEnergiesAndBreaks, compute_bond_state, per_node_ledger_functions
+from pdsolve.run.measures import (
+    LedgerRow,
+    NodeEnergiesAndBreaks,
+    compute_node_energies_and_breaks,
+    per_node_ledger_functions,
+)
 from pdsolve.run.mechanics_records import (
     MechanicsRecords,
     instability_message,
@@ -132,7 +137,8 @@ def compute_rank_bond_state_once(team: Team, step: int) -> NodeEnergiesAndBreaks
     """What the operator says of the window's state after a step, asked once."""
     subdomain: RankSystem = team.part.now
     if subdomain.bond_state_step != step:
-        subdomain.bond_state, subdomain.bond_state_step = compute_bond_state(subdomain.system, subdomain.state), step
+        subdomain.bond_state = compute_node_energies_and_breaks(subdomain.system, subdomain.state)
+        subdomain.bond_state_step = step
     return subdomain.bond_state
 
 

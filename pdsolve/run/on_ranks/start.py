@@ -21,7 +21,7 @@ from pdsolve.ranks.part import Part, added_up
 from pdsolve.ranks.slabs import Slab
 from pdsolve.run.assembly import RankCoupling, assemble_system, choose_time_step
 from pdsolve.run.inversion_checks import MotionChecks
-from pdsolve.run.measures import NodeEnergiesAndBreaks, compute_bond_state
+from pdsolve.run.measures import NodeEnergiesAndBreaks, compute_node_energies_and_breaks
 from pdsolve.run.on_ranks.rank_file import RankFile
 from pdsolve.run.operator_factory import make_operator, stable_time_step_from_stiffness_bound
 from pdsolve.run.prepare import select_scheme
@@ -78,7 +78,7 @@ class RankSystem:
             if isinstance(condition, Driving)
         )
         self.motion_checks = MotionChecks(self.system.model, partial(self.system.operator.bonds, start=True))
-        self.bond_state: NodeEnergiesAndBreaks = compute_bond_state(self.system, self.state)
+        self.bond_state: NodeEnergiesAndBreaks = compute_node_energies_and_breaks(self.system, self.state)
         self.bond_state_step = 0  # that this is of
         self.file: RankFile | None = None  # of this rank alone
         self.pieces = np.zeros(0, dtype=np.int64)  # (k,) of each own node, where it is asked for
