@@ -161,6 +161,16 @@ def which_above(typingctx, a, b):  # type: ignore[no-untyped-def]
     return types.int64(a, b), generate
 
 
+@intrinsic
+def trailing_zeros(typingctx, bits):  # type: ignore[no-untyped-def]
+    """Number of the lowest bit that is set."""
+
+    def generate(context, builder, signature, values):  # type: ignore[no-untyped-def]
+        return builder.cttz(values[0], ir.Constant(ir.IntType(1), 1))
+
+    return types.int64(types.int64), generate
+
+
 def _row(context: Any, builder: Any, kind: Any, array: Any, row: int) -> Any:
     """Address of the beginning of an array's row."""
     array_struct = context.make_array(kind)(context, builder, array)

@@ -38,6 +38,7 @@ from pdsolve.codegen.lanes import (
     keep,
     listed,
     same,
+    trailing_zeros,
     unless_none,
     where_above,
     which_above,
@@ -162,7 +163,8 @@ def _sum_straight(blocks, tracks, u, before, step, b, lane, s):  # type: ignore[
     slot = add_slots(*table, shrink, slot, last, node, lane, s)
     while slot < last:
         slot = add_any(*table, shrink, slot, last, node, lane, s)
-        if slot < last and not _update_bonds(blocks, tracks, u, before, step, slot, b, lane, s):
+        if slot < last:
+            _update_bonds(blocks, tracks, u, before, step, slot, b, lane, s)
             slot = add_far(*table, shrink, slot, slot + 1, node, lane, s)
 
 
@@ -177,7 +179,8 @@ def _sum_one_sided(blocks, tracks, u, before, step, b, lane, s):  # type: ignore
         s[k] = 0
     while slot < last:
         slot = add_any_one_sided(*table, shrink, slot, last, node, lane, s)
-        if slot < last and not _update_bonds(blocks, tracks, u, before, step, slot, b, lane, s):
+        if slot < last:
+            _update_bonds(blocks, tracks, u, before, step, slot, b, lane, s)
             slot = add_far_one_sided(*table, shrink, slot, slot + 1, node, lane, s)
 
 
@@ -254,42 +257,39 @@ def _worst_of(law, worst, slot, lane):  # type: ignore[no-untyped-def]
 @njit(forceinline=True, **INNER)
 def _update_bonds(blocks, tracks, u, before, step, slot, b, first, s):  # type: ignore[no-untyped-def]
     """Break or soften the bonds of a slot beyond their edge, add the pulls that match their work to the sums in s, and
-    book the dissipated energy.
-
-    Returns whether there were any.
-    """
-    any_changed, law = False, blocks.slots[slot, LIMITS]
-    for k in range(across(s)):
+    book the dissipated energy."""
+    law = blocks.slots[slot, LIMITS]
+    over = which_above(beside(s, ONE, _E)[0], row_of(blocks.edge, blocks.slots[slot, BOUND], first))
+    while over != 0:
+        k = trailing_zeros(over)
+        over &= over - 1
         lane, e = first + k, s[_E + k]
-        if e > blocks.edge[blocks.slots[slot, BOUND], lane]:
-            row, stretch, i = _own_rows(blocks, slot), e / (1 + np.sqrt(1 + e)), b * LANES + lane
-            is_pending = blocks.edge[row, lane] <= PENDING_SHORT
-            if is_pending and tracks.broken[slot, lane] == step:
+        row, stretch, i = _own_rows(blocks, slot), e / (1 + np.sqrt(1 + e)), b * LANES + lane
+        is_pending = blocks.edge[row, lane] <= PENDING_SHORT
+        if is_pending and tracks.broken[slot, lane] == step:
+            continue
+        if is_pending:
+            pull = _pull_again(blocks, tracks, before, step, slot, b, lane, stretch) / (1 + stretch)
+            _add_force(blocks, tracks, u, slot, i, lane, pull, k, s)
+            continue
+        peak, limit = np.float64(blocks.peak[law, lane]), np.float64(blocks.limit[law, lane])
+        if stretch > peak:
+            last, worst = _stretch_before(blocks, tracks, before, slot, i, lane), 0.0
+            if blocks.softened[b]:  # else there may be no room for it
+                worst = worst_of(blocks.law, tracks.worst, slot, lane)
+            pull = added_force(blocks.law, stretch, last, worst, peak, limit) / (1 + stretch)
+            _add_force(blocks, tracks, u, slot, i, lane, pull, k, s)
+            if stretch > limit:
+                c = blocks.stiffness[blocks.whole[slot], lane] / blocks.vectors[blocks.slots[slot, VECTOR], 4] / 4
+                tracks.dissipated[i] += broken_energy(blocks.law, c, stretch, last, peak, limit)
+                _break(blocks, tracks, step, slot, lane)
+                if blocks.law.matches_work and last < limit and last < stretch:
+                    blocks.edge[row, lane] = PENDING if last >= 0 else PENDING_SHORT
+                    blocks.near[row, lane] = -abs(last)
                 continue
-            any_changed = True
-            if is_pending:
-                pull = _pull_again(blocks, tracks, before, step, slot, b, lane, stretch) / (1 + stretch)
-                _add_force(blocks, tracks, u, slot, i, lane, pull, k, s)
-                continue
-            peak, limit = np.float64(blocks.peak[law, lane]), np.float64(blocks.limit[law, lane])
-            if stretch > peak:
-                last, worst = _stretch_before(blocks, tracks, before, slot, i, lane), 0.0
-                if blocks.softened[b]:  # else there may be no room for it
-                    worst = worst_of(blocks.law, tracks.worst, slot, lane)
-                pull = added_force(blocks.law, stretch, last, worst, peak, limit) / (1 + stretch)
-                _add_force(blocks, tracks, u, slot, i, lane, pull, k, s)
-                if stretch > limit:
-                    c = blocks.stiffness[blocks.whole[slot], lane] / blocks.vectors[blocks.slots[slot, VECTOR], 4] / 4
-                    tracks.dissipated[i] += broken_energy(blocks.law, c, stretch, last, peak, limit)
-                    _break(blocks, tracks, step, slot, lane)
-                    if blocks.law.matches_work and last < limit and last < stretch:
-                        blocks.edge[row, lane] = PENDING if last >= 0 else PENDING_SHORT
-                        blocks.near[row, lane] = -abs(last)
-                    continue
-                soften(blocks, tracks, slot, b, lane, stretch, peak, limit)
-            blocks.edge[row, lane] = e
-            blocks.near[row, lane] = min(e, NARROW)
-    return any_changed
+            soften(blocks, tracks, slot, b, lane, stretch, peak, limit)
+        blocks.edge[row, lane] = e
+        blocks.near[row, lane] = min(e, NARROW)
 
 
 def soften(blocks: Any, tracks: Any, slot: Any, b: Any, lane: Any, stretch: Any, peak: Any, limit: Any) -> None:
