@@ -35,16 +35,6 @@ def bonded(typingctx, values, bits, tile, slot, lane):  # type: ignore[no-untype
 
 
 @intrinsic
-def fused(typingctx, a, b, c):  # type: ignore[no-untyped-def]
-    """a b + c in lanes, rounded once where the processor can."""
-
-    def generate(context, builder, signature, values):  # type: ignore[no-untyped-def]
-        return call(builder, "fmuladd", *values)
-
-    return a(a, b, c), generate
-
-
-@intrinsic
 def stretched(typingctx, e):  # type: ignore[no-untyped-def]
     """The stretch of bonds, and 1 / (1 + stretch), at |e| up to `NARROW`."""
     assert isinstance(e, Lanes)

@@ -159,6 +159,31 @@ def zeros(typingctx, array, like):  # type: ignore[no-untyped-def]
 
 
 @intrinsic
+def where_nonzero(typingctx, weight, vector):  # type: ignore[no-untyped-def]
+    """A vector in lanes with a nonzero weight, 0 in the rest."""
+
+    def generate(context, builder, signature, values):  # type: ignore[no-untyped-def]
+        none = ir.Constant(values[0].type, [0.0] * weight.count)
+        which = builder.fcmp_unordered("!=", values[0], none)
+        chosen = [builder.select(which, entry, none) for entry in cgutils.unpack_tuple(builder, values[1])]
+        return context.make_tuple(builder, signature.return_type, chosen)
+
+    return vector(weight, vector), generate
+
+
+@intrinsic
+def entries(typingctx, row, like):  # type: ignore[no-untyped-def]
+    """The first entries of a row, as many as a tuple has."""
+
+    def generate(context, builder, signature, values):  # type: ignore[no-untyped-def]
+        data = context.make_array(row)(context, builder, values[0]).data
+        numbers = [builder.load(builder.gep(data, [INT(number)])) for number in range(len(like))]
+        return context.make_tuple(builder, signature.return_type, numbers)
+
+    return types.UniTuple(row.dtype, len(like))(row, like), generate
+
+
+@intrinsic
 def any_beyond(typingctx, a, b):  # type: ignore[no-untyped-def]
     """Whether a > b in any lane, or one of them is no number."""
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import partial
+
 import numba
 import numpy as np
 from numpy.typing import NDArray
@@ -18,11 +20,12 @@ from pdsolve.operators.device.plane import PlaneOnDevice
 from pdsolve.operators.device.runtime import Session
 from pdsolve.operators.device.space import SpaceOnDevice
 from pdsolve.operators.ground_supports import support_bound, supported
+from pdsolve.operators.lattice_families import LatticeFamilies
 from pdsolve.operators.protocol import Operator
-from pdsolve.operators.simd_lattice import state_based
+from pdsolve.operators.simd_lattice import family_blocks
 from pdsolve.operators.simd_lattice.layout import blocks_of
 from pdsolve.operators.simd_lattice.operator import SimdLattice
-from pdsolve.operators.space_lattice import state_based as families_in_tiles
+from pdsolve.operators.space_lattice import family_sites
 from pdsolve.operators.space_lattice.operator import SpaceLattice
 from pdsolve.operators.together import Together
 from pdsolve.options import Options, threads_of
@@ -59,12 +62,12 @@ def make_operator(
     counted = statistics.counted(bond_source.area)
     compiled = not numba.config.DISABLE_JIT and options.kernel != "listed"
     of = law, model, bonds, scheme.symmetric, options.precision, threads
-    in_space = families_in_tiles.placed(law, model, bonds, bond_source.area) if compiled else None
+    in_space = family_sites.placed(law, model, bonds, bond_source.area) if compiled else None
     if in_space is not None:
-        return families_in_tiles.FamiliesInTiles(*of, in_space), counted
-    where = state_based.placed(law, bonds) if compiled else None
+        return LatticeFamilies(*of, partial(family_sites.FamilySites, in_space, bonds, threads)), counted
+    where = family_blocks.placed(law, bonds) if compiled else None
     if where is not None:
-        return state_based.Families(*of, *where), counted
+        return LatticeFamilies(*of, partial(family_blocks.FamilyBlocks, *where, nodes)), counted
     if options.kernel == "blocks":
         raise ModelError(
             "kernel is blocks; use listed: blocks need nodes on a lattice, a law that is written for them, and"
@@ -79,10 +82,11 @@ def _make_device_operator(
     """The operator of bonds that are in no tiles on a device. Raises ModelError."""
     if law.lanes is not None:  # a law of families
         bonds = listed(statistics.parts(), bond_source.area).bonds
-        where = state_based.placed(law, bonds)
+        where = family_blocks.placed(law, bonds)
         if where is None:
             raise ModelError(f"{model.name}: $.run.device: nodes are on no lattice; use cpu, or nodes on one")
-        of = law, model, bonds, scheme.symmetric, options.precision, *where
+        layout = family_blocks.FamilyBlocks
+        of = law, model, bonds, scheme.symmetric, options.precision, partial(layout, *where, len(model.grid))
         return FamiliesOnDevice(*of, Session(model.settings.run.device)), statistics.counted(bond_source.area)
     if law.pair is None or law.pair.bond_strain_energy is not None:
         raise ModelError(f"{model.name}: $.run.device: the law is no straight line; use cpu for such a law")

@@ -1,8 +1,9 @@
-/* Two passes over families on lattices: pdsolve/operators/simd_lattice/passes in OpenCL C.
+/* Two passes over families on lattices: pdsolve/lattice/families in OpenCL C.
 
-A work item is a node, a work group a block of 64. Each product and each sum is rounded, as on the processor. What a law
-does with a bond is ACCUMULATE, FINISH, BOND_FORCE and MARGIN, whose statements the host has written from the law.
-Symbols as in `Slots`; m nodes in whole blocks; C numbers a bond; WIDTH numbers of a node between the passes.
+A work item is a node, a work group a block of 64. Products and sums are rounded once where the vectors of the processor
+are (fma), and nowhere else. What a law does with a bond is ACCUMULATE, FINISH, BOND_FORCE and MARGIN, whose statements
+the host has written from the law. Symbols as in `FamilySlots`; m nodes in whole blocks; C numbers a bond; WIDTH
+numbers of a node between the passes.
 
     own       (., m) constants of nodes for the first pass        nodal   (WIDTH, m)
     given     (DIM, m) forces of a step in which bonds failed, N/m^3
@@ -41,18 +42,20 @@ inline bool bond_of(__global const int *slots, __global const int *ids, __global
     REAL far = u[axis * m + *j];
     bond->xi[axis] = v[axis];
     bond->eta[axis] = c[0] != 0 ? far - u[axis * m + i] : far * (REAL)0;
-    REAL along = v[2 * DIM] * bond->eta[axis];
-    along += v[DIM + axis];
-    along *= bond->eta[axis];
-    e = axis ? e + along : along;
+    e = fma(fma(v[2 * DIM], bond->eta[axis], v[DIM + axis]), bond->eta[axis], e);
   }
-  bond->q = sqrt((REAL)1 + e);
-  REAL reach = bond->q + (REAL)1, both = bond->q * reach, once = (REAL)1 / both;
-  REAL stretch = e * bond->q;
-  bond->stretch = stretch * once;
+  REAL inverse;
+  if (fabs(e) <= (REAL)NARROW) {
+    bond->stretch = e * POLYNOMIAL_STRETCH(REAL, e);
+    inverse = fma(-e, POLYNOMIAL_NARROW(REAL, e), (REAL)1);
+  } else {
+    REAL q = sqrt((REAL)1 + e);
+    bond->stretch = e / (q + (REAL)1);
+    inverse = (REAL)1 / q;
+  }
+  bond->q = (REAL)1 + bond->stretch;
   bond->length = v[2 * DIM + 1];
   bond->elongation = bond->length * bond->stretch;
-  REAL inverse = reach * once;
   bond->inverse = v[2 * DIM + 2] * inverse;
   return true;
 }

@@ -5,13 +5,15 @@ Where bonds may fail in a step, the processor looks at the nodes that the device
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from pdsolve.bonds.assembly import Bonds
-from pdsolve.laws.bond_arrays import Bond, Now
+from pdsolve.lattice.families import LANES, SAFE
+from pdsolve.laws.bond_arrays import Bond, Now, Tabled
 from pdsolve.laws.calls import functions_of
 from pdsolve.laws.law import Law
 from pdsolve.model import Model
@@ -20,18 +22,17 @@ from pdsolve.operators.device.padded import Padded
 from pdsolve.operators.device.runtime import Session
 from pdsolve.operators.device.source import text_of
 from pdsolve.operators.device.tracing import Code
+from pdsolve.operators.lattice_families import LatticeFamilies
 from pdsolve.operators.protocol import CheckpointArrays
-from pdsolve.operators.simd_lattice.kernel import LANES
-from pdsolve.operators.simd_lattice.layout import Placed, Tables
-from pdsolve.operators.simd_lattice.passes import SAFE
-from pdsolve.operators.simd_lattice.state_based import Families
+from pdsolve.operators.simd_lattice.family_blocks import FamilyBlocks
 from pdsolve.state import Broken, State
 
 
-class FamiliesOnDevice(Padded, Families):
+class FamiliesOnDevice(Padded, LatticeFamilies):
     """The families of n nodes whose steps a device takes; see `pdsolve.steppers.verlet_on_device`."""
 
     together = 1  # nodes that a work item sums
+    layout: FamilyBlocks
 
     def __init__(
         self,
@@ -40,15 +41,14 @@ class FamiliesOnDevice(Padded, Families):
         exact: Bonds,
         symmetric: bool,
         precision: str,
-        where: Placed,
-        tables: Tables,
+        make_layout: Callable[[Tabled, np.dtype[Any]], FamilyBlocks],
         session: Session,
     ) -> None:
-        """Arguments are those of `Families`. Raises ModelError if the device has too little memory."""
-        super().__init__(law, model, exact, symmetric, precision, 1, where, tables)
+        """Arguments are those of `LatticeFamilies`. Raises ModelError if the device has too little memory."""
+        super().__init__(law, model, exact, symmetric, precision, 1, make_layout)
         self.session, self.dimension, self.fused, self.needs_upload = session, len(self._u), False, True
         self.room, self._fresh = self._u.shape[1], [np.zeros(0, dtype=np.int64)]
-        slots, upload, forces = self.slots, session.put, 8 * self.dimension * self.room
+        slots, upload, forces = self.layout.bonds, session.put, 8 * self.dimension * self.room
         first = slots.start.astype(np.int32), slots.slots, slots.ids, slots.vectors, slots.kinds
         arrays = *first, slots.rows, self._own, self._m
         session.room_for(*(array.nbytes for array in arrays), forces, 9 * self.room)
@@ -56,7 +56,7 @@ class FamiliesOnDevice(Padded, Families):
         self._tables, self._constants = [upload(table) for table in first], upload(self._own)
         self._nodal, self._flags = upload(self._m), upload(np.zeros(2, dtype=np.int32))
         self.dissipated, self._named = upload(np.zeros(self.room)), upload(np.zeros(self.room, dtype=np.uint8))
-        session.write(self._rows, slots.rows[: self._used])
+        session.write(self._rows, slots.rows[: self.layout.shared_rows])
 
     @property
     def arguments(self) -> list[Any]:
@@ -68,7 +68,7 @@ class FamiliesOnDevice(Padded, Families):
         said, law, wide = functions_of(self.law), self.columns, len(self._m)
         sums = len(said["initial_sums"](law, (0.0,) * self.dimension, 0.0))  # of the first pass
         nodal_count, count = self._tabled.nodal_count, len(self._tabled.columns)
-        lines = [f"#define C {count}", f"#define FIELDS {self.slots.vectors.shape[1]}", f"#define SUMS {sums}"]
+        lines = [f"#define C {count}", f"#define FIELDS {self.layout.bonds.vectors.shape[1]}", f"#define SUMS {sums}"]
         lines.append(f"#define WIDTH {wide}")
         code = Code("a")
         outputs = code.call(
@@ -169,16 +169,16 @@ class FamiliesOnDevice(Padded, Families):
 
     def _lose(self, bonds: NDArray[np.int64], rows: NDArray[np.int64]) -> None:
         super()._lose(bonds, rows)
-        self._fresh.append(np.unique(self._lane_of[bonds] // LANES))
+        self._fresh.append(np.unique(self.layout.lane_of[bonds] // LANES))
 
     def _write_torn(self) -> None:
         """Give the slots of which a bond has broken to the device."""
-        torn, rows = np.unique(np.concatenate(self._fresh)), self.slots.rows
+        torn, rows = np.unique(np.concatenate(self._fresh)), self.layout.bonds.rows
         self._fresh = self._fresh[:1]
         if len(torn):
-            self.session.write(self._tables[1], self.slots.slots)
+            self.session.write(self._tables[1], self.layout.bonds.slots)
             self.session.write(self._constants, self._own)
-        for row in (self._used + torn).tolist():
+        for row in (self.layout.shared_rows + torn).tolist():
             self.session.write(self._rows, rows[row], row * rows[row].nbytes)
 
     def restore(self, checkpoint: CheckpointArrays, broken: Broken) -> None:
@@ -189,7 +189,7 @@ class FamiliesOnDevice(Padded, Families):
     def hand_over(self) -> None:
         """Give the history of bonds to the device, if it is another than the device's."""
         if self.needs_upload:
-            self.session.write(self._tables[1], self.slots.slots)
+            self.session.write(self._tables[1], self.layout.bonds.slots)
             self._write_torn()
             self.needs_upload = False
 

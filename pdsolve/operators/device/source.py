@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from pdsolve.codegen.plane_slots import FAR
-from pdsolve.codegen.pull import NARROW, WIDE, coefficients
+from pdsolve.codegen.pull import NARROW, WIDE, coefficients, stretch_coefficients
 from pdsolve.laws.calls import GROWTH
 from pdsolve.laws.law import Function
 from pdsolve.operators.device.translation import DOUBLE, Translation
@@ -106,7 +106,8 @@ def preamble(precision: str, dimension: int, nodes: int = 1) -> str:
     ]
     if nodes > 1:
         lines += vectors(nodes)
-    for name, factors in zip(("NARROW", "WIDE"), coefficients(precision), strict=True):
+    polynomials = *coefficients(precision), stretch_coefficients(precision)
+    for name, factors in zip(("NARROW", "WIDE", "STRETCH"), polynomials, strict=True):
         exact = [f"(KIND)({float(kind(factor)).hex()})" for factor in factors]
         value = exact[-1]
         for factor in exact[-2::-1]:

@@ -279,7 +279,7 @@ def test_ordinary_bodies(how: str, precision: str, monkeypatch: pytest.MonkeyPat
     model = bar({"model": "ordinary", "nu": 0.3}, **BENT[how])
     tiles = prepare(model, Options("conservative", precision, threads=1))
     tiles.advance(1, 200)
-    monkeypatch.setattr(operator_factory.families_in_tiles, "placed", lambda *of: None)
+    monkeypatch.setattr(operator_factory.family_sites, "placed", lambda *of: None)
     problems = two(model, "conservative", precision)
     for problem in problems:
         for first, last in ((1, 2), (2, 30), (30, 200)):

@@ -15,7 +15,7 @@ from pdmesh import Body, Box, Cylinder, Material, build
 from pdmesh.model.document import InitialVelocity, Region, Run
 from pdsolve.model import Model
 from pdsolve.operators.bond_list import BondList
-from pdsolve.operators.space_lattice.state_based import FamiliesInTiles
+from pdsolve.operators.lattice_families import LatticeFamilies
 from pdsolve.options import Options
 from pdsolve.run.prepare import prepare
 from pdsolve.run.system import PreparedRun
@@ -43,7 +43,7 @@ def body(failure: str = "stretch") -> Model:
 def prepared(kernel: str | None, precision: str = "float64", threads: int = 1, failure: str = "stretch") -> PreparedRun:
     """The body, in a list or in tiles."""
     found = prepare(body(failure), Options(kernel=kernel, precision=precision, threads=threads))
-    assert type(found.system.operator) is (BondList if kernel == "listed" else FamiliesInTiles)
+    assert type(found.system.operator) is (BondList if kernel == "listed" else LatticeFamilies)
     return found
 
 
@@ -102,7 +102,7 @@ def test_the_same_bonds_break(failure: str) -> None:
     assert np.abs(spent[0] - spent[1]).max() < 1e-12 * spent[0].max()
     again: Any = prepared(None, failure=failure).system.operator
     again.restore(of[1].system.operator.checkpoint_arrays(), of[1].system.operator.broken())
-    assert np.array_equal(again.tiles.bits, of[1].system.operator.tiles.bits)  # type: ignore[attr-defined]
+    assert np.array_equal(again.layout.bonds.bits, of[1].system.operator.layout.bonds.bits)  # type: ignore[attr-defined]
 
 
 @pytest.mark.slow
@@ -116,6 +116,6 @@ def test_rows_that_are_alike_are_stored_once() -> None:
     """The families of a box differ by how far three layers are on each side: 7 x 7 kinds of rows, and none."""
     made = build(Body(Box((0, 0, 0), (12 * H, 10 * H, 9 * H)), H, GLASS))
     operator: Any = prepare(Model(made.grid, made.settings), Options(threads=1)).system.operator
-    tiles = operator.tiles
+    tiles = operator.layout.bonds
     assert len(np.unique(tiles.lines)) == 7 * 7 + 1
     assert tiles.numbers.shape[1] == (7 * 7 + 1) * len(tiles.offsets) * tiles.wide
