@@ -23,4 +23,4 @@ def damping_warning(
         "coming to rest after bonds broke": run.solver == "static",
     }
     by = ", ".join(cause for cause, present in causes.items() if present) or "damping"
-    return f"{by} took {100 * damped / put_in:.2g} % of what was put in, which no crack spent"
+    return f"{by} took {100 * damped / put_in:.2g} % of the work and initial energy, which no crack dissipated"

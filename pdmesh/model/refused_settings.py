@@ -71,7 +71,7 @@ def _swelling_at_rest(run: Run, every: Places, why: str) -> Iterator[Impossible]
         yield Impossible("$.run.time_step", "none", f"one, after which the body is brought to rest, {why}")
     for place, material in every:
         if softens(material):
-            yield Impossible(f"{place}.law", material.law, f"{USUAL_LAW} at rest, {why}")
+            yield Impossible(f"{place}.law", material.law, f"{USUAL_LAW} in a quasi-static analysis, {why}")
 
 
 def _diffusing(settings: Settings, medium: Medium) -> Iterator[Impossible]:

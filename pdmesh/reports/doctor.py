@@ -97,7 +97,7 @@ def _walls() -> Finding:
         stand, ended = _child(WALLS, str(folder))
     complete = {"landlock", "seccomp"} <= set(stand.split())
     cure = "drawings of others are read behind limits of memory and time alone (Linux on x86-64 has more)"
-    return Finding("walls around drawings", complete and not ended, stand or ended or "none", cure, needed=False)
+    return Finding("sandbox for drawings", complete and not ended, stand or ended or "none", cure, needed=False)
 
 
 def _devices() -> Finding:

@@ -249,11 +249,11 @@ def _quantity(value: float | None, unit: str) -> str:
 def _step_line(result: dict[str, Any]) -> str:
     stable, step, steps = result["smallest_stable_step"], result["time_step"], result["steps"]
     if result["along_path"]:
-        return f"at rest: about {steps} steps along the equilibrium path"
+        return f"quasi-static: about {steps} steps along the equilibrium path"
     if result["in_jumps"]:
-        return f"at rest: at most {steps} steps of jumps of cycles"
+        return f"quasi-static: at most {steps} jumps of cycles"
     if result["at_rest"]:
-        return f"at rest: {step:.4g} s x {steps} load steps"
+        return f"quasi-static: {step:.4g} s x {steps} load steps"
     why = f"refused by pdsolve ({result['refused']})" if result["refused"] else "no material"
     sure = f"{why}, so no stable step" if stable is None else f"stable time step {stable:.4g} s"
     return f"{sure}; run: {'steps' if step is None else f'{step:.4g} s x'} {steps}"

@@ -190,7 +190,7 @@ def _speeds(shown: list[Numbered], speed: Axes, summary: CrackPathSummary) -> No
 
 
 def _released(shown: list[Numbered], energy: Axes, summary: CrackPathSummary) -> None:
-    """Draw the energy spent over the advance of all cracks, beside G0."""
+    """Draw the energy dissipated per area of all cracks, beside G0."""
     spent = summary.energy_release
     second, seconds = scaled((branch.passing_time for _, branch in shown), "s")
     joule, unit = scaled([spent.release_rate, np.array([spent.G0])], "J/m²")
@@ -202,5 +202,5 @@ def _released(shown: list[Numbered], energy: Axes, summary: CrackPathSummary) ->
     )  # fmt: skip
     energy.set_ylim(bottom=0)
     energy.set_title("of all cracks, over ten spacings", fontsize="small")
-    energy.set(xlabel=f"time, {seconds}", ylabel=f"spent over advance, {unit}")
+    energy.set(xlabel=f"time, {seconds}", ylabel=f"dissipated per crack area, {unit}")
     plain(energy)

@@ -218,7 +218,7 @@ def _crumbs_sentences(fragments: PlateFragments) -> list[str]:
 
 
 def _energy_release_sentences(release: EnergyRelease) -> list[str]:
-    """Words for the energy that the cracks spent, relative to G0."""
+    """Words for the energy dissipated per area of the cracks, over G0."""
     finite_values = release.release_rate[np.isfinite(release.release_rate)]
     if not len(finite_values):
         return []
@@ -226,7 +226,7 @@ def _energy_release_sentences(release: EnergyRelease) -> list[str]:
     total_text = f"{release.overall_release_rate / release.G0:.3g} on the whole"
     if release.dissipated_before_growth > NOTHING * release.overall_release_rate * release.crack_length[-1]:
         total_text += f", with {release.dissipated_before_growth:.3g} J/m before they grew"
-    return [f"spent over advance, of G0: {middle:.3g} in the median, {low:.3g} to {high:.3g}; {total_text}"]
+    return [f"energy dissipated per crack area / G0: median {middle:.3g}, {low:.3g} to {high:.3g}; {total_text}"]
 
 
 def prediction_sentences(predictions: Sequence[PredictedCrackDirection], results: Results) -> list[str]:

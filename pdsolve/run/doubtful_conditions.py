@@ -52,9 +52,9 @@ def _warn_of_restitution_of_deformable_bodies(model: Model) -> None:
     if contact is None or contact.restitution == 1 or bodies is None or len(bodies.rigid) == len(bodies.names):
         return
     warnings.warn(
-        f"{model.name}: $.contact.restitution is {contact.restitution:g} with bodies that deform, which show more:"
-        " it is that of the pairs of nodes in contact, and what bodies store themselves comes back in full; rigid"
-        " bodies show it",
+        f"{model.name}: $.contact.restitution is {contact.restitution:g} with bodies that deform, which usually"
+        " rebound with more: it holds for pairs of nodes in contact, and the elastic energy inside the bodies returns"
+        " in full; rigid bodies rebound with it",
         ModelNote,
         stacklevel=2,
     )

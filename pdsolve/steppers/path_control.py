@@ -28,7 +28,7 @@ class PathControl(Protocol):
 class DissipationControl:
     """The energy that bonds spend, J/m."""
 
-    unit, description = "J/m", "bonds have spent"
+    unit, description = "J/m", "bonds have dissipated"
 
     def __init__(self, bonds: SofteningBonds) -> None:
         self._bonds = bonds

@@ -88,7 +88,9 @@ class PathStepper:
             return "elastic"
         most, last = max(abs(row.work_conjugate_force) for row in self.step_results) or 1.0, self.step_results[-1]
         unit = "J/m" if self._model.grid.dimension == 2 else "J"
-        said = f"load {last.work_conjugate_force / most:.0%} of its peak, spent {last.dissipated_energy:.3g} {unit}"
+        said = (
+            f"load {last.work_conjugate_force / most:.0%} of its peak, dissipated {last.dissipated_energy:.3g} {unit}"
+        )
         began, before = self._began or (0.0, 1.0)
         share = self._finished_path_share()
         if share <= before:
@@ -119,11 +121,11 @@ class PathStepper:
         self._warn_past_peak_load_or_end_path(step)
 
     def _warn_past_peak_load_or_end_path(self, step: int) -> None:
-        """Report, once, loads past their largest; end the path where they are as good as gone."""
+        """Warn once of a load that has passed its peak; end the path where it has nearly vanished."""
         pulls = [abs(path_step.work_conjugate_force) for path_step in self.step_results]
         most, now = max(pulls), pulls[-1]
         if now < self.end * most:
-            self.ended, self.end_reason = True, f"the load has fallen to {self.end:.0%} of its largest"
+            self.ended, self.end_reason = True, f"the load has fallen to {self.end:.0%} of its peak"
         elif step == self._model.settings.run.steps and not self.ended:
             self.end_reason = "the steps are over"
         if self._driven[self._held].any() or now >= PASSED * most:
@@ -131,13 +133,13 @@ class PathStepper:
         self.peak_load_factor = max(path_step.load_factor for path_step in self.step_results)
         after = self._model.settings.run.after
         if after != "path":
-            self.ended, self.end_reason = True, "the loads are past their largest"
+            self.ended, self.end_reason = True, "the load has passed its peak"
         if min(pulls[pulls.index(most) : -1]) < PASSED * most:
             return
         follows = {"path": "goes on at smaller loads", "stop": "ends here", "motion": "ends here, and a motion begins"}
         warnings.warn(
-            f"{self._model.name}: path step {step}: the loads are past their largest, {self.peak_load_factor:.4g} of"
-            f" those prescribed, where a body under dead loads does not stay at rest; the path {follows[after]}",
+            f"{self._model.name}: path step {step}: the load has passed its peak, {self.peak_load_factor:.4g} of the"
+            f" prescribed load, beyond which dead loads have no equilibrium; the path {follows[after]}",
             ModelWarning,
             stacklevel=2,
         )

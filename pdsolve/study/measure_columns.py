@@ -46,7 +46,7 @@ MEASURES = {
     "fork_x": Measure("m", "place of the first fork"),
     "fork_y": Measure("m", "place of the first fork"),
     "direction": Measure("degrees", "angle from the notch over the first straight stretch, the largest of all cracks"),
-    "spent": Measure("J/m^2", "energy spent over advance of cracks, the median"),
+    "spent": Measure("J/m^2", "energy dissipated per crack area, the median"),
     "pieces": Measure("", "pieces of the plate at the end"),
 }
 

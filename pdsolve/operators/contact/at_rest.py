@@ -59,7 +59,7 @@ class RestingContact(PenaltyContact):
         self._closing: Array | None = None  # (bodies, bodies) m, gap of nodes of bodies that touch as drawn
         super().__init__(model, volume, operator)
         if self._settings.restitution < 1:
-            actual = f"{self._settings.restitution:g} at rest"
+            actual = f"{self._settings.restitution:g} in a quasi-static analysis"
             raise ModelError(f"{model.name}: $.contact.restitution is {actual}; use 1: nothing bounces")
         self.symmetric = not self._settings.friction
         if self._joined.drawn.round.any():
