@@ -95,12 +95,7 @@ CASES = [  # but for beams, which have a third unknown and small rotations (test
     ),
     *(Case(law, "listed", 2, "float64") for law in VARIANTS if law not in MODELS),
     *(Case(law, "blocks", 2, kind) for law in (*LAWS, "ordinary", "correspondence") for kind in ("float64", "float32")),
-    *(  # in space only bonds with straight force lines are summed in blocks
-        Case(law, "blocks", 3, kind)
-        for law in (*LAWS, "ordinary")
-        if law == "ordinary" or not Case(law, "blocks", 3, "").curved
-        for kind in ("float64", "float32")
-    ),
+    *(Case(law, "blocks", 3, kind) for law in (*LAWS, "ordinary") for kind in ("float64", "float32")),
     Case("neo-hooke", "blocks", 2, "float64"),
     *(Case("wan", "blocks", 2, kind) for kind in ("float64", "float32")),
     Case("wan", "listed", 3, "float64"),

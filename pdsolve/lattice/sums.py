@@ -9,8 +9,8 @@ Layout:
     memory   of a tile, from when the first of its bonds has softened: what each was stretched to at most, and the
              share of its stiffness that is left
 
-Any pair law that is linear until it first softens, and then has a secant (`Pair.bond_strain_energy` is None). A slot is
-looked at bond by bond only in steps in which one of its bonds is beyond the least of all peaks. Symbols as in
+Any pair law; one that is curved (`Pair.bond_strain_energy`) has one material, and its secant is computed in lanes. A
+slot is looked at bond by bond only in steps in which one of its bonds is beyond the least of all peaks. Symbols as in
 pdsolve.laws.law; pdsolve.laws.pair says the same in a few lines and is what this is tested against.
 """
 
@@ -51,6 +51,7 @@ from pdsolve.laws.calls import (
     secant,
     second_force,
 )
+from pdsolve.laws.law import Pair
 
 # Tiles: without a node; what their bonds' stiffnesses are made of; and the same of tiles with a memory
 EMPTY, ALIKE, CORRECTED, GENERAL, SOFT_ALIKE, SOFT_CORRECTED, SOFT_GENERAL = range(7)
@@ -78,7 +79,7 @@ class Tiles(NamedTuple):
     peak: NDArray[np.float64]  # (p, k) stretch above which bonds soften; of materials i and j in row i sqrt(p) + j
     limit: NDArray[np.float64]  # (p, k) stretch above which they are gone
     memory: NDArray[np.int32]  # (t,) row of what follows, or -1
-    share: NDArray[np.floating]  # (r, k, 16) of the stiffness that is left
+    share: NDArray[np.floating]  # (r, k, 16) of the stiffness that is left; of a curved law the largest stretch
     worst: NDArray[np.float64]  # (r, k, 16) largest stretch above the peak, 0 if never there
     margin: int
     floor: float  # e above which softened bonds have what is left of their stiffness alone
@@ -233,11 +234,41 @@ def _add(tiles, u, t, lane, first, aged, f):  # type: ignore[no-untyped-def]
             if number != aged and any_beyond(e, edge):
                 return number, f
             g = factor(u, e, size, near, g)
-        if softened:
-            (left,) = beside(tiles.share[row_of_memory, slot : slot + np.uint64(1)], (0,), lane)
-            w = w * where_above(e, same(u, tiles.floor), left, same(u, 1.0))
+        w = secant_weight(tiles, u, w, e, g, slot, lane, softened, row_of_memory)
         f = pulled(f, w * (e * g), eta, row)
     return len(tiles.offsets), f
+
+
+def secant_weight(
+    tiles: Any, u: Any, w: Any, e: Any, g: Any, slot: Any, lane: Any, softened: Any, row_of_memory: Any
+) -> Any:
+    """The secant of lanes at e, over the bonds' lengths, from the stiffness over length w."""
+    raise NotImplementedError("compiled for each law")
+
+
+@overload(secant_weight, jit_options=IN_PLACE)
+def _secant_weight(tiles, u, w, e, g, slot, lane, softened, row_of_memory):  # type: ignore[no-untyped-def]
+    return _secant_of_line if _pair(tiles).bond_strain_energy is None else _secant_of_curve
+
+
+def _secant_of_line(tiles, u, w, e, g, slot, lane, softened, row_of_memory):  # type: ignore[no-untyped-def]
+    if softened:
+        (left,) = beside(tiles.share[row_of_memory, slot : slot + np.uint64(1)], (0,), lane)
+        w = w * where_above(e, same(u, tiles.floor), left, same(u, 1.0))
+    return w
+
+
+def _secant_of_curve(tiles, u, w, e, g, slot, lane, softened, row_of_memory):  # type: ignore[no-untyped-def]
+    worst = same(u, 0.0)
+    if softened:
+        (worst,) = beside(tiles.share[row_of_memory, slot : slot + np.uint64(1)], (0,), lane)
+    stretch, limits = e * g * np.sqrt(1.0 + e), (same(u, tiles.peak[0, slot]), same(u, tiles.limit[0, slot]))
+    return w * secant(tiles.law, stretch, worst, limits[0], limits[1])
+
+
+def _pair(tiles: Any) -> Pair:
+    """The pair law of the numba type of tiles."""
+    return pair_of(tiles.types[Tiles._fields.index("law")])
 
 
 @njit(**INNER)
@@ -324,9 +355,19 @@ def soften(tiles: Any, t: Any, slot: Any, lane: Any, stretch: Any, peak: Any, li
 
 @overload(soften, jit_options=INNER)
 def _soften(tiles, t, slot, lane, stretch, peak, limit):  # type: ignore[no-untyped-def]
-    if pair_of(tiles.types[Tiles._fields.index("law")]).softening is None:
+    pair = _pair(tiles)
+    if pair.softening is None:
         return lambda tiles, t, slot, lane, stretch, peak, limit: True
-    return _weaken
+    return _weaken if pair.bond_strain_energy is None else _remember
+
+
+def _remember(tiles, t, slot, lane, stretch, peak, limit):  # type: ignore[no-untyped-def]
+    row = tiles.memory[t]
+    if row < 0:
+        return False
+    if stretch > tiles.worst[row, slot, lane]:
+        tiles.worst[row, slot, lane] = tiles.share[row, slot, lane] = stretch
+    return True
 
 
 def _weaken(tiles, t, slot, lane, stretch, peak, limit):  # type: ignore[no-untyped-def]

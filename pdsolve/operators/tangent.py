@@ -6,7 +6,7 @@ contains no difference, so that h may be arbitrarily small.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
@@ -15,8 +15,9 @@ from numpy.typing import NDArray
 from scipy.sparse import coo_array, csr_array, eye_array
 
 from pdsolve.codegen.jit_cache import cached_njit
-from pdsolve.laws.bond_arrays import AnyList, Now, deformed
+from pdsolve.laws.bond_arrays import AnyList, List, Now, deformed
 from pdsolve.laws.calls import accumulate_bond_force
+from pdsolve.laws.law import Law
 
 STEP = 1e-30  # m; its square is lost beside any length
 
@@ -65,6 +66,28 @@ def of_pairs(bonds: AnyList, columns: Any, now: Now) -> csr_array:
     _slopes(bonds, columns, now, np.empty((nodes, 0), dtype=now.value.dtype), STEP, by_node, by_neighbour)
     source = np.repeat(np.arange(nodes), np.diff(bonds.start))
     return _matrix(nodes, source, bonds.neighbour.astype(np.int64), by_node, by_neighbour)
+
+
+def of_curves(
+    law: Law,
+    source: NDArray[np.int64],
+    target: NDArray[np.int64],
+    xi: NDArray[np.float64],
+    numbers: Sequence[NDArray[np.float64]],
+    value: NDArray[np.floating],
+) -> csr_array:
+    """The tangent (n w, n w), N/m^4, of intact bonds (b,) of a pair law that is not linear, at values (n, w).
+
+    `numbers` are stiffness, peak, limit and largest stretch (b,) each.
+    """
+    order = np.argsort(source, kind="stable")
+    source, target, xi = source[order], target[order], xi[order]
+    stiffness, peak, limit, worst = (column[order] for column in numbers)
+    columns = law.columns_type(stiffness, peak, limit, worst, np.zeros(len(source), np.int32), np.zeros(0))
+    start, length = np.searchsorted(source, np.arange(len(value) + 1)), np.sqrt((xi**2).sum(axis=1))
+    bonds = List(start, target.astype(np.int32), tuple(np.ascontiguousarray(x) for x in xi.T), length)
+    complex_value = value.astype(np.complex128)
+    return of_pairs(bonds, columns, Now(complex_value, complex_value, 0, 0.0))
 
 
 def _matrix(

@@ -195,6 +195,9 @@ def _make_bond_tiles_if_possible(
     """The bonds of a body in tiles, where they can be and options do not exclude it."""
     if model.grid.dimension == 2 or options.kernel == "listed" or numba.config.DISABLE_JIT or not scheme.symmetric:
         return None
+    pair = law_of(model).pair
+    if model.settings.run.device != "cpu" and pair is not None and pair.bond_strain_energy is not None:
+        return None  # devices know straight lines alone
     return tiled(model, np.dtype(options.precision).type, bonds_are_unbreakable)
 
 

@@ -40,7 +40,10 @@ class Tiled(NamedTuple):
 def tiled(model: Model, kind: type[np.floating], unbreakable: bool = False) -> Tiled | None:
     """The bonds of a body in precision `kind`; None where tiles cannot be."""
     law = law_of(model)
-    if law.pair is None or law.pair.bond_strain_energy is not None:
+    if law.pair is None:
+        return None
+    is_curved = law.pair.bond_strain_energy is not None
+    if is_curved and (law.pair.elastic_in_compression or len(model.materials) > 1):
         return None
     if model.materials[0].detour is not None and len(model.grid.cracks):
         return None

@@ -9,7 +9,6 @@ from numpy.typing import NDArray
 
 from pdsolve.checkpoint_validation import entry
 from pdsolve.codegen.plane_slots import BOUND
-from pdsolve.laws.bond_arrays import List, Now
 from pdsolve.laws.calls import bind
 from pdsolve.laws.law import Law
 from pdsolve.operators.pending_pulls import PendingPulls, last_breaks, pending_to_arrays, read_pending_pulls
@@ -117,20 +116,14 @@ class SimdLattice:
 
     def _curved_tangent(self, numbers: NDArray[np.int64], state: State) -> csr_array:
         """The tangent of intact bonds (k,) whose law is not linear, bond by bond."""
-        from pdsolve.operators.tangent import of_pairs
+        from pdsolve.operators.tangent import of_curves
 
-        source, target = layout.ends(self.blocks, numbers)
-        order, nodes = np.argsort(source, kind="stable"), len(self._stiffness_bound)
-        numbers, source, target = numbers[order], source[order], target[order]
-        (slot, lane), (xi, stiffness) = np.divmod(numbers, LANES), layout.springs(self.blocks, numbers)
+        (source, target), (xi, stiffness) = layout.ends(self.blocks, numbers), layout.springs(self.blocks, numbers)
+        slot, lane = np.divmod(numbers, LANES)
         row = self.blocks.slots[slot, LIMITS]
         peak, limit = (table[row, lane].astype(np.float64) for table in (self.blocks.peak, self.blocks.limit))
         worst = self.tracks.worst.ravel()[numbers].astype(np.float64) if self.tracks.worst.size else np.zeros(len(slot))
-        columns = self._law.columns_type(stiffness, peak, limit, worst, np.zeros(len(slot), np.int32), np.zeros(0))
-        start = np.searchsorted(source, np.arange(nodes + 1))
-        bonds = List(start, target.astype(np.int32), tuple(np.ascontiguousarray(x) for x in xi.T), np.hypot(*xi.T))
-        value = state.value.astype(np.complex128)
-        return of_pairs(bonds, columns, Now(value, value, 0, 0.0))
+        return of_curves(self._law, source, target, xi, (stiffness, peak, limit, worst), state.value)
 
     def bonds(
         self, first: int = 0, last: int | None = None, start: bool = False

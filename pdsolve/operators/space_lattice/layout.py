@@ -12,6 +12,7 @@ from pdsolve.codegen.pull import NARROW
 from pdsolve.codegen.vector_code import ROW
 from pdsolve.lattice.bond import FIELDS, where_inverse, where_weight
 from pdsolve.lattice.sums import MODULUS, SOFTENED, VOLUME, Breaks, Tiles, select_breaks
+from pdsolve.laws.calls import pair_of
 from pdsolve.laws.law import Law
 from pdsolve.laws.pair import no_bonds
 from pdsolve.operators.pending_pulls import PendingPulls, last_breaks
@@ -90,7 +91,8 @@ def extended(tiles: Tiles, tile_numbers: NDArray[np.int64]) -> Tiles:
         tiles = tiles._replace(share=share, worst=worst)
     tiles.memory[tile_numbers] = used + np.arange(len(tile_numbers))
     tiles.kind[tile_numbers] += np.uint8(SOFTENED)
-    tiles.share[used : used + len(tile_numbers)], tiles.worst[used : used + len(tile_numbers)] = 1, 0
+    rows = slice(used, used + len(tile_numbers))
+    tiles.share[rows], tiles.worst[rows] = pair_of(tiles.law).bond_strain_energy is None, 0
     return tiles
 
 
@@ -157,6 +159,16 @@ def shares(
     remaining, which = np.ones(len(e)), np.flatnonzero((tiles.memory[tile] >= 0) & (e > tiles.floor))
     remaining[which] = tiles.share[tiles.memory[tile[which]], slot[which], lane[which]]
     return remaining
+
+
+def largest_stretches(
+    tiles: Tiles, sites: Sites, source: NDArray[np.int64], slot: NDArray[np.int64]
+) -> NDArray[np.float64]:
+    """The largest stretches (b,) of bonds above their peaks, 0 if never there."""
+    tile, lane = np.divmod(sites.site[source] - sites.margin, ROW)
+    worst, which = np.zeros(len(source)), np.flatnonzero(tiles.memory[tile] >= 0)
+    worst[which] = tiles.worst[tiles.memory[tile[which]], slot[which], lane[which]]
+    return worst
 
 
 def placed(

@@ -136,10 +136,14 @@ class SpaceLattice:
 
     def tangent(self, state: State) -> csr_array:
         """The tangent (n w, n w), N/m^4: minus the derivative of the force densities by the values."""
-        from pdsolve.operators.tangent import of_springs  # SciPy takes as long to import as numba, and few runs ask
+        from pdsolve.operators.tangent import of_curves, of_springs  # SciPy takes long to import, and few runs ask
 
         source, target, slot = layout.intact(self.sites, self.tiles.bits, np.arange(len(self._stiffness_bound)))
         xi, pull = layout.springs(self.tiles, self.sites, source, target, slot)
+        if self._law.pair is not None and self._law.pair.bond_strain_energy is not None:
+            numbers = pull, self.tiles.peak[0, slot], self.tiles.limit[0, slot]
+            worst = layout.largest_stretches(self.tiles, self.sites, source, slot)
+            return of_curves(self._law, source, target, xi, (*numbers, worst), state.value)
         eta = state.value[target].astype(np.float64) - state.value[source]
         e = ((2 * xi + eta) * eta).sum(axis=1) / (xi**2).sum(axis=1)
         pull *= layout.shares(self.tiles, self.sites, source, slot, e)

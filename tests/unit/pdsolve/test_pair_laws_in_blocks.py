@@ -64,18 +64,25 @@ import msgspec
 import numpy as np
 from plates import GLASS, plate, square_grid
 
+from pdmesh import Body, Box, build
 from pdmesh.model.document import Run
 from pdsolve.laws import LAWS
+from pdsolve.model import Model
 from pdsolve.options import Options
 from pdsolve.run.prepare import prepare
 
 LAWS["curved"] = curved.LAW
-precision = sys.argv[1]
-glass = msgspec.structs.replace(GLASS, law="curved", kr=3.0)
+precision, dimension = sys.argv[1], int(sys.argv[2])
+last = 8 if precision == "float32" and dimension == 3 else 30  # a bond that passes its peak in one of both alone counts
+glass, run = msgspec.structs.replace(GLASS, law="curved", kr=3.0), Run(time_step=2e-8)
 
 
 def prepared(kernel):
-    model = plate(square_grid(37, 29), 3, material=glass, run=Run(time_step=2e-8))
+    model = plate(square_grid(37, 29), 3, material=glass, run=run)
+    if dimension == 3:
+        solid = msgspec.structs.replace(glass, plane="space")
+        made = build(Body(Box((0, 0, 0), (0.017, 0.009, 0.008)), 1e-3, solid, 3.0, run))
+        model = Model(made.grid, made.settings)
     found = prepare(model, Options("conservative", precision, 1, kernel))
     assert found.system.operator.name == kernel
     return found
@@ -88,12 +95,15 @@ for kernel in ("blocks", "listed"):
     problem.state.value[:] = 3e-7 * random.standard_normal(problem.state.value.shape)
     problem.state.rate[:] = 5 * random.standard_normal(problem.state.value.shape)
     problem.advance(1, 5)
-    problem.advance(5, 30)
+    problem.advance(5, last)
     operator = problem.system.operator
     broken, kept = operator.broken(), operator.checkpoint_arrays()
-    arrays = [*problem.state[:4], *operator.energies(problem.state), np.sort(kept["worst"])]
-    if precision == "float64":
-        arrays.append(operator.tangent(problem.state).toarray())
+    ends = [kept["worst_source"], kept["worst_target"]], [broken.source, broken.target]
+    of_bond, of_broken = (source * len(problem.state.value) + target for source, target in ends)
+    worst = np.sort(kept["worst"][~np.isin(of_bond, of_broken)])
+    arrays = [*problem.state[:4], *operator.energies(problem.state)]
+    if precision == "float64":  # else some bonds pass their peak in one of both alone
+        arrays += [worst, operator.tangent(problem.state).toarray()]
     found.append((arrays, sorted(zip(*(column.tolist() for column in broken), strict=True))))
     if kernel == "blocks":
         again = prepared(kernel)
@@ -102,24 +112,27 @@ for kernel in ("blocks", "listed"):
             own[:] = values
         out = [np.zeros(problem.state.value.shape) for _ in range(2)]
         for one, force in zip((problem, again), out, strict=True):
-            one.system.operator.accumulate_force(one.state, force, 30, 0.0)
+            one.system.operator.accumulate_force(one.state, force, last, 0.0)
         same = out[0].tobytes() == out[1].tobytes()
 (fast, gone), (listed, expected) = found
 apart = [float(np.abs(a - b).max() / np.abs(b).max()) for a, b in zip(fast, listed, strict=True)]
-counts = {"broken": len(gone), "softened": len(fast[6])}
+counts = {"broken": len(gone), "softened": len(worst)}
 print(json.dumps(counts | {"apart": apart, "breaks": gone == expected, "same": same}))
 """
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("precision", "tight"), [("float64", 1e-12), ("float32", 3e-4)])  # measured 1.9e-13, 1.0e-4
-def test_a_law_that_is_curved_and_softens(precision: str, tight: float, tmp_path: Path) -> None:
+@pytest.mark.parametrize(  # measured 1.9e-13, 1.0e-4; 2.1e-12, 7.2e-6
+    ("dimension", "precision", "tight"),
+    [(2, "float64", 1e-12), (2, "float32", 3e-4), (3, "float64", 1e-11), (3, "float32", 3e-4)],
+)
+def test_a_law_that_is_curved_and_softens(dimension: int, precision: str, tight: float, tmp_path: Path) -> None:
     """Steps from random displacements: states, energies, what bonds remember, tangents, and what is restored."""
     for name, text in (("curved.py", LAW), ("run.py", RUN)):
         (tmp_path / name).write_text(text, encoding="utf-8")
     where = os.pathsep.join(map(str, (tmp_path, ROOT / "tests", ROOT)))
     environment = {**os.environ, "PYTHONPATH": where, "NUMBA_CACHE_DIR": str(tmp_path / "compiled")}
-    command = [sys.executable, "run.py", precision]
+    command = [sys.executable, "run.py", precision, str(dimension)]
     ran = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, env=environment)
     assert ran.returncode == 0, ran.stderr
     found = json.loads(ran.stdout)
