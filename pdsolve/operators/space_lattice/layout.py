@@ -7,6 +7,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from pdmesh.model.neighbours import Pairs, lengths, row_chunks
+from pdmesh.model.visibility import BondObstacles
 from pdsolve.checkpoint_validation import expect_found
 from pdsolve.codegen.pull import NARROW
 from pdsolve.codegen.vector_code import ROW
@@ -174,6 +176,25 @@ def cleared(sites: Sites, source: NDArray[np.int64], target: NDArray[np.int64], 
     step = sites.site[target] - sites.site[source]
     expect_found((sites.steps[slot] == step) & ((bits[tile, slot] & bit) != 0), source, target)
     np.bitwise_and.at(bits, (tile, slot), ~bit)
+
+
+def separate(sites: Sites, bits: NDArray[np.uint16], sight: BondObstacles) -> NDArray[np.int64]:
+    """Take the bonds that surfaces and cracks separate out of the bits (t, k); returns the number (n,) of each node's
+    that cracks alone do."""
+    cut, length = np.zeros(len(sites.site), dtype=np.int64), lengths(sites.ways * sites.spacing)
+    if sight.clear:
+        return cut
+    separated_pairs = []
+    near = np.flatnonzero(sight.near(float(length.max())))
+    for chunk in row_chunks(len(near)):
+        source, target, slot = intact(sites, bits, near[chunk])
+        pairs = Pairs(source, target, length[slot])
+        inside, parted = sight.inside(pairs), sight.cut(pairs)
+        cut += np.bincount(source[inside & parted], minlength=len(cut))
+        separated_pairs.append((source[parted | ~inside], target[parted | ~inside]))
+    for source, target in separated_pairs:
+        cleared(sites, source, target, bits)
+    return cut
 
 
 def place_pending(sites: Sites, pending: PendingPulls, broken: Broken) -> Breaks:
