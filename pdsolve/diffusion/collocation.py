@@ -19,9 +19,10 @@ from numpy.typing import NDArray
 
 from pdmesh.model.neighbours import ON_LATTICE, Neighbours, Pairs, chosen, lengths, row_chunks
 from pdsolve.diffusion.families import DiffusionFamilies
-from pdsolve.diffusion.lattice import Box, OnLattice, box_of, family, slots_of
+from pdsolve.diffusion.lattice import OnLattice, family, place_bonds
 from pdsolve.diffusion.listed import compiled
 from pdsolve.model import Model, ModelError
+from pdsolve.operators.space_lattice.families import members
 from pdsolve.operators.stencils import Stencil, diffusion, stencil_of
 
 if TYPE_CHECKING:
@@ -286,7 +287,8 @@ def _lattice(
     threads: int,
 ) -> OnLattice:
     """Exchange on a lattice of nodes at `places` (n, d), in units of spacing, m, the first `real` of which are real."""
-    box: Box | None = box_of(places * spacing, spacing, int(np.abs(steps).max()), real)
-    assert box is not None
+    placed = place_bonds(places * spacing, spacing, steps, conductance)
+    assert placed is not None
+    sites, conductance = placed
     volume = np.full(len(places), spacing ** places.shape[1])
-    return OnLattice(box, slots_of(steps, conductance, box), volume, threads)
+    return OnLattice(sites, members(sites), conductance, volume, threads, wanted=real)
