@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from pdmesh.model.neighbours import Pairs, lengths, row_chunks
+from pdmesh.model.neighbours import Pairs, lengths
 from pdmesh.model.visibility import BondObstacles
 from pdsolve.checkpoint_validation import expect_found
 from pdsolve.codegen.pull import NARROW
@@ -24,6 +24,7 @@ from pdsolve.state import Broken
 
 INVERSE, PULL, SHARES = where_inverse(3), where_weight(3), where_weight(3) + 1  # in a row of `Tiles.table`
 SAME = 1e-11  # relative: stiffnesses this close are one
+LOOKED_AT = 1024  # rows whose pairs are looked at together, some 100 bytes each
 ROUNDED = 1e-5  # relative: what rounding does to e, and more
 
 
@@ -186,8 +187,8 @@ def separate(sites: Sites, bits: NDArray[np.uint16], sight: BondObstacles) -> ND
         return cut
     separated_pairs = []
     near = np.flatnonzero(sight.near(float(length.max())))
-    for chunk in row_chunks(len(near)):
-        source, target, slot = intact(sites, bits, near[chunk])
+    for rows in np.array_split(near, 1 + len(near) // LOOKED_AT):
+        source, target, slot = intact(sites, bits, rows)
         pairs = Pairs(source, target, length[slot])
         inside, parted = sight.inside(pairs), sight.cut(pairs)
         cut += np.bincount(source[inside & parted], minlength=len(cut))
