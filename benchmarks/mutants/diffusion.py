@@ -90,15 +90,15 @@ DIFFUSION = (
         "tests/unit/pdsolve/diffusion/test_surfaces.py::test_a_strip_conducts_D",
     ),
     Mutant(
-        "pdsolve/diffusion/families.py",
-        "(D[k] + D[m]) / (2 * D[m])",
-        "(D[k] + D[m]) / (2 * D[k])",
+        "pdsolve/lattice/fluxes.py",
+        "2.0 * neighbour_D / (D + neighbour_D)",
+        "2.0 * D / (D + neighbour_D)",
         "tests/unit/pdsolve/diffusion/test_bonds.py::test_slots_with_a_crack_and_two_media_are_the_list",
     ),
     Mutant(
-        "pdsolve/diffusion/families.py",
-        "near_others | ",
-        "",
+        "pdsolve/lattice/fluxes.py",
+        "tiles.kind[t] = GENERAL",
+        "tiles.kind[t] = ALIKE",
         "tests/unit/pdsolve/diffusion/test_bonds.py::test_slots_with_a_crack_and_two_media_are_the_list",
     ),
 )

@@ -17,11 +17,13 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from pdmesh.model.neighbours import ON_LATTICE, Neighbours, Pairs, chosen, lengths, row_chunks
+from pdmesh.model.neighbours import ON_LATTICE, Neighbours, Pairs, lengths, row_chunks
 from pdsolve.diffusion.families import DiffusionFamilies
-from pdsolve.diffusion.lattice import Box, OnLattice, box_of, family, slots_of
+from pdsolve.diffusion.lattice import OnLattice, family, place_bonds
 from pdsolve.diffusion.listed import compiled
 from pdsolve.model import Model, ModelError
+from pdsolve.operators.space_lattice.families import members
+from pdsolve.operators.space_lattice.layout import intact
 from pdsolve.operators.stencils import Stencil, diffusion, stencil_of
 
 if TYPE_CHECKING:
@@ -65,8 +67,6 @@ class Collocated:
         pulls = stencil.xi[(stencil.xi != 0).any(axis=1)], stencil.theta[(stencil.xi != 0).any(axis=1), 0, 0]
         pulls = pulls[0], pulls[1] / (2 * spacing) ** 2 / (2 * spacing) ** families.dimension
         self._stencils = _lattice(every / 4, len(far), 2 * spacing, *pulls, threads)
-        self._pulls, self._keys, self._places = pulls, _Keys(far), np.zeros((len(volume), far.shape[1]), dtype=np.int64)
-        self._places[coarse] = far
         self._far = np.isin(np.arange(len(volume)), coarse)
         self.reach = np.where(self._far, np.abs(stencil.xi).max() * 2 * spacing, families.reach)
         self.count, self.total = np.zeros(len(volume), dtype=np.int64), np.zeros(len(volume))
@@ -89,21 +89,14 @@ class Collocated:
 
     def of(self, rows: NDArray[np.int64]) -> tuple[Pairs, NDArray[np.float64]]:
         """Bonds (b,) of some increasing rows to nodes of their own lattice, and their conductances (b,)."""
-        is_fine = ~self._far[rows]
-        nothing = np.zeros(0, dtype=np.int64)
-        pairs, g = (
-            self._families.of(rows[is_fine]) if is_fine.any() else (Pairs(nothing, nothing, np.zeros(0)), np.zeros(0))
-        )
-        same = ~self._far[pairs.target]
-        steps, conductance = self._pulls
-        place = self._places[rows[~is_fine]]
-        neighbour_rows = np.stack([self._keys.rows(place + 4 * step) for step in steps], axis=1)
-        exists = neighbour_rows >= 0
-        source, target = np.repeat(rows[~is_fine], exists.sum(axis=1)), self._coarse[neighbour_rows[exists]]
-        length = lengths(self.position[target] - self.position[source])
-        pulls = np.broadcast_to(conductance, exists.shape)[exists]
-        both = zip(chosen(pairs, same), (source, target, length), strict=True)
-        return Pairs(*(np.concatenate(two) for two in both)), np.concatenate([g[same], pulls])
+        bonds = []
+        for lattice, own in ((self._bonds, self._fine), (self._stencils, self._coarse)):
+            which = np.searchsorted(own, rows[np.isin(rows, own)])
+            source, target, slot = intact(lattice.sites, lattice.tiles.bits, which)
+            real = target < len(own)
+            bonds.append((own[source[real]], own[target[real]], lattice.tiles.g[slot[real]]))
+        source, target, g = (np.concatenate(column) for column in zip(*bonds, strict=True))
+        return Pairs(source, target, lengths(self.position[target] - self.position[source])), g
 
     def conductance(self, pairs: Pairs) -> NDArray[np.float64]:
         """Conductance (b,) that bonds of these lengths between fine nodes would have; 0 between coarse ones."""
@@ -286,7 +279,8 @@ def _lattice(
     threads: int,
 ) -> OnLattice:
     """Exchange on a lattice of nodes at `places` (n, d), in units of spacing, m, the first `real` of which are real."""
-    box: Box | None = box_of(places * spacing, spacing, int(np.abs(steps).max()), real)
-    assert box is not None
+    placed = place_bonds(places * spacing, spacing, steps, conductance)
+    assert placed is not None
+    sites, conductance = placed
     volume = np.full(len(places), spacing ** places.shape[1])
-    return OnLattice(box, slots_of(steps, conductance, box), volume, threads)
+    return OnLattice(sites, members(sites), conductance, volume, threads, wanted=real)

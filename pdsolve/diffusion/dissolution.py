@@ -12,12 +12,13 @@ dissolves into liquid at C_sat; otherwise the liquid at the front exceeds satura
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
 
 from pdmesh.model.medium import Medium
 from pdsolve.diffusion.families import dimension_of, lattice_diffusivity, moment
-from pdsolve.diffusion.flux import saturated
 from pdsolve.model import Model
 
 
@@ -26,6 +27,11 @@ def potential(medium: Medium, content: NDArray[np.float64]) -> NDArray[np.float6
     if medium.C_sat is None or medium.dissolution == "kinetic":
         return content
     return np.asarray(saturated(content, medium.C_sat))
+
+
+def saturated(h: Any, C_sat: float) -> Any:
+    """Potential of a content that dissolves up to C_sat; for a device, too."""
+    return np.minimum(h, C_sat)
 
 
 def solid_share(medium: Medium, content: NDArray[np.float64]) -> NDArray[np.float64]:

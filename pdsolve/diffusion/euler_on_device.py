@@ -8,10 +8,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pdsolve.conditions import Drive, Entries, put_loads
-from pdsolve.diffusion.flux import FUNCTIONS
-from pdsolve.diffusion.lattice import TOGETHER, OnLattice
-from pdsolve.diffusion.listed import BondList
+from pdsolve.diffusion.dissolution import saturated
+from pdsolve.diffusion.lattice import OnLattice
+from pdsolve.diffusion.listed import BondList, flux
 from pdsolve.diffusion.operator import Fick
+from pdsolve.lattice.fluxes import share_of
+from pdsolve.lattice.sums import GENERAL
 from pdsolve.model import ModelError
 from pdsolve.operators.device.factors import AT_ONCE, Factors
 from pdsolve.operators.device.runtime import Session
@@ -27,35 +29,35 @@ class EulerOnDevice:
     def __init__(self, operator: Fick, state: State, drive: Drive, dt: float, session: Session) -> None:
         """Steps of `dt`, s. Raises ModelError for nodes on no lattice, or a device with too little memory."""
         self.session, self._drive, self._state, self._dt = session, drive, state, dt
-        lattice, more = operator.exchange, operator.change
+        lattice, nodes = operator.exchange, len(operator.volume)
         if not isinstance(lattice, OnLattice):
             raise ModelError("$.run.device: nodes are on no lattice; use cpu, or nodes on one")
-        tables, nodes = lattice.tables(), len(operator.volume)
-        changes = [tables.change, more]
+        tiles, sites = lattice.tiles, lattice.sites
         self._nodes, self._ahead, self._last = nodes, False, 0
         self._size = -(-nodes // LANES) * LANES
-        lists = [_listed(item, nodes) for item in changes]
         fixed: list[NDArray[Any]] = [
             operator.volume,
-            tables.ahead.astype(np.int32),
-            tables.conductance,
-            tables.scale,
-            tables.outflow,
+            tiles.offsets.astype(np.int32),
+            tiles.g,
+            tiles.bits,
+            tiles.kind,
+            tiles.D,
+            tiles.outflow,
+            operator.outside,
+            *_listed(operator.change, nodes),
         ]
-        fixed += [operator.outside, *lists[0], *lists[1]]
-        session.expect_countable(tables.cells)
-        session.room_for(*(item.nbytes for item in fixed), 8 * tables.cells, *6 * [8 * nodes], 4 * nodes)
+        session.expect_countable(sites.size)
+        session.room_for(*(item.nbytes for item in fixed), 8 * sites.size, *6 * [8 * nodes], 4 * nodes)
         session.room_for(*(16 * len(item.node) + 4 * nodes + 4 for item in (drive.loads, drive.holds)))
-        defined = {"SLOTS": len(tables.ahead), "EIGHTS": len(tables.ahead) // TOGETHER * TOGETHER}
-        names = {"UNLIKE": changes[0] is not None, "MORE": changes[1] is not None, "VARIES": drive.varies}
-        names |= {"LOADS": len(drive.loads.node) > 0, "OPEN": bool(operator.outside.any())}
+        defined = {"SLOTS": len(tiles.offsets), "MARGIN": tiles.margin, "GENERAL": GENERAL}
+        names = {"OPEN": bool(operator.outside.any()), "LOADS": len(drive.loads.node) > 0, "VARIES": drive.varies}
         defined |= {name: 1 for name, enabled in names.items() if enabled}
         lines = [preamble("float64", 1), _law(operator.medium.C_sat)]
         lines += [f"#define {name} {value}" for name, value in defined.items()]
         program = session.build("\n".join([*lines, text_of("fick.cl")]))
         self._put, self._advance = program.put, program.advance
-        self._cell, self._fixed = session.put(tables.cell.astype(np.int32)), [session.put(item) for item in fixed]
-        self._potential, self._amount = session.put(np.zeros(nodes)), session.zeros(8 * tables.cells)
+        self._site, self._fixed = session.put(sites.site), [session.put(item) for item in fixed]
+        self._potential, self._amount = session.put(np.zeros(nodes)), session.zeros(8 * sites.size)
         self._h, self._rate, self._dissipated, self._work = (session.put(np.zeros(nodes)) for _ in range(4))
         self._source = session.put(np.ascontiguousarray(drive.force[:, 0]))
         self._acting = [*_entries(drive.loads, nodes, session), *_entries(drive.holds, nodes, session)]
@@ -75,11 +77,11 @@ class EulerOnDevice:
             at = (step - first) % AT_ONCE
             if at == 0:
                 self._factors.write(step, min(AT_ONCE, last - step))
-            arguments = self._cell, volume, self._h, self._potential, self._amount, nodes
+            arguments = self._site, volume, self._h, self._potential, self._amount, nodes
             self.session.launch(self._put, sizes, arguments)
             motion = self._h, self._rate, self._dissipated, self._work, self._source
             numbers = np.int32(self._factors.count), np.int32(at), np.float64(self._dt), nodes
-            bonds = self._cell, volume, self._potential, self._amount, *rest
+            bonds = self._site, volume, self._potential, self._amount, *rest
             self.session.launch(self._advance, sizes, [*bonds, *motion, *self._acting, self._factors.buffer, *numbers])
         self.session.finish()
 
@@ -104,11 +106,12 @@ class EulerOnDevice:
 
 def _law(C_sat: float | None) -> str:
     """Fick's law in OpenCL C, of potentials up to C_sat, mol/m^3, if there is one."""
-    written, definitions = Translation(FUNCTIONS), []
-    for name, count in (("flux", 5), ("two", 4), ("four", 8), ("gained", 4)):
-        definitions.append(f"#define {name.upper()} {written.add(name, (DOUBLE,) * count)}")
-    least = "h" if C_sat is None else f"{written.add('saturated', (DOUBLE, DOUBLE))}(h, {float(C_sat).hex()})"
-    return "\n".join([written.source, *definitions, f"#define POTENTIAL(h) {least}"])
+    written = Translation({})
+    of_bond, share, least = (
+        written.called(function, (DOUBLE,) * count)[0] for function, count in ((flux, 5), (share_of, 2), (saturated, 2))
+    )
+    potential = "h" if C_sat is None else f"{least}(h, {float(C_sat).hex()})"
+    return f"{written.source}\n#define FLUX {of_bond}\n#define SHARE_OF {share}\n#define POTENTIAL(h) {potential}"
 
 
 def _listed(bonds: BondList | None, nodes: int) -> list[NDArray[Any]]:

@@ -19,9 +19,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from pdmesh.model.kd_trees import tree_of
 from pdmesh.model.lattice_calibration import hu_beta
-from pdmesh.model.neighbours import ROUND_OFF, ROWS, Neighbours, Pairs, chosen, row_chunks
+from pdmesh.model.neighbours import ROUND_OFF, Neighbours, Pairs, chosen, row_chunks
 from pdmesh.model.visibility import sight_of
 from pdsolve.model import Model
 
@@ -40,23 +39,11 @@ def dimension_of(model: Model) -> int:
 
 
 class BondsOfRows(NamedTuple):
-    """Bonds of some nodes, and those that they would have without cracks, holes and edges."""
+    """Bonds of some nodes."""
 
     pairs: Pairs
     conductance: NDArray[np.float64]  # (b,) 1/(s m^d)
     blocked: NDArray[np.int64]  # rows of the nodes that each one blocked by a crack is of
-    lost: Pairs  # of all that are blocked
-    lost_conductance: NDArray[np.float64]  # 1/(s m^d)
-
-
-class Unlike(NamedTuple):
-    """Bonds of n nodes that differ from those of a full lattice, sorted by source, then target."""
-
-    source: NDArray[np.int64]  # (b,)
-    target: NDArray[np.int64]  # (b,)
-    conductance: NDArray[np.float64]  # (b,) 1/(s m^d), to be added
-    lost: NDArray[np.int64]  # (n,) bonds that are not there
-    blocked: NDArray[np.int64]  # (n,) those of them that a crack blocks
 
 
 def diffusivities(model: Model) -> NDArray[np.float64]:
@@ -134,8 +121,7 @@ class DiffusionFamilies:
         is_bond = self.sight.inside(pairs)
         blocked = is_bond & self.sight.cut(pairs)
         is_bond &= ~blocked
-        intact, lost = ((chosen(pairs, which), conductance[which]) for which in (is_bond, ~is_bond))
-        return BondsOfRows(*intact, pairs.source[blocked], *lost)
+        return BondsOfRows(chosen(pairs, is_bond), conductance[is_bond], pairs.source[blocked])
 
     def of(self, rows: NDArray[np.int64]) -> tuple[Pairs, NDArray[np.float64]]:
         """Bonds (b,) of some increasing rows, and their conductances (b,)."""
@@ -144,30 +130,6 @@ class DiffusionFamilies:
     def parts(self) -> Iterator[BondsOfRows]:
         """All bonds, in parts of some rows."""
         return (self.part(rows) for rows in row_chunks(len(self.model.grid)))
-
-    def unlike(self) -> Unlike:
-        """Where bonds differ from those of a full lattice that has each node's own diffusivity all over."""
-        D, nodes, reach = self.diffusivity, len(self.model.grid), float(self.reach.max())
-        near_others, values = np.zeros(len(self.position), dtype=bool), np.unique(D)
-        for region in (value == D for value in (values if len(values) > 1 else ())):
-            others = tree_of(self.position[~region])
-            near, _ = others.query(self.position[region], distance_upper_bound=reach * (1 + ROUND_OFF))
-            near_others[region] = np.isfinite(near)
-        lost, blocked = np.zeros((2, nodes), dtype=np.int64)
-        nothing = np.zeros(0, dtype=np.int64)
-        differences = [(nothing, nothing, np.zeros(0))]
-        rows = np.flatnonzero(near_others | self.sight.near(reach))
-        for part in (self.part(rows[first : first + ROWS]) for first in range(0, len(rows), ROWS)):
-            (i, j, _), (k, m, _) = part.pairs, part.lost
-            blocked += np.bincount(part.blocked, minlength=nodes)
-            lost += np.bincount(k, minlength=nodes)
-            crosses = D[i] != D[j]
-            i, j = i[crosses], j[crosses]
-            differences.append((i, j, part.conductance[crosses] * (D[j] - D[i]) / (2 * D[j])))
-            differences.append((k, m, -part.lost_conductance * (D[k] + D[m]) / (2 * D[m])))
-        source, target, conductance = (np.concatenate(column) for column in zip(*differences, strict=True))
-        order = np.lexsort((target, source))
-        return Unlike(source[order], target[order], conductance[order], lost, blocked)
 
 
 class Grouped(NamedTuple):
@@ -186,7 +148,7 @@ def grouped(parts: Iterator[BondsOfRows], nodes: int) -> tuple[Grouped, NDArray[
     """All parts as one list, and the number (n,) of bonds of each node that a crack blocks."""
     neighbours, sizes, conductances = [], [], []
     groups, blocked = np.zeros(nodes, dtype=np.int64), np.zeros(nodes, dtype=np.int64)
-    for pairs, conductance, hidden, *_ in parts:
+    for pairs, conductance, hidden in parts:
         blocked += np.bincount(hidden, minlength=nodes)
         digits = np.round(np.log(conductance) / ALIKE).astype(np.int64)
         order = np.lexsort((digits, pairs.source))

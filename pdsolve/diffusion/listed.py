@@ -7,11 +7,13 @@ from functools import partial
 from typing import TYPE_CHECKING, Self
 
 import numpy as np
+from numba.extending import register_jitable
 from numpy.typing import NDArray
 
+from pdsolve.codegen.fused import fused
 from pdsolve.codegen.jit_cache import cached_njit
 from pdsolve.diffusion.families import Grouped
-from pdsolve.diffusion.flux import flux
+from pdsolve.lattice.bond import IN_PLACE
 from pdsolve.numerics.thread_team import share
 
 if TYPE_CHECKING:
@@ -128,6 +130,12 @@ def _pull(bonds, of, out, first, last):  # type: ignore[no-untyped-def]
                 first_sum += amount[bonds.neighbour[b]]
             t += bonds.conductance[k] * (first_sum + second_sum)
         out[i] += t - total[i] * potential[i]
+
+
+@register_jitable(**IN_PLACE)
+def flux(g, V, node_potential, neighbour_potential, t):  # type: ignore[no-untyped-def]
+    """t and what a bond of conductance g to a node of volume V adds to it, from the potentials of both ends."""
+    return fused(g * V, neighbour_potential - node_potential, t)
 
 
 @compiled()

@@ -111,7 +111,7 @@ class Stored(NamedTuple):
 
 
 def _stored(model: Model, volume: NDArray[np.float64], free: NDArray[np.bool_], threads: int, listed: bool) -> Stored:
-    """Bonds of a model whose `free` nodes (n,) have no prescribed content; `listed` excludes slots."""
+    """Bonds of a model whose `free` nodes (n,) have no prescribed content; `listed` excludes tiles."""
     medium, families, every = model.settings.medium, DiffusionFamilies(model), np.ones(len(volume), dtype=bool)
     assert medium is not None
     none = np.zeros(len(volume), dtype=np.int64)
@@ -119,11 +119,10 @@ def _stored(model: Model, volume: NDArray[np.float64], free: NDArray[np.bool_], 
         exchange = Collocated(families, volume, free, threads)
         return Stored(exchange, exchange, ~every, none)
     if not (listed or medium.dissolution == "kinetic"):  # of which a bond asks both of its ends
-        slots = on_lattice(families, volume, threads)
-        if slots is not None:
-            return Stored(
-                slots, families, slots.lacking(float(model.grid.delta[0]) ** model.grid.dimension), slots.blocked
-            )
+        placed = on_lattice(families, volume, threads)
+        if placed is not None:
+            tiles, blocked = placed
+            return Stored(tiles, families, tiles.lacking(float(model.grid.delta[0]) ** model.grid.dimension), blocked)
     bonds, blocked = grouped(families.parts(), len(volume))
     return Stored(BondList(bonds, volume, threads), families, every, blocked)
 

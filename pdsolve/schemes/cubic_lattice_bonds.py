@@ -13,8 +13,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from pdmesh.model.neighbours import Pairs, lengths, row_chunks
-from pdmesh.model.visibility import SightInSpace
+from pdmesh.model.neighbours import Pairs, lengths
 from pdsolve.bonds.assembly import Counted
 from pdsolve.codegen.vector_code import ROW
 from pdsolve.lattice.sums import EMPTY, Tiles
@@ -56,7 +55,7 @@ def tiled(model: Model, kind: type[np.floating], unbreakable: bool = False) -> T
         return None
     sites, springs = sites_and_springs
     bits = families.members(sites)
-    cut = _part(bits, sites, rule)
+    cut = layout.separate(sites, bits, rule.sight)
     if not bits.any():
         return None
     count = families.counts(bits, sites)
@@ -102,25 +101,6 @@ def _springs(model: Model, rule: Rule, sites: Sites, unbreakable: bool) -> tuple
     of_nodes = rule.area / h**3, half[material], rule.held, material.astype(np.uint8)
     stretches = (np.ascontiguousarray(array.reshape(count**2, -1)) for array in (peak, limit))
     return sites, Springs(modulus[0, 0] * h**3, *of_nodes, *stretches)
-
-
-def _part(bits: NDArray[np.uint16], sites: Sites, rule: Rule) -> NDArray[np.int64]:
-    """Take out the bonds that surfaces and cracks separate; returns the number (n,) that cracks alone do."""
-    assert isinstance(rule.sight, SightInSpace)
-    cut, length = np.zeros(len(sites.site), dtype=np.int64), lengths(sites.ways * sites.spacing)
-    if rule.sight.clear:
-        return cut
-    separated_pairs = []
-    near = np.flatnonzero(rule.sight.near(float(length.max())))
-    for chunk in row_chunks(len(near)):
-        source, target, slot = layout.intact(sites, bits, near[chunk])
-        pairs = Pairs(source, target, length[slot])
-        inside, parted = rule.sight.inside(pairs), rule.sight.cut(pairs)
-        cut += np.bincount(source[inside & parted], minlength=len(cut))
-        separated_pairs.append((source[parted | ~inside], target[parted | ~inside]))
-    for source, target in separated_pairs:
-        layout.cleared(sites, source, target, bits)
-    return cut
 
 
 def _in_parts(

@@ -13,7 +13,7 @@ from pdsolve.codegen.jit_cache import cached_njit
 from pdsolve.codegen.vector_code import ROW
 from pdsolve.lattice.sums import ALIKE, CORRECTED, EMPTY, GENERAL, stiffness
 from pdsolve.operators.simd_lattice.kernel import INNER
-from pdsolve.operators.space_lattice.sites import Sites
+from pdsolve.operators.space_lattice.sites import Sites, strides_of
 
 FULL = np.uint16(2**ROW - 1)  # bits of a slot that all lanes have
 
@@ -21,24 +21,25 @@ FULL = np.uint16(2**ROW - 1)  # bits of a slot that all lanes have
 def members(sites: Sites) -> NDArray[np.uint16]:
     """The bits (t, k) of all pairs of nodes that are one of the offsets apart."""
     radius = int(np.abs(sites.ways).max())
-    x, y, z = (side + 2 * radius for side in sites.sides)
-    has_node = np.zeros((z, y, x), dtype=np.bool_)
-    inner = slice(radius, -radius)
-    count = int(np.prod(sites.sides))
-    has_node[inner, inner, inner] = (sites.node[:count] >= 0).reshape(sites.sides[::-1])
+    sides = np.array((*sites.sides, 1, 1)[:3])
+    padded = tuple(side + 2 * radius for side in sites.sides)
+    has_node = np.zeros(padded[::-1], dtype=np.bool_)
+    inner = (slice(radius, -radius),) * len(sites.sides)
+    has_node[inner] = (sites.node[: sides.prod()] >= 0).reshape(sites.sides[::-1])
     bits = np.zeros((sites.tiles, len(sites.ways)), dtype=np.uint16)
-    _fill(sites.node, np.array(sites.sides), radius, has_node.ravel(), sites.ways @ np.array([1, x, x * y]), bits)
+    stride = strides_of(padded)
+    _fill(sites.node, sides, (*stride, 0, 0)[:3], radius * stride.sum(), has_node.ravel(), sites.ways @ stride, bits)
     return bits
 
 
 @cached_njit(error_model="numpy")
-def _fill(node, sides, radius, has_node, steps, bits):  # type: ignore[no-untyped-def]
+def _fill(node, sides, stride, first, has_node, steps, bits):  # type: ignore[no-untyped-def]
     columns, rows = sides[0], sides[1]
     for site in range(len(node)):
         if node[site] < 0:
             continue
         x, y, z = site % columns, site // columns % rows, site // (columns * rows)
-        padded_place = ((z + radius) * (rows + 2 * radius) + y + radius) * (columns + 2 * radius) + x + radius
+        padded_place = first + x * stride[0] + y * stride[1] + z * stride[2]
         tile, bit = site // ROW, np.uint16(1) << np.uint16(site % ROW)
         for slot in range(len(steps)):
             if has_node[padded_place + steps[slot]]:

@@ -7,6 +7,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from pdmesh.model.neighbours import Pairs, lengths
+from pdmesh.model.visibility import BondObstacles
 from pdsolve.checkpoint_validation import expect_found
 from pdsolve.codegen.pull import NARROW
 from pdsolve.codegen.vector_code import ROW
@@ -23,6 +25,7 @@ from pdsolve.state import Broken
 
 INVERSE, PULL, SHARES = where_inverse(3), where_weight(3), where_weight(3) + 1  # in a row of `Tiles.table`
 SAME = 1e-11  # relative: stiffnesses this close are one
+LOOKED_AT = 1024  # rows whose pairs are looked at together, some 100 bytes each
 ROUNDED = 1e-5  # relative: what rounding does to e, and more
 
 
@@ -186,6 +189,25 @@ def cleared(sites: Sites, source: NDArray[np.int64], target: NDArray[np.int64], 
     step = sites.site[target] - sites.site[source]
     expect_found((sites.steps[slot] == step) & ((bits[tile, slot] & bit) != 0), source, target)
     np.bitwise_and.at(bits, (tile, slot), ~bit)
+
+
+def separate(sites: Sites, bits: NDArray[np.uint16], sight: BondObstacles) -> NDArray[np.int64]:
+    """Take the bonds that surfaces and cracks separate out of the bits (t, k); returns the number (n,) of each node's
+    that cracks alone do."""
+    cut, length = np.zeros(len(sites.site), dtype=np.int64), lengths(sites.ways * sites.spacing)
+    if sight.clear:
+        return cut
+    separated_pairs = []
+    near = np.flatnonzero(sight.near(float(length.max())))
+    for rows in np.array_split(near, 1 + len(near) // LOOKED_AT):
+        source, target, slot = intact(sites, bits, rows)
+        pairs = Pairs(source, target, length[slot])
+        inside, parted = sight.inside(pairs), sight.cut(pairs)
+        cut += np.bincount(source[inside & parted], minlength=len(cut))
+        separated_pairs.append((source[parted | ~inside], target[parted | ~inside]))
+    for source, target in separated_pairs:
+        cleared(sites, source, target, bits)
+    return cut
 
 
 def place_pending(sites: Sites, pending: PendingPulls, broken: Broken) -> Breaks:

@@ -39,10 +39,10 @@ class CellBox(NamedTuple):
         )
 
 
-def create_cell_box(sides: tuple[int, int, int], reach: int) -> CellBox:
+def create_cell_box(sides: tuple[int, ...], reach: int) -> CellBox:
     """The numbering of a box of fine nodes whose bonds reach so many spacings."""
-    x, y, z = (max(1, side // 2) for side in sides)
-    return CellBox(*sides, x, y, z, reach // 2 + 2)
+    x, y, z = sides
+    return CellBox(x, y, z, max(1, x // 2), max(1, y // 2), max(1, z // 2), reach // 2 + 2)
 
 
 @njit(forceinline=True, **INNER)

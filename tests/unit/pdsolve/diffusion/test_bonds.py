@@ -18,6 +18,7 @@ from pdsolve.diffusion.families import BondsOfRows, DiffusionFamilies, grouped, 
 from pdsolve.diffusion.listed import BondList
 from pdsolve.diffusion.operator import Fick
 from pdsolve.diffusion.system import prepare
+from pdsolve.lattice.sums import GENERAL
 from pdsolve.operators.together import Together
 
 
@@ -140,7 +141,7 @@ def test_bonds_in_two_operators_are_those_of_one() -> None:
     families, parts = DiffusionFamilies(base), []
     for odd in (0, 1):
         own = chosen(pairs, (i + j) % 2 == odd)
-        part = BondsOfRows(own, families.conductance(own), i[:0], chosen(own, i[:0]), np.zeros(0))
+        part = BondsOfRows(own, families.conductance(own), i[:0])
         bonds, _ = grouped(iter([part]), len(position))
         exchange = BondList(bonds, system.operator.volume, 1)
         parts.append(Fick(exchange, partial(DiffusionFamilies, base), system.operator.medium))
@@ -155,12 +156,12 @@ def test_bonds_in_two_operators_are_those_of_one() -> None:
 
 
 @pytest.mark.quick_cases(1)
-@pytest.mark.parametrize(("dimension", "reach", "thin"), [(2, 9.0, 9.0), (3, 5.0, 5.0), (3, 6.0, 2.0)])
+@pytest.mark.parametrize(("dimension", "reach", "thin"), [(2, 9.0, 9.0), (1, 40.0, 40.0), (3, 5.0, 5.0), (3, 6.0, 2.0)])
 def test_slots_are_the_list(dimension: int, reach: float, thin: float) -> None:
-    """Rates, totals, counts and contrast of a lattice with a hole, nodes in any order, cells of any size: 1e-13; where
-    it is thin along x, runs are along another axis."""
+    """Rates, totals, counts and contrast of a row, and of lattices with a hole, nodes in any order, cells of any size:
+    1e-13. One that is thin along x has its tiles along another axis. Holes and edges need no bits."""
     dice = np.random.default_rng(5)
-    position = lattice(1.0, reach, dimension)
+    position = lattice(1.0, reach, dimension) if dimension > 1 else row(int(reach), 1.0)
     position = position[np.abs(position[:, 0]) < thin]
     position = position[np.linalg.norm(position - 2.0, axis=1) > 1.6]
     position = dice.permutation(position)
@@ -170,7 +171,9 @@ def test_slots_are_the_list(dimension: int, reach: float, thin: float) -> None:
     (system, state), (other_system, _) = (prepare(base, 2, listed=one) for one in (False, True))
     slots, listed = system.operator, other_system.operator
     assert (slots.name, listed.name) == ("lattice", "listed")
-    assert (slots.exchange._box.strides[0] == 1) == (thin == reach)  # type: ignore[attr-defined]
+    along_x = np.array_equal(np.argsort(slots.exchange.sites.site), np.lexsort(position.T))  # type: ignore[attr-defined]
+    assert along_x == (thin == reach)
+    assert GENERAL not in slots.exchange.tiles.kind  # type: ignore[attr-defined]
     assert (slots.count == listed.count).all()
     assert slots.total == pytest.approx(listed.total, rel=1e-13)
     C = dice.uniform(0, 1, len(position))

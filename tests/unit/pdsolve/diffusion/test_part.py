@@ -7,7 +7,7 @@ import msgspec
 import numpy as np
 import pytest
 
-from pdmesh.model.document import Concentration, Run
+from pdmesh.model.document import Concentration, MediumRegion, Run
 from pdmesh.model.medium import Medium
 from pdsolve.diffusion.system import prepare
 
@@ -15,11 +15,19 @@ CORRECTED = Medium(D=1.0, surface_correction=True)
 KINETIC = msgspec.structs.replace(diffusion_models.CORRODING, dissolution="kinetic")
 
 
-@pytest.mark.parametrize(("medium", "kernel"), [(CORRECTED, "lattice"), (CORRECTED, "listed"), (KINETIC, "listed")])
-def test_rows_of_a_part_have_the_rates_of_the_whole(medium: Medium, kernel: str) -> None:
+OTHER = (MediumRegion(box=(0.1, -2.0, 2.0, 2.0), D=0.3),)
+
+
+@pytest.mark.parametrize(
+    ("medium", "kernel", "media"),
+    [(CORRECTED, "lattice", ()), (CORRECTED, "lattice", OTHER), (CORRECTED, "listed", ()), (KINETIC, "listed", ())],
+)
+def test_rows_of_a_part_have_the_rates_of_the_whole(
+    medium: Medium, kernel: str, media: tuple[MediumRegion, ...]
+) -> None:
     position = diffusion_models.lattice(0.05, 1.0, 2)
     held = Concentration(nodes=diffusion_models.ids(position[:, 0] > 0.8), value=0.1)
-    model = diffusion_models.model(position, 0.05, medium, conditions=(held,), run=Run(steps=1))
+    model = diffusion_models.model(position, 0.05, medium, conditions=(held,), media=media, run=Run(steps=1))
     transport, state = prepare(model, listed=kernel == "listed")
     whole = transport.operator
     assert whole.name == kernel
