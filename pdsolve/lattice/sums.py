@@ -212,9 +212,10 @@ def _add(tiles, u, t, lane, first, aged, f):  # type: ignore[no-untyped-def]
     number of slots.
     """
     own, near, edge = tiles.margin + t * ROW + lane, same(u, tiles.near), same(u, tiles.edge)
-    axes, kind, row_of_memory = tiles.axes, tiles.kind[t], np.int64(tiles.memory[t])
+    axes, kind = tiles.axes, tiles.kind[t]
     here, c_here = beside(u, axes, own), beside(tiles.c, axes, own)
     softened, tile = kind >= SOFT_ALIKE, np.uint64(t)
+    row_of_memory = np.int64(tiles.memory[t]) if softened else np.int64(-1)
     kind = kind - SOFTENED if softened else kind
     for number in range(first, len(tiles.offsets)):
         slot = np.uint64(number)  # saves a look whether it counts from the end
@@ -234,33 +235,32 @@ def _add(tiles, u, t, lane, first, aged, f):  # type: ignore[no-untyped-def]
             if number != aged and any_beyond(e, edge):
                 return number, f
             g = factor(u, e, size, near, g)
-        w = secant_weight(tiles, u, w, e, g, slot, lane, softened, row_of_memory)
+        w = secant_weight(tiles, u, w, e, g, slot, lane, row_of_memory)
         f = pulled(f, w * (e * g), eta, row)
     return len(tiles.offsets), f
 
 
-def secant_weight(
-    tiles: Any, u: Any, w: Any, e: Any, g: Any, slot: Any, lane: Any, softened: Any, row_of_memory: Any
-) -> Any:
-    """The secant of lanes at e, over the bonds' lengths, from the stiffness over length w."""
+def secant_weight(tiles: Any, u: Any, w: Any, e: Any, g: Any, slot: Any, lane: Any, row_of_memory: Any) -> Any:
+    """The secant of lanes at e, over the bonds' lengths, from the stiffness over length w; a negative row of the
+    memory: no bond of the tile has softened."""
     raise NotImplementedError("compiled for each law")
 
 
 @overload(secant_weight, jit_options=IN_PLACE)
-def _secant_weight(tiles, u, w, e, g, slot, lane, softened, row_of_memory):  # type: ignore[no-untyped-def]
+def _secant_weight(tiles, u, w, e, g, slot, lane, row_of_memory):  # type: ignore[no-untyped-def]
     return _secant_of_line if _pair(tiles).bond_strain_energy is None else _secant_of_curve
 
 
-def _secant_of_line(tiles, u, w, e, g, slot, lane, softened, row_of_memory):  # type: ignore[no-untyped-def]
-    if softened:
+def _secant_of_line(tiles, u, w, e, g, slot, lane, row_of_memory):  # type: ignore[no-untyped-def]
+    if row_of_memory >= 0:
         (left,) = beside(tiles.share[row_of_memory, slot : slot + np.uint64(1)], (0,), lane)
         w = w * where_above(e, same(u, tiles.floor), left, same(u, 1.0))
     return w
 
 
-def _secant_of_curve(tiles, u, w, e, g, slot, lane, softened, row_of_memory):  # type: ignore[no-untyped-def]
+def _secant_of_curve(tiles, u, w, e, g, slot, lane, row_of_memory):  # type: ignore[no-untyped-def]
     worst = same(u, 0.0)
-    if softened:
+    if row_of_memory >= 0:
         (worst,) = beside(tiles.share[row_of_memory, slot : slot + np.uint64(1)], (0,), lane)
     stretch, limits = e * g * np.sqrt(1.0 + e), (same(u, tiles.peak[0, slot]), same(u, tiles.limit[0, slot]))
     return w * secant(tiles.law, stretch, worst, limits[0], limits[1])

@@ -62,7 +62,9 @@ def test_a_path_has_no_time_step(plate: Scene) -> None:
     run = Run(solver="static", static=Static())
     scene = replace(plate.fix("bottom").fix("top", y=1e-5, profile=ramp(1)), run=run, material=soft)
     lines = info_lines(info(document(scene), "plate.json"))
-    assert any(line.startswith("quasi-static: about ") and line.endswith(" along the equilibrium path") for line in lines)
+    assert any(
+        line.startswith("quasi-static: about ") and line.endswith(" along the equilibrium path") for line in lines
+    )
     assert not any(line.startswith("time step") for line in plan_lines(plan(scene)))
 
 
