@@ -201,7 +201,7 @@ def test_a_load_that_is_as_good_as_gone_ends_the_path(monkeypatch: pytest.Monkey
     monkeypatch.setattr(CrackLengthSteps, "end", 0.9)
     with simulate(edge_crack(6), None, ONE) as results:
         assert len(results.summary()["path_steps"]) == 2
-        assert results.summary()["ended"] == "the load has fallen to 90% of its largest"
+        assert results.summary()["ended"] == "the load has fallen to 90% of its peak"
 
 
 @pytest.mark.slow

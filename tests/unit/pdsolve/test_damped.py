@@ -15,7 +15,7 @@ from pdsolve.model import Model
 from pdsolve.results import Results
 from pdsolve.run.simulation import Options, resume, simulate
 
-pytestmark = pytest.mark.filterwarnings("ignore:.*which no crack spent")
+pytestmark = pytest.mark.filterwarnings("ignore:.*which no crack dissipated")
 RATE = 3e5  # 1/s
 EVERYWHERE = (-1.0, -1.0, 1.0, 1.0)
 

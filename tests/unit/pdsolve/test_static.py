@@ -328,7 +328,7 @@ def test_a_run_starts_at_rest(kernel: str, tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.filterwarnings("ignore:.*which no crack spent")
+@pytest.mark.filterwarnings("ignore:.*which no crack dissipated")
 def test_damping_brings_a_plate_to_the_same_rest() -> None:
     with simulate(strip(start="static"), None, Options(threads=1)) as results:
         rest = results.field("uy", 0)
