@@ -59,9 +59,7 @@ def test_a_disc_rebounds_by_the_share_of_energy_in_contact() -> None:
 
 
 def test_a_restitution_that_bodies_do_not_show_is_said() -> None:
-    with pytest.warns(
-        ModelNote, match=r"\$.contact.restitution.*0.6 with bodies that deform, which usually"
-    ):
+    with pytest.warns(ModelNote, match=r"\$.contact.restitution.*0.6 with bodies that deform, which usually"):
         simulate(disc_on_wall(0.6, Run(steps=1)), None, Options(threads=1)).close()
 
 
