@@ -108,7 +108,7 @@ class OnLattice:
 
     def part(self, first: int, last: int, begin: int, end: int) -> OnLattice:
         """The bonds of the rows `first` to `last` - 1, on one thread; nodes are the rows `begin` to `end` - 1, which
-        have all neighbours."""
+        have all neighbours. It has rates alone: a tangent is asked of the whole."""
         part, tiles, rows = copy(self), self.tiles, slice(begin, end)
         site = self.sites.site[rows]
         low, high = ((int(at) - tiles.margin) // ROW for at in (site.min(), site.max() + ROW))

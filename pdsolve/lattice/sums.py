@@ -56,7 +56,7 @@ from pdsolve.laws.law import Pair
 # Tiles: without a node; what their bonds' stiffnesses are made of; and the same of tiles with a memory
 EMPTY, ALIKE, CORRECTED, GENERAL, SOFT_ALIKE, SOFT_CORRECTED, SOFT_GENERAL = range(7)
 SOFTENED = SOFT_ALIKE - ALIKE  # added to a tile's kind as it gets a memory
-VOLUME, MODULUS = 0, 1  # rows of `cells`
+VOLUME, MODULUS, STRONGER = range(3)  # rows of `cells`
 EVERY = 2**ROW - 1  # bits of all lanes
 UNAGED, AGED, UNDONE = range(3)  # lanes: summed, the same though bonds softened or broke, not summed
 
@@ -71,7 +71,8 @@ class Tiles(NamedTuple):
     table: NDArray[np.floating]  # (k, 12) of the offsets, see `bond`
     bits: NDArray[np.uint16]  # (t, k) lanes with an intact bond
     c: NDArray[np.floating]  # (d, m) corrections along each axis
-    cells: NDArray[np.floating]  # (2, m) cell over h^3; half of the modulus over E
+    cells: NDArray[np.floating]  # (2, m) cell over h^3; half of the modulus over E; of a curved law (3, m), the third
+    # infinite where bonds must not break, else 0: what peaks and limits of its bonds have more
     kind: NDArray[np.uint8]  # (t,) EMPTY to SOFT_GENERAL
     node: NDArray[np.int32]  # (16 t,) row of a site's node, or -1
     unbreakable: NDArray[np.bool_]  # (n,) whose bonds must not break
@@ -235,35 +236,39 @@ def _add(tiles, u, t, lane, first, aged, f):  # type: ignore[no-untyped-def]
             if number != aged and any_beyond(e, edge):
                 return number, f
             g = factor(u, e, size, near, g)
-        w = secant_weight(tiles, u, w, e, g, slot, lane, row_of_memory)
+        w = secant_weight(tiles, w, e, g, slot, lane, own, row_of_memory)
         f = pulled(f, w * (e * g), eta, row)
     return len(tiles.offsets), f
 
 
-def secant_weight(tiles: Any, u: Any, w: Any, e: Any, g: Any, slot: Any, lane: Any, row_of_memory: Any) -> Any:
-    """The secant of lanes at e, over the bonds' lengths, from the stiffness over length w; a negative row of the
-    memory: no bond of the tile has softened."""
+def secant_weight(tiles: Any, w: Any, e: Any, g: Any, slot: Any, lane: Any, own: Any, row_of_memory: Any) -> Any:
+    """The secant of lanes at e, over the bonds' lengths, from the stiffness over length w; `own` is the first place.
+
+    A negative row of the memory: no bond of the tile has softened.
+    """
     raise NotImplementedError("compiled for each law")
 
 
 @overload(secant_weight, jit_options=IN_PLACE)
-def _secant_weight(tiles, u, w, e, g, slot, lane, row_of_memory):  # type: ignore[no-untyped-def]
+def _secant_weight(tiles, w, e, g, slot, lane, own, row_of_memory):  # type: ignore[no-untyped-def]
     return _secant_of_line if _pair(tiles).bond_strain_energy is None else _secant_of_curve
 
 
-def _secant_of_line(tiles, u, w, e, g, slot, lane, row_of_memory):  # type: ignore[no-untyped-def]
+def _secant_of_line(tiles, w, e, g, slot, lane, own, row_of_memory):  # type: ignore[no-untyped-def]
     if row_of_memory >= 0:
         (left,) = beside(tiles.share[row_of_memory, slot : slot + np.uint64(1)], (0,), lane)
-        w = w * where_above(e, same(u, tiles.floor), left, same(u, 1.0))
+        w = w * where_above(e, same(tiles.share, tiles.floor), left, same(tiles.share, 1.0))
     return w
 
 
-def _secant_of_curve(tiles, u, w, e, g, slot, lane, row_of_memory):  # type: ignore[no-untyped-def]
-    worst = same(u, 0.0)
+def _secant_of_curve(tiles, w, e, g, slot, lane, own, row_of_memory):  # type: ignore[no-untyped-def]
+    worst = same(tiles.share, 0.0)
     if row_of_memory >= 0:
         (worst,) = beside(tiles.share[row_of_memory, slot : slot + np.uint64(1)], (0,), lane)
-    stretch, limits = e * g * np.sqrt(1.0 + e), (same(u, tiles.peak[0, slot]), same(u, tiles.limit[0, slot]))
-    return w * secant(tiles.law, stretch, worst, limits[0], limits[1])
+    rows, at = (VOLUME, MODULUS, STRONGER), own + tiles.offsets[slot]
+    stronger = beside(tiles.cells, rows, own)[STRONGER] + beside(tiles.cells, rows, at)[STRONGER]
+    peak, limit = stronger + tiles.peak[0, slot], stronger + tiles.limit[0, slot]
+    return w * secant(tiles.law, e * g * np.sqrt(1.0 + e), worst, peak, limit)
 
 
 def _pair(tiles: Any) -> Pair:
@@ -455,6 +460,8 @@ def _sum_energies_of_tile(tiles, u, own_strain_energy, own_dissipated, t, lanes)
                 place, i, j = tiles.margin + t * ROW + k, tiles.node[t * ROW + k], tiles.node[t * ROW + k + offset]
                 pair, worst = pair_number(tiles, i, j), tiles.worst[row, slot, k] if row >= 0 else 0.0
                 peak, limit = tiles.peak[pair, slot], tiles.limit[pair, slot]
+                if tiles.unbreakable[i] or tiles.unbreakable[j]:
+                    peak = limit = np.inf
                 c = stiffness(tiles, field, t, place, offset) / field[where_inverse(len(u))] / 4
                 own_strain_energy[i] += bond_strain_energy(
                     tiles.law, c, _stretch(field, u, place, offset), worst, peak, limit

@@ -93,7 +93,7 @@ def test_the_contracts_hold(copy: Path) -> None:
         "-k",
         "saturating",
     )
-    assert "60 passed" in said  # 6 cells, of which 3 in double precision have two tests more
+    assert "80 passed" in said  # 8 cells, of which 4 in double precision have two tests more
 
 
 @pytest.mark.slow

@@ -266,7 +266,7 @@ def _update_bonds(blocks, tracks, u, before, step, slot, b, first, s):  # type: 
         lane, e = first + k, s[_E + k]
         row, stretch, i = _own_rows(blocks, slot), e / (1 + np.sqrt(1 + e)), b * LANES + lane
         is_pending = blocks.edge[row, lane] <= PENDING_SHORT
-        if is_pending and tracks.broken[slot, lane] == step:
+        if is_pending and tracks.broken[slot, lane] == step:  # if a step is summed twice: it pulls in the next one
             continue
         if is_pending:
             pull = _pull_again(blocks, tracks, before, step, slot, b, lane, stretch) / (1 + stretch)

@@ -141,9 +141,10 @@ class SpaceLattice:
         source, target, slot = layout.intact(self.sites, self.tiles.bits, np.arange(len(self._stiffness_bound)))
         xi, pull = layout.springs(self.tiles, self.sites, source, target, slot)
         if self._law.pair is not None and self._law.pair.bond_strain_energy is not None:
-            numbers = pull, self.tiles.peak[0, slot], self.tiles.limit[0, slot]
+            unbreakable = self.tiles.unbreakable[source] | self.tiles.unbreakable[target]
+            peak, limit = (np.where(unbreakable, np.inf, row[0, slot]) for row in (self.tiles.peak, self.tiles.limit))
             worst = layout.largest_stretches(self.tiles, self.sites, source, slot)
-            return of_curves(self._law, source, target, xi, (*numbers, worst), state.value)
+            return of_curves(self._law, source, target, xi, (pull, peak, limit, worst), state.value)
         eta = state.value[target].astype(np.float64) - state.value[source]
         e = ((2 * xi + eta) * eta).sum(axis=1) / (xi**2).sum(axis=1)
         pull *= layout.shares(self.tiles, self.sites, source, slot, e)

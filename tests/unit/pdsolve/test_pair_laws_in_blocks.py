@@ -73,7 +73,7 @@ from pdsolve.run.prepare import prepare
 
 LAWS["curved"] = curved.LAW
 precision, dimension = sys.argv[1], int(sys.argv[2])
-last = 8 if precision == "float32" and dimension == 3 else 30  # a bond that passes its peak in one of both alone counts
+last = 30 if dimension == 2 else 8  # many bonds tear, and multiply what rounding differs by
 glass, run = msgspec.structs.replace(GLASS, law="curved", kr=3.0), Run(time_step=2e-8)
 
 
@@ -81,7 +81,8 @@ def prepared(kernel):
     model = plate(square_grid(37, 29), 3, material=glass, run=run)
     if dimension == 3:
         solid = msgspec.structs.replace(glass, plane="space")
-        made = build(Body(Box((0, 0, 0), (0.017, 0.009, 0.008)), 1e-3, solid, 3.0, run))
+        body = Body(Box((0, 0, 0), (0.017, 0.009, 0.008)), 1e-3, solid, 3.0, run)
+        made = build(body.fix("left", x=0.0, y=None, z=None))  # whose bonds do not break
         model = Model(made.grid, made.settings)
     found = prepare(model, Options("conservative", precision, 1, kernel))
     assert found.system.operator.name == kernel
@@ -122,9 +123,9 @@ print(json.dumps(counts | {"apart": apart, "breaks": gone == expected, "same": s
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(  # measured 1.9e-13, 1.0e-4; 2.1e-12, 7.2e-6
+@pytest.mark.parametrize(  # measured 1.9e-13, 1.0e-4; 7.8e-14, 5.2e-6
     ("dimension", "precision", "tight"),
-    [(2, "float64", 1e-12), (2, "float32", 3e-4), (3, "float64", 1e-11), (3, "float32", 3e-4)],
+    [(2, "float64", 1e-12), (2, "float32", 3e-4), (3, "float64", 1e-12), (3, "float32", 3e-4)],
 )
 def test_a_law_that_is_curved_and_softens(dimension: int, precision: str, tight: float, tmp_path: Path) -> None:
     """Steps from random displacements: states, energies, what bonds remember, tangents, and what is restored."""
