@@ -80,7 +80,7 @@ class Case(NamedTuple):
     def curved(self) -> bool:
         """Whether the force of an intact bond is no straight line."""
         pair = EVERY[self.law].pair
-        return pair is not None and pair.bond_strain_energy is not None
+        return pair is not None and pair.is_curved
 
     def __str__(self) -> str:
         return f"{self.law}-{self.operator}-{self.dimension}D-{self.precision}"

@@ -23,6 +23,7 @@ from numba.extending import intrinsic
 from pdsolve.codegen.pull import NARROW, WIDE
 from pdsolve.codegen.vector_code import INT, ROW, Code
 
+LANES = 4 * ROW  # of a block
 FIELDS = 8  # of a slot
 VECTOR, PULL, BOUND = 4, 5, 6  # behind the bases of its four rows
 FY, E = ROW, 2 * ROW  # where the sums along y, and e, begin in s
@@ -142,7 +143,7 @@ class _Bonds:
 
     def _lane_of(self, row: Any) -> Any:
         builder = self._code.builder
-        return builder.add(builder.mul(row, INT(4 * ROW)), self._lane)
+        return builder.add(builder.mul(row, INT(LANES)), self._lane)
 
     def _element(self, data: Any, at: Any) -> Any:
         return self._code.builder.load(self._code.builder.gep(data, [at]))

@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 
 from pdsolve.codegen.jit_cache import cached_njit
 from pdsolve.codegen.lanes import across, beside, keep, listed, repeated, same, stacked, where_above, which_above
-from pdsolve.codegen.plane_slots import FAR, VECTOR
+from pdsolve.codegen.plane_slots import FAR, LANES, VECTOR
 from pdsolve.codegen.pull import NARROW
 from pdsolve.codegen.tile_lanes import bonded, magnitude, stretched
 from pdsolve.codegen.vector_code import ROW
@@ -39,7 +39,6 @@ from pdsolve.laws.bond_arrays import Bond
 from pdsolve.laws.calls import accumulate, bond_force, finish_sums, initial_sums, margin
 from pdsolve.laws.small_tensors import blank, summed
 
-LANES = 4 * ROW  # of a block
 KIND = VECTOR + 1  # of a slot: row of `kinds`, or -1 less a row of `rows`
 SAFE = 1e-6  # nearer to its limit than this share, a bond is looked at by itself
 COLUMNS, NODAL, OWN, VECTORS = range(4)  # of `likes`
@@ -232,8 +231,6 @@ def sum_first_pass(bonds, law, u, constants, m, likes, by_lanes, first, last):  
     for tile in range(first, last):
         place, lanes = nodes_of(bonds, tile)
         begin, end = slots_of(bonds, tile)
-        if begin == end:  # without a node or a bond
-            continue
         for lane in range(0, lanes, across(u)):
             at = place + lane
             displacement, sums = beside(u, likes[VECTORS], at), initial_sums(law, likes[VECTORS], none)
@@ -255,8 +252,6 @@ def sum_bond_forces(bonds, law, u, m, f, near, likes, first, last):  # type: ign
     for tile in range(first, last):
         place, lanes = nodes_of(bonds, tile)
         begin, end = slots_of(bonds, tile)
-        if begin == end:  # without a node or a bond
-            continue
         for lane in range(0, lanes, across(u)):
             at, over = place + lane, 0
             displacement, nodal = beside(u, likes[VECTORS], at), beside(m, likes[NODAL], at)

@@ -56,7 +56,7 @@ from pdsolve.laws.law import Pair
 # Tiles: without a node; what their bonds' stiffnesses are made of; and the same of tiles with a memory
 EMPTY, ALIKE, CORRECTED, GENERAL, SOFT_ALIKE, SOFT_CORRECTED, SOFT_GENERAL = range(7)
 SOFTENED = SOFT_ALIKE - ALIKE  # added to a tile's kind as it gets a memory
-VOLUME, MODULUS, STRONGER = range(3)  # rows of `cells`
+VOLUME, MODULUS, UNBREAKABLE = range(3)  # rows of `cells`
 EVERY = 2**ROW - 1  # bits of all lanes
 UNAGED, AGED, UNDONE = range(3)  # lanes: summed, the same though bonds softened or broke, not summed
 
@@ -251,7 +251,7 @@ def secant_weight(tiles: Any, w: Any, e: Any, g: Any, slot: Any, lane: Any, own:
 
 @overload(secant_weight, jit_options=IN_PLACE)
 def _secant_weight(tiles, w, e, g, slot, lane, own, row_of_memory):  # type: ignore[no-untyped-def]
-    return _secant_of_line if _pair(tiles).bond_strain_energy is None else _secant_of_curve
+    return _secant_of_curve if _pair(tiles).is_curved else _secant_of_line
 
 
 def _secant_of_line(tiles, w, e, g, slot, lane, own, row_of_memory):  # type: ignore[no-untyped-def]
@@ -265,9 +265,9 @@ def _secant_of_curve(tiles, w, e, g, slot, lane, own, row_of_memory):  # type: i
     worst = same(tiles.share, 0.0)
     if row_of_memory >= 0:
         (worst,) = beside(tiles.share[row_of_memory, slot : slot + np.uint64(1)], (0,), lane)
-    rows, at = (VOLUME, MODULUS, STRONGER), own + tiles.offsets[slot]
-    stronger = beside(tiles.cells, rows, own)[STRONGER] + beside(tiles.cells, rows, at)[STRONGER]
-    peak, limit = stronger + tiles.peak[0, slot], stronger + tiles.limit[0, slot]
+    rows, at = (VOLUME, MODULUS, UNBREAKABLE), own + tiles.offsets[slot]
+    beyond = beside(tiles.cells, rows, own)[UNBREAKABLE] + beside(tiles.cells, rows, at)[UNBREAKABLE]
+    peak, limit = beyond + tiles.peak[0, slot], beyond + tiles.limit[0, slot]
     return w * secant(tiles.law, e * g * np.sqrt(1.0 + e), worst, peak, limit)
 
 
@@ -363,7 +363,7 @@ def _soften(tiles, t, slot, lane, stretch, peak, limit):  # type: ignore[no-unty
     pair = _pair(tiles)
     if pair.softening is None:
         return lambda tiles, t, slot, lane, stretch, peak, limit: True
-    return _weaken if pair.bond_strain_energy is None else _remember
+    return _remember if pair.is_curved else _weaken
 
 
 def _remember(tiles, t, slot, lane, stretch, peak, limit):  # type: ignore[no-untyped-def]

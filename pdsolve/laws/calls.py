@@ -326,14 +326,12 @@ def _of_pair(pair: Pair) -> dict[str, Function]:
     line = _force_if_stretched if pair.elastic_in_compression else _force_by_secant
     functions |= {
         "matching_force": _match_work,
-        "force_over_stiffness": line if pair.bond_strain_energy is None else _force_of_curve,
+        "force_over_stiffness": _force_of_curve if pair.is_curved else line,
     }
     if softens:
         functions["dissipated_at_break"] = _dissipated_softly
     else:
-        functions["dissipated_at_break"] = (
-            _dissipated_by_line if pair.bond_strain_energy is None else _dissipated_at_once
-        )
+        functions["dissipated_at_break"] = _dissipated_at_once if pair.is_curved else _dissipated_by_line
     return functions
 
 

@@ -72,6 +72,11 @@ class Pair:
     softening: Softening | None = None  # None: a bond has no history until it is gone
     elastic_in_compression: bool = False  # a softened bond has its secant under tension, all its stiffness else
 
+    @property
+    def is_curved(self) -> bool:
+        """Whether the force of an intact bond is no straight line."""
+        return self.bond_strain_energy is not None
+
 
 @dataclass(frozen=True)
 class Passes:

@@ -50,7 +50,7 @@ def pair_law(kind: type[Any], pair: Pair) -> Law:
         return kind(bonds.stiffness, bonds.peak, bonds.limit, worst, broken, pending)
 
     straight = _accumulate_one_sided if pair.elastic_in_compression else _accumulate_straight
-    curve = straight if pair.bond_strain_energy is None else _accumulate_curved
+    curve = _accumulate_curved if pair.is_curved else straight
     return Law(
         columns_type=kind,
         columns=columns,

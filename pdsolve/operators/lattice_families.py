@@ -37,7 +37,7 @@ class FamilyLayout(Protocol):
     def place(self, values: NDArray[Any], out: NDArray[Any]) -> None:
         """Enter nodal values (n, w) at their places in `out` (w, m)."""
 
-    def nodal(self, values: NDArray[Any]) -> NDArray[Any]:
+    def collect(self, values: NDArray[Any]) -> NDArray[Any]:
         """The values (n, w) of nodes among those of all places (w, m)."""
 
     def add(self, values: NDArray[Any], out: NDArray[Any]) -> None:
@@ -103,7 +103,7 @@ class LatticeFamilies(BondList):
             return super()._between(now)
         self.layout.place(now.value, self._u)
         self._share_tiles(sum_first_pass, self._u, self._own, self._m, self._likes, self._by_lanes)
-        between = self.layout.nodal(self._m)
+        between = self.layout.collect(self._m)
         if not self._by_lanes:
             self._share(loops.finish_pass_rows, between)
             self.layout.place(between, self._m)

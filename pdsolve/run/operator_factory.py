@@ -88,7 +88,7 @@ def _make_device_operator(
         layout = family_blocks.FamilyBlocks
         of = law, model, bonds, scheme.symmetric, options.precision, partial(layout, *where, len(model.grid))
         return FamiliesOnDevice(*of, Session(model.settings.run.device)), statistics.counted(bond_source.area)
-    if law.pair is None or law.pair.bond_strain_energy is not None:
+    if law.pair is None or law.pair.is_curved:
         raise ModelError(f"{model.name}: $.run.device: the law is no straight line; use cpu for such a law")
     session, kind = Session(model.settings.run.device), np.dtype(options.precision).type
     if model.grid.dimension == 3:
@@ -143,7 +143,7 @@ def choose_kernel_for_swelling(model: Model, options: Options) -> Options:
     Raises ModelError where the options exclude it.
     """
     pair, run = law_of(model).pair, model.settings.run
-    straight = pair is not None and pair.bond_strain_energy is None and not pair.elastic_in_compression
+    straight = pair is not None and not pair.is_curved and not pair.elastic_in_compression
     fast = straight and model.grid.dimension == 2 and run.solver == "explicit"
     expected = (None, "listed", "blocks") if fast else (None, "listed")
     if options.kernel not in expected:
@@ -196,7 +196,7 @@ def _make_bond_tiles_if_possible(
     if model.grid.dimension == 2 or options.kernel == "listed" or numba.config.DISABLE_JIT or not scheme.symmetric:
         return None
     pair = law_of(model).pair
-    if model.settings.run.device != "cpu" and pair is not None and pair.bond_strain_energy is not None:
+    if model.settings.run.device != "cpu" and pair is not None and pair.is_curved:
         return None  # devices know straight lines alone
     return tiled(model, np.dtype(options.precision).type, bonds_are_unbreakable)
 

@@ -8,7 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pdsolve.bonds.assembly import Bonds
-from pdsolve.lattice.families import KIND, LANES, FamilySlots
+from pdsolve.codegen.plane_slots import LANES
+from pdsolve.lattice.families import KIND, FamilySlots
 from pdsolve.laws.bond_arrays import Tabled
 from pdsolve.laws.law import Law
 from pdsolve.operators.simd_lattice import layout
@@ -54,13 +55,13 @@ class FamilyBlocks:
         if values.ctypes.data != out.ctypes.data:  # else they are a view of it
             out[:, : self.nodes] = values.T
 
-    def nodal(self, values: NDArray[Any]) -> NDArray[Any]:
+    def collect(self, values: NDArray[Any]) -> NDArray[Any]:
         """A view (n, w) of nodes among the values of all places (w, m)."""
         return values[:, : self.nodes].T
 
     def add(self, values: NDArray[Any], out: NDArray[Any]) -> None:
         """Add the values of nodes among those of all places (w, m) to `out` (n, w)."""
-        out += self.nodal(values)
+        out += self.collect(values)
 
     def remove(self, bonds: NDArray[np.int64]) -> None:
         """Remove these bonds (b,) of the list."""

@@ -54,6 +54,9 @@ from pdsolve.codegen.plane_slots import (
     add_far_one_sided,
     add_slots,
 )
+from pdsolve.codegen.plane_slots import (
+    LANES as LANES,
+)
 from pdsolve.codegen.pull import NARROW, coefficients, stretch_coefficients
 from pdsolve.codegen.vector_code import ROW
 from pdsolve.laws.calls import (
@@ -67,7 +70,6 @@ from pdsolve.laws.calls import (
 )
 from pdsolve.laws.law import Pair
 
-LANES = 4 * ROW
 PLANE, ONE = (0, 0), (0,)  # of as many rows
 PULLS, STRETCHES = coefficients("float64")[0], stretch_coefficients()
 SQUARE = NARROW * NARROW
@@ -146,7 +148,7 @@ def _sum_lanes(blocks, tracks, u, before, step, b, lane, s):  # type: ignore[no-
     pair = _pair(blocks)
     if pair.elastic_in_compression:
         return _sum_one_sided
-    return _sum_straight if pair.bond_strain_energy is None else _sum_curved
+    return _sum_curved if pair.is_curved else _sum_straight
 
 
 def _pair(blocks: Any) -> Pair:
@@ -301,7 +303,7 @@ def _soften(blocks, tracks, slot, b, lane, stretch, peak, limit):  # type: ignor
     pair = _pair(blocks)
     if pair.softening is None:
         return lambda blocks, tracks, slot, b, lane, stretch, peak, limit: None
-    return _update_history if pair.bond_strain_energy is not None else _weaken
+    return _update_history if pair.is_curved else _weaken
 
 
 @register_jitable(**INNER)
@@ -438,7 +440,7 @@ def _strain_energy_of(law, blocks, worst, slot, lane, c, stretch):  # type: igno
     pair = pair_of(law)
     if pair.elastic_in_compression:
         return _strain_energy_one_sided
-    if pair.bond_strain_energy is None:
+    if not pair.is_curved:
         return lambda law, blocks, worst, slot, lane, c, stretch: c * stretch * stretch
     return _strain_energy_curved
 

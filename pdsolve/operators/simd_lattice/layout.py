@@ -337,7 +337,7 @@ def revive(
     if len(worst):
         columns = worst[torn][soft], blocks.peak[row][soft], blocks.limit[row][soft]
         largest, peak, limit = (column.astype(np.float64) for column in columns)
-        if law.pair.secant is not None and law.pair.bond_strain_energy is None:
+        if law.pair.secant is not None and not law.pair.is_curved:
             stiffness[soft] = law.pair.secant(blocks.law, largest, largest, peak, limit) * stiffness[soft]
         edges[soft] = edge[torn][soft]
         near[soft] = np.minimum(edges[soft], NARROW)

@@ -42,7 +42,7 @@ class SimdLattice:
         bind(law)
         assert law.pair is not None
         self._law, self._pair = law, law.pair
-        remembers = law.pair.softening is not None and (softens or law.pair.bond_strain_energy is not None)
+        remembers = law.pair.softening is not None and (softens or law.pair.is_curved)
         self.blocks, self.symmetric = blocks, symmetric
         self._stiffness_bound, self._whole = bound, blocks.mask.copy()
         none = np.zeros(0, dtype=np.int64)
@@ -105,7 +105,7 @@ class SimdLattice:
         from pdsolve.operators.tangent import of_springs  # SciPy takes as long to import as numba, and few runs ask
 
         numbers = layout.there(self.blocks.mask)
-        if self._pair.bond_strain_energy is not None:
+        if self._pair.is_curved:
             return self._curved_tangent(numbers, state)
         (source, target), (xi, pull) = layout.ends(self.blocks, numbers), layout.springs(self.blocks, numbers)
         if self._pair.elastic_in_compression:

@@ -67,7 +67,7 @@ class FamilySites:
         site = self._sites.site
         share(lambda first, last: place_rows(site, values, out, first, last), len(site), self._threads)
 
-    def nodal(self, values: NDArray[Any]) -> NDArray[Any]:
+    def collect(self, values: NDArray[Any]) -> NDArray[Any]:
         """The values (n, w) of nodes among those of all places (w, m)."""
         out = np.zeros((len(self._sites.site), len(values)), dtype=values.dtype)
         self.add(values, out)

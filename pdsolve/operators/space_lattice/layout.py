@@ -13,7 +13,7 @@ from pdsolve.checkpoint_validation import expect_found
 from pdsolve.codegen.pull import NARROW
 from pdsolve.codegen.vector_code import ROW
 from pdsolve.lattice.bond import FIELDS, where_inverse, where_weight
-from pdsolve.lattice.sums import MODULUS, SOFTENED, STRONGER, VOLUME, Breaks, Tiles, select_breaks
+from pdsolve.lattice.sums import MODULUS, SOFTENED, UNBREAKABLE, VOLUME, Breaks, Tiles, select_breaks
 from pdsolve.laws.calls import pair_of
 from pdsolve.laws.law import Law
 from pdsolve.laws.pair import no_bonds
@@ -43,12 +43,12 @@ class Springs(NamedTuple):
 
 def tiles_of(law: Law, sites: Sites, bits: NDArray[np.uint16], springs: Springs) -> Tiles:
     """The bonds of n nodes at these sites, in double precision and without corrections."""
-    is_curved = law.pair is not None and law.pair.bond_strain_energy is not None
+    is_curved = law.pair is not None and law.pair.is_curved
     c, cells = (aligned(np.zeros((rows, sites.size))) for rows in (3, 3 if is_curved else 2))
     c[:, sites.site] = 1.0
     cells[VOLUME, sites.site], cells[MODULUS, sites.site] = springs.volume, springs.modulus
     if is_curved:
-        cells[STRONGER, sites.site[springs.held]] = np.inf
+        cells[UNBREAKABLE, sites.site[springs.held]] = np.inf
     peak, nothing = float(springs.peak.min()), np.zeros((0, len(sites.ways), ROW))
     edge = peak * (peak + 2) * (1 - ROUNDED)
     tiles = Tiles(
@@ -97,7 +97,7 @@ def extended(tiles: Tiles, tile_numbers: NDArray[np.int64]) -> Tiles:
         tiles = tiles._replace(share=share, worst=worst)
     tiles.memory[tile_numbers] = used + np.arange(len(tile_numbers))
     tiles.kind[tile_numbers] += np.uint8(SOFTENED)
-    rows, is_straight = slice(used, used + len(tile_numbers)), pair_of(tiles.law).bond_strain_energy is None
+    rows, is_straight = slice(used, used + len(tile_numbers)), not pair_of(tiles.law).is_curved
     tiles.share[rows], tiles.worst[rows] = float(is_straight), 0
     return tiles
 

@@ -140,7 +140,7 @@ class SpaceLattice:
 
         source, target, slot = layout.intact(self.sites, self.tiles.bits, np.arange(len(self._stiffness_bound)))
         xi, pull = layout.springs(self.tiles, self.sites, source, target, slot)
-        if self._law.pair is not None and self._law.pair.bond_strain_energy is not None:
+        if self._law.pair is not None and self._law.pair.is_curved:
             unbreakable = self.tiles.unbreakable[source] | self.tiles.unbreakable[target]
             peak, limit = (np.where(unbreakable, np.inf, row[0, slot]) for row in (self.tiles.peak, self.tiles.limit))
             worst = layout.largest_stretches(self.tiles, self.sites, source, slot)
