@@ -47,8 +47,10 @@ def followed(model: Model) -> list[str]:
     def called(frame: FrameType, event: str, _: object) -> None:
         if event == "call":
             files.add(frame.f_code.co_filename)
-            if frame.f_code is VerletBlocks.advance.__code__ and frame.f_locals["last"] > frame.f_locals["first"]:
-                raise FirstStep
+            if frame.f_code is VerletBlocks.advance.__code__:
+                first_step, end_step = (frame.f_locals[name] for name in frame.f_code.co_varnames[2:4])
+                if end_step > first_step:
+                    raise FirstStep
 
     threading.setprofile(called)
     sys.setprofile(called)

@@ -132,10 +132,12 @@ class Cloud(NamedTuple):
         """Held by all bonds, J."""
         return float(np.sum(self.cell * self.operator.energies(self.state)[0]))
 
-    def advance(self, first: int, last: int) -> None:
-        """Take the steps `first` to `last` - 1 at half the bound, free of loads."""
+    def advance(self, first_step: int, end_step: int) -> None:
+        """Take the steps `first_step` to `end_step` - 1 at half the bound, free of loads."""
         nodes, dimension = self.position.shape
-        Verlet(self.operator, idle(nodes, dimension), self.rho, self.bound / 2).advance(self.state, first, last)
+        Verlet(self.operator, idle(nodes, dimension), self.rho, self.bound / 2).advance(
+            self.state, first_step, end_step
+        )
 
     def shake(self, size: float, seed: int = 3) -> None:
         """Random displacements of this size, m, at rest."""

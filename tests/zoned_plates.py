@@ -78,11 +78,11 @@ class Zoned(NamedTuple):
         self.zone.coarse.u[0][:, node] = (1 - w) * u[:, end[:, 0]] + w * u[:, end[:, 1]]
         self.advance(1, 1)
 
-    def advance(self, first: int, last: int) -> None:
-        """Take steps; none with last = first, which computes the forces."""
-        if first == last:
+    def advance(self, first_step: int, end_step: int) -> None:
+        """Take steps; none with `end_step` = `first_step`, which computes the forces."""
+        if first_step == end_step:
             self.hybrid.compute_initial_forces()
-        self.hybrid.advance(first, last)
+        self.hybrid.advance(first_step, end_step)
         if self.hybrid.buffer == 1:
             self.hybrid.buffer = 0
             for nodes in (self.zone.fine, self.zone.coarse, self.zone.far):

@@ -32,8 +32,8 @@ class LedgerTotals(NamedTuple):
 class TwoLatticeEngine(Protocol):
     """The fine and coarse nodes."""
 
-    def advance(self, first: int, last: int) -> None:
-        """Take the steps `first` to `last` - 1. Raises UnstableError."""
+    def advance(self, first_step: int, end_step: int) -> None:
+        """Take the steps `first_step` to `end_step` - 1. Raises UnstableError."""
 
     def sum_forces_and_break_bonds(self, step: int, dt: float) -> None:
         """Sum the forces at the displacements there are, those of loads left out; bonds over their limit break."""
@@ -158,15 +158,18 @@ class FusedMarch:
     def __init__(self, operator: TwoLatticeOperator[Any]) -> None:
         self._operator = operator
 
-    def advance(self, state: State, first: int, last: int) -> None:
-        """Take the steps `first` to `last` - 1; the state is updated as long as the nodes are those of the operator.
+    def advance(self, state: State, first_step: int, end_step: int) -> None:
+        """Take the steps `first_step` to `end_step` - 1; the state is updated as long as it has the operator's nodes.
 
         Raises UnstableError.
         """
-        self.advance_engine(first, last)
+        self.advance_engine(first_step, end_step)
         if self._operator.is_current:
             self._operator.copy_to_state(state)
 
-    def advance_engine(self, first: int, last: int) -> None:
-        """Take the steps `first` to `last` - 1, after which the operator has the state. Raises UnstableError."""
-        self._operator.engine.advance(first, last)
+    def advance_engine(self, first_step: int, end_step: int) -> None:
+        """Take the steps `first_step` to `end_step` - 1, after which the operator has the state.
+
+        Raises UnstableError.
+        """
+        self._operator.engine.advance(first_step, end_step)

@@ -63,20 +63,20 @@ class EulerOnDevice:
         self._acting = [*_entries(drive.loads, nodes, session), *_entries(drive.holds, nodes, session)]
         self._factors = Factors(session, drive.profiles, dt, ((-1, 0.0), (0, 0.0)))
 
-    def advance(self, state: State, first: int, last: int) -> None:
-        """Take the steps `first` to `last` - 1. Raises DeviceLostError."""
-        if last <= first:
+    def advance(self, state: State, first_step: int, end_step: int) -> None:
+        """Take the steps `first_step` to `end_step` - 1. Raises DeviceLostError."""
+        if end_step <= first_step:
             return
         if not self._ahead:
             for buffer, values in self._mirrored():
                 self.session.write(buffer, values)
-        self._ahead, self._last = True, last - 1
+        self._ahead, self._last = True, end_step - 1
         sizes, nodes = (self._size, LANES), np.int32(self._nodes)
         volume, *rest = self._fixed
-        for step in range(first, last):
-            at = (step - first) % AT_ONCE
+        for step in range(first_step, end_step):
+            at = (step - first_step) % AT_ONCE
             if at == 0:
-                self._factors.write(step, min(AT_ONCE, last - step))
+                self._factors.write(step, min(AT_ONCE, end_step - step))
             arguments = self._site, volume, self._h, self._potential, self._amount, nodes
             self.session.launch(self._put, sizes, arguments)
             motion = self._h, self._rate, self._dissipated, self._work, self._source

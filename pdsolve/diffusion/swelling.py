@@ -88,11 +88,11 @@ class Swelling:
         state.value[:] = now  # blocks have one place for displacements
         return strain_energy
 
-    def advance(self, state: State, first: int, last: int) -> None:
-        """Take the steps `first` to `last` - 1 of both, in place; `state` is that of the motion."""
-        step, strain_energy = first, None
-        while step < last:
-            until = min(last, step + (self.steps_per_content_step // 2 + 1 - step) % self.steps_per_content_step)
+    def advance(self, state: State, first_step: int, end_step: int) -> None:
+        """Take the steps `first_step` to `end_step` - 1 of both, in place; `state` is that of the motion."""
+        step, strain_energy = first_step, None
+        while step < end_step:
+            until = min(end_step, step + (self.steps_per_content_step // 2 + 1 - step) % self.steps_per_content_step)
             if until > step:
                 self.motion.advance(state, step, until)
                 step, strain_energy = until, None

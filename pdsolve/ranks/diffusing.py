@@ -57,15 +57,17 @@ class EulerOnRanks:
         ]
         team.everywhere(build, starts_of(self._slabs), dt, items=parts)
 
-    def advance(self, state: State, first: int, last: int) -> None:
-        """Take the steps `first` to `last` - 1, in place."""
+    def advance(self, state: State, first_step: int, end_step: int) -> None:
+        """Take the steps `first_step` to `end_step` - 1, in place."""
         windows = [slice(slab.begin, slab.end) for slab in self._slabs]
         shares = [
             Share(State(*(values[rows] for values in state)), self._operator.solid[rows], self._drive.force[rows])
             for rows in windows
         ]
         solid = self._operator.solid.copy()
-        for slab, share in zip(self._slabs, self._team.everywhere(advance, first, last, items=shares), strict=True):
+        for slab, share in zip(
+            self._slabs, self._team.everywhere(advance, first_step, end_step, items=shares), strict=True
+        ):
             rows = slice(slab.first, slab.last)
             for values, new_values in zip(state, share.state, strict=True):
                 values[rows] = new_values
@@ -93,12 +95,12 @@ def build(team: Team, starts: NDArray[np.int64], dt: float, share: tuple[Slab, C
     team.part = DiffusingPart(operator, stepper, drive, slice(slab.first - slab.begin, slab.last - slab.begin))
 
 
-def advance(team: Team, first: int, last: int, share: Share) -> Share:
-    """Take the steps `first` to `last` - 1; returns what has become of own nodes."""
+def advance(team: Team, first_step: int, end_step: int, share: Share) -> Share:
+    """Take the steps `first_step` to `end_step` - 1; returns what has become of own nodes."""
     part: DiffusingPart = team.part
     state = State(*map(np.array, share.state))  # copies: rank 0 shares rows of its own arrays with itself
     part.operator.solid, part.drive.force[:] = share.solid, share.force
-    part.stepper.advance(state, first, last)
+    part.stepper.advance(state, first_step, end_step)
     own_rows = part.own
     return Share(
         State(*(values[own_rows] for values in state)), part.operator.solid[own_rows], part.drive.force[own_rows]

@@ -274,18 +274,18 @@ class Recorder:
         """Step of the last broken bond known at the last record; 0 without any."""
         return int(self.bond_state.broken_bonds.step.max(initial=self._latest))
 
-    def advance(self, first: int, last: int) -> int:
-        """Take the steps `first` to `last` - 1; with a moving fine zone there is no state before it is asked for.
+    def advance(self, first_step: int, end_step: int) -> int:
+        """Take the steps `first_step` to `end_step` - 1; with a moving fine zone there is no state until asked for.
 
         Returns the last step that is there: the one before, where a path ended as a step was taken back.
         """
         stepper = self.system.stepper
         if isinstance(stepper, FusedMarch):
             self.drop_state()
-            stepper.advance_engine(first, last)
+            stepper.advance_engine(first_step, end_step)
         else:
-            stepper.advance(self.state, first, last)
-        return stepper.step_results[-1].step if isinstance(stepper, PathStepper) else last - 1
+            stepper.advance(self.state, first_step, end_step)
+        return stepper.step_results[-1].step if isinstance(stepper, PathStepper) else end_step - 1
 
     def drop_state(self) -> None:
         """Forget the state, which the operator of a moving fine zone has, and energies of nodes."""

@@ -69,16 +69,16 @@ class SwellingStepperWithFineZone(Swelling):
         )  # by material, at a stretch of 1
         return np.asarray(density[plate.model.material_of[rows]] * self._strain()[rows] ** 2)
 
-    def advance(self, state: State, first: int, last: int) -> None:
-        """Take the steps `first` to `last` - 1 of both; the state is updated as long as its nodes are the current ones.
+    def advance(self, state: State, first_step: int, end_step: int) -> None:
+        """Take the steps `first_step` to `end_step` - 1 of both; the state is updated as long as its nodes are current.
 
         Raises UnstableError.
         """
-        hybrid, step = self._operator.engine, first
-        while step < last:
-            until = min(last, step + (self.steps_per_content_step // 2 + 1 - step) % self.steps_per_content_step)
+        hybrid, step = self._operator.engine, first_step
+        while step < end_step:
+            until = min(end_step, step + (self.steps_per_content_step // 2 + 1 - step) % self.steps_per_content_step)
             hybrid.advance(step, until)
-            if until < last:
+            if until < end_step:
                 self._take_coupled_step(until)
             step = until + 1
         if self._operator.is_current:

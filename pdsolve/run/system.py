@@ -140,9 +140,9 @@ class PreparedRun(NamedTuple):
     system: System
     state: State
 
-    def advance(self, first: int, last: int) -> None:
-        """Take the steps `first` to `last` - 1, in place."""
-        self.system.stepper.advance(self.state, first, last)
+    def advance(self, first_step: int, end_step: int) -> None:
+        """Take the steps `first_step` to `end_step` - 1, in place."""
+        self.system.stepper.advance(self.state, first_step, end_step)
         self.system.fetch_state_from_device()
 
 

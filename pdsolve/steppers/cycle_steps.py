@@ -39,9 +39,9 @@ class CycleSteps:
     def on_progress(self, on_progress: Callable[[LoadStepProgress], None] | None) -> None:
         self._motion.on_progress = on_progress
 
-    def advance(self, state: State, first: int, last: int) -> None:
-        """Take the steps `first` to `last` - 1, in place, unless life has ended. Raises UnsettledError."""
-        for step in range(first, last):
+    def advance(self, state: State, first_step: int, end_step: int) -> None:
+        """Take the steps `first_step` to `end_step` - 1, in place, unless life has ended. Raises UnsettledError."""
+        for step in range(first_step, end_step):
             if self.ended:
                 return
             if step == 1:

@@ -21,11 +21,11 @@ class ForwardEuler:
         self._operator, self._drive, self._dt, self._ghosts = operator, drive, dt, ghosts
         self._change = np.zeros(len(drive.force))
 
-    def advance(self, state: State, first: int, last: int) -> None:
-        """Take the steps `first` to `last` - 1, in place."""
+    def advance(self, state: State, first_step: int, end_step: int) -> None:
+        """Take the steps `first_step` to `end_step` - 1, in place."""
         drive, dt, constrained_nodes = self._drive, self._dt, self._drive.holds.node
         value, rate, source = state.value[:, 0], state.rate[:, 0], drive.force[:, 0]
-        for step in range(first, last):
+        for step in range(first_step, end_step):
             if self._ghosts is not None:
                 self._ghosts.receive_values(state.value.T)
             rate[:] = 0

@@ -106,9 +106,9 @@ class LoadSteps:
                 raise ModelError(f"{model.name}: $.conditions: {error}") from None
         drive.force[:] = 0
 
-    def advance(self, state: State, first: int, last: int) -> None:
-        """Take the load steps `first` to `last` - 1, in place. Raises UnsettledError."""
-        for step in range(first, last):
+    def advance(self, state: State, first_step: int, end_step: int) -> None:
+        """Take the load steps `first_step` to `end_step` - 1, in place. Raises UnsettledError."""
+        for step in range(first_step, end_step):
             self._take_step(state, step)
 
     def set_swelling_strain(self, strain: Array, state: State, on_next_equilibrium: Callable[[State], object]) -> None:

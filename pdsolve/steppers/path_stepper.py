@@ -64,10 +64,10 @@ class PathStepper:
         """The factor of loads and prescribed displacements now: the time of their profiles, s."""
         return self.step_results[-1].load_factor if self.step_results else 0.0
 
-    def advance(self, state: State, first: int, last: int) -> None:
-        """Take the steps `first` to `last` - 1, in place, unless the path has ended. Raises UnsettledError."""
+    def advance(self, state: State, first_step: int, end_step: int) -> None:
+        """Take the steps `first_step` to `end_step` - 1, in place, unless the path has ended. Raises UnsettledError."""
         self._began = self._began or (clock.monotonic(), self._finished_path_share())
-        for step in range(first, last):
+        for step in range(first_step, end_step):
             if not self.ended:
                 self._take_step(state, step)
 

@@ -10,5 +10,5 @@ from pdsolve.state import State
 class Stepper(Protocol):
     """A time integration of the state of a system."""
 
-    def advance(self, state: State, first: int, last: int) -> None:
-        """Take the steps `first` to `last` - 1, in place."""
+    def advance(self, state: State, first_step: int, end_step: int) -> None:
+        """Take the steps `first_step` to `end_step` - 1, in place."""

@@ -43,11 +43,14 @@ class ThetaSteps:
         """Factor the equations anew, as the operator has changed."""
         self._factors = None
 
-    def advance(self, state: State, first: int, last: int) -> None:
-        """Take the steps `first` to `last` - 1, in place. Raises UnstableError if the equations do not converge."""
+    def advance(self, state: State, first_step: int, end_step: int) -> None:
+        """Take the steps `first_step` to `end_step` - 1, in place.
+
+        Raises UnstableError if the equations do not converge.
+        """
         drive, dt, theta, free = self._drive, self._dt, self._theta, self._free
         content, source = state.value[:, 0], drive.force[:, 0]
-        for step in range(first, last):
+        for step in range(first_step, end_step):
             before = content.copy()
             put_loads(drive, (step - 1) * dt)
             rate = self._compute_rates_and_book_flows(state, before, 1 - theta, step)

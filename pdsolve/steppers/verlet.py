@@ -43,12 +43,12 @@ class Verlet:
         self._damping = damping if damping is not None and damping.any() else None
         self._held = constrained_components(drive) if self._damping is not None else None
 
-    def advance(self, state: State, first: int, last: int) -> None:
-        """Take the steps `first` to `last` - 1, in place."""
+    def advance(self, state: State, first_step: int, end_step: int) -> None:
+        """Take the steps `first_step` to `end_step` - 1, in place."""
         drive, dt = self._drive, self._dt
         # forces take the place of the accelerations that they become, where those are as precise
         out = state.second if state.second.dtype == np.float64 else np.zeros(state.value.shape)
-        for step in range(first, last):
+        for step in range(first_step, end_step):
             _kick_drift_and_apply_conditions(state, drive, dt, step * dt)
             if self._ghosts is not None:
                 self._ghosts.receive_values(state.value.T)

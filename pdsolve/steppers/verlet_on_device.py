@@ -92,9 +92,9 @@ class VerletOnDevice:
         )
         self._factors = Factors(self.session, drive.profiles, self._dt, ((0, 0.0), (1, 0.0), (1, self._dt / 2)))
 
-    def advance(self, state: State, first: int, last: int) -> None:
-        """Take the steps `first` to `last` - 1. Raises DeviceLostError."""
-        if last <= first:
+    def advance(self, state: State, first_step: int, end_step: int) -> None:
+        """Take the steps `first_step` to `end_step` - 1. Raises DeviceLostError."""
+        if end_step <= first_step:
             return
         if not self._ahead:  # the device has not the state of the host
             operator, write, drive = self._operator, self.session.write, self._drive
@@ -105,14 +105,14 @@ class VerletOnDevice:
             for buffer in (self._now, self._ago):
                 write(buffer, drive.force[self._nodes])
             write(self._force, drive.held_force[self._holds.entry_order])
-        self._ahead, steps, self._last = True, last - first, last - 1
+        self._ahead, steps, self._last = True, end_step - first_step, end_step - 1
         for sweep in range(steps + 1):
             if sweep % AT_ONCE == 0:
                 if sweep > 0:
-                    self._operator.fetch(first + sweep - 2)  # there is room for so many breaks
-                self._factors.write(first + sweep - 1, min(AT_ONCE, steps + 1 - sweep))
+                    self._operator.fetch(first_step + sweep - 2)  # there is room for so many breaks
+                self._factors.write(first_step + sweep - 1, min(AT_ONCE, steps + 1 - sweep))
             phase = STARTS * (sweep == 0) + ENDS * (sweep == steps)
-            self._launch_step(first + sweep - 1, phase, sweep % AT_ONCE)
+            self._launch_step(first_step + sweep - 1, phase, sweep % AT_ONCE)
         self._u = [self._u[2], *self._u[:2]]  # the last sweep wrote no displacements
         self.session.finish()
 

@@ -67,9 +67,9 @@ class CollocationEngine:
         holds = self.drive.holds
         self.zone.a[holds.axis, holds.node] = 0.0
 
-    def advance(self, first: int, last: int) -> None:
-        """Take the steps `first` to `last` - 1. Raises UnstableError if a coarse pair exceeds its limit."""
-        self._advance(first, last)
+    def advance(self, first_step: int, end_step: int) -> None:
+        """Take the steps `first_step` to `end_step` - 1. Raises UnstableError if a coarse pair exceeds its limit."""
+        self._advance(first_step, end_step)
 
     def sum_forces_and_break_bonds(self, step: int, dt: float) -> None:
         """Sum the forces at the current displacements, without loads; bonds over their limit break in this step.
@@ -89,10 +89,10 @@ class CollocationEngine:
         if self.zone.is_to_refine.any():
             self._refine_marked_nodes()
 
-    def _advance(self, first: int, last: int) -> None:
+    def _advance(self, first_step: int, end_step: int) -> None:
         where = BEGIN
         while True:
-            how, step = self._advance_on_threads(first, last, where)
+            how, step = self._advance_on_threads(first_step, end_step, where)
             if how == DONE:
                 return
             if how == ROOM:
@@ -105,9 +105,9 @@ class CollocationEngine:
                         " critical); use a smaller run.collocation.kappa or time step"
                     )
                 self._refine_marked_nodes()
-            first, where = step, FORCES
+            first_step, where = step, FORCES
 
-    def _advance_on_threads(self, first: int, last: int, stage: int) -> tuple[int, int]:
+    def _advance_on_threads(self, first_step: int, end_step: int, stage: int) -> tuple[int, int]:
         """Run the compiled march on all threads until it ends; returns its end code and step."""
         end, gate = (DONE, 0), gate_of(self.settings.threads)
         how = (
@@ -116,8 +116,8 @@ class CollocationEngine:
             self._rho,
             self.settings.refinement_kappa,
             self.settings.steps_between_checks,
-            first,
-            last,
+            first_step,
+            end_step,
             stage,
         )
 

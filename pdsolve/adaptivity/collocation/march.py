@@ -266,16 +266,18 @@ def _move_held_components(lattice, zone, drive, work, rho, time):  # type: ignor
 
 
 @cached_njit(nogil=True, error_model="numpy")
-def advance(lattice, zone, drive, work, rho, refinement_kappa, steps_between_checks, first, last, stage, thread, gate):  # type: ignore[no-untyped-def]
-    """Take the steps `first` to `last` - 1, from stage `stage` of the first; returns the end code and the step.
+def advance(
+    lattice, zone, drive, work, rho, refinement_kappa, steps_between_checks, first_step, end_step, stage, thread, gate
+):  # type: ignore[no-untyped-def]
+    """Take the steps `first_step` to `end_step` - 1, from `stage` of the first one; returns the end code and the step.
 
     All threads call this together.
     """
     threads, rows = gate.threads, len(zone.rows_with_fine_nodes)
-    for step in range(first, last):
+    for step in range(first_step, end_step):
         if thread == 0:
             zone.counts.refinement_due = 0
-            if step > first or stage == BEGIN:
+            if step > first_step or stage == BEGIN:
                 _kick_and_drift(lattice, zone, drive, step * lattice.dt)
                 interpolate_fictitious_nodes(zone, zone.u)
                 zone.counts.refinement_due = step % steps_between_checks == 0 and mark_stretched_coarse_pairs(
@@ -301,7 +303,7 @@ def advance(lattice, zone, drive, work, rho, refinement_kappa, steps_between_che
         meet(gate)
         if hot:
             return SWITCH, step
-    return DONE, last - 1
+    return DONE, end_step - 1
 
 
 @cached_njit(error_model="numpy")

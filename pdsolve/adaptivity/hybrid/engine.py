@@ -109,10 +109,10 @@ class HybridEngine:
         y, x = np.divmod(far, numbering.far_row_stride)
         return np.asarray((4 * (y - BELOW_COARSE) + BELOW) * numbering.fine_row_stride + LEFT + 4 * (x - LEFT))
 
-    def advance(self, first: int, last: int) -> None:
-        """Take the steps `first` to `last` - 1. Raises LateZoneError if a clipped bond exceeds its limit."""
-        if first < last:
-            self._advance(first, last)
+    def advance(self, first_step: int, end_step: int) -> None:
+        """Take the steps `first_step` to `end_step` - 1. Raises LateZoneError if a clipped bond exceeds its limit."""
+        if first_step < end_step:
+            self._advance(first_step, end_step)
 
     def sum_forces_and_break_bonds(self, step: int, dt: float) -> None:
         """Sum the forces at the current displacements, of bonds alone; bonds over their limit break in this step.
@@ -135,11 +135,11 @@ class HybridEngine:
         zone = self.zone
         self.zone = zone._replace(fine=zone.fine._replace(damping=fine), coarse=zone.coarse._replace(damping=coarse))
 
-    def _advance(self, first: int, last: int) -> None:
-        """Take the steps `first` to `last` - 1; with `last` = `first`, only finish the previous step."""
+    def _advance(self, first_step: int, end_step: int) -> None:
+        """Take the steps `first_step` to `end_step` - 1; if there are none, only finish the previous step."""
         drifted = False
         while True:
-            how, step, self.buffer = self._advance_on_threads(first, last, drifted)
+            how, step, self.buffer = self._advance_on_threads(first_step, end_step, drifted)
             if how == DONE:
                 return
             if how == CLIP:
@@ -149,8 +149,8 @@ class HybridEngine:
                     step,
                 )
             self.zone = arrays.enlarge_zone(self.zone)
-            if first < last:
-                first, drifted = step, True
+            if first_step < end_step:
+                first_step, drifted = step, True
 
     def _advance_on_threads(self, *steps: int) -> tuple[int, int, int]:
         """Run the compiled march on all threads until it ends; returns its end code, step and buffer."""

@@ -154,19 +154,19 @@ def _drift_and_hold(lattice, zone, profiles, buffer, step, begins_sequence, ends
 
 
 @cached_njit(nogil=True, error_model="numpy")
-def advance(lattice, zone, profiles, buffer, first, last, has_drifted, thread, gate):  # type: ignore[no-untyped-def]
-    """Take the steps `first` to `last` - 1; returns the end code, the step, and the current displacement buffer.
+def advance(lattice, zone, profiles, buffer, first_step, end_step, has_drifted, thread, gate):  # type: ignore[no-untyped-def]
+    """Take the steps `first_step` to `end_step` - 1; returns the end code, the step, and the displacement buffer.
 
     At the end, velocities are synchronous with displacements and all forces are kept. With `has_drifted`, it
-    continues one that ended for lack of room. With last = first, nodes are derived from the cells if needed, and the
-    initial forces computed. All threads call this together.
+    continues one that ended for lack of room. With `end_step` = `first_step`, nodes are derived from the cells if
+    needed, and the initial forces computed. All threads call this together.
     """
-    for step in range(first if has_drifted else first - 1, max(first, last)):
-        begins_sequence, ends_sequence, largest = step < first, step == last - 1, 0.0
+    for step in range(first_step if has_drifted else first_step - 1, max(first_step, end_step)):
+        begins_sequence, ends_sequence, largest = step < first_step, step == end_step - 1, 0.0
         if not begins_sequence or ends_sequence:
             if begins_sequence or step % EVERY == 0:
                 if thread == 0:
-                    _refine_cells_if_due(lattice, zone, buffer, step >= first + has_drifted)
+                    _refine_cells_if_due(lattice, zone, buffer, step >= first_step + has_drifted)
                 meet(gate)
                 if zone.counts.lacks_array_room != 0:
                     return ROOM, step, buffer
@@ -191,7 +191,7 @@ def advance(lattice, zone, profiles, buffer, first, last, has_drifted, thread, g
             return CLIP, step, buffer
         if not ends_sequence:
             buffer = 1 - buffer
-    if thread == 0 and last > first:
-        kick_and_drift_all(lattice, zone, buffer, last == first)
+    if thread == 0 and end_step > first_step:
+        kick_and_drift_all(lattice, zone, buffer, end_step == first_step)
         restore_held_velocities(zone.fine, zone.coarse, zone.holds, zone.counts.held_components)
-    return DONE, last - 1, buffer
+    return DONE, end_step - 1, buffer

@@ -58,9 +58,9 @@ class StepperOnRanks:
     def __init__(self, team: Team) -> None:
         self._team = team
 
-    def advance(self, state: State, first: int, last: int) -> None:
-        """Take the steps `first` to `last` - 1 on all ranks; `state` is that of this rank."""
-        self._team.everywhere(advance_this_rank, first, last)
+    def advance(self, state: State, first_step: int, end_step: int) -> None:
+        """Take the steps `first_step` to `end_step` - 1 on all ranks; `state` is that of this rank."""
+        self._team.everywhere(advance_this_rank, first_step, end_step)
 
 
 class RankSystem:
