@@ -16,7 +16,7 @@ from pdsolve.model import Model
 from pdsolve.operators.protocol import CheckpointArrays
 from pdsolve.options import Options
 from pdsolve.run.assembly import prepare_explicit_motion
-from pdsolve.run.node_changes import NodeChange
+from pdsolve.run.node_changes import SystemAfterNodeChange
 from pdsolve.run.prepare import prepare
 from pdsolve.run.recorder import restore_state
 from pdsolve.run.system import PreparedRun, System
@@ -82,7 +82,7 @@ class Moving:
         model = dataclasses.replace(system.model, grid=self.grid(kept["ids"]))
         return prepare_explicit_motion(model, system.options, system.scheme)
 
-    def change_nodes(self, system: System, state: State, step: int) -> NodeChange | None:
+    def change_nodes(self, system: System, state: State, step: int) -> SystemAfterNodeChange | None:
         """As in `NodeAdaptation`."""
         ids, known = self.ids(step), system.model.grid.ids
         if set(ids) == set(known):
@@ -93,7 +93,7 @@ class Moving:
         origin = np.array([rows.get(node, -1) for node in ids.tolist()])
         before, after = (_bonded(one) for one in (system, new))
         changed = np.array([origin[row] < 0 or before[node] != after[node] for row, node in enumerate(ids.tolist())])
-        return NodeChange(new, fresh, np.where(changed, -1, origin))
+        return SystemAfterNodeChange(new, fresh, np.where(changed, -1, origin))
 
     def _moved(self, system: System, state: State, new: System) -> dict[str, NDArray[Any]]:
         """A checkpoint for the new cloud: parts have what the whole had, wholes the mean of their parts."""

@@ -247,7 +247,7 @@ MUTANTS = (
     ),
     Mutant(
         "pdsolve/run/recorder.py",
-        "    put_loads(system.drive, system.profile_time(step))\n",
+        "    put_loads(system.drive, system.profile_time_or_load_factor(step))\n",
         "",
         f"{UNIT}/test_interrupted_runs.py::test_interrupted_anywhere",
     ),

@@ -98,11 +98,11 @@ def _slice(args: argparse.Namespace) -> int:
             style.save(slice_figure.plane(results, section, name, part, step, largest_of(args, name)), path)
         nodes, when = results.nodes(step), moment(results, step)
         x, y, z = nodes.position[section.node_rows].T
-        table = {"node": nodes.ids[section.node_rows], "x": x, "y": y, "z": z, name: section.node_values}
+        table = {"node": nodes.ids[section.node_rows], "x": x, "y": y, "z": z, name: section.values}
         if args.csv is not None:
             write_csv(args, csv_columns.csv(table))
     if args.csv != "-":
-        smallest, largest = float(section.node_values.min()), float(section.node_values.max())
+        smallest, largest = float(section.values.min()), float(section.values.max())
         output = None if path is None else str(path)
         result = {"output": output, "step": step, "time": time, "field": name, "nodes": len(section.node_rows)}
         line = f"{path or args.csv}: {name} at {when}, {len(section.node_rows)} nodes, {smallest:.4g} to {largest:.4g}"

@@ -17,7 +17,7 @@ from pdpost.figures.colours import SHARES, Colours, at, caption, colours, mappab
 from pdpost.figures.labels import scaled
 from pdpost.measures.slices import (
     AXES,
-    PlaneCut,
+    NodesCutByPlane,
     cut_values_by_plane,
     default_slice_point,
     reliable_field_values,
@@ -34,9 +34,11 @@ GAP = 0.02  # of the body, around it
 Pixels = NDArray[np.uint8]  # (rows, columns, 3)
 
 
-def plane(results: Results, section: PlaneCut, name: str, part: str, step: int, largest: float | None = None) -> Figure:
+def plane(
+    results: Results, section: NodesCutByPlane, name: str, part: str, step: int, largest: float | None = None
+) -> Figure:
     """The field `name` on a plane; the colour range ends at `largest` (SI) or at the usual largest value."""
-    range_of = colours(name, part, section.node_values, largest)
+    range_of = colours(name, part, section.values, largest)
     size = np.ptp(section.plane_coordinates, axis=0) + section.spacing.max()
     figure = Figure(figsize=(WIDTH, min(TALLEST, 1.0 + (WIDTH - 1.5) * size[1] / size[0])), layout="constrained")
     axes = figure.add_subplot(aspect="equal")
@@ -136,18 +138,20 @@ def field_range(results: Results, name: str, part: str, steps: list[int]) -> tup
     return max(map(usual, frame_values)) or None, min(low for low, _ in ends), max(high for _, high in ends)
 
 
-def _paint(axes: Axes, section: PlaneCut, range_of: Colours, painted: ScalarMappable, metre: float) -> PolyCollection:
+def _paint(
+    axes: Axes, section: NodesCutByPlane, range_of: Colours, painted: ScalarMappable, metre: float
+) -> PolyCollection:
     squares = (section.plane_coordinates[:, None, :] + section.spacing[:, None, None] * CORNERS) * metre
-    paint = painted.to_rgba(np.ma.masked_invalid(section.node_values * range_of.factor))
+    paint = painted.to_rgba(np.ma.masked_invalid(section.values * range_of.factor))
     collection = PolyCollection(squares, facecolors=paint, edgecolors=paint, linewidths=0.2)
     axes.add_collection(collection)
     return collection
 
 
-def _named(axes: Axes, section: PlaneCut, metres: str) -> None:
+def _named(axes: Axes, section: NodesCutByPlane, metres: str) -> None:
     axes.set(xlabel=f"{section.plane_axes[0]}, {metres}", ylabel=f"{section.plane_axes[1]}, {metres}")
 
 
-def _place(section: PlaneCut, metre: float, metres: str) -> str:
+def _place(section: NodesCutByPlane, metre: float, metres: str) -> str:
     (third,) = set(AXES) - set(section.plane_axes)
     return f"{third} = {section.plane_position * metre + 0.0:.4g} {metres}"

@@ -63,7 +63,7 @@ def crack_points_and_fronts_at(results: Results, step: int) -> CrackPointsAndFro
         for part in _line_parts_inside_body(nodes, places[chain], spacing)
     ]
     return CrackPointsAndFronts(
-        _sample_points_of_triangles(nodes, triangles, spacing), sorted(lines, key=lambda line: -line_length(line))
+        _sample_triangles_in_bounding_box(nodes, triangles, spacing), sorted(lines, key=lambda line: -line_length(line))
     )
 
 
@@ -107,7 +107,9 @@ def _bounding_box(nodes: Nodes) -> tuple[NDArray[np.float64], NDArray[np.float64
     return (nodes.position - half).min(axis=0), (nodes.position + half).max(axis=0)
 
 
-def _sample_points_of_triangles(nodes: Nodes, triangles: NDArray[np.float64], spacing: float) -> NDArray[np.float64]:
+def _sample_triangles_in_bounding_box(
+    nodes: Nodes, triangles: NDArray[np.float64], spacing: float
+) -> NDArray[np.float64]:
     """Points (p, 3) of triangles in the box of the nodes: the middles of pieces no longer than a spacing."""
     low, high = _bounding_box(nodes)
     points = []

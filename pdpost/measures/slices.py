@@ -14,13 +14,13 @@ AXES = "xyz"
 ROUND_OFF = 1e-6  # of a spacing
 
 
-class PlaneCut(NamedTuple):
+class NodesCutByPlane(NamedTuple):
     """The k nodes whose cells a plane cuts."""
 
     node_rows: NDArray[np.int64]  # (k,)
     plane_coordinates: NDArray[np.float64]  # (k, 2) m, in the plane
     spacing: NDArray[np.float64]  # (k,) m
-    node_values: NDArray[np.float64]  # (k,) SI
+    values: NDArray[np.float64]  # (k,) SI
     plane_axes: str  # the two along the plane
     plane_position: float  # m, along the third
 
@@ -58,7 +58,7 @@ def default_slice_point(results: Results) -> NDArray[np.float64]:
 
 def cut_values_by_plane(
     results: Results, values: NDArray[np.float64], step: int, axis: str, plane_position: float
-) -> PlaneCut:
+) -> NodesCutByPlane:
     """The values `values` (n,) of the nodes cut by the plane `axis` = `plane_position` (m). Raises ResultsError if it
     cuts none."""
     nodes, number = results.nodes(step), AXES.index(axis)
@@ -71,6 +71,6 @@ def cut_values_by_plane(
         raise ResultsError(f"{results.name} has no node at {axis} = {plane_position:g} m; use {low:g} to {high:g} m")
     others = [other_axis for other_axis in range(3) if other_axis != number]
     place = nodes.position[rows][:, others]
-    return PlaneCut(
+    return NodesCutByPlane(
         rows, place, nodes.delta[rows], values[rows], "".join(AXES[other_axis] for other_axis in others), plane_position
     )

@@ -70,7 +70,7 @@ class TwoLatticeOperator(ABC, Generic[N]):
 
     @property
     @abstractmethod
-    def model(self) -> Model:
+    def current_nodes_model(self) -> Model:
         """The model of the n current nodes, without conditions."""
 
     @property
@@ -126,7 +126,7 @@ class TwoLatticeOperator(ABC, Generic[N]):
         before = self.dissipated_energy()
         self.set_node_motion(state)
         self.engine.sum_forces_and_break_bonds(step, dt)
-        out += self.model.rho[:, None] * self.accelerations()
+        out += self.current_nodes_model.rho[:, None] * self.accelerations()
         state.dissipated[:] += self.dissipated_energy() - before
 
     def stiffness_bound(self) -> NDArray[np.float64]:

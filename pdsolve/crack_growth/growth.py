@@ -75,7 +75,7 @@ class Growth:
         """Let cracks grow from a state, as of `step`; returns whether any did."""
         judged = self.judge_tips(state)
         due = [(tip, verdict) for tip, verdict in judged if verdict.share >= 1]
-        new = self.add_crack_particles(due, state, step)
+        new = self.grow_tips_and_cut_bonds(due, state, step)
         if new and self.every is None:
             self._watch(max(verdict.share for _, verdict in judged), new, step)
         return new > 0
@@ -85,7 +85,7 @@ class Growth:
         tips = tips_of(self.particles, self._ground)
         return [(tip, self.judge(tip, tips, state)) for tip in tips]
 
-    def add_crack_particles(
+    def grow_tips_and_cut_bonds(
         self, judged_tips: list[tuple[Tip, Verdict]], state: State, step: int, length_share: float = 1.0
     ) -> int:
         """Let these tips grow by a particle each, of that share of its length, and cut the bonds; returns the number of

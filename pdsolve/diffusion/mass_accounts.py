@@ -19,7 +19,7 @@ AMOUNTS = ("inside", "through", "supplied")
 class MassAccounts:
     """The mass accounts of one run; see `pdsolve.run.physics_records.PhysicsRecords`."""
 
-    broken_bond_count = 0  # bonds do not break
+    broken_directed_bond_count = 0  # bonds do not break
 
     def __init__(self, transport: Transport, state: State, step: int, results: Results | None) -> None:
         """`results` are those of a resumed run after `step`, else None."""
@@ -36,7 +36,7 @@ class MassAccounts:
         """Relative error of the mass balance: amount created, over the amount present or supplied."""
         return self.last.balance(self._start)
 
-    def progress_text(self, broken_bond_count: int) -> str:
+    def progress_text(self, broken_directed_bond_count: int) -> str:
         """State of the balance in words, for a progress display."""
         dissolved = f"{1 - self.last.solid / self._start.solid:.1%} dissolved, " if self._start.solid else ""
         return f"{dissolved}balance {self.balance_error:+.1e}"

@@ -14,7 +14,7 @@ from pdsolve.errors import CheckpointError
 from pdsolve.operators.protocol import CheckpointArrays
 from pdsolve.run.assembly import assemble_system
 from pdsolve.run.energy_steps import half_kick_work_of_acceleration_error, verlet_conserved_energy
-from pdsolve.run.node_changes import NodeChange
+from pdsolve.run.node_changes import SystemAfterNodeChange
 from pdsolve.run.system import PreparedRun, System
 from pdsolve.state import State, zero_state
 
@@ -24,7 +24,7 @@ class BodyRefinement:
 
     steps_between_checks = EVERY
 
-    def change_nodes(self, system: System, state: State, step: int) -> NodeChange | None:
+    def change_nodes(self, system: System, state: State, step: int) -> SystemAfterNodeChange | None:
         """Refine after `step`; None if no cell becomes fine."""
         before = expect_body_zone_operator(system)
         new = before.refine_and_list_cells(state, step - self.steps_between_checks)
@@ -52,12 +52,12 @@ class BodyRefinement:
             + half_kick_work_of_acceleration_error(fresh, new_state, pull, which)
         )
         after.history = after.history._replace(refinement_energy=after.history.refinement_energy + energy_created)
-        return NodeChange(fresh, new_state, _previous_rows_with_same_bonds(system, fresh, rows))
+        return SystemAfterNodeChange(fresh, new_state, _previous_rows_with_same_bonds(system, fresh, rows))
 
     def restore_system(self, initial_system: System, checkpoint: CheckpointArrays) -> PreparedRun:
         """The system of a checkpoint's cells. Raises CheckpointError for cells that no run from here can have."""
         after = expect_body_zone_operator(initial_system).operator_with_checkpoint_cells(checkpoint)
-        if not np.array_equal(after.model.grid.ids, checkpoint["ids"]):
+        if not np.array_equal(after.current_nodes_model.grid.ids, checkpoint["ids"]):
             raise CheckpointError("ids of nodes are not those of its cells")
         fresh = _system_with_refined_operator(initial_system, after, 0)
         return PreparedRun(fresh, zero_state(len(after.volume), after.unknowns[0].width))
@@ -73,7 +73,7 @@ def _system_with_refined_operator(system: System, operator: HybridBodyOperator, 
     """The system of other nodes."""
     steps, driven = (system.time_step, system.stable_time_step), create_current_drive(operator, step * system.time_step)
     prepared = assemble_system(
-        operator.model,
+        operator.current_nodes_model,
         system.options,
         system.scheme,
         operator,

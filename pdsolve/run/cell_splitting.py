@@ -26,7 +26,7 @@ from pdsolve.operators.protocol import CheckpointArrays
 from pdsolve.run.assembly import assemble_system
 from pdsolve.run.energy_steps import half_kick_work_of_acceleration_error
 from pdsolve.run.energy_steps import verlet_conserved_energy as energy_of
-from pdsolve.run.node_changes import NodeChange
+from pdsolve.run.node_changes import SystemAfterNodeChange
 from pdsolve.run.operator_factory import stable_time_step_from_stiffness_bound
 from pdsolve.run.system import PreparedRun, System
 from pdsolve.state import State
@@ -43,7 +43,7 @@ class CellSplitting:
         self.steps_between_checks = self.settings.every
         self._critical = criteria.critical_energy_densities(self.tree)
 
-    def change_nodes(self, system: System, state: State, step: int) -> NodeChange | None:
+    def change_nodes(self, system: System, state: State, step: int) -> SystemAfterNodeChange | None:
         """Split and merge cells after `step`; None if all stay."""
         operator, wanted = expect_leaf_operator(system), self.settings
         energy, before = operator.energies(state)[0], PastBonds(operator.all_bonds, operator.break_steps())
@@ -80,7 +80,7 @@ class CellSplitting:
         origins: LeafOrigins,
         old_bonds: PastBonds,
         old_energies: NDArray[np.float64],
-    ) -> NodeChange:
+    ) -> SystemAfterNodeChange:
         """The leaves `cells` after this step, made from the bonds before and their energies (n,), J/m^3."""
         old_operator = expect_leaf_operator(system)
         new, begun = self._prepare_run_with_cells(system, cells, origins)
@@ -102,7 +102,7 @@ class CellSplitting:
             origins.is_unchanged, old_operator.history.consecutive_calm_checks[origins.origin_rows[:, 0]], 0
         )
         operator.history = LeafHistory(calm, old_operator.history.created_energy + created)
-        return NodeChange(new, begun, self._previous_rows_with_same_bonds(system, new, origins))
+        return SystemAfterNodeChange(new, begun, self._previous_rows_with_same_bonds(system, new, origins))
 
     def _prepare_run_with_cells(self, system: System, cells: Cells, origins: LeafOrigins | None = None) -> PreparedRun:
         """The system of these leaves at rest; `origins` is their origin, if any.

@@ -12,7 +12,11 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from pdsolve.adaptivity.hybrid.adaptivity_choice import refinement_kappa, widen_or_remove_zone, with_refinement_kappa
+from pdsolve.adaptivity.hybrid.adaptivity_choice import (
+    refinement_kappa,
+    widen_zone_or_refine_everywhere,
+    with_refinement_kappa,
+)
 from pdsolve.adaptivity.hybrid.arrays import EVERY
 from pdsolve.adaptivity.hybrid.operator import HybridOperator
 from pdsolve.errors import LateZoneError
@@ -30,7 +34,7 @@ class EarlierRefinement(NamedTuple):
     kappa_threshold: float
 
 
-def plan_earlier_refinement(
+def plan_zone_restart(
     model: Model, earlier_refinements: tuple[EarlierRefinement, ...], late_zone_error: LateZoneError
 ) -> tuple[Model, tuple[EarlierRefinement, ...]]:
     """The model to solve after fine cells came too late, and from when on they are to come sooner.
@@ -40,7 +44,7 @@ def plan_earlier_refinement(
     """
     run = model.settings.run
     now = with_refinement_kappa(model, earlier_refinements[-1].kappa_threshold) if earlier_refinements else model
-    wider = widen_or_remove_zone(now)
+    wider = widen_zone_or_refine_everywhere(now)
     step = max(late_zone_error.step - EVERY - 1, 0) // run.every * run.every
     if wider.settings.run.adapt == "none":
         return (now if earlier_refinements else wider), ()

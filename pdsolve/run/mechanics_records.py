@@ -77,7 +77,7 @@ class MechanicsRecords:
         self._nodes_are_current = True
 
     @property
-    def broken_bond_count(self) -> int:
+    def broken_directed_bond_count(self) -> int:
         """Directed bonds broken, as of the last entry."""
         return self.last.broken
 
@@ -86,11 +86,11 @@ class MechanicsRecords:
         """Relative error of the last ledger entry; see `LedgerRow.balance_error`."""
         return self.last.balance_error(self._system.initial_energy, max(self._largest_work, self._heat_energy))
 
-    def progress_text(self, broken_bond_count: int) -> str:
+    def progress_text(self, broken_directed_bond_count: int) -> str:
         """State of the balance in words, with so many broken bonds, for a progress display."""
         fine, text = (
             self._system.zone_summary,
-            f"broken bonds {pair_count(broken_bond_count)}, balance {self.balance_error:+.1e}",
+            f"broken bonds {pair_count(broken_directed_bond_count)}, balance {self.balance_error:+.1e}",
         )
         if fine is not None:
             text += f", fine {fine.fine_share:.1%}"
@@ -157,7 +157,7 @@ class MechanicsRecords:
         """Results of the run for its summary."""
         names = "kinetic", "strain", "dissipated", "damped", "friction", "work"
         return {
-            "broken_bonds": pair_count(self.broken_bond_count),
+            "broken_bonds": pair_count(self.broken_directed_bond_count),
             "energy": {name: getattr(self.last, name) for name in names},
             "balance": self.balance_error,
             **self._crack_area_and_energy_summary(),
@@ -172,7 +172,7 @@ class MechanicsRecords:
         """
         system, run = self._system, self._system.model.settings.run
         plain = run.adapt == "none" and run.cracks == "bonds" and run.fatigue is None
-        if not plain or self._nodes_changed or system.options.team is not None or not self.broken_bond_count:
+        if not plain or self._nodes_changed or system.options.team is not None or not self.broken_directed_bond_count:
             return {}
         model, broken = system.model, system.operator.broken()
         of_material = model.materials, model.material_of

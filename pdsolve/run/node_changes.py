@@ -16,7 +16,7 @@ from pdsolve.run.system import PreparedRun, System, system_with_moved_zone
 from pdsolve.state import State, zero_state
 
 
-class NodeChange(NamedTuple):
+class SystemAfterNodeChange(NamedTuple):
     """The system of another set of m nodes, and its state."""
 
     system: System  # of the same settings and the same step; its loads are those of now
@@ -29,7 +29,7 @@ class NodeAdaptation(Protocol):
 
     steps_between_checks: int  # steps between two looks
 
-    def change_nodes(self, system: System, state: State, step: int) -> NodeChange | None:
+    def change_nodes(self, system: System, state: State, step: int) -> SystemAfterNodeChange | None:
         """The nodes after `step`, a multiple of `every`; None if they stay."""
 
     def restore_system(self, initial_system: System, checkpoint: CheckpointArrays) -> PreparedRun:
@@ -39,7 +39,7 @@ class NodeAdaptation(Protocol):
         """
 
 
-def find_zone_change_since_last_call(system: System, with_state: bool = True) -> NodeChange | None:
+def find_zone_change_since_last_call(system: System, with_state: bool = True) -> SystemAfterNodeChange | None:
     """The nodes of a moving fine zone if they have changed since the last call; else None.
 
     Without `with_state`, that of the change is of no nodes.
@@ -50,7 +50,7 @@ def find_zone_change_since_last_call(system: System, with_state: bool = True) ->
         return None
     row = np.minimum(np.searchsorted(before.places, shown.places), len(before.places) - 1)
     same = (before.places[row] == shown.places) & (before.node_signatures[row] == shown.node_signatures)
-    return NodeChange(
+    return SystemAfterNodeChange(
         system_with_moved_zone(system, shown),
         shown.state() if with_state else zero_state(0, 2),
         np.where(same, row, -1),

@@ -14,14 +14,14 @@ class PhysicsRecords(Protocol):
     """Records of what a run conserves: energy and momentum, or amounts of a substance."""
 
     @property
-    def broken_bond_count(self) -> int:
+    def broken_directed_bond_count(self) -> int:
         """Directed bonds broken, as of the last entry."""
 
     @property
     def balance_error(self) -> float:
         """Relative error of the balance at the last entry: amount created over amount supplied."""
 
-    def progress_text(self, broken_bond_count: int) -> str:
+    def progress_text(self, broken_directed_bond_count: int) -> str:
         """State of the balance in words, with so many broken bonds, for a progress display."""
 
     def switch_system(self, system: System) -> None:
@@ -55,21 +55,21 @@ class CoupledRecords:
         self._motion, self._others = motion_records, other_records
 
     @property
-    def broken_bond_count(self) -> int:
+    def broken_directed_bond_count(self) -> int:
         """Directed bonds broken, as of the last entry."""
-        return self._motion.broken_bond_count
+        return self._motion.broken_directed_bond_count
 
     @property
     def balance_error(self) -> float:
         """The worst of all, by size."""
         return max([self._motion.balance_error, *(records.balance_error for records, _ in self._others)], key=abs)
 
-    def progress_text(self, broken_bond_count: int) -> str:
+    def progress_text(self, broken_directed_bond_count: int) -> str:
         """State of all balances in words, with so many broken bonds, for a progress display."""
         return "; ".join(
             [
-                self._motion.progress_text(broken_bond_count),
-                *(records.progress_text(broken_bond_count) for records, _ in self._others),
+                self._motion.progress_text(broken_directed_bond_count),
+                *(records.progress_text(broken_directed_bond_count) for records, _ in self._others),
             ]
         )
 

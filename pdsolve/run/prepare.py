@@ -191,7 +191,7 @@ def _prepare_plate_with_moving_zone(model: Model, options: Options, scheme: Sche
     )
     state = shown.state()
     system = System(
-        model=shown.model,
+        model=shown.current_nodes_model,
         options=options._replace(threads=threads),
         scheme=scheme,
         operator=shown,
@@ -228,11 +228,10 @@ def _prepare_body_with_moving_zone(model: Model, options: Options, scheme: Schem
     threads = threads_of(options, len(model.grid), True)
     operator = create_body_operator(model, options, threads)
     options = options._replace(threads=threads)
-    bound = stable_time_step_from_stiffness_bound(operator.stiffness_bound(), operator.model.rho)
+    now = operator.current_nodes_model
+    bound = stable_time_step_from_stiffness_bound(operator.stiffness_bound(), now.rho)
     steps, driven = (choose_time_step(model, bound), bound), create_current_drive(operator, 0.0)
-    rest = assemble_system(
-        operator.model, options, scheme, operator, operator.volumes_and_bond_counts, *steps, conditions=driven
-    )
+    rest = assemble_system(now, options, scheme, operator, operator.volumes_and_bond_counts, *steps, conditions=driven)
     return _set_initial_velocity(rest, model, initial_velocity(model)[operator.rows])
 
 

@@ -71,7 +71,7 @@ def compute_reactions(
     The force of a rigid body is that on what it touches.
     """
     pulls, pushes = _compute_holding_and_load_forces(system, state, len(conditions))
-    reaction_rows, at = [], system.profile_time(step)
+    reaction_rows, at = [], system.profile_time_or_load_factor(step)
     supports = supports_of(system.operator) if any(grip.condition_kind in GROUND for grip in conditions) else None
     for profile, grip in enumerate(conditions):
         force = (pulls[profile] + float(factor_now(system.drive.profiles, profile, at)) * pushes[profile]).tolist()

@@ -30,7 +30,7 @@ from pdsolve.run.measures import (
     count_pieces,
 )
 from pdsolve.run.mechanics_records import MechanicsRecords
-from pdsolve.run.node_changes import NodeChange
+from pdsolve.run.node_changes import SystemAfterNodeChange
 from pdsolve.run.physics_records import CoupledRecords, PhysicsRecords
 from pdsolve.run.system import System
 from pdsolve.state import Broken, State, zero_state
@@ -162,7 +162,7 @@ def restore_state(
         system.stepper.restore(checkpoint, step)
     if system.crack_growth is not None:
         system.crack_growth.restore(checkpoint, past)
-    put_loads(system.drive, system.profile_time(step))
+    put_loads(system.drive, system.profile_time_or_load_factor(step))
     for prepared in system.coupled_runs:
         start = _checkpoint_name_of_coupled_array(prepared.system, "")
         coupled_checkpoint = {
@@ -180,12 +180,12 @@ def _swell_restored_bonds(system: System, stepper: Swelling, state: State) -> No
         system.moving_zone_operator.copy_to_state(state)
 
 
-class RunHistory(NamedTuple):
+class HistoryUntilCheckpoint(NamedTuple):
     """History of a resumed run until its checkpoint."""
 
     checkpoint_step: int
     wall_time: float  # s spent
-    bond_update_count: int  # directed bonds times steps
+    directed_bond_updates: int  # directed bonds times steps
     last_break_step: int  # step in which a bond broke last; 0: none has
     rows_in_results: NDArray[np.int64] | None  # (n,) as in `FrameRecord`
     node_count_ever: int  # nodes that ever were
@@ -193,7 +193,7 @@ class RunHistory(NamedTuple):
 
 
 def _make_physics_records(
-    system: System, state: State, history: RunHistory, bond_state: NodeEnergiesAndBreaks
+    system: System, state: State, history: HistoryUntilCheckpoint, bond_state: NodeEnergiesAndBreaks
 ) -> PhysicsRecords:
     """The records of a system from a step on."""
     if system.transport is not None:
@@ -210,17 +210,19 @@ def _make_physics_records(
 class Recorder:
     """Records of a run since it last wrote: ledger, broken bonds, births and deaths."""
 
-    def __init__(self, system: System, state: State, history: RunHistory | None, nodes_may_change: bool) -> None:
+    def __init__(
+        self, system: System, state: State, history: HistoryUntilCheckpoint | None, nodes_may_change: bool
+    ) -> None:
         """`history` is None for a new run, and without results of one that begins after a step, with what broke before.
 
         `nodes_may_change`: whether nodes may be born and die.
         """
         self.system, self.state, self.is_new = system, state, history is None or history.past_results is None
-        history = history or RunHistory(0, 0.0, 0, 0, None, len(system.model.grid))
+        history = history or HistoryUntilCheckpoint(0, 0.0, 0, 0, None, len(system.model.grid))
         self._past, self._began = history._replace(past_results=None), running_time()
         self._changes, self._rows, self._count = nodes_may_change, history.rows_in_results, history.node_count_ever
         self._updates, self._since = (
-            history.bond_update_count,
+            history.directed_bond_updates,
             history.checkpoint_step,
         )  # until the last change, or where a run goes on
         self._latest = history.last_break_step  # likewise
@@ -231,7 +233,7 @@ class Recorder:
         self._kept = clock.perf_counter()
         self._create_physics_records(history)
 
-    def _create_physics_records(self, history: RunHistory) -> None:
+    def _create_physics_records(self, history: HistoryUntilCheckpoint) -> None:
         """Open the records of the state that the run begins with."""
         self.bond_state = compute_node_energies_and_breaks(self.system, self.state)
         self.physics_records = _make_physics_records(self.system, self.state, history, self.bond_state)
@@ -300,7 +302,7 @@ class Recorder:
         if self.system.moving_zone_operator is not None and not len(self.state.value):
             self.state = self.system.moving_zone_operator.state()
 
-    def record_node_change(self, step: int, change: NodeChange) -> None:
+    def record_node_change(self, step: int, change: SystemAfterNodeChange) -> None:
         """Continue with the nodes changed after `step`, and record births and deaths."""
         before, (system, self.state, origin) = self.system, change
         stay, ids = np.flatnonzero(origin >= 0), system.model.grid.ids

@@ -50,7 +50,7 @@ from pdsolve.run.pace import (
     record_zone_motion,
 )
 from pdsolve.run.prepare import prepare
-from pdsolve.run.recorder import Recorder, RunHistory, restore_state
+from pdsolve.run.recorder import HistoryUntilCheckpoint, Recorder, restore_state
 from pdsolve.run.static_start import start_in_static_equilibrium
 from pdsolve.run.summary import run_metadata, run_summary
 from pdsolve.run.system import System
@@ -68,7 +68,7 @@ class Progress(NamedTuple):
 
     step: int
     last_step: int
-    broken_bond_count: int  # directed bonds, as of the last ledger row
+    broken_directed_bond_count: int  # directed bonds, as of the last ledger row
     balance_error: float  # likewise
     message: str = ""  # energy balance
     zone_summary: ZoneSummary | None = None  # of a fine zone that moves
@@ -133,9 +133,7 @@ def _restart_with_earlier_zones(
 ) -> Results:
     """Results of a run whose fine cells came too late: it goes back as often as they do."""
     while True:
-        wider, earlier_refinements = late_zones.plan_earlier_refinement(
-            model, request.earlier_refinements, late_zone_error
-        )
+        wider, earlier_refinements = late_zones.plan_zone_restart(model, request.earlier_refinements, late_zone_error)
         step = late_zones.find_restart_checkpoint_step(request.output, earlier_refinements)
         late_zones.warn_of_zone_restart(model, late_zone_error, wider, earlier_refinements, step)
         model, request = wider, request._replace(earlier_refinements=earlier_refinements, thread_count=options.threads)
@@ -224,7 +222,7 @@ def _solve_motion_after_path(
     path_results.close()
     target = None if output is None else motion_results_file(output)
     with _lock_output(target):
-        past = RunHistory(step, 0.0, 0, 0, None, len(system.model.grid))
+        past = HistoryUntilCheckpoint(step, 0.0, 0, 0, None, len(system.model.grid))
         return _solve_new_run(
             Recorder(system, state, past, False),
             RunRequest(target, watch, provenance, compile_seconds_before=compile_seconds()),
@@ -288,11 +286,11 @@ def _run_is_finished(output: Path) -> bool:
         return results.meta().get("status") == "finished"
 
 
-def options_from_metadata(model: Model, metadata: Mapping[str, Any], threads: int | None) -> Options:
+def options_from_metadata(model: Model, metadata: Mapping[str, Any], thread_count: int | None) -> Options:
     """The options of a run of `model`, from its metadata; the number of threads may differ."""
     kernel = metadata.get("kernel")
     return Options(
-        metadata["mode"], metadata["precision"], threads, None if model.diffuses and kernel != "listed" else kernel
+        metadata["mode"], metadata["precision"], thread_count, None if model.diffuses and kernel != "listed" else kernel
     )
 
 
@@ -339,7 +337,8 @@ def _resume_from_checkpoint(output: Path, request: RunRequest) -> Results:
             raise resuming.make_changed_bonds_or_time_step_error(output, meta, system)
         before = (breaks := results.breaks().step)[breaks <= step]
         wall, latest = float(meta.get("wall_time", 0.0)), int(before.max(initial=0))
-        past = RunHistory(step, wall, results.bond_updates(step), latest, None, len(initial_nodes.ids), results)
+        updates, node_count = results.bond_updates(step), len(initial_nodes.ids)
+        past = HistoryUntilCheckpoint(step, wall, updates, latest, None, node_count, results)
         if _nodes_may_change(system, adapt) != ("ids" in checkpoint):
             words = ("stay", "may change") if adapt is not None else ("may change", "stay")
             raise ResultsError(f"{output}: its nodes {words[0]}, and here they {words[1]}; resume it as it began")
@@ -363,12 +362,11 @@ def _resume_from_checkpoint(output: Path, request: RunRequest) -> Results:
         system = dataclasses.replace(system, broken_bonds_of_removed_nodes=broken, initial_energy=energy)
         with gone_back(output):
             recorder = Recorder(system, state, past, _nodes_may_change(system, adapt))
-    return _advance_to_end_and_close_results(
-        recorder, partial(_reopen_writer, output, request.earlier_refinements), request._replace(adaptation=adapt)
-    )
+    reopen = partial(_reopen_writer_at_checkpoint, output, request.earlier_refinements)
+    return _advance_to_end_and_close_results(recorder, reopen, request._replace(adaptation=adapt))
 
 
-def _reopen_writer(output: Path, earlier_refinements: tuple[EarlierRefinement, ...]) -> Writer:
+def _reopen_writer_at_checkpoint(output: Path, earlier_refinements: tuple[EarlierRefinement, ...]) -> Writer:
     """The writer of a run that is continued."""
     writer = Writer.reopen(output)
     writer.write_meta(late_zones.earlier_refinement_metadata(earlier_refinements) | {"processor": processor_kind()})
@@ -461,7 +459,7 @@ def _advance_to_end(recorder: Recorder, writer: Behind, request: RunRequest) -> 
 def _make_progress(recorder: Recorder, step: int, load_step_progress: LoadStepProgress | None = None) -> Progress:
     """Data for a progress display after `step`, or within a load step `load_step_progress`."""
     records, steps = recorder.physics_records, recorder.system.model.settings.run.steps
-    broken = records.broken_bond_count if load_step_progress is None else load_step_progress.broken_bond_count
+    broken = (load_step_progress or records).broken_directed_bond_count
     words, stepper = records.progress_text(broken), recorder.system.stepper
     if isinstance(stepper, CycleOrPathSteps):
         words = f"{stepper.progress_text()}, {words}"

@@ -109,7 +109,7 @@ class System:
         if isinstance(self.stepper, OnDevice):
             self.stepper.download_state()
 
-    def profile_time(self, step_number: int) -> float:
+    def profile_time_or_load_factor(self, step_number: int) -> float:
         """Time of the profiles of conditions after `step_number`, s."""
         return self.stepper.load_factor if isinstance(self.stepper, CycleOrPathSteps) else step_number * self.time_step
 
@@ -155,7 +155,7 @@ def system_with_moved_zone(system: System, zone_operator: Moving) -> System:
         stepper = system.stepper.switch_operator(zone_operator)
     return replace(
         system,
-        model=counted(zone_operator.model, system.time_step),
+        model=counted(zone_operator.current_nodes_model, system.time_step),
         operator=zone_operator,
         stepper=stepper,
         area=zone_operator.area,

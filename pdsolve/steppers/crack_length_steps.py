@@ -128,7 +128,7 @@ class CrackLengthSteps(PathStepper):
             tips = [tip for tip in judged if tip[1].straight] or [
                 tip for tip, share in zip(judged, shares, strict=True) if share > (1 - ALIKE) * shares.max()
             ]
-            if not growth.add_crack_particles(tips, state, step):
+            if not growth.grow_tips_and_cut_bonds(tips, state, step):
                 raise NoGrowingTipError("no crack goes on")
             cut = inside - force_densities(operator, state)  # forces of the bonds that are gone
             motion.raise_if_a_body_lacks_supports()

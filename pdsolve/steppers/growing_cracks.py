@@ -23,7 +23,7 @@ class CrackGrowth(Protocol):
     def judge_tips(self, state: State) -> list[JudgedTip]:
         """All tips, and what is decided about them in a state."""
 
-    def add_crack_particles(self, tips: list[JudgedTip], state: State, step: int, length_share: float = 1.0) -> int:
+    def grow_tips_and_cut_bonds(self, tips: list[JudgedTip], state: State, step: int, length_share: float = 1.0) -> int:
         """Let these tips grow by a particle each, of that share of its length, and cut the bonds; returns the number of
         new particles."""
 

@@ -60,7 +60,7 @@ class LoadStepProgress(NamedTuple):
     step: int
     iterations: int
     residual: float
-    broken_bond_count: int  # directed bonds so far
+    broken_directed_bond_count: int  # directed bonds so far
 
 
 class LoadSteps:

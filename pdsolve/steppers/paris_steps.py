@@ -141,7 +141,7 @@ class ParisSteps(CycleSteps):
         )
         self._tips = {tip.particle: _TipHistory(part, r, way) for (tip, _), part, r, way, due in rows if not due}
         chosen = [judged_tip for judged_tip, due in zip(judged_tips, grows, strict=True) if due]
-        return self._add_particles_to_tips_and_settle(state, step, chosen, growth_rate[grows].tolist())
+        return self._grow_tips_or_end_life(state, step, chosen, growth_rate[grows].tolist())
 
     def _largest_growth_rate_ratios_of_all_and_just_grown_tips(self, state: State) -> tuple[float, float]:
         """Growth of the tips over what it was in the step before, the largest: of all, and of those that have grown."""
@@ -156,13 +156,13 @@ class ParisSteps(CycleSteps):
         grown_ratios = (ratio for ratio, grown_length in more if grown_length == 0)
         return max((ratio for ratio, _ in more), default=1.0), max(grown_ratios, default=1.0)
 
-    def _add_particles_to_tips_and_settle(
+    def _grow_tips_or_end_life(
         self, state: State, step: int, judged_tips: list[JudgedTip], growth_rate: list[float]
     ) -> Equilibrium | None:
         """Let these tips grow and settle; their children remember their `growth_rate`. Without rest, life ends before
         that."""
         growth, before = self._growth, self._take_snapshot(state)
-        if not growth.add_crack_particles(judged_tips, state, step, self._share):
+        if not growth.grow_tips_and_cut_bonds(judged_tips, state, step, self._share):
             self._record_end_of_life("no crack goes on")
             return None
         parent = growth.particles.parent.tolist()
@@ -189,7 +189,7 @@ class ParisSteps(CycleSteps):
         self._tips, self._cycles = dict(snapshot.tip_histories), snapshot.cycles
 
     @property
-    def estimated_cycle_error(self) -> float:
+    def cycle_error_of_steps_and_K(self) -> float:
         """The estimated error of the cycles, of particles and of K together."""
         return self.cycle_error_of_steps + self.cycle_error_of_K
 

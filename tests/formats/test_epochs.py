@@ -22,7 +22,7 @@ from pdpost.measures.strain import families_without_broken_bonds
 from pdsolve.model import Model
 from pdsolve.results import DamagedError, Results, ResultsError
 from pdsolve.run.measures import compute_node_damage
-from pdsolve.run.node_changes import NodeChange
+from pdsolve.run.node_changes import SystemAfterNodeChange
 from pdsolve.run.simulation import Options, Progress, resume, simulate
 from pdsolve.run.system import System
 from pdsolve.state import State
@@ -222,7 +222,7 @@ def test_a_run_goes_on_only_as_it_began(model: Model, small_plate: Model, tmp_pa
 class Careless(Moving):
     """Forgets those whose bonds are others now."""
 
-    def change_nodes(self, system: System, state: State, step: int) -> NodeChange | None:
+    def change_nodes(self, system: System, state: State, step: int) -> SystemAfterNodeChange | None:
         """As in `NodeAdaptation`."""
         found, known = super().change_nodes(system, state, step), system.model.grid.ids.tolist()
         if found is None:
@@ -243,7 +243,7 @@ def test_a_bond_to_nobody_is_told(model: Model, tmp_path: Path) -> None:
 class Hasty(Moving):
     """Takes another time step."""
 
-    def change_nodes(self, system: System, state: State, step: int) -> NodeChange | None:
+    def change_nodes(self, system: System, state: State, step: int) -> SystemAfterNodeChange | None:
         """As in `NodeAdaptation`."""
         found = super().change_nodes(system, state, step)
         return found and found._replace(system=dataclasses.replace(found.system, time_step=1e-9))

@@ -167,7 +167,7 @@ def test_a_stopped_run_goes_on_to_the_same_bits(small: Model, tmp_path: Path) ->
     """Stopped while the crack runs; frames have the temperatures of their nodes."""
     whole, path = tmp_path / "whole.sqlite", tmp_path / "stopped.sqlite"
     simulate(small, whole, ONE).close()
-    simulate(small, path, ONE, watch=lambda progress: progress.broken_bond_count > 100).close()
+    simulate(small, path, ONE, watch=lambda progress: progress.broken_directed_bond_count > 100).close()
     with Results.open(path) as results:
         assert results.meta()["status"] == "interrupted"
     resume(path, 1).close()

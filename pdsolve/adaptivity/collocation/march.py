@@ -65,7 +65,7 @@ def interpolate_fictitious_nodes(zone, field):  # type: ignore[no-untyped-def]
 @njit(**INNER)
 def mark_stretched_coarse_pairs(lattice, zone, kappa):  # type: ignore[no-untyped-def]
     """Mark both nodes of each coarse pair stretched beyond `kappa` times the critical stretch."""
-    stretch = np.sqrt(1 + lattice.limit_strain) - 1
+    stretch = np.sqrt(1 + lattice.limit_quadratic_strain) - 1
     hot = kappa * stretch * (kappa * stretch + 2)
     u, any_hot = zone.u, False
     for q in zone.active_coarse_places:
@@ -171,7 +171,7 @@ def _stretch_now_before_and_limit(lattice, zone, p, k):  # type: ignore[no-untyp
     return (
         e / (1 + np.sqrt(1 + e)),
         e0 / (1 + np.sqrt(1 + e0)),
-        lattice.limit_strain / (1 + np.sqrt(1 + lattice.limit_strain)),
+        lattice.limit_quadratic_strain / (1 + np.sqrt(1 + lattice.limit_quadratic_strain)),
     )
 
 
@@ -266,9 +266,9 @@ def _move_held_components(lattice, zone, drive, work, rho, time):  # type: ignor
 
 
 @cached_njit(nogil=True, error_model="numpy")
-def advance(
+def advance(  # type: ignore[no-untyped-def]
     lattice, zone, drive, work, rho, refinement_kappa, steps_between_checks, first_step, end_step, stage, thread, gate
-):  # type: ignore[no-untyped-def]
+):
     """Take the steps `first_step` to `end_step` - 1, from `stage` of the first one; returns the end code and the step.
 
     All threads call this together.

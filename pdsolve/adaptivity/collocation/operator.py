@@ -48,7 +48,7 @@ class CollocationOperator(TwoLatticeOperator[CollocationEngine]):
         )
 
     @cached_property
-    def model(self) -> Model:
+    def current_nodes_model(self) -> Model:
         """The model of the n current nodes, without conditions."""
         active_model = select_part_of_model(
             self.engine.plate.model, self.engine.plate.grid_row_at_place[self.places].astype(np.int64)

@@ -196,7 +196,7 @@ def break_bond(lattice, zone, p, k):  # type: ignore[no-untyped-def]
 @njit(**INNER)
 def is_bond_over_limit(lattice, zone, u, p, k):  # type: ignore[no-untyped-def]
     """Whether bond k of node p is to break."""
-    if not quadratic_strain_of_bond(lattice, u, p, k) > lattice.limit_strain:
+    if not quadratic_strain_of_bond(lattice, u, p, k) > lattice.limit_quadratic_strain:
         return False  # as nearly all
     j = p + lattice.neighbour_offsets[k]
     return not (

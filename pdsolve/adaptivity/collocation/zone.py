@@ -218,7 +218,7 @@ def zone_with_active_coarse_nodes(
         fictitious_nodes=between,
         damping=damping,
         break_and_accuracy_bounds=np.where(
-            [fine & ~lattice.no_fail, fine], [[lattice.limit_strain], [WIDE**2]], np.inf
+            [fine & ~lattice.no_fail, fine], [[lattice.limit_quadratic_strain], [WIDE**2]], np.inf
         ),
         bond_over_bound_bits=np.zeros(len(rows), dtype=np.uint16),
     )

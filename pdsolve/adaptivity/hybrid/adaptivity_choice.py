@@ -58,7 +58,7 @@ def choose_adaptivity(model: Model, options: Options) -> Model:
     return with_adaptivity(model, how) if how == "hybrid" else with_fine_nodes_everywhere(model)
 
 
-def widen_or_remove_zone(model: Model) -> Model:
+def widen_zone_or_refine_everywhere(model: Model) -> Model:
     """The model with cells that become fine sooner, or with fine nodes everywhere where no wider zone is left."""
     kappa = next((wider for wider in WIDER if wider < refinement_kappa(model)), None)
     return with_fine_nodes_everywhere(model) if kappa is None else with_refinement_kappa(model, kappa)

@@ -178,7 +178,7 @@ class Counts(Record):
     lacks_array_room: int  # 1 where the arrays are too short for what comes next, or 0
     active_far_node_rows: int  # of 16 places, in `far.active_rows`
     tied_nodes: int  # coarse nodes on the border of far cells
-    affected_far_nodes: int  # far nodes, in `affected_far` of the zone
+    affected_coarsest_nodes: int  # far nodes, in `affected_far` of the zone
 
 
 STORED = 10
@@ -216,7 +216,7 @@ class PlateZone(NamedTuple):
     new_cells: NDArray[np.int64]  # scratch: cells that are to be fine
     affected_fine_nodes: NDArray[np.int64]  # scratch: fine nodes that concerns
     affected_coarse_nodes: NDArray[np.int64]  # scratch: coarse nodes that it concerns
-    affected_far_nodes: NDArray[np.int64]  # scratch: far nodes that it concerns
+    affected_coarsest_nodes: NDArray[np.int64]  # scratch: far nodes that it concerns
     counts: Counts
     totals: Totals
     lane_sums: NDArray[np.float64]  # (threads, .) scratch of the vector code
@@ -329,7 +329,7 @@ def create_plate_zone(
         new_cells=lazy_zeros(numbering.cell_count, dtype=np.int64),
         affected_fine_nodes=lazy_zeros(numbering.fine_place_count, dtype=np.int64),
         affected_coarse_nodes=lazy_zeros(numbering.coarse_place_count, dtype=np.int64),
-        affected_far_nodes=lazy_zeros(numbering.far_place_count, dtype=np.int64),
+        affected_coarsest_nodes=lazy_zeros(numbering.far_place_count, dtype=np.int64),
         counts=Counts.of(),
         totals=Totals.of(),
         lane_sums=lazy_zeros(threads, 3 * ROW, dtype=dtype),

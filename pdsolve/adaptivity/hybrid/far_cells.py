@@ -162,9 +162,9 @@ def _list_nodes_of_far_cells(numbering, zone, blocks):  # type: ignore[no-untype
                 zone.affected_coarse_nodes[around] = coarse_place(numbering, x + n % 3, y + n // 3)
                 around += 1
                 if n % 3 != 1 and n // 3 != 1:
-                    zone.affected_far_nodes[far] = far_place(numbering, (x + n % 3) // 2, (y + n // 3) // 2)
+                    zone.affected_coarsest_nodes[far] = far_place(numbering, (x + n % 3) // 2, (y + n // 3) // 2)
                     far += 1
-    zone.counts.affected_coarse_nodes, zone.counts.affected_far_nodes = around, far
+    zone.counts.affected_coarse_nodes, zone.counts.affected_coarsest_nodes = around, far
     for q in zone.affected_coarse_nodes[:around]:
         zone.is_node_marked[fine_place(numbering, 2 * coarse_column(numbering, q), 2 * coarse_row(numbering, q))] = (
             False
@@ -182,7 +182,7 @@ def _strain_and_kinetic_energy_of_affected_nodes(lattice, zone, buffer):  # type
             )
         if coarse.node_kinds[q] == FREE:
             energy += kinetic_energy_of_node(coarse, q)
-    for q in zone.affected_far_nodes[: zone.counts.affected_far_nodes]:
+    for q in zone.affected_coarsest_nodes[: zone.counts.affected_coarsest_nodes]:
         if far.node_kinds[q] == FREE:
             energy += half_spring_energy_of_node(
                 far, lattice.far_spring_table, lattice.far_neighbour_offsets, far.u[buffer], q
@@ -210,7 +210,7 @@ def set_affected_coarse_and_far_node_properties(lattice, zone):  # type: ignore[
         set_coarse_node_properties(lattice, zone.cell_kinds, zone.fine, zone.coarse, q)
         if zone.coarse.node_kinds[q] == BORDER:
             zone.coarse.v[0, q] = zone.coarse.v[1, q] = 0.0
-    for q in zone.affected_far_nodes[: zone.counts.affected_far_nodes]:
+    for q in zone.affected_coarsest_nodes[: zone.counts.affected_coarsest_nodes]:
         set_far_node_properties(lattice, zone, q)
         if zone.far.node_kinds[q] == IDLE:
             zone.far.v[0, q] = zone.far.v[1, q] = 0.0

@@ -135,7 +135,7 @@ class HybridOperator(TwoLatticeOperator[HybridEngine]):
             yield self._coarse_rows[chunk].astype(np.int64), self._coarse[chunk].astype(np.int64)
 
     @cached_property
-    def model(self) -> Model:
+    def current_nodes_model(self) -> Model:
         """The model of the n current nodes, without conditions."""
         active_model = select_part_of_model(self.engine.plate.model, self.grid_rows)
         delta = active_model.grid.delta.copy()
@@ -304,7 +304,7 @@ class HybridOperator(TwoLatticeOperator[HybridEngine]):
         row_of[self.places] = np.arange(len(self.places))
         points = create_point_weights(self.engine, row_of, self._fine, coarse, far)
         del row_of  # of all fine places, beside the tangent
-        return assemble_tangent(self.engine, points, state.value, self.model.rho, light)
+        return assemble_tangent(self.engine, points, state.value, self.current_nodes_model.rho, light)
 
     def energies(self, state: State) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Strain energy densities (n,), J/m^3, and zeros for softening, which is part of the state."""

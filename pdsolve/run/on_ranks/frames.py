@@ -43,7 +43,7 @@ class ArrayDescription(NamedTuple):
     crc: int
 
 
-class FrameDescription(NamedTuple):
+class FrameHeaderAndBreaks(NamedTuple):
     """What a rank says of the frame that it sends: the arrays of each column by name."""
 
     fields: dict[str, list[ArrayDescription]]
@@ -60,7 +60,7 @@ class SentMessages(NamedTuple):
 
 def send_frame_to_rank_0(
     team: Team, step: int, previous_frame_step: int, field_names: Sequence[str] | None, with_checkpoint: bool
-) -> FrameDescription:
+) -> FrameHeaderAndBreaks:
     """Send the fields of these `field_names` after a step, `with_checkpoint` or not, and the breaks since
     `previous_frame_step`. Where this rank has a file of its own, that is where both go, but for what is of held
     components."""
@@ -98,7 +98,7 @@ def send_frame_to_rank_0(
         }
         for columns in sent
     )
-    return FrameDescription(field_descriptions, checkpoint_descriptions, breaks)
+    return FrameHeaderAndBreaks(field_descriptions, checkpoint_descriptions, breaks)
 
 
 def _copy_own_checkpoint_arrays(part: Part) -> dict[str, Columns]:

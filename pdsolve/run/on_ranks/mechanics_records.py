@@ -36,7 +36,7 @@ class RankReport(NamedTuple):
     """What a rank says of a step."""
 
     ledger_sums: dict[str, Branches]  # of the ledger
-    broken_bond_count: int  # directed bonds so far
+    broken_directed_bond_count: int  # directed bonds so far
     last_break_step: int  # step of the last one
     values_are_finite: bool  # whether all displacements of own nodes are finite
     displacement_range: DisplacementRange
@@ -115,7 +115,7 @@ class MechanicsRecordsOnRanks(MechanicsRecords):
         count = len(self._whole.model.grid)
         sums = {name: total([report.ledger_sums[name] for report in said], count) for name in said[0].ledger_sums}
         ledger = LedgerRow(
-            step, step * self._whole.time_step, broken=sum(report.broken_bond_count for report in said), **sums
+            step, step * self._whole.time_step, broken=sum(report.broken_directed_bond_count for report in said), **sums
         )
         least, most = (
             tuple(
@@ -221,7 +221,7 @@ def sum_reactions_over_ranks(team: Team, step: int, time: float) -> list[Reactio
     if team.rank < team.size - 1:
         team.comm.send(sums, team.rank + 1, PASSED)
         return []
-    at, all_reactions = system.profile_time(step), list[Reaction]()
+    at, all_reactions = system.profile_time_or_load_factor(step), list[Reaction]()
     for number, grip in enumerate(subdomain.acting_conditions):
         components = slice(d * number, d * number + d)
         factor = float(factor_now(drive.profiles, number, at))

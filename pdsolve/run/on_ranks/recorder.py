@@ -20,7 +20,7 @@ from pdsolve.run.on_ranks import frames, split
 from pdsolve.run.on_ranks.mechanics_records import MechanicsRecordsOnRanks
 from pdsolve.run.on_ranks.rank_file import wait_until_all_ranks_wrote_frame
 from pdsolve.run.on_ranks.start import SystemOnRanks
-from pdsolve.run.recorder import KEPT, Recorder, RunHistory
+from pdsolve.run.recorder import KEPT, HistoryUntilCheckpoint, Recorder
 from pdsolve.run.system import System
 from pdsolve.state import State
 
@@ -30,14 +30,14 @@ BATCH = 64 * CHUNK  # nodes that are asked for together
 class RecorderOnRanks(Recorder):
     """The records of all ranks; see `Recorder`."""
 
-    def __init__(self, system: SystemOnRanks, state: State, history: RunHistory | None) -> None:
+    def __init__(self, system: SystemOnRanks, state: State, history: HistoryUntilCheckpoint | None) -> None:
         """`history` is that of a resumed run."""
         assert system.team is not None
         self._team, self._slabs = system.team, system.slabs
         self._files: tuple[str, ...] = ()  # of all ranks, if each has one
         super().__init__(system, state, history, False)
 
-    def _create_physics_records(self, history: RunHistory) -> None:
+    def _create_physics_records(self, history: HistoryUntilCheckpoint) -> None:
         """Open the records of the state that the run begins with."""
         assert isinstance(self.system, SystemOnRanks)
         self.physics_records: MechanicsRecordsOnRanks = MechanicsRecordsOnRanks(
@@ -68,7 +68,7 @@ class RecorderOnRanks(Recorder):
             self._kept = clock.perf_counter()
         names = self.system.requested_model.settings.run.fields if with_fields else None
         after = max(self.frame_step, self._since)
-        said: list[frames.FrameDescription] = self._team.everywhere(
+        said: list[frames.FrameHeaderAndBreaks] = self._team.everywhere(
             frames.send_frame_to_rank_0, step, after, names, with_checkpoint
         )
         breaks = np.concatenate([rank_rows.new_breaks for rank_rows in said], axis=1)

@@ -27,7 +27,7 @@ from pdsolve.results import Breaks, Results, ResultsError, ResultsWarning, gone_
 from pdsolve.run.on_ranks.frames import HELD, held_components_by_condition_and_axis
 from pdsolve.run.on_ranks.recorder import BATCH, RecorderOnRanks
 from pdsolve.run.on_ranks.start import RankSystem, SystemOnRanks, prepare_run_on_ranks
-from pdsolve.run.recorder import RunHistory
+from pdsolve.run.recorder import HistoryUntilCheckpoint
 from pdsolve.run.system import System
 from pdsolve.state import Broken, State
 
@@ -44,7 +44,7 @@ def make_resumed_recorder(results: Results, model: Model, options: Options, meta
     before = results.breaks().step
     latest = int(before[before <= step].max(initial=0))
     wall, nodes = float(meta.get("wall_time", 0.0)), len(system.model.grid)
-    past = RunHistory(step, wall, results.bond_updates(step), latest, None, nodes, results)
+    past = HistoryUntilCheckpoint(step, wall, results.bond_updates(step), latest, None, nodes, results)
     with gone_back(output):
         expect_step_within_run(step, system.model)
         restore_all_ranks(system, state, step, results)
@@ -216,5 +216,5 @@ def _restore_rank(
     part: Part = team.part
     subdomain: RankSystem = part.now
     parts.restore(part, {**bond_arrays, **node_arrays}, broken)
-    put_loads(subdomain.system.drive, subdomain.system.profile_time(step))
+    put_loads(subdomain.system.drive, subdomain.system.profile_time_or_load_factor(step))
     subdomain.bond_state_step = -1  # nothing has been asked of this state

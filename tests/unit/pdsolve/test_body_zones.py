@@ -144,7 +144,7 @@ def test_without_cells_to_refine_nothing_changes(monkeypatch: pytest.MonkeyPatch
 
 
 def test_a_checkpoint_of_other_cells_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
-    after = Part(model=Part(grid=Part(ids=np.array([1, 2]))), volume=np.ones(2), unknowns=[Part(width=3)])
+    after = Part(current_nodes_model=Part(grid=Part(ids=np.array([1, 2]))), volume=np.ones(2), unknowns=[Part(width=3)])
     monkeypatch.setattr(
         body_zones, "expect_body_zone_operator", lambda system: Part(operator_with_checkpoint_cells=lambda kept: after)
     )
@@ -163,6 +163,7 @@ def test_loads_of_new_nodes_are_those_of_the_time_of_the_step(monkeypatch: pytes
     monkeypatch.setattr(body_zones, "assemble_system", assemble)
     monkeypatch.setattr(body_zones.dataclasses, "replace", lambda system, full_model: (system, full_model))
     system: Any = Part(time_step=0.5, stable_time_step=0.7, options=None, scheme=None, full_model="whole")
-    found: Any = body_zones._system_with_refined_operator(system, Part(model=None, volumes_and_bond_counts=None), 8)  # type: ignore[arg-type]
+    operator: Any = Part(current_nodes_model=None, volumes_and_bond_counts=None)
+    found: Any = body_zones._system_with_refined_operator(system, operator, 8)
     assert times == [4.0]
     assert (found[0][0], found[1]) == ((0.5, 0.7), "whole")

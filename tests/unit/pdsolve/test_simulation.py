@@ -88,7 +88,7 @@ def test_a_watcher_sees_progress(small_plate: Model) -> None:
     steps = [progress.step for progress in seen]  # more of them where steps take long
     assert steps == sorted(steps)
     assert {20, 40, 60} <= set(steps)
-    assert seen[-1].broken_bond_count > 0
+    assert seen[-1].broken_directed_bond_count > 0
 
 
 def test_too_large_a_step_is_stopped_and_told(small_plate: Model, tmp_path: Path) -> None:

@@ -50,7 +50,7 @@ class FineLattice(NamedTuple):
         np.float64
     ]  # (p,) of pairs of materials: least e at which bonds break over theirs
     xi_row_of_piece_kind: NDArray[np.int32]  # (q,) row of `xi` of a kind of pieces
-    piece_xi: NDArray[np.float64]  # (g, 4) xi, m, from the near end to the far one, and 1 / |xi|^2
+    distinct_piece_xi: NDArray[np.float64]  # (g, 4) xi, m, from the near end to the far one, and 1 / |xi|^2
 
 
 class ClippedPieces(NamedTuple):

@@ -134,7 +134,7 @@ class HybridBodyOperator:
         return tiles._replace(unbreakable=unbreakable, material=full_tiles.material[every])
 
     @cached_property
-    def model(self) -> Model:
+    def current_nodes_model(self) -> Model:
         """The model of the n current nodes, without conditions."""
         assert self.full_body.model is not None
         active_model = select_part_of_model(self.full_body.model, self.rows)
@@ -309,7 +309,7 @@ class HybridBodyOperator:
 
     def stiffness_bound(self) -> NDArray[np.float64]:
         """A bound (n,) of the stiffness that resists each node's motion, N/m^4; see `Operator`."""
-        return self.full_body.stiffness_over_density * self.model.rho
+        return self.full_body.stiffness_over_density * self.current_nodes_model.rho
 
     def tangent(self, state: State) -> csr_array:
         """Minus the derivative (3 n, 3 n), N/m^4, of the force densities by the values; see `Operator`."""

@@ -103,7 +103,7 @@ def create_piece_springs(
     of_groups = group_arrays.near_end_site_of_group[:used], group_arrays.near_point[:used]
     far, direction = group_arrays.far_point[: TOGETHER * used], group_arrays.xi_row[: TOGETHER * used]
     k, breaks = group_arrays.stiffness[: TOGETHER * used], group_arrays.least_over_own_limit_strain[: TOGETHER * used]
-    ends = *of_groups, far, direction, fine.piece_xi, k, breaks
+    ends = *of_groups, far, direction, fine.distinct_piece_xi, k, breaks
     return PieceSprings(
         carry.carrier_count,
         row_at_site[carry.carrier_sites],
