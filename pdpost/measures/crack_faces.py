@@ -181,7 +181,7 @@ def _pairs_are_in_crack_middle(nodes: Nodes, neighbour_pairs: FaceNeighbourPairs
 
 
 def mesh_faces_between_pairs(nodes: Nodes, pairs: NDArray[np.int64], opening_time: NDArray[np.float64]) -> CrackSurface:
-    """The faces between `pairs` (f, 2) of neighbours that parted at `time` (f,), s, in this order."""
+    """The faces between `pairs` (f, 2) of neighbours that parted at `opening_time` (f,), s, in this order."""
     finer = np.take_along_axis(pairs, nodes.delta[pairs].argmin(axis=1)[:, None], axis=1)[:, 0]
     way = nodes.position[pairs.sum(axis=1) - finer] - nodes.position[finer]
     axis, spacing = np.abs(way).argmax(axis=1), nodes.delta[finer]

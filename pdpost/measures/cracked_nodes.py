@@ -116,7 +116,7 @@ def _inherit_cracked_step_of_replaced_nodes(
     """For nodes born cracked, set `cracked_step` to that of the overlapping nodes that die at the same time.
 
     If none of these was cracked and none had lost bonds during the run, a pre-crack cut them: since step 0.
-    `cracked_step` (r,) and `broken` (r,), whether bonds broke during the run, cover all nodes that ever lived.
+    `cracked_step` (r,) and `has_broken_bonds` (r,), of bonds that break during the run, cover all nodes that ever live.
     """
     place, half, birth = lives.nodes.position, lives.nodes.delta / 2, lives.birth
     if len(born_rows) and len(died_rows):

@@ -32,7 +32,7 @@ class InitialCrackDirection:
 
     pre_crack_tip: tuple[float, float]  # m
     angle_from_pre_crack: float  # degrees from the line of the pre-crack
-    angle_lower_bound: float  # degrees, with `high` the band that it is in with a probability of 0.95
+    angle_lower_bound: float  # degrees, with `angle_upper_bound` its band of probability 0.95
     angle_upper_bound: float
     fitted_length: float  # m of the crack, from the tip, that the line is through
     overall_angle: float  # degrees, of a line through all of the crack until it forks or ends

@@ -101,8 +101,8 @@ def compute_front_intensities(
 ) -> list[FrontIntensities]:
     """Fracture parameters along the fronts of a body after `step`: of all, or of the one nearest to a place (3,), m.
 
-    `ring` are the radii of the widest tube, m; by default tubes fill the room there is. Raises ResultsError if no front
-    is inside the body, if no point of any has room for a tube, and for frames that lack fields.
+    `tube_radii` are those of the widest tube, m; by default tubes fill the room there is. Raises ResultsError if no
+    front is inside the body, if no point of any has room for a tube, and for frames that lack fields.
     """
     cracks, nodes = crack_points_and_fronts_at(results, step), results.nodes(step)
     ratio = read(results, _FractureGridFileKeys).horizon.ratio

@@ -60,7 +60,7 @@ def main_growth_direction_name(lines: Sequence[Polyline]) -> str:
 
 
 def _mean_and_largest_distance(lines: Sequence[Polyline], target_lines: Sequence[Polyline]) -> tuple[float, float]:
-    """Mean and largest distance from points of `lines` to the nearest points of `others`, m."""
+    """Mean and largest distance from points of `lines` to the nearest points of `target_lines`, m."""
     points, weight = _sample_points_and_lengths(lines)
     start = np.concatenate([line[:-1] if len(line) > 1 else line for line in target_lines])
     end = np.concatenate([line[1:] if len(line) > 1 else line for line in target_lines])

@@ -34,7 +34,7 @@ class PredictedCrackDirection:
 def predict_initial_directions(
     results: Results, measured_directions: Sequence[InitialCrackDirection], first_break_step: int
 ) -> list[PredictedCrackDirection]:
-    """Predictions for the directions `directions`, from the last frame before the step `first_break_step`.
+    """Predictions for the `measured_directions`, from the last frame before the step `first_break_step`.
 
     A tip without room for a ring, or with too vague a direction, has none; nor has a run without such a frame.
     """

@@ -48,8 +48,8 @@ class MotionChecks:
         initial_bonds_of_rows: Callable[[int, int], tuple[NDArray[np.int64], NDArray[np.int64]]],
         inversion_and_imprecision_warned: tuple[bool, bool] = (False, False),
     ) -> None:
-        """`initial_bonds(first, last)` returns the rows of both ends of the initial bonds of sources `first` to `last`
-        - 1; `inversion_and_imprecision_warned` are the warnings given already, of nodes before, as they have them."""
+        """`initial_bonds_of_rows(first, end)` returns the rows of both ends of the initial bonds of sources `first` to
+        `end` - 1; `inversion_and_imprecision_warned` are the warnings given already, of nodes before."""
         self._model, (self._said, self._vague) = model, inversion_and_imprecision_warned
         self._bonds, self._own = initial_bonds_of_rows, slice(None)
         self._triangles: _NodeTriangles | None = None  # of nodes off a lattice

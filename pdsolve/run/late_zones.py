@@ -28,7 +28,7 @@ KEY = "sooner"  # of `meta`
 
 
 class EarlierRefinement(NamedTuple):
-    """From a step on, cells become fine at `kappa` of the stretch that breaks bonds."""
+    """From a step on, cells become fine at `kappa_threshold` of the stretch that breaks bonds."""
 
     first_step: int
     kappa_threshold: float

@@ -30,7 +30,7 @@ class NodeAdaptation(Protocol):
     steps_between_checks: int  # steps between two looks
 
     def change_nodes(self, system: System, state: State, step: int) -> SystemAfterNodeChange | None:
-        """The nodes after `step`, a multiple of `every`; None if they stay."""
+        """The nodes after `step`, a multiple of `steps_between_checks`; None if they stay."""
 
     def restore_system(self, initial_system: System, checkpoint: CheckpointArrays) -> PreparedRun:
         """The system of a checkpoint with the nodes `checkpoint["ids"]`, in that order.

@@ -55,7 +55,7 @@ class Totals(Record):
 class Counts(Record):
     """Numbers of events. Checkpoints hold them in this order."""
 
-    broken_bonds: int  # in `breaks`
+    broken_bonds: int  # in `break_events`
     refinement_due: int  # 1 where fine nodes are wanted around any coarse one, or 0
     refinements: int  # how often nodes have become fine
 

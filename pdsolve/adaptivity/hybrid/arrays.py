@@ -49,7 +49,7 @@ class LatticeConstants(NamedTuple):
     strain_bounds: NDArray[np.float64]  # (materials, 3) e of peak and limit, and of a coarse bond that makes cells fine
     least_strain_bounds: NDArray[np.float64]  # (3,) the least of each
     irregular_bond_stiffness: NDArray[np.float64]  # (., k)
-    irregular_limit_row: NDArray[np.int32]  # (.,) row in `irregular_peak_e` and `irregular_limit_e`
+    irregular_limit_row: NDArray[np.int32]  # (.,) row in `irregular_peak_strain` and `irregular_limit_strain`
     irregular_peak_strain: NDArray[np.float64]  # (j, k) e
     irregular_limit_strain: NDArray[np.float64]
     coarse_cell_constants: NDArray[
@@ -78,7 +78,7 @@ class LatticeNodes(NamedTuple):
         np.int32
     ]  # (n / 16,) index in `row_stiffness`; -1 or -2 - index: all is as in the table
     row_stiffness: NDArray[np.float64]  # (., k, 16) stiffnesses
-    spring_lane_masks: NDArray[np.uint16]  # (., 2, k) lanes with a spring, and with half of one, if `has_spring_masks`
+    spring_lane_masks: NDArray[np.uint16]  # (., 2, k) lanes with a spring and with half; see the next
     uses_spring_lane_masks: NDArray[
         np.bool_
     ]  # (.,) whether springs of a row are all those of the table, half of them or none
@@ -165,7 +165,7 @@ class Counts(Record):
     active_coarse_rows: int  # likewise, in `coarse.active_rows`
     clipped_pieces: int  # of clipped bonds
     border_nodes: int  # fine nodes on the border of coarse cells
-    broken_bonds: int  # directed ones, in `breaks`
+    broken_bonds: int  # directed ones, in `break_events`
     load_shares: int  # shares of nodes that move, in `loads.node_and_entry`
     held_components: int  # held components of nodes that move, in `holds.node_and_entry`
     damaged_nodes: int  # in `damaged_nodes` of the zone
@@ -173,12 +173,12 @@ class Counts(Record):
     refined_damaged_nodes: int  # how many of the damaged nodes have fine cells around them
     used_stiffness_rows: int  # rows of `fine.row_stiffness` that are taken
     new_cells: int  # in `new_cells` of the zone
-    affected_fine_nodes: int  # fine nodes, in `affected_fine` of the zone
-    affected_coarse_nodes: int  # coarse nodes, in `affected_coarse` of the zone
+    affected_fine_nodes: int  # in `affected_fine_nodes` of the zone
+    affected_coarse_nodes: int  # in `affected_coarse_nodes` of the zone
     lacks_array_room: int  # 1 where the arrays are too short for what comes next, or 0
     active_far_node_rows: int  # of 16 places, in `far.active_rows`
     tied_nodes: int  # coarse nodes on the border of far cells
-    affected_coarsest_nodes: int  # far nodes, in `affected_far` of the zone
+    affected_coarsest_nodes: int  # nodes 4 h apart, in `affected_coarsest_nodes` of the zone
 
 
 STORED = 10
@@ -214,13 +214,13 @@ class PlateZone(NamedTuple):
     holds: LoadsOrHolds
     is_node_marked: NDArray[np.bool_]  # (n,) scratch, False
     new_cells: NDArray[np.int64]  # scratch: cells that are to be fine
-    affected_fine_nodes: NDArray[np.int64]  # scratch: fine nodes that concerns
-    affected_coarse_nodes: NDArray[np.int64]  # scratch: coarse nodes that it concerns
-    affected_coarsest_nodes: NDArray[np.int64]  # scratch: far nodes that it concerns
+    affected_fine_nodes: NDArray[np.int64]  # scratch: fine nodes that change with new cells
+    affected_coarse_nodes: NDArray[np.int64]  # scratch: coarse nodes, likewise
+    affected_coarsest_nodes: NDArray[np.int64]  # scratch: nodes 4 h apart, likewise
     counts: Counts
     totals: Totals
     lane_sums: NDArray[np.float64]  # (threads, .) scratch of the vector code
-    job_counters: NDArray[np.int64]  # (64,) what has been handed out to threads, as `forces` has it
+    job_counters: NDArray[np.int64]  # (64,) what has been handed out to threads; see `hybrid.forces`
     breaking_rows: NDArray[np.int64]  # (threads, .) where bonds are to break
     breaking_row_counts: NDArray[np.int64]  # (8 threads,) how many, of each thread at a multiple of 8
 

@@ -20,7 +20,7 @@ class NodeConstants(NamedTuple):
     material: NDArray[np.uint8]  # (r, 16)
     irregular_bond_row: NDArray[
         np.int32
-    ]  # (r, 16) row in `own_springs` of a node that is not like those of a full lattice; -1: it is
+    ]  # (r, 16) row in `irregular_bond_stiffness` of a node that is not like those of a full lattice; -1: it is
     no_fail: NDArray[np.bool_]  # (r, 16) nodes whose bonds do not break
     initial_bond_bits: NDArray[np.uint64]  # (r, 16) bonds at the start, of the first half of the family
     damping: NDArray[np.float64] | None  # (r, 16) 1/s; None: nothing is damped

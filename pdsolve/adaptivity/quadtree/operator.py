@@ -74,7 +74,7 @@ class LeafOperator(BondList):
 
 
 def read_leaf_history(checkpoint: CheckpointArrays, leaves: int) -> LeafHistory:
-    """The history stored by `Leaves.checkpoint_arrays` for so many leaves. Raises CheckpointError."""
+    """The history stored by `LeafOperator.checkpoint_arrays` for so many leaves. Raises CheckpointError."""
     return LeafHistory(
         entry(checkpoint, "calm", (leaves,), np.int64, 0).copy(), float(entry(checkpoint, "made", (1,), float)[0])
     )

@@ -76,7 +76,7 @@ class PenaltyContact(Bondless):
         self.push(state, out, step, dt)
 
     def push(self, state: State, out: NDArray[Any], step: int, dt: float) -> None:
-        """Add the force densities as `add` does, of a state that `free_steps` has seen."""
+        """Add the force densities as `accumulate_force` does, of a state that `free_steps` has seen."""
         if len(self._pairs.i):
             mu, e = self._settings.friction, self._settings.restitution
             books = out, self._spent, self._lost

@@ -49,7 +49,7 @@ class FineLattice(NamedTuple):
     least_over_own_limit_strain_of_material_pair: NDArray[
         np.float64
     ]  # (p,) of pairs of materials: least e at which bonds break over theirs
-    xi_row_of_piece_kind: NDArray[np.int32]  # (q,) row of `xi` of a kind of pieces
+    xi_row_of_piece_kind: NDArray[np.int32]  # (q,) row of `distinct_piece_xi` of a kind of pieces
     distinct_piece_xi: NDArray[np.float64]  # (g, 4) xi, m, from the near end to the far one, and 1 / |xi|^2
 
 

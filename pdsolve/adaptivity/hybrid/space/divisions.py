@@ -30,7 +30,7 @@ class BondDivisions(NamedTuple):
     part_ends_at_node: NDArray[np.bool_]  # (p, 2) whether it begins and ends at a node
     passed_cell_bits: NDArray[
         np.uint64
-    ]  # (8, k, w) bits of the cells that the bond passes, of those around its node; see `lowest_cell`
+    ]  # (8, k, w) bits of the cells that the bond passes, of those around its node; see `lowest_cell_offset`
     lowest_cell_offset: NDArray[
         np.int64
     ]  # (2,) the lowest of the cells around a node that is 0 or 1 from its cell's corner

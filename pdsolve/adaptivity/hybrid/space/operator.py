@@ -412,7 +412,7 @@ class HybridBodyOperator:
     def refine_and_list_cells(self, state: State, after_step: int) -> NDArray[np.int64]:
         """Cells (k, 3) that become fine: around bonds broken after a step, and around stretched springs.
 
-        They are marked as fine at once; `refine` makes the operator for them.
+        They are marked as fine at once; `operator_after_refinement` makes the operator for them.
         """
         self._set_displacements(state.value)
         zone, box, fine = self._zone, self.full_body.fine_lattice.box, self.full_body.fine_lattice

@@ -49,7 +49,7 @@ class PieceSprings(NamedTuple):
     ]  # (8 g,) least e at which bonds break over that of its own; 0 if it never breaks
     point_displacements: NDArray[np.float64]  # (q, 4) room for the displacements of points; the last column is 0
     point_forces: NDArray[np.float64]  # (q, 4) room for their forces
-    largest_scaled_strains: NDArray[np.float64]  # (8,) room for the largest e times `limit_scale`
+    largest_scaled_strains: NDArray[np.float64]  # (8,) room for the largest e times `least_over_own_limit_strain`
 
 
 class PieceGroups(NamedTuple):
