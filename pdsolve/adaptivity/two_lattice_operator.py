@@ -15,6 +15,8 @@ from pdsolve.state import Broken, State, Unknown, zero_state
 if TYPE_CHECKING:
     from scipy.sparse import csr_array
 
+    from pdsolve.adaptivity.hybrid.engine import ZoneSummary
+
 
 class LedgerTotals(NamedTuple):
     """Totals over all nodes."""
@@ -43,6 +45,9 @@ class TwoLatticeEngine(Protocol):
 
     def restore(self, checkpoint: CheckpointArrays) -> None:
         """Restore a checkpoint."""
+
+    def zone_summary(self) -> ZoneSummary:
+        """Summary of the fine zone."""
 
     def bytes(self) -> int:
         """The memory of the nodes' arrays, bytes."""
@@ -146,6 +151,10 @@ class TwoLatticeOperator(ABC, Generic[N]):
     def fields(self, state: State) -> dict[str, NDArray[np.float64]]:
         """Empty: the two lattices store no fields besides their displacements."""
         return {}
+
+    def zone_summary(self) -> ZoneSummary:
+        """Summary of the fine zone; with collocation its stretch is that of coarse pairs."""
+        return self.engine.zone_summary()
 
     def bytes(self) -> int:
         """The memory of all arrays, bytes."""

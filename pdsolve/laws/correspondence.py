@@ -306,12 +306,7 @@ def watched(law: CorrespondenceColumns, columns: tuple[NDArray[np.floating], ...
 
 
 def margin(law, bond, c, node_numbers, neighbour_numbers):  # type: ignore[no-untyped-def]
-    return margin_of(law, bond, c, node_numbers, neighbour_numbers)
-
-
-@njit(**INLINE)
-def margin_of(law, bond, c, node_numbers, neighbour_numbers):  # type: ignore[no-untyped-def]
-    """The stretch or energy of a bond and its limit; see `margin`."""
+    """The stretch or energy of a bond and its limit."""
     f = force_of(law, bond, c, node_numbers, neighbour_numbers)
     along = f[0] * (bond.xi[0] + bond.eta[0]) + f[1] * (bond.xi[1] + bond.eta[1])
     failure_measure = along * bond.elongation * bond.inverse

@@ -25,7 +25,6 @@ from pdsolve.laws.correspondence import (
     fails_at,
     finish_sums_of,
     lifted,
-    margin_of,
     nodal_energy_at,
     stressed,
     update_history_at,
@@ -203,10 +202,6 @@ def finish_sums(law, sums, node_constants):  # type: ignore[no-untyped-def]
     )
 
 
-def margin(law, bond, c, node_numbers, neighbour_numbers):  # type: ignore[no-untyped-def]
-    return margin_of(law, bond, c, node_numbers, neighbour_numbers)
-
-
 def nodal_numbers(law, xi, m, i):  # type: ignore[no-untyped-def]
     return squares(m, i, xi)
 
@@ -253,7 +248,7 @@ LAW = Law(
     scale=correspondence.scale,
     failure=Failure(may_fail, fails),
     nodes=NodeHistory(("history",), update_history, nodal_energy),
-    lanes=Lanes(finish_sums, margin, tabled, standing, correspondence.by_lanes),
+    lanes=Lanes(finish_sums, correspondence.margin, tabled, standing, correspondence.by_lanes),
     update_after_breakage=update_after_breakage,
     torn_stiffness=correspondence.torn_stiffness,
     fields=fields,

@@ -56,7 +56,7 @@ class CollocationEngine:
         self.work = np.zeros(lattice.numbering.place_count)  # J/m^3
         self._rho = np.full(lattice.numbering.place_count, lattice.rho)
         self.area = areas_of_active_nodes(lattice, plate, zone.node_kinds)
-        self._advance(1, 1)  # compiles before the clock runs
+        self.advance(1, 1)  # compiles before the clock runs
 
     def set_initial_motion(self, velocity: NDArray[np.float64]) -> None:
         """Set the velocities (n, 2), m/s, of all nodes, and the accelerations of an undeformed plate."""
@@ -69,7 +69,22 @@ class CollocationEngine:
 
     def advance(self, first_step: int, end_step: int) -> None:
         """Take the steps `first_step` to `end_step` - 1. Raises UnstableError if a coarse pair exceeds its limit."""
-        self._advance(first_step, end_step)
+        where = BEGIN
+        while True:
+            how, step = self._advance_on_threads(first_step, end_step, where)
+            if how == DONE:
+                return
+            if how == ROOM:
+                self._enlarge_break_arrays()
+            else:
+                largest = self.zone_summary().clipped_stretch
+                if largest > 1:
+                    raise UnstableError(
+                        f"step {step}: the fine zone was refined too late (stretch of coarse pairs: {largest:.2f} of"
+                        " critical); use a smaller run.collocation.kappa or time step"
+                    )
+                self._refine_marked_nodes()
+            first_step, where = step, FORCES
 
     def sum_forces_and_break_bonds(self, step: int, dt: float) -> None:
         """Sum the forces at the current displacements, without loads; bonds over their limit break in this step.
@@ -88,24 +103,6 @@ class CollocationEngine:
         """Refine the nodes noted as wanted."""
         if self.zone.is_to_refine.any():
             self._refine_marked_nodes()
-
-    def _advance(self, first_step: int, end_step: int) -> None:
-        where = BEGIN
-        while True:
-            how, step = self._advance_on_threads(first_step, end_step, where)
-            if how == DONE:
-                return
-            if how == ROOM:
-                self._enlarge_break_arrays()
-            else:
-                largest = self.zone_summary().clipped_stretch
-                if largest > 1:
-                    raise UnstableError(
-                        f"step {step}: the fine zone was refined too late (stretch of coarse pairs: {largest:.2f} of"
-                        " critical); use a smaller run.collocation.kappa or time step"
-                    )
-                self._refine_marked_nodes()
-            first_step, where = step, FORCES
 
     def _advance_on_threads(self, first_step: int, end_step: int, stage: int) -> tuple[int, int]:
         """Run the compiled march on all threads until it ends; returns its end code and step."""
@@ -150,20 +147,17 @@ class CollocationEngine:
         zone.is_to_refine[:] = False
         self.zone, self.area = new, areas_of_active_nodes(lattice, plate, new.node_kinds)
         after = self._strain_and_kinetic_energy_of_coarse_nodes() + self._strain_and_kinetic_energy_at_places(
-            born, self._energy_densities_of_rows_and_coarse_nodes(np.unique(born // ROW))
+            born, self.energy_densities(np.unique(born // ROW))
         )
         self.zone.totals.refinement_energy += after - before
         self.zone.counts.refinements += 1
 
-    def _energy_densities_of_rows_and_coarse_nodes(self, rows: NDArray[np.int64]) -> NDArray[np.float64]:
-        """Energy densities (places,), J/m^3, of the fine nodes in these rows and of active coarse nodes."""
+    def energy_densities(self, fine_rows: NDArray[np.int64] | None = None) -> NDArray[np.float64]:
+        """Energy densities (places,), J/m^3, of active coarse nodes and of fine nodes, of all or in `fine_rows`."""
         densities = np.zeros((1, self.lattice.numbering.place_count))
-        store_strain_energy_densities(self.lattice, self.zone, rows, densities)
+        fine_rows = self.zone.rows_with_fine_nodes if fine_rows is None else fine_rows
+        store_strain_energy_densities(self.lattice, self.zone, fine_rows, densities)
         return np.asarray(densities[0])
-
-    def energy_densities(self) -> NDArray[np.float64]:
-        """The energy densities (places,), J/m^3, of all active nodes."""
-        return self._energy_densities_of_rows_and_coarse_nodes(self.zone.rows_with_fine_nodes)
 
     def _strain_and_kinetic_energy_at_places(self, places: NDArray[np.int64], densities: NDArray[np.float64]) -> float:
         """Kinetic plus strain energy of nodes, J/m."""
@@ -173,7 +167,7 @@ class CollocationEngine:
     def _strain_and_kinetic_energy_of_coarse_nodes(self) -> float:
         return self._strain_and_kinetic_energy_at_places(
             self.zone.active_coarse_places,
-            self._energy_densities_of_rows_and_coarse_nodes(self.zone.rows_with_fine_nodes[:0]),
+            self.energy_densities(self.zone.rows_with_fine_nodes[:0]),
         )
 
     def active_places(self) -> NDArray[np.int64]:

@@ -16,7 +16,6 @@ from numpy.typing import NDArray
 from pdsolve.adaptivity.collocation.engine import CollocationEngine
 from pdsolve.adaptivity.collocation.layout import is_bond_cut
 from pdsolve.adaptivity.collocation.zone import COARSE, FINE, BreakEvents
-from pdsolve.adaptivity.hybrid.engine import ZoneSummary
 from pdsolve.adaptivity.hybrid.irregular_bonds import select_part_of_model
 from pdsolve.adaptivity.two_lattice_operator import LedgerTotals, TwoLatticeOperator
 from pdsolve.codegen.jit_cache import cached_njit
@@ -138,10 +137,6 @@ class CollocationOperator(TwoLatticeOperator[CollocationEngine]):
         return LedgerTotals(
             kinetic, self._strain, *self.engine.dissipated_and_damped_energy_and_work, x, y, len(self.broken().step)
         )
-
-    def zone_summary(self) -> ZoneSummary:
-        """Summary of the fine zone; its stretch is that of coarse pairs."""
-        return self.engine.zone_summary()
 
     def load_forces(self, profile_count: int) -> NDArray[np.float64]:
         """Forces (profiles, 2), N/m, of the loads at factor 1."""

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pdsolve.adaptivity.hybrid.arrays import LatticeNodes
-from pdsolve.adaptivity.hybrid.engine import HybridEngine, ZoneSummary
+from pdsolve.adaptivity.hybrid.engine import HybridEngine
 from pdsolve.adaptivity.hybrid.irregular_bonds import select_part_of_model
 from pdsolve.adaptivity.hybrid.lattice import AROUND, BELOW, BELOW_COARSE, COARSE, FAR, IDLE, LEFT
 from pdsolve.adaptivity.hybrid.node_constants import are_bonds_intact, values_at_nodes
@@ -333,10 +333,6 @@ class HybridOperator(TwoLatticeOperator[HybridEngine]):
             y,
             len(self.engine.break_events().step),
         )
-
-    def zone_summary(self) -> ZoneSummary:
-        """Summary of the fine zone."""
-        return self.engine.zone_summary()
 
     def load_forces(self, profile_count: int) -> NDArray[np.float64]:
         """Forces (profiles, 2), N/m, of the loads at factor 1."""

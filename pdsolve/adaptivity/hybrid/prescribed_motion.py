@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -33,8 +31,9 @@ def places_unfit_for_coarse(plate: HybridPlate) -> NDArray[np.int64]:
             continue
         rows = model.selected(condition)
         place = plate.places_of_grid_rows(rows)
-        constrained_share = _mean_of_coarse_nodes_around(partial(_rows_are_among, rows), plate, place)
-        unfit_places.append(place[constrained_share[:, 0] < 1.0])
+        is_held = np.zeros((len(model.grid), 1))
+        is_held[rows] = 1.0
+        unfit_places.append(place[_mean_of_coarse_nodes_around(is_held, plate, place)[:, 0] < 1.0])
         prescribed_values = [value or 0.0 for value in components(condition, 2)]
         if any(map(is_of_place, prescribed_values)):
             values = np.zeros((len(model.grid), 2))
@@ -50,21 +49,14 @@ def _places_of_nonlinear_values(
 ) -> NDArray[np.int64]:
     """Places of these rows (k,) whose values (n, 2) are not the mean of those of the coarse nodes they lie between."""
     place = plate.places_of_grid_rows(rows)
-    away = np.abs(_mean_of_coarse_nodes_around(values.__getitem__, plate, place) - values[rows]).max(
-        axis=1, initial=0.0
-    )
+    away = np.abs(_mean_of_coarse_nodes_around(values, plate, place) - values[rows]).max(axis=1, initial=0.0)
     return np.asarray(place[away > SAME * np.abs(values).max(initial=0.0)])
 
 
-def _rows_are_among(row_set: NDArray[np.int64], rows: NDArray[np.int64]) -> NDArray[np.float64]:
-    """1 or 0 (k, 1): whether rows (k,) are among `row_set`."""
-    return np.isin(rows, row_set)[:, None].astype(float)
-
-
 def _mean_of_coarse_nodes_around(
-    values: Callable[[NDArray[np.int64]], NDArray[np.float64]], plate: HybridPlate, place: NDArray[np.int64]
+    values: NDArray[np.float64], plate: HybridPlate, place: NDArray[np.int64]
 ) -> NDArray[np.float64]:
-    """Mean (k, j) of coarse nodes' `values` (k, j), by their rows, which the nodes at these places (k,) lie between.
+    """Mean (k, j) of the `values` (n, j) of the coarse nodes which the nodes at these places (k,) lie between.
 
     A node that is not there counts as one that moves likewise.
     """
@@ -74,5 +66,5 @@ def _mean_of_coarse_nodes_around(
     for sign_y in (-1, 1):
         for sign_x in (-1, 1):
             neighbour = place + sign_y * odd_y * numbering.fine_row_stride + sign_x * odd_x
-            mean = mean + values(plate.grid_rows_at(np.where(plate.has_node(neighbour), neighbour, place))) / 4
+            mean = mean + values[plate.grid_rows_at(np.where(plate.has_node(neighbour), neighbour, place))] / 4
     return mean
