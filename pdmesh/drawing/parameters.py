@@ -163,7 +163,7 @@ def refuse_unknown(names: Iterable[str], from_drawing: bool) -> None:
         group = words[1] if len(words) > 2 else ANY
         likely = [template.replace(ANY, group) for template in NAMES] + ["/".join([OWN, *words[1:]])] * from_drawing
         also = f" (a drawing's own numbers go below '{PREFIX}{OWN}/')" if from_drawing else ""
-        raise SceneError(_about_unknown(name.removeprefix(PREFIX), likely, "is unknown", PREFIX, also))
+        raise SceneError(unknown(name.removeprefix(PREFIX), likely, "is unknown", PREFIX, also))
 
 
 def refuse_space(names: Iterable[str]) -> None:
@@ -276,12 +276,9 @@ class Parameters:
         return parse_profile(self.text(name), f"parameter '{PREFIX}{name}'")
 
 
-def unknown(name: str, names: Iterable[str]) -> str:
-    """Message about a parameter that is not in a drawing."""
-    return _about_unknown(name, names, "is not in the drawing")
-
-
-def _about_unknown(name: str, names: Iterable[str], problem: str, prefix: str = "", also: str = "") -> str:
+def unknown(
+    name: str, names: Iterable[str], problem: str = "is not in the drawing", prefix: str = "", also: str = ""
+) -> str:
     """Message about an unknown parameter: the one of `names` that it means or is similar to, or where to see them."""
     names = list(names)
     near = meant(name, names, cutoff=1.0)
