@@ -80,12 +80,12 @@ class Results:
     @property
     def version(self) -> int:
         """The version of the schema."""
-        return int(self._tables.version)
+        return self._tables.version
 
     @property
     def checked(self) -> bool:
         """Whether there are checksums, as in all but the oldest files."""
-        return bool(self._tables.checked)
+        return self._tables.checked
 
     def verify(self, older: bool = False) -> None:
         """Read and check everything.

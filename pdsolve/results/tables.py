@@ -48,6 +48,7 @@ class Tables:
         self.connection = connection
         self.name = name
         self.path = path
+        self.version: int
         self._look_at_version()
 
     def _look_at_version(self) -> None:
