@@ -123,7 +123,7 @@ def _solve_with_restarts(model: Model, options: Options, request: RunRequest) ->
     if model.settings.run.adapt == "auto":
         model = choose_adaptivity(model, options)
     try:
-        return _solve_from_start(model, options, request)
+        return _solve_new_run(*_prepare_new_recorder(model, options, request))
     except LateZoneError as late:
         return _restart_with_earlier_zones(model, options, request, late)
 
@@ -140,14 +140,9 @@ def _restart_with_earlier_zones(
         try:
             if step and request.output is not None:
                 return _resume_from_checkpoint(request.output, request)
-            return _solve_from_start(model, options, request)
+            return _solve_new_run(*_prepare_new_recorder(model, options, request))
         except LateZoneError as again:
             late_zone_error = again
-
-
-def _solve_from_start(model: Model, options: Options, request: RunRequest) -> Results:
-    """Solve a model from its start. Raises LateZoneError besides."""
-    return _solve_new_run(*_prepare_new_recorder(model, options, request))
 
 
 def _prepare_new_recorder(model: Model, options: Options, request: RunRequest) -> tuple[Recorder, RunRequest]:
