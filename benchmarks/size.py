@@ -15,7 +15,7 @@ from types import FrameType
 
 from pdmesh import Material, Run, Scene, box, build
 from pdsolve import Model, simulate
-from pdsolve.steppers.verlet_blocks import VerletBlocks
+from pdsolve.steppers.lattice_march import LatticeMarch
 
 ROOT = Path(__file__).resolve().parent.parent
 PACKAGES = ("pdmesh", "pdsolve", "pdpost")
@@ -47,10 +47,11 @@ def followed(model: Model) -> list[str]:
     def called(frame: FrameType, event: str, _: object) -> None:
         if event == "call":
             files.add(frame.f_code.co_filename)
-            if frame.f_code is VerletBlocks.advance.__code__:
-                first_step, end_step = (frame.f_locals[name] for name in frame.f_code.co_varnames[2:4])
-                if end_step > first_step:
-                    raise FirstStep
+            if (
+                frame.f_code is LatticeMarch.advance.__code__
+                and frame.f_locals["end_step"] > frame.f_locals["first_step"]
+            ):
+                raise FirstStep
 
     threading.setprofile(called)
     sys.setprofile(called)

@@ -7,7 +7,7 @@ import dataclasses
 import numpy as np
 from plates import plate, square_grid, two_scale_grid
 
-from pdmesh.model.document import Load, Run
+from pdmesh.model.document import Absorb, Acceleration, Displacement, InitialVelocity, Load, Run, Velocity
 from pdmesh.model.node_grid import Grid
 from pdsolve.model import Model
 from pdsolve.options import Options
@@ -32,6 +32,28 @@ def holed() -> Grid:
 
 
 GRIDS = {"one scale": square_grid(21, 12), "two scales": two_scale_grid(), "cracked": cracked(), "holed": holed()}
+
+EVERYWHERE = (-1.0, -1.0, 1.0, 1.0)
+# What acts on `torn` plates
+DRIVEN = {
+    "loads that change": {},
+    "damping": {"run": Run(time_step=40e-9, damping=3e5)},
+    "motions": {
+        "conditions": (
+            Displacement(box=(-1.0, 4.4e-3, 1.0, 1.0), y=1e-5, profile=((0.0, 0.0), (2e-6, 1.0))),
+            Velocity(box=(-1.0, -1.0, 1.0, -4.4e-3), x=0.0, y=-5.0, profile=((0.0, 0.2), (1e-6, 1.0), (3e-6, 0.5))),
+            Acceleration(box=(-1.0, -2e-3, 1e-3, 2e-3), x=-1e8),
+            InitialVelocity(box=EVERYWHERE, x=1.0, y=-0.5),
+        )
+    },
+    "a layer that absorbs": {
+        "conditions": (
+            InitialVelocity(box=EVERYWHERE, y=30.0),
+            Absorb(box=(-1.0, -1.0, 6e-3, 1.0)),
+            Velocity(box=(15e-3, -1.0, 1.0, 1.0), y=0.0),
+        )
+    },
+}
 
 
 def torn(grid: Grid, **settings: object) -> Model:

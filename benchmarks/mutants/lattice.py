@@ -1,21 +1,25 @@
-"""Lines of the march of bodies, each broken by hand."""
+"""Lines of the march of plates and bodies, each broken by hand."""
 
 from __future__ import annotations
 
 from benchmarks.mutants.mutant import UNIT, Mutant
 
-MARCH = "pdsolve/steppers/verlet_tiles.py"
-VERLET = f"{UNIT}/test_verlet_tiles.py::test_each_bit_is_that_of_verlet_on_any_number_of_threads"
+MARCH, BONDS = "pdsolve/steppers/lattice_march.py", "pdsolve/operators/marched_bonds.py"
+VERLET = f"{UNIT}/test_lattice_march.py::test_each_bit_is_that_of_verlet_on_any_number_of_threads"
 LATTICE = tuple(
-    Mutant(MARCH, line, becomes, VERLET)
-    for line, becomes in (
-        ("    tile_motion.next_v_has_failure_forces[tile] = False\n", ""),
-        ("select_breaks(new, np.lexsort((new.places[:, 0] // ROW, new.bonds[:, 0])))", "select_breaks(new, slice(-1))"),
-        ("join_breaks(breaks + self._collect_and_clear_new_breaks())", "self._collect_and_clear_new_breaks()[0]"),
-        ("        pull_again(tiles, motion, failure_force, breaks, n)\n", "        pass\n"),
-        ("v = advanced(advanced(v, a, half), a, half)", "v = advanced(v, a, dt)"),
-        ("(drive.before[i, axis] + drive.force[i, axis]) / 2", "drive.force[i, axis]"),
-        ("if c > 0 and not tile_motion.constrained[i, axis]", "if c > 0"),
-        ("tile_motion.v_buffers[after][axis, site]", "tile_motion.v_buffers[0][axis, site]"),
+    Mutant(file, line, becomes, VERLET)
+    for file, line, becomes in (
+        (BONDS, "        has_failure_forces[group] = False\n", ""),
+        (BONDS, "np.lexsort((new.places[:, 0] // ROW, new.bonds[:, 0]))", "slice(-1)"),
+        (
+            BONDS,
+            "        self._collect_and_clear_breaks()\n        self._operator.extend",
+            "        self._operator.extend",
+        ),
+        (BONDS, "        pull_again(bonds, motion, sweep.next_v, history, n)\n", "        pass\n"),
+        (BONDS, "places[sweep % len(places)]", "places[0]"),
+        (MARCH, "v = advanced(advanced(beside(sweep.v, axes, at), a, half), a, half)", "v = beside(sweep.v, axes, at)"),
+        (MARCH, "(drive.before[i, axis] + drive.force[i, axis]) / 2", "drive.force[i, axis]"),
+        (MARCH, "np.where(constrained_components(drive), 0.0, damping[:, None])", "np.tile(damping[:, None], 3)"),
     )
 )

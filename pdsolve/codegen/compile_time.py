@@ -1,4 +1,4 @@
-"""How long kernels are compiled: no part of a run's time, and said while it lasts, as nothing else happens."""
+"""What kernels are compiled for, and how long: no part of a run's time, and said while it lasts."""
 
 from __future__ import annotations
 
@@ -9,6 +9,8 @@ from contextlib import contextmanager
 from functools import cache
 from typing import Any
 
+import numba
+from llvmlite import binding
 from numba.core import event
 
 PATIENCE = 1.0  # s of compiling that nobody hears of
@@ -82,3 +84,12 @@ def compile_time_said(say: Callable[[str], None]) -> Iterator[None]:
     """A context that says that kernels are compiled, if that takes more than a second."""
     with event.install_listener("numba:compile", _Listener(say)):
         yield
+
+
+def processor_kind() -> str:
+    """Name of the processor in LLVM's words, such as "znver3", or what numba is told to compile for.
+
+    It decides the last bits of sums.
+    """
+    name = numba.config.CPU_NAME or binding.get_host_cpu_name()
+    return f"{name} {numba.config.CPU_FEATURES}" if numba.config.CPU_FEATURES else str(name)

@@ -135,15 +135,23 @@ def advanced(typingctx, values, rates, dt):  # type: ignore[no-untyped-def]
     return values(values, rates, dt), generate
 
 
-@intrinsic
-def divided(typingctx, vector, number):  # type: ignore[no-untyped-def]
-    """A vector over a number of each lane."""
+def _by_each_lane(instruction: str) -> Any:
+    """A vector times a number of each lane, or over it."""
 
-    def generate(context, builder, signature, values):  # type: ignore[no-untyped-def]
-        entries = [builder.fdiv(entry, values[1]) for entry in cgutils.unpack_tuple(builder, values[0])]
-        return context.make_tuple(builder, signature.return_type, entries)
+    @intrinsic
+    def by_each_lane(typingctx, vector, number):  # type: ignore[no-untyped-def]
+        def generate(context, builder, signature, values):  # type: ignore[no-untyped-def]
+            entries = [
+                getattr(builder, instruction)(entry, values[1]) for entry in cgutils.unpack_tuple(builder, values[0])
+            ]
+            return context.make_tuple(builder, signature.return_type, entries)
 
-    return vector(vector, number), generate
+        return vector(vector, number), generate
+
+    return by_each_lane
+
+
+divided, multiplied = _by_each_lane("fdiv"), _by_each_lane("fmul")
 
 
 @intrinsic

@@ -146,6 +146,14 @@ def place_rows(site, value, u, first, last):  # type: ignore[no-untyped-def]
             u[axis, site[i]] = value[i, axis]
 
 
+@cached_njit(nogil=True)
+def collect_rows(site, u, value, first, last):  # type: ignore[no-untyped-def]
+    """Displacements u (d, m) of sites to the rows `first` to `last` - 1 of `value` (n, d)."""
+    for i in range(first, last):
+        for axis in range(len(u)):
+            value[i, axis] = u[axis, site[i]]
+
+
 @cached_njit(nogil=True, error_model="numpy")
 def sum_tiles(tiles, u, rate, dt, step, out, dissipated, breaks, first, last):  # type: ignore[no-untyped-def]
     """Add the force densities, N/m^3, of the tiles `first` to `last` - 1 to `out` (n, d); bonds over their limit break

@@ -29,8 +29,13 @@ class GhostExchange:
         owner = np.searchsorted(starts, needed, side="right") - 1
         wanted = [needed[owner == rank] for rank in range(team.size)]
         requested_rows = team.comm.alltoall(wanted)
-        self._in = [(rank, _rows(rows - offset)) for rank, rows in enumerate(wanted) if len(rows)]
-        self._out = [(rank, _rows(rows - offset)) for rank, rows in enumerate(requested_rows) if len(rows)]
+        self._requested = [rows - offset for rows in wanted], [rows - offset for rows in requested_rows]
+        self._in, self._out = (_columns_of_ranks(row_lists) for row_lists in self._requested)
+
+    def move_columns(self, places: NDArray[np.int64]) -> None:
+        """Let `receive_values` find each row of the window (n,) in the column `places` (n,)."""
+        requested = [[places[rows] for rows in row_lists] for row_lists in self._requested]
+        self._in, self._out = (_columns_of_ranks(place_lists) for place_lists in requested)
 
     def receive_values(self, values: NDArray[Any]) -> None:
         """Set the ghosts' columns of `values` (w, m) to those of their owners."""
@@ -50,9 +55,14 @@ class GhostExchange:
         self.seconds += clock.perf_counter() - began
 
 
+def _columns_of_ranks(row_lists: list[NDArray[np.int64]]) -> list[tuple[int, NDArray[np.int64] | slice]]:
+    """Ranks with which there is anything to exchange, and the columns of each."""
+    return [(rank, _rows(rows)) for rank, rows in enumerate(row_lists) if len(rows)]
+
+
 def _rows(rows: NDArray[np.int64]) -> NDArray[np.int64] | slice:
     """Rows (k,) as a slice where they are consecutive."""
-    return slice(int(rows[0]), int(rows[-1]) + 1) if rows[-1] - rows[0] == len(rows) - 1 else rows
+    return slice(int(rows[0]), int(rows[-1]) + 1) if (np.diff(rows) == 1).all() else rows
 
 
 def _length(rows: NDArray[np.int64] | slice) -> int:

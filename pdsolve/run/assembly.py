@@ -26,7 +26,6 @@ from pdsolve.model import Model, ModelError, ModelWarning
 from pdsolve.numerics.team import Team
 from pdsolve.operators.device.runtime import Session
 from pdsolve.operators.protocol import Operator
-from pdsolve.operators.space_lattice.operator import SpaceLattice
 from pdsolve.options import Options
 from pdsolve.ranks.diffusing import EulerOnRanks
 from pdsolve.run.operator_factory import (
@@ -34,17 +33,16 @@ from pdsolve.run.operator_factory import (
     add_penalty_contact,
     compute_stable_time_step,
     make_operator,
-    split_into_blocks_and_contact,
+    split_into_marched_bonds_and_contact,
 )
 from pdsolve.run.system import PreparedRun, System
 from pdsolve.schemes.scheme import Scheme
 from pdsolve.state import State
 from pdsolve.steppers.ghosts import Ghosts
+from pdsolve.steppers.lattice_march import LatticeMarch
 from pdsolve.steppers.protocol import Stepper
 from pdsolve.steppers.verlet import Verlet
-from pdsolve.steppers.verlet_blocks import VerletBlocks
 from pdsolve.steppers.verlet_on_device import OnDevice, VerletOnDevice
-from pdsolve.steppers.verlet_tiles import VerletTiles
 
 if TYPE_CHECKING:
     from pdsolve.crack_growth.growth import Growth
@@ -58,7 +56,6 @@ class RankCoupling(NamedTuple):
 
     ghosts: Ghosts
     damping_rates: NDArray[np.float64]  # (n,) 1/s, of layers that may reach beyond the window
-    any_rank_damps: bool  # whether a node of any rank is damped
 
 
 def prepare_explicit_motion(model: Model, options: Options, scheme: Scheme) -> PreparedRun:
@@ -105,7 +102,8 @@ def assemble_system(
         damping(model) if rank_coupling is None else rank_coupling.damping_rates,
     )
     set_initial_velocity_and_acceleration(state, velocity, damped, conditions)
-    stepper, conditions = make_stepper_and_drive(operator, state, conditions, rho, time_step, damped, rank_coupling)
+    ghosts = None if rank_coupling is None else rank_coupling.ghosts
+    stepper = make_stepper(operator, state, conditions, rho, time_step, damped, ghosts)
     energy = float(np.sum(model.rho / 2 * bond_counts.area * (velocity**2).sum(axis=1))) if velocity.any() else 0.0
     refuse_fields(model, operator, state)
     system = System(model, options, scheme, operator, stepper, conditions, *bond_counts, time_step, stable_step, energy)
@@ -133,33 +131,25 @@ def choose_time_step(model: Model, stable_time_step: float) -> float:
     return step
 
 
-def make_stepper_and_drive(
+def make_stepper(
     operator: Operator,
     state: State,
     drive: Drive,
     rho: NDArray[np.floating],
     time_step: float,
     damping_rates: NDArray[np.float64],
-    rank_coupling: RankCoupling | None = None,
-) -> tuple[Stepper, Drive]:
-    """What takes steps of `time_step`, s, of a placed state, and its conditions.
+    ghosts: Ghosts | None = None,
+) -> Stepper:
+    """What takes steps of `time_step`, s, of a placed state; `rho` (n,) are kg/m^3, `damping_rates` (n,) 1/s.
 
-    `rho` (n,) are kg/m^3, `damping_rates` (n,) 1/s; `rank_coupling` is what a window has to do with other ranks.
+    `ghosts` are a window's nodes of other ranks.
     """
-    ghosts, damps = (
-        (None, bool(damping_rates.any()))
-        if rank_coupling is None
-        else (rank_coupling.ghosts, rank_coupling.any_rank_damps)
-    )
     if isinstance(operator, OnDevice):
-        return VerletOnDevice((operator, state, drive), rho, time_step, damping_rates), drive
-    if isinstance(operator, SpaceLattice) and ghosts is None and rho.dtype == np.float64:  # float32 sums in float64 too
-        return VerletTiles(operator, drive, rho, time_step, damping_rates), drive
-    blocks, touching = split_into_blocks_and_contact(operator)
-    if blocks and not damps:
-        fused = VerletBlocks(blocks, drive, rho, time_step, touching, ghosts)
-        return fused, fused.drive
-    return Verlet(operator, drive, rho, time_step, damping_rates, ghosts), drive
+        return VerletOnDevice((operator, state, drive), rho, time_step, damping_rates)
+    bonds, contact = split_into_marched_bonds_and_contact(operator)
+    if bonds is not None:
+        return LatticeMarch(bonds, drive, rho, time_step, damping_rates, contact, ghosts)
+    return Verlet(operator, drive, rho, time_step, damping_rates, ghosts)
 
 
 def make_diffusion_stepper(model: Model, transport: Transport, state: State, team: Team | None) -> Stepper:

@@ -21,6 +21,7 @@ from pdsolve.operators.device.runtime import Session
 from pdsolve.operators.device.space import SpaceOnDevice
 from pdsolve.operators.ground_supports import support_bound, supported
 from pdsolve.operators.lattice_families import LatticeFamilies
+from pdsolve.operators.marched_bonds import MarchedBlocks, MarchedBonds, MarchedTiles
 from pdsolve.operators.protocol import Operator
 from pdsolve.operators.simd_lattice import family_blocks
 from pdsolve.operators.simd_lattice.layout import blocks_of
@@ -158,13 +159,14 @@ def unwrap_bond_operator(operator: Operator) -> Operator:
     return operator
 
 
-def split_into_blocks_and_contact(operator: Operator) -> tuple[SimdLattice | None, PenaltyContact | None]:
-    """The blocks of an operator, if they are all there is of it but for contact; and that."""
-    if isinstance(operator, Together):
-        *others, last = operator.parts
-        if len(others) == 1 and isinstance(others[0], PenaltyContact) and isinstance(last, SimdLattice):
-            return last, others[0]
-    return (operator if isinstance(operator, SimdLattice) else None), None
+def split_into_marched_bonds_and_contact(operator: Operator) -> tuple[MarchedBonds | None, PenaltyContact | None]:
+    """The bonds on lattices of an operator, if they are all there is of it but for contact; and that."""
+    contact, bonds = None, operator
+    if isinstance(operator, Together) and len(operator.parts) == 2 and isinstance(operator.parts[0], PenaltyContact):
+        contact, bonds = operator.parts[0], operator.parts[1]
+    if isinstance(bonds, SimdLattice):
+        return MarchedBlocks(bonds), contact
+    return (MarchedTiles(bonds) if isinstance(bonds, SpaceLattice) else None), contact
 
 
 def count_bonds_and_bound_stiffness(

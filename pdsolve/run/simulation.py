@@ -20,8 +20,7 @@ from pdsolve.adaptivity.hybrid.engine import ZoneSummary
 from pdsolve.adaptivity.hybrid.space.operator import HybridBodyOperator
 from pdsolve.adaptivity.quadtree.operator import LeafOperator
 from pdsolve.checks import warn_of_model, warn_of_unused
-from pdsolve.codegen.compile_time import compile_seconds, running_time
-from pdsolve.codegen.processor import processor_kind
+from pdsolve.codegen.compile_time import compile_seconds, processor_kind, running_time
 from pdsolve.conditions import has_initial_displacement
 from pdsolve.errors import LateZoneError, UnstableError
 from pdsolve.model import Model, model_of, on_device

@@ -10,7 +10,7 @@ import numpy as np
 from pdmesh import VERSION
 from pdmesh.model.bond_counts import pair_count
 from pdsolve.adaptivity.quadtree.operator import LeafOperator
-from pdsolve.codegen.processor import processor_kind
+from pdsolve.codegen.compile_time import processor_kind
 from pdsolve.run.recorder import Recorder
 from pdsolve.steppers.arc_length_steps import ArcLengthSteps
 from pdsolve.steppers.crack_length_steps import CrackLengthSteps

@@ -55,7 +55,7 @@ class VerletOnDevice:
         motion, nodal = 6 * [size * count], [2 * size * room, *3 * [8 * room], 4 * room]
         conditions = [*7 * [8 * len(drive.loads.node)], *7 * [8 * len(drive.holds.node)]]
         self.session.room_for(*motion, *nodal, *conditions)
-        defines = ["#define DAMPED"] if damping.any() else ["#define FUSED"] if operator.fused else []
+        defines = [f"#define {name}" for name in (*operator.scheme, *(("DAMPED",) if damping.any() else ()))]
         first = preamble(kind.name, operator.dimension, operator.together)
         program = self.session.build("\n".join([first, *defines, operator.source(), text_of("verlet.cl")]))
         self._kernel = program.advance

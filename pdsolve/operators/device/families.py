@@ -47,7 +47,8 @@ class FamiliesOnDevice(Padded, LatticeFamilies):
     ) -> None:
         """Arguments are those of `LatticeFamilies`. Raises ModelError if the device has too little memory."""
         super().__init__(law, model, exact, symmetric, precision, 1, make_layout)
-        self.session, self.dimension, self.fused, self.needs_upload = session, len(self._u), False, True
+        self.session, self.dimension, self.needs_upload = session, len(self._u), True
+        self.scheme: tuple[str, ...] = ()  # of steps, see verlet.cl
         self.room, self._fresh = self._u.shape[1], [np.zeros(0, dtype=np.int64)]
         slots, upload, forces = self.layout.bonds, session.put, 8 * self.dimension * self.room
         first = slots.start.astype(np.int32), slots.slots, slots.ids, slots.vectors, slots.kinds

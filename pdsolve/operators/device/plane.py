@@ -39,7 +39,8 @@ class PlaneOnDevice(Padded, SimdLattice):
     ) -> None:
         """Arguments are those of `SimdLattice`. Raises ModelError if the device has too little memory."""
         super().__init__(law, blocks, bound, symmetric, softens)
-        self.session, self.dimension, self.fused, self.needs_upload = session, 2, True, True
+        self.session, self.dimension, self.needs_upload = session, 2, True
+        self.scheme = ("FUSED",)  # of steps, see verlet.cl
         self.together = together(session.about.kind, blocks.vectors.dtype)
         self.room = self.tracks.v.shape[1]
         self._remembers = bool(self.tracks.worst.size)

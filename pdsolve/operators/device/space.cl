@@ -20,7 +20,7 @@ and nowhere else. Symbols as in `Tiles`; m sites with margins, `count` offsets.
       __global uint *intact, __global int *breaks, __global int *used, __global double *dissipated,                   \
       __global int *memory, __global int *torn, __global double *worst, __global double *stretches,                     \
       __global int *first_break
-#define SUM double
+#define SUM REAL
 #define ABSENT(i) (node[i] < 0)
 #define FORCE_ARGUMENTS                                                                                                \
   offsets, table, c, cells, kind, node, held, material, peak, limit, intact, breaks, used, dissipated, memory, torn,    \
@@ -64,7 +64,7 @@ inline double whole_stiffness(__global const REAL *row, __global const REAL *c, 
 
 /* Add the second pulls of the bonds of site i that broke one step ago, N/m^3, to `pulled`. */
 inline void pull_again(FORCE_PARAMETERS, __global const REAL *u, __global const REAL *rate, double dt, int m, int step,
-                       int i, double *pulled) {
+                       int i, SUM *pulled) {
   int tile = (i - MARGIN) / 16;
   for (int at = first_break[i]; at > 0; at = breaks[4L * at - 1]) {
     if (breaks[4L * at - 2] != step - 1)
@@ -87,14 +87,14 @@ inline void pull_again(FORCE_PARAMETERS, __global const REAL *u, __global const 
                               limit[COUNT * pair + slot]);
     more *= whole_stiffness(row, c, cells, kind[tile], m, i, j) / (1.0 + stretch);
     for (int axis = 0; axis < 3; ++axis)
-      pulled[axis] += more * (double)(REAL)(row[axis] + eta[axis]);
+      pulled[axis] = (REAL)((double)pulled[axis] + more * (double)(REAL)(row[axis] + eta[axis]));
   }
 }
 
 inline void sum_bonds(FORCE_PARAMETERS, __global const REAL *before, __global const REAL *u, __global const REAL *rate,
                       double dt, int m, int step, int i, SUM *force) {
   REAL sums[3] = {0, 0, 0};
-  double pulled[3] = {0, 0, 0}; /* the last pulls of bonds that break */
+  SUM pulled[3] = {0, 0, 0}; /* the last pulls of bonds that break */
   int tile = (i - MARGIN) / 16, of = kind[tile], broken_before = 0;
   pull_again(FORCE_ARGUMENTS, u, rate, dt, m, step, i, pulled);
   for (int slot = 0; slot < COUNT; ++slot) {
@@ -130,7 +130,7 @@ inline void sum_bonds(FORCE_PARAMETERS, __global const REAL *before, __global co
         if (stretch > largest) {
           double more = MATCHING_FORCE(stretch, ago, largest, highest, most) * (whole / (1.0 + stretch));
           for (int axis = 0; axis < 3; ++axis)
-            pulled[axis] += more * (double)(REAL)(row[axis] + eta[axis]);
+            pulled[axis] = (REAL)((double)pulled[axis] + more * (double)(REAL)(row[axis] + eta[axis]));
         }
       }
       if (ages && stretch > most) {
@@ -185,7 +185,7 @@ inline void sum_bonds(FORCE_PARAMETERS, __global const REAL *before, __global co
       sums[axis] = fma(pull, row[axis] + eta[axis], sums[axis]);
   }
   for (int axis = 0; axis < 3; ++axis)
-    force[axis] = pulled[axis] + (double)sums[axis];
+    force[axis] = sums[axis] + pulled[axis];
 }
 
 #ifdef TOGETHER
@@ -246,7 +246,7 @@ inline bool sum_short(FORCE_PARAMETERS, __global const REAL *u, int m, int step,
   }
   for (int axis = 0; axis < 3; ++axis)
     for (int k = 0; k < TOGETHER; ++k)
-      force[TOGETHER * axis + k] = (double)((REAL *)&sums[axis])[k];
+      force[TOGETHER * axis + k] = ((REAL *)&sums[axis])[k];
   return !any(others);
 }
 #endif

@@ -35,7 +35,8 @@ class SpaceOnDevice(SpaceLattice):
     ) -> None:
         """Arguments are those of `SpaceLattice`. Raises ModelError if the device has too little memory."""
         super().__init__(law, tiles, sites, bound, symmetric, 1)
-        self.session, self.dimension, self.fused, self.needs_upload = session, 3, False, True
+        self.session, self.dimension, self.needs_upload = session, 3, True
+        self.scheme = ("FUSED", "DIVIDES")  # of steps, see verlet.cl
         self.room = -(-sites.size // GROUP) * GROUP
         self.together = together(session.about.kind, tiles.table.dtype)
         self._words, self._most = -(-len(tiles.offsets) // WORD), max(FEWEST, EACH * len(bound))

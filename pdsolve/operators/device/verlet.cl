@@ -1,8 +1,8 @@
 /* One step of velocity Verlet for all nodes, TOGETHER of them a work item: it ends `step` and begins the next one.
 
-The schemes are those of pdsolve/steppers: of `verlet_blocks` where FUSED is defined, whose numbers are of the run's
-precision, else of `verlet`, which computes in double precision, with damping where DAMPED is. Nodes on which more than
-bonds acts have a row of `acts`, else -1:
+The schemes are those of pdsolve/steppers: of `lattice_march` where FUSED is defined, whose numbers are of the run's
+precision and which divides by rho where DIVIDES is, else of `verlet`, which computes in double precision; with damping
+where DAMPED is. Nodes on which more than bonds acts have a row of `acts`, else -1:
 
     now, ago_force   (rows, DIM) load now and one step ago, N/m^3       load_first, hold_first   (rows + 1,) entries
     load_, hold_     columns of `Entries`                                held_speed, held_force   (holds,) of `Drive`
@@ -59,7 +59,11 @@ inline void take(MOTION_PARAMETERS, int i, SUM *f) {
       REAL load = k >= 0 ? now[DIM * k + axis] : (REAL)0;
 #ifdef FUSED
       f[axis] += load;
+#ifdef DIVIDES
+      acc[axis] = f[axis] / weight[m + i];
+#else
       acc[axis] = f[axis] * weight[i];
+#endif
 #else
       acc[axis] = (REAL)((f[axis] + (double)load) / (double)weight[m + i]);
 #endif
@@ -102,15 +106,15 @@ inline void take(MOTION_PARAMETERS, int i, SUM *f) {
       for (int e = k >= 0 ? hold_first[k] : 0; k >= 0 && e < hold_first[k + 1]; ++e)
         held = held || hold_axis[e] == axis;
       if (!held) {
-        double undamped = (double)acc[axis], mean = (double)v[axis] - dt / 2.0 * undamped;
-        v[axis] = (REAL)((double)v[axis] / (1.0 + damping[i] * dt / 2.0));
-        acc[axis] = (REAL)(undamped - damping[i] * (double)v[axis]);
+        SUM c = (SUM)damping[i], undamped = (SUM)acc[axis], mean = (SUM)v[axis] - (SUM)(dt / 2.0) * undamped;
+        v[axis] = (REAL)((SUM)v[axis] / ((SUM)1 + c * (SUM)dt / (SUM)2));
+        acc[axis] = (REAL)(undamped - c * (SUM)v[axis]);
         REAL both = was[axis] + v[axis];
-        damped[i] += (double)weight[m + i] * damping[i] * (double)both / 2.0 * (dt * mean);
+        damped[i] += (double)((SUM)weight[m + i] * c * (SUM)both / (SUM)2 * ((SUM)dt * mean));
       }
     }
 #endif
-#ifdef FUSED
+#if defined(FUSED) && !defined(DAMPED)
     if (phase & ENDS)
 #endif
       for (int axis = 0; axis < DIM; ++axis)

@@ -55,7 +55,7 @@ class SpaceLattice:
         self._law, self.tiles, self.symmetric = law, tiles, symmetric
         self._softens = law.pair is not None and law.pair.softening is not None
         self.sites, self._stiffness_bound, self.threads = sites, bound, threads
-        self._summed = 0, len(tiles.kind)  # tiles
+        self.summed_tiles = 0, len(tiles.kind)  # tiles
         self.u = aligned(np.zeros((3, tiles.cells.shape[1]), dtype=tiles.cells.dtype))
         self._broken = Broken(*(np.zeros(0, dtype=np.int64) for _ in Broken._fields))
         self._new: list[Broken] = []
@@ -70,7 +70,7 @@ class SpaceLattice:
         """Sum and break the bonds of the nodes `first` to `last` - 1 alone, and of those in their tiles."""
         in_range = (self.tiles.node >= first) & (self.tiles.node < last)
         tiles = np.flatnonzero(in_range.reshape(-1, ROW).any(axis=1))
-        self._summed = int(tiles[0]), int(tiles[-1]) + 1
+        self.summed_tiles = int(tiles[0]), int(tiles[-1]) + 1
 
     def accumulate_force(self, state: State, out: NDArray[Any], step: int, dt: float) -> None:
         """Add the force densities (n, w), N/m^3, to `out`; bonds over their limit break in this `step`, `dt` s long."""
@@ -236,5 +236,5 @@ class SpaceLattice:
         share(lambda first, last: place_rows(self.sites.site, value, self.u, first, last), nodes, self.threads)
 
     def _share(self, work: Callable[[int, int], None]) -> None:
-        begin, end = self._summed
+        begin, end = self.summed_tiles
         share(lambda first, last: work(begin + first, begin + last), end - begin, self.threads)

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from pdmesh.model.node_grid import Grid
 from pdsolve.checkpoint_validation import entry, expect_broken, expect_found
-from pdsolve.codegen.processor import processor_kind
+from pdsolve.codegen.compile_time import processor_kind
 from pdsolve.conditions import put_loads
 from pdsolve.errors import CheckpointError
 from pdsolve.model import Model

@@ -139,9 +139,7 @@ def prepare_rank_system(
     driven = drive(model, counted.area, scheme.exact_load, kind, part.own, partial(added_up, team))
     if layer_damping_rates is None:
         layer_damping_rates = damping(model) if full_model is None else damping(full_model, slab.begin, slab.end)
-    rank_coupling = RankCoupling(
-        part.ghosts, layer_damping_rates, any(team.comm.allgather(bool(layer_damping_rates.any())))
-    )
+    rank_coupling = RankCoupling(part.ghosts, layer_damping_rates)
     prepared = assemble_system(
         model,
         options,

@@ -9,11 +9,11 @@ import msgspec
 import numpy as np
 import pytest
 from devices import alike, bar, needs_opencl
-from kernel_comparison import GRIDS, torn
+from kernel_comparison import DRIVEN, GRIDS, torn
 from plates import GLASS, plate
 from system_checks import broken, kept
 
-from pdmesh.model.document import Absorb, Acceleration, Displacement, InitialVelocity, Run, Velocity
+from pdmesh.model.document import Displacement, InitialVelocity, Run, Velocity
 from pdsolve.model import Model, on_device
 from pdsolve.operators.device import runtime
 from pdsolve.operators.device.plane import PlaneOnDevice
@@ -32,7 +32,6 @@ MATERIALS = {
     "cohesive, exponential": msgspec.structs.replace(GLASS, law="cohesive", shape="exponential", f_t=8e7),
 }
 FAR = {name: 2e-6 for name in MATERIALS if name.startswith("cohesive, ")}  # m, of displacements that break bonds
-EVERYWHERE = (-1.0, -1.0, 1.0, 1.0)
 precisions = pytest.mark.parametrize("precision", ["float64", pytest.param("float32", marks=pytest.mark.slow)])
 
 
@@ -106,27 +105,6 @@ def test_short_bonds_are_summed_in_vectors(monkeypatch: pytest.MonkeyPatch) -> N
             problem.state.value[:] = size * np.random.default_rng(3).standard_normal(problem.state.value.shape)
             problem.advance(1, 3)
         assert np.array_equal(here.state.rate, there.state.rate) == equal
-
-
-DRIVEN = {
-    "loads that change": {},
-    "damping": {"run": Run(time_step=40e-9, damping=3e5)},
-    "motions": {
-        "conditions": (
-            Displacement(box=(-1.0, 4.4e-3, 1.0, 1.0), y=1e-5, profile=((0.0, 0.0), (2e-6, 1.0))),
-            Velocity(box=(-1.0, -1.0, 1.0, -4.4e-3), x=0.0, y=-5.0, profile=((0.0, 0.2), (1e-6, 1.0), (3e-6, 0.5))),
-            Acceleration(box=(-1.0, -2e-3, 1e-3, 2e-3), x=-1e8),
-            InitialVelocity(box=EVERYWHERE, x=1.0, y=-0.5),
-        )
-    },
-    "a layer that absorbs": {
-        "conditions": (
-            InitialVelocity(box=EVERYWHERE, y=30.0),
-            Absorb(box=(-1.0, -1.0, 6e-3, 1.0)),
-            Velocity(box=(15e-3, -1.0, 1.0, 1.0), y=0.0),
-        )
-    },
-}
 
 
 @pytest.mark.slow

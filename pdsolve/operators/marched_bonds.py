@@ -1,0 +1,389 @@
+"""What a march in one sweep a step asks of bonds on lattices: in the blocks of plates, and in the tiles of bodies.
+
+A group is a block or a tile. Its lanes have places side by side in the arrays of motion.
+"""
+
+from __future__ import annotations
+
+from contextlib import AbstractContextManager, nullcontext
+from typing import Any, NamedTuple, Protocol
+
+import numpy as np
+from numba.extending import overload
+from numpy.typing import NDArray
+
+from pdsolve.codegen.inner_functions import INNER
+from pdsolve.codegen.lanes import across, beside, keep
+from pdsolve.codegen.vector_code import ROW
+from pdsolve.lattice.bond import IN_PLACE, zeros
+from pdsolve.lattice.sums import (
+    EMPTY,
+    UNAGED,
+    UNDONE,
+    Breaks,
+    Motion,
+    Tiles,
+    collect_rows,
+    copy_breaks,
+    has_room,
+    join_breaks,
+    place_rows,
+    pull_again,
+    room_for,
+    select_breaks,
+)
+from pdsolve.lattice.sums import sum_lanes as sum_lanes_of_tile
+from pdsolve.operators.simd_lattice.kernel import LANES, ONE, PLANE
+from pdsolve.operators.simd_lattice.kernel import sum_lanes as sum_lanes_of_block
+from pdsolve.operators.simd_lattice.layout import aligned
+from pdsolve.operators.simd_lattice.operator import SimdLattice
+from pdsolve.operators.space_lattice.operator import SpaceLattice
+from pdsolve.state import State
+
+READY, NO_ROOM, NO_MEMORY = range(3)  # what a group waits for
+BETWEEN_LOOKS = 16  # sweeps of tiles in which nobody else can ask which bonds are broken
+ROOM = 16  # tiles of a thread all of whose bonds may break before it stops for more room
+PARTS = 16  # of a thread's share of blocks: groups from everywhere
+
+
+class Sweep(NamedTuple):
+    """One sweep: it ends a step and begins the next one; m places along d axes."""
+
+    number: int  # in a sequence of steps
+    step: int  # that it ends
+    dt: float  # s
+    u: NDArray[np.floating]  # (d, m) displacements, m
+    previous_u: NDArray[np.floating]  # (d, m) one step ago; not where u are kept of two steps alone
+    next_u: NDArray[np.floating]  # (d, m) where those of the next step go
+    v: NDArray[np.floating]  # (d, m) velocities of the middle of the step, m/s
+    next_v: NDArray[np.floating]  # (d, m) where those of the next one go: v itself, or free until then
+    is_first: bool  # it ends no step
+    is_last: bool  # it begins no step
+
+
+class MarchedBonds(Protocol):
+    """The bonds of n nodes in groups of lanes, and the arrays of their motion, those of a few steps in turn."""
+
+    threads: int
+    axes: tuple[int, ...]  # as many entries as there are axes
+    lanes: int  # of a group
+    margin: int  # places before the first group
+    group_count: int
+    u: tuple[NDArray[np.floating], ...]  # (d, m) displacements, m
+    v: tuple[NDArray[np.floating], ...]  # (d, m) velocities, m/s
+    divides_by_rho: bool  # the accelerations are forces over rho, not times its inverse
+    places_are_rows: bool  # of nodes
+    sweeps_at_once: int  # at most
+    breaking: AbstractContextManager[Any]  # held during sweeps
+
+    def nodes(self) -> NDArray[np.int32]:
+        """Row of the node in each lane of all groups, or -1."""
+
+    def share_groups(self, own_block_range: tuple[int, int] | None) -> NDArray[np.int64]:
+        """The groups to sweep, in the order in which they are shared out to threads; on ranks those of own nodes."""
+
+    def place_motion(self, state: State) -> None:
+        """Enter the motion of the state in the first arrays."""
+
+    def collect_motion(self, state: State, sweep: int) -> State:
+        """The state with the motion that a sweep begins with."""
+
+    def finish(self, state: State, sweep: int, step: int) -> None:
+        """Enter the motion behind the last sweep, which ended `step`, in the state."""
+
+    def of_thread(self, thread: int) -> tuple[Any, Any]:
+        """The bonds, and where their breaks are written."""
+
+    def begin_sweeps(self) -> None:
+        """Give threads what they go on with."""
+
+    def make_room(self, waiting_reason: NDArray[np.uint8]) -> None:
+        """Give groups (g,) what they wait for."""
+
+    def end_sweeps(self) -> None:
+        """Take over what has broken."""
+
+
+class MarchedBlocks:
+    """Bonds in blocks; see `MarchedBonds`. The state is the motion's own, and breaks are written where bonds are."""
+
+    lanes, margin, sweeps_at_once = LANES, 0, 1 << 62
+    divides_by_rho, places_are_rows = False, True
+    breaking: AbstractContextManager[Any] = nullcontext()
+
+    def __init__(self, operator: SimdLattice) -> None:
+        self._operator, self.threads = operator, len(operator.blocks.scratch)
+        self.group_count = len(operator.blocks.softened)
+        self.axes: tuple[int, ...] = PLANE
+        self.u: tuple[NDArray[np.floating], ...] = tuple(operator.tracks.u)
+        self.v: tuple[NDArray[np.floating], ...] = (operator.tracks.v,)
+
+    def nodes(self) -> NDArray[np.int32]:
+        """Row of the node in each lane: its place, or -1 behind the last one."""
+        places = np.arange(LANES * self.group_count, dtype=np.int32)
+        return np.where(places < len(self._operator.stiffness_bound()), places, np.int32(-1))
+
+    def share_groups(self, own_block_range: tuple[int, int] | None) -> NDArray[np.int64]:
+        """The blocks to sweep, shared out to threads.
+
+        Equal parts, one a thread, are to be equal work: blocks at an interface between spacings cost more than others,
+        so that each part takes groups of blocks from everywhere.
+        """
+        first, end = own_block_range or (0, self.group_count)
+        count = end - first
+        thread = np.arange(count) // max(1, count // (PARTS * self.threads)) % self.threads
+        return first + np.argsort(thread, kind="stable").astype(np.int64)
+
+    def place_motion(self, state: State) -> None:
+        """Nothing: the state is there."""
+
+    def collect_motion(self, state: State, sweep: int) -> State:
+        """The state with the motion that a sweep begins with."""
+        return state._replace(value=self.u[sweep % len(self.u)][:, : len(state.value)].T)
+
+    def finish(self, state: State, sweep: int, step: int) -> None:
+        """Enter the motion behind the last sweep in the state."""
+        if sweep % len(self.u) != 0:
+            self.u[0][:] = self.u[sweep % len(self.u)]
+
+    def of_thread(self, thread: int) -> tuple[Any, Any]:
+        """The bonds, and their history."""
+        blocks = self._operator.blocks
+        return blocks._replace(scratch=blocks.scratch[thread : thread + 1]), self._operator.tracks
+
+    def begin_sweeps(self) -> None:
+        """Nothing."""
+
+    def make_room(self, waiting_reason: NDArray[np.uint8]) -> None:
+        """Nothing: no block waits."""
+
+    def end_sweeps(self) -> None:
+        """Nothing: the operator looks at its bonds."""
+
+
+class MarchedTiles:
+    """Bonds in tiles; see `MarchedBonds`."""
+
+    lanes = ROW
+    divides_by_rho, places_are_rows = True, False
+    sweeps_at_once = BETWEEN_LOOKS
+
+    def __init__(self, operator: SpaceLattice) -> None:
+        self._operator, self.threads, self.axes = operator, operator.threads, operator.tiles.axes
+        self.margin, self.group_count = operator.sites.margin, operator.sites.tiles
+        self.breaking: AbstractContextManager[Any] = operator.breaking
+        next_u, *v = (aligned(np.zeros_like(operator.u)) for _ in range(3))
+        self.u: tuple[NDArray[np.floating], ...] = (operator.u, next_u)
+        self.v: tuple[NDArray[np.floating], ...] = tuple(v)
+        self._breaks = [self._room_for(0) for _ in range(operator.threads)]
+        self._shared = [0] * operator.threads  # bonds at the beginning of these that the operator knows already
+        self._new: list[Breaks] = []
+
+    def nodes(self) -> NDArray[np.int32]:
+        """Row of the node at each site, or -1."""
+        return self._operator.sites.node
+
+    def share_groups(self, own_block_range: tuple[int, int] | None) -> NDArray[np.int64]:
+        """The tiles to sweep, in order: each thread has some side by side."""
+        first, end = self._operator.summed_tiles
+        self._swept = first + np.flatnonzero(self._operator.tiles.kind[first:end] != EMPTY)
+        return self._swept
+
+    def place_motion(self, state: State) -> None:
+        """Enter the motion of the state in the first arrays."""
+        for values, places in ((state.value, self.u[0]), (state.rate, self.v[0])):
+            place_rows(self._operator.sites.site, values, places, 0, len(values))
+
+    def collect_motion(self, state: State, sweep: int) -> State:
+        """The state with the motion that a sweep begins with."""
+        for values, places in ((state.value, self.u), (state.rate, self.v)):
+            collect_rows(self._operator.sites.site, places[sweep % len(places)], values, 0, len(values))
+        return state
+
+    def finish(self, state: State, sweep: int, step: int) -> None:
+        """Enter the motion behind the last sweep in the state."""
+        self.collect_motion(state, sweep)
+        self._operator.drop_pending_before(step)
+
+    def of_thread(self, thread: int) -> tuple[Any, Any]:
+        """The bonds, and room for those that break."""
+        return self._operator.tiles, self._breaks[thread]
+
+    def begin_sweeps(self) -> None:
+        """Give each thread the bonds of its tiles that broke in the last step, before those that it will break."""
+        pending, count, threads = self._operator.pending, len(self._swept), self.threads
+        turn = np.searchsorted(self._swept, pending.places[:, 0] // ROW)
+        for thread in range(threads):
+            own = (turn >= count * thread // threads) & (turn < count * (thread + 1) // threads)
+            used = self._shared[thread] = int(np.count_nonzero(own))
+            if used + len(self._room_for(0).bonds) > len(self._breaks[thread].bonds):
+                self._breaks[thread] = self._room_for(used)
+            breaks = self._breaks[thread]
+            for column, values in zip(breaks[1:], pending[1:], strict=True):
+                column[:used] = values[own]
+            breaks.used[0] = used
+
+    def make_room(self, waiting_reason: NDArray[np.uint8]) -> None:
+        """Give tiles (g,) room for breaks, and memory for bonds that soften."""
+        self._collect_and_clear_breaks()
+        self._operator.extend(np.flatnonzero(waiting_reason == NO_MEMORY))
+
+    def end_sweeps(self) -> None:
+        """Take out what has broken, the same on any number of threads: in the order of steps, and of tiles."""
+        self._collect_and_clear_breaks()
+        new, self._new = join_breaks(self._new), []
+        if new.used[0]:
+            self._operator.take_out(select_breaks(new, np.lexsort((new.places[:, 0] // ROW, new.bonds[:, 0]))))
+
+    def _room_for(self, used: int) -> Breaks:
+        """Room for so many bonds that are known, and for those that break."""
+        room: Breaks = room_for(used + ROOM * ROW * len(self._operator.sites.ways))
+        return room
+
+    def _collect_and_clear_breaks(self) -> None:
+        """Collect the bonds of each thread that broke since the last call, whose room is free again."""
+        for breaks, shared in zip(self._breaks, self._shared, strict=True):
+            self._new.append(copy_breaks(breaks, shared))
+            breaks.used[0] = shared
+
+
+def _has_tiles(bonds: Any) -> bool:
+    """Whether the numba type of bonds is that of tiles."""
+    return bool(bonds.instance_class is Tiles)
+
+
+def load_accelerations(bonds: Any, history: Any, state: Any, group: Any, a: Any) -> None:
+    """Copy the accelerations of a group's nodes from the state to a (d, lanes)."""
+    raise NotImplementedError("compiled for blocks and tiles")
+
+
+@overload(load_accelerations, jit_options=INNER)
+def _load_accelerations(bonds, history, state, group, a):  # type: ignore[no-untyped-def]
+    return _load_from_sites if _has_tiles(bonds) else _load_from_lanes
+
+
+def _load_from_sites(bonds, history, state, group, a):  # type: ignore[no-untyped-def]
+    for lane in range(ROW):
+        i = bonds.node[group * ROW + lane]
+        for axis in range(len(a)):
+            a[axis, lane] = state.second[i, axis] if i >= 0 else 0
+
+
+def _load_from_lanes(bonds, history, state, group, a):  # type: ignore[no-untyped-def]
+    for lane in range(0, LANES, across(a)):
+        keep(beside(history.a, PLANE, group * LANES + lane), a, lane)
+
+
+def store_accelerations(bonds: Any, history: Any, state: Any, group: Any, a: Any) -> None:
+    """Copy a (d, lanes) to the accelerations of a group's nodes in the state."""
+    raise NotImplementedError("compiled for blocks and tiles")
+
+
+@overload(store_accelerations, jit_options=INNER)
+def _store_accelerations(bonds, history, state, group, a):  # type: ignore[no-untyped-def]
+    return _store_at_sites if _has_tiles(bonds) else _store_in_lanes
+
+
+def _store_at_sites(bonds, history, state, group, a):  # type: ignore[no-untyped-def]
+    for lane in range(ROW):
+        i = bonds.node[group * ROW + lane]
+        if i >= 0:
+            for axis in range(len(a)):
+                state.second[i, axis] = a[axis, lane]
+
+
+def _store_in_lanes(bonds, history, state, group, a):  # type: ignore[no-untyped-def]
+    for lane in range(0, LANES, across(a)):
+        keep(beside(a, PLANE, lane), history.a, group * LANES + lane)
+
+
+def sum_group(bonds: Any, history: Any, state: Any, sweep: Any, has_failure_forces: Any, group: Any, f: Any) -> Any:
+    """Fill the force densities f (d, lanes) on a group, N/m^3; bonds over their limit break.
+
+    Returns READY, or what the group waits for: nothing has changed then but what is done again.
+    """
+    raise NotImplementedError("compiled for blocks and tiles")
+
+
+@overload(sum_group, jit_options=IN_PLACE)
+def _sum_group(bonds, history, state, sweep, has_failure_forces, group, f):  # type: ignore[no-untyped-def]
+    if _has_tiles(bonds):
+        return _sum_tile
+    return lambda bonds, history, state, sweep, has_failure_forces, group, f: READY  # never asked for
+
+
+def _sum_tile(bonds, history, state, sweep, has_failure_forces, group, f):  # type: ignore[no-untyped-def]
+    if not has_room(bonds, history):
+        return NO_ROOM
+    motion, place = Motion(sweep.u, sweep.v, True, sweep.dt, sweep.step), bonds.margin + group * ROW
+    failure_forces = sweep.next_v  # of bonds that soften or break: their place is free until the tile is advanced
+    if not has_failure_forces[group]:
+        for lane in range(0, ROW, across(sweep.u)):
+            keep(zeros(sweep.u, bonds.axes), failure_forces, place + lane)
+    for lane in range(0, ROW, across(sweep.u)):
+        status, sums = sum_lanes_of_tile(bonds, motion, failure_forces, state.dissipated, history, group, lane)
+        keep(sums, f, lane)
+        if status != UNAGED:
+            has_failure_forces[group] = True
+        if status == UNDONE:
+            return NO_MEMORY
+    if has_failure_forces[group]:
+        has_failure_forces[group] = False
+        for axis in range(len(f)):
+            for lane in range(ROW):
+                f[axis, lane] += failure_forces[axis, place + lane]
+    return READY
+
+
+def never_waits(bonds: Any) -> Any:
+    """Whether no group waits, so that some lanes may move before others are summed."""
+    raise NotImplementedError("compiled for blocks and tiles")
+
+
+@overload(never_waits, jit_options=IN_PLACE)
+def _never_waits(bonds):  # type: ignore[no-untyped-def]
+    return (lambda bonds: False) if _has_tiles(bonds) else (lambda bonds: True)
+
+
+def sum_of_lanes(bonds: Any, history: Any, sweep: Any, group: Any, lane: Any) -> Any:
+    """The force densities on lanes of a group that never waits, from `lane` on, N/m^3; bonds over their limit break."""
+    raise NotImplementedError("compiled for blocks")
+
+
+@overload(sum_of_lanes, jit_options=IN_PLACE)
+def _sum_of_lanes(bonds, history, sweep, group, lane):  # type: ignore[no-untyped-def]
+    if _has_tiles(bonds):
+        return lambda bonds, history, sweep, group, lane: zeros(sweep.u, bonds.axes)  # never asked for
+    return _sum_lanes_of_block
+
+
+def _sum_lanes_of_block(bonds, history, sweep, group, lane):  # type: ignore[no-untyped-def]
+    s = bonds.scratch[0]
+    sum_lanes_of_block(bonds, history, sweep.u, sweep.previous_u, sweep.step, group, lane, s)
+    return beside(s, ONE, 0)[0], beside(s, ONE, ROW)[0]
+
+
+def add_second_forces(bonds: Any, history: Any, sweep: Any, has_failure_forces: Any) -> None:
+    """Begin the sums of the thread's groups with the second forces of bonds that broke one step ago."""
+    raise NotImplementedError("compiled for blocks and tiles")
+
+
+@overload(add_second_forces, jit_options=INNER)
+def _add_second_forces(bonds, history, sweep, has_failure_forces):  # type: ignore[no-untyped-def]
+    if _has_tiles(bonds):
+        return _add_second_forces_to_tiles
+    return lambda bonds, history, sweep, has_failure_forces: None  # lanes look at their bonds
+
+
+def _add_second_forces_to_tiles(bonds, history, sweep, has_failure_forces):  # type: ignore[no-untyped-def]
+    motion = Motion(sweep.u, sweep.v, True, sweep.dt, sweep.step)
+    end = first = history.used[0]
+    while first > 0 and history.bonds[first - 1, 0] == sweep.step - 1:
+        first -= 1
+    for n in range(first, end):
+        tile = history.places[n, 0] // ROW
+        if not has_failure_forces[tile]:
+            has_failure_forces[tile] = True
+            place = bonds.margin + tile * ROW
+            sweep.next_v[:, place : place + ROW] = 0
+        pull_again(bonds, motion, sweep.next_v, history, n)
