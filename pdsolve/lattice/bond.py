@@ -77,6 +77,35 @@ def elongation(typingctx, eta, row):  # type: ignore[no-untyped-def]
 
 
 @intrinsic
+def rounded_elongation(typingctx, eta, row):  # type: ignore[no-untyped-def]
+    """The e of a bond from its eta, each product and each sum rounded."""
+    lanes = eta.dtype
+
+    def generate(context, builder, signature, values):  # type: ignore[no-untyped-def]
+        vector, d, e = context.get_value_type(lanes), len(eta), None
+        doubled = _entries(context, builder, row, values[1], vector, d, d)
+        (inverse,) = _entries(context, builder, row, values[1], vector, where_inverse(d), 1)
+        for along, x in zip(cgutils.unpack_tuple(builder, values[0]), doubled, strict=True):
+            share = builder.fmul(builder.fadd(builder.fmul(inverse, along), x), along)
+            e = share if e is None else builder.fadd(e, share)
+        return e
+
+    return lanes(eta, row), generate
+
+
+@intrinsic
+def current_vector(typingctx, eta, row):  # type: ignore[no-untyped-def]
+    """xi + eta."""
+
+    def generate(context, builder, signature, values):  # type: ignore[no-untyped-def]
+        reference = _entries(context, builder, row, values[1], context.get_value_type(eta.dtype), 0, len(eta))
+        pairs = zip(cgutils.unpack_tuple(builder, values[0]), reference, strict=True)
+        return context.make_tuple(builder, signature.return_type, [builder.fadd(along, x) for along, x in pairs])
+
+    return eta(eta, row), generate
+
+
+@intrinsic
 def pulled(typingctx, f, pull, eta, row):  # type: ignore[no-untyped-def]
     """f + pull (xi + eta)."""
 

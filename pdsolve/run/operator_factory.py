@@ -48,12 +48,13 @@ def make_operator(
         if model.settings.run.device != "cpu":
             return SpaceOnDevice(law, *parts, scheme.symmetric, Session(model.settings.run.device)), tiles.counted
         return SpaceLattice(law, *parts, scheme.symmetric, threads_of(options, nodes, True)), tiles.counted
-    blocked = not numba.config.DISABLE_JIT and model.grid.dimension == 2  # blocks are compiled code, of the plane
+    blocked = not numba.config.DISABLE_JIT and options.kernel != "listed"  # blocks are compiled code
     statistics = BondStatistics(bond_source, scheme.symmetric)
     if model.settings.run.device != "cpu":
         return _make_device_operator(model, options, scheme, bond_source, law, statistics)
-    if law.pair is not None and options.kernel != "listed" and blocked:
-        blocks = blocks_of(law, statistics.parts(), nodes, kind, threads_of(options, nodes, True))
+    if law.pair is not None and blocked:
+        shape = model.grid.position.shape
+        blocks = blocks_of(law, statistics.parts(), shape, kind, threads_of(options, nodes, True))
         if blocks is not None:
             operator = SimdLattice(law, blocks, statistics.stiffness_bound, scheme.symmetric, statistics.softens)
             return operator, statistics.counted(bond_source.area)
@@ -61,12 +62,11 @@ def make_operator(
     threads = threads_of(options, nodes, False)
     bonds = listed(statistics.parts(), bond_source.area).bonds
     counted = statistics.counted(bond_source.area)
-    compiled = not numba.config.DISABLE_JIT and options.kernel != "listed"
     of = law, model, bonds, scheme.symmetric, options.precision, threads
-    in_space = family_sites.placed(law, model, bonds, bond_source.area) if compiled else None
+    in_space = family_sites.placed(law, model, bonds, bond_source.area) if blocked else None
     if in_space is not None:
         return LatticeFamilies(*of, partial(family_sites.FamilySites, in_space, bonds, threads)), counted
-    where = family_blocks.placed(law, bonds) if compiled else None
+    where = family_blocks.placed(law, bonds) if blocked else None
     if where is not None:
         return LatticeFamilies(*of, partial(family_blocks.FamilyBlocks, *where, nodes)), counted
     if options.kernel == "blocks":
@@ -97,7 +97,7 @@ def _make_device_operator(
             f"{model.name}: $.run.device: the body's bonds are listed one by one; use cpu, or equal cells on one"
             " cubic lattice that is wider than a horizon, material.sight visibility, and one micromodulus"
         )
-    blocks = blocks_of(law, statistics.parts(), len(model.grid), kind, 1)
+    blocks = blocks_of(law, statistics.parts(), model.grid.position.shape, kind, 1)
     if blocks is None:
         raise ModelError(f"{model.name}: $.run.device: nodes are on no lattice; use cpu, or nodes on one")
     operator = PlaneOnDevice(law, blocks, statistics.stiffness_bound, scheme.symmetric, statistics.softens, session)

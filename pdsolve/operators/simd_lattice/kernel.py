@@ -59,6 +59,16 @@ from pdsolve.codegen.plane_slots import (
 )
 from pdsolve.codegen.pull import NARROW, coefficients, stretch_coefficients
 from pdsolve.codegen.vector_code import ROW
+from pdsolve.lattice.bond import (
+    advanced,
+    current_vector,
+    difference,
+    entries,
+    rounded_elongation,
+    where_inverse,
+    zeros,
+)
+from pdsolve.lattice.slots import NONE, add_any_stretch, add_near, row_of, sum_consecutive, sums_in
 from pdsolve.laws.calls import (
     added_force,
     bond_strain_energy,
@@ -78,20 +88,29 @@ SQUARE = NARROW * NARROW
 PENDING, PENDING_SHORT = -np.inf, -1e30
 LIMITS = 7  # of a slot: row of `peak` and `limit`
 
-# Where a thread's scratch has the sums of the whole block
-FX, FY, END = plane_slots.SCRATCH, plane_slots.SCRATCH + LANES, plane_slots.SCRATCH + 2 * LANES
-_E = plane_slots.E
+# Where a thread's scratch has the sums of the whole block in the plane
+FX, FY = plane_slots.SCRATCH, plane_slots.SCRATCH + LANES
+
+
+def scratch_size(dimension: int) -> int:
+    """Numbers that a thread's scratch has room for: sums of a row along each axis, its e, and sums of the block."""
+    return (dimension + 1) * ROW + dimension * LANES
 
 
 class Blocks(NamedTuple):
-    """Bonds in blocks: s slots."""
+    """Bonds in blocks: s slots, in d dimensions."""
 
     law: Any  # columns of no bonds, by whose type kernels are compiled
+    axes: tuple[int, ...]  # as many entries as there are axes, d
     start: NDArray[np.int64]  # (blocks + 1,) slots of a block
     slots: NDArray[np.int32]  # (s, 8) way from the nodes of each row to their neighbours, or FAR + row of `ids`; then
     # rows of `vectors`, of `stiffness`, of `near` and `edge`, and of `peak` and `limit`
+    start_of_rows: NDArray[np.int64]  # (4 blocks + 1,) entries of a row in `of_rows`
+    of_rows: NDArray[
+        np.int32
+    ]  # (.,) slots in which a row has bonds, those with consecutive neighbours first; of bodies
     ids: NDArray[np.int32]  # (., 16) neighbours
-    vectors: NDArray[np.floating]  # (., 8) xi, 2 xi / |xi|^2, 1 / |xi|^2
+    vectors: NDArray[np.floating]  # (., 8 or 9) xi, 2 xi / |xi|^2, 1 / |xi|^2
     stiffness: NDArray[np.floating]  # (., 64) stiffness / |xi|, the secant's of straight lines, 0 without a bond; then
     # one for each slot
     near: NDArray[np.floating]  # (., 64) |e| up to which a lane needs no care, infinite without a bond; likewise
@@ -108,9 +127,9 @@ class Tracks(NamedTuple):
     """The state of all blocks' nodes, component by component; m nodes in whole blocks, of which the last may be
     idle."""
 
-    u: NDArray[np.floating]  # (3, 2, m) displacements of three steps in turn, m; at rest in the first
-    v: NDArray[np.floating]  # (2, m) velocity, m/s; from a drift to the next kick the mean velocity between them
-    a: NDArray[np.floating]  # (2, m) acceleration, m/s^2
+    u: NDArray[np.floating]  # (3, d, m) displacements of three steps in turn, m; at rest in the first
+    v: NDArray[np.floating]  # (d, m) velocity, m/s; from a drift to the next kick the mean velocity between them
+    a: NDArray[np.floating]  # (d, m) acceleration, m/s^2
     dissipated: NDArray[np.float64]  # (m,) spent by the node's broken bonds so far, J/m^3
     work: NDArray[np.float64]  # (m,) done on the node by loads and holds so far, J/m^3
     broken: NDArray[np.int32]  # (s, 64) step in which the bond broke, 0 while intact
@@ -135,8 +154,24 @@ def _displaced(u, shrink, x, y, i, j):  # type: ignore[no-untyped-def]
     return relieved
 
 
+def displaced_along(u: Any, shrink: Any, xi: Any, i: Any, j: Any) -> Any:
+    """All components of what stretches the bond xi from node i to j at displacements u (d, m)."""
+
+
+@overload(displaced_along, jit_options=INNER | {"forceinline": True})
+def _displaced_along(u, shrink, xi, i, j):  # type: ignore[no-untyped-def]
+    if len(xi) == 2:
+        return lambda u, shrink, xi, i, j: displaced(u, shrink, xi[0], xi[1], i, j)
+
+    def in_space(u, shrink, xi, i, j):  # type: ignore[no-untyped-def]
+        (x, y), (_, z) = displaced(u, shrink, xi[0], xi[1], i, j), displaced(u[1:], shrink, xi[1], xi[2], i, j)
+        return x, y, z
+
+    return in_space
+
+
 def sum_lanes(blocks: Any, tracks: Any, u: Any, before: Any, step: Any, b: Any, lane: Any, s: Any) -> None:
-    """Force densities on the lanes of block b from `lane` on at u (2, m), N/m^3, stored at the beginning of `s`.
+    """Force densities on the lanes of block b from `lane` on at u (d, m), N/m^3, stored at the beginning of `s`.
 
     Bonds over their limit break in this `step`; `before` are the displacements one step ago; `s` is the thread's
     scratch.
@@ -146,6 +181,8 @@ def sum_lanes(blocks: Any, tracks: Any, u: Any, before: Any, step: Any, b: Any, 
 @overload(sum_lanes, jit_options=INNER | {"forceinline": True})
 def _sum_lanes(blocks, tracks, u, before, step, b, lane, s):  # type: ignore[no-untyped-def]
     pair = _pair(blocks)
+    if not pair.is_curved and len(blocks.types[Blocks._fields.index("axes")]) == 3:
+        return _sum_in_space
     if pair.elastic_in_compression:
         return _sum_one_sided
     return _sum_curved if pair.is_curved else _sum_straight
@@ -154,6 +191,18 @@ def _sum_lanes(blocks, tracks, u, before, step, b, lane, s):  # type: ignore[no-
 def _pair(blocks: Any) -> Pair:
     """The pair law of the numba type of blocks."""
     return pair_of(blocks.types[Blocks._fields.index("law")])
+
+
+def _sum_in_space(blocks, tracks, u, before, step, b, lane, s):  # type: ignore[no-untyped-def]
+    row, updated = (b * LANES + lane) // ROW, np.int64(NONE)
+    at, last = blocks.start_of_rows[row], blocks.start_of_rows[row + 1]
+    at = sum_consecutive(blocks, tracks.shrink, u, b, lane, at, updated, s)
+    at = add_near(blocks, tracks.shrink, u, b, lane, at, updated, s)
+    while at < last:
+        at = add_any_stretch(blocks, tracks.shrink, u, b, lane, at, updated, s)
+        if at < last:
+            _update_bonds(blocks, tracks, u, before, step, blocks.of_rows[at], b, lane, s)
+            updated = at
 
 
 def _sum_straight(blocks, tracks, u, before, step, b, lane, s):  # type: ignore[no-untyped-def]
@@ -187,23 +236,22 @@ def _sum_one_sided(blocks, tracks, u, before, step, b, lane, s):  # type: ignore
 
 
 def _sum_curved(blocks, tracks, u, before, step, b, lane, s):  # type: ignore[no-untyped-def]
-    node, none = b * LANES + lane, same(u, 0.0)
-    displacement, fx, fy = beside(u, PLANE, node), none, none
+    axes, node, none = blocks.axes, b * LANES + lane, same(u, 0.0)
+    displacement, sums, f = beside(u, axes, node), sums_in(s, axes), zeros(u, axes)
     for slot in range(blocks.start[b], blocks.start[b + 1]):
         v, way = blocks.vectors[blocks.slots[slot, VECTOR]], np.int64(blocks.slots[slot, lane // ROW])
         if way < FAR:
-            neighbour_displacement = beside(u, PLANE, node + way)
+            neighbour_displacement = beside(u, axes, node + way)
         else:
-            neighbour_displacement = listed(u, PLANE, blocks.ids, (way - FAR) * ROW + lane % ROW)
-        x, y = neighbour_displacement[0] - displacement[0], neighbour_displacement[1] - displacement[1]
-        e = (v[4] * x + v[2]) * x + (v[4] * y + v[3]) * y
+            neighbour_displacement = listed(u, axes, blocks.ids, (way - FAR) * ROW + lane % ROW)
+        eta = difference(neighbour_displacement, displacement)
+        e = rounded_elongation(eta, v)
         w = row_of(blocks.stiffness, blocks.slots[slot, PULL], lane)
         if which_above(e, row_of(blocks.edge, blocks.slots[slot, BOUND], lane)) != 0:
-            keep((e,), s, _E)
-            keep((fx,), s, 0)
-            keep((fy,), s, ROW)
+            keep((e,), s, len(axes) * ROW)
+            keep(f, sums, 0)
             _update_bonds(blocks, tracks, u, before, step, slot, b, lane, s)
-            fx, fy = beside(s, ONE, 0)[0], beside(s, ONE, ROW)[0]
+            f = beside(sums, axes, 0)
             w = row_of(blocks.stiffness, blocks.slots[slot, PULL], lane)
         e = unless_none(w, e, none)
         over_q, stretch, size, most = e * _polynomial(PULLS, e), e * _polynomial(STRETCHES, e), e * e, same(u, SQUARE)
@@ -215,9 +263,8 @@ def _sum_curved(blocks, tracks, u, before, step, b, lane, s):  # type: ignore[no
         peak, limit = row_of(blocks.peak, kind, lane), row_of(blocks.limit, kind, lane)
         largest = worst_lanes(blocks.law, tracks.worst, slot, lane, none)
         pull = w * over_q * secant(blocks.law, stretch, largest, peak, limit)
-        fx, fy = fx + pull * (x + v[0]), fy + pull * (y + v[1])
-    keep((fx,), s, 0)
-    keep((fy,), s, ROW)
+        f = advanced(f, current_vector(eta, v), pull)
+    keep(f, sums, 0)
 
 
 sum_of_straight = register_jitable(**INNER)(_sum_straight)
@@ -226,12 +273,6 @@ sum_of_straight = register_jitable(**INNER)(_sum_straight)
 @njit(forceinline=True, **INNER)
 def _polynomial(p, e):  # type: ignore[no-untyped-def]
     return ((((p[5] * e + p[4]) * e + p[3]) * e + p[2]) * e + p[1]) * e + p[0]
-
-
-@njit(forceinline=True, **INNER)
-def row_of(table, row, lane):  # type: ignore[no-untyped-def]
-    """The lanes from `lane` on of a row of a table (., 64)."""
-    return beside(table, ONE, np.int64(row) * LANES + lane)[0]
 
 
 def worst_lanes(law: Any, worst: Any, slot: Any, lane: Any, none: Any) -> Any:
@@ -261,11 +302,12 @@ def _update_bonds(blocks, tracks, u, before, step, slot, b, first, s):  # type: 
     """Break or soften the bonds of a slot beyond their edge, add the pulls that match their work to the sums in s, and
     book the dissipated energy."""
     law = blocks.slots[slot, LIMITS]
-    over = which_above(beside(s, ONE, _E)[0], row_of(blocks.edge, blocks.slots[slot, BOUND], first))
+    first_e = len(blocks.axes) * ROW  # in s
+    over = which_above(beside(s, ONE, first_e)[0], row_of(blocks.edge, blocks.slots[slot, BOUND], first))
     while over != 0:
         k = trailing_zeros(over)
         over &= over - 1
-        lane, e = first + k, s[_E + k]
+        lane, e = first + k, s[first_e + k]
         row, stretch, i = _own_rows(blocks, slot), e / (1 + np.sqrt(1 + e)), b * LANES + lane
         is_pending = blocks.edge[row, lane] <= PENDING_SHORT
         if is_pending and tracks.broken[slot, lane] == step:  # if a step is summed twice: it pulls in the next one
@@ -282,7 +324,7 @@ def _update_bonds(blocks, tracks, u, before, step, slot, b, first, s):  # type: 
             pull = added_force(blocks.law, stretch, last, worst, peak, limit) / (1 + stretch)
             _add_force(blocks, tracks, u, slot, i, lane, pull, k, s)
             if stretch > limit:
-                c = blocks.stiffness[blocks.whole[slot], lane] / blocks.vectors[blocks.slots[slot, VECTOR], 4] / 4
+                c = blocks.stiffness[blocks.whole[slot], lane] / inverse_of(blocks, slot) / 4
                 tracks.dissipated[i] += broken_energy(blocks.law, c, stretch, last, peak, limit)
                 _break(blocks, tracks, step, slot, lane)
                 if blocks.law.matches_work and last < limit and last < stretch:
@@ -321,11 +363,29 @@ def _weaken(blocks, tracks, slot, b, lane, stretch, peak, limit):  # type: ignor
 @njit(**INNER)
 def _stretch_before(blocks, tracks, before, slot, i, lane):  # type: ignore[no-untyped-def]
     """The stretch of a bond of node i at the displacements one step ago."""
-    vector = blocks.vectors[blocks.slots[slot, VECTOR]]
-    x, y, inverse = vector[0], vector[1], vector[4]
-    eta_x, eta_y = displaced(before, tracks.shrink, x, y, i, neighbour(blocks, slot, i, lane))
-    e = inverse * (2 * (x * eta_x + y * eta_y) + eta_x * eta_x + eta_y * eta_y)
+    xi = entries(blocks.vectors[blocks.slots[slot, VECTOR]], blocks.axes)
+    return _stretch(
+        xi, displaced_along(before, tracks.shrink, xi, i, neighbour(blocks, slot, i, lane)), inverse_of(blocks, slot)
+    )
+
+
+@njit(forceinline=True, **INNER)
+def _stretch(xi, eta, inverse):  # type: ignore[no-untyped-def]
+    """The stretch of a bond whose 1 / |xi|^2 is `inverse`."""
+    along = xi[0] * eta[0]
+    for axis in range(1, len(xi)):
+        along += xi[axis] * eta[axis]
+    along *= 2
+    for axis in range(len(xi)):
+        along += eta[axis] * eta[axis]
+    e = inverse * along
     return e / (np.sqrt(1 + e) + 1)
+
+
+@njit(forceinline=True, **INNER)
+def inverse_of(blocks, slot):  # type: ignore[no-untyped-def]
+    """1 / |xi|^2 of a slot's bonds, 1/m^2."""
+    return blocks.vectors[blocks.slots[slot, VECTOR], where_inverse(len(blocks.axes))]
 
 
 @njit(**INNER)
@@ -349,11 +409,11 @@ def _pull_again(blocks, tracks, before, step, slot, b, lane, stretch):  # type: 
 @njit(**INNER)
 def _add_force(blocks, tracks, u, slot, i, lane, pull, k, s):  # type: ignore[no-untyped-def]
     """Add the pull of a bond of node i, over stiffness and length ratio, to the sums of lane k in s."""
-    vector = blocks.vectors[blocks.slots[slot, VECTOR]]
-    x, y = vector[0], vector[1]
-    eta_x, eta_y = displaced(u, tracks.shrink, x, y, i, neighbour(blocks, slot, i, lane))
+    xi = entries(blocks.vectors[blocks.slots[slot, VECTOR]], blocks.axes)
+    eta = displaced_along(u, tracks.shrink, xi, i, neighbour(blocks, slot, i, lane))
     pull *= blocks.stiffness[blocks.whole[slot], lane]
-    s[k], s[ROW + k] = s[k] + pull * (x + eta_x), s[ROW + k] + pull * (y + eta_y)
+    for axis in range(len(xi)):
+        s[axis * ROW + k] += pull * (xi[axis] + eta[axis])
 
 
 @njit(**INNER)
@@ -390,14 +450,14 @@ def neighbour(blocks, slot, i, lane):  # type: ignore[no-untyped-def]
 
 @cached_njit(error_model="numpy")
 def sum_blocks(blocks, tracks, before, out, step):  # type: ignore[no-untyped-def]
-    """Add the force densities of all blocks, N/m^3, to `out` (n, 2), on one thread; see `sum_lanes`."""
+    """Add the force densities of all blocks, N/m^3, to `out` (n, d), on one thread; see `sum_lanes`."""
     s = blocks.scratch[0]
     for b in range(len(blocks.start) - 1):
         for lane in range(0, LANES, across(s)):
             sum_lanes(blocks, tracks, tracks.u[0], before, step, b, lane, s)
             for k in range(min(across(s), len(out) - b * LANES - lane)):
-                out[b * LANES + lane + k, 0] += s[k]
-                out[b * LANES + lane + k, 1] += s[ROW + k]
+                for axis in range(len(blocks.axes)):
+                    out[b * LANES + lane + k, axis] += s[axis * ROW + k]
 
 
 @cached_njit(error_model="numpy")
@@ -415,18 +475,14 @@ def energy_densities(blocks, worst, u, shrink, strain_energy, dissipated):  # ty
 
 @njit(**INNER)
 def _energies_of(blocks, worst, u, shrink, b, slot, out):  # type: ignore[no-untyped-def]
-    vector = blocks.vectors[blocks.slots[slot, VECTOR]]
-    x, y, inverse = vector[0], vector[1], vector[4]
+    xi, inverse = entries(blocks.vectors[blocks.slots[slot, VECTOR]], blocks.axes), inverse_of(blocks, slot)
     stiffness = blocks.stiffness[blocks.slots[slot, PULL]]
     for row in range(LANES // ROW):
         first, way = b * LANES + row * ROW, blocks.slots[slot, row]
         for k in range(ROW):
             i = np.uint64(first + k)
             j = np.uint64(first + way + k) if way < FAR else np.uint64(blocks.ids[way - FAR, k])
-            eta_x, eta_y = displaced(u, shrink, x, y, i, j)
-            e = inverse * (2 * (x * eta_x + y * eta_y) + eta_x * eta_x + eta_y * eta_y)
-            stretch = e / (np.sqrt(1 + e) + 1)
-            lane = row * ROW + k
+            stretch, lane = _stretch(xi, displaced_along(u, shrink, xi, i, j), inverse), row * ROW + k
             out[i] += strain_energy_of(blocks.law, blocks, worst, slot, lane, stiffness[lane] / inverse / 4, stretch)
 
 
@@ -447,8 +503,7 @@ def _strain_energy_of(law, blocks, worst, slot, lane, c, stretch):  # type: igno
 
 def _strain_energy_one_sided(law, blocks, worst, slot, lane, c, stretch):  # type: ignore[no-untyped-def]
     if stretch < 0 and c > 0:
-        inverse = blocks.vectors[blocks.slots[slot, VECTOR], 4]
-        c = blocks.stiffness[blocks.whole[slot], lane] / inverse / 4
+        c = blocks.stiffness[blocks.whole[slot], lane] / inverse_of(blocks, slot) / 4
     return c * stretch * stretch
 
 
@@ -460,7 +515,7 @@ def _strain_energy_curved(law, blocks, worst, slot, lane, c, stretch):  # type: 
 
 @njit(**INNER)
 def _sum_dissipated(blocks, worst, b, slot, out):  # type: ignore[no-untyped-def]
-    law, inverse = blocks.slots[slot, LIMITS], blocks.vectors[blocks.slots[slot, VECTOR], 4]
+    law, inverse = blocks.slots[slot, LIMITS], inverse_of(blocks, slot)
     for lane in range(LANES):
         largest = worst[slot, lane]
         if largest > 0 and (blocks.mask[slot] >> np.uint64(lane)) & np.uint64(1):

@@ -19,9 +19,10 @@ from pdsolve.checkpoint_validation import expect_found
 from pdsolve.codegen.plane_slots import BOUND, FAR, FIELDS, PULL, VECTOR
 from pdsolve.codegen.pull import NARROW
 from pdsolve.codegen.vector_code import ROW
+from pdsolve.lattice.bond import where_inverse
 from pdsolve.laws.law import Law
 from pdsolve.laws.pair import no_bonds
-from pdsolve.operators.simd_lattice.kernel import END, LANES, LIMITS, Blocks
+from pdsolve.operators.simd_lattice.kernel import LANES, LIMITS, Blocks, scratch_size
 
 SAME_PLACE = 1e-11  # of the longest: components of reference vectors this close are one
 SAME_STIFFNESS = 1e-13  # of the largest: stiffnesses this close are one
@@ -60,7 +61,7 @@ class Tables:
         self.dimension = dimension
         self.components, self.pulls = Distinct(SAME_PLACE), Distinct(SAME_STIFFNESS)
         self.peaks, self.limits, self.bounds = Distinct(0.0), Distinct(0.0), Distinct(0.0)
-        self.vectors = np.full(SIDES * SIDES, -1, dtype=np.int32)  # number by components, in the plane
+        self.vectors = np.full(SIDES**2 if dimension == 2 else 0, -1, dtype=np.int32)  # number by components
         self.keys = np.zeros(0, dtype=np.int64)  # components by number
 
     def xi(self) -> NDArray[np.float64]:
@@ -71,12 +72,15 @@ class Tables:
         return np.column_stack([signed[digit] for digit in digits[::-1]])
 
 
-def blocks_of(law: Law, parts: Iterable[Any], nodes: int, kind: type[np.floating], threads: int) -> Blocks | None:
-    """The bonds of `nodes` nodes under a pair law, in blocks of precision `kind`; None if they are on no lattice.
+def blocks_of(
+    law: Law, parts: Iterable[Any], shape: tuple[int, ...], kind: type[np.floating], threads: int
+) -> Blocks | None:
+    """The bonds of nodes under a pair law, in blocks of precision `kind`; None if they are on no lattice.
 
-    `parts` (pdsolve.bonds.assembly.Part, exact) begin at multiples of 64.
+    `parts` (pdsolve.bonds.assembly.Part, exact) begin at multiples of 64; `shape` (n, d) is that of the positions.
     """
-    tables, slots = Tables(), []
+    nodes, dimension = shape
+    tables, slots = Tables(dimension), []
     for part in parts:
         part_slots = slots_of(part.bonds, part.first, room_of(nodes), tables)
         if part_slots is None:
@@ -116,13 +120,18 @@ def joined(law: Law, tables: Tables, slots: list[Slots], kind: type[np.floating]
     peak = np.append(tables.peaks.values[number // SIDES**2], np.inf)[bounds]
     limit = np.append(tables.limits.values[number % SIDES**2], np.inf)[bounds]
     assert law.pair is not None
+    ways = np.concatenate(way)
+    start_of_rows, of_rows = _rows_of_slots(counts, ways, mask if tables.dimension == 3 else np.zeros_like(mask))
     first = limit if law.pair.softening is None else peak
     edge = first * (first + 2)
     near = np.where(bounds == LAST, np.inf, np.minimum(edge, NARROW))
     return Blocks(
         law=no_bonds(law),
+        axes=(0,) * tables.dimension,
         start=np.concatenate([[0], np.cumsum(counts)]),
-        slots=np.column_stack([*np.concatenate(way).T, vector, pull, bound, bound]).astype(np.int32),
+        slots=np.column_stack([*ways.T, vector, pull, bound, bound]).astype(np.int32),
+        start_of_rows=start_of_rows,
+        of_rows=of_rows,
         ids=np.concatenate([part.ids for part in slots]),
         vectors=aligned(reference_table(tables).astype(kind)),
         stiffness=aligned(np.append(tables.pulls.values, 0.0)[pulls].astype(kind), len(mask)),
@@ -133,7 +142,7 @@ def joined(law: Law, tables: Tables, slots: list[Slots], kind: type[np.floating]
         whole=pull,
         mask=mask,
         softened=np.zeros(len(counts), dtype=np.bool_),
-        scratch=aligned(np.zeros((threads, END), dtype=kind)),
+        scratch=aligned(np.zeros((threads, scratch_size(tables.dimension)), dtype=kind)),
     )
 
 
@@ -214,12 +223,23 @@ def _vectors(sides: NDArray[np.int64], tables: Tables) -> NDArray[np.int32]:
     for side in sides.T[1:]:
         key = key * SIDES + side
     if tables.dimension == 3:
-        tables.keys = np.unique(np.append(tables.keys, key)) if not len(tables.keys) else tables.keys
-        return np.searchsorted(tables.keys, key).astype(np.int32)
+        number = _look_up_keys(key, tables.keys)
+        if (new := np.unique(key[number < 0])).size:
+            tables.keys = np.append(tables.keys, new)
+            number = _look_up_keys(key, tables.keys)
+        return number
     new = np.unique(key[tables.vectors[key] < 0])
     tables.vectors[new] = np.arange(len(tables.keys), len(tables.keys) + len(new))
     tables.keys = np.append(tables.keys, new)
     return np.asarray(tables.vectors[key])
+
+
+def _look_up_keys(key: NDArray[np.int64], keys: NDArray[np.int64]) -> NDArray[np.int32]:
+    """Where each key (b,) is among distinct `keys`, or -1."""
+    order = np.argsort(keys)
+    ordered, number = np.append(keys[order], -1), np.append(order, -1).astype(np.int32)
+    at = np.searchsorted(ordered[:-1], key)
+    return np.where(ordered[at] == key, number[at], np.int32(-1))
 
 
 def _ways(
@@ -250,14 +270,42 @@ def _rows(numbers: NDArray[np.int32], lane: NDArray[np.int32], has_bond: NDArray
     return _Rows(number[:, 0], mixed, number[mixed])
 
 
+def _rows_of_slots(
+    counts: NDArray[np.int64], ways: NDArray[np.int64], mask: NDArray[np.uint64]
+) -> tuple[NDArray[np.int64], NDArray[np.int32]]:
+    """Where the slots of each row begin, and the slots (.,) in which a row has bonds, those with consecutive neighbours
+    first; `counts` are the slots of blocks, `ways` (s, 4) and `mask` (s,) those of slots."""
+    slot, row = np.nonzero(mask.view(np.uint16).reshape(-1, LANES // ROW))
+    row_number = np.repeat(np.arange(len(counts)), counts)[slot] * (LANES // ROW) + row
+    order = np.argsort(2 * row_number + (ways[slot, row] >= FAR), kind="stable")
+    ends = np.cumsum(np.bincount(row_number, minlength=len(counts) * (LANES // ROW)))
+    return np.concatenate([[0], ends]), slot[order].astype(np.int32)
+
+
 def _shared(rows: list[_Rows]) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
     """The row of each slot (s,), and the values of each row's lanes (., 64)."""
     first, mixed, mixed_values = (np.concatenate(column) for column in zip(*rows, strict=True))
     row, uniform = np.zeros(len(first), np.int32), np.unique(first[~mixed])
     row[~mixed] = np.searchsorted(uniform, first[~mixed])
-    mixed_values, which = np.unique(mixed_values, axis=0, return_inverse=True)
-    row[mixed] = len(uniform) + which.ravel()
+    mixed_values, which = _distinct_rows(mixed_values)
+    row[mixed] = len(uniform) + which
     return row, np.concatenate([np.repeat(uniform[:, None], LANES, axis=1), mixed_values])
+
+
+def _distinct_rows(rows: NDArray[np.int32]) -> tuple[NDArray[np.int32], NDArray[np.int64]]:
+    """The distinct ones of rows (r, 64) in the order in which they occur, so that neighbours in memory are read
+    together; and the number (r,) of each among them.
+
+    Rows are told apart by a sum with random weights, which is quick to sort, and compared.
+    """
+    weights = np.random.default_rng(0).integers(np.iinfo(np.int64).max, size=LANES)
+    _, first, which = np.unique(rows @ weights, return_index=True, return_inverse=True)
+    if (rows[first][which] != rows).any():
+        _, first, which = np.unique(rows, axis=0, return_index=True, return_inverse=True)
+    order = np.argsort(first)
+    number = np.empty_like(order)
+    number[order] = np.arange(len(order))
+    return rows[first[order]], number[which.ravel()]
 
 
 def there(mask: NDArray[np.uint64], first: int = 0) -> NDArray[np.int64]:
@@ -280,12 +328,13 @@ def ends(blocks: Blocks, numbers: NDArray[np.int64]) -> tuple[NDArray[np.int64],
 def springs(
     blocks: Blocks, numbers: NDArray[np.int64], initial: bool = False
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Reference vectors (k, 2), m, and force densities at unit stretch (k,), N/m^3, of bonds: what remains, or the
+    """Reference vectors (k, d), m, and force densities at unit stretch (k,), N/m^3, of bonds: what remains, or the
     `initial`."""
     slot, lane = np.divmod(numbers, LANES)
     table = blocks.vectors[blocks.slots[slot, VECTOR]].astype(np.float64)
     row = blocks.whole[slot] if initial else blocks.slots[slot, PULL]
-    return table[:, :2], blocks.stiffness[row, lane] / np.sqrt(table[:, 4])
+    d = len(blocks.axes)
+    return table[:, :d], blocks.stiffness[row, lane] / np.sqrt(table[:, where_inverse(d)])
 
 
 def find(

@@ -35,7 +35,6 @@ class SimdLattice:
     """The bonds of n nodes on lattices under a pair law; see `Operator`."""
 
     name = "blocks"
-    unknowns: tuple[Unknown, ...] = (Unknown("u", 2, 2),)
 
     def __init__(self, law: Law, blocks: Blocks, bound: NDArray[np.float64], symmetric: bool, softens: bool) -> None:
         """`bound` (n,), N/m^4, of the stiffness of nodes; `softens`: whether any bond has its peak below its limit."""
@@ -43,6 +42,8 @@ class SimdLattice:
         assert law.pair is not None
         self._law, self._pair = law, law.pair
         remembers = law.pair.softening is not None and (softens or law.pair.is_curved)
+        d = len(blocks.axes)
+        self.unknowns: tuple[Unknown, ...] = law.unknowns(d)
         self.blocks, self.symmetric = blocks, symmetric
         self._stiffness_bound, self._whole = bound, blocks.mask.copy()
         none = np.zeros(0, dtype=np.int64)
@@ -50,9 +51,9 @@ class SimdLattice:
         room, lanes = LANES * (len(blocks.start) - 1), (len(blocks.mask), LANES)
         kind = blocks.scratch.dtype
         self.tracks = Tracks(
-            u=aligned(np.zeros((3, 2, room), dtype=kind)),
-            v=aligned(np.zeros((2, room), dtype=kind)),
-            a=aligned(np.zeros((2, room), dtype=kind)),
+            u=aligned(np.zeros((3, d, room), dtype=kind)),
+            v=aligned(np.zeros((d, room), dtype=kind)),
+            a=aligned(np.zeros((d, room), dtype=kind)),
             dissipated=aligned(np.zeros(room)),
             work=aligned(np.zeros(room)),
             broken=np.zeros(lanes, dtype=np.int32),
@@ -203,4 +204,4 @@ class SimdLattice:
         """Memory of all arrays, bytes, without the rows that slots get as their bonds break."""
         blocks = self.blocks
         later = sum(table[-len(blocks.mask) :].nbytes for table in (blocks.stiffness, blocks.near, blocks.edge))
-        return sum(array.nbytes for array in (*blocks[1:], *self.tracks) if array is not None) - later
+        return sum(array.nbytes for array in (*blocks[2:], *self.tracks) if array is not None) - later

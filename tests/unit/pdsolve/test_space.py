@@ -20,6 +20,7 @@ from pdmesh.model.lattice_calibration import lattice_ratios
 from pdmesh.model.node_grid import whole_lattice
 from pdsolve.model import Model, ModelError
 from pdsolve.results import Results
+from pdsolve.run.prepare import prepare
 from pdsolve.run.simulation import Options, resume, simulate
 
 RUBBER = Material(E=1e6, rho=1000.0, G0=1e9, micromodulus="constant")
@@ -107,7 +108,6 @@ def test_a_bar_at_rest(model: str, nu: float, strain: float, ratio: float) -> No
 @pytest.mark.parametrize("model", ["bond", "correspondence"])
 def test_what_is_said_of_a_run_is_what_it_does(model: str) -> None:
     from pdsolve.run.estimate import estimate_run
-    from pdsolve.run.prepare import prepare
 
     found = bar(Run(steps=20), 0.05)
     material = msgspec.structs.replace(RUBBER, model=model, nu=0.25, failure="stretch" if model == "bond" else "none")
@@ -168,11 +168,6 @@ def test_what_is_of_plates_is_refused(change: dict[str, object], said: str) -> N
         ({"run": {"adapt": "split"}}, ONE, naming(found="'split'", expected=("none", "hybrid", "body"))),
         ({"run": {"adapt": "hybrid"}}, ONE, naming("$.nodes", found="tiles", expected=("lattice", "hybrid"))),
         ({}, Options("thesis", threads=1), naming(found=("space", "thesis"))),
-        (
-            {"material": {"E": 1.0, "rho": 1.0, "G0": 1.0, "law": "bilinear"}},
-            Options(kernel="blocks", threads=1),
-            naming(found="blocks", expected="listed"),
-        ),
     ],
 )
 def test_what_only_plates_can_have_is_refused(change: dict[str, object], options: Options, said: str) -> None:
@@ -180,6 +175,19 @@ def test_what_only_plates_can_have_is_refused(change: dict[str, object], options
     settings = msgspec.convert(msgspec.to_builtins(model.settings, builtin_types=()) | change, type(model.settings))
     with pytest.raises(ModelError, match=said):
         simulate(Model(model.grid, settings), None, options)
+
+
+@pytest.mark.process
+@pytest.mark.quick_cases(1)
+@pytest.mark.parametrize("law", ["brittle", "bilinear"])
+def test_a_body_whose_nodes_are_on_no_lattice_is_listed(law: str) -> None:
+    model = bar(Run())
+    grid = replace(model.grid, position=model.grid.position + np.random.default_rng(0).random((120, 3)) / 1000)
+    material = msgspec.structs.replace(RUBBER, law=law, kr=2.0 if law == "bilinear" else 1.0)
+    moved = Model(grid, msgspec.structs.replace(model.settings, material=material))
+    assert prepare(moved, ONE).system.operator.name == "listed"
+    with pytest.raises(ModelError, match=naming("kernel", found="blocks", expected=("listed", "lattice"))):
+        prepare(moved, ONE._replace(kernel="blocks"))
 
 
 @pytest.mark.slow
