@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from pdmesh.model.neighbours import ROWS
 from pdsolve.bonds.assembly import BondSource, BondStatistics, Part
+from pdsolve.codegen.vector_code import ROW
 from pdsolve.laws.law import Law
 from pdsolve.numerics.team import PASSED, Team
 from pdsolve.operators.simd_lattice.kernel import LANES, Blocks
@@ -36,10 +37,11 @@ class Seen(NamedTuple):
 
 
 class Scratch(NamedTuple):
-    """The number type of blocks, and how many threads work on them."""
+    """The number type of blocks, how many threads work on them, and the dimension of the bodies."""
 
     kind: type[np.floating]
     threads: int
+    dimension: int
 
 
 def blocks_of(
@@ -47,7 +49,7 @@ def blocks_of(
 ) -> Blocks | None:
     """The bonds of a slab in blocks, for a window's rows, of which only its own have bonds; None if the nodes of all
     ranks are on no lattice. `filling` makes the bonds of the window. All ranks call this together."""
-    tables: Tables | None = Tables()
+    tables: Tables | None = Tables(scratch.dimension)
     if team.rank > 0:
         tables = team.received(team.rank - 1, PASSED)
     slots = None if tables is None else _numbered(filling, slab, tables, bond_survey)
@@ -60,8 +62,13 @@ def blocks_of(
         return None
     blocks = joined(law, tables, slots, scratch.kind, scratch.threads)
     before, after = (slab.first - slab.begin) // LANES, (room_of(slab.end) - room_of(slab.last)) // LANES
+
+    def widened(start: NDArray[np.int64], per_block: int) -> NDArray[np.int64]:
+        return np.concatenate([np.zeros(per_block * before, np.int64), start, np.full(per_block * after, start[-1])])
+
     return blocks._replace(
-        start=np.concatenate([np.zeros(before, np.int64), blocks.start, np.full(after, blocks.start[-1])]),
+        start=widened(blocks.start, 1),
+        start_of_rows=widened(blocks.start_of_rows, LANES // ROW),
         ids=blocks.ids - np.int32(slab.begin) * (blocks.ids > 0),
         softened=np.zeros(before + len(blocks.softened) + after, dtype=np.bool_),
     )

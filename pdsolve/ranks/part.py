@@ -29,7 +29,9 @@ from pdsolve.schemes.scheme import Scheme
 from pdsolve.state import Broken
 
 ENDS = ("_source", "_target")  # of bonds, in the names of their history
-Make = Callable[[Model, Options, Scheme, BondSource], tuple[Operator, Counted]]  # what makes the operator of a model
+Made = tuple[Operator, Counted]
+Make = Callable[[Model, Options, Scheme, BondSource], Made]  # what makes the operator of a model
+MakeTiled = Callable[[Model, Options, Scheme], Made | None]  # the same in tiles; None where they cannot be
 
 
 class Built(NamedTuple):
@@ -58,7 +60,7 @@ def build(team: Team, options: Options, starts: NDArray[np.int64], share: tuple[
     scheme, law = SCHEMES[options.mode], law_of(model, SCHEMES[options.mode].matches_work)
     filling = scheme.fill(model)
     bond_survey = Seen(BondStatistics(filling, scheme.symmetric), [])
-    scratch = Scratch(np.dtype(options.precision).type, options.threads or 1)
+    scratch = Scratch(np.dtype(options.precision).type, options.threads or 1, model.grid.dimension)
     blocks = blocks_of(team, law, filling, slab, bond_survey, scratch)
     softens = any(team.comm.allgather(bond_survey.statistics.softens))
     if blocks is None:
@@ -71,16 +73,29 @@ def build(team: Team, options: Options, starts: NDArray[np.int64], share: tuple[
     return _taken(team, starts, Bonded(slab, model, operator, Counted(filling.area, family, count)), reached)
 
 
+def build_tiles(
+    team: Team, options: Options, make: MakeTiled, starts: NDArray[np.int64], share: tuple[Slab, Model]
+) -> Built | None:
+    """Make the bonds of a whole window in tiles; None where they cannot be."""
+    slab, model = share[0], window(*share)
+    made = make(model, options._replace(threads=options.threads or 1), SCHEMES[options.mode])
+    return None if made is None else _window_taken(team, starts, slab, model, made)
+
+
 def build_window(
     team: Team, options: Options, make: Make, starts: NDArray[np.int64], share: tuple[Slab, Model]
 ) -> Built:
-    """Make the bonds of a whole window; those of ghosts are there to know what own nodes' bonds ask of them.
-
-    Those of a law without a first pass ask for no more than the motion of their ends.
-    """
+    """Make the bonds of a whole window; those of ghosts are there to know what own nodes' bonds ask of them."""
     slab, model = share[0], window(*share)
     scheme = SCHEMES[options.mode]
-    operator, counted = make(model, options._replace(threads=options.threads or 1), scheme, scheme.fill(model))
+    made = make(model, options._replace(threads=options.threads or 1), scheme, scheme.fill(model))
+    return _window_taken(team, starts, slab, model, made)
+
+
+def _window_taken(team: Team, starts: NDArray[np.int64], slab: Slab, model: Model, made: Made) -> Built:
+    """Take over the bonds of a whole window: those of a law without a first pass ask for no more than the motion of
+    their ends."""
+    operator, counted = made
     reached = np.arange(slab.begin, slab.end)
     if isinstance(operator, BondList | SpaceLattice) and law_of(model).width is None:
         own_range = slab.first - slab.begin, slab.last - slab.begin

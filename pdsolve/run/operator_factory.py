@@ -41,13 +41,10 @@ def make_operator(
 
     `bonds_are_unbreakable`: no bond breaks, as `bond_source` has it.
     """
+    made = make_tiled_operator(model, options, scheme, bonds_are_unbreakable)
+    if made is not None:
+        return made
     law, kind, nodes = law_of(model, scheme.matches_work), np.dtype(options.precision).type, len(model.grid)
-    tiles = _make_bond_tiles_if_possible(model, options, scheme, bonds_are_unbreakable)
-    if tiles is not None:
-        parts = tiles.tiles, tiles.sites, tiles.stiffness_bound
-        if model.settings.run.device != "cpu":
-            return SpaceOnDevice(law, *parts, scheme.symmetric, Session(model.settings.run.device)), tiles.counted
-        return SpaceLattice(law, *parts, scheme.symmetric, threads_of(options, nodes, True)), tiles.counted
     blocked = not numba.config.DISABLE_JIT and options.kernel != "listed"  # blocks are compiled code
     statistics = BondStatistics(bond_source, scheme.symmetric)
     if model.settings.run.device != "cpu":
@@ -75,6 +72,23 @@ def make_operator(
             " compiled code"
         )
     return BondList(law, model, bonds, scheme.symmetric, options.precision, threads), counted
+
+
+def make_tiled_operator(
+    model: Model, options: Options, scheme: Scheme, bonds_are_unbreakable: bool = False
+) -> tuple[Operator, Counted] | None:
+    """The operator of a body's bonds in tiles, and what is counted of the bonds; None where tiles cannot be or are
+    excluded by options.
+
+    `bonds_are_unbreakable`: no bond breaks.
+    """
+    tiles = _make_bond_tiles_if_possible(model, options, scheme, bonds_are_unbreakable)
+    if tiles is None:
+        return None
+    parts = law_of(model, scheme.matches_work), tiles.tiles, tiles.sites, tiles.stiffness_bound, scheme.symmetric
+    if model.settings.run.device != "cpu":
+        return SpaceOnDevice(*parts, Session(model.settings.run.device)), tiles.counted
+    return SpaceLattice(*parts, threads_of(options, len(model.grid), True)), tiles.counted
 
 
 def _make_device_operator(

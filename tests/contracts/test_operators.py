@@ -407,9 +407,10 @@ def test_a_body_in_tiles_or_blocks_is_the_one_in_a_list(
 
 
 @pytest.mark.slow
-def test_softened_tiles_are_kept_to_the_same_bits() -> None:
+@pytest.mark.parametrize("body", [cubic, graded])
+def test_softened_bodies_are_kept_to_the_same_bits(body: Callable[..., Model]) -> None:
     """On one thread and on two, and from what a checkpoint has."""
-    model, found = cubic(Run(), law="bilinear", kr=3.0), []
+    model, found = body(Run(), law="bilinear", kr=3.0), []
     for threads in (1, min(2, cores())):
         system = prepare(model, Options(threads=threads)).system
         forces(system.operator, at(system, 1e-3))

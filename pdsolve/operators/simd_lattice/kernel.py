@@ -448,11 +448,11 @@ def neighbour(blocks, slot, i, lane):  # type: ignore[no-untyped-def]
     return i + way if way < FAR else blocks.ids[way - FAR, lane % ROW]
 
 
-@cached_njit(error_model="numpy")
-def sum_blocks(blocks, tracks, before, out, step):  # type: ignore[no-untyped-def]
-    """Add the force densities of all blocks, N/m^3, to `out` (n, d), on one thread; see `sum_lanes`."""
-    s = blocks.scratch[0]
-    for b in range(len(blocks.start) - 1):
+@cached_njit(nogil=True, error_model="numpy")
+def sum_blocks(blocks, tracks, before, out, step, first, last, thread):  # type: ignore[no-untyped-def]
+    """Add the force densities of the blocks `first` to `last` - 1, N/m^3, to `out` (n, d); see `sum_lanes`."""
+    s = blocks.scratch[thread]
+    for b in range(first, last):
         for lane in range(0, LANES, across(s)):
             sum_lanes(blocks, tracks, tracks.u[0], before, step, b, lane, s)
             for k in range(min(across(s), len(out) - b * LANES - lane)):

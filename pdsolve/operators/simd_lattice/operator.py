@@ -11,6 +11,7 @@ from pdsolve.checkpoint_validation import entry
 from pdsolve.codegen.plane_slots import BOUND
 from pdsolve.laws.calls import bind
 from pdsolve.laws.law import Law
+from pdsolve.numerics.thread_team import side_by_side
 from pdsolve.operators.pending_pulls import PendingPulls, last_breaks, pending_to_arrays, read_pending_pulls
 from pdsolve.operators.protocol import CheckpointArrays
 from pdsolve.operators.simd_lattice import layout
@@ -77,7 +78,13 @@ class SimdLattice:
         blocks = self.blocks
         if step == 0 and self.tracks.shrink is not None:  # of what is strained from the start none breaks yet
             blocks = blocks._replace(edge=np.full_like(blocks.edge, np.inf))
-        sum_blocks(blocks, self.tracks, before, out, step)
+        threads = len(blocks.scratch)
+        cuts = np.searchsorted(blocks.start, blocks.start[-1] * np.arange(threads) // threads)  # of as many slots each
+        ends = [*cuts.tolist(), len(blocks.softened)]
+        side_by_side(
+            lambda thread: sum_blocks(blocks, self.tracks, before, out, step, *ends[thread : thread + 2], thread),
+            threads,
+        )
         state.dissipated[:] = local_state.dissipated
 
     def swell(self, strain: NDArray[np.float64]) -> None:

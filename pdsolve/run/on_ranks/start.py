@@ -23,7 +23,11 @@ from pdsolve.run.assembly import RankCoupling, assemble_system, choose_time_step
 from pdsolve.run.inversion_checks import MotionChecks
 from pdsolve.run.measures import NodeEnergiesAndBreaks, compute_node_energies_and_breaks
 from pdsolve.run.on_ranks.rank_file import RankFile
-from pdsolve.run.operator_factory import make_operator, stable_time_step_from_stiffness_bound
+from pdsolve.run.operator_factory import (
+    make_operator,
+    make_tiled_operator,
+    stable_time_step_from_stiffness_bound,
+)
 from pdsolve.run.prepare import select_scheme
 from pdsolve.run.reactions import ActingCondition
 from pdsolve.run.system import PreparedRun, System
@@ -95,7 +99,7 @@ def prepare_run_on_ranks(model: Model, options: Options, team: Team) -> Prepared
     """A motion on all ranks of a team, and the state of rank 0's window. Raises ModelError."""
     refuse_on_ranks(model)
     select_scheme(model, options)
-    slabs, parts = built(model, options, team, make_operator)
+    slabs, parts = built(model, options, team, make_operator, make_tiled_operator)
     largest = np.array([max(report.resistance for report in parts)])
     bound = stable_time_step_from_stiffness_bound(largest, np.ones(1))
     step = choose_time_step(model, bound)

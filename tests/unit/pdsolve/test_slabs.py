@@ -49,7 +49,7 @@ KINDS: dict[str, tuple[Grid, type]] = {"listed": (two_cubes(5), BondList), "bloc
 def test_the_bonds_of_some_nodes_are_summed_alone(name: str) -> None:
     """To the same bits as those of all; others break no bond and have no force."""
     grid, kind = KINDS[name]
-    whole, part = (prepare(plate(grid, material=SPACE), Options(threads=1)) for _ in range(2))
+    whole, part = (prepare(plate(grid, material=SPACE), Options(threads=1, kernel=name)) for _ in range(2))
     own = slice(128, 192)
     operator = part.system.operator
     assert isinstance(operator, kind)
