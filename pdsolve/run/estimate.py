@@ -25,9 +25,11 @@ from pdsolve.operators.simd_lattice.layout import aligned
 from pdsolve.options import Options, threads_of
 from pdsolve.run.assembly import choose_time_step
 from pdsolve.run.operator_factory import (
+    Summed,
     compute_stable_time_step,
     count_bonds_and_bound_stiffness,
     stable_time_step_from_stiffness_bound,
+    where_summed,
 )
 from pdsolve.run.prepare import prepare, select_scheme
 from pdsolve.run.static_start import prepare_static_equilibrium_at_start
@@ -43,6 +45,7 @@ DEFAULT = Options()
 # each node
 MEMORY = {"thesis": (196e6, 1030.0), "conservative": (181e6, 1030.0)}
 IN_SPACE = 1700.0  # bytes for each node of a body in tiles whose file lists it
+IN_BLOCKS = 100.0  # bytes for each bond of a body in blocks
 LATTICE = {"float64": 550.0, "float32": 385.0}  # bytes for each node of a box in space whose file holds a lattice
 LISTED = 130.0  # bytes for each bond of a law that is no pair's
 SPLITTING = 640.0  # the same where cells split: all pairs are kept, and two lists there while they do
@@ -54,7 +57,8 @@ LISTED_BOND = 12e-9
 SWELLING = 4.0  # more steps' work in each cycle: what a content adds to the energy of bonds is booked
 SHARED = 0.5  # of more threads' work that another thread takes over
 DAMPED = 2.5  # times as long
-TILED = 2.8  # likewise: of bonds in space
+TILED = 2.8  # likewise: of bonds in space, in tiles
+BLOCKED = 7.0  # likewise, in blocks
 COLLOCATED = 4.0  # likewise: most bonds are at edges, whose correction is computed in each step
 LEDGER, LEDGER_BOND = 0.5e-3, 4e-9
 FRAME, FRAME_NODE = 0.3e-3, 1.5e-7
@@ -134,14 +138,14 @@ def estimate_run(model: Model, options: Options = DEFAULT) -> Plan:
     prepared = (
         prepare_static_equilibrium_at_start(model, options, scheme).system if settings.run.start == "static" else None
     )
-    in_blocks = paired and model.grid.dimension == 2 and (moves or not model.swells)
+    summed: Summed = "blocks" if paired and model.grid.dimension == 2 and (moves or not model.swells) else "listed"
     if prepared is not None and not moves:
-        in_blocks |= paired and prepared.operator.name == "blocks"
+        summed = where_summed(prepared.operator) if paired and summed == "listed" else summed
         count, family = prepared.initial_bond_counts, prepared.family_sizes
         bound = compute_stable_time_step(model, prepared.operator)
         step = choose_time_step(model, bound)
     elif paired and not (moves or model.swells) and settings.run.solver != "static":
-        counts, stiffness_bound, in_blocks = count_bonds_and_bound_stiffness(model, options, scheme)
+        counts, stiffness_bound, summed = count_bonds_and_bound_stiffness(model, options, scheme)
         count, family = counts.bonds, counts.family
         bound = stable_time_step_from_stiffness_bound(stiffness_bound, model.rho)
         step = choose_time_step(model, bound)
@@ -150,7 +154,7 @@ def estimate_run(model: Model, options: Options = DEFAULT) -> Plan:
         model = system.model
         if isinstance(system.stepper, Swelling) and system.load_stepper is None:
             cycle = system.stepper.steps_per_content_step
-        in_blocks |= paired and system.operator.name == "blocks"
+        summed = where_summed(system.operator) if paired and summed == "listed" else summed
         count, family, settings = system.initial_bond_counts, system.family_sizes, system.model.settings
         bound, step = system.stable_time_step, system.time_step
         along_path = isinstance(system.stepper, ArcLengthSteps | CrackLengthSteps | SofteningPathSteps)
@@ -161,14 +165,17 @@ def estimate_run(model: Model, options: Options = DEFAULT) -> Plan:
     settings = counted(model, step).settings
     warn_of_model(model, np.flatnonzero(count == 0), scheme.partial_cells, scheme.symmetric)
     options = options._replace(threads=1) if moves else options
-    plan = estimate_size(settings, options, len(model.grid), int(count.sum()), (step, bound), in_blocks)
+    plan = estimate_size(settings, options, len(model.grid), int(count.sum()), (step, bound), summed != "listed")
     plan = plan._replace(cut_bond_count=int((family - count).sum()))
     if splits:
         plan = plan._replace(largest_node_count=most, memory=plan.memory + round((SPLITTING - LISTED) * plan.bonds))
-    if in_blocks and model.grid.dimension == 3 and not plan.steps_are_load_steps:
+    if summed == "tiles" and not plan.steps_are_load_steps:
         bytes_per_node = IN_SPACE if model.grid.lattice is None else LATTICE[options.precision]
         memory = round(MEMORY[options.mode][0] + bytes_per_node * len(model.grid))
-        plan = plan._replace(wall_time=TILED * plan.wall_time, memory=memory)  # of a body in tiles
+        plan = plan._replace(wall_time=TILED * plan.wall_time, memory=memory)
+    if summed == "blocks" and model.grid.dimension == 3 and not (moves or plan.steps_are_load_steps):
+        memory = plan.memory + round(IN_BLOCKS * plan.bonds)
+        plan = plan._replace(wall_time=BLOCKED * plan.wall_time, memory=memory)
     if along_path:
         plan = plan._replace(wall_time=_estimate_path_wall_time(system, plan), steps_are_path_steps=True)
     if cycle is not None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from functools import partial
+from typing import Literal
 
 import numba
 import numpy as np
@@ -24,7 +25,7 @@ from pdsolve.operators.lattice_families import LatticeFamilies
 from pdsolve.operators.marched_bonds import MarchedBlocks, MarchedBonds, MarchedTiles
 from pdsolve.operators.protocol import Operator
 from pdsolve.operators.simd_lattice import family_blocks
-from pdsolve.operators.simd_lattice.layout import blocks_of
+from pdsolve.operators.simd_lattice.layout import blocks_of, can_be_in_blocks
 from pdsolve.operators.simd_lattice.operator import SimdLattice
 from pdsolve.operators.space_lattice import family_sites
 from pdsolve.operators.space_lattice.operator import SpaceLattice
@@ -45,7 +46,7 @@ def make_operator(
     if made is not None:
         return made
     law, kind, nodes = law_of(model, scheme.matches_work), np.dtype(options.precision).type, len(model.grid)
-    blocked = not numba.config.DISABLE_JIT and options.kernel != "listed"  # blocks are compiled code
+    blocked = _has_kernels(options)
     statistics = BondStatistics(bond_source, scheme.symmetric)
     if model.settings.run.device != "cpu":
         return _make_device_operator(model, options, scheme, bond_source, law, statistics)
@@ -183,21 +184,28 @@ def split_into_marched_bonds_and_contact(operator: Operator) -> tuple[MarchedBon
     return (MarchedTiles(bonds) if isinstance(bonds, SpaceLattice) else None), contact
 
 
+Summed = Literal["tiles", "blocks", "listed"]  # where the bonds of a pair law are
+
+
 def count_bonds_and_bound_stiffness(
     model: Model, options: Options, scheme: Scheme
-) -> tuple[Counted, NDArray[np.float64], bool]:
-    """Numbers (n,) of the bonds of a pair law, the bound (n,) of their stiffness, N/m^4, and whether blocks can have
-    them."""
+) -> tuple[Counted, NDArray[np.float64], Summed]:
+    """Numbers (n,) of the bonds of a pair law, the bound (n,) of their stiffness, N/m^4, and where they will be."""
     tiles = _make_bond_tiles_if_possible(model, options, scheme, False)
     if tiles is not None:
         area = tiles.counted.area
-        return tiles.counted, tiles.stiffness_bound + _stiffness_bound_of_contact_and_supports(model, area), True
+        return tiles.counted, tiles.stiffness_bound + _stiffness_bound_of_contact_and_supports(model, area), "tiles"
     filling = scheme.fill(model)
     statistics = BondStatistics(filling, scheme.symmetric)
-    for _ in statistics.parts():
-        pass
+    in_blocks = can_be_in_blocks(statistics.parts(), model.grid.position.shape) and _has_kernels(options)
     bound = statistics.stiffness_bound + _stiffness_bound_of_contact_and_supports(model, filling.area)
-    return statistics.counted(filling.area), bound, model.grid.dimension == 2
+    return statistics.counted(filling.area), bound, "blocks" if in_blocks else "listed"
+
+
+def where_summed(operator: Operator) -> Summed:
+    """Where the bonds of a pair law are that this operator sums."""
+    bonds = unwrap_bond_operator(operator)
+    return "tiles" if isinstance(bonds, SpaceLattice) else "blocks" if bonds.name == "blocks" else "listed"
 
 
 def _stiffness_bound_of_contact_and_supports(model: Model, volume: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -209,12 +217,17 @@ def _make_bond_tiles_if_possible(
     model: Model, options: Options, scheme: Scheme, bonds_are_unbreakable: bool
 ) -> Tiled | None:
     """The bonds of a body in tiles, where they can be and options do not exclude it."""
-    if model.grid.dimension == 2 or options.kernel == "listed" or numba.config.DISABLE_JIT or not scheme.symmetric:
+    if model.grid.dimension == 2 or not _has_kernels(options) or not scheme.symmetric:
         return None
     pair = law_of(model).pair
     if model.settings.run.device != "cpu" and pair is not None and pair.is_curved:
         return None  # devices know straight lines alone
     return tiled(model, np.dtype(options.precision).type, bonds_are_unbreakable)
+
+
+def _has_kernels(options: Options) -> bool:
+    """Whether bonds may be in tiles or blocks, which are for compiled code."""
+    return options.kernel != "listed" and not numba.config.DISABLE_JIT
 
 
 def compute_stable_time_step(model: Model, operator: Operator) -> float:

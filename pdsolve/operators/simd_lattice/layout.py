@@ -91,6 +91,18 @@ def blocks_of(
     return joined(law, tables, slots, kind, threads)
 
 
+def can_be_in_blocks(parts: Iterable[Any], shape: tuple[int, ...]) -> bool:
+    """Whether the bonds of nodes whose positions have this `shape` (n, d) can be in blocks; all parts are asked for."""
+    (nodes, dimension), bonds, lanes, placed = shape, 0, 0, True
+    tables = Tables(dimension)
+    for part in parts:
+        positions = place(part.bonds, part.first, room_of(nodes), tables) if placed else None
+        placed = positions is not None
+        if positions is not None:
+            bonds, lanes = bonds + len(part.bonds.neighbour), lanes + positions.lane.size
+    return placed and _fill_lanes(bonds, lanes)
+
+
 def room_of(nodes: int) -> int:
     """Places of nodes in whole blocks."""
     return -(-nodes // LANES) * LANES
@@ -98,8 +110,11 @@ def room_of(nodes: int) -> int:
 
 def is_filled(slots: list[Slots]) -> bool:
     """Whether so many lanes have bonds that the nodes are on a lattice."""
-    bonds, lanes = bonds_and_lanes(slots)
-    return bool(bonds) and bonds >= LEAST_FILLED * lanes
+    return _fill_lanes(*bonds_and_lanes(slots))
+
+
+def _fill_lanes(bonds: int, lanes: int) -> bool:
+    return bonds > 0 and bonds >= LEAST_FILLED * lanes
 
 
 def bonds_and_lanes(slots: list[Slots]) -> tuple[int, int]:
