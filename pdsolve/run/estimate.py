@@ -169,19 +169,23 @@ def estimate_run(model: Model, options: Options = DEFAULT) -> Plan:
     plan = plan._replace(cut_bond_count=int((family - count).sum()))
     if splits:
         plan = plan._replace(largest_node_count=most, memory=plan.memory + round((SPLITTING - LISTED) * plan.bonds))
-    if summed == "tiles" and not plan.steps_are_load_steps:
-        bytes_per_node = IN_SPACE if model.grid.lattice is None else LATTICE[options.precision]
-        memory = round(MEMORY[options.mode][0] + bytes_per_node * len(model.grid))
-        plan = plan._replace(wall_time=TILED * plan.wall_time, memory=memory)
-    if summed == "blocks" and model.grid.dimension == 3 and not (moves or plan.steps_are_load_steps):
-        memory = plan.memory + round(IN_BLOCKS * plan.bonds)
-        plan = plan._replace(wall_time=BLOCKED * plan.wall_time, memory=memory)
+    if model.grid.dimension == 3 and summed != "listed" and not plan.steps_are_load_steps:
+        plan = _in_space(plan, model, options, summed == "tiles")
     if along_path:
         plan = plan._replace(wall_time=_estimate_path_wall_time(system, plan), steps_are_path_steps=True)
     if cycle is not None:
         plan = plan._replace(wall_time=(1 + SWELLING / cycle) * plan.wall_time)
     grid = model.grid  # with a moving zone that of the start
     return plan._replace(finest_node_count=int(np.isclose(grid.delta, grid.delta.min()).sum())) if moves else plan
+
+
+def _in_space(plan: Plan, model: Model, options: Options, in_tiles: bool) -> Plan:
+    """The plan of a body in motion from that of a plate with as many bonds in blocks."""
+    if not in_tiles:
+        return plan._replace(wall_time=BLOCKED * plan.wall_time, memory=plan.memory + round(IN_BLOCKS * plan.bonds))
+    bytes_per_node = IN_SPACE if model.grid.lattice is None else LATTICE[options.precision]
+    memory = round(MEMORY[options.mode][0] + bytes_per_node * plan.nodes)
+    return plan._replace(wall_time=TILED * plan.wall_time, memory=memory)
 
 
 def _estimate_path_step_count(run: Run) -> int:

@@ -290,11 +290,14 @@ def _stretch(place: np.ndarray, u: np.ndarray) -> float:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("ratio", "kernel"), [(1.5, "blocks"), (3, "listed")])
+@pytest.mark.parametrize(("model", "kernel"), [("bond", "blocks"), ("correspondence", "listed")])
 def test_how_bonds_were_summed_is_said(
-    solved: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], ratio: float, kernel: str
+    solved: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], model: str, kernel: str
 ) -> None:
-    """Four nodes in a row are too few for tiles if the horizon has three spacings."""
     words = [str(solved / "body.json"), "--set", "run.steps=2", "--threads", "1", "-o", str(tmp_path / "body.sqlite")]
-    assert pdsolve([*words, "--set", f"horizon.ratio={ratio}"]) == 0
+    more = {"model": model, "nu": 0.25, "failure": "none"}
+    assert (
+        pdsolve([*words, *(word for name, value in more.items() for word in ("--set", f"material.{name}={value}"))])
+        == 0
+    )
     assert f"bond updates a second ({kernel})" in capsys.readouterr().out
