@@ -132,7 +132,7 @@ MUTANTS = (
         "tests/laws/test_cohesive.py::test_a_bond_unloads_to_the_origin_and_is_elastic_in_compression",
     ),
     Mutant(
-        "pdsolve/codegen/plane_slots.py",
+        "pdsolve/codegen/block_slots.py",
         "w = code.choose(code.above(e, code.same(0.0)), w, self.whole(slot))",
         "w = self.stiffness(slot)",
         "tests/laws/test_cohesive.py::test_the_fast_kernel_is_the_list",

@@ -2,7 +2,7 @@
 
 vector_code       values of a few lanes in registers, and their instructions
 lanes             lanes as a number type of compiled functions
-plane_slots       the innermost loop over bonds of blocks in the plane
+block_slots       the innermost loop over bonds of blocks in the plane
 clipped_pieces    the forces of clipped bonds in space
 pull              polynomials for the force of a bond
 fused             a product and a sum in one rounding

@@ -69,7 +69,8 @@ class Code:
         view = self._context.make_array(kind)(self._context, self.builder, array)
         if axis == 0:
             return view.data
-        begin = self.builder.gep(self.builder.bitcast(view.data, _BYTE), [self.builder.extract_value(view.strides, 0)])
+        way = self.builder.mul(self.builder.extract_value(view.strides, 0), INT(axis))
+        begin = self.builder.gep(self.builder.bitcast(view.data, _BYTE), [way])
         return self.builder.bitcast(begin, view.data.type)
 
     def load(self, data: Any, at: Any) -> list[Any]:

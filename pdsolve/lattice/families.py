@@ -20,9 +20,9 @@ from numba import njit
 from numba.extending import overload
 from numpy.typing import NDArray
 
+from pdsolve.codegen.block_slots import FAR, LANES, VECTOR
 from pdsolve.codegen.jit_cache import cached_njit
 from pdsolve.codegen.lanes import across, beside, keep, listed, repeated, same, stacked, where_above, which_above
-from pdsolve.codegen.plane_slots import FAR, LANES, VECTOR
 from pdsolve.codegen.pull import NARROW
 from pdsolve.codegen.tile_lanes import bonded, magnitude, stretched
 from pdsolve.codegen.vector_code import ROW

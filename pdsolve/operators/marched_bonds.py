@@ -33,7 +33,7 @@ from pdsolve.lattice.sums import (
     select_breaks,
 )
 from pdsolve.lattice.sums import sum_lanes as sum_lanes_of_tile
-from pdsolve.operators.simd_lattice.kernel import LANES, ONE, PLANE
+from pdsolve.operators.simd_lattice.kernel import LANES, sums_in
 from pdsolve.operators.simd_lattice.kernel import sum_lanes as sum_lanes_of_block
 from pdsolve.operators.simd_lattice.layout import aligned
 from pdsolve.operators.simd_lattice.operator import SimdLattice
@@ -114,7 +114,7 @@ class MarchedBlocks:
     def __init__(self, operator: SimdLattice) -> None:
         self._operator, self.threads = operator, len(operator.blocks.scratch)
         self.group_count = len(operator.blocks.softened)
-        self.axes: tuple[int, ...] = PLANE
+        self.axes: tuple[int, ...] = operator.blocks.axes
         self.u: tuple[NDArray[np.floating], ...] = tuple(operator.tracks.u)
         self.v: tuple[NDArray[np.floating], ...] = (operator.tracks.v,)
 
@@ -271,7 +271,7 @@ def _load_from_sites(bonds, history, state, group, a):  # type: ignore[no-untype
 
 def _load_from_lanes(bonds, history, state, group, a):  # type: ignore[no-untyped-def]
     for lane in range(0, LANES, across(a)):
-        keep(beside(history.a, PLANE, group * LANES + lane), a, lane)
+        keep(beside(history.a, bonds.axes, group * LANES + lane), a, lane)
 
 
 def store_accelerations(bonds: Any, history: Any, state: Any, group: Any, a: Any) -> None:
@@ -294,7 +294,7 @@ def _store_at_sites(bonds, history, state, group, a):  # type: ignore[no-untyped
 
 def _store_in_lanes(bonds, history, state, group, a):  # type: ignore[no-untyped-def]
     for lane in range(0, LANES, across(a)):
-        keep(beside(a, PLANE, lane), history.a, group * LANES + lane)
+        keep(beside(a, bonds.axes, lane), history.a, group * LANES + lane)
 
 
 def sum_group(bonds: Any, history: Any, state: Any, sweep: Any, has_failure_forces: Any, group: Any, f: Any) -> Any:
@@ -360,7 +360,7 @@ def _sum_of_lanes(bonds, history, sweep, group, lane):  # type: ignore[no-untype
 def _sum_lanes_of_block(bonds, history, sweep, group, lane):  # type: ignore[no-untyped-def]
     s = bonds.scratch[0]
     sum_lanes_of_block(bonds, history, sweep.u, sweep.previous_u, sweep.step, group, lane, s)
-    return beside(s, ONE, 0)[0], beside(s, ONE, ROW)[0]
+    return beside(sums_in(s, bonds.axes), bonds.axes, 0)
 
 
 def add_second_forces(bonds: Any, history: Any, sweep: Any, has_failure_forces: Any) -> None:

@@ -21,8 +21,8 @@ from pdsolve.adaptivity.hybrid.bond_breaking import (
 from pdsolve.adaptivity.hybrid.damping import book_damped_energy, damp_forces
 from pdsolve.adaptivity.hybrid.energy import piece_end_displacement, spring_quadratic_strain
 from pdsolve.codegen.atomics import counted, take
+from pdsolve.codegen.block_slots import kick_and_drift
 from pdsolve.codegen.lanes import across
-from pdsolve.codegen.plane_slots import kick_and_drift
 from pdsolve.codegen.vector_code import ROW
 from pdsolve.conditions import factor_at
 from pdsolve.lattice.rows import sum_green, sum_narrow, sum_wide

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pdsolve.codegen.plane_slots import BOUND, PULL
+from pdsolve.codegen.block_slots import BOUND, PULL
 from pdsolve.laws.calls import functions_of
 from pdsolve.laws.law import Law
 from pdsolve.operators.device.padded import Padded

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from pdsolve.codegen.plane_slots import FAR
+from pdsolve.codegen.block_slots import FAR
 from pdsolve.codegen.pull import NARROW, WIDE, coefficients, stretch_coefficients
 from pdsolve.laws.calls import GROWTH
 from pdsolve.laws.law import Function

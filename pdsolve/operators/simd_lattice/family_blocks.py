@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pdsolve.bonds.assembly import Bonds
-from pdsolve.codegen.plane_slots import LANES
+from pdsolve.codegen.block_slots import LANES
 from pdsolve.lattice.families import KIND, FamilySlots
 from pdsolve.laws.bond_arrays import Tabled
 from pdsolve.laws.law import Law

@@ -26,10 +26,23 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from numba import njit, types
-from numba.extending import overload, register_jitable
+from numba.extending import intrinsic, overload, register_jitable
 from numpy.typing import NDArray
 
-from pdsolve.codegen import plane_slots
+from pdsolve.codegen.block_slots import (
+    BOUND,
+    FAR,
+    PULL,
+    VECTOR,
+    add_any,
+    add_any_one_sided,
+    add_far,
+    add_far_one_sided,
+    add_slots,
+)
+from pdsolve.codegen.block_slots import (
+    LANES as LANES,
+)
 from pdsolve.codegen.inner_functions import INNER as INNER
 from pdsolve.codegen.jit_cache import cached_njit
 from pdsolve.codegen.lanes import (
@@ -43,22 +56,8 @@ from pdsolve.codegen.lanes import (
     where_above,
     which_above,
 )
-from pdsolve.codegen.plane_slots import (
-    BOUND,
-    FAR,
-    PULL,
-    VECTOR,
-    add_any,
-    add_any_one_sided,
-    add_far,
-    add_far_one_sided,
-    add_slots,
-)
-from pdsolve.codegen.plane_slots import (
-    LANES as LANES,
-)
 from pdsolve.codegen.pull import NARROW, coefficients, stretch_coefficients
-from pdsolve.codegen.vector_code import ROW
+from pdsolve.codegen.vector_code import INT, ROW
 from pdsolve.lattice.bond import (
     advanced,
     current_vector,
@@ -68,7 +67,6 @@ from pdsolve.lattice.bond import (
     where_inverse,
     zeros,
 )
-from pdsolve.lattice.slots import NONE, add_any_stretch, add_near, row_of, sum_consecutive, sums_in
 from pdsolve.laws.calls import (
     added_force,
     bond_strain_energy,
@@ -88,13 +86,10 @@ SQUARE = NARROW * NARROW
 PENDING, PENDING_SHORT = -np.inf, -1e30
 LIMITS = 7  # of a slot: row of `peak` and `limit`
 
-# Where a thread's scratch has the sums of the whole block in the plane
-FX, FY = plane_slots.SCRATCH, plane_slots.SCRATCH + LANES
-
 
 def scratch_size(dimension: int) -> int:
-    """Numbers that a thread's scratch has room for: sums of a row along each axis, its e, and sums of the block."""
-    return (dimension + 1) * ROW + dimension * LANES
+    """Numbers that a thread's scratch has room for: sums of a row along each axis, and its e."""
+    return (dimension + 1) * ROW
 
 
 class Blocks(NamedTuple):
@@ -181,8 +176,6 @@ def sum_lanes(blocks: Any, tracks: Any, u: Any, before: Any, step: Any, b: Any, 
 @overload(sum_lanes, jit_options=INNER | {"forceinline": True})
 def _sum_lanes(blocks, tracks, u, before, step, b, lane, s):  # type: ignore[no-untyped-def]
     pair = _pair(blocks)
-    if not pair.is_curved and len(blocks.types[Blocks._fields.index("axes")]) == 3:
-        return _sum_in_space
     if pair.elastic_in_compression:
         return _sum_one_sided
     return _sum_curved if pair.is_curved else _sum_straight
@@ -193,46 +186,61 @@ def _pair(blocks: Any) -> Pair:
     return pair_of(blocks.types[Blocks._fields.index("law")])
 
 
-def _sum_in_space(blocks, tracks, u, before, step, b, lane, s):  # type: ignore[no-untyped-def]
-    row, updated = (b * LANES + lane) // ROW, np.int64(NONE)
-    at, last = blocks.start_of_rows[row], blocks.start_of_rows[row + 1]
-    at = sum_consecutive(blocks, tracks.shrink, u, b, lane, at, updated, s)
-    at = add_near(blocks, tracks.shrink, u, b, lane, at, updated, s)
-    while at < last:
-        at = add_any_stretch(blocks, tracks.shrink, u, b, lane, at, updated, s)
-        if at < last:
-            _update_bonds(blocks, tracks, u, before, step, blocks.of_rows[at], b, lane, s)
-            updated = at
+def turns_of(blocks: Any, b: Any, lane: Any) -> Any:
+    """The first turn of a row of lanes and the one after the last: slots of the block, in space entries of the row."""
+
+
+@overload(turns_of, jit_options=INNER | {"forceinline": True})
+def _turns_of(blocks, b, lane):  # type: ignore[no-untyped-def]
+    if len(blocks.types[Blocks._fields.index("axes")]) == 2:
+        return lambda blocks, b, lane: (blocks.start[b], blocks.start[b + 1])
+
+    def of_row(blocks, b, lane):  # type: ignore[no-untyped-def]
+        row = (b * LANES + lane) // ROW
+        return blocks.start_of_rows[row], blocks.start_of_rows[row + 1]
+
+    return of_row
+
+
+@njit(forceinline=True, **INNER)
+def _slot_at(blocks, turn):  # type: ignore[no-untyped-def]
+    """The slot whose turn it is."""
+    return turn if len(blocks.axes) == 2 else np.int64(blocks.of_rows[turn])
+
+
+@njit(forceinline=True, **INNER)
+def _table(blocks, u):  # type: ignore[no-untyped-def]
+    """What the loops over slots read."""
+    of_slots = blocks.slots, blocks.ids, blocks.vectors, blocks.stiffness, blocks.near, blocks.edge, blocks.whole
+    return (blocks.axes, u, *of_slots, blocks.of_rows)
 
 
 def _sum_straight(blocks, tracks, u, before, step, b, lane, s):  # type: ignore[no-untyped-def]
-    table = u, blocks.slots, blocks.ids, blocks.vectors, blocks.stiffness, blocks.near, blocks.edge, blocks.whole
-    shrink = tracks.shrink
-    slot, last, node = blocks.start[b], blocks.start[b + 1], b * LANES + lane
-    for k in range(2 * ROW):
+    table, shrink, node = _table(blocks, u), tracks.shrink, b * LANES + lane
+    turn, last = turns_of(blocks, b, lane)
+    for k in range(len(blocks.axes) * ROW):
         s[k] = 0
-    slot = add_slots(*table, shrink, slot, last, node, lane, s)
-    while slot < last:
-        slot = add_any(*table, shrink, slot, last, node, lane, s)
-        if slot < last:
-            _update_bonds(blocks, tracks, u, before, step, slot, b, lane, s)
-            slot = add_far(*table, shrink, slot, slot + 1, node, lane, s)
+    turn = add_slots(*table, shrink, turn, last, node, lane, s)
+    while turn < last:
+        turn = add_any(*table, shrink, turn, last, node, lane, s)
+        if turn < last:
+            _update_bonds(blocks, tracks, u, before, step, _slot_at(blocks, turn), b, lane, s)
+            turn = add_far(*table, shrink, turn, turn + 1, node, lane, s)
 
 
 def _sum_one_sided(blocks, tracks, u, before, step, b, lane, s):  # type: ignore[no-untyped-def]
     if not blocks.softened[b]:
         sum_of_straight(blocks, tracks, u, before, step, b, lane, s)
         return
-    table = u, blocks.slots, blocks.ids, blocks.vectors, blocks.stiffness, blocks.near, blocks.edge, blocks.whole
-    shrink = tracks.shrink
-    slot, last, node = blocks.start[b], blocks.start[b + 1], b * LANES + lane
-    for k in range(2 * ROW):
+    table, shrink, node = _table(blocks, u), tracks.shrink, b * LANES + lane
+    turn, last = turns_of(blocks, b, lane)
+    for k in range(len(blocks.axes) * ROW):
         s[k] = 0
-    while slot < last:
-        slot = add_any_one_sided(*table, shrink, slot, last, node, lane, s)
-        if slot < last:
-            _update_bonds(blocks, tracks, u, before, step, slot, b, lane, s)
-            slot = add_far_one_sided(*table, shrink, slot, slot + 1, node, lane, s)
+    while turn < last:
+        turn = add_any_one_sided(*table, shrink, turn, last, node, lane, s)
+        if turn < last:
+            _update_bonds(blocks, tracks, u, before, step, _slot_at(blocks, turn), b, lane, s)
+            turn = add_far_one_sided(*table, shrink, turn, turn + 1, node, lane, s)
 
 
 def _sum_curved(blocks, tracks, u, before, step, b, lane, s):  # type: ignore[no-untyped-def]
@@ -273,6 +281,27 @@ sum_of_straight = register_jitable(**INNER)(_sum_straight)
 @njit(forceinline=True, **INNER)
 def _polynomial(p, e):  # type: ignore[no-untyped-def]
     return ((((p[5] * e + p[4]) * e + p[3]) * e + p[2]) * e + p[1]) * e + p[0]
+
+
+@njit(forceinline=True, **INNER)
+def row_of(table, row, lane):  # type: ignore[no-untyped-def]
+    """The lanes from `lane` on of a row of a table (., 64)."""
+    return beside(table, ONE, np.int64(row) * LANES + lane)[0]
+
+
+@intrinsic
+def sums_in(typingctx, s, like):  # type: ignore[no-untyped-def]
+    """The sums of forces at the beginning of a scratch as an array (d, 16); a tuple has d entries."""
+    view = types.Array(s.dtype, 2, "C")
+
+    def generate(context, builder, signature, values):  # type: ignore[no-untyped-def]
+        data = context.make_array(s)(context, builder, values[0]).data
+        sums, size = context.make_array(view)(context, builder), s.dtype.bitwidth // 8
+        shape, strides = [INT(len(like)), INT(ROW)], [INT(ROW * size), INT(size)]
+        context.populate_array(sums, data=data, shape=shape, strides=strides, itemsize=INT(size), meminfo=None)
+        return sums._getvalue()
+
+    return view(s, like), generate
 
 
 def worst_lanes(law: Any, worst: Any, slot: Any, lane: Any, none: Any) -> Any:

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pdsolve.checkpoint_validation import entry
-from pdsolve.codegen.plane_slots import BOUND
+from pdsolve.codegen.block_slots import BOUND
 from pdsolve.laws.calls import bind
 from pdsolve.laws.law import Law
 from pdsolve.numerics.thread_team import side_by_side

@@ -4,11 +4,13 @@ numba's own loops over lanes look at every slot whether arrays overlap and keep 
 vectors the same sum takes half of the time. Each lane is computed alike, to the same bits, however wide a processor's
 vectors are.
 
-    u, after       (2, m) displacements of all lanes, now and one step on        s   (ACROSS,) a thread's scratch:
-    slots, ids, vectors, stiffness, near, edge,                                       sums of forces, x then y, then e
-    whole          of `kernel.Blocks`
+    axes           as many entries as there are axes, d
+    u, after       (d, m) displacements of all lanes, now and one step on        s   (ACROSS,) a thread's scratch:
+    slots, ids, vectors, stiffness, near, edge,                                       sums of forces, axis by axis,
+    whole, of_rows of `kernel.Blocks`                                                 then e
     shrink         (m,) minus half the strain of a free node: a bond is relieved of that of both ends; or None
     lane           of the block, the first of `across` that are summed; own   its node
+    turn           a slot of the block; in space the place in `of_rows` of one in which the row of lanes has bonds
 """
 
 from __future__ import annotations
@@ -26,10 +28,13 @@ from pdsolve.codegen.vector_code import INT, ROW, Code
 LANES = 4 * ROW  # of a block
 FIELDS = 8  # of a slot
 VECTOR, PULL, BOUND = 4, 5, 6  # behind the bases of its four rows
-FY, E = ROW, 2 * ROW  # where the sums along y, and e, begin in s
-SCRATCH = 3 * ROW
 FAR = 1 << 30  # more than any way between two nodes
 SELDOM = (1, 1000)  # weights of a branch that is seldom taken, and of its other
+
+
+def vector_width(dimension: int) -> int:
+    """Numbers of a reference vector: xi, 2 xi / xi.xi, 1 / xi.xi, |xi| and its inverse, in the plane one of none."""
+    return max(8, 2 * dimension + 3)
 
 
 class _Bonds:
@@ -38,25 +43,31 @@ class _Bonds:
     def __init__(self, code: Code, kinds: Any, values: Any) -> None:
         """`values` are the arguments of `add_slots`, of the types `kinds`."""
         self._code = code
-        arrays = zip(kinds[:8], values[:8], strict=True)
-        self.u = [code.data(kinds[0], values[0], axis) for axis in (0, 1)]
-        if not isinstance(kinds[8], types.NoneType):
-            self.u.append(code.data(kinds[8], values[8]))
-        _, self._slots, self.ids, self._vectors, self._stiffness, self._near, self._edge, self._whole = (
-            code.data(kind, array) for kind, array in arrays
+        self.axes = len(kinds[0])
+        self.u = [code.data(kinds[1], values[1], axis) for axis in range(self.axes)]
+        if not isinstance(kinds[10], types.NoneType):
+            self.u.append(code.data(kinds[10], values[10]))
+        arrays = (code.data(*array) for array in zip(kinds[2:10], values[2:10], strict=True))
+        self._slots, self.ids, self._vectors, self._stiffness, self._near, self._edge, self._whole, self._of_rows = (
+            arrays
         )
         self._node, self._lane = values[-3:-1]
         self._row = code.builder.sdiv(self._lane, INT(ROW))
         self.own = [code.load(component, self._node) for component in self.u]
+
+    def slot(self, turn: Any) -> Any:
+        """The slot whose turn it is."""
+        return turn if self.axes == 2 else self._code.integer(self._of_rows, turn)
 
     def way(self, slot: Any) -> Any:
         """Offset from a node of the row to its neighbour; or FAR + row of ids."""
         return self._field(slot, self._row)
 
     def reference(self, slot: Any) -> list[list[Any]]:
-        """xi and 2 xi / xi.xi, both components, and 1 / xi.xi."""
-        code, at = self._code, self._code.builder.mul(self._field(slot, INT(VECTOR)), INT(FIELDS))
-        return [code.same(self._element(self._vectors, code.builder.add(at, INT(c)))) for c in range(5)]
+        """xi and 2 xi / xi.xi, all components, and 1 / xi.xi."""
+        code, d = self._code, self.axes
+        at = code.builder.mul(self._field(slot, INT(VECTOR)), INT(vector_width(d)))
+        return [code.same(self._element(self._vectors, code.builder.add(at, INT(c)))) for c in range(2 * d + 1)]
 
     def beside(self, way: Any) -> list[list[Any]]:
         """Displacements of consecutive neighbours, and their shrinkage, if there is any."""
@@ -70,19 +81,19 @@ class _Bonds:
         at = builder.add(row, builder.srem(self._lane, INT(ROW)))
         return [self._code.gather(component, self.ids, at) for component in self.u]
 
-    def deformed(
-        self, reference: list[list[Any]], neighbour_values: list[list[Any]]
-    ) -> tuple[list[Any], list[Any], list[Any]]:
-        """Both components of eta, and e."""
-        code, (x, y, x2, y2, inverse) = self._code, reference
-        eta_x, eta_y = (code.sub(far, near) for far, near in zip(neighbour_values[:2], self.own[:2], strict=True))
-        for far, near in zip(neighbour_values[2:], self.own[2:], strict=True):
+    def deformed(self, reference: list[list[Any]], neighbour_values: list[list[Any]]) -> list[list[Any]]:
+        """All components of eta, and e."""
+        code, d, inverse = self._code, self.axes, reference[-1]
+        eta = [code.sub(far, near) for far, near in zip(neighbour_values[:d], self.own[:d], strict=True)]
+        for far, near in zip(neighbour_values[d:], self.own[d:], strict=True):
             shrink = code.add(far, near)
-            eta_x, eta_y = code.fma(shrink, x, eta_x), code.fma(shrink, y, eta_y)
-        along_x = code.mul(code.fma(inverse, eta_x, x2), eta_x)
-        return eta_x, eta_y, code.fma(code.fma(inverse, eta_y, y2), eta_y, along_x)
+            eta = [code.fma(shrink, xi, along) for xi, along in zip(reference[:d], eta, strict=True)]
+        e = code.mul(code.fma(inverse, eta[0], reference[d]), eta[0])
+        for along, doubled in zip(eta[1:], reference[d + 1 : 2 * d], strict=True):
+            e = code.fma(code.fma(inverse, along, doubled), along, e)
+        return [*eta, e]
 
-    def deformation(self, loop: _Loop) -> tuple[list[list[Any]], list[Any], list[Any], list[Any]]:
+    def deformation(self, loop: _Loop) -> tuple[list[list[Any]], list[list[Any]], list[Any]]:
         """Reference of a slot with neighbours anywhere, eta, and e, which is 0 without a bond."""
         code, builder, blocks = self._code, self._code.builder, loop.blocks
         way, reference = self.way(loop.slot), self.reference(loop.slot)
@@ -96,9 +107,9 @@ class _Bonds:
         loop.go_on("found")
         pairs = zip(consecutive, listed, strict=True)
         neighbour_values = [code.merge([(a, blocks["beside"]), (b, blocks["listed"])]) for a, b in pairs]
-        eta_x, eta_y, e = self.deformed(reference, neighbour_values)
+        *eta, e = self.deformed(reference, neighbour_values)
         nothing = code.each(lambda row: builder.fcmp_unordered("==", row, code.same(np.inf)[0]), self.near(loop.slot))
-        return reference, eta_x, eta_y, code.choose(nothing, code.same(0.0), e)
+        return reference, eta, code.choose(nothing, code.same(0.0), e)
 
     def stiffness(self, slot: Any) -> list[Any]:
         """w of each lane, 0 without a bond."""
@@ -134,7 +145,7 @@ class _Bonds:
         pull = code.mul(code.mul(w, e), g)
         return [
             code.fma(pull, code.add(xi, along), total)
-            for xi, along, total in zip(reference[:2], eta, sums, strict=True)
+            for xi, along, total in zip(reference[: self.axes], eta, sums, strict=True)
         ]
 
     def _field(self, slot: Any, number: Any) -> Any:
@@ -150,6 +161,7 @@ class _Bonds:
 
 
 def _signature(*arrays: Any) -> Any:
+    """Of the functions below, whose arguments are all of `add_slots` but numbers."""
     numbers = (types.int64,) * 4
     return types.int64(*arrays[:-1], *numbers, arrays[-1])
 
@@ -161,16 +173,17 @@ class _Loop:
         """`values` are the arguments of `add_slots`; `names` are the blocks of code to fill."""
         builder = code.builder
         began, function = builder.block, builder.function
-        self._code, self._kept = code, scratch
+        self._code, self._kept, self._at_sums = code, scratch, [INT(ROW * axis) for axis in range(bonds.axes)]
         self.blocks = {name: function.append_basic_block(name) for name in ("head", "look", *names, "add", "leave")}
-        sums = [code.load(scratch, INT(at)) for at in (0, FY)]
+        sums = [code.load(scratch, at) for at in self._at_sums]
         builder.branch(self.blocks["head"])
         self.go_on("head")
-        self.slot = builder.phi(INT)
-        self.slot.add_incoming(values[9], began)
+        self._turn = builder.phi(INT)
+        self._turn.add_incoming(values[11], began)
         self.sums = [code.merge([(total, began)]) for total in sums]
-        builder.cbranch(builder.icmp_signed("<", self.slot, values[10]), self.blocks["look"], self.blocks["leave"])
+        builder.cbranch(builder.icmp_signed("<", self._turn, values[12]), self.blocks["look"], self.blocks["leave"])
         self.go_on("look")
+        self.slot = bonds.slot(self._turn)
 
     def go_on(self, name: str) -> None:
         """Write the following code into this block."""
@@ -183,26 +196,26 @@ class _Loop:
         self.go_on(name)
 
     def end(self, after: list[list[Any]]) -> Any:
-        """Go to the next slot with these sums; returns the slot at which the loop stopped."""
+        """Go to the next slot with these sums; returns the turn at which the loop stopped."""
         builder, add = self._code.builder, self.blocks["add"]
-        self.slot.add_incoming(builder.add(self.slot, INT(1)), add)
+        self._turn.add_incoming(builder.add(self._turn, INT(1)), add)
         for phis, totals in zip(self.sums, after, strict=True):
             for phi, total in zip(phis, totals, strict=True):
                 phi.add_incoming(total, add)
         builder.branch(self.blocks["head"])
         self.go_on("leave")
-        for total, at in zip(self.sums, (0, FY), strict=True):
-            self._code.store(total, self._kept, INT(at))
-        return self.slot
+        for total, at in zip(self.sums, self._at_sums, strict=True):
+            self._code.store(total, self._kept, at)
+        return self._turn
 
 
 @intrinsic
 def add_slots(  # type: ignore[no-untyped-def]
-    typingctx, u, slots, ids, vectors, stiffness, near, edge, intact_rows, shrink, first, last, node, lane, s
+    typingctx, axes, u, slots, ids, vectors, stiffness, near, edge, whole, of_rows, shrink, first, last, node, lane, s
 ):
-    """Add the forces of slots `first` to `last` - 1 of a block to the sums in s, for the lanes from `lane` on.
+    """Add the forces of the turns `first` to `last` - 1 of a block to the sums in s, for the lanes from `lane` on.
 
-    Returns the first slot with neighbours that are not consecutive or with an |e| above `near`, or `last`.
+    Returns the first turn with neighbours that are not consecutive or with an |e| above `near`, or `last`.
     """
 
     def generate(context, builder, signature, values):  # type: ignore[no-untyped-def]
@@ -217,25 +230,43 @@ def add_slots(  # type: ignore[no-untyped-def]
         g = code.polynomial(code.coefficients[0], e)
         return loop.end(bonds.pulled(loop.slot, reference, eta, e, g, loop.sums))
 
-    return _signature(u, slots, ids, vectors, stiffness, near, edge, intact_rows, shrink, s), generate
+    return _signature(axes, u, slots, ids, vectors, stiffness, near, edge, whole, of_rows, shrink, s), generate
 
 
 def _adding_any(one_sided: bool) -> Callable[..., Any]:
     """The loop for neighbours anywhere and |e| up to WIDE; `one_sided` as in `_Bonds.pulled`."""
 
     @intrinsic
-    def add(typingctx, u, slots, ids, vectors, stiffness, near, edge, intact_rows, shrink, first, last, node, lane, s):  # type: ignore[no-untyped-def]
+    def add(  # type: ignore[no-untyped-def]
+        typingctx,
+        axes,
+        u,
+        slots,
+        ids,
+        vectors,
+        stiffness,
+        near,
+        edge,
+        whole,
+        of_rows,
+        shrink,
+        first,
+        last,
+        node,
+        lane,
+        s,
+    ):
         def generate(context, builder, signature, values):  # type: ignore[no-untyped-def]
             code = Code(context, builder, u.dtype)
             bonds, scratch = _Bonds(code, signature.args, values), code.data(s, values[-1])
             loop = _Loop(code, bonds, values, scratch, ("beside", "listed", "found", "strange", "usual", "wide"))
-            slot, (reference, *eta, e) = loop.slot, bonds.deformation(loop)
+            slot, (reference, eta, e) = loop.slot, bonds.deformation(loop)
             size = code.magnitude(e)
             usual_limit = code.least(bonds.edge(slot), code.same(WIDE))
             strange = code.each(builder.or_, code.above(e, usual_limit), code.above(size, code.same(WIDE)))
             builder.cbranch(code.some(strange), loop.blocks["strange"], loop.blocks["usual"]).set_weights(SELDOM)
             loop.go_on("strange")
-            code.store(e, scratch, INT(E))
+            code.store(e, scratch, INT(ROW * bonds.axes))
             builder.branch(loop.blocks["leave"])
             loop.go_on("usual")
             narrow, beyond = code.polynomial(code.coefficients[0], e), code.above(size, code.same(NARROW))
@@ -247,7 +278,7 @@ def _adding_any(one_sided: bool) -> Callable[..., Any]:
             g = code.merge([(narrow, loop.blocks["usual"]), (wide, loop.blocks["wide"])])
             return loop.end(bonds.pulled(slot, reference, eta, e, g, loop.sums, one_sided))
 
-        return _signature(u, slots, ids, vectors, stiffness, near, edge, intact_rows, shrink, s), generate
+        return _signature(axes, u, slots, ids, vectors, stiffness, near, edge, whole, of_rows, shrink, s), generate
 
     view: Callable[..., Any] = add
     return view
@@ -257,12 +288,30 @@ def _adding_far(one_sided: bool) -> Callable[..., Any]:
     """The loop for any stretch; `one_sided` as in `_Bonds.pulled`."""
 
     @intrinsic
-    def add(typingctx, u, slots, ids, vectors, stiffness, near, edge, intact_rows, shrink, first, last, node, lane, s):  # type: ignore[no-untyped-def]
+    def add(  # type: ignore[no-untyped-def]
+        typingctx,
+        axes,
+        u,
+        slots,
+        ids,
+        vectors,
+        stiffness,
+        near,
+        edge,
+        whole,
+        of_rows,
+        shrink,
+        first,
+        last,
+        node,
+        lane,
+        s,
+    ):
         def generate(context, builder, signature, values):  # type: ignore[no-untyped-def]
             code = Code(context, builder, u.dtype)
             bonds, scratch = _Bonds(code, signature.args, values), code.data(s, values[-1])
             loop = _Loop(code, bonds, values, scratch, ("beside", "listed", "found"))
-            slot, (reference, *eta, e) = loop.slot, bonds.deformation(loop)
+            slot, (reference, eta, e) = loop.slot, bonds.deformation(loop)
             builder.branch(loop.blocks["add"])
             loop.go_on("add")
             size, ones = code.magnitude(e), code.same(1.0)
@@ -273,14 +322,14 @@ def _adding_far(one_sided: bool) -> Callable[..., Any]:
             g = code.choose(code.above(size, code.same(WIDE)), exact, g)
             return loop.end(bonds.pulled(slot, reference, eta, e, g, loop.sums, one_sided))
 
-        return _signature(u, slots, ids, vectors, stiffness, near, edge, intact_rows, shrink, s), generate
+        return _signature(axes, u, slots, ids, vectors, stiffness, near, edge, whole, of_rows, shrink, s), generate
 
     view: Callable[..., Any] = add
     return view
 
 
-# Add the forces of slots `first` to `last` - 1 to the sums in s, for neighbours anywhere and |e| up to WIDE. Returns
-# the first slot with a larger |e|, or with an e above `edge` (its lanes are stored in s); or `last`.
+# Add the forces of the turns `first` to `last` - 1 to the sums in s, for neighbours anywhere and |e| up to WIDE.
+# Returns the first turn with a larger |e|, or with an e above `edge` (its lanes are stored in s); or `last`.
 add_any, add_any_one_sided = _adding_any(False), _adding_any(True)
 # Likewise for any stretch
 add_far, add_far_one_sided = _adding_far(False), _adding_far(True)
@@ -299,7 +348,7 @@ def kick_and_drift(typingctx, u, after, v, lightness, dt, half, node, s):  # typ
         step, half_a_step = code.same(values[4]), code.same(values[5])
         at, scratch = values[6], code.data(s, values[7])
         light = code.load(code.data(lightness, values[3]), at)
-        for axis, first in enumerate((0, FY)):
+        for axis, first in enumerate((0, ROW)):
             speeds = code.data(v, values[2], axis)
             kick = code.mul(half_a_step, code.mul(code.load(scratch, INT(first)), light))
             speed = code.add(code.add(code.load(speeds, at), kick), kick)
