@@ -406,6 +406,35 @@ def test_a_body_in_tiles_or_blocks_is_the_one_in_a_list(
     assert tiled.system.operator.stiffness_bound() == pytest.approx(listed.system.operator.stiffness_bound())
 
 
+@pytest.mark.quick_cases(1)
+@pytest.mark.parametrize("body", [cubic, graded])
+@pytest.mark.parametrize("law", ["brittle", "bilinear", "cohesive"])
+def test_a_body_torn_in_motion_is_the_one_in_a_list(law: str, body: Callable[..., Model]) -> None:
+    """Bonds that break in a step pull for a second time in the next one; measured 2e-14 and less."""
+    model, found = body(Run(time_step=2e-8), law=law, kr=3.0, **({"f_t": 70e6} if law == "cohesive" else {})), []
+    for kernel in ("listed", "blocks"):
+        system, state = prepare(model, Options(kernel=kernel, threads=1))
+        random, x = np.random.default_rng(3), model.grid.position
+        far = H if law == "brittle" else 4 * H
+        state.value[:] = 3e-4 * far * random.standard_normal(state.value.shape)
+        state.rate[:] = 4e3 * far * random.standard_normal(state.value.shape)
+        system.stepper.advance(state, 1, 4)
+        system.stepper.advance(state, 4, 9)
+        broken, kept = system.operator.broken(), system.operator.checkpoint_arrays()
+        arrays = [*state[:4], *system.operator.energies(state)]
+        if law != "brittle":
+            ends = kept["worst_source"], kept["worst_target"]
+            gone = np.isin(*(one * len(x) + other for one, other in (ends, broken[1:])))  # of which not all remember
+            arrays.append(np.sort(kept["worst"][~gone]))
+        found.append((arrays, sorted(zip(*broken, strict=True)), np.unique(broken.step), len(kept["pending"])))
+    (listed, expected, steps, pending), (fast, broken_bonds, *_, as_pending) = found
+    assert broken_bonds == expected
+    assert len(steps) > 3
+    assert pending == as_pending
+    for one, other in zip(fast, listed, strict=True):
+        assert one == pytest.approx(other, rel=0, abs=1e-12 * float(np.abs(other).max(initial=0.0)))
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("body", [cubic, graded])
 def test_softened_bodies_are_kept_to_the_same_bits(body: Callable[..., Model]) -> None:
