@@ -66,10 +66,12 @@ def without_runtime() -> Callable[[], Failing]:
     return lambda: failing
 
 
-def bar(law: dict[str, Any] | None = None, **settings: Any) -> Model:
-    """A bar of two materials, bent and pulled until it breaks."""
+def bar(law: dict[str, Any] | None = None, fine: float | None = None, **settings: Any) -> Model:
+    """A bar of two materials, bent and pulled until it breaks; with nodes of the spacing `fine` in its middle."""
     brittle = Material(E=1e6, rho=1000.0, G0=3.0, micromodulus="constant", plane="space", **(law or {}))
     body = Body(Box((0, 0, 0), (0.7, 0.5, 0.4)), 0.05, brittle).fix("left").load("right", (4e4, 0, 1e3))
+    if fine is not None:
+        body = body.zone(Box((0.3, 0.2, 0.1), (0.5, 0.4, 0.3)), fine)
     found = build(meshed(body))
     stiffer = Region(material=msgspec.structs.replace(brittle, E=2e6), box=(0.0, 0.0, 0.0, 0.35, 1.0, 1.0))
     return Model(found.grid, msgspec.structs.replace(found.settings, regions=(stiffer,), **settings))

@@ -30,11 +30,8 @@ FIELDS = 8  # of a slot
 VECTOR, PULL, BOUND = 4, 5, 6  # behind the bases of its four rows
 FAR = 1 << 30  # more than any way between two nodes
 SELDOM = (1, 1000)  # weights of a branch that is seldom taken, and of its other
-
-
-def vector_width(dimension: int) -> int:
-    """Numbers of a reference vector: xi, 2 xi / xi.xi, 1 / xi.xi, |xi| and its inverse, in the plane one of none."""
-    return max(8, 2 * dimension + 3)
+# Numbers of a reference vector in a dimension: xi, 2 xi / xi.xi, 1 / xi.xi, |xi| and its inverse; to a round number
+VECTOR_WIDTH = {2: 8, 3: 9}
 
 
 class _Bonds:
@@ -66,7 +63,7 @@ class _Bonds:
     def reference(self, slot: Any) -> list[list[Any]]:
         """xi and 2 xi / xi.xi, all components, and 1 / xi.xi."""
         code, d = self._code, self.axes
-        at = code.builder.mul(self._field(slot, INT(VECTOR)), INT(vector_width(d)))
+        at = code.builder.mul(self._field(slot, INT(VECTOR)), INT(VECTOR_WIDTH[d]))
         return [code.same(self._element(self._vectors, code.builder.add(at, INT(c)))) for c in range(2 * d + 1)]
 
     def beside(self, way: Any) -> list[list[Any]]:

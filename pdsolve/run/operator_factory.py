@@ -16,8 +16,8 @@ from pdsolve.model import Model, ModelError
 from pdsolve.operators.bond_list import BondList
 from pdsolve.operators.contact.at_rest import RestingContact
 from pdsolve.operators.contact.operator import PenaltyContact, touch_bound
+from pdsolve.operators.device.blocks import BlocksOnDevice
 from pdsolve.operators.device.families import FamiliesOnDevice
-from pdsolve.operators.device.plane import PlaneOnDevice
 from pdsolve.operators.device.runtime import Session
 from pdsolve.operators.device.space import SpaceOnDevice
 from pdsolve.operators.ground_supports import support_bound, supported
@@ -107,15 +107,10 @@ def _make_device_operator(
     if law.pair is None or law.pair.is_curved:
         raise ModelError(f"{model.name}: $.run.device: the law is no straight line; use cpu for such a law")
     session, kind = Session(model.settings.run.device), np.dtype(options.precision).type
-    if model.grid.dimension == 3:
-        raise ModelError(
-            f"{model.name}: $.run.device: the body's bonds are listed one by one; use cpu, or equal cells on one"
-            " cubic lattice that is wider than a horizon, material.sight visibility, and one micromodulus"
-        )
     blocks = blocks_of(law, statistics.parts(), model.grid.position.shape, kind, 1)
     if blocks is None:
         raise ModelError(f"{model.name}: $.run.device: nodes are on no lattice; use cpu, or nodes on one")
-    operator = PlaneOnDevice(law, blocks, statistics.stiffness_bound, scheme.symmetric, statistics.softens, session)
+    operator = BlocksOnDevice(law, blocks, statistics.stiffness_bound, scheme.symmetric, statistics.softens, session)
     return operator, statistics.counted(bond_source.area)
 
 

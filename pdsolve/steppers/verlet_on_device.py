@@ -11,15 +11,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pdsolve.conditions import Drive, Entries, put_loads
+from pdsolve.operators.device.blocks import BlocksOnDevice
 from pdsolve.operators.device.factors import AT_ONCE, Factors
 from pdsolve.operators.device.families import FamiliesOnDevice
-from pdsolve.operators.device.plane import PlaneOnDevice
 from pdsolve.operators.device.source import preamble, text_of
 from pdsolve.operators.device.space import SpaceOnDevice
 from pdsolve.operators.simd_lattice.kernel import LANES
 from pdsolve.state import State
 
-OnDevice = PlaneOnDevice | SpaceOnDevice | FamiliesOnDevice
+OnDevice = BlocksOnDevice | SpaceOnDevice | FamiliesOnDevice
 STARTS, ENDS = 1, 2  # phases of the kernel
 
 

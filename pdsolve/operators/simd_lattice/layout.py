@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from pdmesh.model.neighbours import lengths
 from pdsolve.checkpoint_validation import expect_found
-from pdsolve.codegen.block_slots import BOUND, FAR, PULL, VECTOR, vector_width
+from pdsolve.codegen.block_slots import BOUND, FAR, PULL, VECTOR, VECTOR_WIDTH
 from pdsolve.codegen.pull import NARROW
 from pdsolve.codegen.vector_code import ROW
 from pdsolve.lattice.bond import where_inverse
@@ -166,7 +166,7 @@ def reference_table(tables: Tables) -> NDArray[np.float64]:
     xi = tables.xi()
     inverse = 1 / (xi**2).sum(axis=1)
     columns = np.column_stack([xi, 2 * xi * inverse[:, None], inverse, lengths(xi), np.sqrt(inverse)])
-    return np.column_stack([columns, np.zeros((len(xi), vector_width(tables.dimension) - columns.shape[1]))])
+    return np.column_stack([columns, np.zeros((len(xi), VECTOR_WIDTH[tables.dimension] - columns.shape[1]))])
 
 
 class Placed(NamedTuple):

@@ -44,7 +44,7 @@ class SimdLattice:
         self._law, self._pair = law, law.pair
         remembers = law.pair.softening is not None and (softens or law.pair.is_curved)
         d = len(blocks.axes)
-        self.unknowns: tuple[Unknown, ...] = law.unknowns(d)
+        self.unknowns: tuple[Unknown, ...] = (Unknown("u", d, 2),)
         self.blocks, self.symmetric = blocks, symmetric
         self._stiffness_bound, self._whole = bound, blocks.mask.copy()
         none = np.zeros(0, dtype=np.int64)

@@ -16,7 +16,7 @@ from system_checks import broken, kept
 from pdmesh.model.document import Displacement, InitialVelocity, Run, Velocity
 from pdsolve.model import Model, on_device
 from pdsolve.operators.device import runtime
-from pdsolve.operators.device.plane import PlaneOnDevice
+from pdsolve.operators.device.blocks import BlocksOnDevice
 from pdsolve.results import Results
 from pdsolve.run import operator_factory
 from pdsolve.run.prepare import prepare
@@ -97,8 +97,8 @@ def test_a_node_a_work_item(monkeypatch: pytest.MonkeyPatch) -> None:
 @pytest.mark.slow
 def test_short_bonds_are_summed_in_vectors(monkeypatch: pytest.MonkeyPatch) -> None:
     """Without the form for one node, a plate moves as it should as long as its bonds are short."""
-    source_of = PlaneOnDevice.source
-    monkeypatch.setattr(PlaneOnDevice, "source", lambda of: source_of(of) + "\n#define sum_bonds(...) f[0] = f[1] = 0")
+    source_of = BlocksOnDevice.source
+    monkeypatch.setattr(BlocksOnDevice, "source", lambda of: source_of(of) + "\n#define sum_bonds(...) f[0] = f[1] = 0")
     here, there = two(plate(GRIDS["two scales"]))
     for size, equal in ((1e-9, True), (5e-6, False)):
         for problem in (here, there):
@@ -168,6 +168,19 @@ def test_bodies(how: str, precision: str) -> None:
     problems = two(bar(**BENT[how]), "conservative", precision)
     for problem in problems:
         for first, last in ((1, 2), (2, 30), (30, 200)):
+            problem.advance(first, last)
+    assert len(broken(problems[0]).step) > 100
+    same(*problems)
+
+
+@pytest.mark.slow
+@precisions
+@pytest.mark.parametrize("law", [{}, {"law": "bilinear", "kr": 2.0}], ids=["brittle", "bilinear"])
+def test_bodies_of_two_spacings(law: dict[str, Any], precision: str) -> None:
+    problems = two(bar(law, 0.025, run=Run(time_step=5e-5)), "conservative", precision)
+    assert isinstance(problems[1].system.operator, BlocksOnDevice)
+    for problem in problems:
+        for first, last in ((1, 2), (2, 60), (60, 400)):
             problem.advance(first, last)
     assert len(broken(problems[0]).step) > 100
     same(*problems)

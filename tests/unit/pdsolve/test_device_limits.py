@@ -54,11 +54,11 @@ def test_nodes_on_no_lattice_and_other_devices_are_refused() -> None:
 
 
 @pytest.mark.process
-def test_bodies_whose_bonds_are_listed_are_refused() -> None:
+def test_bodies_on_no_lattice_are_refused() -> None:
     model = bar(run=Run(device="opencl"))
     moved = model.grid.position + 1e-3 * np.random.default_rng(1).standard_normal(model.grid.position.shape)
     scattered = dataclasses.replace(model, grid=dataclasses.replace(model.grid, position=moved))
-    with pytest.raises(ModelError, match=naming("$.run.device", found="listed", expected="cubic lattice")):
+    with pytest.raises(ModelError, match=naming("$.run.device", found="lattice", expected="cpu")):
         prepare(scattered, Options())
 
 

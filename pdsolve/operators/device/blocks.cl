@@ -1,4 +1,4 @@
-/* Bonds of lattices in the plane, under a pair law with straight lines, softened ones with all their stiffness where
+/* Bonds of lattices, under a pair law with straight lines, softened ones with all their stiffness where
 shortened if ONE_SIDED: pdsolve/operators/simd_lattice in OpenCL C.
 
 A work item is a node, a work group a block of 64. A node gathers its family slot by slot, in the order of the processor,
@@ -9,12 +9,14 @@ are (fma), and nowhere else. Symbols as in `Blocks`; m nodes in whole blocks.
     soft     (w, m) likewise: it has softened, and has its own `pull`, `own_edge` and `worst` (slots, 64)
     own_edge of a bond that broke in the last step: its stretch one step before that; `last_break` (m,) the last step in
              which a bond of the node broke
+    turn     a slot of the block; in space a place in `of_rows`, where the slots of rows of 16 nodes are
     broken   (slots, 64) step in which the bond broke, 0 while intact
     torn     (blocks,) whether a bond of the block has broken or softened since the host looked
 */
 
 #define FORCE_PARAMETERS                                                                                               \
-  __global const int *start, __global const int *slots, __global const int *ids, __global const REAL *vectors,        \
+  __global const int *start, __global const int *slots, __global const int *start_of_rows,                            \
+      __global const int *of_rows, __global const int *ids, __global const REAL *vectors,                              \
       __global const REAL *stiffness, __global const REAL *edge, __global const REAL *peak,                            \
       __global const REAL *limit, __global uint *gone, __global int *broken, __global int *torn,                      \
       __global double *dissipated, __global uint *soft, __global REAL *pull, __global REAL *own_edge,                 \
@@ -22,8 +24,19 @@ are (fma), and nowhere else. Symbols as in `Blocks`; m nodes in whole blocks.
 #define SUM REAL
 #define ABSENT(i) false
 #define FORCE_ARGUMENTS                                                                                                \
-  start, slots, ids, vectors, stiffness, edge, peak, limit, gone, broken, torn, dissipated, soft, pull, own_edge, worst,  \
-      last_break
+  start, slots, start_of_rows, of_rows, ids, vectors, stiffness, edge, peak, limit, gone, broken, torn, dissipated,      \
+      soft, pull, own_edge, worst, last_break
+#define INVERSE (2 * DIM)
+#define WIDTH (DIM == 2 ? 8 : 9) /* of vectors */
+#if DIM == 2
+#define FIRST_TURN(i) start[(i) / 64]
+#define END_TURN(i) start[(i) / 64 + 1]
+#define SLOT(turn) (turn)
+#else
+#define FIRST_TURN(i) start_of_rows[(i) / 16]
+#define END_TURN(i) start_of_rows[(i) / 16 + 1]
+#define SLOT(turn) of_rows[turn]
+#endif
 
 /* 1 / (1 + e + sqrt(1 + e)) */
 inline REAL over_root(REAL e, REAL size) {
@@ -35,11 +48,21 @@ inline REAL over_root(REAL e, REAL size) {
   return (REAL)1 / (q2 + sqrt(q2));
 }
 
-inline double stretched(__global const REAL *v, REAL x, REAL y) {
-  REAL inverse = v[4];
-  double along = 2.0 * (double)(v[0] * x + v[1] * y);
-  double e = (double)inverse * (along + (double)(REAL)(x * x) + (double)(REAL)(y * y));
+inline double stretched(__global const REAL *v, const REAL *eta) {
+  REAL along = v[0] * eta[0];
+  for (int axis = 1; axis < DIM; ++axis)
+    along += v[axis] * eta[axis];
+  double twice = 2.0 * (double)along;
+  for (int axis = 0; axis < DIM; ++axis)
+    twice += (double)(REAL)(eta[axis] * eta[axis]);
+  double e = (double)v[INVERSE] * twice;
   return e / (sqrt(1.0 + e) + 1.0);
+}
+
+/* Add a pull along a bond, N/m^3 */
+inline void add_pull(__global const REAL *v, const REAL *eta, double more, SUM *force) {
+  for (int axis = 0; axis < DIM; ++axis)
+    force[axis] = (REAL)((double)force[axis] + more * (double)(REAL)(v[axis] + eta[axis]));
 }
 
 /* Displacement of a node one step ago */
@@ -56,17 +79,18 @@ inline REAL ago(__global const REAL *before, __global const REAL *u, __global co
 inline void sum_bonds(FORCE_PARAMETERS, __global const REAL *before, __global const REAL *u, __global const REAL *rate,
                       double step_time, int m, int step, int i, SUM *force) {
   REAL dt = (REAL)step_time;
-  int b = i / 64, lane = i % 64;
-  REAL here_x = u[i], here_y = u[m + i], fx = 0, fy = 0;
-  int first = start[b], last = start[b + 1];
+  int b = i / 64, lane = i % 64, first = start[b], end_turn = END_TURN(i);
+  for (int axis = 0; axis < DIM; ++axis)
+    force[axis] = 0;
 #ifdef MATCHING_FORCE
   bool is_pending = last_break[i] == step - 1;
 #endif
-  for (int slot = first; slot < last; ++slot) {
+  for (int turn = FIRST_TURN(i); turn < end_turn; ++turn) {
+    int slot = SLOT(turn);
     __global const int *row = slots + 8L * slot;
     long place = (long)((slot - first) / 32) * m + i, own = 64L * slot + lane;
     uint bit = 1u << ((slot - first) % 32);
-    REAL w = stiffness[64 * row[5] + lane], most = edge[64 * row[6] + lane];
+    REAL w = stiffness[64L * row[5] + lane], most = edge[64L * row[6] + lane];
 #ifdef MATCHING_FORCE
     bool is_gone = gone[place] & bit, pulls_again = is_gone && is_pending && broken[own] == step - 1;
 #else
@@ -76,10 +100,14 @@ inline void sum_bonds(FORCE_PARAMETERS, __global const REAL *before, __global co
       continue;
     int way = row[lane / 16];
     int j = way < FAR ? i + way : ids[16L * (way - FAR) + lane % 16];
-    __global const REAL *v = vectors + 8 * row[4];
-    REAL x = u[j] - here_x, y = u[m + j] - here_y;
-    REAL along = fma(v[4], x, v[2]) * x;
-    REAL e = fma(fma(v[4], y, v[3]), y, along), size = fabs(e);
+    __global const REAL *v = vectors + (long)WIDTH * row[4];
+    REAL eta[DIM], e = 0;
+    for (int axis = 0; axis < DIM; ++axis) {
+      eta[axis] = u[axis * m + j] - u[axis * m + i];
+      REAL share = fma(v[INVERSE], eta[axis], v[DIM + axis]);
+      e = axis == 0 ? share * eta[axis] : fma(share, eta[axis], e);
+    }
+    REAL size = fabs(e);
 #ifdef SOFTENS
     if (!is_gone && soft[place] & bit) {
       w = pull[own];
@@ -88,10 +116,11 @@ inline void sum_bonds(FORCE_PARAMETERS, __global const REAL *before, __global co
 #endif
     if (e > most || pulls_again) {
       double stretch = (double)e / (1.0 + sqrt(1.0 + (double)e));
-      REAL highest = peak[64 * row[7] + lane], end = limit[64 * row[7] + lane], whole = stiffness[64 * row[5] + lane];
-      REAL last_x = ago(before, u, rate, dt, j) - ago(before, u, rate, dt, i);
-      REAL last_y = ago(before, u, rate, dt, m + j) - ago(before, u, rate, dt, m + i);
-      double last = stretched(v, last_x, last_y);
+      REAL highest = peak[64L * row[7] + lane], end = limit[64L * row[7] + lane], whole = stiffness[64L * row[5] + lane];
+      REAL last_eta[DIM];
+      for (int axis = 0; axis < DIM; ++axis)
+        last_eta[axis] = ago(before, u, rate, dt, axis * m + j) - ago(before, u, rate, dt, axis * m + i);
+      double last = stretched(v, last_eta);
 #ifdef SOFTENS
       double largest = worst[own];
 #else
@@ -100,21 +129,18 @@ inline void sum_bonds(FORCE_PARAMETERS, __global const REAL *before, __global co
 #ifdef MATCHING_FORCE
       if (pulls_again) {
         double pull_then = SECOND_FORCE(stretch, last, (double)own_edge[own], largest, (double)highest, (double)end);
-        double more = pull_then / (1.0 + stretch) * (double)whole;
-        fx = (REAL)((double)fx + more * (double)(REAL)(v[0] + x));
-        fy = (REAL)((double)fy + more * (double)(REAL)(v[1] + y));
+        add_pull(v, eta, pull_then / (1.0 + stretch) * (double)whole, force);
         own_edge[own] = end;
         torn[b] = 1;
         continue;
       }
       if (stretch > (double)highest) {
-        double more = MATCHING_FORCE(stretch, last, largest, highest, end) / (1.0 + stretch) * (double)whole;
-        fx = (REAL)((double)fx + more * (double)(REAL)(v[0] + x));
-        fy = (REAL)((double)fy + more * (double)(REAL)(v[1] + y));
+        double force_then = MATCHING_FORCE(stretch, last, largest, highest, end);
+        add_pull(v, eta, force_then / (1.0 + stretch) * (double)whole, force);
       }
 #endif
       if (stretch > (double)end) {
-        double c = (double)(REAL)(whole / v[4]) / 4.0;
+        double c = (double)(REAL)(whole / v[INVERSE]) / 4.0;
 #ifdef MATCHING_FORCE
         if (last < (double)end)
           dissipated[i] += TOTAL_DISSIPATED(c, highest, end);
@@ -141,33 +167,36 @@ inline void sum_bonds(FORCE_PARAMETERS, __global const REAL *before, __global co
     }
 #ifdef ONE_SIDED
     if (e <= 0)
-      w = stiffness[64 * row[5] + lane];
+      w = stiffness[64L * row[5] + lane];
 #endif
     REAL along_bond = w * e;
     along_bond *= over_root(e, size);
-    fx = fma(along_bond, v[0] + x, fx);
-    fy = fma(along_bond, v[1] + y, fy);
+    for (int axis = 0; axis < DIM; ++axis)
+      force[axis] = fma(along_bond, v[axis] + eta[axis], force[axis]);
   }
-  force[0] = fx;
-  force[1] = fy;
 }
 
 #ifdef TOGETHER
 /* Force densities (DIM, TOGETHER) on the nodes from i on, in vectors; false where a bond of theirs is long, has softened,
    has broken one step ago or is over its limit, and nodes are summed one by one. */
 inline bool sum_short(FORCE_PARAMETERS, __global const REAL *u, int m, int step, int i, SUM *force) {
-  int b = i / 64, lane = i % 64, first = start[b], last = start[b + 1];
+  int b = i / 64, lane = i % 64, first = start[b], end_turn = END_TURN(i), word = -1;
   for (int k = i; k < i + TOGETHER; ++k)
     if (last_break[k] == step - 1)
       return false;
-  REALS here_x = LOAD(u + i), here_y = LOAD(u + m + i), fx = 0, fy = 0;
+  REALS here[DIM], sums[DIM];
+  for (int axis = 0; axis < DIM; ++axis) {
+    here[axis] = LOAD(u + (long)axis * m + i);
+    sums[axis] = 0;
+  }
   INTEGERS others = 0;
   BITS lost = 0;
   uint some = 0;
-  for (int slot = first; slot < last; ++slot) {
-    int at = (slot - first) % 32;
-    if (at == 0) {
-      long place = (long)((slot - first) / 32) * m + i;
+  for (int turn = FIRST_TURN(i); turn < end_turn; ++turn) {
+    int slot = SLOT(turn), at = (slot - first) % 32;
+    if ((slot - first) / 32 != word) {
+      word = (slot - first) / 32;
+      long place = (long)word * m + i;
 #ifdef SOFTENS
       BITS softened = LOAD(soft + place);
       if (ANY_OF(softened))
@@ -177,35 +206,30 @@ inline bool sum_short(FORCE_PARAMETERS, __global const REAL *u, int m, int step,
       some = ANY_OF(lost);
     }
     __global const int *row = slots + 8L * slot;
-    __global const REAL *v = vectors + 8 * row[4];
+    __global const REAL *v = vectors + (long)WIDTH * row[4];
     int way = row[lane / 16];
-    REALS w = LOAD(stiffness + 64 * row[5] + lane), most = LOAD(edge + 64 * row[6] + lane), x, y;
+    REALS w = LOAD(stiffness + 64L * row[5] + lane), most = LOAD(edge + 64L * row[6] + lane), eta[DIM], e = 0;
     if (some >> at & 1) {
       INTEGERS out = WIDENED(TO_INTEGER)((lost >> (uint)at & 1u) != 0u);
       w = select(w, (REALS)0, out);
       most = select(most, (REALS)INFINITY, out);
     }
-    if (way < FAR) {
-      x = LOAD(u + i + way);
-      y = LOAD(u + m + i + way);
-    } else {
-      __global const int *j = ids + 16L * (way - FAR) + lane % 16;
-      x = GATHER(u, j);
-      y = GATHER(u + m, j);
+    for (int axis = 0; axis < DIM; ++axis) {
+      __global const REAL *along = u + (long)axis * m;
+      eta[axis] = way < FAR ? LOAD(along + i + way) : GATHER(along, ids + 16L * (way - FAR) + lane % 16);
+      eta[axis] -= here[axis];
+      REALS share = fma((REALS)v[INVERSE], eta[axis], (REALS)v[DIM + axis]);
+      e = axis == 0 ? share * eta[axis] : fma(share, eta[axis], e);
     }
-    x -= here_x;
-    y -= here_y;
-    REALS along = fma((REALS)v[4], x, (REALS)v[2]) * x;
-    REALS e = fma(fma((REALS)v[4], y, (REALS)v[3]), y, along);
     e = select(e, (REALS)0, w == 0 && isinf(most));
     others |= e > most || fabs(e) > (REALS)NARROW;
     REALS pull = w * e;
     pull *= POLYNOMIAL_NARROW(REALS, e);
-    fx = fma(pull, (REALS)v[0] + x, fx);
-    fy = fma(pull, (REALS)v[1] + y, fy);
+    for (int axis = 0; axis < DIM; ++axis)
+      sums[axis] = fma(pull, (REALS)v[axis] + eta[axis], sums[axis]);
   }
-  WIDENED(vstore)(fx, 0, force);
-  WIDENED(vstore)(fy, 0, force + TOGETHER);
+  for (int axis = 0; axis < DIM; ++axis)
+    WIDENED(vstore)(sums[axis], 0, force + TOGETHER * axis);
   return !any(others);
 }
 #endif

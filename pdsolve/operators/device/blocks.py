@@ -1,4 +1,4 @@
-"""The bonds of a plate's lattices on a device: an operator whose history is there while steps are taken."""
+"""The bonds of lattices in blocks on a device: an operator whose history is there while steps are taken."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from pdsolve.state import Broken
 WORD = 32  # bits
 
 
-class PlaneOnDevice(Padded, SimdLattice):
+class BlocksOnDevice(Padded, SimdLattice):
     """The bonds of n nodes in blocks whose steps a device takes; see `pdsolve.steppers.verlet_on_device`.
 
     The arrays of the processor's blocks hold the history of bonds as of the last `fetch`.
@@ -39,14 +39,15 @@ class PlaneOnDevice(Padded, SimdLattice):
     ) -> None:
         """Arguments are those of `SimdLattice`. Raises ModelError if the device has too little memory."""
         super().__init__(law, blocks, bound, symmetric, softens)
-        self.session, self.dimension, self.needs_upload = session, 2, True
+        self.session, self.dimension, self.needs_upload = session, len(blocks.axes), True
         self.scheme = ("FUSED",)  # of steps, see verlet.cl
         self.together = together(session.about.kind, blocks.vectors.dtype)
         self.room = self.tracks.v.shape[1]
         self._remembers = bool(self.tracks.worst.size)
         words = -(-int(np.diff(blocks.start).max(initial=1)) // WORD)
         self._bits = np.zeros((words, self.room), dtype=np.uint32)
-        arrays: list[NDArray[Any]] = [blocks.start, blocks.slots, blocks.ids, blocks.vectors, blocks.peak, blocks.limit]
+        lists = blocks.start, blocks.slots, blocks.start_of_rows, blocks.of_rows, blocks.ids
+        arrays: list[NDArray[Any]] = [*lists, blocks.vectors, blocks.peak, blocks.limit]
         self._own_edge = np.zeros(self.tracks.broken.shape, dtype=blocks.vectors.dtype)
         arrays += [*self._shared(), self.tracks.broken, *[self.tracks.worst] * 2, self._own_edge, *[self._bits] * 2]
         session.room_for(*(array.nbytes for array in [*arrays, self.tracks.dissipated]), 4 * self.room)
@@ -62,7 +63,9 @@ class PlaneOnDevice(Padded, SimdLattice):
         blocks, slots, upload = self.blocks, self.blocks.slots.copy(), self.session.put
         slots[:, PULL], slots[:, BOUND] = blocks.whole, slots[:, LIMITS]
         peak, most = blocks.peak, blocks.limit
-        first = blocks.start.astype(np.int32), slots, blocks.ids, blocks.vectors, *self._shared(), peak, most
+        start, start_of_rows = (starts.astype(np.int32) for starts in (blocks.start, blocks.start_of_rows))
+        lists = start, slots, start_of_rows, blocks.of_rows, blocks.ids
+        first = *lists, blocks.vectors, *self._shared(), peak, most
         self._tables = [upload(table) for table in first]
         self._gone, self._soft = upload(self._bits), upload(self._bits)
         self._broken_in, self._torn = (
@@ -82,7 +85,7 @@ class PlaneOnDevice(Padded, SimdLattice):
     def source(self) -> str:
         """What the bonds are in OpenCL C."""
         of = self._remembers, self._pair.elastic_in_compression, self._law.matches_work
-        return pair_functions(functions_of(self._law), *of, "plane.cl")
+        return pair_functions(functions_of(self._law), *of, "blocks.cl")
 
     def restore(self, checkpoint: CheckpointArrays, broken: Broken) -> None:
         """Restore the history of bonds and the broken bonds of a checkpoint."""
