@@ -58,10 +58,13 @@ class RankCoupling(NamedTuple):
     damping_rates: NDArray[np.float64]  # (n,) 1/s, of layers that may reach beyond the window
 
 
-def prepare_explicit_motion(model: Model, options: Options, scheme: Scheme) -> PreparedRun:
-    """A model's system and its state at time 0, with the bonds of this scheme. Raises ModelError."""
+def prepare_explicit_motion(model: Model, options: Options, scheme: Scheme, bonds_swell: bool = False) -> PreparedRun:
+    """A model's system and its state at time 0, with the bonds of this scheme; `bonds_swell` as in `make_operator`.
+    Raises ModelError."""
     filling = make_bond_source(model, scheme)
-    bonds, filled = make_operator(model, options, scheme, filling, model.settings.run.cracks == "particles")
+    bonds, filled = make_operator(
+        model, options, scheme, filling, model.settings.run.cracks == "particles", bonds_swell
+    )
     operator, touching = add_penalty_contact(model, filled.area, add_ground_supports(model, filled.area, bonds))
     bound = compute_stable_time_step(model, operator)
     prepared = assemble_system(model, options, scheme, operator, filled, choose_time_step(model, bound), bound)

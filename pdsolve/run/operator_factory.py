@@ -36,13 +36,19 @@ from pdsolve.schemes.scheme import Scheme
 
 
 def make_operator(
-    model: Model, options: Options, scheme: Scheme, bond_source: BondSource, bonds_are_unbreakable: bool = False
+    model: Model,
+    options: Options,
+    scheme: Scheme,
+    bond_source: BondSource,
+    bonds_are_unbreakable: bool = False,
+    bonds_swell: bool = False,
 ) -> tuple[Operator, Counted]:
     """The operator of the bonds: in blocks if possible and not excluded by options; and what is counted of the bonds.
 
-    `bonds_are_unbreakable`: no bond breaks, as `bond_source` has it.
+    `bonds_are_unbreakable`: no bond breaks, as `bond_source` has it; `bonds_swell`: they stretch from what a content
+    makes them long, which tiles do not know.
     """
-    made = make_tiled_operator(model, options, scheme, bonds_are_unbreakable)
+    made = None if bonds_swell else make_tiled_operator(model, options, scheme, bonds_are_unbreakable)
     if made is not None:
         return made
     law, kind, nodes = law_of(model, scheme.matches_work), np.dtype(options.precision).type, len(model.grid)
@@ -155,7 +161,7 @@ def choose_kernel_for_swelling(model: Model, options: Options) -> Options:
     """
     pair, run = law_of(model).pair, model.settings.run
     straight = pair is not None and not pair.is_curved and not pair.elastic_in_compression
-    fast = straight and model.grid.dimension == 2 and run.solver == "explicit"
+    fast = straight and run.solver == "explicit"
     expected = (None, "listed", "blocks") if fast else (None, "listed")
     if options.kernel not in expected:
         raise ModelError(f"{model.name}: kernel is {options.kernel}; use listed for bonds that swell")

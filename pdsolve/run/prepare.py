@@ -139,7 +139,7 @@ def _prepare_swelling_motion(model: Model, options: Options, scheme: Scheme) -> 
         model = model_at_rest_after_each_content_step(model, options.precision)
         system, state = prepare_quasi_static_run(model.moving_part(), options, scheme)
     else:
-        system, state = prepare_explicit_motion(model.moving_part(), options, scheme)
+        system, state = prepare_explicit_motion(model.moving_part(), options, scheme, bonds_swell=True)
     content = _prepare_diffusion(model.diffusing_part(system.time_step), Options(threads=options.threads))
     transport, marches, cycle = content.system.transport, content.system.stepper, 1
     bonds = unwrap_bond_operator(system.operator)
