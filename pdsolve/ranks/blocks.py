@@ -18,10 +18,10 @@ from pdsolve.laws.law import Law
 from pdsolve.numerics.team import PASSED, Team
 from pdsolve.operators.simd_lattice.kernel import LANES, Blocks
 from pdsolve.operators.simd_lattice.layout import (
-    LEAST_FILLED,
     Slots,
     Tables,
     bonds_and_lanes,
+    fill_lanes,
     joined,
     room_of,
     slots_of,
@@ -58,7 +58,7 @@ def blocks_of(
     tables = team.comm.bcast(tables if slots is not None else None, team.size - 1)
     every = team.comm.allgather((0, 0) if slots is None else bonds_and_lanes(slots))
     bonds, lanes = (sum(column) for column in zip(*every, strict=True))
-    if tables is None or slots is None or not bonds or bonds < LEAST_FILLED * lanes:
+    if tables is None or slots is None or not fill_lanes(bonds, lanes, scratch.dimension):
         return None
     blocks = joined(law, tables, slots, scratch.kind, scratch.threads)
     before, after = (slab.first - slab.begin) // LANES, (room_of(slab.end) - room_of(slab.last)) // LANES

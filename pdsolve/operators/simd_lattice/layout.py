@@ -29,7 +29,9 @@ SAME_STIFFNESS = 1e-13  # of the largest: stiffnesses this close are one
 NOISE = 8.0  # times the round-off of a length, over it: that of its stiffness
 MOST_COMPONENTS = 500  # different components of reference vectors; more is no lattice
 SIDES = 1024  # room for them with both signs
-LEAST_FILLED = 0.25  # bonds over lanes of slots; less is no lattice either
+# Bonds over lanes of slots, by dimension; less is no lattice either. Of bodies, where rows without bonds take no time
+# under straight laws, less takes more memory than a list
+LEAST_FILLED = {2: 0.25, 3: 0.1}
 LAST = -1  # the number of a lane without a bond: the last in the tables of stiffnesses and limits
 
 
@@ -86,7 +88,7 @@ def blocks_of(
         if part_slots is None:
             return None
         slots.append(part_slots)
-    if not is_filled(slots):
+    if not fill_lanes(*bonds_and_lanes(slots), dimension):
         return None
     return joined(law, tables, slots, kind, threads)
 
@@ -100,7 +102,7 @@ def can_be_in_blocks(parts: Iterable[Any], shape: tuple[int, ...]) -> bool:
         placed = positions is not None
         if positions is not None:
             bonds, lanes = bonds + len(part.bonds.neighbour), lanes + positions.lane.size
-    return placed and _fill_lanes(bonds, lanes)
+    return placed and fill_lanes(bonds, lanes, dimension)
 
 
 def room_of(nodes: int) -> int:
@@ -108,13 +110,9 @@ def room_of(nodes: int) -> int:
     return -(-nodes // LANES) * LANES
 
 
-def is_filled(slots: list[Slots]) -> bool:
+def fill_lanes(bonds: int, lanes: int, dimension: int) -> bool:
     """Whether so many lanes have bonds that the nodes are on a lattice."""
-    return _fill_lanes(*bonds_and_lanes(slots))
-
-
-def _fill_lanes(bonds: int, lanes: int) -> bool:
-    return bonds > 0 and bonds >= LEAST_FILLED * lanes
+    return bonds > 0 and bonds >= LEAST_FILLED[dimension] * lanes
 
 
 def bonds_and_lanes(slots: list[Slots]) -> tuple[int, int]:
@@ -229,7 +227,7 @@ def place(bonds: Any, first: int, room: int, tables: Tables) -> Placed | None:
 
 def sparse(placed: Placed, bonds: int) -> bool:
     """Whether so few lanes have bonds that the nodes are on no lattice."""
-    return bonds < LEAST_FILLED * placed.lane.size
+    return not fill_lanes(bonds, placed.lane.size, 2)  # families look at rows without bonds in space too
 
 
 def _vectors(sides: NDArray[np.int64], tables: Tables) -> NDArray[np.int32]:
