@@ -160,7 +160,7 @@ def joined(law: Law, tables: Tables, slots: list[Slots], kind: type[np.floating]
 
 
 def reference_table(tables: Tables) -> NDArray[np.float64]:
-    """Reference vectors in the kernel's format, (k, 8), in space (k, 9): see `Blocks` and `Slots` of passes."""
+    """Reference vectors in the kernel's format, (k, 8), in space (k, 9): see `Blocks` and `FamilySlots`."""
     xi = tables.xi()
     inverse = 1 / (xi**2).sum(axis=1)
     columns = np.column_stack([xi, 2 * xi * inverse[:, None], inverse, lengths(xi), np.sqrt(inverse)])
