@@ -429,9 +429,22 @@ def _match_work(law, stretch, before, worst, peak, limit):  # type: ignore[no-un
 
 
 _DISPATCHED = (  # each by the type of the law, with options of compilation
-    (INLINE, (first_pass, accumulate_bond_force, intermediate_pass, fails, secant, numbers, initial_sums, accumulate)),
+    (
+        INLINE,
+        (
+            first_pass,
+            accumulate_bond_force,
+            update_bond,
+            intermediate_pass,
+            fails,
+            secant,
+            numbers,
+            initial_sums,
+            accumulate,
+        ),
+    ),
     (INLINE, (nodal_numbers, bond_force, finish_sums, margin)),
-    (INNER, (finish_pass, update_bond, energy, finish_intermediate_pass, may_fail, update_history, nodal_energy)),
+    (INNER, (finish_pass, energy, finish_intermediate_pass, may_fail, update_history, nodal_energy)),
     (INNER, (bond_strain_energy, dissipated_energy, total_dissipated_energy, softening_slope, dissipated_at_break)),
     (INNER, (force_over_stiffness, matching_force, failure_stretch)),
 )
