@@ -23,7 +23,7 @@ from numba.extending import intrinsic, register_jitable
 from pdsolve.codegen.inner_functions import INNER
 from pdsolve.codegen.lanes import Lanes, same, where_above
 from pdsolve.codegen.pull import WIDE, coefficients
-from pdsolve.codegen.vector_code import INT, call, repeat
+from pdsolve.codegen.vector_code import INT, ROW, call, repeat
 
 FIELDS = 12  # of a row
 IN_PLACE = INNER | {"forceinline": True}  # how functions of a bond are compiled: into the loop that calls them
@@ -193,6 +193,21 @@ def zeros(typingctx, array, like):  # type: ignore[no-untyped-def]
         return context.make_tuple(builder, vectors, [zero] * len(like))
 
     return vectors(array, like), generate
+
+
+@intrinsic
+def sums_in(typingctx, s, like):  # type: ignore[no-untyped-def]
+    """The sums of forces at the beginning of a scratch as an array (d, 16); a tuple has d entries."""
+    view = types.Array(s.dtype, 2, "C")
+
+    def generate(context, builder, signature, values):  # type: ignore[no-untyped-def]
+        data = context.make_array(s)(context, builder, values[0]).data
+        sums, size = context.make_array(view)(context, builder), s.dtype.bitwidth // 8
+        shape, strides = [INT(len(like)), INT(ROW)], [INT(ROW * size), INT(size)]
+        context.populate_array(sums, data=data, shape=shape, strides=strides, itemsize=INT(size), meminfo=None)
+        return sums._getvalue()
+
+    return view(s, like), generate
 
 
 @intrinsic

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from pdsolve.codegen.inner_functions import INNER
 from pdsolve.codegen.lanes import across, beside, keep
 from pdsolve.codegen.vector_code import ROW
-from pdsolve.lattice.bond import IN_PLACE, zeros
+from pdsolve.lattice.bond import IN_PLACE, sums_in, zeros
 from pdsolve.lattice.sums import (
     EMPTY,
     UNAGED,
@@ -33,7 +33,7 @@ from pdsolve.lattice.sums import (
     select_breaks,
 )
 from pdsolve.lattice.sums import sum_lanes as sum_lanes_of_tile
-from pdsolve.operators.simd_lattice.kernel import LANES, sums_in
+from pdsolve.operators.simd_lattice.kernel import LANES
 from pdsolve.operators.simd_lattice.kernel import sum_lanes as sum_lanes_of_block
 from pdsolve.operators.simd_lattice.layout import aligned
 from pdsolve.operators.simd_lattice.operator import SimdLattice

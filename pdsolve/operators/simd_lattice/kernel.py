@@ -26,7 +26,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from numba import njit, types
-from numba.extending import intrinsic, overload, register_jitable
+from numba.extending import overload, register_jitable
 from numpy.typing import NDArray
 
 from pdsolve.codegen.block_slots import (
@@ -57,13 +57,14 @@ from pdsolve.codegen.lanes import (
     which_above,
 )
 from pdsolve.codegen.pull import NARROW, coefficients, stretch_coefficients
-from pdsolve.codegen.vector_code import INT, ROW
+from pdsolve.codegen.vector_code import ROW
 from pdsolve.lattice.bond import (
     advanced,
     current_vector,
     difference,
     entries,
     rounded_elongation,
+    sums_in,
     where_inverse,
     zeros,
 )
@@ -287,21 +288,6 @@ def _polynomial(p, e):  # type: ignore[no-untyped-def]
 def row_of(table, row, lane):  # type: ignore[no-untyped-def]
     """The lanes from `lane` on of a row of a table (., 64)."""
     return beside(table, ONE, np.int64(row) * LANES + lane)[0]
-
-
-@intrinsic
-def sums_in(typingctx, s, like):  # type: ignore[no-untyped-def]
-    """The sums of forces at the beginning of a scratch as an array (d, 16); a tuple has d entries."""
-    view = types.Array(s.dtype, 2, "C")
-
-    def generate(context, builder, signature, values):  # type: ignore[no-untyped-def]
-        data = context.make_array(s)(context, builder, values[0]).data
-        sums, size = context.make_array(view)(context, builder), s.dtype.bitwidth // 8
-        shape, strides = [INT(len(like)), INT(ROW)], [INT(ROW * size), INT(size)]
-        context.populate_array(sums, data=data, shape=shape, strides=strides, itemsize=INT(size), meminfo=None)
-        return sums._getvalue()
-
-    return view(s, like), generate
 
 
 def worst_lanes(law: Any, worst: Any, slot: Any, lane: Any, none: Any) -> Any:
