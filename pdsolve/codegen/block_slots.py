@@ -158,7 +158,7 @@ class _Bonds:
 
 
 def _signature(*arrays: Any) -> Any:
-    """Of the functions below, whose arguments are all of `add_slots` but numbers."""
+    """Types of arrays, then of four numbers, then of the scratch; a turn comes back."""
     numbers = (types.int64,) * 4
     return types.int64(*arrays[:-1], *numbers, arrays[-1])
 

@@ -111,7 +111,7 @@ class LatticeFamilies(BondList):
         return between
 
     def _accumulate_bond_forces(self, now: Now, between: NDArray[Any], out: NDArray[Any]) -> None:
-        """As for a list; `now` is that of the last call of `_between`."""
+        """Add the forces of all bonds at the displacements of the latest first pass."""
         if not self._takes(now):
             return super()._accumulate_bond_forces(now, between, out)
         if between is not self._placed_numbers:
