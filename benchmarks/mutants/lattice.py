@@ -17,7 +17,7 @@ LATTICE = tuple(
             "        self._operator.extend",
         ),
         (BONDS, "        pull_again(bonds, motion, sweep.next_v, history, n)\n", "        pass\n"),
-        (BONDS, "places[sweep % len(places)]", "places[0]"),
+        (BONDS, "self.v[sweep % len(self.v)])\n        self._operator", "self.v[0])\n        self._operator"),
         (MARCH, "v = advanced(advanced(beside(sweep.v, axes, at), a, half), a, half)", "v = beside(sweep.v, axes, at)"),
         (MARCH, "(drive.before[i, axis] + drive.force[i, axis]) / 2", "drive.force[i, axis]"),
         (MARCH, "np.where(constrained_components(drive), 0.0, damping[:, None])", "np.tile(damping[:, None], 3)"),

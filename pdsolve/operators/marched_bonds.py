@@ -142,9 +142,9 @@ class MarchedBlocks:
         return state._replace(value=self.u[sweep % len(self.u)][:, : len(state.value)].T)
 
     def finish(self, state: State, sweep: int, step: int) -> None:
-        """Enter the motion behind the last sweep in the state."""
-        if sweep % len(self.u) != 0:
-            self.u[0][:] = self.u[sweep % len(self.u)]
+        """Enter the motion behind the last sweep, which moves no node, in the state."""
+        if (sweep - 1) % len(self.u) != 0:
+            self.u[0][:] = self.u[(sweep - 1) % len(self.u)]
 
     def of_thread(self, thread: int) -> tuple[Any, Any]:
         """The bonds, and their history."""
@@ -196,14 +196,17 @@ class MarchedTiles:
 
     def collect_motion(self, state: State, sweep: int) -> State:
         """The state with the motion that a sweep begins with."""
-        for values, places in ((state.value, self.u), (state.rate, self.v)):
-            collect_rows(self._operator.sites.site, places[sweep % len(places)], values, 0, len(values))
-        return state
+        return self._collect(state, self.u[sweep % len(self.u)], self.v[sweep % len(self.v)])
 
     def finish(self, state: State, sweep: int, step: int) -> None:
-        """Enter the motion behind the last sweep in the state."""
-        self.collect_motion(state, sweep)
+        """Enter the motion behind the last sweep, which moves no node, in the state."""
+        self._collect(state, self.u[(sweep - 1) % len(self.u)], self.v[sweep % len(self.v)])
         self._operator.drop_pending_before(step)
+
+    def _collect(self, state: State, u: NDArray[np.floating], v: NDArray[np.floating]) -> State:
+        for values, places in ((state.value, u), (state.rate, v)):
+            collect_rows(self._operator.sites.site, places, values, 0, len(values))
+        return state
 
     def of_thread(self, thread: int) -> tuple[Any, Any]:
         """The bonds, and room for those that break."""

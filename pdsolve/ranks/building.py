@@ -29,7 +29,7 @@ def built(
     shares = [(slab, model if model.grid.lattice else model.window(slab.begin, slab.end)) for slab in slabs]
     built_parts: list[part.Built | None] = [None]
     if law_of(model).pair is not None and options.kernel != "listed":
-        if model.grid.dimension == 3:
+        if model.grid.dimension == 3 and (model.grid.lattice or (model.grid.delta == model.grid.delta[0]).all()):
             built_parts = team.everywhere(part.build_tiles, plain, make_tiled, starts, items=shares)
         if None in built_parts:
             built_parts = team.everywhere(part.build, plain, starts, items=shares)

@@ -13,6 +13,7 @@ from pdsolve.operators.simd_lattice.kernel import LANES
 from pdsolve.ranks.slabs import Slab
 
 EXCHANGED = 7  # tag of messages
+_Columns = tuple[int, NDArray[np.int64] | slice]  # of a rank
 
 
 class GhostExchange:
@@ -30,34 +31,34 @@ class GhostExchange:
         wanted = [needed[owner == rank] for rank in range(team.size)]
         requested_rows = team.comm.alltoall(wanted)
         self._requested = [rows - offset for rows in wanted], [rows - offset for rows in requested_rows]
-        self._in, self._out = (_columns_of_ranks(row_lists) for row_lists in self._requested)
+        self._by_rows = self._by_places = self._columns(np.arange(slab.end - offset))
 
-    def move_columns(self, places: NDArray[np.int64]) -> None:
-        """Let `receive_values` find each row of the window (n,) in the column `places` (n,)."""
-        requested = [[places[rows] for rows in row_lists] for row_lists in self._requested]
-        self._in, self._out = (_columns_of_ranks(place_lists) for place_lists in requested)
+    def set_places(self, places: NDArray[np.int64]) -> None:
+        """Say in which column each row of the window (n,) is in arrays by places."""
+        self._by_places = self._columns(places)
 
-    def receive_values(self, values: NDArray[Any]) -> None:
-        """Set the ghosts' columns of `values` (w, m) to those of their owners."""
+    def _columns(self, places: NDArray[np.int64]) -> tuple[list[_Columns], list[_Columns]]:
+        """Ranks that send and that receive anything, and the columns of each."""
+        every = ([places[rows] for rows in row_lists] for row_lists in self._requested)
+        incoming, outgoing = ([(r, _rows(at)) for r, at in enumerate(one) if len(at)] for one in every)
+        return incoming, outgoing
+
+    def receive_values(self, values: NDArray[Any], at_places: bool = False) -> None:
+        """Set the ghosts' columns of `values` (w, m), which are by rows or by places, to those of their owners."""
         from mpi4py import MPI
 
         began = clock.perf_counter()
-        comm, wide = self._comm, len(values)
-        room = [np.empty((wide, _length(rows)), values.dtype) for _, rows in self._in]
-        waits = [comm.Irecv(into, rank, EXCHANGED) for into, (rank, _) in zip(room, self._in, strict=True)]
-        sent = [np.ascontiguousarray(values[:, rows]) for _, rows in self._out]
-        waits += [comm.Isend(values, rank, EXCHANGED) for values, (rank, _) in zip(sent, self._out, strict=True)]
+        comm, wide, (incoming, outgoing) = self._comm, len(values), self._by_places if at_places else self._by_rows
+        room = [np.empty((wide, _length(rows)), values.dtype) for _, rows in incoming]
+        waits = [comm.Irecv(into, rank, EXCHANGED) for into, (rank, _) in zip(room, incoming, strict=True)]
+        sent = [np.ascontiguousarray(values[:, rows]) for _, rows in outgoing]
+        waits += [comm.Isend(values, rank, EXCHANGED) for values, (rank, _) in zip(sent, outgoing, strict=True)]
         while not MPI.Request.Testall(waits):
             if clock.perf_counter() > began + SPIN:  # the processor is not taken from others for long
                 clock.sleep(NAP)
-        for into, (_, rows) in zip(room, self._in, strict=True):
+        for into, (_, rows) in zip(room, incoming, strict=True):
             values[:, rows] = into
         self.seconds += clock.perf_counter() - began
-
-
-def _columns_of_ranks(row_lists: list[NDArray[np.int64]]) -> list[tuple[int, NDArray[np.int64] | slice]]:
-    """Ranks with which there is anything to exchange, and the columns of each."""
-    return [(rank, _rows(rows)) for rank, rows in enumerate(row_lists) if len(rows)]
 
 
 def _rows(rows: NDArray[np.int64]) -> NDArray[np.int64] | slice:

@@ -76,10 +76,11 @@ def build(team: Team, options: Options, starts: NDArray[np.int64], share: tuple[
 def build_tiles(
     team: Team, options: Options, make: MakeTiled, starts: NDArray[np.int64], share: tuple[Slab, Model]
 ) -> Built | None:
-    """Make the bonds of a whole window in tiles; None where they cannot be."""
+    """Make the bonds of a whole window in tiles; None where those of any rank cannot be."""
     slab, model = share[0], window(*share)
     made = make(model, options._replace(threads=options.threads or 1), SCHEMES[options.mode])
-    return None if made is None else _window_taken(team, starts, slab, model, made)
+    can_be = team.comm.allgather(made is not None)
+    return None if made is None or not all(can_be) else _window_taken(team, starts, slab, model, made)
 
 
 def build_window(

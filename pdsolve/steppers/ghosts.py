@@ -13,8 +13,8 @@ class Ghosts(Protocol):
 
     own_block_range: tuple[int, int]  # the first block of this rank's own nodes, and the one after the last
 
-    def move_columns(self, places: NDArray[np.int64]) -> None:
-        """Let `receive_values` find each row (n,) in the column `places` (n,)."""
+    def set_places(self, places: NDArray[np.int64]) -> None:
+        """Say in which column each row (n,) is in arrays by places."""
 
-    def receive_values(self, values: NDArray[Any]) -> None:
-        """Set the ghosts' columns of `values` (w, m)."""
+    def receive_values(self, values: NDArray[Any], at_places: bool = False) -> None:
+        """Set the ghosts' columns of `values` (w, m), which are by rows, or by places."""

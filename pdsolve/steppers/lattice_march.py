@@ -115,7 +115,7 @@ class LatticeMarch:
         self._group_of_node = lane_of_node // bonds.lanes if contact is not None else lane_of_node[:0]
         self._rows = np.zeros(0, dtype=np.int64)  # on which contact acted
         if ghosts is not None:
-            ghosts.move_columns(bonds.margin + lane_of_node.astype(np.int64))
+            ghosts.set_places(bonds.margin + lane_of_node.astype(np.int64))
         self._arrays = self._make_arrays(lane_of_node, drive, rho, damping)
 
     def _make_arrays(
@@ -182,9 +182,9 @@ class LatticeMarch:
             with bonds.breaking:
                 sweep = self._sweep_in_threads(state, sweeps, min(sweep + count, end_sweep), pushes)
             if self._ghosts is not None and sweep < end_sweep:
-                self._ghosts.receive_values(bonds.u[sweep % len(bonds.u)])
+                self._ghosts.receive_values(bonds.u[sweep % len(bonds.u)], at_places=True)
                 if len(bonds.v) > 1:  # with which bonds know where nodes were a step ago
-                    self._ghosts.receive_values(bonds.v[sweep % len(bonds.v)])
+                    self._ghosts.receive_values(bonds.v[sweep % len(bonds.v)], at_places=True)
         bonds.finish(state, end_sweep, end_step - 1)
 
     def _sweep_in_threads(self, state: State, sweeps: SweepRange, end_sweep: int, pushes: Pushes | None) -> int:
@@ -349,15 +349,12 @@ def _advance_group_with_loads_and_holds(bonds, history, arrays, drive, state, sw
             keep(beside(sweep.v, axes, group.place + lane), sweep.next_v, group.place + lane)
     else:
         _accelerate_and_half_kick_group(arrays, drive, state, sweep, group)
-    for lane in range(0, group.lanes, across(a)):
-        at = group.place + lane
-        u = beside(sweep.u, axes, at)
-        if not sweep.is_last:
-            v = advanced(beside(sweep.next_v, axes, at), beside(a, axes, lane), half)
-            u = advanced(u, v, dt)
-            keep(v, sweep.next_v, at)
-        keep(u, sweep.next_u, at)
     if not sweep.is_last:
+        for lane in range(0, group.lanes, across(a)):
+            at = group.place + lane
+            v = advanced(beside(sweep.next_v, axes, at), beside(a, axes, lane), half)
+            keep(v, sweep.next_v, at)
+            keep(advanced(beside(sweep.u, axes, at), v, dt), sweep.next_u, at)
         time, end = (sweep.step + 1) * sweep.dt, group.place + group.lanes
         held_u, held_v = sweep.next_u[:, group.place : end].T, sweep.next_v[:, group.place : end].T
         for k in range(arrays.first_held_entry[group.number], arrays.first_held_entry[group.number + 1]):

@@ -14,6 +14,7 @@ import time
 from collections.abc import Iterator
 from importlib.util import find_spec
 from pathlib import Path
+from typing import Any
 
 import diffusion_models
 import msgspec
@@ -129,12 +130,22 @@ def pulled_cubes() -> Model:
 ORDINARY = msgspec.structs.replace(GLASS, model="ordinary", nu=0.2)
 COHESIVE = msgspec.structs.replace(GLASS, law="cohesive", f_t=50e6)
 NOTCHED = dataclasses.replace(square_grid(21, 12, y0=-5.5e-3), cracks=np.array([[-1.0, 0.0, 8e-3, 0.0]]))
+
+
+def changed_run(model: Model, **more: Any) -> Model:
+    settings = msgspec.structs.replace(model.settings, run=msgspec.structs.replace(model.settings.run, **more))
+    return Model(model.grid, settings)
+
+
 CASES = {
     "brittle, struck": (struck(GLASS), 3),
     "a row of blocks a rank": (torn(NOTCHED), 3),
     "two spacings": (torn(interface_grid(24, 12, 12), run=Run(steps=60, every=20)), 5),
     "bilinear, struck": (struck(), 2),
     "damped": (torn(square_grid(20, 120), run=Run(time_step=50e-9, steps=60, every=20, damping=1e4)), 3),
+    "damped, struck": (changed_run(struck(GLASS), damping=1e3), 3),
+    "books in each step": (changed_run(struck(GLASS), ledger=1), 2),
+    "a body until it is split": (changed_run(pulled(), until="split", steps=60, every=20), 2),
     "ordinary": (torn(square_grid(20, 120), material=ORDINARY), 3),
     "ordinary, two spacings": (torn(interface_grid(24, 12, 40), material=ORDINARY), 3),
     "half on a lattice": (torn(partly_jittered()), 3),
@@ -180,6 +191,32 @@ def test_bits_are_those_of_one_process(here: Path, case: str) -> None:
     with simulate(model, here / "one.sqlite") as one:
         assert len(one.breaks().step) > 50
     assert ran(count, "plate.json", "-o", "many.sqlite")[0] == 0
+    expect_same(here / "one.sqlite", here / "many.sqlite")
+
+
+@pytest.mark.slow
+def test_windows_of_which_some_have_one_spacing_are_solved(here: Path) -> None:
+    """A fine block on a long coarse one: all bonds of one rank could be in tiles, those of the other could not."""
+    nothing = np.empty((0, 9))
+    parts = (
+        whole_lattice(Lattice((0.0, 0.0, 0.0), 1e-3, 16, 16, 12), cracks=nothing),
+        whole_lattice(Lattice((0.5e-3, 0.5e-3, 12.5e-3), 2e-3, 8, 8, 100), cracks=nothing),
+    )
+    nodes = sum(map(len, parts))
+    grid = Grid(
+        ids=np.arange(1, nodes + 1),
+        position=np.vstack([one.position for one in parts]),
+        delta=np.concatenate([one.delta for one in parts]),
+        border=np.zeros(nodes, dtype=bool),
+        hole_id=np.full(nodes, -1),
+        cracks=nothing,
+    )
+    push = Load(box=(-1.0, -1.0, -1.0, 1.0, 1.0, 1e-3), body_force=(0.0, 0.0, -4e11))
+    glass = msgspec.structs.replace(GLASS, plane="space")
+    model = plate(grid, material=glass, conditions=(push,), run=Run(time_step=50e-9, steps=10, every=10, ledger=10))
+    (here / "plate.json").write_text(model.to_json())
+    simulate(model, here / "one.sqlite").close()
+    assert ran(2, "plate.json", "-o", "many.sqlite")[0] == 0
     expect_same(here / "one.sqlite", here / "many.sqlite")
 
 
