@@ -8,6 +8,7 @@ vectors are.
     u, after       (d, m) displacements of all lanes, now and one step on        s   (ACROSS,) a thread's scratch:
     slots, ids, vectors, stiffness, near, edge,                                       sums of forces, axis by axis,
     whole, of_rows of `kernel.Blocks`                                                 then e
+    table          the axes, u, and the arrays of blocks, in this order
     shrink         (m,) minus half the strain of a free node: a bond is relieved of that of both ends; or None
     lane           of the block, the first of `across` that are summed; own   its node
     turn           a slot of the block; in space the place in `of_rows` of one in which the row of lanes has bonds
@@ -20,6 +21,7 @@ from typing import Any
 
 import numpy as np
 from numba import types
+from numba.core import cgutils
 from numba.extending import intrinsic
 
 from pdsolve.codegen.pull import NARROW, WIDE
@@ -40,11 +42,12 @@ class _Bonds:
     def __init__(self, code: Code, kinds: Any, values: Any) -> None:
         """`values` are the arguments of `add_slots`, of the types `kinds`."""
         self._code = code
-        self.axes = len(kinds[0])
-        self.u = [code.data(kinds[1], values[1], axis) for axis in range(self.axes)]
-        if not isinstance(kinds[10], types.NoneType):
-            self.u.append(code.data(kinds[10], values[10]))
-        arrays = (code.data(*array) for array in zip(kinds[2:10], values[2:10], strict=True))
+        table = list(zip(kinds[0].types, cgutils.unpack_tuple(code.builder, values[0]), strict=True))
+        self.axes = len(kinds[0].types[0])
+        self.u = [code.data(*table[1], axis) for axis in range(self.axes)]
+        if not isinstance(kinds[1], types.NoneType):
+            self.u.append(code.data(kinds[1], values[1]))
+        arrays = (code.data(*array) for array in table[2:])
         self._slots, self.ids, self._vectors, self._stiffness, self._near, self._edge, self._whole, self._of_rows = (
             arrays
         )
@@ -157,10 +160,9 @@ class _Bonds:
         return self._code.builder.load(self._code.builder.gep(data, [at]))
 
 
-def _signature(*arrays: Any) -> Any:
-    """Types of arrays, then of four numbers, then of the scratch; a turn comes back."""
-    numbers = (types.int64,) * 4
-    return types.int64(*arrays[:-1], *numbers, arrays[-1])
+def _signature(table: Any, shrink: Any, s: Any) -> Any:
+    """Types of what the loops read, of four numbers and of the scratch; a turn comes back."""
+    return types.int64(table, shrink, types.int64, types.int64, types.int64, types.int64, s)
 
 
 class _Loop:
@@ -176,9 +178,9 @@ class _Loop:
         builder.branch(self.blocks["head"])
         self.go_on("head")
         self._turn = builder.phi(INT)
-        self._turn.add_incoming(values[11], began)
+        self._turn.add_incoming(values[2], began)
         self.sums = [code.merge([(total, began)]) for total in sums]
-        builder.cbranch(builder.icmp_signed("<", self._turn, values[12]), self.blocks["look"], self.blocks["leave"])
+        builder.cbranch(builder.icmp_signed("<", self._turn, values[3]), self.blocks["look"], self.blocks["leave"])
         self.go_on("look")
         self.slot = bonds.slot(self._turn)
 
@@ -207,16 +209,14 @@ class _Loop:
 
 
 @intrinsic
-def add_slots(  # type: ignore[no-untyped-def]
-    typingctx, axes, u, slots, ids, vectors, stiffness, near, edge, whole, of_rows, shrink, first, last, node, lane, s
-):
+def add_slots(typingctx, table, shrink, first, last, node, lane, s):  # type: ignore[no-untyped-def]
     """Add the forces of the turns `first` to `last` - 1 of a block to the sums in s, for the lanes from `lane` on.
 
     Returns the first turn with neighbours that are not consecutive or with an |e| above `near`, or `last`.
     """
 
     def generate(context, builder, signature, values):  # type: ignore[no-untyped-def]
-        code = Code(context, builder, u.dtype)
+        code = Code(context, builder, s.dtype)
         bonds, scratch = _Bonds(code, signature.args, values), code.data(s, values[-1])
         loop = _Loop(code, bonds, values, scratch, ("beside",))
         way = bonds.way(loop.slot)
@@ -227,34 +227,16 @@ def add_slots(  # type: ignore[no-untyped-def]
         g = code.polynomial(code.coefficients[0], e)
         return loop.end(bonds.pulled(loop.slot, reference, eta, e, g, loop.sums))
 
-    return _signature(axes, u, slots, ids, vectors, stiffness, near, edge, whole, of_rows, shrink, s), generate
+    return _signature(table, shrink, s), generate
 
 
 def _adding_any(one_sided: bool) -> Callable[..., Any]:
     """The loop for neighbours anywhere and |e| up to WIDE; `one_sided` as in `_Bonds.pulled`."""
 
     @intrinsic
-    def add(  # type: ignore[no-untyped-def]
-        typingctx,
-        axes,
-        u,
-        slots,
-        ids,
-        vectors,
-        stiffness,
-        near,
-        edge,
-        whole,
-        of_rows,
-        shrink,
-        first,
-        last,
-        node,
-        lane,
-        s,
-    ):
+    def add(typingctx, table, shrink, first, last, node, lane, s):  # type: ignore[no-untyped-def]
         def generate(context, builder, signature, values):  # type: ignore[no-untyped-def]
-            code = Code(context, builder, u.dtype)
+            code = Code(context, builder, s.dtype)
             bonds, scratch = _Bonds(code, signature.args, values), code.data(s, values[-1])
             loop = _Loop(code, bonds, values, scratch, ("beside", "listed", "found", "strange", "usual", "wide"))
             slot, (reference, eta, e) = loop.slot, bonds.deformation(loop)
@@ -275,7 +257,7 @@ def _adding_any(one_sided: bool) -> Callable[..., Any]:
             g = code.merge([(narrow, loop.blocks["usual"]), (wide, loop.blocks["wide"])])
             return loop.end(bonds.pulled(slot, reference, eta, e, g, loop.sums, one_sided))
 
-        return _signature(axes, u, slots, ids, vectors, stiffness, near, edge, whole, of_rows, shrink, s), generate
+        return _signature(table, shrink, s), generate
 
     view: Callable[..., Any] = add
     return view
@@ -285,27 +267,9 @@ def _adding_far(one_sided: bool) -> Callable[..., Any]:
     """The loop for any stretch; `one_sided` as in `_Bonds.pulled`."""
 
     @intrinsic
-    def add(  # type: ignore[no-untyped-def]
-        typingctx,
-        axes,
-        u,
-        slots,
-        ids,
-        vectors,
-        stiffness,
-        near,
-        edge,
-        whole,
-        of_rows,
-        shrink,
-        first,
-        last,
-        node,
-        lane,
-        s,
-    ):
+    def add(typingctx, table, shrink, first, last, node, lane, s):  # type: ignore[no-untyped-def]
         def generate(context, builder, signature, values):  # type: ignore[no-untyped-def]
-            code = Code(context, builder, u.dtype)
+            code = Code(context, builder, s.dtype)
             bonds, scratch = _Bonds(code, signature.args, values), code.data(s, values[-1])
             loop = _Loop(code, bonds, values, scratch, ("beside", "listed", "found"))
             slot, (reference, eta, e) = loop.slot, bonds.deformation(loop)
@@ -319,7 +283,7 @@ def _adding_far(one_sided: bool) -> Callable[..., Any]:
             g = code.choose(code.above(size, code.same(WIDE)), exact, g)
             return loop.end(bonds.pulled(slot, reference, eta, e, g, loop.sums, one_sided))
 
-        return _signature(axes, u, slots, ids, vectors, stiffness, near, edge, whole, of_rows, shrink, s), generate
+        return _signature(table, shrink, s), generate
 
     view: Callable[..., Any] = add
     return view

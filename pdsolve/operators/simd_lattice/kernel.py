@@ -102,9 +102,7 @@ class Blocks(NamedTuple):
     slots: NDArray[np.int32]  # (s, 8) way from the nodes of each row to their neighbours, or FAR + row of `ids`; then
     # rows of `vectors`, of `stiffness`, of `near` and `edge`, and of `peak` and `limit`
     start_of_rows: NDArray[np.int64]  # (4 blocks + 1,) entries of a row in `of_rows`
-    of_rows: NDArray[
-        np.int32
-    ]  # (.,) slots in which a row has bonds, those with consecutive neighbours first; of bodies
+    of_rows: NDArray[np.int32]  # (.,) slots in which a row has bonds, consecutive neighbours first; of bodies
     ids: NDArray[np.int32]  # (., 16) neighbours
     vectors: NDArray[np.floating]  # (., 8 or 9) xi, 2 xi / |xi|^2, 1 / |xi|^2
     stiffness: NDArray[np.floating]  # (., 64) stiffness / |xi|, the secant's of straight lines, 0 without a bond; then
@@ -221,12 +219,12 @@ def _sum_straight(blocks, tracks, u, before, step, b, lane, s):  # type: ignore[
     turn, last = turns_of(blocks, b, lane)
     for k in range(len(blocks.axes) * ROW):
         s[k] = 0
-    turn = add_slots(*table, shrink, turn, last, node, lane, s)
+    turn = add_slots(table, shrink, turn, last, node, lane, s)
     while turn < last:
-        turn = add_any(*table, shrink, turn, last, node, lane, s)
+        turn = add_any(table, shrink, turn, last, node, lane, s)
         if turn < last:
             _update_bonds(blocks, tracks, u, before, step, _slot_at(blocks, turn), b, lane, s)
-            turn = add_far(*table, shrink, turn, turn + 1, node, lane, s)
+            turn = add_far(table, shrink, turn, turn + 1, node, lane, s)
 
 
 def _sum_one_sided(blocks, tracks, u, before, step, b, lane, s):  # type: ignore[no-untyped-def]
@@ -238,10 +236,10 @@ def _sum_one_sided(blocks, tracks, u, before, step, b, lane, s):  # type: ignore
     for k in range(len(blocks.axes) * ROW):
         s[k] = 0
     while turn < last:
-        turn = add_any_one_sided(*table, shrink, turn, last, node, lane, s)
+        turn = add_any_one_sided(table, shrink, turn, last, node, lane, s)
         if turn < last:
             _update_bonds(blocks, tracks, u, before, step, _slot_at(blocks, turn), b, lane, s)
-            turn = add_far_one_sided(*table, shrink, turn, turn + 1, node, lane, s)
+            turn = add_far_one_sided(table, shrink, turn, turn + 1, node, lane, s)
 
 
 def _sum_curved(blocks, tracks, u, before, step, b, lane, s):  # type: ignore[no-untyped-def]
