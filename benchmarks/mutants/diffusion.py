@@ -97,8 +97,8 @@ DIFFUSION = (
     ),
     Mutant(
         "pdsolve/lattice/fluxes.py",
-        "tiles.kind[t] = GENERAL",
-        "tiles.kind[t] = ALIKE",
+        "tiles.general[t] |= tiles.D",
+        "tiles.filled[t] |= tiles.D",
         "tests/unit/pdsolve/diffusion/test_bonds.py::test_slots_with_a_crack_and_two_media_are_the_list",
     ),
 )

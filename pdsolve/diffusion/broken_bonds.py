@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pdsolve.diffusion.families import DiffusionFamilies
-from pdsolve.diffusion.listed import ChangedBonds
+from pdsolve.diffusion.listed import BondList, links_between
 from pdsolve.diffusion.system import Transport
 from pdsolve.state import Broken
 from pdsolve.steppers.theta import ThetaSteps
@@ -43,9 +43,8 @@ class BrokenBonds:
         source, target = broken.source[order], broken.target[order]
         lost = (self._share - 1) * self._conductance(source, target)
         is_reduced, operator = lost < 0, self._transport.operator
-        operator.torn = ChangedBonds(
-            source[is_reduced], target[is_reduced], lost[is_reduced], operator.volume, self._transport.threads
-        )
+        links = links_between(source[is_reduced], target[is_reduced], len(operator.volume))
+        operator.torn = BondList(links, lost[is_reduced], operator.volume, self._transport.threads)
         if isinstance(stepper, ThetaSteps):
             stepper.discard_factors()
 
@@ -54,8 +53,7 @@ class BrokenBonds:
         conductance, change = self._families.between(source, target), self._transport.operator.change
         if change is None:
             return conductance
-        start, _, neighbour, more = change.bonds
-        nodes = len(start) - 1
+        (start, neighbour, _), more, nodes = change.links, change.conductance, len(change.volume)
         keys = np.repeat(np.arange(nodes), np.diff(start)) * nodes + neighbour
         wanted = source * nodes + target
         at = np.minimum(np.searchsorted(keys, wanted), len(keys) - 1) if len(keys) else np.zeros(0, dtype=np.int64)

@@ -20,7 +20,6 @@ from numpy.typing import NDArray
 from pdmesh.model.neighbours import ON_LATTICE, Neighbours, Pairs, lengths, row_chunks
 from pdsolve.diffusion.families import DiffusionFamilies
 from pdsolve.diffusion.lattice import OnLattice, family, place_bonds
-from pdsolve.diffusion.listed import compiled
 from pdsolve.model import Model, ModelError
 from pdsolve.operators.space_lattice.families import members
 from pdsolve.operators.space_lattice.layout import intact
@@ -134,7 +133,7 @@ class Collocated:
             lattice.rates(values, rates)
         both = self._both
         both[self._some[0]], both[self._some[1]] = self._rates[0][: node_counts[0]], self._rates[1][: node_counts[1]]
-        _give_back(self.volume, self._seam, self._seam_volume, both)
+        both[self._seam] -= (self.volume * both).sum() / self._seam_volume  # what interpolation has created
         out += both
 
     def tangent(self) -> csr_array:
@@ -145,16 +144,6 @@ class Collocated:
         """Sum over bonds of the differences of `share` (n,), which is 0 on coarse nodes, weighted by conductance,
         m^d/s."""
         return self._bonds.contrast(np.concatenate([share[self._fine], np.zeros(len(self._outer.at))]))
-
-
-@compiled(fastmath={"reassoc", "contract", "nsz"})
-def _give_back(volume, seam, seam_volume, out):  # type: ignore[no-untyped-def]
-    """Subtract the surplus of all rates (n,) from the nodes at the seam."""
-    surplus = 0.0
-    for i in range(len(out)):
-        surplus += volume[i] * out[i]
-    for i in seam:
-        out[i] -= surplus / seam_volume
 
 
 def _slice(rows: NDArray[np.int64]) -> slice | NDArray[np.int64]:

@@ -10,10 +10,9 @@ from numpy.typing import NDArray
 from pdsolve.conditions import Drive, Entries, put_loads
 from pdsolve.diffusion.dissolution import saturated
 from pdsolve.diffusion.lattice import OnLattice
-from pdsolve.diffusion.listed import BondList, flux
+from pdsolve.diffusion.listed import BondList
 from pdsolve.diffusion.operator import Fick
 from pdsolve.lattice.fluxes import share_of
-from pdsolve.lattice.sums import GENERAL
 from pdsolve.model import ModelError
 from pdsolve.operators.device.factors import AT_ONCE, Factors
 from pdsolve.operators.device.runtime import Session
@@ -40,16 +39,16 @@ class EulerOnDevice:
             tiles.offsets.astype(np.int32),
             tiles.g,
             tiles.bits,
-            tiles.kind,
+            tiles.general,
             tiles.D,
-            tiles.outflow,
+            lattice.total,
             operator.outside,
             *_listed(operator.change, nodes),
         ]
         session.expect_countable(sites.size)
         session.room_for(*(item.nbytes for item in fixed), 8 * sites.size, *6 * [8 * nodes], 4 * nodes)
         session.room_for(*(16 * len(item.node) + 4 * nodes + 4 for item in (drive.loads, drive.holds)))
-        defined = {"SLOTS": len(tiles.offsets), "MARGIN": tiles.margin, "GENERAL": GENERAL}
+        defined = {"SLOTS": len(tiles.offsets), "MARGIN": tiles.margin}
         names = {"OPEN": bool(operator.outside.any()), "LOADS": len(drive.loads.node) > 0, "VARIES": drive.varies}
         defined |= {name: 1 for name, enabled in names.items() if enabled}
         lines = [preamble("float64", 1), _law(operator.medium.C_sat)]
@@ -107,19 +106,16 @@ class EulerOnDevice:
 def _law(C_sat: float | None) -> str:
     """Fick's law in OpenCL C, of potentials up to C_sat, mol/m^3, if there is one."""
     written = Translation({})
-    of_bond, share, least = (
-        written.called(function, (DOUBLE,) * count)[0] for function, count in ((flux, 5), (share_of, 2), (saturated, 2))
-    )
+    share, least = (written.called(function, (DOUBLE, DOUBLE))[0] for function in (share_of, saturated))
     potential = "h" if C_sat is None else f"{least}(h, {float(C_sat).hex()})"
-    return f"{written.source}\n#define FLUX {of_bond}\n#define SHARE_OF {share}\n#define POTENTIAL(h) {potential}"
+    return f"{written.source}\n#define SHARE_OF {share}\n#define POTENTIAL(h) {potential}"
 
 
 def _listed(bonds: BondList | None, nodes: int) -> list[NDArray[Any]]:
-    """Starts, neighbours and conductances of changed bonds; none without any."""
-    if bonds is None:
-        return [np.zeros(nodes + 1, dtype=np.int64), np.zeros(1, dtype=np.uint32), np.zeros(1)]
-    groups = bonds.bonds
-    return [groups.start.astype(np.int64), groups.neighbour.astype(np.uint32), groups.conductance]
+    """Starts, neighbours and conductances of changed bonds, and all that leaves nodes; none without any."""
+    if bonds is None or not len(bonds.conductance):
+        return [np.zeros(nodes + 1, dtype=np.int64), np.zeros(1, dtype=np.int32), np.zeros(1), np.zeros(nodes)]
+    return [bonds.links.start, bonds.links.neighbour, bonds.conductance, bonds.total]
 
 
 def _entries(entries: Entries, nodes: int, session: Session) -> list[Any]:

@@ -11,7 +11,6 @@ follow in the same way, from D = sum(k |xi|^(2 - q) V) / (2 d).
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from functools import lru_cache
 from itertools import product
 from typing import NamedTuple
@@ -22,10 +21,10 @@ from numpy.typing import NDArray
 from pdmesh.model.lattice_calibration import hu_beta
 from pdmesh.model.neighbours import ROUND_OFF, Neighbours, Pairs, chosen, row_chunks
 from pdmesh.model.visibility import sight_of
+from pdsolve.laws.bond_arrays import Links
 from pdsolve.model import Model
 
 CONSTANTS = {1: (3.0, 2.0, 1.0), 2: (8 / np.pi, 6 / np.pi, 4 / np.pi), 3: (7.5 / np.pi, 6 / np.pi, 4.5 / np.pi)}
-ALIKE = 1e-12  # of a conductance: what is round-off
 
 
 def extended(model: Model) -> list[int]:
@@ -127,37 +126,15 @@ class DiffusionFamilies:
         """Bonds (b,) of some increasing rows, and their conductances (b,)."""
         return self.part(rows)[:2]
 
-    def parts(self) -> Iterator[BondsOfRows]:
-        """All bonds, in parts of some rows."""
-        return (self.part(rows) for rows in row_chunks(len(self.model.grid)))
-
-
-class Grouped(NamedTuple):
-    """All b directed bonds of n nodes in one list; equal bonds of a node are together, in one of g groups.
-
-    The groups of node i are start[i]:start[i + 1], the bonds of group k are first[k]:first[k + 1].
-    """
-
-    start: NDArray[np.int64]  # (n + 1,)
-    first: NDArray[np.uint32]  # (g + 1,)
-    neighbour: NDArray[np.uint32]  # (b,)
-    conductance: NDArray[np.float64]  # (g,) 1/(s m^d)
-
-
-def grouped(parts: Iterator[BondsOfRows], nodes: int) -> tuple[Grouped, NDArray[np.int64]]:
-    """All parts as one list, and the number (n,) of bonds of each node that a crack blocks."""
-    neighbours, sizes, conductances = [], [], []
-    groups, blocked = np.zeros(nodes, dtype=np.int64), np.zeros(nodes, dtype=np.int64)
-    for pairs, conductance, hidden in parts:
-        blocked += np.bincount(hidden, minlength=nodes)
-        digits = np.round(np.log(conductance) / ALIKE).astype(np.int64)
-        order = np.lexsort((digits, pairs.source))
-        source, digits = pairs.source[order], digits[order]
-        new = np.flatnonzero(np.diff(source, prepend=-1).astype(bool) | np.diff(digits, prepend=0).astype(bool))
-        neighbours.append(pairs.target[order].astype(np.uint32))
-        sizes.append(np.diff(np.append(new, len(source))))
-        conductances.append(conductance[order][new])
-        groups += np.bincount(source[new], minlength=nodes)
-    first = np.concatenate([[0], np.cumsum(np.concatenate(sizes))]).astype(np.uint32)
-    start = np.concatenate([[0], np.cumsum(groups)])
-    return Grouped(start, first, np.concatenate(neighbours), np.concatenate(conductances)), blocked
+    def listed(self) -> tuple[Links, NDArray[np.float64], NDArray[np.int64]]:
+        """All bonds (b,), their conductances (b,), and the number (n,) of bonds of each node that a crack blocks."""
+        nodes = len(self.delta)
+        counts, blocked = np.zeros((2, nodes), dtype=np.int64)
+        neighbours, conductances = [], []
+        for pairs, conductance, hidden in (self.part(rows) for rows in row_chunks(nodes)):
+            counts += np.bincount(pairs.source, minlength=nodes)
+            blocked += np.bincount(hidden, minlength=nodes)
+            neighbours.append(pairs.target.astype(np.int32))
+            conductances.append(conductance)
+        start = np.concatenate([[0], np.cumsum(counts)])
+        return Links(start, np.concatenate(neighbours)), np.concatenate(conductances), blocked

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from copy import copy
 from typing import TYPE_CHECKING
 
@@ -12,8 +13,9 @@ from pdmesh.model.lattice_calibration import offsets
 from pdmesh.model.neighbours import ROUND_OFF, lengths, row_chunks
 from pdsolve.codegen.vector_code import ROW
 from pdsolve.diffusion.families import DiffusionFamilies, shape
-from pdsolve.lattice.fluxes import FluxTiles, place_amounts, share_of, sort_tiles, sum_fluxes
-from pdsolve.lattice.sums import EMPTY
+from pdsolve.lattice.families import sum_first_pass
+from pdsolve.lattice.fluxes import FluxTiles, collect_rates, place_amounts, share_of, sort_tiles
+from pdsolve.laws.fluxes import Contrast, Fick
 from pdsolve.numerics.thread_team import share
 from pdsolve.operators.simd_lattice.layout import aligned
 from pdsolve.operators.space_lattice.families import counts, members
@@ -84,22 +86,22 @@ class OnLattice:
     ) -> None:
         """`conductance` (k,) is that of each offset, and `D` (n,) the diffusivity over that of the first node."""
         self.sites, self.volume, self.threads = sites, volume, threads
-        medium, self._amount = (aligned(np.zeros((1, sites.size))) for _ in range(2))
-        medium[0, sites.site] = D
+        (medium,) = D_of_sites = aligned(np.zeros((1, sites.size)))
+        medium[sites.site] = D
         self.tiles = FluxTiles(
             offsets=sites.steps,
             g=conductance,
             bits=bits,
-            kind=np.zeros(sites.tiles, dtype=np.uint8),
-            node=sites.node if wanted is None else np.where(sites.node < wanted, sites.node, np.int32(-1)),
-            D=medium,
-            outflow=np.zeros(len(volume)),
+            filled=np.zeros(sites.tiles, dtype=np.bool_),
+            general=np.zeros(sites.tiles, dtype=np.bool_),
+            D=D_of_sites,
             margin=sites.margin,
         )
-        sort_tiles(self.tiles)
-        self.count, self.total = counts(bits, sites), np.zeros(len(volume))
-        self.rates(np.ones(len(volume)), self.total)
-        self.tiles = self.tiles._replace(outflow=self.total)
+        self._rows, self._amount, self._sums = slice(0, wanted or len(volume)), *_two_of(self.tiles)
+        sort_tiles(self.tiles, np.where(sites.node < self._rows.stop, sites.node, -1))
+        self.count, self.total, outflow = counts(bits, sites), *np.zeros((2, len(volume)))
+        self.rates(np.ones(len(volume)), outflow)
+        self.total = outflow
 
     @property
     def _D(self) -> NDArray[np.float64]:
@@ -112,32 +114,38 @@ class OnLattice:
         part, tiles, rows = copy(self), self.tiles, slice(begin, end)
         site = self.sites.site[rows]
         low, high = ((int(at) - tiles.margin) // ROW for at in (site.min(), site.max() + ROW))
-        node = tiles.node[low * ROW : high * ROW]
-        node = np.where((node >= first) & (node < last), node - np.int32(begin), np.int32(-1))
-        part.sites = self.sites._replace(site=site - np.int32(low * ROW), node=node)
+        filled = np.isin(np.arange(low, high), (self.sites.site[first:last] - tiles.margin) // ROW)
+        part.sites = self.sites._replace(site=site - np.int32(low * ROW))
         part.volume, part.count, part.total, part.threads = self.volume[rows], self.count[rows], self.total[rows], 1
         part.tiles = tiles._replace(
             bits=tiles.bits[low:high],
-            kind=np.where((node.reshape(-1, ROW) >= 0).any(axis=1), tiles.kind[low:high], np.uint8(EMPTY)),
-            node=node,
+            filled=filled,
+            general=tiles.general[low:high],
             D=tiles.D[:, low * ROW : high * ROW + 2 * tiles.margin],
-            outflow=part.total,
         )
-        part._amount = aligned(np.zeros((1, part.sites.size)))
+        part._rows = slice(first - begin, last - begin)
+        part._amount, part._sums = _two_of(part.tiles)
         return part
 
-    def _sum(self, of: NDArray[np.float64], potential: NDArray[np.float64], out: NDArray[np.float64]) -> None:
-        tiles, like = self.tiles, (0,) * len(of)
+    def _sum(self, law: Fick | Contrast, of: NDArray[np.float64]) -> None:
+        """Sum what bonds bring to sites that have these values `of` (w, m)."""
+        tiles, likes = self.tiles, ((0,), (), (0,), (0,) * len(of))
 
         def work(first: int, last: int) -> None:
-            sum_fluxes(tiles, of, like, potential, out, first // ROW, last // ROW)
+            sum_first_pass(tiles, law, of, tiles.D, self._sums, likes, True, first // ROW, last // ROW)
 
-        share(work, len(tiles.node), self.threads)
+        share(work, len(tiles.filled) * ROW, self.threads)
 
     def rates(self, potential: NDArray[np.float64], out: NDArray[np.float64]) -> None:
         """Add the rates of change (n,) of contents, per volume and time, at this `potential` (n,) to `out`."""
-        place_amounts(self.sites.site, potential, self.volume, self._amount)
-        self._sum(self._amount, potential, out)
+        site, amount, sums, begin = self.sites.site, self._amount, self._sums, self._rows.start
+        share(lambda *rows: place_amounts(site, potential, self.volume, amount, *rows), len(site), self.threads)
+        self._sum(Fick(self.tiles.g), amount)
+
+        def collect(first: int, last: int) -> None:
+            collect_rates(site, sums, self.total, potential, out, begin + first, begin + last)
+
+        share(collect, self._rows.stop - begin, self.threads)
 
     def lacking(self, cell: float) -> NDArray[np.bool_]:
         """Mask (n,) of nodes whose total conductance differs from that of a full family of whole cells, m^d."""
@@ -160,7 +168,12 @@ class OnLattice:
 
     def contrast(self, share: NDArray[np.float64]) -> float:
         """Sum over bonds of the differences of `share` (n,), weighted by conductance and both volumes, m^d/s."""
-        of, out = np.zeros((2, self.sites.size)), np.zeros(len(share))
-        of[:, self.sites.site] = self.volume, share
-        self._sum(of, np.zeros(len(share)), out)
-        return float((out * self.volume).sum())
+        of, site, rows = np.zeros((2, self.tiles.D.shape[1])), self.sites.site, self._rows
+        of[:, site] = self.volume, share
+        self._sum(Contrast(self.tiles.g), of)
+        return float((self._sums[0, site[rows]] * self.volume[rows]).sum())
+
+
+def _two_of(tiles: FluxTiles) -> Iterator[NDArray[np.float64]]:
+    """Two arrays (1, m) of zeros for the sites of tiles."""
+    return (aligned(np.zeros(tiles.D.shape)) for _ in range(2))

@@ -12,7 +12,7 @@ from pdmesh.model.medium import Medium
 from pdsolve.checkpoint_validation import entry
 from pdsolve.diffusion.dissolution import potential, solid_share
 from pdsolve.diffusion.lattice import OnLattice
-from pdsolve.diffusion.listed import BondList, ChangedBonds
+from pdsolve.diffusion.listed import BondList
 from pdsolve.diffusion.walls import Bonds
 from pdsolve.model import ModelError
 from pdsolve.operators.protocol import CheckpointArrays
@@ -55,7 +55,7 @@ class Fick:
         families: Callable[[], Bonds],
         medium: Medium,
         outside: NDArray[np.float64] | None = None,
-        change: ChangedBonds | None = None,
+        change: BondList | None = None,
     ) -> None:
         """`change` is what a surface correction adds to the fluxes of `exchange`.
 
@@ -63,7 +63,7 @@ class Fick:
         """
         self.exchange, self.medium, self._families = exchange, medium, families
         self.change = change
-        self.torn: ChangedBonds | None = None  # what is added to the fluxes of bonds that broke
+        self.torn: BondList | None = None  # what is added to the fluxes of bonds that broke
         self.total = sum((part.total for part in self._parts), np.zeros(len(exchange.volume)))  # (n,) 1/s, inside
         self.outside = np.zeros(len(exchange.volume)) if outside is None else outside
         self._open = bool(self.outside.any())

@@ -17,9 +17,9 @@ from pdsolve.diffusion.collocation import Collocated
 from pdsolve.diffusion.conditions import begin, boundary_conditions, with_edges, with_fluxes
 from pdsolve.diffusion.dissolution import crossing
 from pdsolve.diffusion.edge_fluxes import Cloud
-from pdsolve.diffusion.families import DiffusionFamilies, grouped
+from pdsolve.diffusion.families import DiffusionFamilies
 from pdsolve.diffusion.lattice import on_lattice
-from pdsolve.diffusion.listed import BondList, ChangedBonds
+from pdsolve.diffusion.listed import BondList, links_between
 from pdsolve.diffusion.operator import Exchange, Fick
 from pdsolve.diffusion.walls import Bonds
 from pdsolve.model import Model, ModelError, counted
@@ -63,10 +63,9 @@ def prepare(model: Model, threads: int | None = None, listed: bool = False) -> t
     change = None
     if medium.surface_correction:
         correction = surfaces.correction(stored.bonds, volume, done.free, done.edges, stored.lacking)
-        done, change = (
-            with_edges(done, correction.to_edge, correction.edge),
-            ChangedBonds(*correction[:3], volume, threads),
-        )
+        done = with_edges(done, correction.to_edge, correction.edge)
+        links = links_between(correction.source, correction.target, len(volume))
+        change = BondList(links, correction.conductance, volume, threads)
     bonds = (lambda: stored.bonds) if run.adapt == "collocation" else partial(DiffusionFamilies, model)
     if done.fluxes:
         inside = Fick(stored.exchange, bonds, medium, None, change)
@@ -123,8 +122,8 @@ def _stored(model: Model, volume: NDArray[np.float64], free: NDArray[np.bool_], 
         if placed is not None:
             tiles, blocked = placed
             return Stored(tiles, families, tiles.lacking(float(model.grid.delta[0]) ** model.grid.dimension), blocked)
-    bonds, blocked = grouped(families.parts(), len(volume))
-    return Stored(BondList(bonds, volume, threads), families, every, blocked)
+    links, conductance, blocked = families.listed()
+    return Stored(BondList(links, conductance, volume, threads), families, every, blocked)
 
 
 def _step(model: Model, most: float) -> float:

@@ -35,7 +35,8 @@ from pdsolve.lattice.bond import (
     where_inverse,
     where_nonzero,
 )
-from pdsolve.laws.bond_arrays import Bond
+from pdsolve.lattice.fluxes import FluxTiles, conductances
+from pdsolve.laws.bond_arrays import Bond, Ends
 from pdsolve.laws.calls import accumulate, bond_force, finish_sums, initial_sums, margin
 from pdsolve.laws.small_tensors import blank, summed
 
@@ -110,7 +111,7 @@ def has_bonds(bonds: Any, tile: Any, slot: Any) -> bool:
 
 @overload(has_bonds, jit_options=IN_PLACE)
 def _has_bonds(bonds, tile, slot):  # type: ignore[no-untyped-def]
-    if _is_in_tiles(bonds):
+    if bonds.instance_class is FamilyTiles:
         return lambda bonds, tile, slot: bonds.bits[tile, slot] != 0
     return lambda bonds, tile, slot: True
 
@@ -141,6 +142,8 @@ def numbers(bonds: Any, tile: Any, slot: Any, lane: Any, at: Any, like: Any) -> 
 
 @overload(numbers, jit_options=IN_PLACE)
 def _numbers(bonds, tile, slot, lane, at, like):  # type: ignore[no-untyped-def]
+    if bonds.instance_class is FluxTiles:
+        return lambda bonds, tile, slot, lane, at, like: conductances(bonds, tile, slot, lane, at)
     if _is_in_tiles(bonds):
         return _two_numbers if len(like) == 4 else _three_numbers
     return _numbers_in_block
@@ -202,8 +205,20 @@ def _intact(bonds, tile, slot, lane, c, eta):  # type: ignore[no-untyped-def]
 
 
 def _is_in_tiles(bonds: Any) -> bool:
-    """Whether a numba type is that of `FamilyTiles`."""
-    return bool(bonds.instance_class is FamilyTiles)
+    """Whether a numba type is one of bonds in tiles."""
+    return bonds.instance_class in (FamilyTiles, FluxTiles)
+
+
+def bonds_at(bonds: Any, tile: Any, slot: Any, lane: Any, at: Any, c: Any, u: Any, here: Any) -> Bond | Ends:
+    """The bonds of some lanes whose nodes have the values `here`: deformed, or in `FluxTiles` what their ends have."""
+    raise NotImplementedError("compiled for each layout")
+
+
+@overload(bonds_at, jit_options=IN_PLACE)
+def _bonds_at(bonds, tile, slot, lane, at, c, u, here):  # type: ignore[no-untyped-def]
+    if bonds.instance_class is FluxTiles:
+        return lambda bonds, tile, slot, lane, at, c, u, here: Ends(here, neighbours(bonds, u, here, at, slot, lane))
+    return lambda bonds, tile, slot, lane, at, c, u, here: _deform(bonds, tile, slot, lane, at, c, u, here)
 
 
 @njit(**IN_PLACE)
@@ -237,7 +252,7 @@ def sum_first_pass(bonds, law, u, constants, m, likes, by_lanes, first, last):  
             for slot in range(begin, end):
                 if has_bonds(bonds, tile, slot):
                     c = numbers(bonds, tile, slot, lane, at, likes[COLUMNS])
-                    sums = accumulate(law, _deform(bonds, tile, slot, lane, at, c, u, displacement), c, sums)
+                    sums = accumulate(law, bonds_at(bonds, tile, slot, lane, at, c, u, displacement), c, sums)
             if by_lanes:
                 keep(finish_sums(law, sums, beside(constants, likes[OWN], at)), m, at)
             else:

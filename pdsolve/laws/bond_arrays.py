@@ -40,6 +40,14 @@ class SwollenList(NamedTuple):
 AnyList = List | SwollenList
 
 
+class Links(NamedTuple):
+    """Bonds along which a scalar flows, those of node i at start[i]:start[i + 1]; b of them, without vectors."""
+
+    start: NDArray[np.int64]  # (n + 1,)
+    neighbour: NDArray[np.int32]  # (b,)
+    xi: tuple[()] = ()
+
+
 def list_of(bonds: Bonds) -> List:
     """Bonds (b,) for compiled loops."""
     length = np.sqrt((bonds.xi**2).sum(axis=1))
@@ -124,6 +132,28 @@ def deformed(bonds, value, i, j, k):  # type: ignore[no-untyped-def]
     return Bond(xi, eta, length, q, e / (q + 1), more * now * once, reach * once)
 
 
+class Ends(NamedTuple):
+    """What the nodes of a bond have, as many values each; numbers, or lanes of many bonds."""
+
+    here: tuple[Any, ...]
+    there: tuple[Any, ...]
+
+
+def bond_at(bonds: Any, value: Any, i: Any, j: Any, k: Any) -> Bond | Ends:
+    """Bond k, from node i to node j, at these values: deformed, or of `Links` what its ends have."""
+    if isinstance(bonds, Links):
+        return Ends(reference(value, i), reference(value, j))
+    bond: Bond = deformed(bonds, value, i, j, k)
+    return bond
+
+
+@overload(bond_at, jit_options=INNER)
+def _bond_at(bonds, value, i, j, k):  # type: ignore[no-untyped-def]
+    if bonds.instance_class is Links:
+        return lambda bonds, value, i, j, k: Ends(reference(value, i), reference(value, j))
+    return lambda bonds, value, i, j, k: deformed(bonds, value, i, j, k)
+
+
 @njit(**INNER)
 def stretch_before(bond, now, i, j):  # type: ignore[no-untyped-def]
     """The stretch of the bond from i to j one step ago."""
@@ -173,8 +203,8 @@ def _difference(xi: tuple[NDArray[Any], ...], value: NDArray[Any], i: int, j: in
 
 @overload(reference, jit_options=INNER)
 def _reference_of(xi, k):  # type: ignore[no-untyped-def]
-    if len(xi) == 2:
-        return lambda xi, k: (xi[0][k], xi[1][k])
+    if len(xi) < 3:
+        return (lambda xi, k: (xi[0][k],)) if len(xi) == 1 else lambda xi, k: (xi[0][k], xi[1][k])
     return lambda xi, k: (xi[0][k], xi[1][k], xi[2][k])
 
 

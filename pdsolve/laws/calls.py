@@ -12,7 +12,7 @@ import numpy as np
 from numba.extending import overload, register_jitable
 from numpy.typing import NDArray
 
-from pdsolve.laws.bond_arrays import INLINE, INNER, AnyList, Bond, Now
+from pdsolve.laws.bond_arrays import INLINE, INNER, AnyList, Bond, Ends, Now
 from pdsolve.laws.law import Failure, Function, IntermediatePass, Law, NodeHistory, Pair, Passes, Softening
 
 
@@ -31,7 +31,7 @@ def initial_sums(law: Any, xi: tuple[Any, ...], none: Any) -> tuple[Any, ...]:
     return tuple(_bound[type(law)]["initial_sums"](law, xi, none))
 
 
-def accumulate(law: Any, bond: Bond, c: tuple[Any, ...], sums: tuple[Any, ...]) -> tuple[Any, ...]:
+def accumulate(law: Any, bond: Bond | Ends, c: tuple[Any, ...], sums: tuple[Any, ...]) -> tuple[Any, ...]:
     """The sums plus the contribution of a bond with the numbers c."""
     return tuple(_bound[type(law)]["accumulate"](law, bond, c, sums))
 
@@ -271,14 +271,18 @@ def pair_of(law: Any) -> Pair:
 
 def bind(law: Law) -> None:
     """Bind the functions of a law to its columns' type; numba keeps them for the life of the process."""
-    kind = law.columns_type
-    if kind in _bound:
+    if law.columns_type in _bound:
         return
+    bind_functions(law.columns_type, functions_of(law))
+    if law.pair is not None:
+        _pairs[law.columns_type] = law.pair
+
+
+def bind_functions(kind: type[Any], said: dict[str, Function]) -> None:
+    """Bind functions, by the names of this file, to a type of columns."""
     # numba calls what it compiles after the names of types: two laws of the same columns would be one
     kind.__name__ = f"{kind.__module__}.{kind.__name__}".replace(".", "_")
-    said = _bound[kind] = functions_of(law)
-    if law.pair is not None:
-        _pairs[kind] = law.pair
+    _bound[kind] = said
     for options, functions in _DISPATCHED:
         for function in functions:
             if function.__name__ in said:

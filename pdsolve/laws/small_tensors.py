@@ -325,6 +325,8 @@ def _blank_moments(like, none):  # type: ignore[no-untyped-def]
 
 @overload(blank, jit_options=INLINE)
 def _blank(like, none):  # type: ignore[no-untyped-def]
+    if len(like) == 0:
+        return lambda like, none: ()
     if len(like) == 2:
         return lambda like, none: (none, none)
     return lambda like, none: (none, none, none)

@@ -8,10 +8,12 @@ from __future__ import annotations
 from typing import Any, NamedTuple
 
 import numpy as np
+from numba import types
+from numba.extending import overload
 from numpy.typing import NDArray
 
 from pdsolve.codegen.jit_cache import cached_njit
-from pdsolve.laws.bond_arrays import deformed, stretch_before
+from pdsolve.laws.bond_arrays import INLINE, bond_at, deformed, stretch_before
 from pdsolve.laws.calls import (
     accumulate,
     accumulate_bond_force,
@@ -51,6 +53,18 @@ def torn_bonds(bond: NDArray[np.int64], source: NDArray[np.int64], width: int) -
     return TornBonds(bond, source, np.zeros((len(bond), width)), np.zeros(len(bond)))
 
 
+def is_whole(broken: NDArray[np.int32] | None, k: Any) -> bool:
+    """Whether bond k is not broken, given the steps in which bonds broke; None: no bond of the law breaks."""
+    return broken is None or bool(broken[k] == 0)
+
+
+@overload(is_whole, jit_options=INLINE)
+def _is_whole(broken, k):  # type: ignore[no-untyped-def]
+    if isinstance(broken, types.NoneType):
+        return lambda broken, k: True
+    return lambda broken, k: broken[k] == 0
+
+
 @cached_njit(**KERNEL)
 def first_pass_rows(bonds, law, now, m, rows, first, last):  # type: ignore[no-untyped-def]
     """Compute some rows of m."""
@@ -74,9 +88,9 @@ def first_pass_rows_of_sums(bonds, law, now, m, rows, first, last):  # type: ign
         sums = initial_sums(law, like, none)
         for place in range(start[i], start[i + 1]):
             k = np.uint64(place)
-            if broken[k] == 0:
+            if is_whole(broken, k):
                 j = np.uint64(neighbour[k])
-                sums = accumulate(law, deformed(bonds, value, i, j, k), numbers(law, i, j, k), sums)
+                sums = accumulate(law, bond_at(bonds, value, i, j, k), numbers(law, i, j, k), sums)
         for a in range(len(sums)):
             m[row, a] = sums[a]
         finish_pass(law, row, m)

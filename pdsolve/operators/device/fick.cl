@@ -1,7 +1,7 @@
-/* Forward Euler of Fick's law on one lattice: pdsolve/diffusion/lattice and pdsolve/steppers/euler in OpenCL C.
+/* Forward Euler of Fick's law on one lattice: pdsolve/lattice/families and pdsolve/steppers/euler in OpenCL C.
 
 A work item is a node, n of them; sites, slots and their order are those of the processor, as is what is rounded once
-(fma). Symbols as in pdsolve/lattice/fluxes.
+(fma). Symbols as in pdsolve/lattice/fluxes. Bonds in turn are added to two sums, as in pdsolve/laws/fluxes.
 
     amount    (m,) potential times volume, 0 at sites without a node
     loads     entries (loads,) of nodes, from load_first (n + 1,) on; holds likewise
@@ -19,10 +19,10 @@ __kernel void put(__global const int *site, __global const double *volume, __glo
 
 __kernel void advance(__global const int *site, __global const double *volume, __global const double *potential,
                       __global const double *amount, __global const int *ahead, __global const double *g,
-                      __global const ushort *bits, __global const uchar *kind, __global const double *D,
+                      __global const ushort *bits, __global const uchar *general, __global const double *D,
                       __global const double *outflow, __global const double *outside, __global const long *start,
-                      __global const uint *neighbour, __global const double *more, __global double *h,
-                      __global double *rate, __global double *dissipated, __global double *work,
+                      __global const int *neighbour, __global const double *more, __global const double *more_outflow,
+                      __global double *h, __global double *rate, __global double *dissipated, __global double *work,
                       __global double *source, __global const int *load_first, __global const double *load_value,
                       __global const int *load_profile, __global const int *hold_first,
                       __global const double *hold_value, __global const int *hold_profile,
@@ -36,15 +36,18 @@ __kernel void advance(__global const int *site, __global const double *volume, _
   double s[2] = {0, 0};
   for (int k = 0; k < SLOTS; ++k) {
     double w = g[k];
-    if (kind[tile] == GENERAL)
+    if (general[tile])
       w = bits[(long)tile * SLOTS + k] >> lane & 1 ? w * SHARE_OF(D[site[i]], D[site[i] + ahead[k]]) : 0;
     s[k % 2] = fma(w, a[ahead[k]], s[k % 2]);
   }
   double out = D[site[i]] * (s[0] + s[1]) - outflow[i] * potential[i];
-  double added = 0; /* by the few bonds of a surface correction */
-  for (long k = start[i]; k < start[i + 1]; ++k)
-    added = FLUX(more[k], volume[neighbour[k]], potential[i], potential[neighbour[k]], added);
-  out += added;
+  double added[2] = {0, 0}; /* by the few bonds of a surface correction */
+  for (long k = start[i]; k < start[i + 1]; ++k) {
+    int number = (k - start[i]) % 2, j = neighbour[k];
+    added[number] = fma(more[k], volume[j] * potential[j], added[number]);
+  }
+  out += added[0] + added[1];
+  out -= more_outflow[i] * potential[i];
 #ifdef OPEN
   double given = -outside[i] * potential[i], booked = dt * given;
   work[i] += booked;

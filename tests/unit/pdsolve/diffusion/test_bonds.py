@@ -14,11 +14,10 @@ from dissolving_screws import screw
 from pdmesh.model.document import MediumRegion
 from pdmesh.model.medium import Medium
 from pdmesh.model.neighbours import Pairs, chosen
-from pdsolve.diffusion.families import BondsOfRows, DiffusionFamilies, grouped, lattice_diffusivity
-from pdsolve.diffusion.listed import BondList
+from pdsolve.diffusion.families import DiffusionFamilies, lattice_diffusivity
+from pdsolve.diffusion.listed import BondList, links_between
 from pdsolve.diffusion.operator import Fick
 from pdsolve.diffusion.system import prepare
-from pdsolve.lattice.sums import GENERAL
 from pdsolve.operators.together import Together
 
 
@@ -141,9 +140,8 @@ def test_bonds_in_two_operators_are_those_of_one() -> None:
     families, parts = DiffusionFamilies(base), []
     for odd in (0, 1):
         own = chosen(pairs, (i + j) % 2 == odd)
-        part = BondsOfRows(own, families.conductance(own), i[:0])
-        bonds, _ = grouped(iter([part]), len(position))
-        exchange = BondList(bonds, system.operator.volume, 1)
+        links = links_between(own.source, own.target, len(position))
+        exchange = BondList(links, families.conductance(own), system.operator.volume, 1)
         parts.append(Fick(exchange, partial(DiffusionFamilies, base), system.operator.medium))
     both = Together(*parts)
     state.value[:, 0] = np.random.default_rng(4).uniform(0, 1, len(position))
@@ -173,7 +171,7 @@ def test_slots_are_the_list(dimension: int, reach: float, thin: float) -> None:
     assert (slots.name, listed.name) == ("lattice", "listed")
     along_x = np.array_equal(np.argsort(slots.exchange.sites.site), np.lexsort(position.T))  # type: ignore[attr-defined]
     assert along_x == (thin == reach)
-    assert GENERAL not in slots.exchange.tiles.kind  # type: ignore[attr-defined]
+    assert not slots.exchange.tiles.general.any()  # type: ignore[attr-defined]
     assert (slots.count == listed.count).all()
     assert slots.total == pytest.approx(listed.total, rel=1e-13)
     C = dice.uniform(0, 1, len(position))

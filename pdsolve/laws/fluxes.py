@@ -1,0 +1,91 @@
+"""Fluxes as functions of one bond, for the loops that sum bonds: numbers, or lanes of many bonds.
+
+A bond has its conductance `c`, 1/(s m^d); `bond` is what its ends have (`pdsolve.laws.bond_arrays.Ends`). A node's sum
+is over all its bonds.
+
+    Fick        amount V C of a node; what all bonds bring, without what leaves the node
+    Contrast    volume V and a share; V times the difference of both shares, never negative
+    Dissolve    volume V, concentration and whether it is solid; V times the difference of concentrations
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pdsolve.codegen.fused import fused
+from pdsolve.laws.calls import bind_functions
+
+
+class Fick(NamedTuple):
+    """Fick's law of bonds (b,)."""
+
+    g: NDArray[np.float64]  # (b,) 1/(s m^d)
+    broken: None = None  # bonds do not break
+
+
+class Contrast(NamedTuple):
+    """How far apart the ends of bonds (b,) are."""
+
+    g: NDArray[np.float64]  # (b,) 1/(s m^d)
+    broken: None = None
+
+
+class Dissolve(NamedTuple):
+    """Kinetic dissolution along bonds (b,)."""
+
+    g: NDArray[np.float64]  # (b,) 1/(s m^d)
+    C_sat: float  # mol/m^3: a bond from solid to liquid conducts while the liquid is below it
+    k_diss: float  # by how much more than one in liquid
+    broken: None = None
+
+
+def _number(law, i, j, k):  # type: ignore[no-untyped-def]
+    return (law.g[k],)
+
+
+def _nothing(law, xi, none):  # type: ignore[no-untyped-def]
+    return none, none
+
+
+def _bring(law, bond, c, sums):  # type: ignore[no-untyped-def]
+    return sums[1], fused(c[0], bond.there[0], sums[0])
+
+
+def _differ(law, bond, c, sums):  # type: ignore[no-untyped-def]
+    difference = bond.there[1] - bond.here[1]
+    return sums[1], fused(c[0] * bond.there[0], np.sqrt(difference * difference), sums[0])
+
+
+def _dissolve(law, bond, c, sums):  # type: ignore[no-untyped-def]
+    _, concentration, is_solid = bond.here
+    V, neighbour_concentration, neighbour_is_solid = bond.there
+    factor = 0.0  # between two solid nodes
+    if is_solid != neighbour_is_solid:
+        factor = law.k_diss if (neighbour_concentration if is_solid else concentration) < law.C_sat else 0.0
+    elif not is_solid:
+        factor = 1.0
+    return sums[1], fused(factor * c[0] * V, neighbour_concentration - concentration, sums[0])
+
+
+def _join(law, i, m):  # type: ignore[no-untyped-def]
+    m[i, 0] += m[i, 1]
+
+
+def _times_diffusivity(law, sums, node_constants):  # type: ignore[no-untyped-def]
+    return (node_constants[0] * (sums[0] + sums[1]),)
+
+
+for _law, _accumulate in ((Fick, _bring), (Contrast, _differ), (Dissolve, _dissolve)):
+    bind_functions(
+        _law,
+        {
+            "numbers": _number,
+            "initial_sums": _nothing,
+            "accumulate": _accumulate,
+            "finish_pass": _join,
+            "finish_sums": _times_diffusivity,
+        },
+    )
