@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from pdmesh.model.neighbours import ON_LATTICE, Neighbours, Pairs, lengths, row_chunks
 from pdsolve.diffusion.families import DiffusionFamilies
 from pdsolve.diffusion.lattice import OnLattice, family, place_bonds
-from pdsolve.model import Model, ModelError
+from pdsolve.model import ModelError
 from pdsolve.operators.space_lattice.families import members
 from pdsolve.operators.space_lattice.layout import intact
 from pdsolve.operators.stencils import Stencil, diffusion, stencil_of
@@ -47,44 +47,36 @@ class Collocated:
         """`free` (n,) nodes have no prescribed content."""
         self._model, self._families, self.volume = families.model, families, volume
         self.position, self.delta, self.diffusivity = families.position, families.delta, families.diffusivity
-        grid = families.model.grid
-        self._fine, self._coarse = _two(families)
-        fine, coarse = self._fine, self._coarse
-        spacing, D = float(grid.delta[fine[0]]), float(families.diffusivity[0])
+        grid, d = families.model.grid, families.dimension
+        self._fine, self._coarse = fine, coarse = _two(families)
+        h, D = float(grid.delta[fine[0]]), float(families.diffusivity[0])
         near, far = (
-            np.rint((grid.position[rows] - grid.position[fine[0]]) / spacing * 2).astype(np.int64)
-            for rows in (fine, coarse)
+            np.rint((grid.position[rows] - grid.position[fine[0]]) / h * 2).astype(np.int64) for rows in (fine, coarse)
         )  # in halves of the fine spacing
-        steps, conductance = family(families, spacing, D)
-        stencil = stencil_of(3.0, diffusion(D, families.dimension), families.dimension)
+        steps, conductance = family(families, h, D)
+        stencil = stencil_of(3.0, diffusion(D, d), d)
         self._look_whole(stencil, far, free[coarse], near)
-        self._inner = _means(_lacking(far, 4 * stencil.xi, near), near)
+        self._inner = _between(_lacking(far, 4 * stencil.xi, near), near, 2)
         every = np.concatenate([far, self._inner.at])
-        self._outer = _linear(_lacking(near, 2 * steps, every), every, self._model)
-        fines = np.concatenate([near, self._outer.at]) / 2
-        self._bonds = _lattice(fines, len(near), spacing, steps, conductance, threads)
-        pulls = stencil.xi[(stencil.xi != 0).any(axis=1)], stencil.theta[(stencil.xi != 0).any(axis=1), 0, 0]
-        pulls = pulls[0], pulls[1] / (2 * spacing) ** 2 / (2 * spacing) ** families.dimension
-        self._stencils = _lattice(every / 4, len(far), 2 * spacing, *pulls, threads)
+        lacking = _lacking(near, 2 * steps, every)
+        self._outer = _between(lacking, every, 4)
+        if len(self._outer.at) < len(lacking):
+            raise ModelError(
+                f"{self._model.name}: $.run.adapt is collocation with fine nodes at an edge; use coarse ones all around"
+            )
+        self._bonds = _lattice(np.concatenate([near, self._outer.at]) / 2, len(near), h, steps, conductance, threads)
+        around = (stencil.xi != 0).any(axis=1)
+        pulls = stencil.theta[around, 0, 0] / (2 * h) ** 2 / (2 * h) ** d
+        self._stencils = _lattice(every / 4, len(far), 2 * h, stencil.xi[around], pulls, threads)
         self._far = np.isin(np.arange(len(volume)), coarse)
-        self.reach = np.where(self._far, np.abs(stencil.xi).max() * 2 * spacing, families.reach)
+        self.reach = np.where(self._far, np.abs(stencil.xi).max() * 2 * h, families.reach)
         self.count, self.total = np.zeros(len(volume), dtype=np.int64), np.zeros(len(volume))
         self.count[fine], self.total[fine] = self._bonds.count[: len(fine)], self._bonds.total[: len(fine)]
-        self.count[coarse] = self._stencils.count[: len(coarse)]
-        self.total[coarse] = stencil.most / 2 / (2 * spacing) ** 2
-        seam = [
-            rows[_sees(places, reach, met)]
-            for rows, places, reach, met in (
-                (fine, near, 2 * steps, self._outer.at),
-                (coarse, far, 4 * stencil.xi, self._inner.at),
-            )
-        ]
-        self._seam = np.concatenate(seam)
+        self.count[coarse], self.total[coarse] = self._stencils.count[: len(coarse)], stencil.most / 2 / (2 * h) ** 2
+        at_seam = _sees(near, 2 * steps, self._outer.at), _sees(far, 4 * stencil.xi, self._inner.at)
+        self._seam = np.concatenate([fine[at_seam[0]], coarse[at_seam[1]]])
         self._seam_volume = float(volume[self._seam].sum())
-        self._rates, self._values = (
-            [np.zeros(len(lattice.volume)) for lattice in (self._bonds, self._stencils)] for _ in "rv"
-        )
-        self._some, self._both = [_slice(rows) for rows in (fine, coarse)], np.zeros(len(volume))
+        self._rows = [_slice(rows) for rows in (fine, coarse)]
 
     def of(self, rows: NDArray[np.int64]) -> tuple[Pairs, NDArray[np.float64]]:
         """Bonds (b,) of some increasing rows to nodes of their own lattice, and their conductances (b,)."""
@@ -124,15 +116,15 @@ class Collocated:
 
     def rates(self, potential: NDArray[np.float64], out: NDArray[np.float64]) -> None:
         """Add the rates of change (n,) of contents, per volume and time, at this `potential` (n,) to `out`."""
-        fine, every, node_counts = self._values[0], self._values[1], (self._inner.values.shape[1], len(self._coarse))
-        fine[: node_counts[0]], every[: node_counts[1]] = potential[self._some[0]], potential[self._some[1]]
-        every[node_counts[1] :] = self._inner.values @ fine[: node_counts[0]]
-        fine[node_counts[0] :] = self._outer.values @ every
-        for lattice, rates, values in zip((self._bonds, self._stencils), self._rates, self._values, strict=True):
-            rates[:] = 0
+        (near, far), both = (potential[rows] for rows in self._rows), np.zeros(len(potential))
+        every = np.concatenate([far, self._inner.values @ near])
+        fines = np.concatenate([near, self._outer.values @ every])
+        for lattice, rows, given, values in zip(
+            (self._bonds, self._stencils), self._rows, (near, far), (fines, every), strict=True
+        ):
+            rates = np.zeros(len(values))
             lattice.rates(values, rates)
-        both = self._both
-        both[self._some[0]], both[self._some[1]] = self._rates[0][: node_counts[0]], self._rates[1][: node_counts[1]]
+            both[rows] = rates[: len(given)]
         both[self._seam] -= (self.volume * both).sum() / self._seam_volume  # what interpolation has created
         out += both
 
@@ -224,39 +216,21 @@ def _sees(lattice: NDArray[np.int64], steps: NDArray[np.int64], others: NDArray[
     return has_neighbour
 
 
-def _means(at: NDArray[np.int64], near: NDArray[np.int64]) -> Between:
-    """Interpolation of coarse places in the middle of fine nodes `near` (n, d) as means; other places are left out."""
-    corners = np.array(list(product((-1, 1), repeat=at.shape[1])))
-    keys = _Keys(near)
-    rows = np.column_stack([keys.rows(at + corner) for corner in corners])
-    complete = (rows >= 0).all(axis=1)
-    return Between(at[complete], _matrix(rows[complete], np.full(rows[complete].shape, 1 / len(corners)), len(near)))
-
-
-def _linear(at: NDArray[np.int64], every: NDArray[np.int64], model: Model) -> Between:
-    """Interpolation of fine places between coarse ones `every` (n, d), 4 apart. Raises ModelError if one is missing."""
-    d = at.shape[1]
-    keys = _Keys(every)
-    place = (at - every[0]) / 4
-    low = np.floor(place).astype(np.int64)
-    share = place - low
-    rows, weights = [], []
-    for corner in product((0, 1), repeat=d):
-        rows.append(keys.rows(every[0] + 4 * (low + np.array(corner))))
-        weights.append(np.prod(np.where(np.array(corner) == 1, share, 1 - share), axis=1))
-    corner_rows = np.column_stack(rows)
-    if (corner_rows < 0).any():
-        raise ModelError(
-            f"{model.name}: $.run.adapt is collocation with fine nodes at an edge; use coarse ones all around"
-        )
-    return Between(at, _matrix(corner_rows, np.column_stack(weights), len(every)))
-
-
-def _matrix(rows: NDArray[np.int64], weights: NDArray[np.float64], nodes: int) -> csr_array:
+def _between(at: NDArray[np.int64], lattice: NDArray[np.int64], apart: int) -> Between:
+    """Linear interpolation of places `at` (k, d) between nodes that are so far apart; places that lack one are left
+    out."""
     from scipy.sparse import csr_array
 
-    start = np.arange(len(rows) + 1) * (rows.shape[1] if len(rows) else 0)
-    return csr_array((weights.ravel(), rows.ravel(), start), shape=(len(rows), nodes))
+    keys, place = _Keys(lattice), (at - lattice[0]) / apart
+    low = np.floor(place).astype(np.int64)
+    corners = np.array(list(product((0, 1), repeat=at.shape[1])))
+    rows = np.column_stack([keys.rows(lattice[0] + apart * (low + corner)) for corner in corners])
+    share = (place - low)[:, None]
+    weights = np.prod(np.where(corners == 1, share, 1 - share), axis=2)
+    complete = (rows >= 0).all(axis=1)
+    start = np.arange(complete.sum() + 1) * len(corners)
+    values = csr_array((weights[complete].ravel(), rows[complete].ravel(), start), shape=(len(start) - 1, len(lattice)))
+    return Between(at[complete], values)
 
 
 def _lattice(

@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from pdmesh.model.document import Concentration, Exchange, InitialConcentration, Solid, Source
-from pdmesh.model.values_of_place import Value
 from pdsolve.conditions import Drive, Entries, chosen, constrained_components, drive_of, entries, prescribe_values
 from pdsolve.diffusion.edge_fluxes import Cloud, beside_edge, over_cells
-from pdsolve.diffusion.exchange_faces import ON_EDGE, extent_of, outer_faces, ways_to_edge
+from pdsolve.diffusion.exchange_faces import extent_of, held_edge, outer_faces
 from pdsolve.diffusion.families import extended
 from pdsolve.diffusion.walls import NEAREST, Edges, Faces, nothing
 from pdsolve.model import Model, ModelError
@@ -19,15 +20,7 @@ from pdsolve.model import Model, ModelError
 Profile = tuple[tuple[float, float], ...]
 
 
-class OnEdge(NamedTuple):
-    """A value on an edge, beside nodes of a model."""
-
-    model: Model
-    value: Value
-
-    def values(self, rows: NDArray[np.int64]) -> NDArray[np.float64] | float:
-        """The value beside these nodes, (k,) where it depends on the place."""
-        return self.model.values(self.value, rows)
+Values = Callable[[NDArray[np.int64]], NDArray[np.float64] | float]  # at rows (k,): (k,) where they depend on the place
 
 
 class Flux(NamedTuple):
@@ -38,7 +31,7 @@ class Flux(NamedTuple):
     profile: int
     walled: NDArray[np.bool_]  # (k,) nodes through whose wall it goes; see `surfaces`
     spread: bool  # whether nodes behind the edge take shares that leave linear fields exact
-    value: OnEdge  # the flux, mol/(m^2 s), or what is outside, mol/m^3
+    values: Values  # the flux, mol/(m^2 s), or what is outside, mol/m^3
 
 
 class BoundaryConditions(NamedTuple):
@@ -50,7 +43,7 @@ class BoundaryConditions(NamedTuple):
     free: NDArray[np.bool_]  # (n,) nodes that are not held
     exchange: NDArray[np.float64]  # (n,) 1/s: what goes out for each mol/m^3
     edges: Edges
-    at_edges: list[tuple[OnEdge, int]]  # what each held edge holds, and its profile
+    at_edges: list[tuple[Values, int]]  # what each held edge holds, and its profile
     fluxes: list[Flux]
 
     def drive(self) -> Drive:
@@ -63,21 +56,20 @@ def with_edges(done: BoundaryConditions, to_edge: NDArray[np.float64], edge: NDA
     """Conditions with conductances (w, n), 1/s, from each node to the `edge` (w, n) of that number; -1: to none."""
     supplied, exchange = list(done.supplied), done.exchange
     for conductance, of_edge in zip(to_edge, edge, strict=True):
-        for number, (held_there, profile) in enumerate(done.at_edges):
+        for number, (values, profile) in enumerate(done.at_edges):
             rows = np.flatnonzero((of_edge == number) & (conductance > 0))
-            supplied.append(entries(rows, 0, conductance[rows] * held_there.values(rows), profile))
+            supplied.append(entries(rows, 0, conductance[rows] * values(rows), profile))
         exchange = exchange + np.where(of_edge >= 0, conductance, 0.0)
     return done._replace(supplied=supplied, exchange=exchange)
 
 
 def boundary_conditions(model: Model, volume: NDArray[np.float64]) -> BoundaryConditions:
     """The conditions of a model. Raises ModelError if they contradict each other."""
-    nodes = len(model.grid)
-    exchange, free, on_edge = np.zeros(nodes), np.ones(nodes, dtype=bool), np.zeros(nodes, dtype=bool)
+    exchange, free, on_edge = np.zeros(len(volume)), np.ones(len(volume), dtype=bool), np.zeros(len(volume), dtype=bool)
     profiles: list[Profile] = []
     held: list[Entries] = []
     supplied: list[Entries] = []
-    at_edges: list[tuple[OnEdge, int]] = []
+    at_edges: list[tuple[Values, int]] = []
     extents: list[float] = []
     edges = [nothing(len(extended(model)))]
     fluxes: list[Flux] = []
@@ -91,9 +83,9 @@ def boundary_conditions(model: Model, volume: NDArray[np.float64]) -> BoundaryCo
             most *= max((at for _, at in condition.profile), default=1.0)
             _possible(model, f"$.conditions[{number}].value", most)
             if condition.edge is not None and _has_edges(model):
-                rows, faces = _edge(model, number, condition, len(at_edges))
+                rows, faces = held_edge(model, number, len(at_edges))
                 edges.append(faces)
-                at_edges.append((OnEdge(model, condition.value), profile))
+                at_edges.append((partial(model.values, condition.value), profile))
                 extents.append(0.0)
                 on_edge[rows] = True
             held.append(entries(rows, 0, model.values(condition.value, rows), profile))
@@ -105,12 +97,12 @@ def boundary_conditions(model: Model, volume: NDArray[np.float64]) -> BoundaryCo
             walled, spread = np.zeros(len(rows), dtype=bool), _is_corrected(model)
             if isinstance(condition, Exchange) and _has_edges(model):
                 spread = False
-                rows, walled, faces, extent = outer_faces(model, number, rows, volume[rows], len(at_edges))
+                rows, walled, faces, extent = outer_faces(model, number, rows, volume, len(at_edges))
                 edges.append(faces)
-                at_edges.append((OnEdge(model, condition.value), profile))
+                at_edges.append((partial(model.values, condition.value), profile))
                 extents.append(extent)
             through = condition.flux if isinstance(condition, Source) else condition.value
-            fluxes.append(Flux(condition, rows, profile, walled, spread, OnEdge(model, through or 0.0)))
+            fluxes.append(Flux(condition, rows, profile, walled, spread, partial(model.values, through or 0.0)))
     supplied = [chosen(source, free[source.node]) for source in supplied]
     faces = Faces(*(np.concatenate(column) for column in zip(*edges[::-1], strict=True)))  # the last one holds
     nearest = 0.0 if model.settings.run.solver in ("implicit", "static") else NEAREST
@@ -121,16 +113,16 @@ def boundary_conditions(model: Model, volume: NDArray[np.float64]) -> BoundaryCo
 def with_fluxes(done: BoundaryConditions, cloud: Cloud) -> BoundaryConditions:
     """Conditions with the fluxes through edges."""
     supplied, exchange = list(done.supplied), done.exchange.copy()
-    for condition, rows, profile, walled, spread, value in done.fluxes:
+    for condition, rows, profile, walled, spread, values in done.fluxes:
         extent = extent_of(condition)
         flux_spread = beside_edge(cloud, rows, extent, walled) if spread else over_cells(cloud, rows, walled)
         share = extent * flux_spread.share / cloud.volume[flux_spread.rows]
         if isinstance(condition, Source):
-            rate = value.values(flux_spread.rows) * share
+            rate = values(flux_spread.rows) * share
         else:
             coefficient = share / (1 / condition.coefficient + flux_spread.resistance)
             np.add.at(exchange, flux_spread.rows, coefficient)
-            rate = coefficient * value.values(flux_spread.rows)
+            rate = coefficient * values(flux_spread.rows)
         supplied.append(chosen(entries(flux_spread.rows, 0, rate, profile), done.free[flux_spread.rows]))
     exchange[~done.free] = 0
     return done._replace(supplied=supplied, exchange=exchange)
@@ -144,19 +136,6 @@ def _has_edges(model: Model) -> bool:
 def _is_corrected(model: Model) -> bool:
     """Whether bonds near surfaces are corrected."""
     return model.settings.medium is not None and model.settings.medium.surface_correction
-
-
-def _edge(model: Model, number: int, condition: Concentration, edge: int) -> tuple[NDArray[np.int64], Faces]:
-    """Nodes on the edge, which have the prescribed value themselves, and the faces of the first row beside it."""
-    grid, rows = model.grid, model.selected(condition)
-    way = ways_to_edge(model, number, rows)
-    far, delta = np.sqrt((way**2).sum(axis=1)), grid.delta[rows]
-    on, first = far < ON_EDGE * delta, (far >= ON_EDGE * delta) & (far < delta * (1 - ON_EDGE))
-    middle, normal = grid.position[rows] + way, way / np.where(on, 1.0, far)[:, None]
-    axes = extended(model)
-    area = delta ** (len(axes) - 1)
-    edge_and_beyond = np.full(len(rows), edge), np.zeros(len(rows))
-    return rows[on], Faces(middle[:, axes], normal[:, axes], area, *edge_and_beyond).chosen(first)
 
 
 def _possible(model: Model, place: str, value: float) -> None:

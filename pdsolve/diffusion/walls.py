@@ -10,7 +10,8 @@ normal, T_outside stands `beyond` = D / h behind it (Robin's condition).
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from functools import partial
 from typing import NamedTuple, Protocol
 
 import numpy as np
@@ -56,7 +57,7 @@ class Faces(NamedTuple):
 
     def chosen(self, which: NDArray[np.bool_]) -> Faces:
         """The faces selected by a mask (f,)."""
-        return Faces(self.middle[which], self.normal[which], self.area[which], self.edge[which], self.beyond[which])
+        return Faces._make(column[which] for column in self)
 
 
 class Edges(NamedTuple):
@@ -79,13 +80,8 @@ class Wall(NamedTuple):
 
     def without(self, which: NDArray[np.bool_]) -> Wall:
         """The wall without that of the nodes `which` (n,)."""
-        return Wall(
-            np.where(which[:, None], 0.0, self.normal),
-            np.where(which, np.inf, self.depth),
-            np.where(which, -1, self.edge),
-            np.where(which, 0.0, self.beyond),
-            np.where(which, np.inf, self.near),
-        )
+        none = no_wall(*self.normal.shape)
+        return Wall(*(np.where(which, lacks.T, has.T).T for has, lacks in zip(self, none, strict=True)))
 
 
 def no_wall(nodes: int, dimension: int) -> Wall:
@@ -127,37 +123,30 @@ def walls(bonds: Bonds, free: NDArray[np.bool_], edges: Edges) -> list[Wall]:
 
     Of two that face in one direction the nearer one counts.
     """
-    n, d = bonds.position.shape
-    prescribed = edges.faces.beyond == 0
-    prescribed_faces, exchanged = edges.faces.chosen(prescribed), edges.faces.chosen(~prescribed)
-    near = np.flatnonzero(free & (beside(bonds, bonds.position[~free]) | beside(bonds, prescribed_faces.middle)))
-    faces, first = _faces(bonds, free, edges.nodes, prescribed_faces, near), no_wall(n, d)
-    for rows in parts_of(near) if len(faces.area) else ():
-        _put(first, rows, _prescribed(bonds, faces, free, rows))
-    wall_list = [first]
-    near = np.flatnonzero(free & beside(bonds, exchanged.middle))
-    while len(exchanged.area) and len(wall_list) <= d:
-        wall = no_wall(n, d)
-        for rows in parts_of(near):
-            _put(
-                wall,
-                rows,
-                _exchanging(bonds, exchanged, rows, [earlier_wall.normal[rows] for earlier_wall in wall_list[1:]]),
-            )
+    is_prescribed = edges.faces.beyond == 0
+    prescribed, exchanged = edges.faces.chosen(is_prescribed), edges.faces.chosen(~is_prescribed)
+    rows = np.flatnonzero(free & (beside(bonds, bonds.position[~free]) | beside(bonds, prescribed.middle)))
+    faces = _faces(bonds, free, edges.nodes, prescribed, rows)
+    wall_list = [_wall_of(bonds, rows if len(faces.area) else rows[:0], partial(_prescribed, bonds, faces, free))]
+    rows = np.flatnonzero(free & beside(bonds, exchanged.middle))
+    while len(exchanged.area) and len(wall_list) <= bonds.position.shape[1]:
+        wall = _wall_of(bonds, rows, partial(_exchanging, bonds, exchanged, [other.normal for other in wall_list[1:]]))
         if not np.isfinite(wall.depth).any():
             break
-        same = (wall.normal * wall_list[0].normal).sum(axis=1) > ALIKE
-        wall_list[0], wall = (
-            wall_list[0].without(same & (wall.near < wall_list[0].near)),
-            wall.without(same & (wall.near >= wall_list[0].near)),
-        )
-        wall_list.append(wall)
+        first = wall_list[0]
+        same = (wall.normal * first.normal).sum(axis=1) > ALIKE
+        wall_list[0] = first.without(same & (wall.near < first.near))
+        wall_list.append(wall.without(same & (wall.near >= first.near)))
     return wall_list
 
 
-def _put(wall: Wall, rows: Rows, values: Wall) -> None:
-    for column, of_rows in zip(wall, values, strict=True):
-        column[rows] = of_rows
+def _wall_of(bonds: Bonds, rows: Rows, wall_of_rows: Callable[[Rows], Wall]) -> Wall:
+    """The wall of all nodes, of which these rows may have one."""
+    wall = no_wall(*bonds.position.shape)
+    for part in parts_of(rows):
+        for column, of_rows in zip(wall, wall_of_rows(part), strict=True):
+            column[part] = of_rows
+    return wall
 
 
 def _faces(
@@ -170,9 +159,7 @@ def _faces(
         size = bonds.delta[i] + bonds.delta[j]
         face = np.flatnonzero(~free[j] & (length <= ADJACENT * size / 2))
         free_node, prescribed_node = i[face], j[face]
-        share = np.where(on_edge[prescribed_node], 1.0, bonds.delta[free_node] / size[face])[
-            :, None
-        ]  # of the way to the other
+        share = np.where(on_edge[prescribed_node], 1.0, bonds.delta[free_node] / size[face])[:, None]  # of the way
         middle = bonds.position[free_node] * (1 - share) + bonds.position[prescribed_node] * share
         area = np.minimum(bonds.delta[free_node], bonds.delta[prescribed_node]) ** (bonds.position.shape[1] - 1)
         normal = (bonds.position[prescribed_node] - bonds.position[free_node]) / length[face, None]
@@ -187,17 +174,15 @@ class _Near(NamedTuple):
     face: Rows  # (b,)
     length: Array  # (b,) m
     away: Array  # (b, d) m, from the node
-
-    def nearest(self, rows: int) -> Rows:
-        """The nearest face of each row; any one of a row that has none."""
-        return np.asarray(self.face[self.first(rows)])
+    normal: Array  # (b, d) of the face
 
     def first(self, rows: int) -> Rows:
         """Where the nearest face of each row is in this list; anywhere for a row that has none."""
         return np.asarray(np.searchsorted(self.at, np.arange(rows)).clip(max=len(self.at) - 1))
 
-    def chosen(self, which: NDArray[np.bool_]) -> _Near:
-        return _Near(self.at[which], self.face[which], self.length[which], self.away[which])
+    def from_nearest(self, rows: int) -> Array:
+        """Cosines (b,) of the angles between each face and the nearest one of its row."""
+        return np.asarray((self.normal * self.normal[self.first(rows)][self.at]).sum(axis=1))
 
 
 def _near(bonds: Bonds, faces: Faces, rows: Rows) -> _Near:
@@ -205,61 +190,41 @@ def _near(bonds: Bonds, faces: Faces, rows: Rows) -> _Near:
     near = tree_of(bonds.position[rows]).sparse_distance_matrix(tree, farthest, output_type="ndarray")
     order = np.lexsort((near["j"], near["v"], near["i"]))
     at, face, length = near["i"][order], near["j"][order], near["v"][order]
-    return _Near(at, face, length, faces.middle[face] - bonds.position[rows[at]])
+    return _Near(at, face, length, faces.middle[face] - bonds.position[rows[at]], faces.normal[face])
 
 
 def _prescribed(bonds: Bonds, faces: Faces, free: NDArray[np.bool_], rows: Rows) -> Wall:
     """Walls of rows from faces at which values are prescribed."""
     near = _near(bonds, faces, rows)
-    nearest = near.nearest(len(rows))
-    normals = faces.normal[near.face]
-    alike = (normals * faces.normal[nearest][near.at]).sum(axis=1) > -FLAT
-    visible = ((normals * near.away).sum(axis=1) > 0) & alike
-    weight = np.where(visible, faces.area[near.face] / near.length**STEEP, 0.0)
-    normal, total, size = _mean_normal(near.at, weight, normals, len(rows))
+    visible = ((near.normal * near.away).sum(axis=1) > 0) & (near.from_nearest(len(rows)) > -FLAT)
+    wall = _mean_wall(near, faces, visible, near.length, NEAREST * bonds.delta[rows])
     pairs, _ = bonds.of(rows)
     bonded = np.bincount(np.searchsorted(rows, pairs.source), ~free[pairs.target], minlength=len(rows)) > 0
-    has_wall = (bonded | (faces.edge[nearest] >= 0)) & (size > FLAT * total)
-    normal = np.where(has_wall[:, None], normal / np.where(has_wall, size, 1.0)[:, None], 0.0)
-    depth = _depths(near, weight, normal)
-    depth = np.maximum(depth / np.where(has_wall, total, 1.0), NEAREST * bonds.delta[rows])
-    first = near.length[near.first(len(rows))]
-    none = np.zeros(len(rows))
-    return Wall(normal, depth, faces.edge[nearest], none, first).without(~has_wall)
+    return wall.without(~bonded & (wall.edge < 0))
 
 
-def _exchanging(bonds: Bonds, faces: Faces, rows: Rows, earlier: Sequence[Array]) -> Wall:
-    """Walls of rows from faces of exchanges that face otherwise than `earlier` walls of these rows, (r, d) each."""
+def _exchanging(bonds: Bonds, faces: Faces, earlier: Sequence[Array], rows: Rows) -> Wall:
+    """Walls of rows from faces of exchanges that face otherwise than `earlier` walls of all nodes, (n, d) each."""
     near, delta = _near(bonds, faces, rows), bonds.delta[rows]
-    normals = faces.normal[near.face]
-    visible = (normals * near.away).sum(axis=1) > -ON_FACE * delta[near.at]
+    visible = (near.normal * near.away).sum(axis=1) > -ON_FACE * delta[near.at]
     for normal in earlier:
-        visible &= (normals * normal[near.at]).sum(axis=1) <= ALIKE
-    near, normals = near.chosen(visible), normals[visible]
+        visible &= (near.normal * normal[rows[near.at]]).sum(axis=1) <= ALIKE
+    near = _Near(*(column[visible] for column in near))
     if not len(near.at):
         return no_wall(len(rows), bonds.position.shape[1])
-    nearest = near.nearest(len(rows))
-    alike = (normals * faces.normal[nearest][near.at]).sum(axis=1) > ALIKE
     length = np.maximum(near.length, ON_FACE * delta[near.at])
-    weight = np.where(alike, faces.area[near.face] / length**STEEP, 0.0)
-    normal, total, size = _mean_normal(near.at, weight, normals, len(rows))
-    has_wall = size > FLAT * total
+    return _mean_wall(near, faces, near.from_nearest(len(rows)) > ALIKE, length, 0 * delta)
+
+
+def _mean_wall(near: _Near, faces: Faces, counts: NDArray[np.bool_], length: Array, least_depth: Array) -> Wall:
+    """The walls of r rows: means of the faces that count (b,), nearer ones by their `length` (b,) more."""
+    rows = len(least_depth)
+    weight = np.where(counts, faces.area[near.face] / length**STEEP, 0.0)
+    normal = summed(np.arange(rows), near.at, weight[:, None] * near.normal)
+    total, size = summed(np.arange(rows), near.at, weight), np.sqrt((normal**2).sum(axis=1))
+    has_wall, first = size > FLAT * total, near.first(rows)
     normal = np.where(has_wall[:, None], normal / np.where(has_wall, size, 1.0)[:, None], 0.0)
-    depth = _depths(near, weight, normal)
-    depth = np.maximum(depth / np.where(has_wall, total, 1.0), 0.0)
-    return Wall(normal, depth, faces.edge[nearest], faces.beyond[nearest], near.length[near.first(len(rows))]).without(
-        ~has_wall
-    )
-
-
-def _mean_normal(at: Rows, weight: Array, normals: Array, rows: int) -> tuple[Array, Array, Array]:
-    """Weighted sums (r, d) of normals, the sums (r,) of weights, and the lengths (r,) of the first."""
-    normal = summed(np.arange(rows), at, weight[:, None] * normals)
-    total = np.bincount(at, weight, minlength=rows).astype(float)
-    return normal, total, np.asarray(np.sqrt((normal**2).sum(axis=1)))
-
-
-def _depths(near: _Near, weight: Array, normal: Array) -> Array:
-    """Weighted sums (r,) of the ways to faces along the normals (r, d) of rows."""
-    along = weight * (normal[near.at] * near.away).sum(axis=1)
-    return np.bincount(near.at, along, minlength=len(normal)).astype(float)
+    depth = summed(np.arange(rows), near.at, weight * (normal[near.at] * near.away).sum(axis=1))
+    depth = np.maximum(depth / np.where(has_wall, total, 1.0), least_depth)
+    nearest = near.face[first]
+    return Wall(normal, depth, faces.edge[nearest], faces.beyond[nearest], near.length[first]).without(~has_wall)

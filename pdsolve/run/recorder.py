@@ -17,7 +17,7 @@ from pdsolve.adaptivity.two_lattice_operator import FusedMarch
 from pdsolve.checkpoint_validation import entry, expect_broken, expect_found, like
 from pdsolve.codegen.compile_time import running_time
 from pdsolve.conditions import put_loads
-from pdsolve.diffusion.mass_accounts import MassAccounts
+from pdsolve.diffusion.masses import MassAccounts
 from pdsolve.diffusion.swelling import Swelling
 from pdsolve.errors import CheckpointError
 from pdsolve.results import Breaks, Epoch, Families, FrameRecord, Nodes, Results, Writer
