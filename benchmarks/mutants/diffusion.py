@@ -25,7 +25,7 @@ DIFFUSION = (
     ),
     Mutant(
         "pdsolve/diffusion/conditions.py",
-        "    exchange[~done.free] = 0\n",
+        "        self.exchange[~self.free] = 0\n",
         "",
         "tests/unit/pdsolve/diffusion/test_masses.py::test_held_nodes_exchange_nothing_and_are_supplied_nothing",
     ),
@@ -79,7 +79,7 @@ DIFFUSION = (
     ),
     Mutant(
         "pdsolve/diffusion/surfaces.py",
-        "np.where(free & ~_parted(bonds, node_properties, pairs), ",
+        "np.where(free & ~self._parted(pairs), ",
         "np.where(free, ",
         "tests/unit/pdsolve/diffusion/test_surfaces.py::test_a_layer_parts_what_is_on_both_sides",
     ),

@@ -224,7 +224,7 @@ RIGHT_ANSWERS = (
     ),
     Mutant(
         "pdsolve/diffusion/conditions.py",
-        'nearest = 0.0 if model.settings.run.solver in ("implicit", "static") else NEAREST',
+        'nearest = 0.0 if self._model.settings.run.solver in ("implicit", "static") else NEAREST',
         "nearest = 0.0",
         "tests/unit/pdsolve/diffusion/test_edge_fluxes.py::test_a_strong_exchange_leaves_explicit_steps_long",
     ),

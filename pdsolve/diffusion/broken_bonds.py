@@ -6,7 +6,7 @@ Walls that prescribe a value keep all of theirs.
 
 from __future__ import annotations
 
-from typing import Protocol
+from collections.abc import Callable
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,24 +18,17 @@ from pdsolve.state import Broken
 from pdsolve.steppers.theta import ThetaSteps
 
 
-class Breaking(Protocol):
-    """Bonds of n nodes that break."""
-
-    def broken(self, after: int = 0) -> Broken:
-        """The bonds broken after a step."""
-
-
 class BrokenBonds:
     """What the broken bonds of a motion, of the same n nodes, take from a transport."""
 
-    def __init__(self, transport: Transport, motion: Breaking, share: float) -> None:
-        """`share`, from 0 to 1, of its conductance is what a bond keeps."""
-        self._transport, self._motion, self._share = transport, motion, share
+    def __init__(self, transport: Transport, broken: Callable[[], Broken], share: float) -> None:
+        """`broken` are the bonds of now; `share`, from 0 to 1, of its conductance is what a bond keeps."""
+        self._transport, self._broken, self._share = transport, broken, share
         self._families, self._known = DiffusionFamilies(transport.model), 0
 
     def update(self, stepper: object) -> None:
         """Let the bonds that are broken now conduct less, in the steps of `stepper` too."""
-        broken = self._motion.broken()
+        broken = self._broken()
         if len(broken.step) == self._known:
             return
         self._known = len(broken.step)

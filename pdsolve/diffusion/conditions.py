@@ -17,160 +17,149 @@ from pdsolve.diffusion.families import extended
 from pdsolve.diffusion.walls import NEAREST, Edges, Faces, nothing
 from pdsolve.model import Model, ModelError
 
-Profile = tuple[tuple[float, float], ...]
-
-
-Values = Callable[[NDArray[np.int64]], NDArray[np.float64] | float]  # at rows (k,): (k,) where they depend on the place
+Array = NDArray[np.float64]
+Rows = NDArray[np.int64]
+Values = Callable[[Rows], Array | float]  # at some rows, (k,) where they depend on the place
 
 
 class Flux(NamedTuple):
     """What goes through an edge of k nodes."""
 
     condition: Source | Exchange
-    rows: NDArray[np.int64]  # (k,)
+    rows: Rows  # (k,)
     profile: int
     walled: NDArray[np.bool_]  # (k,) nodes through whose wall it goes; see `surfaces`
     spread: bool  # whether nodes behind the edge take shares that leave linear fields exact
     values: Values  # the flux, mol/(m^2 s), or what is outside, mol/m^3
 
 
-class BoundaryConditions(NamedTuple):
+class AtEdge(NamedTuple):
+    """An edge at which values are prescribed or exchanged."""
+
+    faces: Faces
+    extent: float  # see `Edges`
+    values: Values  # mol/m^3
+    profile: int
+
+
+class BoundaryConditions:
     """All conditions on n nodes; `Entries` name their profile by its number."""
 
-    profiles: list[Profile]
-    held: list[Entries]  # mol/m^3; of two of one node the later one counts
-    supplied: list[Entries]  # mol/(m^3 s), of nodes that are not held
-    free: NDArray[np.bool_]  # (n,) nodes that are not held
-    exchange: NDArray[np.float64]  # (n,) 1/s: what goes out for each mol/m^3
-    edges: Edges
-    at_edges: list[tuple[Values, int]]  # what each held edge holds, and its profile
-    fluxes: list[Flux]
+    def __init__(self, model: Model, volume: Array) -> None:
+        """Nodes have the `volume` (n,), m^d. Raises ModelError for conditions that contradict each other."""
+        medium = model.settings.medium
+        assert medium is not None
+        self._model, self._volume, self._corrects = model, volume, medium.surface_correction
+        self._has_edges = medium.surface_correction and model.settings.run.adapt != "collocation"
+        self.exchange = np.zeros(len(volume))  # (n,) 1/s: what goes out for each mol/m^3
+        self.free, self._on_edge = np.ones(len(volume), dtype=bool), np.zeros(len(volume), dtype=bool)  # free: not held
+        self._profiles, self._at_edges = list[tuple[tuple[float, float], ...]](), list[AtEdge]()
+        self._held, self._supplied = list[Entries](), list[Entries]()  # of two of one node the later one counts
+        self.fluxes = list[Flux]()
+        for number, condition in enumerate(model.settings.conditions):
+            if isinstance(condition, Concentration):
+                self._hold(number, condition)
+            elif isinstance(condition, Source | Exchange):
+                self._let_through(number, condition)
+
+    def _hold(self, number: int, condition: Concentration) -> None:
+        """Prescribe a content."""
+        model, profile, rows = self._model, len(self._profiles), self._model.selected(condition)
+        self._profiles.append(condition.profile)
+        values = partial(model.values, condition.value)
+        most = float(np.max(values(rows))) * max((at for _, at in condition.profile), default=1.0)
+        _expect_possible(model, number, most)
+        if condition.edge is not None and self._has_edges:
+            rows, faces = held_edge(model, number, len(self._at_edges))
+            self._at_edges.append(AtEdge(faces, 0.0, values, profile))
+            self._on_edge[rows] = True
+        self._held.append(entries(rows, 0, values(rows), profile))
+        self.free[rows] = False
+
+    def _let_through(self, number: int, condition: Source | Exchange) -> None:
+        """Let something into nodes, or through an edge."""
+        model, profile, rows = self._model, len(self._profiles), self._model.selected(condition)
+        self._profiles.append(condition.profile)
+        if isinstance(condition, Source) and condition.rate is not None:
+            self._supplied.append(entries(rows, 0, model.values(condition.rate, rows), profile))
+            return
+        through = condition.flux if isinstance(condition, Source) else condition.value
+        values, walled, spread = partial(model.values, through or 0.0), np.zeros(len(rows), dtype=bool), self._corrects
+        if isinstance(condition, Exchange) and self._has_edges:
+            rows, walled, faces, extent = outer_faces(model, number, rows, self._volume, len(self._at_edges))
+            self._at_edges.append(AtEdge(faces, extent, values, profile))
+            spread = False
+        self.fluxes.append(Flux(condition, rows, profile, walled, spread, values))
+
+    @property
+    def edges(self) -> Edges:
+        """The edges at which values are prescribed or exchanged."""
+        faces = (
+            *(edge.faces for edge in self._at_edges[::-1]),
+            nothing(len(extended(self._model))),
+        )  # the last one holds
+        together = Faces(*(np.concatenate(column) for column in zip(*faces, strict=True)))
+        nearest = 0.0 if self._model.settings.run.solver in ("implicit", "static") else NEAREST
+        return Edges(self._on_edge, together, np.array([edge.extent for edge in self._at_edges]), nearest)
 
     def drive(self) -> Drive:
-        """Sources and prescribed contents for a stepper."""
-        drive = drive_of(self.profiles, self.supplied, self.held, (len(self.free), 1))
+        """Sources and prescribed contents for a stepper; what is held is supplied with nothing."""
+        supplied = [chosen(source, self.free[source.node]) for source in self._supplied]
+        drive = drive_of(self._profiles, supplied, self._held, (len(self.free), 1))
         return drive._replace(held_force=np.zeros(0), held_speed=np.zeros(0))
 
+    def add_edges(self, to_edge: Array, edge: Rows) -> None:
+        """Add conductances (w, n), 1/s, from each node to the `edge` (w, n) of that number; -1: to none."""
+        for conductance, of_edge in zip(to_edge, edge, strict=True):
+            for number, (_, _, values, profile) in enumerate(self._at_edges):
+                rows = np.flatnonzero((of_edge == number) & (conductance > 0))
+                self._supplied.append(entries(rows, 0, conductance[rows] * values(rows), profile))
+            self.exchange += np.where(of_edge >= 0, conductance, 0.0)
 
-def with_edges(done: BoundaryConditions, to_edge: NDArray[np.float64], edge: NDArray[np.int64]) -> BoundaryConditions:
-    """Conditions with conductances (w, n), 1/s, from each node to the `edge` (w, n) of that number; -1: to none."""
-    supplied, exchange = list(done.supplied), done.exchange
-    for conductance, of_edge in zip(to_edge, edge, strict=True):
-        for number, (values, profile) in enumerate(done.at_edges):
-            rows = np.flatnonzero((of_edge == number) & (conductance > 0))
-            supplied.append(entries(rows, 0, conductance[rows] * values(rows), profile))
-        exchange = exchange + np.where(of_edge >= 0, conductance, 0.0)
-    return done._replace(supplied=supplied, exchange=exchange)
-
-
-def boundary_conditions(model: Model, volume: NDArray[np.float64]) -> BoundaryConditions:
-    """The conditions of a model. Raises ModelError if they contradict each other."""
-    exchange, free, on_edge = np.zeros(len(volume)), np.ones(len(volume), dtype=bool), np.zeros(len(volume), dtype=bool)
-    profiles: list[Profile] = []
-    held: list[Entries] = []
-    supplied: list[Entries] = []
-    at_edges: list[tuple[Values, int]] = []
-    extents: list[float] = []
-    edges = [nothing(len(extended(model)))]
-    fluxes: list[Flux] = []
-    for number, condition in enumerate(model.settings.conditions):
-        if not isinstance(condition, Concentration | Source | Exchange):
-            continue
-        rows, profile = model.selected(condition), len(profiles)
-        profiles.append(condition.profile)
-        if isinstance(condition, Concentration):
-            most = float(np.max(model.values(condition.value, rows)))
-            most *= max((at for _, at in condition.profile), default=1.0)
-            _possible(model, f"$.conditions[{number}].value", most)
-            if condition.edge is not None and _has_edges(model):
-                rows, faces = held_edge(model, number, len(at_edges))
-                edges.append(faces)
-                at_edges.append((partial(model.values, condition.value), profile))
-                extents.append(0.0)
-                on_edge[rows] = True
-            held.append(entries(rows, 0, model.values(condition.value, rows), profile))
-            free[rows] = False
-            continue
-        if isinstance(condition, Source) and condition.rate is not None:
-            supplied.append(entries(rows, 0, model.values(condition.rate, rows), profile))
-        else:
-            walled, spread = np.zeros(len(rows), dtype=bool), _is_corrected(model)
-            if isinstance(condition, Exchange) and _has_edges(model):
-                spread = False
-                rows, walled, faces, extent = outer_faces(model, number, rows, volume, len(at_edges))
-                edges.append(faces)
-                at_edges.append((partial(model.values, condition.value), profile))
-                extents.append(extent)
-            through = condition.flux if isinstance(condition, Source) else condition.value
-            fluxes.append(Flux(condition, rows, profile, walled, spread, partial(model.values, through or 0.0)))
-    supplied = [chosen(source, free[source.node]) for source in supplied]
-    faces = Faces(*(np.concatenate(column) for column in zip(*edges[::-1], strict=True)))  # the last one holds
-    nearest = 0.0 if model.settings.run.solver in ("implicit", "static") else NEAREST
-    together = Edges(on_edge, faces, np.array(extents), nearest)
-    return BoundaryConditions(profiles, held, supplied, free, exchange, together, at_edges, fluxes)
+    def add_fluxes(self, cloud: Cloud) -> None:
+        """Add the fluxes through edges."""
+        for condition, rows, profile, walled, spread, values in self.fluxes:
+            extent = extent_of(condition)
+            to, part, resistance = (
+                beside_edge(cloud, rows, extent, walled) if spread else over_cells(cloud, rows, walled)
+            )
+            share = extent * part / cloud.volume[to]
+            if isinstance(condition, Exchange):
+                share /= 1 / condition.coefficient + resistance
+                np.add.at(self.exchange, to, share)
+            self._supplied.append(entries(to, 0, values(to) * share, profile))
+        self.exchange[~self.free] = 0
 
 
-def with_fluxes(done: BoundaryConditions, cloud: Cloud) -> BoundaryConditions:
-    """Conditions with the fluxes through edges."""
-    supplied, exchange = list(done.supplied), done.exchange.copy()
-    for condition, rows, profile, walled, spread, values in done.fluxes:
-        extent = extent_of(condition)
-        flux_spread = beside_edge(cloud, rows, extent, walled) if spread else over_cells(cloud, rows, walled)
-        share = extent * flux_spread.share / cloud.volume[flux_spread.rows]
-        if isinstance(condition, Source):
-            rate = values(flux_spread.rows) * share
-        else:
-            coefficient = share / (1 / condition.coefficient + flux_spread.resistance)
-            np.add.at(exchange, flux_spread.rows, coefficient)
-            rate = coefficient * values(flux_spread.rows)
-        supplied.append(chosen(entries(flux_spread.rows, 0, rate, profile), done.free[flux_spread.rows]))
-    exchange[~done.free] = 0
-    return done._replace(supplied=supplied, exchange=exchange)
-
-
-def _has_edges(model: Model) -> bool:
-    """Whether values are prescribed on edges as such; otherwise on the nodes beside them."""
-    return _is_corrected(model) and model.settings.run.adapt != "collocation"
-
-
-def _is_corrected(model: Model) -> bool:
-    """Whether bonds near surfaces are corrected."""
-    return model.settings.medium is not None and model.settings.medium.surface_correction
-
-
-def _possible(model: Model, place: str, value: float) -> None:
+def _expect_possible(model: Model, number: int, value: float) -> None:
+    """Raise ModelError for a condition of that number whose value is above C_sat."""
     medium = model.settings.medium
     assert medium is not None
     if medium.C_sat is not None and value > medium.C_sat:
-        raise ModelError(f"{model.name}: {place} is {value:g} mol/m^3; use at most C_sat, {medium.C_sat:g} mol/m^3")
+        raise ModelError(
+            f"{model.name}: $.conditions[{number}].value is {value:g} mol/m^3; use at most C_sat, {medium.C_sat:g}"
+            " mol/m^3"
+        )
 
 
-def begin(model: Model, drive: Drive) -> tuple[NDArray[np.float64], NDArray[np.uint8]]:
+def begin(model: Model, drive: Drive) -> tuple[Array, NDArray[np.uint8]]:
     """Contents (n,) at time 0, mol/m^3, and a mask (n,) of solid nodes. Raises ModelError."""
     content, solid = np.zeros(len(model.grid)), np.zeros(len(model.grid), dtype=np.uint8)
-    medium, free = model.settings.medium, ~constrained_components(drive)[:, 0]
+    medium, is_held = model.settings.medium, constrained_components(drive)[:, 0]
     assert medium is not None
     for number, condition in enumerate(model.settings.conditions):
-        place = f"$.conditions[{number}]"
         if isinstance(condition, InitialConcentration):
             rows = model.selected(condition)
-            values = model.values(condition.value, rows)
-            _possible(model, f"{place}.value", float(np.max(values, initial=0.0)))
-            content[rows] = values
+            content[rows] = model.values(condition.value, rows)
+            _expect_possible(model, number, float(np.max(content[rows], initial=0.0)))
     for number, condition in enumerate(model.settings.conditions):
         if isinstance(condition, Solid):
+            place, rows = f"{model.name}: $.conditions[{number}]", model.selected(condition)
             if medium.C_solid is None:
-                raise ModelError(
-                    f"{model.name}: $.conditions[{number}] is a solid, without medium.C_solid and C_sat; give both,"
-                    " or leave it out"
-                )
-            rows = model.selected(condition)
-            both = rows[~free[rows]]
-            if len(both):
-                raise ModelError(
-                    f"{model.name}: $.conditions[{number}]: node {model.grid.ids[both[0]]} is solid and held; use"
-                    " one of them"
-                )
+                raise ModelError(f"{place} is a solid, without medium.C_solid and C_sat; give both, or leave it out")
+            if is_held[rows].any():
+                node = model.grid.ids[rows[is_held[rows]][0]]
+                raise ModelError(f"{place}: node {node} is solid and held; use one of them")
             content[rows], solid[rows] = medium.C_solid, 1
     prescribe_values(drive, content, 0.0)
     return content, solid

@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pdmesh.model.medium import Medium
-from pdsolve.diffusion.families import dimension_of, lattice_diffusivity, moment
+from pdsolve.diffusion.families import extended, lattice_diffusivity, moment
 from pdsolve.model import Model
 
 
@@ -47,7 +47,7 @@ def crossing(model: Model) -> float:
     The mean projection of a bond of length |xi| across a surface is 2/pi of it in the plane and 1/2 in space.
     """
     assert model.settings.medium is not None
-    dimension, power, ratio = dimension_of(model), model.settings.medium.power, model.settings.horizon.ratio
+    dimension, power, ratio = len(extended(model)), model.settings.medium.power, model.settings.horizon.ratio
     across = {1: 1.0, 2: 2 / np.pi, 3: 0.5}[dimension] * moment(1, ratio, dimension, power)
     even = lattice_diffusivity(ratio, dimension, power)
     return across * model.settings.medium.D / even / float(model.grid.delta.min())

@@ -13,7 +13,6 @@ from __future__ import annotations
 
 from functools import lru_cache
 from itertools import product
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,19 +29,6 @@ CONSTANTS = {1: (3.0, 2.0, 1.0), 2: (8 / np.pi, 6 / np.pi, 4 / np.pi), 3: (7.5 /
 def extended(model: Model) -> list[int]:
     """Axes along which nodes extend; the first for a single node."""
     return np.flatnonzero(np.ptp(model.grid.position, axis=0) > 0).tolist() or [0]
-
-
-def dimension_of(model: Model) -> int:
-    """1 for nodes in one row, otherwise the dimension of their positions."""
-    return len(extended(model))
-
-
-class BondsOfRows(NamedTuple):
-    """Bonds of some nodes."""
-
-    pairs: Pairs
-    conductance: NDArray[np.float64]  # (b,) 1/(s m^d)
-    blocked: NDArray[np.int64]  # rows of the nodes that each one blocked by a crack is of
 
 
 def diffusivities(model: Model) -> NDArray[np.float64]:
@@ -82,18 +68,14 @@ class DiffusionFamilies:
     def __init__(self, model: Model) -> None:
         assert model.settings.medium is not None
         grid = model.grid
-        self.model, self.dimension = model, dimension_of(model)
+        self.model, self.dimension = model, len(extended(model))
         self.power = model.settings.medium.power
         self.diffusivity, self.horizon = diffusivities(model), model.horizons
         self.delta, self.reach = grid.delta, self.horizon + grid.delta / 2
         self.position = grid.position[:, extended(model)]
         self.sight = sight_of(grid, model.name)
         self.neighbours = Neighbours(grid.position, grid.delta, self.reach, mutual=True)
-        self._lattice = lattice_diffusivity(model.settings.horizon.ratio, self.dimension, self.power)
-
-    def even(self, D: float) -> float:
-        """Factor on uncalibrated conductances of D = 1."""
-        return D / self._lattice
+        self.lattice_share = lattice_diffusivity(model.settings.horizon.ratio, self.dimension, self.power)
 
     def conductance(self, pairs: Pairs) -> NDArray[np.float64]:
         """Conductance (b,) of pairs, 1/(s m^d); 0 beyond the horizon."""
@@ -103,7 +85,7 @@ class DiffusionFamilies:
         across = delta ** (grid.position.shape[1] - self.dimension)
         both = [shape(length, reach, delta[end], self.dimension, self.power) / across[end] for end in (i, j)]
         D_i, D_j = self.diffusivity[i], self.diffusivity[j]
-        return np.asarray((both[0] + both[1]) / self._lattice * D_i * D_j / (D_i + D_j))
+        return np.asarray((both[0] + both[1]) / self.lattice_share * D_i * D_j / (D_i + D_j))
 
     def between(self, source: NDArray[np.int64], target: NDArray[np.int64]) -> NDArray[np.float64]:
         """Conductance (b,) of these pairs, 1/(s m^d), that see each other; 0 beyond the horizon."""
@@ -111,8 +93,9 @@ class DiffusionFamilies:
         conductance = self.conductance(Pairs(source, target, np.sqrt((away**2).sum(axis=1))))
         return np.where(conductance > ROUND_OFF * conductance.max(initial=0.0), conductance, 0.0)
 
-    def part(self, rows: NDArray[np.int64]) -> BondsOfRows:
-        """Bonds of some increasing rows."""
+    def part(self, rows: NDArray[np.int64]) -> tuple[Pairs, NDArray[np.float64], NDArray[np.int64]]:
+        """Bonds (b,) of some increasing rows, their conductances (b,), and the rows of nodes that each bond blocked by
+        a crack is of."""
         pairs = self.neighbours.pairs(rows)
         conductance = self.conductance(pairs)
         within_horizon = conductance > ROUND_OFF * conductance.max(initial=0.0)
@@ -120,7 +103,7 @@ class DiffusionFamilies:
         is_bond = self.sight.inside(pairs)
         blocked = is_bond & self.sight.cut(pairs)
         is_bond &= ~blocked
-        return BondsOfRows(chosen(pairs, is_bond), conductance[is_bond], pairs.source[blocked])
+        return chosen(pairs, is_bond), conductance[is_bond], pairs.source[blocked]
 
     def of(self, rows: NDArray[np.int64]) -> tuple[Pairs, NDArray[np.float64]]:
         """Bonds (b,) of some increasing rows, and their conductances (b,)."""

@@ -34,7 +34,7 @@ def family(families: DiffusionFamilies, spacing: float, D: float) -> tuple[NDArr
     steps = offsets(ratio + 0.5, dimension)
     reach, delta = np.full((2, len(steps)), spacing)
     conductance = shape(lengths(steps * spacing), ratio * reach, delta, dimension, families.power)
-    conductance *= families.even(D) / spacing ** (families.model.grid.dimension - dimension)
+    conductance *= D / families.lattice_share / spacing ** (families.model.grid.dimension - dimension)
     within_horizon = conductance > ROUND_OFF * conductance.max()
     return np.rint(steps[within_horizon]).astype(np.int64), conductance[within_horizon]
 

@@ -12,20 +12,20 @@ from numpy.typing import NDArray
 from pdmesh.model.refused_settings import impossible
 from pdsolve.bonds.assembly import areas
 from pdsolve.conditions import Drive
-from pdsolve.diffusion import surfaces
 from pdsolve.diffusion.collocation import Collocated
-from pdsolve.diffusion.conditions import begin, boundary_conditions, with_edges, with_fluxes
+from pdsolve.diffusion.conditions import BoundaryConditions, begin
 from pdsolve.diffusion.dissolution import crossing
 from pdsolve.diffusion.edge_fluxes import Cloud
 from pdsolve.diffusion.families import DiffusionFamilies
 from pdsolve.diffusion.lattice import on_lattice
 from pdsolve.diffusion.listed import BondList, links_between
 from pdsolve.diffusion.operator import Exchange, Fick
+from pdsolve.diffusion.surfaces import Surfaces
 from pdsolve.diffusion.walls import Bonds
 from pdsolve.model import Model, ModelError, counted
 from pdsolve.numerics.thread_team import useful_threads
 from pdsolve.options import Options
-from pdsolve.state import State
+from pdsolve.state import State, zero_state
 from pdsolve.steppers.euler import ForwardEuler, stable_time_step
 from pdsolve.steppers.theta import ThetaSteps
 
@@ -58,36 +58,36 @@ def prepare(model: Model, threads: int | None = None, listed: bool = False) -> t
     assert medium is not None
     threads = threads or useful_threads(len(model.grid))
     volume = areas(model, "cells")
-    done = boundary_conditions(model, volume)
-    stored = _stored(model, volume, done.free, threads, listed)
+    conditions = BoundaryConditions(model, volume)
+    free, stored = conditions.free, _stored(model, volume, conditions.free, threads, listed)
     change = None
     if medium.surface_correction:
-        correction = surfaces.correction(stored.bonds, volume, done.free, done.edges, stored.lacking)
-        done = with_edges(done, correction.to_edge, correction.edge)
+        correction = Surfaces(stored.bonds, volume, free, conditions.edges).correction(stored.lacking)
+        conditions.add_edges(correction.to_edge, correction.edge)
         links = links_between(correction.source, correction.target, len(volume))
         change = BondList(links, correction.conductance, volume, threads)
     bonds = (lambda: stored.bonds) if run.adapt == "collocation" else partial(DiffusionFamilies, model)
-    if done.fluxes:
+    if conditions.fluxes:
         inside = Fick(stored.exchange, bonds, medium, None, change)
         x, around = stored.bonds.position, (stored.bonds.delta, stored.bonds.reach, stored.bonds.diffusivity)
         gain = np.zeros(x.T.shape)  # of nodes in linear fields
         for rates, along in zip(gain, x.T, strict=True):
             inside.rates(np.ascontiguousarray(along), rates)
-        done = with_fluxes(done, Cloud(x, inside.volume, *around, inside.volume[:, None] * gain.T))
-    operator, drive = Fick(stored.exchange, bonds, medium, done.exchange, change), done.drive()
+        conditions.add_fluxes(Cloud(x, volume, *around, volume[:, None] * gain.T))
+    operator, drive = Fick(stored.exchange, bonds, medium, conditions.exchange, change), conditions.drive()
     content, operator.solid = begin(model, drive)
-    most = stable_time_step(operator, done.free)
+    most = stable_time_step(operator, free)
     step = _step(model, most)
     stepper: ForwardEuler | ThetaSteps = ForwardEuler(operator, drive, step)
     if run.solver == "implicit":
-        stepper = ThetaSteps(
-            operator, drive, step, run.theta, medium.C_sat is None and operator.count.sum() <= FACTORED
-        )
-    steps = stepper, step, most
-    of, prescribed_amount = (stored.blocked, crossing(model), threads), float((volume * content)[~done.free].sum())
-    transport = Transport(counted(model, step), operator, drive, done.free, *steps, *of, held=prescribed_amount)
-    second, (rate, dissipated, work, damped) = np.zeros((len(content), 0)), np.zeros((4, len(content)))
-    return transport, State(content[:, None], rate[:, None], second, dissipated, work, damped)
+        factor_once = medium.C_sat is None and operator.count.sum() <= FACTORED
+        stepper = ThetaSteps(operator, drive, step, run.theta, factor_once)
+    transport = Transport(
+        counted(model, step), operator, drive, free, stepper, step, most, stored.blocked, crossing(model), threads,
+        held=float((volume * content)[~free].sum()),
+    )  # fmt: skip
+    state = zero_state(len(content), 1)
+    return transport, state._replace(value=content[:, None], second=np.zeros((len(content), 0)))
 
 
 def expect_usual(model: Model, options: Options) -> None:

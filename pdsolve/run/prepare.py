@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -42,7 +43,7 @@ from pdsolve.run.operator_factory import (
     stable_time_step_from_stiffness_bound,
     unwrap_bond_operator,
 )
-from pdsolve.run.swelling_with_fine_zone import PlateBrokenBonds, SwellingStepperWithFineZone
+from pdsolve.run.swelling_with_fine_zone import SwellingStepperWithFineZone, broken_bonds_of_plate
 from pdsolve.run.system import PreparedRun, System
 from pdsolve.schemes import SCHEMES
 from pdsolve.schemes.scheme import Scheme
@@ -150,7 +151,7 @@ def _prepare_swelling_motion(model: Model, options: Options, scheme: Scheme) -> 
         marches = ForwardEuler(transport.operator, transport.drive, cycle * system.time_step)
     assert model.settings.medium is not None
     share = model.settings.medium.broken
-    broken = None if share == 1 else BrokenBonds(transport, bonds, share)
+    broken = None if share == 1 else BrokenBonds(transport, bonds.broken, share)
     if model.settings.medium.deformation:
         content = content._replace(state=content.state._replace(second=np.zeros((len(model.grid), 1))))
     stepper = Swelling(marches, content.state, system.stepper, bonds, model, cycle, broken, transport.free)
@@ -175,7 +176,8 @@ def _prepare_swelling_plate_with_zone(model: Model, options: Options, scheme: Sc
     assert transport is not None
     cycle = cycle_of(model.settings.run, system.time_step, transport.bound)
     marches = ForwardEuler(transport.operator, transport.drive, cycle * system.time_step)
-    broken = None if medium.broken == 1 else BrokenBonds(transport, PlateBrokenBonds(operator.engine), medium.broken)
+    broken_now = partial(broken_bonds_of_plate, operator.engine)
+    broken = None if medium.broken == 1 else BrokenBonds(transport, broken_now, medium.broken)
     stepper = SwellingStepperWithFineZone(marches, content.state, operator, model, cycle, broken)
     energy = system.initial_energy + operator.engine.strain_energy()
     return PreparedRun(

@@ -19,18 +19,11 @@ from pdsolve.state import Broken, State
 from pdsolve.steppers.protocol import Stepper
 
 
-class PlateBrokenBonds:
+def broken_bonds_of_plate(hybrid: HybridEngine) -> Broken:
     """The broken bonds of a plate with a fine zone, by the rows of all nodes of its grid."""
-
-    def __init__(self, hybrid: HybridEngine) -> None:
-        self._hybrid = hybrid
-
-    def broken(self, after: int = 0) -> Broken:
-        """The bonds broken after a step."""
-        (step, node, spring, *_), plate = self._hybrid.break_events(), self._hybrid.plate
-        new = step > after
-        node, neighbour = node[new], node[new] + self._hybrid.lattice.neighbour_offsets[spring[new]]
-        return Broken(step[new].astype(np.int64), plate.grid_rows_at(node), plate.grid_rows_at(neighbour))
+    step, node, spring, *_ = hybrid.break_events()
+    neighbour = node + hybrid.lattice.neighbour_offsets[spring]
+    return Broken(step.astype(np.int64), hybrid.plate.grid_rows_at(node), hybrid.plate.grid_rows_at(neighbour))
 
 
 class SwellingStepperWithFineZone(Swelling):

@@ -21,7 +21,7 @@ from pdsolve.run.measures import compute_ledger_row, compute_output_fields
 from pdsolve.run.node_changes import find_zone_change_since_last_call
 from pdsolve.run.prepare import prepare
 from pdsolve.run.simulation import resume, simulate
-from pdsolve.run.swelling_with_fine_zone import PlateBrokenBonds, SwellingStepperWithFineZone
+from pdsolve.run.swelling_with_fine_zone import SwellingStepperWithFineZone, broken_bonds_of_plate
 from pdsolve.run.system import PreparedRun
 
 pytestmark = pytest.mark.slow  # kernels of plates that swell take long to compile
@@ -190,7 +190,7 @@ def test_threads_do_not_show_and_broken_bonds_are_known(small: Model) -> None:
     operator = one.system.moving_zone_operator
     assert operator is not None
     own, ids = operator.broken(), one.system.model.grid.ids
-    every, grid = PlateBrokenBonds(operator.engine).broken(), small.grid  # type: ignore[arg-type]
+    every, grid = broken_bonds_of_plate(operator.engine), small.grid  # type: ignore[arg-type]
     assert len(own.step) > 100
     for side in ("source", "target"):
         assert np.array_equal(ids[getattr(own, side)], grid.ids[getattr(every, side)])
