@@ -217,7 +217,7 @@ RIGHT_ANSWERS = (
         "tests/verification/test_convection.py::test_a_slab_of_any_strength_cools_by_the_series",
     ),
     Mutant(
-        "pdsolve/diffusion/exchange_faces.py",
+        "pdsolve/diffusion/edges.py",
         "        free &= not inner.any()  # of nodes in several rows each has its share\n",
         "",
         "tests/unit/pdsolve/diffusion/test_edge_fluxes.py::test_rows_behind_each_other_share_an_exchange",

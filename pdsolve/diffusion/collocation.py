@@ -20,9 +20,9 @@ from numpy.typing import NDArray
 from pdmesh.model.neighbours import ON_LATTICE, Neighbours, Pairs, lengths, row_chunks
 from pdsolve.diffusion.families import DiffusionFamilies
 from pdsolve.diffusion.lattice import OnLattice, family, place_bonds
+from pdsolve.diffusion.walls import Array
 from pdsolve.model import ModelError
 from pdsolve.operators.space_lattice.families import members
-from pdsolve.operators.space_lattice.layout import intact
 from pdsolve.operators.stencils import Stencil, diffusion, stencil_of
 
 if TYPE_CHECKING:
@@ -41,9 +41,7 @@ class Collocated:
 
     name = "collocation"
 
-    def __init__(
-        self, families: DiffusionFamilies, volume: NDArray[np.float64], free: NDArray[np.bool_], threads: int
-    ) -> None:
+    def __init__(self, families: DiffusionFamilies, volume: Array, free: NDArray[np.bool_], threads: int) -> None:
         """`free` (n,) nodes have no prescribed content."""
         self._model, self._families, self.volume = families.model, families, volume
         self.position, self.delta, self.diffusivity = families.position, families.delta, families.diffusivity
@@ -78,18 +76,18 @@ class Collocated:
         self._seam_volume = float(volume[self._seam].sum())
         self._rows = [_slice(rows) for rows in (fine, coarse)]
 
-    def of(self, rows: NDArray[np.int64]) -> tuple[Pairs, NDArray[np.float64]]:
+    def of(self, rows: NDArray[np.int64]) -> tuple[Pairs, Array]:
         """Bonds (b,) of some increasing rows to nodes of their own lattice, and their conductances (b,)."""
         bonds = []
         for lattice, own in ((self._bonds, self._fine), (self._stencils, self._coarse)):
             which = np.searchsorted(own, rows[np.isin(rows, own)])
-            source, target, slot = intact(lattice.sites, lattice.tiles.bits, which)
+            source, target, g = lattice.of(which)
             real = target < len(own)
-            bonds.append((own[source[real]], own[target[real]], lattice.tiles.g[slot[real]]))
+            bonds.append((own[source[real]], own[target[real]], g[real]))
         source, target, g = (np.concatenate(column) for column in zip(*bonds, strict=True))
         return Pairs(source, target, lengths(self.position[target] - self.position[source])), g
 
-    def conductance(self, pairs: Pairs) -> NDArray[np.float64]:
+    def conductance(self, pairs: Pairs) -> Array:
         """Conductance (b,) that bonds of these lengths between fine nodes would have; 0 between coarse ones."""
         return np.where(self._far[pairs.source], 0.0, self._families.conductance(pairs))
 
@@ -114,7 +112,7 @@ class Collocated:
                 f" ({place}) m; use fine nodes or a held layer of {np.abs(stencil.xi).max()} there"
             )
 
-    def rates(self, potential: NDArray[np.float64], out: NDArray[np.float64]) -> None:
+    def rates(self, potential: Array, out: Array) -> None:
         """Add the rates of change (n,) of contents, per volume and time, at this `potential` (n,) to `out`."""
         (near, far), both = (potential[rows] for rows in self._rows), np.zeros(len(potential))
         every = np.concatenate([far, self._inner.values @ near])
@@ -132,7 +130,7 @@ class Collocated:
         """Not available: implicit steps require symmetric bonds."""
         raise ModelError(f"{self._model.name}: $.run.adapt is collocation; use none for implicit steps")
 
-    def contrast(self, share: NDArray[np.float64]) -> float:
+    def contrast(self, share: Array) -> float:
         """Sum over bonds of the differences of `share` (n,), which is 0 on coarse nodes, weighted by conductance,
         m^d/s."""
         return self._bonds.contrast(np.concatenate([share[self._fine], np.zeros(len(self._outer.at))]))
@@ -234,12 +232,7 @@ def _between(at: NDArray[np.int64], lattice: NDArray[np.int64], apart: int) -> B
 
 
 def _lattice(
-    places: NDArray[np.float64],
-    real: int,
-    spacing: float,
-    steps: NDArray[np.int64],
-    conductance: NDArray[np.float64],
-    threads: int,
+    places: Array, real: int, spacing: float, steps: NDArray[np.int64], conductance: Array, threads: int
 ) -> OnLattice:
     """Exchange on a lattice of nodes at `places` (n, d), in units of spacing, m, the first `real` of which are real."""
     placed = place_bonds(places * spacing, spacing, steps, conductance)

@@ -11,8 +11,7 @@ from numpy.typing import NDArray
 
 from pdmesh.model.document import Concentration, Exchange, InitialConcentration, Solid, Source
 from pdsolve.conditions import Drive, Entries, chosen, constrained_components, drive_of, entries, prescribe_values
-from pdsolve.diffusion.edge_fluxes import Cloud, beside_edge, over_cells
-from pdsolve.diffusion.exchange_faces import extent_of, held_edge, outer_faces
+from pdsolve.diffusion.edges import Cloud, beside_edge, extent_of, held_edge, outer_faces, over_cells
 from pdsolve.diffusion.families import extended
 from pdsolve.diffusion.walls import NEAREST, Edges, Faces, nothing
 from pdsolve.model import Model, ModelError

@@ -15,14 +15,14 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pdmesh.model.medium import Medium
 from pdsolve.diffusion.families import extended, lattice_diffusivity, moment
+from pdsolve.diffusion.walls import Array
 from pdsolve.model import Model
 
 
-def potential(medium: Medium, content: NDArray[np.float64]) -> NDArray[np.float64]:
+def potential(medium: Medium, content: Array) -> Array:
     """Potential (n,), mol/m^3, whose differences drive the bonds."""
     if medium.C_sat is None or medium.dissolution == "kinetic":
         return content
@@ -34,7 +34,7 @@ def saturated(h: Any, C_sat: float) -> Any:
     return np.minimum(h, C_sat)
 
 
-def solid_share(medium: Medium, content: NDArray[np.float64]) -> NDArray[np.float64]:
+def solid_share(medium: Medium, content: Array) -> Array:
     """Solid share of each node (n,), from 0 to 1, from its `content`, by the enthalpy method."""
     if medium.C_sat is None or medium.C_solid is None:
         return np.zeros(len(content))

@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 from pdmesh.model.lattice_calibration import hu_beta
 from pdmesh.model.neighbours import ROUND_OFF, Neighbours, Pairs, chosen, row_chunks
 from pdmesh.model.visibility import sight_of
+from pdsolve.diffusion.walls import Array
 from pdsolve.laws.bond_arrays import Links
 from pdsolve.model import Model
 
@@ -31,7 +32,7 @@ def extended(model: Model) -> list[int]:
     return np.flatnonzero(np.ptp(model.grid.position, axis=0) > 0).tolist() or [0]
 
 
-def diffusivities(model: Model) -> NDArray[np.float64]:
+def diffusivities(model: Model) -> Array:
     """The diffusivity of each node (n,), m^2/s."""
     assert model.settings.medium is not None
     diffusivity = np.full(len(model.grid), model.settings.medium.D)
@@ -40,9 +41,7 @@ def diffusivities(model: Model) -> NDArray[np.float64]:
     return diffusivity
 
 
-def shape(
-    length: NDArray[np.float64], reach: NDArray[np.float64], delta: NDArray[np.float64], dimension: int, power: int
-) -> NDArray[np.float64]:
+def shape(length: Array, reach: Array, delta: Array, dimension: int, power: int) -> Array:
     """Uncalibrated conductance (b,) for D = 1 of neighbours at `length` with cells of size `delta`; in m."""
     k = CONSTANTS[dimension][power] / reach ** (dimension + 2 - power)
     return np.asarray(k * hu_beta(length, reach, delta) / length**power)
@@ -77,7 +76,7 @@ class DiffusionFamilies:
         self.neighbours = Neighbours(grid.position, grid.delta, self.reach, mutual=True)
         self.lattice_share = lattice_diffusivity(model.settings.horizon.ratio, self.dimension, self.power)
 
-    def conductance(self, pairs: Pairs) -> NDArray[np.float64]:
+    def conductance(self, pairs: Pairs) -> Array:
         """Conductance (b,) of pairs, 1/(s m^d); 0 beyond the horizon."""
         i, j, length = pairs
         grid = self.model.grid
@@ -87,13 +86,13 @@ class DiffusionFamilies:
         D_i, D_j = self.diffusivity[i], self.diffusivity[j]
         return np.asarray((both[0] + both[1]) / self.lattice_share * D_i * D_j / (D_i + D_j))
 
-    def between(self, source: NDArray[np.int64], target: NDArray[np.int64]) -> NDArray[np.float64]:
+    def between(self, source: NDArray[np.int64], target: NDArray[np.int64]) -> Array:
         """Conductance (b,) of these pairs, 1/(s m^d), that see each other; 0 beyond the horizon."""
         away = self.position[target] - self.position[source]
         conductance = self.conductance(Pairs(source, target, np.sqrt((away**2).sum(axis=1))))
         return np.where(conductance > ROUND_OFF * conductance.max(initial=0.0), conductance, 0.0)
 
-    def part(self, rows: NDArray[np.int64]) -> tuple[Pairs, NDArray[np.float64], NDArray[np.int64]]:
+    def part(self, rows: NDArray[np.int64]) -> tuple[Pairs, Array, NDArray[np.int64]]:
         """Bonds (b,) of some increasing rows, their conductances (b,), and the rows of nodes that each bond blocked by
         a crack is of."""
         pairs = self.neighbours.pairs(rows)
@@ -105,11 +104,11 @@ class DiffusionFamilies:
         is_bond &= ~blocked
         return chosen(pairs, is_bond), conductance[is_bond], pairs.source[blocked]
 
-    def of(self, rows: NDArray[np.int64]) -> tuple[Pairs, NDArray[np.float64]]:
+    def of(self, rows: NDArray[np.int64]) -> tuple[Pairs, Array]:
         """Bonds (b,) of some increasing rows, and their conductances (b,)."""
         return self.part(rows)[:2]
 
-    def listed(self) -> tuple[Links, NDArray[np.float64], NDArray[np.int64]]:
+    def listed(self) -> tuple[Links, Array, NDArray[np.int64]]:
         """All bonds (b,), their conductances (b,), and the number (n,) of bonds of each node that a crack blocks."""
         nodes = len(self.delta)
         counts, blocked = np.zeros((2, nodes), dtype=np.int64)

@@ -13,6 +13,8 @@ from pdmesh.model.lattice_calibration import offsets
 from pdmesh.model.neighbours import ROUND_OFF, lengths, row_chunks
 from pdsolve.codegen.vector_code import ROW
 from pdsolve.diffusion.families import DiffusionFamilies, shape
+from pdsolve.diffusion.listed import links_between, tangent_of
+from pdsolve.diffusion.walls import Array
 from pdsolve.lattice.families import sum_first_pass
 from pdsolve.lattice.fluxes import FluxTiles, collect_rates, place_amounts, share_of, sort_tiles
 from pdsolve.laws.fluxes import Contrast, Fick
@@ -28,7 +30,7 @@ if TYPE_CHECKING:
 SHORT = 8  # ways to the farthest neighbour: rows shorter than that lie along the longest axis
 
 
-def family(families: DiffusionFamilies, spacing: float, D: float) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+def family(families: DiffusionFamilies, spacing: float, D: float) -> tuple[NDArray[np.int64], Array]:
     """Offsets (k, d) and conductances (k,) of the bonds of a node with a full family."""
     ratio, dimension = families.model.settings.horizon.ratio, families.dimension
     steps = offsets(ratio + 0.5, dimension)
@@ -39,9 +41,7 @@ def family(families: DiffusionFamilies, spacing: float, D: float) -> tuple[NDArr
     return np.rint(steps[within_horizon]).astype(np.int64), conductance[within_horizon]
 
 
-def on_lattice(
-    families: DiffusionFamilies, volume: NDArray[np.float64], threads: int
-) -> tuple[OnLattice, NDArray[np.int64]] | None:
+def on_lattice(families: DiffusionFamilies, volume: Array, threads: int) -> tuple[OnLattice, NDArray[np.int64]] | None:
     """Bonds of a model in tiles, and the number (n,) of each node's that cracks block; None unless its nodes are on one
     lattice."""
     grid, D = families.model.grid, families.diffusivity
@@ -58,8 +58,8 @@ def on_lattice(
 
 
 def place_bonds(
-    position: NDArray[np.float64], spacing: float, ways: NDArray[np.int64], conductance: NDArray[np.float64]
-) -> tuple[Sites, NDArray[np.float64]] | None:
+    position: Array, spacing: float, ways: NDArray[np.int64], conductance: Array
+) -> tuple[Sites, Array] | None:
     """Sites of nodes (n, d), and the conductance of their `ways` in the order of sites; None if they are no lattice."""
     cells, axes = np.rint(np.ptp(position, axis=0) / spacing) + 1, np.arange(position.shape[1])
     if cells[0] < SHORT * np.abs(ways).max():
@@ -78,10 +78,10 @@ class OnLattice:
         self,
         sites: Sites,
         bits: NDArray[np.uint16],
-        conductance: NDArray[np.float64],
-        volume: NDArray[np.float64],
+        conductance: Array,
+        volume: Array,
         threads: int,
-        D: float | NDArray[np.float64] = 1.0,
+        D: float | Array = 1.0,
         wanted: int | None = None,
     ) -> None:
         """`conductance` (k,) is that of each offset, and `D` (n,) the diffusivity over that of the first node."""
@@ -104,7 +104,7 @@ class OnLattice:
         self.total = outflow
 
     @property
-    def _D(self) -> NDArray[np.float64]:
+    def _D(self) -> Array:
         """Diffusivity (n,) of nodes over that of the first."""
         return np.asarray(self.tiles.D[0, self.sites.site])
 
@@ -127,7 +127,7 @@ class OnLattice:
         part._amount, part._sums = _two_of(part.tiles)
         return part
 
-    def _sum(self, law: Fick | Contrast, of: NDArray[np.float64]) -> None:
+    def _sum(self, law: Fick | Contrast, of: Array) -> None:
         """Sum what bonds bring to sites that have these values `of` (w, m)."""
         tiles, likes = self.tiles, ((0,), (), (0,), (0,) * len(of))
 
@@ -136,7 +136,7 @@ class OnLattice:
 
         share(work, len(tiles.filled) * ROW, self.threads)
 
-    def rates(self, potential: NDArray[np.float64], out: NDArray[np.float64]) -> None:
+    def rates(self, potential: Array, out: Array) -> None:
         """Add the rates of change (n,) of contents, per volume and time, at this `potential` (n,) to `out`."""
         site, amount, sums, begin = self.sites.site, self._amount, self._sums, self._rows.start
         share(lambda *rows: place_amounts(site, potential, self.volume, amount, *rows), len(site), self.threads)
@@ -152,21 +152,19 @@ class OnLattice:
         full = self._D * self.tiles.g.sum() * cell
         return np.asarray(np.abs(self.total - full) > ROUND_OFF * full)
 
+    def of(self, rows: NDArray[np.int64]) -> tuple[NDArray[np.int64], NDArray[np.int64], Array]:
+        """Sources, targets and conductances (b,) of the bonds of some rows, in order."""
+        source, target, slot = intact(self.sites, self.tiles.bits, rows)
+        D, neighbour_D = self._D[source], self._D[target]
+        return source, target, D * self.tiles.g[slot] * share_of(D, neighbour_D)
+
     def tangent(self) -> csr_array:
         """Derivative (n, n) of the rates by the potentials, 1/s."""
-        from scipy.sparse import coo_array  # here, as it takes long to import
+        bonds = [self.of(rows) for rows in row_chunks(len(self.volume))]
+        source, target, conductance = (np.concatenate(column) for column in zip(*bonds, strict=True))
+        return tangent_of(links_between(source, target, len(self.volume)), conductance, self.volume, self.total)
 
-        nodes, D = np.arange(len(self.volume)), self._D
-        entries = [(-self.total, nodes, nodes)]
-        for rows in row_chunks(len(nodes)):
-            source, target, slot = intact(self.sites, self.tiles.bits, rows)
-            pulls = D[source] * self.tiles.g[slot] * share_of(D[source], D[target]) * self.volume[target]
-            entries.append((pulls, source, target))
-        value, source, target = (np.concatenate(column) for column in zip(*entries, strict=True))
-        matrix: csr_array = coo_array((value, (source, target)), shape=(len(nodes), len(nodes))).tocsr()
-        return matrix
-
-    def contrast(self, share: NDArray[np.float64]) -> float:
+    def contrast(self, share: Array) -> float:
         """Sum over bonds of the differences of `share` (n,), weighted by conductance and both volumes, m^d/s."""
         of, site, rows = np.zeros((2, self.tiles.D.shape[1])), self.sites.site, self._rows
         of[:, site] = self.volume, share
@@ -174,6 +172,6 @@ class OnLattice:
         return float((self._sums[0, site[rows]] * self.volume[rows]).sum())
 
 
-def _two_of(tiles: FluxTiles) -> Iterator[NDArray[np.float64]]:
+def _two_of(tiles: FluxTiles) -> Iterator[Array]:
     """Two arrays (1, m) of zeros for the sites of tiles."""
     return (aligned(np.zeros(tiles.D.shape)) for _ in range(2))

@@ -1,4 +1,4 @@
-"""Bonds in a list, for any nodes, and for bonds that depend on both of their ends."""
+"""Bonds in a list, for any nodes, and for fluxes that depend on both ends of a bond."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from pdsolve.diffusion.walls import Array
 from pdsolve.laws.bond_arrays import Links
 from pdsolve.laws.fluxes import Contrast, Dissolve, Fick
 from pdsolve.numerics.thread_team import share
@@ -32,16 +33,14 @@ class BondList:
 
     name = "listed"
 
-    def __init__(
-        self, links: Links, conductance: NDArray[np.float64], volume: NDArray[np.float64], threads: int
-    ) -> None:
+    def __init__(self, links: Links, conductance: Array, volume: Array, threads: int) -> None:
         """Bonds with a `conductance` (b,), 1/(s m^d), of nodes with the `volume` (n,), m^d."""
         self.links, self.conductance, self.volume, self.threads = links, conductance, volume, threads
         self.count = np.diff(links.start)
         self._rows = np.flatnonzero(self.count)
         self._at = self._rows if len(self._rows) < len(volume) else slice(None)
         self.total = np.zeros(len(volume))
-        self._add(Fick(conductance), self.total, volume)
+        self.add(Fick(conductance), self.total, volume)
 
     def part(self, first: int, last: int, begin: int, end: int) -> BondList:
         """The bonds of the rows `first` to `last` - 1, on one thread; nodes are the rows `begin` to `end` - 1, which
@@ -53,7 +52,7 @@ class BondList:
         )
         return BondList(links, self.conductance[bonds], self.volume[begin:end], 1)
 
-    def _add(self, law: Fick | Contrast | Dissolve, out: NDArray[np.float64], *value: NDArray[Any]) -> None:
+    def add(self, law: Fick | Contrast | Dissolve, out: Array, *value: NDArray[Any]) -> None:
         """Add the sums over the bonds of nodes that have these values (n,) to `out` (n,)."""
         links, values, rows, sums = self.links, Values(value), self._rows, np.empty((len(self.volume), 2))
 
@@ -63,36 +62,26 @@ class BondList:
         share(work, len(rows), self.threads)
         out[self._at] += sums[self._at, 0]
 
-    def rates(self, potential: NDArray[np.float64], out: NDArray[np.float64]) -> None:
+    def rates(self, potential: Array, out: Array) -> None:
         """Add the rates of change (n,) of contents, per volume and time, at this `potential` (n,) to `out`."""
-        self._add(Fick(self.conductance), out, self.volume * potential)
+        self.add(Fick(self.conductance), out, self.volume * potential)
         out[self._at] -= self.total[self._at] * potential[self._at]
-
-    def dissolve(
-        self,
-        concentration: NDArray[np.float64],
-        solid: NDArray[np.uint8],
-        C_sat: float,
-        k_diss: float,
-        out: NDArray[np.float64],
-    ) -> None:
-        """Add the rates (n,) of dissolution to `out`.
-
-        Bonds from solid to liquid have `k_diss` times their conductance, and only while the liquid is below `C_sat`;
-        bonds between solid nodes have none.
-        """
-        self._add(Dissolve(self.conductance, C_sat, k_diss), out, self.volume, concentration, solid)
 
     def tangent(self) -> csr_array:
         """Derivative (n, n) of the rates by the potentials, 1/s."""
-        from scipy.sparse import csr_array, diags_array  # here, as it takes long to import
+        return tangent_of(self.links, self.conductance, self.volume, self.total)
 
-        start, neighbour, _ = self.links
-        brought = csr_array((self.conductance * self.volume[neighbour], neighbour, start), shape=2 * [len(start) - 1])
-        return csr_array(brought - diags_array(self.total))
-
-    def contrast(self, share: NDArray[np.float64]) -> float:
+    def contrast(self, share: Array) -> float:
         """Sum over bonds of the differences of `share` (n,), weighted by conductance and both volumes, m^d/s."""
         out = np.zeros(len(share))
-        self._add(Contrast(self.conductance), out, self.volume, share)
+        self.add(Contrast(self.conductance), out, self.volume, share)
         return float((out * self.volume).sum())
+
+
+def tangent_of(links: Links, conductance: Array, volume: Array, total: Array) -> csr_array:
+    """Derivative (n, n) of the rates of bonds by the potentials, 1/s, given all that leaves a node, `total` (n,)."""
+    from scipy.sparse import csr_array, diags_array  # here, as it takes long to import
+
+    start, neighbour, _ = links
+    brought = csr_array((conductance * volume[neighbour], neighbour, start), shape=(len(total), len(total)))
+    return csr_array(brought - diags_array(total))

@@ -3,17 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from pdmesh.model.medium import Medium
 from pdsolve.checkpoint_validation import entry
+from pdsolve.diffusion.collocation import Collocated
 from pdsolve.diffusion.dissolution import potential, solid_share
 from pdsolve.diffusion.lattice import OnLattice
 from pdsolve.diffusion.listed import BondList
-from pdsolve.diffusion.walls import Bonds
+from pdsolve.diffusion.walls import Array, Bonds
+from pdsolve.laws.fluxes import Dissolve
 from pdsolve.model import ModelError
 from pdsolve.operators.protocol import CheckpointArrays
 from pdsolve.state import Broken, State, Unknown
@@ -22,22 +24,7 @@ if TYPE_CHECKING:
     from scipy.sparse import csr_array
 
 
-class Exchange(Protocol):
-    """Bonds of n nodes; their fluxes are linear in the potentials."""
-
-    name: str  # of the storage of bonds, the kernel, for the record
-    volume: NDArray[np.float64]  # (n,) m^d
-    total: NDArray[np.float64]  # (n,) 1/s, all outflow coefficients of a node
-    count: NDArray[np.int64]  # (n,) bonds
-
-    def rates(self, potential: NDArray[np.float64], out: NDArray[np.float64]) -> None:
-        """Add the rates of change (n,) of contents, per volume and time, at this `potential` (n,) to `out`."""
-
-    def tangent(self) -> csr_array:
-        """Derivative (n, n) of the rates by the potentials, 1/s."""
-
-    def contrast(self, share: NDArray[np.float64]) -> float:
-        """Sum over bonds of the differences of `share` (n,), weighted by conductance and both volumes, m^d/s."""
+Exchange = BondList | OnLattice | Collocated  # the storages of bonds
 
 
 class Fick:
@@ -54,7 +41,7 @@ class Fick:
         exchange: Exchange,
         families: Callable[[], Bonds],
         medium: Medium,
-        outside: NDArray[np.float64] | None = None,
+        outside: Array | None = None,
         change: BondList | None = None,
     ) -> None:
         """`change` is what a surface correction adds to the fluxes of `exchange`.
@@ -100,7 +87,8 @@ class Fick:
             C_sat = (self.medium.C_sat or 0.0) if self.medium.capped else np.inf
             for part in self._parts:
                 assert isinstance(part, BondList)  # as `system` has it
-                part.dissolve(content, self.solid, C_sat, self.medium.k_diss, out[:, 0])
+                law = Dissolve(part.conductance, C_sat, self.medium.k_diss)
+                part.add(law, out[:, 0], self.volume, content, self.solid)
         else:
             for exchange in self._parts:
                 exchange.rates(potential, out[:, 0])
@@ -109,44 +97,44 @@ class Fick:
             state.work[:] += dt * inflow
             out[:, 0] += inflow
 
-    def potential(self, value: NDArray[np.float64]) -> NDArray[np.float64]:
+    def potential(self, value: Array) -> Array:
         """Potential (n,), mol/m^3, at these contents (n,)."""
         return potential(self.medium, value)
 
-    def follows(self, value: NDArray[np.float64]) -> NDArray[np.bool_]:
+    def follows(self, value: Array) -> NDArray[np.bool_]:
         """Mask (n,) of nodes that are not saturated at these contents (n,)."""
         C_sat = self.medium.C_sat
         return np.ones(len(value), dtype=np.bool_) if C_sat is None else value < C_sat
 
-    def rates(self, potential: NDArray[np.float64], out: NDArray[np.float64]) -> None:
+    def rates(self, potential: Array, out: Array) -> None:
         """Add the fluxes (n,) into each node at this `potential` (n,) to `out` (n,), mol/(m^3 s)."""
         for part in self._parts:
             part.rates(potential, out)
         if self._open:
             out -= self.outside * potential
 
-    def _solid(self, content: NDArray[np.float64]) -> NDArray[np.uint8]:
+    def _solid(self, content: Array) -> NDArray[np.uint8]:
         """Mask (n,) of the solid nodes that are still solid at this content."""
         return self.solid & (content > (self.medium.C_sat or 0.0)).astype(np.uint8)
 
-    def share(self, state: State) -> NDArray[np.float64]:
+    def share(self, state: State) -> Array:
         """Solid share of each node (n,), from 0 to 1."""
         if self.kinetic:
             return self._solid(state.value[:, 0]).astype(float)
         return solid_share(self.medium, state.value[:, 0])
 
-    def energies(self, state: State) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    def energies(self, state: State) -> tuple[Array, Array]:
         """Zero energy densities (n,), J/m^3: diffusion stores and dissipates no energy."""
         return np.zeros(len(self.volume)), np.zeros(len(self.volume))
 
-    def fields(self, state: State) -> dict[str, NDArray[np.float64]]:
+    def fields(self, state: State) -> dict[str, Array]:
         """Concentration and content, mol/m^3, and solid share, or temperature, K, (n,) each."""
         content = state.value[:, 0]
         if self.medium.carries == "heat":
             return {"T": content}
         return {"c": potential(self.medium, content), "h": content, "solid": self.share(state)}
 
-    def stiffness_bound(self) -> NDArray[np.float64]:
+    def stiffness_bound(self) -> Array:
         """A bound (n,) of the rates' eigenvalues, 1/s: forward Euler is stable up to 2 over it."""
         faster = max(1.0, self.medium.k_diss) if self.kinetic else 1.0
         return 2 * (faster * self.total + self.outside)

@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 from pdmesh.model.document import Material, Run
 from pdmesh.model.material_constants import poisson
 from pdsolve.diffusion.broken_bonds import BrokenBonds
+from pdsolve.diffusion.walls import Array
 from pdsolve.model import Model
 from pdsolve.operators.protocol import Operator
 from pdsolve.state import State
@@ -34,7 +35,7 @@ CYCLE = 20  # steps of the motion, at most, for one of the content: what heats a
 class Swollen(Operator, Protocol):
     """Bonds of n nodes that stretch from what they are long at strains of free nodes."""
 
-    def swell(self, strain: NDArray[np.float64]) -> None:
+    def swell(self, strain: Array) -> None:
         """Let bonds stretch from there at these strains (n,)."""
 
 
@@ -81,7 +82,7 @@ class Swelling:
         self._bonds.swell(strain)
         self._h.second[:, 0] = (more - less) / (2 * SMALL)
 
-    def clamped_energy_density(self, state: State) -> NDArray[np.float64]:
+    def clamped_energy_density(self, state: State) -> Array:
         """The energy densities (n,) that bonds would hold at no displacement, J/m^3: what heat can do at most."""
         now = state.value.copy()
         strain_energy = self._bonds.energies(state._replace(value=np.zeros_like(now)))[0]
@@ -100,7 +101,7 @@ class Swelling:
             strain_energy = self._heat(state, step, strain_energy)
             step += 1
 
-    def _heat(self, state: State, step: int, strain_energy: NDArray[np.float64] | None) -> NDArray[np.float64] | None:
+    def _heat(self, state: State, step: int, strain_energy: Array | None) -> Array | None:
         """Take a step of the content and the one of the motion after it; returns what bonds hold then, if known.
 
         `strain_energy` (n,) is that of before, J/m^3, if it is known.
@@ -124,7 +125,7 @@ class Swelling:
         strain = self._strain()
         state.work[:] += (self._held(state, strain) - strain_energy) / 2
 
-        def loaded(state: State) -> NDArray[np.float64]:
+        def loaded(state: State) -> Array:
             unstrained, now = self._held(state, before), self._held(state, strain)
             state.work[:] += (now - unstrained) / 2
             return now
@@ -136,11 +137,11 @@ class Swelling:
         self.motion.advance(state, step, step + 1)
         return loaded(state)
 
-    def _strain(self) -> NDArray[np.float64]:
+    def _strain(self) -> Array:
         """The strains (n,) of free nodes."""
         return np.asarray(self._alpha * (self._h.value[:, 0] - self._T0))
 
-    def _held(self, state: State, strain: NDArray[np.float64]) -> NDArray[np.float64]:
+    def _held(self, state: State, strain: Array) -> Array:
         """The energy densities (n,) of bonds at these strains (n,), which stay, J/m^3."""
         self._bonds.swell(strain)
         return self._bonds.energies(state)[0]
@@ -156,7 +157,7 @@ def cycle_of(run: Run, step: float, bound: float) -> int:
     return max(cycle for cycle in range(1, most + 1) if between % cycle == 0)
 
 
-def coefficients(model: Model) -> NDArray[np.float64]:
+def coefficients(model: Model) -> Array:
     """Strain for each unit of content, and the content without strain, of each node, (2, n).
 
     In plane strain it is 1 + nu times alpha: what is kept from growing along z grows within the plane instead.

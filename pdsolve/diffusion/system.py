@@ -15,7 +15,7 @@ from pdsolve.conditions import Drive
 from pdsolve.diffusion.collocation import Collocated
 from pdsolve.diffusion.conditions import BoundaryConditions, begin
 from pdsolve.diffusion.dissolution import crossing
-from pdsolve.diffusion.edge_fluxes import Cloud
+from pdsolve.diffusion.edges import Cloud
 from pdsolve.diffusion.families import DiffusionFamilies
 from pdsolve.diffusion.lattice import on_lattice
 from pdsolve.diffusion.listed import BondList, links_between

@@ -13,7 +13,7 @@ from pdmesh import Body, Box, Heat, Material, Medium, Run, Scene, box, build
 from pdmesh.model.document import Exchange
 from pdmesh.scene.solids import Sheet
 from pdpost.measures import fields
-from pdsolve.diffusion.edge_fluxes import Cloud, beside_edge, outward, over_cells, parts
+from pdsolve.diffusion.edges import Cloud, beside_edge, outward, over_cells, parts
 from pdsolve.diffusion.system import prepare
 from pdsolve.model import Model
 from pdsolve.results import Results
