@@ -101,4 +101,16 @@ DIFFUSION = (
         "tiles.filled[t] |= tiles.D",
         "tests/unit/pdsolve/diffusion/test_bonds.py::test_slots_with_a_crack_and_two_media_are_the_list",
     ),
+    Mutant(
+        "pdsolve/laws/fluxes.py",
+        "m[i, 0] += m[i, 1]",
+        "m[i, 0] += 0.0",
+        "tests/unit/pdsolve/diffusion/test_bonds.py::test_slots_are_the_list",
+    ),
+    Mutant(
+        "pdsolve/laws/fluxes.py",
+        "(neighbour_concentration if is_solid else concentration) < law.C_sat",
+        "concentration < law.C_sat",
+        "tests/unit/pdsolve/diffusion/test_bonds.py::test_a_bond_dissolves_into_liquid_below_saturation",
+    ),
 )

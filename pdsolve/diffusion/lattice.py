@@ -17,7 +17,7 @@ from pdsolve.diffusion.listed import links_between, tangent_of
 from pdsolve.diffusion.walls import Array
 from pdsolve.lattice.families import sum_first_pass
 from pdsolve.lattice.fluxes import FluxTiles, collect_rates, place_amounts, share_of, sort_tiles
-from pdsolve.laws.fluxes import Contrast, Fick
+from pdsolve.laws.fluxes import Conduction, Contrast
 from pdsolve.numerics.thread_team import share
 from pdsolve.operators.simd_lattice.layout import aligned
 from pdsolve.operators.space_lattice.families import counts, members
@@ -99,7 +99,7 @@ class OnLattice:
         )
         self._rows, self._amount, self._sums = slice(0, wanted or len(volume)), *_two_of(self.tiles)
         sort_tiles(self.tiles, np.where(sites.node < self._rows.stop, sites.node, -1))
-        self.count, self.total, outflow = counts(bits, sites), *np.zeros((2, len(volume)))
+        self.count, self.total, outflow = counts(bits, sites), np.zeros(len(volume)), np.zeros(len(volume))
         self.rates(np.ones(len(volume)), outflow)
         self.total = outflow
 
@@ -127,7 +127,7 @@ class OnLattice:
         part._amount, part._sums = _two_of(part.tiles)
         return part
 
-    def _sum(self, law: Fick | Contrast, of: Array) -> None:
+    def _sum(self, law: Conduction | Contrast, of: Array) -> None:
         """Sum what bonds bring to sites that have these values `of` (w, m)."""
         tiles, likes = self.tiles, ((0,), (), (0,), (0,) * len(of))
 
@@ -140,7 +140,7 @@ class OnLattice:
         """Add the rates of change (n,) of contents, per volume and time, at this `potential` (n,) to `out`."""
         site, amount, sums, begin = self.sites.site, self._amount, self._sums, self._rows.start
         share(lambda *rows: place_amounts(site, potential, self.volume, amount, *rows), len(site), self.threads)
-        self._sum(Fick(self.tiles.g), amount)
+        self._sum(Conduction(self.tiles.g), amount)
 
         def collect(first: int, last: int) -> None:
             collect_rates(site, sums, self.total, potential, out, begin + first, begin + last)

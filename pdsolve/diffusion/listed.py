@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from pdsolve.diffusion.walls import Array
 from pdsolve.laws.bond_arrays import Links
-from pdsolve.laws.fluxes import Contrast, Dissolve, Fick
+from pdsolve.laws.fluxes import Conduction, Contrast, Dissolution
 from pdsolve.numerics.thread_team import share
 from pdsolve.operators.bond_list_loops import first_pass_rows_of_sums
 
@@ -40,7 +40,7 @@ class BondList:
         self._rows = np.flatnonzero(self.count)
         self._at = self._rows if len(self._rows) < len(volume) else slice(None)
         self.total = np.zeros(len(volume))
-        self.add(Fick(conductance), self.total, volume)
+        self.add(Conduction(conductance), self.total, volume)
 
     def part(self, first: int, last: int, begin: int, end: int) -> BondList:
         """The bonds of the rows `first` to `last` - 1, on one thread; nodes are the rows `begin` to `end` - 1, which
@@ -52,7 +52,7 @@ class BondList:
         )
         return BondList(links, self.conductance[bonds], self.volume[begin:end], 1)
 
-    def add(self, law: Fick | Contrast | Dissolve, out: Array, *value: NDArray[Any]) -> None:
+    def add(self, law: Conduction | Contrast | Dissolution, out: Array, *value: NDArray[Any]) -> None:
         """Add the sums over the bonds of nodes that have these values (n,) to `out` (n,)."""
         links, values, rows, sums = self.links, Values(value), self._rows, np.empty((len(self.volume), 2))
 
@@ -64,7 +64,7 @@ class BondList:
 
     def rates(self, potential: Array, out: Array) -> None:
         """Add the rates of change (n,) of contents, per volume and time, at this `potential` (n,) to `out`."""
-        self.add(Fick(self.conductance), out, self.volume * potential)
+        self.add(Conduction(self.conductance), out, self.volume * potential)
         out[self._at] -= self.total[self._at] * potential[self._at]
 
     def tangent(self) -> csr_array:

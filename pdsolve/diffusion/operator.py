@@ -15,7 +15,7 @@ from pdsolve.diffusion.dissolution import potential, solid_share
 from pdsolve.diffusion.lattice import OnLattice
 from pdsolve.diffusion.listed import BondList
 from pdsolve.diffusion.walls import Array, Bonds
-from pdsolve.laws.fluxes import Dissolve
+from pdsolve.laws.fluxes import Dissolution
 from pdsolve.model import ModelError
 from pdsolve.operators.protocol import CheckpointArrays
 from pdsolve.state import Broken, State, Unknown
@@ -87,7 +87,7 @@ class Fick:
             C_sat = (self.medium.C_sat or 0.0) if self.medium.capped else np.inf
             for part in self._parts:
                 assert isinstance(part, BondList)  # as `system` has it
-                law = Dissolve(part.conductance, C_sat, self.medium.k_diss)
+                law = Dissolution(part.conductance, C_sat, self.medium.k_diss)
                 part.add(law, out[:, 0], self.volume, content, self.solid)
         else:
             for exchange in self._parts:

@@ -3,9 +3,11 @@
 A bond has its conductance `c`, 1/(s m^d); `bond` is what its ends have (`pdsolve.laws.bond_arrays.Ends`). A node's sum
 is over all its bonds.
 
-    Fick        amount V C of a node; what all bonds bring, without what leaves the node
-    Contrast    volume V and a share; V times the difference of both shares, never negative
-    Dissolve    volume V, concentration and whether it is solid; V times the difference of concentrations
+    Conduction    amount V C of a node; what all bonds bring, without what leaves the node
+    Contrast      volume V and a share; V times the difference of both shares, never negative
+    Dissolution   volume V, concentration and whether it is solid; V times the difference of concentrations
+
+Bonds are added to two sums in turn, as adding to one has to wait for the last.
 """
 
 from __future__ import annotations
@@ -19,7 +21,7 @@ from pdsolve.codegen.fused import fused
 from pdsolve.laws.calls import bind_functions
 
 
-class Fick(NamedTuple):
+class Conduction(NamedTuple):
     """Fick's law of bonds (b,)."""
 
     g: NDArray[np.float64]  # (b,) 1/(s m^d)
@@ -33,7 +35,7 @@ class Contrast(NamedTuple):
     broken: None = None
 
 
-class Dissolve(NamedTuple):
+class Dissolution(NamedTuple):
     """Kinetic dissolution along bonds (b,)."""
 
     g: NDArray[np.float64]  # (b,) 1/(s m^d)
@@ -78,7 +80,7 @@ def _times_diffusivity(law, sums, node_constants):  # type: ignore[no-untyped-de
     return (node_constants[0] * (sums[0] + sums[1]),)
 
 
-for _law, _accumulate in ((Fick, _bring), (Contrast, _differ), (Dissolve, _dissolve)):
+for _law, _accumulate in ((Conduction, _bring), (Contrast, _differ), (Dissolution, _dissolve)):
     bind_functions(
         _law,
         {

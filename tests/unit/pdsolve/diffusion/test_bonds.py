@@ -15,9 +15,11 @@ from pdmesh.model.document import MediumRegion
 from pdmesh.model.medium import Medium
 from pdmesh.model.neighbours import Pairs, chosen
 from pdsolve.diffusion.families import DiffusionFamilies, lattice_diffusivity
-from pdsolve.diffusion.listed import BondList, links_between
+from pdsolve.diffusion.listed import BondList, Values, links_between
 from pdsolve.diffusion.operator import Fick
 from pdsolve.diffusion.system import prepare
+from pdsolve.laws.fluxes import Dissolution
+from pdsolve.operators.bond_list_loops import first_pass_rows_of_sums
 from pdsolve.operators.together import Together
 
 
@@ -207,3 +209,19 @@ def test_slots_with_a_crack_and_two_media_are_the_list(dimension: int, reach: fl
     assert slots.total == pytest.approx(listed.total, rel=1e-13)
     assert slots.exchange.contrast(C) == pytest.approx(listed.exchange.contrast(C), rel=1e-12)
     assert np.abs(slots.tangent(state) @ C + out).max() < 1e-12
+
+
+def test_a_bond_dissolves_into_liquid_below_saturation() -> None:
+    """Rates of a row of four nodes by hand, compiled and not: solid, liquid below C_sat, liquid above it, solid."""
+    links = links_between(np.array([0, 1, 1, 2, 2, 3]), np.array([1, 0, 2, 1, 3, 2]), 4)
+    law = Dissolution(np.full(6, 3.0), 0.2, 5.0)
+    volume, concentration, solid = (
+        np.array([1.0, 2.0, 1.0, 1.0]),
+        np.array([1.0, 0.1, 0.3, 1.0]),
+        np.array([1, 0, 0, 1]),
+    )
+    expected = [3 * 5 * 2 * -0.9, 3 * 5 * 1 * 0.9 + 3 * 1 * 0.2, 3 * 2 * -0.2, 0.0]
+    for loop in (first_pass_rows_of_sums, first_pass_rows_of_sums.py_func):
+        sums = np.empty((4, 2))
+        loop(links, law, Values((volume, concentration, solid)), sums, np.arange(4), 0, 4)
+        assert sums[:, 0] == pytest.approx(expected, rel=1e-14)
