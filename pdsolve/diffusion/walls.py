@@ -10,6 +10,7 @@ normal, T_outside stands `beyond` = D / h behind it (Robin's condition).
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterator, Sequence
 from functools import partial
 from typing import NamedTuple, Protocol
@@ -112,7 +113,7 @@ def beside(bonds: Bonds, places: Array) -> NDArray[np.bool_]:
 
 def summed(rows: Rows, source: Rows, values: Array) -> Array:
     """Sums (r, ...) of values (b, ...) over the bonds of each row; rows increase."""
-    at, flat = np.searchsorted(rows, source), values.reshape(len(values), -1)
+    at, flat = np.searchsorted(rows, source), values.reshape(len(values), math.prod(values.shape[1:]))
     sums = [np.bincount(at, column, minlength=len(rows)) for column in flat.T.astype(float)]
     return np.stack(sums, axis=-1, dtype=np.float64).reshape(len(rows), *values.shape[1:])
 

@@ -187,3 +187,14 @@ def test_an_edge_that_does_not_fit_its_nodes_is_refused(edge: tuple[tuple[float,
     with pytest.raises(ModelError, match=naming("$.conditions[0].edge", found="ways", expected=("1", "2"))) as refused:
         prepare(bar(edge=edge), 1)
     assert "\n" not in str(refused.value)
+
+
+def test_nodes_without_bonds_stay_as_they_are() -> None:
+    """Two nodes far apart, in tiles and listed, whose surfaces are corrected."""
+    of = model(np.array([[0.5, 0.5], [50.5, 0.5]]), 1.0, Medium(D=1.0), run=Run(steps=2, time_step=0.1))
+    for listed in (False, True):
+        system, state = prepare(of, 1, listed=listed)
+        state.value[:, 0] = 1.0, 2.0
+        system.stepper.advance(state, 1, 3)
+        assert state.value[:, 0].tolist() == [1.0, 2.0]
+        assert not system.operator.tangent(state).toarray().any()
