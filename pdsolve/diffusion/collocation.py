@@ -17,10 +17,10 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from pdmesh.model.neighbours import ON_LATTICE, Neighbours, Pairs, lengths, row_chunks
+from pdmesh.model.neighbours import ON_LATTICE, Pairs, chosen, lengths
 from pdsolve.diffusion.families import DiffusionFamilies
 from pdsolve.diffusion.lattice import OnLattice, family, place_bonds
-from pdsolve.diffusion.walls import Array
+from pdsolve.diffusion.walls import Array, parts_of
 from pdsolve.model import ModelError
 from pdsolve.operators.space_lattice.families import members
 from pdsolve.operators.stencils import Stencil, diffusion, stencil_of
@@ -91,11 +91,6 @@ class Collocated:
         """Conductance (b,) that bonds of these lengths between fine nodes would have; 0 between coarse ones."""
         return np.where(self._far[pairs.source], 0.0, self._families.conductance(pairs))
 
-    @property
-    def fictitious(self) -> tuple[int, int]:
-        """Numbers of fictitious fine and coarse nodes."""
-        return len(self._outer.at), len(self._inner.at)
-
     def _look_whole(
         self, stencil: Stencil, far: NDArray[np.int64], free: NDArray[np.bool_], near: NDArray[np.int64]
     ) -> None:
@@ -151,23 +146,12 @@ def _two(families: DiffusionFamilies) -> tuple[NDArray[np.int64], NDArray[np.int
         said = ", ".join(f"{level:g}" for level in levels[:4])
         raise ModelError(f"{place} spacings of {said} m; use two, one twice the other")
     fine, coarse = (np.flatnonzero(delta == level) for level in levels)
-    D = families.diffusivity
-    if (D[0] != D).any() or len(model.grid.cracks) or _blocked(families, fine):
+    sight, is_fine, D = families.sight, delta == levels[0], families.diffusivity
+    around = () if sight.clear else (families.neighbours.pairs(rows) for rows in parts_of(fine))
+    blocked = not all(sight.inside(chosen(pairs, is_fine[pairs.target])).all() for pairs in around)
+    if blocked or (D[0] != D).any() or len(model.grid.cracks):
         raise ModelError(f"{place} several media, or what blocks bonds; use one medium without")
     return fine, coarse
-
-
-def _blocked(families: DiffusionFamilies, fine: NDArray[np.int64]) -> bool:
-    """Whether an obstacle separates fine nodes."""
-    if families.sight.clear:
-        return False
-    grid = families.model.grid
-    around = Neighbours(grid.position[fine], grid.delta[fine], families.reach[fine])
-    for rows in row_chunks(len(fine)):
-        i, j, length = around.pairs(rows)
-        if not families.sight.inside(Pairs(fine[i], fine[j], length)).all():
-            return True
-    return False
 
 
 class _Keys:
