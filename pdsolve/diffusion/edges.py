@@ -177,7 +177,8 @@ def outer_faces(
         free &= not inner.any()  # of nodes in several rows each has its share
         way = normal * (parts(volume[rows], delta)[1] / extent_of(condition) - delta / 2)[:, None]
     else:
-        rows, way, far = _ways_to_edge(model, number)
+        rows, way, _ = _ways_to_edge(model, number)
+        far = np.sqrt((way**2).sum(axis=1))  # along the axes of the nodes
         outer = far < grid.delta[rows] * (1 - ON_EDGE)
         rows, way, far = rows[outer], way[outer], far[outer]
         delta = grid.delta[rows]
