@@ -16,10 +16,9 @@ from pdsolve.model import Model, ModelError
 from pdsolve.operators.bond_list import BondList
 from pdsolve.operators.contact.at_rest import RestingContact
 from pdsolve.operators.contact.operator import PenaltyContact, touch_bound
-from pdsolve.operators.device.blocks import BlocksOnDevice
 from pdsolve.operators.device.families import FamiliesOnDevice
 from pdsolve.operators.device.runtime import Session
-from pdsolve.operators.device.space import SpaceOnDevice
+from pdsolve.operators.device.tiles import BlocksOnDevice, SpaceOnDevice
 from pdsolve.operators.ground_supports import support_bound, supported
 from pdsolve.operators.lattice_families import LatticeFamilies
 from pdsolve.operators.marched_bonds import MarchedBlocks, MarchedBonds, MarchedTiles

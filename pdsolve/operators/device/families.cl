@@ -10,13 +10,8 @@ numbers of a node between the passes.
     flags     whether those count; whether a bond may fail        near    (m,) whether one of the node's bonds may
 */
 
-#define FORCE_PARAMETERS                                                                                               \
-  __global const int *start, __global const int *slots, __global const int *ids, __global const REAL *vectors,        \
-      __global const REAL *kinds, __global const REAL *rows, __global const REAL *own, __global REAL *nodal,           \
-      __global double *given, __global int *flags, __global uchar *near
 #define SUM double
 #define ABSENT(i) false
-#define FORCE_ARGUMENTS start, slots, ids, vectors, kinds, rows, own, nodal, given, flags, near
 
 typedef struct {
   REAL xi[DIM], eta[DIM], length, stretch, elongation, inverse, q;

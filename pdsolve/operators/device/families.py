@@ -19,20 +19,18 @@ from pdsolve.laws.calls import functions_of
 from pdsolve.laws.law import Law
 from pdsolve.model import Model
 from pdsolve.operators import bond_list_loops as loops
-from pdsolve.operators.device.padded import Padded
+from pdsolve.operators.device.nodes import NodesOnDevice
 from pdsolve.operators.device.runtime import Session
 from pdsolve.operators.device.source import text_of
 from pdsolve.operators.device.tracing import Code
 from pdsolve.operators.lattice_families import LatticeFamilies
-from pdsolve.operators.protocol import CheckpointArrays
 from pdsolve.operators.simd_lattice.family_blocks import FamilyBlocks
-from pdsolve.state import Broken, State
+from pdsolve.state import State
 
 
-class FamiliesOnDevice(Padded, LatticeFamilies):
+class FamiliesOnDevice(NodesOnDevice, LatticeFamilies):
     """The families of n nodes whose steps a device takes; see `pdsolve.steppers.verlet_on_device`."""
 
-    together = 1  # nodes that a work item sums
     layout: FamilyBlocks
 
     def __init__(
@@ -47,23 +45,18 @@ class FamiliesOnDevice(Padded, LatticeFamilies):
     ) -> None:
         """Arguments are those of `LatticeFamilies`. Raises ModelError if the device has too little memory."""
         super().__init__(law, model, exact, symmetric, precision, 1, make_layout)
-        self.session, self.dimension, self.needs_upload = session, len(self._u), True
-        self.scheme: tuple[str, ...] = ()  # of steps, see verlet.cl
-        self.room, self._fresh = self._u.shape[1], [np.zeros(0, dtype=np.int64)]
-        slots, upload, forces = self.layout.bonds, session.put, 8 * self.dimension * self.room
-        first = slots.start.astype(np.int32), slots.slots, slots.ids, slots.vectors, slots.kinds
-        arrays = *first, slots.rows, self._own, self._m
-        session.room_for(*(array.nbytes for array in arrays), forces, 9 * self.room)
-        self._rows, self._given = session.zeros(slots.rows.nbytes), session.zeros(forces)
-        self._tables, self._constants = [upload(table) for table in first], upload(self._own)
-        self._nodal, self._flags = upload(self._m), upload(np.zeros(2, dtype=np.int32))
-        self.dissipated, self._named = upload(np.zeros(self.room)), upload(np.zeros(self.room, dtype=np.uint8))
-        session.write(self._rows, slots.rows[: self.layout.shared_rows])
-
-    @property
-    def arguments(self) -> list[Any]:
-        """The buffers of `FORCE_PARAMETERS`, in order."""
-        return [*self._tables, self._rows, self._constants, self._nodal, self._given, self._flags, self._named]
+        self.dimension, self.room = self._u.shape
+        self.place, self._fresh = slice(0, len(model.grid)), [np.zeros(0, dtype=np.int64)]
+        bonds = self.layout.bonds
+        arrays: dict[str, NDArray[Any]] = {
+            "start": bonds.start.astype(np.int32),
+            "slots": bonds.slots,
+            "ids": bonds.ids,
+        }
+        arrays |= {"vectors": bonds.vectors, "kinds": bonds.kinds, "rows": bonds.rows, "own": self._own}
+        arrays |= {"nodal": self._m, "given": np.zeros((self.dimension, self.room)), "flags": np.zeros(2, np.int32)}
+        arrays |= {"near": np.zeros(self.room, np.uint8), "dissipated": np.zeros(self.room)}
+        self.upload(session, arrays)
 
     def source(self) -> str:
         """What the bonds are in OpenCL C. Raises ModelError for a law that no device computes to the same bits."""
@@ -95,7 +88,7 @@ class FamiliesOnDevice(Padded, LatticeFamilies):
             lines.append(_macro("MARGIN", code, [f"if ({value.text} > {most.text}) flags[1] = near[i] = 1;"]))
         else:
             lines.append("#define MARGIN")
-        return "\n".join([*lines, text_of("families.cl")])
+        return "\n".join([self.declarations, *lines, text_of("families.cl")])
 
     def _bond(self, code: Code) -> tuple[Bond, tuple[Any, ...]]:
         """A deformed bond and its numbers in C."""
@@ -115,23 +108,22 @@ class FamiliesOnDevice(Padded, LatticeFamilies):
         """Keep the kernels of the passes."""
         self._first_pass, self._watch, self._last_pass = program.first_pass, program.watch, program.bond_forces
 
-    def sum_families(self, u: Any) -> bool:
-        """Sum the first pass at these displacements of the device; returns whether a bond may fail."""
+    def may_change(self, u: Any, step: int) -> bool:
+        """Sum the first pass at these displacements of the device; whether a bond may fail or pulls once more."""
         self._launch(self._first_pass, u)
-        if not self._tabled.watched:
-            return False
         flags = np.zeros(2, dtype=np.int32)
-        self.session.write(self._flags, flags)
-        self._launch(self._watch, u)
-        self.session.read(self._flags, flags)
-        return bool(flags[1])
+        if self._tabled.watched:
+            self.write("flags", flags)
+            self._launch(self._watch, u)
+            self.read("flags", flags)
+        return bool(flags[1]) or self._torn_in == step - 1
 
     def fail(self, u: Any, state: State, step: int, dt: float) -> None:
         """Let the bonds that are over their limit fail; `state` is that of the device, with these displacements u."""
-        read, write, nodes = self.session.read, self.session.write, len(state.value)
+        nodes = len(state.value)
         now, near, torn = Now(state.value, state.rate, step, dt), np.zeros(self.room, np.uint8), np.zeros(nodes, bool)
-        read(self._named, near)
-        read(self._nodal, self._m)
+        self.read("near", near)
+        self.read("nodal", self._m)
         between = self._m[:, :nodes].T
         self._share(loops.fail_rows, now, between, near[:nodes] > 0, self._failing, torn)
         again = np.zeros(state.value.shape)
@@ -144,30 +136,24 @@ class FamiliesOnDevice(Padded, LatticeFamilies):
         matched, spent = self._match_work(now, between, rows)
         self._fail(now, between, rows, released)
         self._write_torn()
-        write(self._nodal, self._m)
+        self.write("nodal", self._m)
         pulls = self._bond_forces(u, nodes)
         self._book(state, dt, before - pulls, matched, released, spent)
         self._write_forces(again + (pulls + matched))
-        write(self.dissipated, self.spread(state.dissipated))
+        self.write("dissipated", self.spread(state.dissipated))
 
     def _write_forces(self, forces: NDArray[np.float64]) -> None:
         """Give the device the forces (n, d) of this step."""
-        self.session.write(self._given, self.spread(forces))
-        self.session.write(self._flags, np.array([1, 0], dtype=np.int32))
-
-    def pulls_again(self, step: int) -> bool:
-        """Whether bonds that failed one step ago pull once more in this one."""
-        return self._torn_in == step - 1
+        self.write("given", self.spread(forces))
+        self.write("flags", np.array([1, 0], dtype=np.int32))
 
     def _bond_forces(self, u: Any, nodes: int) -> NDArray[np.float64]:
         """Force densities (n, d), N/m^3, from what nodes have between the passes; the next step has them."""
         self._launch(self._last_pass, u)
-        forces = np.empty((self.dimension, self.room))
-        self.session.read(self._given, forces)
-        return forces[:, :nodes].T
+        return self.read("given", np.empty((self.dimension, self.room)))[:, :nodes].T
 
     def _launch(self, kernel: Any, u: Any) -> None:
-        self.session.launch(kernel, (self.room, LANES), [*self.arguments, u, np.int32(self.room)])
+        self.session.launch(kernel, (self.room, LANES), [*self.buffers.values(), u, np.int32(self.room)])
 
     def _lose(self, bonds: NDArray[np.int64], rows: NDArray[np.int64]) -> None:
         super()._lose(bonds, rows)
@@ -178,20 +164,15 @@ class FamiliesOnDevice(Padded, LatticeFamilies):
         torn, rows = np.unique(np.concatenate(self._fresh)), self.layout.bonds.rows
         self._fresh = self._fresh[:1]
         if len(torn):
-            self.session.write(self._tables[1], self.layout.bonds.slots)
-            self.session.write(self._constants, self._own)
+            self.write("slots", self.layout.bonds.slots)
+            self.write("own", self._own)
         for row in (self.layout.shared_rows + torn).tolist():
-            self.session.write(self._rows, rows[row], row * rows[row].nbytes)
-
-    def restore(self, checkpoint: CheckpointArrays, broken: Broken) -> None:
-        """Restore the history of bonds and the broken bonds of a checkpoint."""
-        super().restore(checkpoint, broken)
-        self.needs_upload = True
+            self.write("rows", rows[row], row * rows[row].nbytes)
 
     def hand_over(self) -> None:
         """Give the history of bonds to the device, if it is another than the device's."""
         if self.needs_upload:
-            self.session.write(self._tables[1], self.layout.bonds.slots)
+            self.write("slots", self.layout.bonds.slots)
             self._write_torn()
             self.needs_upload = False
 

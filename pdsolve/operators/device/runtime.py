@@ -8,7 +8,7 @@ from __future__ import annotations
 import os
 import shutil
 import warnings
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from functools import cache
 from typing import Any, NamedTuple
@@ -137,6 +137,11 @@ class Session:
         with self._said():
             flags = cl.mem_flags.READ_WRITE | cl.mem_flags.COPY_HOST_PTR
             return cl.Buffer(self._context, flags, hostbuf=values)
+
+    def upload(self, arrays: Mapping[str, NDArray[Any]]) -> dict[str, Any]:
+        """Buffers with copies of these arrays, by name. Raises ModelError if the device has too little memory."""
+        self.room_for(*(array.nbytes for array in arrays.values()))
+        return {name: self.put(array) for name, array in arrays.items()}
 
     def zeros(self, size: int) -> Any:
         """A buffer of so many bytes, all 0."""

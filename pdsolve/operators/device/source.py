@@ -7,12 +7,15 @@ from importlib import resources
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from pdsolve.codegen.block_slots import FAR
 from pdsolve.codegen.pull import NARROW, WIDE, coefficients, stretch_coefficients
-from pdsolve.laws.calls import GROWTH
-from pdsolve.laws.law import Function
+from pdsolve.laws.calls import added_force, broken_energy, functions_of, second_force
+from pdsolve.laws.law import Function, Law
 from pdsolve.operators.device.translation import DOUBLE, Translation
+
+KINDS = {"float64": "double", "float32": "float", "int32": "int", "uint32": "uint", "uint8": "uchar"}  # in OpenCL C
 
 
 def text_of(name: str) -> str:
@@ -20,41 +23,24 @@ def text_of(name: str) -> str:
     return (resources.files("pdsolve.operators.device") / name).read_text(encoding="utf-8")
 
 
-def pair_functions(
-    functions: Mapping[str, Function], remembers: bool, one_sided: bool, matches_work: bool, file: str
-) -> str:
-    """A pair law, and the file that sums its bonds; `remembers`: whether some bonds soften, `one_sided`: in tension
-    alone, `matches_work`: whether bonds that soften or break add a pull. Raises ModelError."""
-    law = Translation(functions)
-    defined = {"DISSIPATED_AT_BREAK": law.add("dissipated_at_break", (DOUBLE,) * 5)}
-    if matches_work:
-        defined |= {
-            "TOTAL_DISSIPATED": law.add("total_dissipated_energy", (DOUBLE,) * 3),
-            "MATCHING_FORCE": law.add("matching_force", (DOUBLE,) * 5),
-        }
+def pair_functions(law: Law, file: str, remembers: bool, **numbers: Any) -> str:
+    """A pair law, constants by their names, and the file that sums its bonds; `remembers`: whether bonds soften.
+
+    Raises ModelError.
+    """
+    written = Translation(functions_of(law), matches_work=law.matches_work)
+    calls: list[tuple[Function, int]] = [(added_force, 5), (second_force, 6), (broken_energy, 5)]
+    defined = {function.__name__.upper(): written.called(function, (DOUBLE,) * count)[0] for function, count in calls}
     if remembers:
-        defined |= {"SOFTENS": "", "SECANT": law.add("secant", (DOUBLE, DOUBLE, DOUBLE, DOUBLE))}
-    if one_sided:
-        defined["ONE_SIDED"] = ""
-    lines = [f"#define {name} {value}" for name, value in defined.items()]
-    return "\n".join([law.source, *lines, text_of("second_force.cl"), text_of(file)])
+        defined |= {"SOFTENS": "", "SECANT": written.add("secant", (DOUBLE,) * 4)}
+    lines = [f"#define {name} {value}" for name, value in {**defined, **numbers}.items()]
+    return "\n".join([written.source, *lines, text_of(file)])
 
 
-def body_functions(functions: Mapping[str, Function], numbers: Mapping[str, int | str], remembers: bool) -> str:
-    """A pair law whose bonds break in double precision, constants, and what sums bonds in space; `remembers` as above.
-    Raises ModelError."""
-    law, file = Translation(functions), "space.cl"
-    ruptures = {
-        "DISSIPATED_AT_BREAK": ("dissipated_at_break", 5),
-        "TOTAL_DISSIPATED": ("total_dissipated_energy", 3),
-        "MATCHING_FORCE": ("matching_force", 5),
-    }
-    defined = {name: law.add(function, (DOUBLE,) * count) for name, (function, count) in ruptures.items()}
-    defined |= {name: str(value) for name, value in numbers.items()}
-    if remembers:
-        defined |= {"SOFTENS": "", "SECANT": law.add("secant", (DOUBLE,) * 4)}
-    lines = [f"#define {name} {value}" for name, value in defined.items()]
-    return "\n".join([law.source, *lines, text_of("second_force.cl"), text_of(file)])
+def declare(name: str, arrays: Mapping[str, NDArray[Any]]) -> str:
+    """Macros of the parameters and arguments that arrays on the device are."""
+    parameters = ", ".join(f"__global {KINDS[array.dtype.name]} *{each}" for each, array in arrays.items())
+    return f"#define {name}_PARAMETERS {parameters}\n#define {name}_ARGUMENTS {', '.join(arrays)}"
 
 
 def together(kind: str, precision: np.dtype[Any]) -> int:
@@ -65,24 +51,41 @@ def together(kind: str, precision: np.dtype[Any]) -> int:
     return 32 // precision.itemsize if kind == "CPU" else 1
 
 
-def vectors(nodes: int) -> list[str]:
-    """Types and functions of vectors with a number for each of the nodes that a work item sums."""
+def vectors(nodes: int) -> dict[str, str]:
+    """Types and functions of vectors with a number for each of the nodes that a work item sums, of one node numbers."""
 
-    def each(number: str, joined: str) -> str:
-        return joined.join(number.format(k) for k in range(nodes))
+    def join(number: str, joint: str) -> str:
+        return joint.join(number.format(k) for k in range(nodes))
 
-    return [
-        f"#define TOGETHER {nodes}",
-        "#define JOINED(a, b) a##b",
-        f"#define WIDENED(a) JOINED(a, {nodes})",
-        "#define REALS WIDENED(REAL)",
-        "#define INTEGERS WIDENED(INTEGER)",
-        "#define BITS WIDENED(uint)",
-        "#define LOAD(from) WIDENED(vload)(0, from)",
-        f"#define GATHER(from, at) (REALS)({each('(from)[(at)[{}]]', ', ')})",
-        f"#define ANY_OF(a) ({each('(a).s{}', ' | ')})",
-        f"#define ALL_OF(a) ({each('(a).s{}', ' & ')})",
-    ]
+    if nodes == 1:
+        return {
+            "REALS": "REAL",
+            "INTEGERS": "INTEGER",
+            "BITS": "uint",
+            "LOAD(from)": "(*(from))",
+            "STORE(a, to)": "*(to) = a",
+            "GATHER(from, at)": "(from)[*(at)]",
+            "SELECT(a, b, c)": "((c) ? (b) : (a))",
+            "ANY(a)": "(a)",
+            "AS_WIDE(a)": "(a)",
+            "ANY_OF(a)": "(a)",
+            "ALL_OF(a)": "(a)",
+        }
+    return {
+        "JOINED(a, b)": "a##b",
+        "WIDENED(a)": f"JOINED(a, {nodes})",
+        "REALS": "WIDENED(REAL)",
+        "INTEGERS": "WIDENED(INTEGER)",
+        "BITS": "WIDENED(uint)",
+        "LOAD(from)": "WIDENED(vload)(0, from)",
+        "STORE(a, to)": "WIDENED(vstore)(a, 0, to)",
+        "GATHER(from, at)": f"(REALS)({join('(from)[(at)[{}]]', ', ')})",
+        "SELECT(a, b, c)": "select(a, b, c)",
+        "ANY(a)": f"({join('(a).s{}', ' | ')})",
+        "AS_WIDE(a)": "WIDENED(TO_INTEGER)(a)",
+        "ANY_OF(a)": f"({join('(a).s{}', ' | ')})",
+        "ALL_OF(a)": f"({join('(a).s{}', ' & ')})",
+    }
 
 
 def preamble(precision: str, dimension: int, nodes: int = 1) -> str:
@@ -92,20 +95,11 @@ def preamble(precision: str, dimension: int, nodes: int = 1) -> str:
     """
     kind = np.dtype(precision).type
     real = "double" if kind is np.float64 else "float"
-    lines = [
-        "#pragma OPENCL EXTENSION cl_khr_fp64 : enable",
-        "#pragma OPENCL FP_CONTRACT OFF",
-        f"#define REAL {real}",
-        f"#define DIM {dimension}",
-        f"#define INTEGER {'long' if real == 'double' else 'int'}",  # as wide
-        f"#define TO_INTEGER convert_{'long' if real == 'double' else 'int'}",
-        f"#define FAR {FAR}",
-        f"#define NARROW {NARROW.hex()}",
-        f"#define WIDE {WIDE.hex()}",
-        f"#define GROWTH {GROWTH.hex()}",
-    ]
-    if nodes > 1:
-        lines += vectors(nodes)
+    integer = "long" if real == "double" else "int"  # as wide
+    defined = {"REAL": real, "DIM": dimension, "INTEGER": integer, "TO_INTEGER": f"convert_{integer}", "FAR": FAR}
+    defined |= {"NARROW": NARROW.hex(), "WIDE": WIDE.hex(), "TOGETHER": nodes, **vectors(nodes)}
+    lines = ["#pragma OPENCL EXTENSION cl_khr_fp64 : enable", "#pragma OPENCL FP_CONTRACT OFF"]
+    lines += [f"#define {name} {value}" for name, value in defined.items()]
     polynomials = *coefficients(precision), stretch_coefficients(precision)
     for name, factors in zip(("NARROW", "WIDE", "STRETCH"), polynomials, strict=True):
         exact = [f"(KIND)({float(kind(factor)).hex()})" for factor in factors]

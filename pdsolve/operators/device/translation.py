@@ -10,7 +10,7 @@ from __future__ import annotations
 import ast
 import inspect
 import textwrap
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -20,17 +20,28 @@ from pdsolve.laws.law import Function
 from pdsolve.model import ModelError
 
 DOUBLE, REAL = "double", "REAL"
-SIGNS = {ast.Add: "+", ast.Sub: "-", ast.Mult: "*", ast.Div: "/"}
-TESTS = {ast.Lt: "<", ast.LtE: "<=", ast.Gt: ">", ast.GtE: ">=", ast.Eq: "==", ast.NotEq: "!="}
-SAME_BITS = {np.sqrt: "sqrt", np.maximum: "fmax", np.minimum: "fmin"}  # exponentials of libraries differ
+SIGNS: dict[Any, str] = {
+    ast.Add: "+",
+    ast.Sub: "-",
+    ast.Mult: "*",
+    ast.Div: "/",
+    ast.USub: "-",
+    ast.Not: "!",
+    ast.And: "&&",
+    ast.Or: "||",
+}
+SIGNS |= {ast.Lt: "<", ast.LtE: "<=", ast.Gt: ">", ast.GtE: ">=", ast.Eq: "==", ast.NotEq: "!="}
+CHOSEN = {"true": True, "(!false)": True, "false": False, "(!true)": False}  # tests of what the law has chosen
+SAME_BITS: dict[Any, str] = {np.sqrt: "sqrt", np.maximum: "fmax", np.minimum: "fmin", max: "fmax", fused: "fma"}
+# but no exponential: those of libraries differ
 
 
 class Translation:
     """Functions of a law in OpenCL C, each once for the types that it is called with."""
 
-    def __init__(self, functions: Mapping[str, Function]) -> None:
-        """`functions` are those of the law by the names that they call each other by."""
-        self._functions = functions
+    def __init__(self, functions: Mapping[str, Function], **choices: bool) -> None:
+        """`functions` are those of the law by the names that they call each other by, `choices` its attributes."""
+        self._functions, self.choices = functions, choices
         self._written: dict[tuple[str, tuple[str, ...]], tuple[str, str]] = {}  # name and type of what it returns
         self._texts: list[str] = []
 
@@ -60,7 +71,7 @@ class Translation:
         """What a name means in a function: a function of the law, or a global of the function's file."""
         if name in self._functions:
             return self._functions[name]
-        return inspect.getclosurevars(function).globals[name]
+        return {"max": max, **inspect.getclosurevars(function).globals}[name]
 
 
 class _Body:
@@ -79,7 +90,11 @@ class _Body:
     def lines(self) -> list[str]:
         """The statements in C, with declarations; sets what is returned."""
         assert isinstance(self._tree, ast.FunctionDef)
-        body = [line for statement in self._tree.body for line in self._statement(statement)]
+        body: list[str] = []
+        for statement in self._tree.body:
+            body += self._statement(statement)
+            if body and body[-1].startswith("  return"):  # what follows a choice of the law that returns is no part
+                break
         declared = [f"  {self._types[name]} {name};" for name in self._assigned]
         return declared + body
 
@@ -88,23 +103,27 @@ class _Body:
             return []
         if isinstance(node, ast.Return) and node.value is not None:
             text, kind = self._value(node.value)
-            self.kind = _wider(self.kind, kind)
+            self.kind = _widest((self.kind, kind))
             return [f"  return {text};"]
         if isinstance(node, ast.AugAssign) and isinstance(node.target, ast.Name):
             text, kind = self._value(ast.BinOp(node.target, node.op, node.value))
             return self._assign(node.target.id, text, kind)
-        if isinstance(node, ast.Assign) and isinstance(node.targets[0], ast.Name):
-            return self._assign(node.targets[0].id, *self._value(node.value))
+        if isinstance(node, ast.Assign) and isinstance(target := node.targets[0], ast.Name):
+            return self._assign(target.id, *self._value(node.value))
+        if isinstance(node, ast.Assign) and isinstance(target, ast.Tuple) and isinstance(node.value, ast.Tuple):
+            pairs = zip(target.elts, node.value.elts, strict=True)  # of which no value is another's target
+            return [line for name, value in pairs for line in self._statement(ast.Assign([name], value))]
         if isinstance(node, ast.If) and not node.orelse:
-            inner = [line for child in node.body for line in self._statement(child)]
-            return [f"  if ({self._value(node.test)[0]}) {{", *inner, "  }"]
+            test = self._value(node.test)[0]
+            inner = [line for child in node.body if CHOSEN.get(test, True) for line in self._statement(child)]
+            return inner if test in CHOSEN else [f"  if ({test}) {{", *inner, "  }"]
         raise self._unknown(node)
 
     def _assign(self, name: str, text: str, kind: str) -> list[str]:
         if name not in self._types:
             self._types[name] = kind
             self._assigned.append(name)
-        elif _wider(self._types[name], kind) != self._types[name]:
+        elif _widest((self._types[name], kind)) != self._types[name]:
             raise self._unknown(name)
         return [f"  {name} = {text};"]
 
@@ -116,43 +135,38 @@ class _Body:
             if node.id in self._types:
                 return node.id, self._types[node.id]
             return _number(self._whole.named(node.id, self._function)), DOUBLE
-        if isinstance(node, ast.BinOp) and type(node.op) in SIGNS:
-            (left_text, one), (right_text, right_kind) = self._value(node.left), self._value(node.right)
-            return f"({left_text} {SIGNS[type(node.op)]} {right_text})", _wider(one, right_kind)
-        if isinstance(node, ast.UnaryOp) and isinstance(node.op, ast.USub):
-            text, kind = self._value(node.operand)
-            return f"(-{text})", kind
-        if isinstance(node, ast.Compare) and len(node.ops) == 1 and type(node.ops[0]) in TESTS:
-            left_text, right_text = (self._value(one)[0] for one in (node.left, node.comparators[0]))
-            return f"({left_text} {TESTS[type(node.ops[0])]} {right_text})", DOUBLE
-        if isinstance(node, ast.BoolOp):
-            sign = " && " if isinstance(node.op, ast.And) else " || "
-            return f"({sign.join(self._value(one)[0] for one in node.values)})", DOUBLE
+        if isinstance(node, ast.Attribute) and node.attr in self._whole.choices:
+            return str(self._whole.choices[node.attr]).lower(), DOUBLE
         if isinstance(node, ast.Call):
             return self._call(node)
-        raise self._unknown(node)
+        operation = node.ops[0] if isinstance(node, ast.Compare) and len(node.ops) == 1 else getattr(node, "op", None)
+        sign = SIGNS.get(type(operation))
+        if sign is None and not isinstance(node, ast.IfExp):
+            raise self._unknown(node)
+        values = [self._value(child) for child in ast.iter_child_nodes(node) if isinstance(child, ast.expr)]
+        texts, kinds = [text for text, _ in values], [kind for _, kind in values]
+        if sign is None:
+            return "({} ? {} : {})".format(*texts), _widest(kinds[1:])
+        return f"({sign}{texts[0]})" if len(texts) == 1 else f"({f' {sign} '.join(texts)})", _widest(kinds)
 
     def _call(self, node: ast.Call) -> tuple[str, str]:
-        of_law = [argument for argument in node.args if not (isinstance(argument, ast.Name) and argument.id == "law")]
-        values = [
-            self._value(argument)
-            for argument in of_law
-            if not (isinstance(argument, ast.Constant) and argument.value is None)
-        ]
-        text, kinds = ", ".join(text for text, _ in values), tuple(kind for _, kind in values)
+        nothing = ("law", None)  # what is no number
+        numbers = (one for one in node.args if getattr(one, "id", getattr(one, "value", 0)) not in nothing)
+        values = [self._value(number) for number in numbers]
+        kinds = tuple(kind for _, kind in values)
+        function: Any
         if isinstance(node.func, ast.Attribute):
-            name = SAME_BITS.get(getattr(np, node.func.attr, None))  # type: ignore[arg-type]
-            if name is None:
-                raise self._unknown(node.func.attr)
-            kind = DOUBLE if DOUBLE in kinds else REAL
-            return f"{name}({', '.join(f'({kind}){argument}' for argument, _ in values)})", kind
-        assert isinstance(node.func, ast.Name)
-        function = self._whole.named(node.func.id, self._function)
-        if function is fused:
-            kind = DOUBLE if DOUBLE in kinds else REAL
-            return f"fma({', '.join(f'({kind}){argument}' for argument, _ in values)})", kind
+            function = getattr(np, node.func.attr, None)
+        else:
+            assert isinstance(node.func, ast.Name)
+            function = self._whole.named(node.func.id, self._function)
+        if function in SAME_BITS:
+            kind = _widest(kinds)
+            return f"{SAME_BITS[function]}({', '.join(f'({kind}){text}' for text, _ in values)})", kind
+        if isinstance(node.func, ast.Attribute):
+            raise self._unknown(node.func.attr)
         called, kind = self._whole.called(function, kinds)
-        return f"{called}({text})", kind
+        return f"{called}({', '.join(text for text, _ in values)})", kind
 
     def _unknown(self, node: ast.AST | str) -> ModelError:
         what = node if isinstance(node, str) else type(node).__name__
@@ -162,8 +176,8 @@ class _Body:
         )
 
 
-def _wider(first: str, second: str) -> str:
-    return DOUBLE if DOUBLE in (first, second) else REAL
+def _widest(kinds: Sequence[str]) -> str:
+    return DOUBLE if DOUBLE in kinds else REAL
 
 
 def _number(value: Any) -> str:

@@ -15,22 +15,10 @@ where DAMPED is. Nodes on which more than bonds acts have a row of `acts`, else 
 #define VELOCITY 1
 #define ACCELERATION 2
 
-#define MOTION_PARAMETERS                                                                                              \
-  __global const REAL *before, __global const REAL *u, __global REAL *after, __global const REAL *rate,                \
-      __global REAL *rate_after, __global REAL *a, __global const REAL *weight, __global const double *damping,        \
-      __global double *work, __global double *damped, __global const int *acts, __global REAL *now,                    \
-      __global REAL *ago_force, __global const int *load_first, __global const int *load_axis,                         \
-      __global const double *load_value, __global const int *load_profile, __global const int *hold_first,             \
-      __global const int *hold_axis, __global const double *hold_value, __global const int *hold_profile,              \
-      __global const int *hold_kind, __global double *held_speed, __global double *held_force,                         \
-      __global const double *factors, int profiles, int varies, double dt, int m, int step, int phase, int at
-#define MOTION_ARGUMENTS                                                                                               \
-  before, u, after, rate, rate_after, a, weight, damping, work, damped, acts, now, ago_force, load_first, load_axis,   \
-      load_value, load_profile, hold_first, hold_axis, hold_value, hold_profile, hold_kind, held_speed, held_force,    \
-      factors, profiles, varies, dt, m, step, phase, at
+#define MOMENT __global const double *factors, int profiles, int varies, double dt, int m, int step, int phase, int at
 
 /* Node i, with the force density f of its bonds, N/m^3, but where a march starts */
-inline void take(MOTION_PARAMETERS, int i, SUM *f) {
+inline void take(MOTION_PARAMETERS, MOMENT, int i, SUM *f) {
   int k = acts[i];
   REAL v[DIM], acc[DIM];
   __global const double *end = factors + 3 * profiles * at, *next = end + profiles, *middle = next + profiles;
@@ -152,21 +140,16 @@ inline void take(MOTION_PARAMETERS, int i, SUM *f) {
     rate_after[axis * m + i] = v[axis];
 }
 
-#ifndef TOGETHER
-#define TOGETHER 1
-#define sum_short(...) false
-#endif
-__kernel __attribute__((reqd_work_group_size(64 / TOGETHER, 1, 1))) void advance(FORCE_PARAMETERS, MOTION_PARAMETERS) {
+__kernel __attribute__((reqd_work_group_size(64 / TOGETHER, 1, 1))) void advance(FORCE_PARAMETERS, MOTION_PARAMETERS, MOMENT) {
   int first = TOGETHER * get_global_id(0);
-  SUM together[DIM * TOGETHER], f[DIM];
-  bool starts = phase & STARTS, summed = !starts && sum_short(FORCE_ARGUMENTS, u, m, step, first, together);
+  SUM sums[DIM * TOGETHER], f[DIM];
+  if (!(phase & STARTS))
+    sum_bonds(FORCE_ARGUMENTS, before, u, rate, dt, m, step, first, sums);
   for (int i = first; i < first + TOGETHER; ++i) {
     if (ABSENT(i))
       continue;
-    if (!starts && !summed)
-      sum_bonds(FORCE_ARGUMENTS, before, u, rate, dt, m, step, i, f);
-    for (int axis = 0; summed && axis < DIM; ++axis)
-      f[axis] = together[TOGETHER * axis + i - first];
-    take(MOTION_ARGUMENTS, i, f);
+    for (int axis = 0; axis < DIM; ++axis)
+      f[axis] = sums[TOGETHER * axis + i - first];
+    take(MOTION_ARGUMENTS, factors, profiles, varies, dt, m, step, phase, at, i, f);
   }
 }

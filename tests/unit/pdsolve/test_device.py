@@ -15,8 +15,8 @@ from system_checks import broken, kept
 
 from pdmesh.model.document import Displacement, InitialVelocity, Run, Velocity
 from pdsolve.model import Model, on_device
-from pdsolve.operators.device import runtime
-from pdsolve.operators.device.blocks import BlocksOnDevice
+from pdsolve.operators.device import runtime, source
+from pdsolve.operators.device.tiles import BlocksOnDevice
 from pdsolve.results import Results
 from pdsolve.run import operator_factory
 from pdsolve.run.prepare import prepare
@@ -81,14 +81,21 @@ def test_steps_from_anywhere(name: str, mode: str, law: str, precision: str) -> 
     same(*problems)
 
 
+SOFTENING = {
+    "plate": lambda: plate(GRIDS["two scales"], material=MATERIALS["bilinear"]),
+    "body": lambda: bar({"law": "bilinear", "kr": 2.0}, **BENT["loads"]),
+}
+
+
 @pytest.mark.slow
-def test_a_node_a_work_item(monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.parametrize(("name", "size"), [("plate", 1e-6), ("body", 1e-4)])
+def test_a_node_a_work_item(name: str, size: float, monkeypatch: pytest.MonkeyPatch) -> None:
     """The form of GPUs, of which a work item is a lane: the same bits as in vectors."""
     described = runtime._described
     monkeypatch.setattr(runtime, "_described", lambda *given: described(*given)._replace(kind="GPU"))
-    problems = two(plate(GRIDS["two scales"], material=MATERIALS["bilinear"]))
+    problems = two(SOFTENING[name]())
     for problem in problems:
-        problem.state.value[:] = 1e-6 * np.random.default_rng(3).standard_normal(problem.state.value.shape)
+        problem.state.value[:] = size * np.random.default_rng(3).standard_normal(problem.state.value.shape)
         problem.advance(1, 8)
     assert 0 < len(broken(problems[0]).step) < 0.9 * problems[0].system.directed_bond_count
     same(*problems)
@@ -96,9 +103,10 @@ def test_a_node_a_work_item(monkeypatch: pytest.MonkeyPatch) -> None:
 
 @pytest.mark.slow
 def test_short_bonds_are_summed_in_vectors(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Without the form for one node, a plate moves as it should as long as its bonds are short."""
-    source_of = BlocksOnDevice.source
-    monkeypatch.setattr(BlocksOnDevice, "source", lambda of: source_of(of) + "\n#define sum_bonds(...) f[0] = f[1] = 0")
+    """Without the sum that takes care of bonds one by one, a plate moves as it should while its bonds are short."""
+    text_of = source.text_of
+    careless = ("MOVED, true, pending", "MOVED, false, pending")
+    monkeypatch.setattr(source, "text_of", lambda name: text_of(name).replace(*careless))
     here, there = two(plate(GRIDS["two scales"]))
     for size, equal in ((1e-9, True), (5e-6, False)):
         for problem in (here, there):

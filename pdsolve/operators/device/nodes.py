@@ -1,0 +1,59 @@
+"""Nodes on a device: where it has them, and what it is given anew after a restored checkpoint."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pdsolve.operators.device.runtime import Session
+from pdsolve.operators.device.source import declare
+from pdsolve.operators.protocol import CheckpointArrays
+from pdsolve.state import Broken
+
+
+class NodesOnDevice:
+    """The order of n nodes on a device, which has places for `room` of them, and buffers of their bonds by name."""
+
+    session: Session
+    dimension: int
+    room: int
+    place: slice | NDArray[np.int32]  # of nodes among the places
+    scheme: tuple[str, ...] = ()  # of steps, see verlet.cl
+    together = 1  # nodes that a work item sums
+    needs_upload = True  # the history of bonds is another than the device's
+
+    def upload(self, session: Session, arrays: Mapping[str, NDArray[Any]]) -> None:
+        """Copy the arrays of bonds to the device. Raises ModelError if it has too little memory."""
+        self.session, self.buffers = session, session.upload(arrays)
+        self.declarations = declare("FORCE", arrays)
+
+    def restore(self, checkpoint: CheckpointArrays, broken: Broken) -> None:
+        """Restore the history of bonds and the broken bonds of a checkpoint."""
+        super().restore(checkpoint, broken)  # type: ignore[misc]
+        self.needs_upload = True
+
+    def write(self, name: str, values: NDArray[Any], at: int = 0) -> None:
+        """Copy values into the buffer of this name, from the byte `at` on."""
+        self.session.write(self.buffers[name], values, at)
+
+    def read(self, name: str, values: NDArray[Any], at: int = 0) -> NDArray[Any]:
+        """Copy the buffer of this name, from the byte `at` on, into contiguous values; returns them."""
+        self.session.read(self.buffers[name], values, at)
+        return values
+
+    def spread(self, values: NDArray[Any], idle: float = 0.0) -> NDArray[Any]:
+        """Nodal values (n, ...) in the device's order (..., m)."""
+        wide = np.full((*values.shape[1:], self.room), idle, dtype=values.dtype)
+        wide[..., self.place] = values.T
+        return wide
+
+    def rows(self, nodes: NDArray[np.int64]) -> NDArray[np.int64]:
+        """Where the device has these nodes (k,)."""
+        return np.arange(self.room)[self.place][nodes]
+
+    def collected(self, values: NDArray[Any], state: NDArray[Any]) -> None:
+        """Enter values (..., m) of the device in an array (n, ...) of the state."""
+        state[:] = values[..., self.place].T
