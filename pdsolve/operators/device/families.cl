@@ -10,6 +10,9 @@ numbers of a node between the passes.
     flags     whether those count; whether a bond may fail        near    (m,) whether one of the node's bonds may
 */
 
+#define EACH_BOND                                                                                                      \
+  for (int slot = start[i / 64]; slot < start[i / 64 + 1]; ++slot)                                                     \
+    if (bond_of(FORCE_ARGUMENTS, u, m, i, slot, c, &j, &bond))
 #define SUM double
 #define ABSENT(i) false
 
@@ -18,9 +21,7 @@ typedef struct {
 } Bond;
 
 /* The numbers of a bond, and the node at its other end; false without a bond */
-inline bool bond_of(__global const int *slots, __global const int *ids, __global const REAL *vectors,
-                    __global const REAL *kinds, __global const REAL *rows, __global const REAL *u, int m, int i,
-                    int slot, REAL *c, int *j, Bond *bond) {
+inline bool bond_of(FORCE_PARAMETERS, __global const REAL *u, int m, int i, int slot, REAL *c, int *j, Bond *bond) {
   __global const int *row = slots + 6L * slot;
   int lane = i % 64, kind = row[5], way = row[lane / 16];
   bool there = false;
@@ -56,29 +57,29 @@ inline bool bond_of(__global const int *slots, __global const int *ids, __global
 }
 
 /* Numbers of nodes between the passes */
-__kernel __attribute__((reqd_work_group_size(64, 1, 1))) void first_pass(FORCE_PARAMETERS, __global const REAL *u, int m) {
+__kernel __attribute__((reqd_work_group_size(64, 1, 1)))
+void first_pass(FORCE_PARAMETERS, __global const REAL *u, int m) {
   int i = get_global_id(0), j;
   REAL s[SUMS], c[C];
   Bond bond;
   for (int k = 0; k < SUMS; ++k)
     s[k] = 0;
-  for (int slot = start[i / 64]; slot < start[i / 64 + 1]; ++slot)
-    if (bond_of(slots, ids, vectors, kinds, rows, u, m, i, slot, c, &j, &bond)) {
-      ACCUMULATE
-    }
+  EACH_BOND {
+    ACCUMULATE
+  }
   FINISH
 }
 
 /* Which nodes have a bond that may be over its limit */
-__kernel __attribute__((reqd_work_group_size(64, 1, 1))) void watch(FORCE_PARAMETERS, __global const REAL *u, int m) {
+__kernel __attribute__((reqd_work_group_size(64, 1, 1)))
+void watch(FORCE_PARAMETERS, __global const REAL *u, int m) {
   int i = get_global_id(0), j;
   REAL c[C];
   Bond bond;
   near[i] = 0;
-  for (int slot = start[i / 64]; slot < start[i / 64 + 1]; ++slot)
-    if (bond_of(slots, ids, vectors, kinds, rows, u, m, i, slot, c, &j, &bond)) {
-      MARGIN
-    }
+  EACH_BOND {
+    MARGIN
+  }
 }
 
 /* Force density on node i, N/m^3, from the numbers of nodes between the passes */
@@ -88,16 +89,16 @@ inline void exchanged(FORCE_PARAMETERS, __global const REAL *u, int m, int i, SU
   Bond bond;
   for (int axis = 0; axis < DIM; ++axis)
     f[axis] = 0;
-  for (int slot = start[i / 64]; slot < start[i / 64 + 1]; ++slot)
-    if (bond_of(slots, ids, vectors, kinds, rows, u, m, i, slot, c, &j, &bond)) {
-      BOND_FORCE
-    }
+  EACH_BOND {
+    BOND_FORCE
+  }
   for (int axis = 0; axis < DIM; ++axis)
     force[axis] = (double)f[axis];
 }
 
 /* Forces of all nodes, for a step in which bonds fail */
-__kernel __attribute__((reqd_work_group_size(64, 1, 1))) void bond_forces(FORCE_PARAMETERS, __global const REAL *u, int m) {
+__kernel __attribute__((reqd_work_group_size(64, 1, 1)))
+void bond_forces(FORCE_PARAMETERS, __global const REAL *u, int m) {
   int i = get_global_id(0);
   SUM force[DIM];
   exchanged(FORCE_ARGUMENTS, u, m, i, force);

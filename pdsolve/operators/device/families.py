@@ -60,49 +60,38 @@ class FamiliesOnDevice(NodesOnDevice, LatticeFamilies):
 
     def source(self) -> str:
         """What the bonds are in OpenCL C. Raises ModelError for a law that no device computes to the same bits."""
-        said, law, wide = functions_of(self.law), self.columns, len(self._m)
-        sums = len(said["initial_sums"](law, (0.0,) * self.dimension, 0.0))  # of the first pass
-        nodal_count, count = self._tabled.nodal_count, len(self._tabled.columns)
-        lines = [f"#define C {count}", f"#define FIELDS {self.layout.bonds.vectors.shape[1]}", f"#define SUMS {sums}"]
-        lines.append(f"#define WIDTH {wide}")
-        code = Code("a")
-        outputs = code.call(
-            said["accumulate"], law, *self._bond(code), tuple(code.named(f"s[{k}]") for k in range(sums))
-        )
-        lines.append(_macro("ACCUMULATE", code, [f"s[{k}] = {output.text};" for k, output in enumerate(outputs)]))
-        code = Code("b")
-        constants = tuple(code.named(f"own[{k} * m + i]") for k in range(len(self._own)))
-        outputs = code.call(said["finish_sums"], law, tuple(code.named(f"s[{k}]") for k in range(sums)), constants)
-        lines.append(
-            _macro("FINISH", code, [f"nodal[{k} * m + i] = {output.text};" for k, output in enumerate(outputs)])
-        )
-        code = Code("c")
-        outputs = code.call(said["bond_force"], law, *self._bond(code), *self._ends(code, nodal_count))
-        lines.append(
-            _macro("BOND_FORCE", code, [f"f[{k}] = f[{k}] + {output.text};" for k, output in enumerate(outputs)])
-        )
-        code = Code("d")
+        said, law, code, numbers = functions_of(self.law), self.columns, Code(), self._tabled.nodal_count
+        count = len(said["initial_sums"](law, (0.0,) * self.dimension, 0.0))  # of the first pass
+        sums, constants = code.named("s[{}]", count), code.named("own[{} * m + i]", len(self._own))
+        xi, eta = code.named("bond.xi[{}]", self.dimension), code.named("bond.eta[{}]", self.dimension)
+        rest = (code.named(f"bond.{name}", 1)[0] for name in ("length", "q", "stretch", "elongation", "inverse"))
+        bond = Bond(xi, eta, *rest), code.named("c[{}]", len(self._tabled.columns))
+        ends = code.named("nodal[{} * m + i]", numbers), code.named("nodal[{} * m + j]", numbers)
+        called: dict[
+            str, tuple[str, tuple[Any, ...], str]
+        ] = {  # macro, function, arguments, and what is done with each
+            "ACCUMULATE": ("accumulate", (*bond, sums), "s[{0}] = {1};"),
+            "FINISH": ("finish_sums", (sums, constants), "nodal[{0} * m + i] = {1};"),
+            "BOND_FORCE": ("bond_force", (*bond, *ends), "f[{0}] = f[{0}] + {1};"),
+        }
+        defined = {
+            "C": len(bond[1]),
+            "FIELDS": self.layout.bonds.vectors.shape[1],
+            "SUMS": count,
+            "WIDTH": len(self._m),
+        }
+        defined["MARGIN"] = ""
+        for name, (function, arguments, form) in called.items():
+            outputs = code.call(said[function], law, *arguments)
+            last = [form.format(k, output.text) for k, output in enumerate(outputs)]
+            defined[name] = " ".join(code.lines + last)
         if self._tabled.watched:
-            value, limit = code.call(said["margin"], law, *self._bond(code), *self._ends(code, nodal_count))
+            value, limit = code.call(said["margin"], law, *bond, *ends)
             most = limit * (1.0 - SAFE)
-            lines.append(_macro("MARGIN", code, [f"if ({value.text} > {most.text}) flags[1] = near[i] = 1;"]))
-        else:
-            lines.append("#define MARGIN")
+            last = [f"if ({value.text} > {most.text}) flags[1] = near[i] = 1;"]
+            defined["MARGIN"] = " ".join(code.lines + last)
+        lines = [f"#define {name} {value}" for name, value in defined.items()]
         return "\n".join([self.declarations, *lines, text_of("families.cl")])
-
-    def _bond(self, code: Code) -> tuple[Bond, tuple[Any, ...]]:
-        """A deformed bond and its numbers in C."""
-        xi, eta = (tuple(code.named(f"bond.{way}[{axis}]") for axis in range(self.dimension)) for way in ("xi", "eta"))
-        rest = (code.named(f"bond.{name}") for name in ("length", "q", "stretch", "elongation", "inverse"))
-        numbers = tuple(code.named(f"c[{k}]") for k in range(len(self._tabled.columns)))
-        return Bond(xi, eta, *rest), numbers
-
-    def _ends(self, code: Code, nodal_count: int) -> tuple[tuple[Any, ...], tuple[Any, ...]]:
-        """The nodal numbers of a node and its neighbour in C."""
-        node_numbers, neighbour_numbers = (
-            tuple(code.named(f"nodal[{k} * m + {end}]") for k in range(nodal_count)) for end in "ij"
-        )
-        return node_numbers, neighbour_numbers
 
     def take_passes(self, program: Any) -> None:
         """Keep the kernels of the passes."""
@@ -178,8 +167,3 @@ class FamiliesOnDevice(NodesOnDevice, LatticeFamilies):
 
     def fetch(self, step: int) -> None:
         """Nothing: what bonds remember is the processor's."""
-
-
-def _macro(name: str, code: Code, last: list[str]) -> str:
-    """A macro of the statements of a function, and of what is done with its result."""
-    return f"#define {name} " + " ".join([line.strip() for line in code.lines] + last)

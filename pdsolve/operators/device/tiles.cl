@@ -16,7 +16,8 @@ site (symbols as in `Tiles`); else a block of 64 nodes (symbols as in `Blocks`).
 */
 
 #define SUM REAL
-#define MOTION __global const REAL *before, __global const REAL *u, __global const REAL *rate, double dt, int m, int step
+#define MOTION \
+  __global const REAL *before, __global const REAL *u, __global const REAL *rate, double dt, int m, int step
 #define MOVED before, u, rate, dt, m, step
 #define RATIO(e) ((e) / (sqrt(1.0 + (e)) + 1.0))
 #define LIMITS(of, slot, i) ((double)of[LIMIT_ROW(slot, i)])
@@ -251,9 +252,9 @@ inline void update_bond(FORCE_PARAMETERS, MOTION, int slot, int i, REAL e, REAL 
     *g = size <= (REAL)WIDE ? POLYNOMIAL_WIDE(REAL, e) : (REAL)1 / (q2 + sqrt(q2));
 }
 
-/* Force densities (DIM, TOGETHER) on the nodes from i on, N/m^3, whose bonds that broke one step ago are `pending`; bonds
-   over their limit break in this step, those over their peak soften. Without `care` for them no bond does, and it is
-   returned whether one may have to. */
+/* Force densities (DIM, TOGETHER) on the nodes from i on, N/m^3, whose bonds that broke one step ago are `pending`;
+   bonds over their limit break in this step, those over their peak soften. Without `care` for each bond none does, and
+   it is returned whether one may have to. */
 inline bool sum_slots(FORCE_PARAMETERS, MOTION, bool care, const int *pending, int i, REAL *force) {
   REALS here[DIM], sums[DIM];
   REAL pulled[DIM * TOGETHER], es[TOGETHER], ws[TOGETHER], gs[TOGETHER];
@@ -324,6 +325,7 @@ inline bool sum_slots(FORCE_PARAMETERS, MOTION, bool care, const int *pending, i
   return ANY(others);
 }
 
+/* The same, with care where a bond needs it; a work item of one node takes it at once */
 inline void sum_bonds(FORCE_PARAMETERS, MOTION, int i, REAL *force) {
   int pending[TOGETHER], absent = 1, care = TOGETHER == 1;
   for (int k = 0; k < TOGETHER; ++k) {

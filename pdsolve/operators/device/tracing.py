@@ -18,22 +18,22 @@ from pdsolve.model import ModelError
 class Code:
     """Statements in OpenCL C, one for each result."""
 
-    def __init__(self, prefix: str) -> None:
-        self.lines: list[str] = []
-        self._prefix = prefix
+    def __init__(self) -> None:
+        self.lines: list[str] = []  # of the last call
 
-    def named(self, text: str) -> Traced:
-        """A number with this name in C."""
-        return Traced(self, text)
+    def named(self, pattern: str, count: int) -> tuple[Traced, ...]:
+        """So many numbers, whose names in C are a pattern with their number in it."""
+        return tuple(Traced(self, pattern.format(k)) for k in range(count))
 
     def write(self, expression: str) -> Traced:
         """The number that an expression is."""
-        name = f"{self._prefix}{len(self.lines)}"
-        self.lines.append(f"  REAL {name} = {expression};")
+        name = f"t{len(self.lines)}"
+        self.lines.append(f"REAL {name} = {expression};")
         return Traced(self, name)
 
     def call(self, function: Function, *values: Any) -> tuple[Any, ...]:
         """What a function returns, given traced numbers and constants. Raises ModelError for what it cannot write."""
+        self.lines = []
         try:
             outputs: tuple[Any, ...] = plain(function)(*values)
         except TypeError:

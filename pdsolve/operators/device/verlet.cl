@@ -17,28 +17,36 @@ where DAMPED is. Nodes on which more than bonds acts have a row of `acts`, else 
 
 #define MOMENT __global const double *factors, int profiles, int varies, double dt, int m, int step, int phase, int at
 
+#ifdef FUSED
+#define KICKED(v, a) ((v) + half_dt * (a))
+#define MOVED_BY(u, v) ((u) + (REAL)dt * (v))
+#else
+#define KICKED(v, a) ((REAL)((double)(v) + dt / 2.0 * (double)(a)))
+#define MOVED_BY(u, v) ((REAL)((double)(u) + dt * (double)(v)))
+#endif
+
 /* Node i, with the force density f of its bonds, N/m^3, but where a march starts */
 inline void take(MOTION_PARAMETERS, MOMENT, int i, SUM *f) {
   int k = acts[i];
   REAL v[DIM], acc[DIM];
   __global const double *end = factors + 3 * profiles * at, *next = end + profiles, *middle = next + profiles;
-  REAL whole = (REAL)dt, half_dt = (REAL)(dt / 2.0);
+  REAL half_dt = (REAL)(dt / 2.0);
+  int loads = k >= 0 ? load_first[k] : 0, end_loads = k >= 0 ? load_first[k + 1] : 0;
+  int holds = k >= 0 ? hold_first[k] : 0, end_holds = k >= 0 ? hold_first[k + 1] : 0;
   for (int axis = 0; axis < DIM; ++axis) {
     v[axis] = rate[axis * m + i];
     acc[axis] = a[axis * m + i];
   }
   if (!(phase & STARTS)) {
     REAL was[DIM];
-    for (int axis = 0; axis < DIM; ++axis) {
-      REAL kick = half_dt * acc[axis];
-      was[axis] = v[axis] - kick;
-    }
-    if (k >= 0 && varies && load_first[k] < load_first[k + 1]) {
+    for (int axis = 0; axis < DIM; ++axis)
+      was[axis] = v[axis] - half_dt * acc[axis];
+    if (varies && loads < end_loads) {
       for (int axis = 0; axis < DIM; ++axis) {
         ago_force[DIM * k + axis] = now[DIM * k + axis];
         now[DIM * k + axis] = 0;
       }
-      for (int e = load_first[k]; e < load_first[k + 1]; ++e) {
+      for (int e = loads; e < end_loads; ++e) {
         double share = load_value[e] * end[load_profile[e]];
         now[DIM * k + load_axis[e]] = (REAL)((double)now[DIM * k + load_axis[e]] + share);
       }
@@ -56,42 +64,28 @@ inline void take(MOTION_PARAMETERS, MOMENT, int i, SUM *f) {
       acc[axis] = (REAL)((f[axis] + (double)load) / (double)weight[m + i]);
 #endif
     }
-    if (k >= 0 && load_first[k] < load_first[k + 1]) {
-      for (int axis = 0; axis < DIM; ++axis) {
-        REAL both = ago_force[DIM * k + axis] + now[DIM * k + axis];
-        work[i] += (double)both / 2.0 * (dt * (double)v[axis]);
-      }
+    for (int axis = 0; loads < end_loads && axis < DIM; ++axis) {
+      REAL both = ago_force[DIM * k + axis] + now[DIM * k + axis];
+      work[i] += (double)both / 2.0 * (dt * (double)v[axis]);
     }
-    if (k >= 0) {
-      double rho = (double)weight[m + i];
-      for (int e = hold_first[k]; e < hold_first[k + 1]; ++e) {
-        int axis = hold_axis[e];
-        REAL push = weight[m + i] * acc[axis];
-        double force = (double)push, way = dt * (double)v[axis];
-        acc[axis] = 0;
-        double value = hold_value[e] * end[hold_profile[e]];
-        if (hold_kind[e] == ACCELERATION)
-          acc[axis] = (REAL)value;
-        else if (hold_kind[e] == VELOCITY)
-          v[axis] = (REAL)value;
-        double speed = (double)v[axis] + dt / 2.0 * (double)acc[axis];
-        work[i] += rho / 2.0 * (speed * speed - held_speed[e] * held_speed[e]);
-        work[i] -= (held_force[e] + force) / 2.0 * way;
-        held_force[e] = force;
-      }
+    for (int e = holds; e < end_holds; ++e) {
+      int axis = hold_axis[e];
+      double rho = (double)weight[m + i], force = (double)(REAL)(weight[m + i] * acc[axis]), way = dt * (double)v[axis];
+      double value = hold_value[e] * end[hold_profile[e]];
+      acc[axis] = hold_kind[e] == ACCELERATION ? (REAL)value : (REAL)0;
+      if (hold_kind[e] == VELOCITY)
+        v[axis] = (REAL)value;
+      double speed = (double)v[axis] + dt / 2.0 * (double)acc[axis];
+      work[i] += rho / 2.0 * (speed * speed - held_speed[e] * held_speed[e]);
+      work[i] -= (held_force[e] + force) / 2.0 * way;
+      held_force[e] = force;
     }
-    for (int axis = 0; axis < DIM; ++axis) {
-#ifdef FUSED
-      REAL kick = half_dt * acc[axis];
-      v[axis] += kick;
-#else
-      v[axis] = (REAL)((double)v[axis] + dt / 2.0 * (double)acc[axis]);
-#endif
-    }
+    for (int axis = 0; axis < DIM; ++axis)
+      v[axis] = KICKED(v[axis], acc[axis]);
 #ifdef DAMPED
     for (int axis = 0; axis < DIM; ++axis) {
       bool held = false;
-      for (int e = k >= 0 ? hold_first[k] : 0; k >= 0 && e < hold_first[k + 1]; ++e)
+      for (int e = holds; e < end_holds; ++e)
         held = held || hold_axis[e] == axis;
       if (!held) {
         SUM c = (SUM)damping[i], undamped = (SUM)acc[axis], mean = (SUM)v[axis] - (SUM)(dt / 2.0) * undamped;
@@ -111,17 +105,10 @@ inline void take(MOTION_PARAMETERS, MOMENT, int i, SUM *f) {
   if (!(phase & ENDS)) {
     REAL place[DIM];
     for (int axis = 0; axis < DIM; ++axis) {
-#ifdef FUSED
-      REAL kick = half_dt * acc[axis];
-      v[axis] += kick;
-      REAL way = whole * v[axis];
-      place[axis] = u[axis * m + i] + way;
-#else
-      v[axis] = (REAL)((double)v[axis] + dt / 2.0 * (double)acc[axis]);
-      place[axis] = (REAL)((double)u[axis * m + i] + dt * (double)v[axis]);
-#endif
+      v[axis] = KICKED(v[axis], acc[axis]);
+      place[axis] = MOVED_BY(u[axis * m + i], v[axis]);
     }
-    for (int e = k >= 0 ? hold_first[k] : 0; k >= 0 && e < hold_first[k + 1]; ++e) {
+    for (int e = holds; e < end_holds; ++e) {
       int axis = hold_axis[e];
       held_speed[e] = (double)v[axis] - dt / 2.0 * (double)acc[axis];
       double start = (double)place[axis] - dt * (double)v[axis];
@@ -140,7 +127,8 @@ inline void take(MOTION_PARAMETERS, MOMENT, int i, SUM *f) {
     rate_after[axis * m + i] = v[axis];
 }
 
-__kernel __attribute__((reqd_work_group_size(64 / TOGETHER, 1, 1))) void advance(FORCE_PARAMETERS, MOTION_PARAMETERS, MOMENT) {
+__kernel __attribute__((reqd_work_group_size(64 / TOGETHER, 1, 1)))
+void advance(FORCE_PARAMETERS, MOTION_PARAMETERS, MOMENT) {
   int first = TOGETHER * get_global_id(0);
   SUM sums[DIM * TOGETHER], f[DIM];
   if (!(phase & STARTS))
