@@ -1,4 +1,4 @@
-"""Nodes on a device: where it has them, and what it is given anew after a restored checkpoint."""
+"""Nodes on a device: their places there, and the buffers of their bonds by name."""
 
 from __future__ import annotations
 

@@ -70,7 +70,7 @@ site (symbols as in `Tiles`); else a block of 64 nodes (symbols as in `Blocks`).
 #define WAY(slot, i) slots[8L * (slot) + (i) % 64 / 16]
 #define LISTED(i, way) (ids + 16L * ((way) - FAR) + (i) % 16)
 #define NEIGHBOUR(slot, i) (WAY(slot, i) < FAR ? (i) + WAY(slot, i) : *LISTED(i, WAY(slot, i)))
-#define LOAD_FAR(from, i, way) ((way) < FAR ? LOAD((from) + (i) + (way)) : GATHER(from, LISTED(i, way)))
+#define LOAD_FAR(from, i, way) ((way) < FAR ? LOAD((from) + ((i) + (way))) : GATHER(from, LISTED(i, way)))
 #define OWN(slot, i) (64L * (slot) + (i) % 64)
 #define STIFFNESS(slot, way, i) LOAD(stiffness + AT(slot, 5, i))
 #define LIMIT_ROW(slot, i) AT(slot, 7, i)
@@ -294,8 +294,8 @@ inline bool sum_slots(FORCE_PARAMETERS, MOTION, bool care, const int *pending, i
       w = SELECT(w, (REALS)0, out);
       e = SELECT(e, (REALS)0, out);
     }
-    REALS g = POLYNOMIAL_NARROW(REALS, e);
     others |= IS_LONG(e, slot, i);
+    REALS g = POLYNOMIAL_NARROW(REALS, e);
     if (care) {
       STORE(e, es);
       STORE(w, ws);
