@@ -30,7 +30,7 @@ HEIGHT = 1e-7  # spacings: small strains
 
 
 def bonds_of(ratio: float, profile: str = "constant") -> NDArray[np.float64]:
-    """Bonds of a lattice of spacing 1 whose cells count in full; see `Tiles.table`."""
+    """Bonds of a lattice of spacing 1 whose cells count in full; see `Tiles.vectors`."""
     xi = offsets(ratio, 3)
     xi = xi[np.lexsort(xi.T)]
     material = msgspec.structs.replace(Material(E=1.0, rho=1.0, G0=1.0, micromodulus=profile), plane="space")

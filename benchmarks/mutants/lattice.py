@@ -5,6 +5,7 @@ from __future__ import annotations
 from benchmarks.mutants.mutant import UNIT, Mutant
 
 MARCH, BONDS = "pdsolve/steppers/lattice_march.py", "pdsolve/operators/marched_bonds.py"
+BOND = "pdsolve/lattice/bond.py"
 VERLET = f"{UNIT}/test_lattice_march.py::test_each_bit_is_that_of_verlet_on_any_number_of_threads"
 LATTICE = tuple(
     Mutant(file, line, becomes, VERLET)
@@ -16,9 +17,9 @@ LATTICE = tuple(
             "        self._collect_and_clear_breaks()\n        self._operator.extend",
             "        self._operator.extend",
         ),
-        (BONDS, "        pull_again(bonds, motion, sweep.next_v, history, n)\n", "        pass\n"),
+        (BONDS, "        pull_again(bonds, motion, history, n)\n", "        pass\n"),
         (BONDS, "self.v[sweep % len(self.v)])\n        self._operator", "self.v[0])\n        self._operator"),
-        (MARCH, "v = advanced(advanced(beside(sweep.v, axes, at), a, half), a, half)", "v = beside(sweep.v, axes, at)"),
+        (BOND, "advanced(advanced(beside(v, axes, at), a, half), a, half)", "beside(v, axes, at)"),
         (MARCH, "(drive.before[i, axis] + drive.force[i, axis]) / 2", "drive.force[i, axis]"),
         (MARCH, "np.where(constrained_components(drive), 0.0, damping[:, None])", "np.tile(damping[:, None], 3)"),
     )

@@ -1,8 +1,7 @@
 """All that knows numba's inside: vector code written in LLVM, and how kernels are compiled and stored.
 
-vector_code       values of a few lanes in registers, and their instructions
+vector_code       how many lanes fit into registers, and instructions of vectors
 lanes             lanes as a number type of compiled functions
-block_slots       the innermost loop over bonds of blocks in the plane
 clipped_pieces    the forces of clipped bonds in space
 pull              polynomials for the force of a bond
 fused             a product and a sum in one rounding

@@ -108,6 +108,16 @@ def _root(lanes):  # type: ignore[no-untyped-def]
 
 
 @intrinsic
+def magnitude(typingctx, e):  # type: ignore[no-untyped-def]
+    """|e| in lanes."""
+
+    def generate(context, builder, signature, values):  # type: ignore[no-untyped-def]
+        return call(builder, "fabs", *values)
+
+    return e(e), generate
+
+
+@intrinsic
 def same(typingctx, array, number):  # type: ignore[no-untyped-def]
     """A number in all lanes, in the type of an array's elements."""
     lanes = Lanes(array.dtype)
@@ -277,6 +287,27 @@ def stacked(typingctx, array, like, row, lane):  # type: ignore[no-untyped-def]
         return context.make_tuple(builder, tuple_type, vectors)
 
     return tuple_type(array, like, types.int64, types.int64), generate
+
+
+@intrinsic
+def bonded(typingctx, values, bits, tile, slot, lane):  # type: ignore[no-untyped-def]
+    """A tuple of lanes, 0 in those without a bond; `bits` (tiles, k) are uint16, `lane` is the first of the lanes."""
+
+    def generate(context, builder, signature, arguments):  # type: ignore[no-untyped-def]
+        count = values.dtype.count
+        view = context.make_array(bits)(context, builder, arguments[1])
+        at = builder.add(builder.mul(arguments[2], builder.extract_value(view.shape, 1)), arguments[3])
+        word = builder.load(builder.gep(view.data, [at]))
+        lane_bits = builder.lshr(word, builder.trunc(arguments[4], word.type))
+        lane_bits = builder.trunc(lane_bits, ir.IntType(count)) if count < word.type.width else lane_bits
+        which = builder.bitcast(lane_bits, ir.VectorType(ir.IntType(1), count))
+        masked_values = []
+        for number in range(len(values)):
+            value = builder.extract_value(arguments[0], number)
+            masked_values.append(builder.select(which, value, ir.Constant(value.type, [0.0] * count)))
+        return context.make_tuple(builder, signature.return_type, masked_values)
+
+    return values(values, bits, types.int64, types.int64, types.int64), generate
 
 
 @intrinsic

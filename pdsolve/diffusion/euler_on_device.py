@@ -13,12 +13,12 @@ from pdsolve.diffusion.lattice import OnLattice
 from pdsolve.diffusion.listed import BondList
 from pdsolve.diffusion.operator import Fick
 from pdsolve.lattice.fluxes import share_of
+from pdsolve.lattice.layout import LANES
 from pdsolve.model import ModelError
 from pdsolve.operators.device.factors import AT_ONCE, Factors
 from pdsolve.operators.device.runtime import Session
 from pdsolve.operators.device.source import preamble, text_of
 from pdsolve.operators.device.translation import DOUBLE, Translation
-from pdsolve.operators.simd_lattice.kernel import LANES
 from pdsolve.state import State
 
 

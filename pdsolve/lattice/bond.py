@@ -12,18 +12,19 @@ row     (FIELDS,) of a slot: xi, 2 xi / xi.xi, 1 / xi.xi, the stiffness over len
 
 from __future__ import annotations
 
+from functools import reduce
 from typing import Any
 
 import numpy as np
 from llvmlite import ir
 from numba import njit, types
 from numba.core import cgutils
-from numba.extending import intrinsic, register_jitable
+from numba.extending import intrinsic, overload, register_jitable
 
 from pdsolve.codegen.inner_functions import INNER
-from pdsolve.codegen.lanes import Lanes, same, where_above
-from pdsolve.codegen.pull import WIDE, coefficients
-from pdsolve.codegen.vector_code import INT, ROW, call, repeat
+from pdsolve.codegen.lanes import Lanes, beside, keep, same, where_above
+from pdsolve.codegen.pull import WIDE, coefficients, stretch_coefficients
+from pdsolve.codegen.vector_code import INT, ROW, call, join, lanes_of_register, repeat, split
 
 FIELDS = 12  # of a row
 IN_PLACE = INNER | {"forceinline": True}  # how functions of a bond are compiled: into the loop that calls them
@@ -68,8 +69,9 @@ def elongation(typingctx, eta, row):  # type: ignore[no-untyped-def]
         vector, d = context.get_value_type(lanes), len(eta)
         doubled = _entries(context, builder, row, values[1], vector, d, d)
         (inverse,) = _entries(context, builder, row, values[1], vector, where_inverse(d), 1)
-        e = ir.Constant(vector, [0.0] * lanes.count)
-        for along, x in zip(cgutils.unpack_tuple(builder, values[0]), doubled, strict=True):
+        first, *rest = zip(cgutils.unpack_tuple(builder, values[0]), doubled, strict=True)
+        e = builder.fmul(call(builder, "fmuladd", inverse, *first), first[0])
+        for along, x in rest:
             e = call(builder, "fmuladd", call(builder, "fmuladd", inverse, along, x), along, e)
         return e
 
@@ -183,6 +185,16 @@ def _by_each_lane(instruction: str) -> Any:
 divided, multiplied = _by_each_lane("fdiv"), _by_each_lane("fmul")
 
 
+@njit(**IN_PLACE)
+def kick_and_drift(u, next_u, v, next_v, a, dt, axes, at):  # type: ignore[no-untyped-def]
+    """The second half kick of a step and the first half kick and drift of the next one, for the lanes at the places
+    from `at` on with accelerations a; each product and each sum rounded."""
+    half = same(u, dt / 2)
+    speed = advanced(advanced(beside(v, axes, at), a, half), a, half)
+    keep(speed, next_v, at)
+    keep(advanced(beside(u, axes, at), speed, same(u, dt)), next_u, at)
+
+
 @intrinsic
 def zeros(typingctx, array, like):  # type: ignore[no-untyped-def]
     """A zero vector of as many axes as a tuple has entries, in the type of an array's elements."""
@@ -236,13 +248,43 @@ def entries(typingctx, row, like):  # type: ignore[no-untyped-def]
 
 
 @intrinsic
+def stretched(typingctx, e):  # type: ignore[no-untyped-def]
+    """The stretch of bonds, and 1 / (1 + stretch), at |e| up to `NARROW`."""
+    assert isinstance(e, Lanes)
+    precision = "float32" if e.kind == types.float32 else "float64"
+
+    def generate(context, builder, signature, values):  # type: ignore[no-untyped-def]
+        (e_value,) = values
+
+        def polynomial(factors: tuple[float, ...]) -> Any:
+            every = [ir.Constant(e_value.type, [factor] * e.count) for factor in factors]
+            value = every[-1]
+            for factor in every[-2::-1]:
+                value = call(builder, "fmuladd", value, e_value, factor)
+            return value
+
+        stretch = builder.fmul(e_value, polynomial(stretch_coefficients(precision)))
+        ones = ir.Constant(e_value.type, [1.0] * e.count)
+        inverse = call(builder, "fmuladd", builder.fneg(e_value), polynomial(coefficients(precision)[0]), ones)
+        return context.make_tuple(builder, signature.return_type, [stretch, inverse])
+
+    return types.UniTuple(e, 2)(e), generate
+
+
+@intrinsic
 def any_beyond(typingctx, a, b):  # type: ignore[no-untyped-def]
     """Whether a > b in any lane, or one of them is no number."""
 
     def generate(context, builder, signature, values):  # type: ignore[no-untyped-def]
-        bits = ir.IntType(a.count)
-        mask = builder.bitcast(builder.fcmp_unordered(">", *values), bits)
-        return builder.icmp_unsigned("!=", mask, bits(0))
+        if a.count > lanes_of_register(a.kind.bitwidth // 8):  # whose masks are slow to join: by the sign of b - a
+            integers = ir.VectorType(ir.IntType(a.kind.bitwidth), a.count)
+            signs = split(builder, builder.bitcast(builder.fsub(values[1], values[0]), integers))
+            some = reduce(builder.or_, signs)
+            mask = builder.icmp_signed("<", some, ir.Constant(some.type, [0] * some.type.count))
+        else:
+            mask = builder.fcmp_unordered(">", *values)
+        bits = ir.IntType(mask.type.count)
+        return builder.icmp_unsigned("!=", builder.bitcast(mask, bits), bits(0))
 
     return types.boolean(a, b), generate
 
@@ -255,10 +297,12 @@ def _polynomial_up_to(number: int) -> Any:
         factors = coefficients("float32" if e.kind == types.float32 else "float64")[number]
 
         def generate(context, builder, signature, values):  # type: ignore[no-untyped-def]
-            value, *rest = (ir.Constant(values[0].type, [factor] * e.count) for factor in reversed(factors))
+            parts = split(builder, values[0])  # side by side, so that a factor is in a register once
+            first, *rest = (ir.Constant(parts[0].type, [factor] * parts[0].type.count) for factor in reversed(factors))
+            sums = [first] * len(parts)
             for factor in rest:
-                value = call(builder, "fmuladd", value, values[0], factor)
-            return value
+                sums = [call(builder, "fmuladd", total, part, factor) for total, part in zip(sums, parts, strict=True)]
+            return join(builder, sums)
 
         return e(e), generate
 
@@ -279,3 +323,35 @@ def factor(u, e, size, near, nearest):  # type: ignore[no-untyped-def]
         q2 = 1.0 + e
         return where_above(size, wide, 1.0 / (q2 + np.sqrt(q2)), g)
     return g
+
+
+def displaced(u: Any, shrink: Any, x: Any, y: Any, i: Any, j: Any) -> Any:
+    """Both components of what stretches the bond (x, y) from node i to j at displacements u (2, m)."""
+
+
+@overload(displaced, jit_options=IN_PLACE)
+def _displaced(u, shrink, x, y, i, j):  # type: ignore[no-untyped-def]
+    if isinstance(shrink, types.NoneType):
+        return lambda u, shrink, x, y, i, j: (u[0, j] - u[0, i], u[1, j] - u[1, i])
+
+    def relieved(u, shrink, x, y, i, j):  # type: ignore[no-untyped-def]
+        both = shrink[i] + shrink[j]
+        return u[0, j] - u[0, i] + both * x, u[1, j] - u[1, i] + both * y
+
+    return relieved
+
+
+def displaced_along(u: Any, shrink: Any, xi: Any, i: Any, j: Any) -> Any:
+    """All components of what stretches the bond xi from node i to j at displacements u (d, m)."""
+
+
+@overload(displaced_along, jit_options=IN_PLACE)
+def _displaced_along(u, shrink, xi, i, j):  # type: ignore[no-untyped-def]
+    if len(xi) == 2:
+        return lambda u, shrink, xi, i, j: displaced(u, shrink, xi[0], xi[1], i, j)
+
+    def in_space(u, shrink, xi, i, j):  # type: ignore[no-untyped-def]
+        (x, y), (_, z) = displaced(u, shrink, xi[0], xi[1], i, j), displaced(u[1:], shrink, xi[1], xi[2], i, j)
+        return x, y, z
+
+    return in_space

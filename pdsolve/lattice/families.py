@@ -20,11 +20,20 @@ from numba import njit
 from numba.extending import overload
 from numpy.typing import NDArray
 
-from pdsolve.codegen.block_slots import FAR, LANES, VECTOR
 from pdsolve.codegen.jit_cache import cached_njit
-from pdsolve.codegen.lanes import across, beside, keep, listed, repeated, same, stacked, where_above, which_above
+from pdsolve.codegen.lanes import (
+    across,
+    beside,
+    bonded,
+    keep,
+    magnitude,
+    repeated,
+    same,
+    stacked,
+    where_above,
+    which_above,
+)
 from pdsolve.codegen.pull import NARROW
-from pdsolve.codegen.tile_lanes import bonded, magnitude, stretched
 from pdsolve.codegen.vector_code import ROW
 from pdsolve.lattice.bond import (
     IN_PLACE,
@@ -32,10 +41,12 @@ from pdsolve.lattice.bond import (
     difference,
     elongation,
     entries,
+    stretched,
     where_inverse,
     where_nonzero,
 )
 from pdsolve.lattice.fluxes import FluxTiles, conductances
+from pdsolve.lattice.layout import ONE, VECTOR, has_bonds, is_in_tiles, neighbours, places_of, turns_of, vector_number
 from pdsolve.laws.bond_arrays import Bond, Ends
 from pdsolve.laws.calls import accumulate, bond_force, finish_sums, initial_sums, margin
 from pdsolve.laws.small_tensors import blank, summed
@@ -69,7 +80,6 @@ class FamilyTiles(NamedTuple):
     ahead: NDArray[np.int32]  # (k,) and along the row
     vectors: NDArray[np.floating]  # (k, 9) rows of reference vectors
     bits: NDArray[np.uint16]  # (t, k) lanes with an intact bond
-    filled: NDArray[np.bool_]  # (t,) whether there is a node
     lines: NDArray[np.int32]  # (.,) of each row, those of the margins included
     numbers: NDArray[np.floating]  # (q, l k w) of bonds over the neighbour's volume, 0 without a bond
     volume: NDArray[np.floating]  # (1, m) over h^3
@@ -78,61 +88,6 @@ class FamilyTiles(NamedTuple):
     across: int  # tiles in a row
     margin: int  # sites before the first
     beyond: int  # rows before the first
-
-
-def slots_of(bonds: Any, tile: Any) -> tuple[int, int]:
-    """The first slot of a tile, and the one behind its last."""
-    raise NotImplementedError("compiled for each layout")
-
-
-@overload(slots_of, jit_options=IN_PLACE)
-def _slots_of(bonds, tile):  # type: ignore[no-untyped-def]
-    if _is_in_tiles(bonds):
-        return lambda bonds, tile: (0, len(bonds.offsets) if bonds.filled[tile] else 0)
-    return lambda bonds, tile: (bonds.start[tile], bonds.start[tile + 1])
-
-
-def nodes_of(bonds: Any, tile: Any) -> tuple[int, int]:
-    """The place of the first node of a tile, and how many it has."""
-    raise NotImplementedError("compiled for each layout")
-
-
-@overload(nodes_of, jit_options=IN_PLACE)
-def _nodes_of(bonds, tile):  # type: ignore[no-untyped-def]
-    if _is_in_tiles(bonds):
-        return lambda bonds, tile: (bonds.margin + tile * ROW, ROW)
-    return lambda bonds, tile: (tile * LANES, LANES)
-
-
-def has_bonds(bonds: Any, tile: Any, slot: Any) -> bool:
-    """Whether a slot may have bonds."""
-    raise NotImplementedError("compiled for each layout")
-
-
-@overload(has_bonds, jit_options=IN_PLACE)
-def _has_bonds(bonds, tile, slot):  # type: ignore[no-untyped-def]
-    if bonds.instance_class is FamilyTiles:
-        return lambda bonds, tile, slot: bonds.bits[tile, slot] != 0
-    return lambda bonds, tile, slot: True
-
-
-def neighbours(bonds: Any, array: Any, like: Any, at: Any, slot: Any, lane: Any) -> Any:
-    """Values of the neighbours of some lanes, the first of which is at the place `at`, in the rows of an array."""
-    raise NotImplementedError("compiled for each layout")
-
-
-@overload(neighbours, jit_options=IN_PLACE)
-def _neighbours(bonds, array, like, at, slot, lane):  # type: ignore[no-untyped-def]
-    if _is_in_tiles(bonds):
-        return lambda bonds, array, like, at, slot, lane: beside(array, like, at + bonds.offsets[slot])
-    return _neighbours_in_block
-
-
-def _neighbours_in_block(bonds, array, like, at, slot, lane):  # type: ignore[no-untyped-def]
-    way = np.int64(bonds.slots[slot, lane // ROW])
-    if way < FAR:
-        return beside(array, like, at + way)
-    return listed(array, like, bonds.ids, (way - FAR) * ROW + lane % ROW)
 
 
 def numbers(bonds: Any, tile: Any, slot: Any, lane: Any, at: Any, like: Any) -> Any:
@@ -144,7 +99,7 @@ def numbers(bonds: Any, tile: Any, slot: Any, lane: Any, at: Any, like: Any) -> 
 def _numbers(bonds, tile, slot, lane, at, like):  # type: ignore[no-untyped-def]
     if bonds.instance_class is FluxTiles:
         return lambda bonds, tile, slot, lane, at, like: conductances(bonds, tile, slot, lane, at)
-    if _is_in_tiles(bonds):
+    if is_in_tiles(bonds):
         return _two_numbers if len(like) == 4 else _three_numbers
     return _numbers_in_block
 
@@ -158,14 +113,14 @@ def _numbers_in_block(bonds, tile, slot, lane, at, like):  # type: ignore[no-unt
 
 def _two_numbers(bonds, tile, slot, lane, at, like):  # type: ignore[no-untyped-def]
     place, reverse_place = _places(bonds, tile, slot, lane)
-    (size,) = beside(bonds.volume, (0,), at + bonds.offsets[slot])
+    (size,) = beside(bonds.volume, ONE, at + bonds.offsets[slot])
     a, b = beside(bonds.numbers, (0, 0), place), beside(bonds.numbers, (0, 0), reverse_place)
     return bonded((a[0] * size, b[0] * size, a[1] * size, b[1] * size), bonds.bits, tile, slot, lane)
 
 
 def _three_numbers(bonds, tile, slot, lane, at, like):  # type: ignore[no-untyped-def]
     place, reverse_place = _places(bonds, tile, slot, lane)
-    (size,) = beside(bonds.volume, (0,), at + bonds.offsets[slot])
+    (size,) = beside(bonds.volume, ONE, at + bonds.offsets[slot])
     a, b = beside(bonds.numbers, (0, 0, 0), place), beside(bonds.numbers, (0, 0), reverse_place)
     return bonded((a[0] * size, b[0] * size, a[1] * size, b[1] * size, a[2] * size), bonds.bits, tile, slot, lane)
 
@@ -180,18 +135,6 @@ def _places(bonds, tile, slot, lane):  # type: ignore[no-untyped-def]
     return place, (neighbour_line * count + count - 1 - slot) * bonds.wide + x + bonds.ahead[slot]
 
 
-def vector_number(bonds: Any, slot: Any) -> int:
-    """The row of `vectors` that a slot has."""
-    raise NotImplementedError("compiled for each layout")
-
-
-@overload(vector_number, jit_options=IN_PLACE)
-def _vector_number(bonds, slot):  # type: ignore[no-untyped-def]
-    if _is_in_tiles(bonds):
-        return lambda bonds, slot: slot
-    return lambda bonds, slot: np.int64(bonds.slots[slot, VECTOR])
-
-
 def intact(bonds: Any, tile: Any, slot: Any, lane: Any, c: Any, eta: Any) -> Any:
     """eta, and 0 in lanes without a bond."""
     raise NotImplementedError("compiled for each layout")
@@ -199,14 +142,9 @@ def intact(bonds: Any, tile: Any, slot: Any, lane: Any, c: Any, eta: Any) -> Any
 
 @overload(intact, jit_options=IN_PLACE)
 def _intact(bonds, tile, slot, lane, c, eta):  # type: ignore[no-untyped-def]
-    if _is_in_tiles(bonds):
+    if is_in_tiles(bonds):
         return lambda bonds, tile, slot, lane, c, eta: bonded(eta, bonds.bits, tile, slot, lane)
     return lambda bonds, tile, slot, lane, c, eta: where_nonzero(c[0], eta)
-
-
-def _is_in_tiles(bonds: Any) -> bool:
-    """Whether a numba type is one of bonds in tiles."""
-    return bonds.instance_class in (FamilyTiles, FluxTiles)
 
 
 def bonds_at(bonds: Any, tile: Any, slot: Any, lane: Any, at: Any, c: Any, u: Any, here: Any) -> Bond | Ends:
@@ -244,8 +182,8 @@ def sum_first_pass(bonds, law, u, constants, m, likes, by_lanes, first, last):  
     with their sums."""
     none = same(u, 0.0)
     for tile in range(first, last):
-        place, lanes = nodes_of(bonds, tile)
-        begin, end = slots_of(bonds, tile)
+        place, lanes = places_of(bonds, tile)
+        begin, end = turns_of(bonds, tile, 0)
         for lane in range(0, lanes, across(u)):
             at = place + lane
             displacement, sums = beside(u, likes[VECTORS], at), initial_sums(law, likes[VECTORS], none)
@@ -265,8 +203,8 @@ def sum_bond_forces(bonds, law, u, m, f, near, likes, first, last):  # type: ign
     with a bond over its limit, or nearly; None: bonds have no limit that is looked at."""
     none = same(u, 0.0)
     for tile in range(first, last):
-        place, lanes = nodes_of(bonds, tile)
-        begin, end = slots_of(bonds, tile)
+        place, lanes = places_of(bonds, tile)
+        begin, end = turns_of(bonds, tile, 0)
         for lane in range(0, lanes, across(u)):
             at, over = place + lane, 0
             displacement, nodal = beside(u, likes[VECTORS], at), beside(m, likes[NODAL], at)

@@ -15,8 +15,7 @@ from numba.extending import register_jitable
 from numpy.typing import NDArray
 
 from pdsolve.codegen.jit_cache import cached_njit
-from pdsolve.codegen.lanes import beside, same
-from pdsolve.codegen.tile_lanes import bonded
+from pdsolve.codegen.lanes import beside, bonded, same
 from pdsolve.codegen.vector_code import ROW
 from pdsolve.lattice.bond import IN_PLACE
 

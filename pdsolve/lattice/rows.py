@@ -19,9 +19,8 @@ import numpy as np
 from numba import njit, types
 from numba.extending import overload
 
-from pdsolve.codegen.lanes import beside, keep, larger, same, unless_none
+from pdsolve.codegen.lanes import beside, bonded, keep, larger, magnitude, same, unless_none
 from pdsolve.codegen.pull import NARROW, WIDE
-from pdsolve.codegen.tile_lanes import bonded, magnitude
 from pdsolve.codegen.vector_code import ROW
 from pdsolve.lattice.bond import (
     IN_PLACE,

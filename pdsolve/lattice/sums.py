@@ -1,157 +1,322 @@
-"""The sum over a node's bonds in space, fast: tiles of 16 sites of a cubic lattice, one after the other along x.
+"""The force densities on nodes of a lattice under a pair law: one loop over bonds, for blocks and tiles.
 
-Layout:
-    site     a place of the lattice in the box around the body, numbered with x fastest; not every one has a node
-    tile     16 consecutive sites; a site's place in it is its lane
-    slot     the bonds of a tile with one offset between sites: there are no lists of neighbours
-    bits     of a slot, one a lane: there is a bond, and it is intact. What a lane reads over the edge of the box is
-             some other site's, and does not count.
-    memory   of a tile, from when the first of its bonds has softened: what each was stretched to at most, and the
-             share of its stiffness that is left
-
-Any pair law; one that is curved (`Pair.bond_strain_energy`) has one material, and its secant is computed in lanes. A
-slot is looked at bond by bond only in steps in which one of its bonds is beyond the least of all peaks. Symbols as in
-pdsolve.laws.law; pdsolve.laws.pair says the same in a few lines and is what this is tested against.
+The dimension, the precision, the law, what swells and the layout are constants of compilation. What differs between
+both layouts is where a lane's neighbour is (`pdsolve.lattice.layout`), and how bonds soften and break
+(`pdsolve.lattice.blocks`, `pdsolve.lattice.tiles`). Sums stay in registers until a bond softens or breaks. Symbols as
+in `pdsolve.lattice.bond` and pdsolve.laws.law; pdsolve.laws.pair says the same in a few lines and is what this is
+tested against.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
-from numba import njit
-from numba.extending import overload, register_jitable
-from numpy.typing import NDArray
+from numba import njit, types
+from numba.extending import overload
 
-from pdsolve.codegen.inner_functions import INNER
 from pdsolve.codegen.jit_cache import cached_njit
-from pdsolve.codegen.lanes import across, beside, keep, same, where_above
-from pdsolve.codegen.tile_lanes import bonded, magnitude
+from pdsolve.codegen.lanes import across, beside, bonded, keep, magnitude, same, unless_none, where_above
+from pdsolve.codegen.pull import NARROW
 from pdsolve.codegen.vector_code import ROW
-from pdsolve.lattice.bond import (
-    IN_PLACE,
-    any_beyond,
-    corrected_weight,
-    difference,
-    elongation,
-    factor,
-    factor_near,
-    pulled,
-    where_inverse,
-    where_weight,
-    zeros,
+from pdsolve.lattice.blocks import (
+    BOUND,
+    LIMITS,
+    PULL,
+    BlockMotion,
+    row_of,
+    update_lanes_of_block,
+    worst_lanes,
 )
-from pdsolve.laws.calls import (
-    added_force,
-    bond_strain_energy,
-    broken_energy,
-    dissipated_energy,
-    pair_of,
-    secant,
-    second_force,
+from pdsolve.lattice.bond import IN_PLACE, any_beyond, difference, elongation, factor, factor_near, pulled, zeros
+from pdsolve.lattice.layout import (
+    LANES,
+    ONE,
+    are_listed,
+    has_bonds,
+    is_in_tiles,
+    neighbours,
+    places_of,
+    slot_at,
+    turns_of,
+    vector_number,
 )
+from pdsolve.lattice.rows import relieve
+from pdsolve.lattice.tiles import (
+    EMPTY,
+    UNBREAKABLE,
+    SiteMotion,
+    common_of_tile,
+    has_room,
+    room_for,
+    update_lanes_of_tile,
+    weight_in_tile,
+    write_tile,
+)
+from pdsolve.laws.calls import pair_of, secant
 from pdsolve.laws.law import Pair
 
-# Tiles: without a node; what their bonds' stiffnesses are made of; and the same of tiles with a memory
-EMPTY, ALIKE, CORRECTED, GENERAL, SOFT_ALIKE, SOFT_CORRECTED, SOFT_GENERAL = range(7)
-SOFTENED = SOFT_ALIKE - ALIKE  # added to a tile's kind as it gets a memory
-VOLUME, MODULUS, UNBREAKABLE = range(3)  # rows of `cells`
-EVERY = 2**ROW - 1  # bits of all lanes
 UNAGED, AGED, UNDONE = range(3)  # lanes: summed, the same though bonds softened or broke, not summed
 
 
-class Tiles(NamedTuple):
-    """Bonds of n nodes in t tiles, with k offsets; m sites, of which the first and last `margin` have no node; p pairs
-    of materials; r tiles with a memory."""
+@njit(**IN_PLACE)
+def sum_lanes(bonds, history, motion, group, lane):  # type: ignore[no-untyped-def]
+    """UNAGED, AGED or UNDONE, and the force densities on some lanes of a group, from `lane` on, N/m^3.
 
-    law: Any  # columns of no bonds, by whose type kernels are compiled
-    axes: tuple[int, ...]  # as many entries as there are axes, d
-    offsets: NDArray[np.int32]  # (k,) from a site to that of its neighbour
-    table: NDArray[np.floating]  # (k, 12) of the offsets, see `bond`
-    bits: NDArray[np.uint16]  # (t, k) lanes with an intact bond
-    c: NDArray[np.floating]  # (d, m) corrections along each axis
-    cells: NDArray[np.floating]  # (2, m) cell over h^3; half of the modulus over E; of a curved law (3, m), the third
-    # infinite where bonds must not break, else 0: what peaks and limits of its bonds have more
-    kind: NDArray[np.uint8]  # (t,) EMPTY to SOFT_GENERAL
-    node: NDArray[np.int32]  # (16 t,) row of a site's node, or -1
-    unbreakable: NDArray[np.bool_]  # (n,) whose bonds must not break
-    material: NDArray[np.uint8]  # (n,)
-    peak: NDArray[np.float64]  # (p, k) stretch above which bonds soften; of materials i and j in row i sqrt(p) + j
-    limit: NDArray[np.float64]  # (p, k) stretch above which they are gone
-    memory: NDArray[np.int32]  # (t,) row of what follows, or -1
-    share: NDArray[np.floating]  # (r, k, 16) of the stiffness that is left; of a curved law the largest stretch
-    worst: NDArray[np.float64]  # (r, k, 16) largest stretch above the peak, 0 if never there
-    margin: int
-    floor: float  # e above which softened bonds have what is left of their stiffness alone
-    near: float  # |e| up to which nothing happens to bonds and the narrow polynomial holds
-    edge: float  # e up to which nothing happens to bonds
+    Bonds over their limit break, and those over their peak soften. Lanes are not summed where a bond softens in a tile
+    without a memory; they are summed anew when it has one.
+    """
+    (turn, last), f, updated = turns_of(bonds, group, lane), zeros(motion.u, bonds.axes), np.int64(-1)
+    turn, _, f = _add(bonds, history, motion.u, group, lane, turn, last, None, f)
+    while True:
+        turn, e, f = _add(bonds, history, motion.u, group, lane, turn, last, updated, f)
+        if turn == last:
+            return UNAGED if updated < 0 else AGED, f
+        is_done, f = update_lanes(bonds, history, motion, group, lane, slot_at(bonds, turn), e, f)
+        if not is_done:
+            return UNDONE, f
+        updated = turn
 
 
-class Breaks(NamedTuple):
-    """Room for what breaks."""
+@njit(**IN_PLACE)
+def _add(bonds, history, u, group, lane, first, last, updated, f):  # type: ignore[no-untyped-def]
+    """Add the pulls of bonds to f, turn by turn from `first` on.
 
-    used: NDArray[np.int64]  # (1,) bonds
-    bonds: NDArray[np.int64]  # (., 3) step, and rows of source and target
-    places: NDArray[np.int64]  # (., 2) site of the source, from the first tile on, and slot
-    stretch_before: NDArray[np.float64]  # (.,) of each, one step before
-
-
-@register_jitable
-def room_for(bonds: int) -> Breaks:
-    """Room for so many bonds that break."""
-    columns = np.empty((bonds, 3), dtype=np.int64), np.empty((bonds, 2), dtype=np.int64), np.empty(bonds)
-    return Breaks(np.zeros(1, dtype=np.int64), *columns)
-
-
-def copy_breaks(breaks: Breaks, first: int = 0) -> Breaks:
-    """A copy of the breaks from `first` on."""
-    last = int(breaks.used[0])
-    return Breaks._make([np.array([last - first]), *(column[first:last].copy() for column in breaks[1:])])
-
-
-def join_breaks(breaks: Sequence[Breaks]) -> Breaks:
-    """Some breaks one after the other."""
-    columns = zip(*(one[1:] for one in breaks), strict=True)
-    return Breaks._make([sum((one.used for one in breaks), np.zeros(1, np.int64)), *map(np.concatenate, columns)])
-
-
-def select_breaks(breaks: Breaks, which: NDArray[Any]) -> Breaks:
-    """Some of the breaks, by mask (b,) or by numbers (k,)."""
-    columns = [column[: breaks.used[0]][which] for column in breaks[1:]]
-    return Breaks._make([np.array([len(columns[0])]), *columns])
-
-
-@njit(**INNER)
-def has_room(tiles, breaks):  # type: ignore[no-untyped-def]
-    """Whether all bonds of a tile can break."""
-    return breaks.used[0] + ROW * len(tiles.offsets) <= len(breaks.bonds)
+    Returns the first turn with a bond that may soften or break, but for the turn `updated` where that was seen to, or
+    `last`; and the e of its lanes. Without a turn `updated`, None, the loop is short and quick: it ends at the first
+    turn with listed neighbours or with a bond that needs care.
+    """
+    axes, own = bonds.axes, places_of(bonds, group)[0] + lane
+    here, relief, common = beside(u, axes, own), own_shrinkage(history, own), common_of_lanes(bonds, group, own)
+    for turn in range(first, last):
+        slot = slot_at(bonds, turn)
+        if not has_bonds(bonds, group, slot):
+            continue
+        if updated is None and are_listed(bonds, slot, lane):
+            return turn, same(u, 0.0), f
+        row = bonds.vectors[vector_number(bonds, slot)]
+        w = weight(bonds, common, u, row, slot, lane)  # before eta takes registers
+        eta = difference(neighbours(bonds, u, axes, own, slot, lane), here)
+        eta = relieve(eta, relief, neighbour_shrinkage(bonds, history, own, slot, lane), row)
+        e = elongation_of_bonds(bonds, group, slot, lane, w, elongation(eta, row))
+        g, near = factor_near(e), near_of(bonds, u, slot, lane)
+        if any_beyond(magnitude(e), near):
+            if updated is None:
+                return turn, e, f
+            e = where_above(same(u, np.inf), near, e, same(u, 0.0))  # lanes without a bond need no care
+            if turn != updated and any_beyond(e, edge_of(bonds, u, slot, lane)):
+                return turn, e, f
+            g = factor(u, e, magnitude(e), nearest_of(bonds, u, near), factor_near(e))
+        w = secant_weight(bonds, history, common, w, e, g, slot, lane)
+        f = pulled(f, product(bonds, w, e, g), eta, row)
+    return last, same(u, 0.0), f
 
 
-class Motion(NamedTuple):
-    """How sites move in a step, and what this does to bonds."""
-
-    u: NDArray[np.floating]  # (d, m) displacements of sites, m
-    rate: NDArray[np.floating]  # (d, m) velocities of sites since the last step, m/s; or (d, n) of nodes
-    by_sites: bool  # which of them
-    dt: float  # s
-    step: int  # 0: bonds neither soften nor break
+def own_shrinkage(history: Any, at: Any) -> Any:
+    """Minus half the strain of free lanes from the place `at` on; None where nothing swells."""
+    raise NotImplementedError("compiled with and without strain")
 
 
-@cached_njit(nogil=True)
-def place_rows(site, value, u, first, last):  # type: ignore[no-untyped-def]
-    """Displacements (n, d) of the rows `first` to `last` - 1 to their sites, u (d, m)."""
-    for i in range(first, last):
-        for axis in range(len(u)):
-            u[axis, site[i]] = value[i, axis]
+@overload(own_shrinkage, jit_options=IN_PLACE)
+def _own_shrinkage(history, at):  # type: ignore[no-untyped-def]
+    if not _swells(history):
+        return lambda history, at: None
+    return lambda history, at: beside(history.shrink, ONE, at)[0]
 
 
-@cached_njit(nogil=True)
-def collect_rows(site, u, value, first, last):  # type: ignore[no-untyped-def]
-    """Displacements u (d, m) of sites to the rows `first` to `last` - 1 of `value` (n, d)."""
-    for i in range(first, last):
-        for axis in range(len(u)):
-            value[i, axis] = u[axis, site[i]]
+def neighbour_shrinkage(bonds: Any, history: Any, at: Any, slot: Any, lane: Any) -> Any:
+    """Minus half the strain of the free neighbours of some lanes, from the place `at` on; None where nothing swells."""
+    raise NotImplementedError("compiled with and without strain")
+
+
+@overload(neighbour_shrinkage, jit_options=IN_PLACE)
+def _neighbour_shrinkage(bonds, history, at, slot, lane):  # type: ignore[no-untyped-def]
+    if not _swells(history):
+        return lambda bonds, history, at, slot, lane: None
+    return lambda bonds, history, at, slot, lane: neighbours(bonds, history.shrink, ONE, at, slot, lane)[0]
+
+
+def _swells(history: Any) -> bool:
+    """Whether the numba type of a history has strains of free nodes."""
+    fields = history.instance_class._fields
+    return "shrink" in fields and not isinstance(history.types[fields.index("shrink")], types.NoneType)
+
+
+def common_of_lanes(bonds: Any, group: Any, own: Any) -> Any:
+    """What all slots of some lanes share, the first of which is at the place `own`: of a block, whether a bond has
+    softened; of a tile, what its stiffnesses are made of."""
+    raise NotImplementedError("compiled for each layout")
+
+
+@overload(common_of_lanes, jit_options=IN_PLACE)
+def _common_of_lanes(bonds, group, own):  # type: ignore[no-untyped-def]
+    if is_in_tiles(bonds):
+        return lambda bonds, group, own: common_of_tile(bonds, group, own)
+    return lambda bonds, group, own: bonds.softened[group]
+
+
+def weight(bonds: Any, common: Any, u: Any, row: Any, slot: Any, lane: Any) -> Any:
+    """The stiffness over length of the bonds of some lanes."""
+    raise NotImplementedError("compiled for each layout")
+
+
+@overload(weight, jit_options=IN_PLACE)
+def _weight(bonds, common, u, row, slot, lane):  # type: ignore[no-untyped-def]
+    if is_in_tiles(bonds):
+        return lambda bonds, common, u, row, slot, lane: weight_in_tile(bonds, common, u, row, slot)
+    return lambda bonds, common, u, row, slot, lane: row_of(bonds.stiffness, bonds.slots[slot, PULL], lane)
+
+
+def elongation_of_bonds(bonds: Any, group: Any, slot: Any, lane: Any, w: Any, e: Any) -> Any:
+    """e, and 0 in lanes without a bond where it could be felt: of a straight law in blocks, their stiffness is 0."""
+    raise NotImplementedError("compiled for each layout")
+
+
+@overload(elongation_of_bonds, jit_options=IN_PLACE)
+def _elongation_of_bonds(bonds, group, slot, lane, w, e):  # type: ignore[no-untyped-def]
+    if is_in_tiles(bonds):
+        return lambda bonds, group, slot, lane, w, e: bonded((e,), bonds.bits, group, np.int64(slot), lane)[0]
+    if _pair(bonds).is_curved:
+        return lambda bonds, group, slot, lane, w, e: unless_none(w, e, w)
+    return lambda bonds, group, slot, lane, w, e: e
+
+
+def near_of(bonds: Any, u: Any, slot: Any, lane: Any) -> Any:
+    """|e| up to which some lanes need no care; infinite in lanes without a bond of blocks."""
+    raise NotImplementedError("compiled for each layout")
+
+
+@overload(near_of, jit_options=IN_PLACE)
+def _near_of(bonds, u, slot, lane):  # type: ignore[no-untyped-def]
+    if is_in_tiles(bonds):
+        return lambda bonds, u, slot, lane: same(u, bonds.near)
+    return lambda bonds, u, slot, lane: row_of(bonds.near, bonds.slots[slot, BOUND], lane)
+
+
+def edge_of(bonds: Any, u: Any, slot: Any, lane: Any) -> Any:
+    """e up to which nothing happens to the bonds of some lanes."""
+    raise NotImplementedError("compiled for each layout")
+
+
+@overload(edge_of, jit_options=IN_PLACE)
+def _edge_of(bonds, u, slot, lane):  # type: ignore[no-untyped-def]
+    if is_in_tiles(bonds):
+        return lambda bonds, u, slot, lane: same(u, bonds.edge)
+    return lambda bonds, u, slot, lane: row_of(bonds.edge, bonds.slots[slot, BOUND], lane)
+
+
+def nearest_of(bonds: Any, u: Any, near: Any) -> Any:
+    """|e| up to which the narrow polynomial is used; in tiles that up to which lanes need no care."""
+    raise NotImplementedError("compiled for each layout")
+
+
+@overload(nearest_of, jit_options=IN_PLACE)
+def _nearest_of(bonds, u, near):  # type: ignore[no-untyped-def]
+    if is_in_tiles(bonds):
+        return lambda bonds, u, near: near
+    return lambda bonds, u, near: same(u, NARROW)
+
+
+def product(bonds: Any, w: Any, e: Any, g: Any) -> Any:
+    """w e g, in the order of each layout, so that results stay the same to the bit."""
+    raise NotImplementedError("compiled for each layout")
+
+
+@overload(product, jit_options=IN_PLACE)
+def _product(bonds, w, e, g):  # type: ignore[no-untyped-def]
+    return (lambda bonds, w, e, g: w * (e * g)) if is_in_tiles(bonds) else (lambda bonds, w, e, g: w * e * g)
+
+
+def secant_weight(bonds: Any, history: Any, common: Any, w: Any, e: Any, g: Any, slot: Any, lane: Any) -> Any:
+    """The secant of some lanes at e, over the bonds' lengths, from the stiffness over length w."""
+    raise NotImplementedError("compiled for each law")
+
+
+@overload(secant_weight, jit_options=IN_PLACE)
+def _secant_weight(bonds, history, common, w, e, g, slot, lane):  # type: ignore[no-untyped-def]
+    pair = _pair(bonds)
+    if is_in_tiles(bonds):
+        return _curve_in_tile if pair.is_curved else _line_in_tile
+    if pair.is_curved:
+        return _curve_in_block
+    if pair.elastic_in_compression:
+        return _one_sided_line_in_block
+    return lambda bonds, history, common, w, e, g, slot, lane: w  # whose rows hold what is left
+
+
+def _one_sided_line_in_block(bonds, history, common, w, e, g, slot, lane):  # type: ignore[no-untyped-def]
+    if common:
+        w = where_above(e, same(bonds.stiffness, 0.0), w, row_of(bonds.stiffness, bonds.whole[slot], lane))
+    return w
+
+
+def _curve_in_block(bonds, history, common, w, e, g, slot, lane):  # type: ignore[no-untyped-def]
+    kind, none = bonds.slots[slot, LIMITS], same(bonds.stiffness, 0.0)
+    peak, limit = row_of(bonds.peak, kind, lane), row_of(bonds.limit, kind, lane)
+    worst = worst_lanes(bonds.law, history.worst, slot, lane, none)
+    return w * secant(bonds.law, e * g * np.sqrt(1.0 + e), worst, peak, limit)
+
+
+def _line_in_tile(bonds, history, common, w, e, g, slot, lane):  # type: ignore[no-untyped-def]
+    row_of_memory = common[1]
+    if row_of_memory >= 0:
+        (left,) = beside(bonds.share[row_of_memory, slot : slot + np.uint64(1)], ONE, lane)
+        w = w * where_above(e, same(bonds.share, bonds.floor), left, same(bonds.share, 1.0))
+    return w
+
+
+def _curve_in_tile(bonds, history, common, w, e, g, slot, lane):  # type: ignore[no-untyped-def]
+    row_of_memory, own, worst = common[1], common[4], same(bonds.share, 0.0)
+    if row_of_memory >= 0:
+        (worst,) = beside(bonds.share[row_of_memory, slot : slot + np.uint64(1)], ONE, lane)
+    (beyond,) = beside(bonds.cells[UNBREAKABLE:], ONE, own)
+    beyond = beyond + beside(bonds.cells[UNBREAKABLE:], ONE, own + bonds.offsets[slot])[0]
+    peak, limit = beyond + bonds.peak[0, slot], beyond + bonds.limit[0, slot]
+    return w * secant(bonds.law, e * g * np.sqrt(1.0 + e), worst, peak, limit)
+
+
+def _pair(bonds: Any) -> Pair:
+    """The pair law of the numba type of bonds."""
+    return pair_of(bonds.types[bonds.instance_class._fields.index("law")])
+
+
+def update_lanes(
+    bonds: Any, history: Any, motion: Any, group: Any, lane: Any, slot: Any, e: Any, f: Any
+) -> tuple[bool, Any]:
+    """Break and soften the bonds of some lanes of a slot with these e, and add to f the pulls that match their work;
+    False if there is no memory for it."""
+    raise NotImplementedError("compiled for each layout")
+
+
+@overload(update_lanes, jit_options=IN_PLACE)
+def _update_lanes(bonds, history, motion, group, lane, slot, e, f):  # type: ignore[no-untyped-def]
+    return _update_tile if is_in_tiles(bonds) else _update_block
+
+
+def _update_tile(bonds, history, motion, group, lane, slot, e, f):  # type: ignore[no-untyped-def]
+    # whose pulls go to `failure_forces` at once: a tile that gets a memory is summed anew without them
+    return motion.step == 0 or update_lanes_of_tile(bonds, motion, history, group, lane, slot), f
+
+
+def _update_block(bonds, history, motion, group, lane, slot, e, f):  # type: ignore[no-untyped-def]
+    return True, update_lanes_of_block(bonds, history, motion, np.int64(slot), group, lane, e, f)
+
+
+@cached_njit(nogil=True, error_model="numpy")
+def sum_blocks(blocks, tracks, before, out, step, first, last, thread):  # type: ignore[no-untyped-def]
+    """Add the force densities of the blocks `first` to `last` - 1, N/m^3, to `out` (n, d); bonds over their limit break
+    in this `step`. `before` (d, m) are the displacements one step ago."""
+    motion, s = (
+        BlockMotion(tracks.u[0], before, step, blocks.scratch[thread]),
+        np.empty((len(before), ROW), before.dtype),
+    )
+    for b in range(first, last):
+        for lane in range(0, LANES, across(s)):
+            _, f = sum_lanes(blocks, tracks, motion, b, lane)
+            keep(f, s, 0)
+            for k in range(min(across(s), len(out) - b * LANES - lane)):
+                for axis in range(len(s)):
+                    out[b * LANES + lane + k, axis] += s[axis, k]
 
 
 @cached_njit(nogil=True, error_model="numpy")
@@ -162,18 +327,18 @@ def sum_tiles(tiles, u, rate, dt, step, out, dissipated, breaks, first, last):  
     Returns the tile to go on with: `last`, or one that there was no room left to write breaks of, or one whose bonds
     soften and that has no memory.
     """
-    s, motion = np.empty((len(u), ROW), u.dtype), Motion(u, rate.T, False, dt, step)
+    s, motion = np.empty((len(u), ROW), u.dtype), SiteMotion(u, rate.T, False, dt, step, out.T, dissipated)
     for t in range(first, last):
         if tiles.kind[t] == EMPTY:
             continue
         if not has_room(tiles, breaks):
             return t
         for lane in range(0, ROW, across(u)):
-            status, f = sum_lanes(tiles, motion, out.T, dissipated, breaks, t, lane)
+            status, f = sum_lanes(tiles, breaks, motion, t, lane)
             if status == UNDONE:
                 return t
             keep(f, s, lane)
-        _write(tiles, t, s, out)
+        write_tile(tiles, t, s, out)
     return last
 
 
@@ -184,304 +349,3 @@ def sum_some(tiles, u, rate, out, dissipated, site_mask):  # type: ignore[no-unt
     for t in range(len(tiles.kind)):
         if site_mask[t * ROW : t * ROW + ROW].any():
             sum_tiles(tiles, u, rate, 0.0, 0, out, dissipated, nothing, t, t + 1)
-
-
-@njit(**INNER)
-def _write(tiles, t, f, out):  # type: ignore[no-untyped-def]
-    """Add the force densities f (d, 16) of a tile to `out` (n, d)."""
-    for lane in range(ROW):
-        i = tiles.node[t * ROW + lane]
-        if i >= 0:
-            for axis in range(len(f)):
-                out[i, axis] += f[axis, lane]
-
-
-@njit(**IN_PLACE)
-def sum_lanes(tiles, motion, pulls, dissipated, breaks, t, lane):  # type: ignore[no-untyped-def]
-    """UNAGED, AGED or UNDONE, and the force densities on some lanes of a tile, from `lane` on, N/m^3.
-
-    Lanes are not summed where a bond softens in a tile without a memory. The pulls that match the work of bonds that
-    break or soften go to `pulls` (d, .) at once: a tile that gets a memory is summed anew without them.
-    """
-    slot, aged, f = np.int64(0), np.int64(-1), zeros(motion.u, tiles.axes)  # literals would be a type of their own
-    while True:
-        slot, f = _add(tiles, motion.u, t, lane, slot, aged, f)
-        if slot == len(tiles.offsets):
-            return UNAGED if aged < 0 else AGED, f
-        if motion.step > 0 and not _update_slot(tiles, motion, pulls, dissipated, breaks, t, lane, slot):
-            return UNDONE, f
-        aged = slot
-
-
-@njit(**IN_PLACE)
-def _add(tiles, u, t, lane, first, aged, f):  # type: ignore[no-untyped-def]
-    """Add the pulls of bonds to f, slot by slot from `first` on.
-
-    Returns the first slot with a bond that may soften or break, but for the slot `aged` where that was seen to; or the
-    number of slots.
-    """
-    own, near, edge = tiles.margin + t * ROW + lane, same(u, tiles.near), same(u, tiles.edge)
-    axes, kind = tiles.axes, tiles.kind[t]
-    here, c_here = beside(u, axes, own), beside(tiles.c, axes, own)
-    softened, tile = kind >= SOFT_ALIKE, np.uint64(t)
-    row_of_memory = np.int64(tiles.memory[t]) if softened else np.int64(-1)
-    kind = kind - SOFTENED if softened else kind
-    for number in range(first, len(tiles.offsets)):
-        slot = np.uint64(number)  # saves a look whether it counts from the end
-        if tiles.bits[tile, slot] == 0:
-            continue
-        row, at = tiles.table[slot], own + tiles.offsets[slot]
-        w = same(u, row[where_weight(len(axes))])  # before eta takes registers
-        if kind != ALIKE:
-            w = corrected_weight(row, beside(tiles.c, axes, at), c_here)
-            if kind == GENERAL:
-                volume, modulus = beside(tiles.cells, (0, 0), at)
-                w = (w * volume) * (modulus + beside(tiles.cells, (0, 0), own)[1])
-        eta = difference(beside(u, axes, at), here)
-        (e,) = bonded((elongation(eta, row),), tiles.bits, t, number, lane)
-        g, size = factor_near(e), magnitude(e)
-        if any_beyond(size, near):
-            if number != aged and any_beyond(e, edge):
-                return number, f
-            g = factor(u, e, size, near, g)
-        w = secant_weight(tiles, w, e, g, slot, lane, own, row_of_memory)
-        f = pulled(f, w * (e * g), eta, row)
-    return len(tiles.offsets), f
-
-
-def secant_weight(tiles: Any, w: Any, e: Any, g: Any, slot: Any, lane: Any, own: Any, row_of_memory: Any) -> Any:
-    """The secant of lanes at e, over the bonds' lengths, from the stiffness over length w; `own` is the first place.
-
-    A negative row of the memory: no bond of the tile has softened.
-    """
-    raise NotImplementedError("compiled for each law")
-
-
-@overload(secant_weight, jit_options=IN_PLACE)
-def _secant_weight(tiles, w, e, g, slot, lane, own, row_of_memory):  # type: ignore[no-untyped-def]
-    return _secant_of_curve if _pair(tiles).is_curved else _secant_of_line
-
-
-def _secant_of_line(tiles, w, e, g, slot, lane, own, row_of_memory):  # type: ignore[no-untyped-def]
-    if row_of_memory >= 0:
-        (left,) = beside(tiles.share[row_of_memory, slot : slot + np.uint64(1)], (0,), lane)
-        w = w * where_above(e, same(tiles.share, tiles.floor), left, same(tiles.share, 1.0))
-    return w
-
-
-def _secant_of_curve(tiles, w, e, g, slot, lane, own, row_of_memory):  # type: ignore[no-untyped-def]
-    worst = same(tiles.share, 0.0)
-    if row_of_memory >= 0:
-        (worst,) = beside(tiles.share[row_of_memory, slot : slot + np.uint64(1)], (0,), lane)
-    rows, at = (VOLUME, MODULUS, UNBREAKABLE), own + tiles.offsets[slot]
-    beyond = beside(tiles.cells, rows, own)[UNBREAKABLE] + beside(tiles.cells, rows, at)[UNBREAKABLE]
-    peak, limit = beyond + tiles.peak[0, slot], beyond + tiles.limit[0, slot]
-    return w * secant(tiles.law, e * g * np.sqrt(1.0 + e), worst, peak, limit)
-
-
-def _pair(tiles: Any) -> Pair:
-    """The pair law of the numba type of tiles."""
-    return pair_of(tiles.types[Tiles._fields.index("law")])
-
-
-@njit(**INNER)
-def _update_slot(tiles, motion, pulls, dissipated, breaks, t, lane, slot):  # type: ignore[no-untyped-def]
-    """Take out the bonds of a slot that are over their limit, and book what they have spent; soften those over their
-    peak. False if there is no memory for it."""
-    row, offset, word, memory = tiles.table[slot], tiles.offsets[slot], tiles.bits[t, slot], np.int64(tiles.memory[t])
-    u, rate = motion.u, motion.rate
-    for k in range(lane, lane + across(u)):
-        if not (word >> np.uint16(k)) & np.uint16(1):
-            continue
-        site = t * ROW + k
-        i, j = tiles.node[site], tiles.node[site + offset]
-        place, pair = tiles.margin + site, pair_number(tiles, i, j)
-        peak, limit = tiles.peak[pair, slot], tiles.limit[pair, slot]
-        stretch, worst = _stretch(row, u, place, offset), tiles.worst[memory, slot, k] if memory >= 0 else 0.0
-        if stretch <= peak or stretch <= worst or tiles.unbreakable[i] or tiles.unbreakable[j]:
-            continue
-        if stretch <= limit and not soften(tiles, t, slot, k, stretch, peak, limit):
-            return False
-        near, far = (place, place + offset) if motion.by_sites else (np.int64(i), np.int64(j))
-        last = _stretch_before(row, u, rate, motion.dt, place, offset, near, far)
-        w = stiffness(tiles, row, t, place, offset)
-        pull = added_force(tiles.law, stretch, last, worst, peak, limit) * (w / (1 + stretch))
-        for axis in range(len(u)):
-            pulls[axis, near] += pull * (row[axis] + (u[axis, place + offset] - u[axis, place]))
-        if stretch <= limit:
-            continue
-        modulus = w / row[where_inverse(len(u))] / 4
-        dissipated[i] += broken_energy(tiles.law, modulus, stretch, last, peak, limit)
-        tiles.bits[t, slot] &= ~(np.uint16(1) << np.uint16(k))
-        _record(breaks, motion.step, i, j, site, slot, last if tiles.law.matches_work and last < limit else limit)
-    return True
-
-
-@njit(**INNER)
-def _record(breaks, step, i, j, site, slot, stretch_before):  # type: ignore[no-untyped-def]
-    """Record a bond that breaks."""
-    n = breaks.used[0]
-    breaks.bonds[n, 0], breaks.bonds[n, 1], breaks.bonds[n, 2] = step, i, j
-    breaks.places[n, 0], breaks.places[n, 1], breaks.stretch_before[n] = site, slot, stretch_before
-    breaks.used[0] = n + 1
-
-
-@njit(**INNER)
-def pull_again(tiles, motion, pulls, breaks, n):  # type: ignore[no-untyped-def]
-    """Add the second pull of the broken bond n to `pulls` (d, .), if it broke one step ago."""
-    if breaks.bonds[n, 0] != motion.step - 1:
-        return
-    site, slot, u = breaks.places[n, 0], breaks.places[n, 1], motion.u
-    t, row, offset = site // ROW, tiles.table[slot], tiles.offsets[slot]
-    i, j, place, memory = tiles.node[site], tiles.node[site + offset], tiles.margin + site, np.int64(tiles.memory[t])
-    pair, worst = pair_number(tiles, i, j), tiles.worst[memory, slot, site % ROW] if memory >= 0 else 0.0
-    near, far = (place, place + offset) if motion.by_sites else (np.int64(i), np.int64(j))
-    stretch = _stretch(row, u, place, offset)
-    last = _stretch_before(row, u, motion.rate, motion.dt, place, offset, near, far)
-    limits = tiles.peak[pair, slot], tiles.limit[pair, slot]
-    pull = second_force(tiles.law, np.float64(stretch), last, breaks.stretch_before[n], worst, *limits)
-    pull *= stiffness(tiles, row, t, place, offset) / (1 + stretch)
-    for axis in range(len(u)):
-        pulls[axis, near] += pull * (row[axis] + (u[axis, place + offset] - u[axis, place]))
-
-
-@cached_njit(nogil=True, error_model="numpy")
-def pull_all_again(tiles, u, rate, dt, step, breaks, out):  # type: ignore[no-untyped-def]
-    """Add the second pulls of the bonds that broke one step ago, N/m^3, to `out` (n, d)."""
-    motion = Motion(u, rate.T, False, dt, step)
-    for n in range(breaks.used[0]):
-        pull_again(tiles, motion, out.T, breaks, n)
-
-
-@njit(**INNER)
-def pair_number(tiles, i, j):  # type: ignore[no-untyped-def]
-    """The row of `peak` and `limit` of bonds between two nodes."""
-    if len(tiles.peak) == 1:
-        return 0
-    return tiles.material[i] * int(np.sqrt(len(tiles.peak)) + 0.5) + tiles.material[j]
-
-
-def soften(tiles: Any, t: Any, slot: Any, lane: Any, stretch: Any, peak: Any, limit: Any) -> bool:
-    """Store the stretch of a bond above its peak, if its law softens; False if its tile has no memory."""
-    raise NotImplementedError("compiled for each law")
-
-
-@overload(soften, jit_options=INNER)
-def _soften(tiles, t, slot, lane, stretch, peak, limit):  # type: ignore[no-untyped-def]
-    pair = _pair(tiles)
-    if pair.softening is None:
-        return lambda tiles, t, slot, lane, stretch, peak, limit: True
-    return _remember if pair.is_curved else _weaken
-
-
-def _remember(tiles, t, slot, lane, stretch, peak, limit):  # type: ignore[no-untyped-def]
-    row = tiles.memory[t]
-    if row < 0:
-        return False
-    if stretch > tiles.worst[row, slot, lane]:
-        tiles.worst[row, slot, lane] = tiles.share[row, slot, lane] = stretch
-    return True
-
-
-def _weaken(tiles, t, slot, lane, stretch, peak, limit):  # type: ignore[no-untyped-def]
-    row = tiles.memory[t]
-    if row < 0:
-        return False
-    if stretch > tiles.worst[row, slot, lane]:
-        tiles.worst[row, slot, lane] = stretch
-        tiles.share[row, slot, lane] = secant(tiles.law, stretch, stretch, peak, limit)
-    return True
-
-
-@njit(**INNER)
-def _stretch(row, u, place, offset):  # type: ignore[no-untyped-def]
-    """The stretch of the bond of a site."""
-    along, square = u.dtype.type(0), u.dtype.type(0)
-    for axis in range(len(u)):
-        eta = u[axis, place + offset] - u[axis, place]
-        along += row[axis] * eta
-        square += eta * eta
-    return _ratio(row[where_inverse(len(u))] * (2 * along + square))
-
-
-@njit(**INNER)
-def _stretch_before(row, u, rate, dt, place, offset, near, far):  # type: ignore[no-untyped-def]
-    """The stretch of the bond of a site one step ago, since when its ends have moved with `rate` (d, .), m/s."""
-    along, square = 0.0, 0.0
-    for axis in range(len(u)):
-        eta = u[axis, place + offset] - u[axis, place] - dt * (rate[axis, far] - rate[axis, near])
-        along += row[axis] * eta
-        square += eta * eta
-    return _ratio(row[where_inverse(len(u))] * (2 * along + square))
-
-
-@njit(**INNER)
-def _ratio(e):  # type: ignore[no-untyped-def]
-    """The stretch at e."""
-    return e / (np.sqrt(1 + e) + 1)
-
-
-@njit(**INNER)
-def stiffness(tiles, row, t, place, offset):  # type: ignore[no-untyped-def]
-    """Stiffness over length of a bond."""
-    kind, axes = tiles.kind[t], len(tiles.axes)
-    if kind in (ALIKE, SOFT_ALIKE):
-        return np.float64(row[where_weight(axes)])
-    c, cells, w = tiles.c, tiles.cells, np.float64(0)
-    for axis in range(axes):
-        w += row[where_weight(axes) + 1 + axis] * (np.float64(c[axis, place]) + np.float64(c[axis, place + offset]))
-    if kind in (GENERAL, SOFT_GENERAL):
-        w *= cells[VOLUME, place + offset] * (cells[MODULUS, place] + cells[MODULUS, place + offset])
-    return w
-
-
-@cached_njit(nogil=True, error_model="numpy")
-def sum_energies_of_tiles(tiles, u, own_strain_energy, own_dissipated, first, last):  # type: ignore[no-untyped-def]
-    """Add the energy densities, J/m^3, that the bonds of nodes in the tiles `first` to `last` - 1 hold and that their
-    softening has spent, to arrays (n,)."""
-    for t in range(first, last):
-        _sum_energies_of_tile(tiles, u, own_strain_energy, own_dissipated, t, np.uint16(EVERY))
-
-
-@cached_njit(nogil=True, error_model="numpy")
-def sum_some_energies(tiles, u, own_strain_energy, own_dissipated, site_mask):  # type: ignore[no-untyped-def]
-    """`sum_energies_of_tiles` of the nodes at `site_mask` sites (16 t,) alone."""
-    for t in range(len(tiles.kind)):
-        lanes = np.uint16(0)
-        for k in range(ROW):
-            if site_mask[t * ROW + k]:
-                lanes |= np.uint16(1) << np.uint16(k)
-        if lanes != 0:
-            _sum_energies_of_tile(tiles, u, own_strain_energy, own_dissipated, t, lanes)
-
-
-@njit(**INNER)
-def _sum_energies_of_tile(tiles, u, own_strain_energy, own_dissipated, t, lanes):  # type: ignore[no-untyped-def]
-    """Add the energy densities that the bonds of some lanes of a tile hold and have spent."""
-    row = tiles.memory[t]
-    for slot in range(len(tiles.offsets)):
-        field, offset, word = tiles.table[slot], tiles.offsets[slot], tiles.bits[t, slot] & lanes
-        if word == 0:
-            continue
-        for k in range(ROW):
-            if (word >> np.uint16(k)) & np.uint16(1):
-                place, i, j = tiles.margin + t * ROW + k, tiles.node[t * ROW + k], tiles.node[t * ROW + k + offset]
-                pair, worst = pair_number(tiles, i, j), tiles.worst[row, slot, k] if row >= 0 else 0.0
-                peak, limit = tiles.peak[pair, slot], tiles.limit[pair, slot]
-                if tiles.unbreakable[i] or tiles.unbreakable[j]:
-                    peak = limit = np.inf
-                c = stiffness(tiles, field, t, place, offset) / field[where_inverse(len(u))] / 4
-                own_strain_energy[i] += bond_strain_energy(
-                    tiles.law, c, _stretch(field, u, place, offset), worst, peak, limit
-                )
-                if worst > 0:
-                    own_dissipated[i] += dissipated_energy(tiles.law, c, worst, peak, limit)
-
-
-@cached_njit(error_model="numpy")
-def recall(tiles, tile, slot, lane, worst):  # type: ignore[no-untyped-def]
-    """Enter the largest stretches `worst` (b,) of bonds in the memory of their tiles."""
-    for b in range(len(tile)):
-        site = tile[b] * ROW + lane[b]
-        pair = pair_number(tiles, tiles.node[site], tiles.node[site + tiles.offsets[slot[b]]])
-        soften(tiles, tile[b], slot[b], lane[b], worst[b], tiles.peak[pair, slot[b]], tiles.limit[pair, slot[b]])

@@ -15,14 +15,14 @@ from numpy.typing import NDArray
 from pdsolve.codegen.inner_functions import INNER
 from pdsolve.codegen.lanes import across, beside, keep
 from pdsolve.codegen.vector_code import ROW
-from pdsolve.lattice.bond import IN_PLACE, sums_in, zeros
-from pdsolve.lattice.sums import (
+from pdsolve.lattice.blocks import BlockMotion
+from pdsolve.lattice.bond import IN_PLACE, zeros
+from pdsolve.lattice.layout import LANES, is_in_tiles
+from pdsolve.lattice.sums import UNAGED, UNDONE, sum_lanes
+from pdsolve.lattice.tiles import (
     EMPTY,
-    UNAGED,
-    UNDONE,
     Breaks,
-    Motion,
-    Tiles,
+    SiteMotion,
     collect_rows,
     copy_breaks,
     has_room,
@@ -32,9 +32,6 @@ from pdsolve.lattice.sums import (
     room_for,
     select_breaks,
 )
-from pdsolve.lattice.sums import sum_lanes as sum_lanes_of_tile
-from pdsolve.operators.simd_lattice.kernel import LANES
-from pdsolve.operators.simd_lattice.kernel import sum_lanes as sum_lanes_of_block
 from pdsolve.operators.simd_lattice.layout import aligned
 from pdsolve.operators.simd_lattice.operator import SimdLattice
 from pdsolve.operators.space_lattice.operator import SpaceLattice
@@ -250,11 +247,6 @@ class MarchedTiles:
             breaks.used[0] = shared
 
 
-def _has_tiles(bonds: Any) -> bool:
-    """Whether the numba type of bonds is that of tiles."""
-    return bool(bonds.instance_class is Tiles)
-
-
 def load_accelerations(bonds: Any, history: Any, state: Any, group: Any, a: Any) -> None:
     """Copy the accelerations of a group's nodes from the state to a (d, lanes)."""
     raise NotImplementedError("compiled for blocks and tiles")
@@ -262,7 +254,7 @@ def load_accelerations(bonds: Any, history: Any, state: Any, group: Any, a: Any)
 
 @overload(load_accelerations, jit_options=INNER)
 def _load_accelerations(bonds, history, state, group, a):  # type: ignore[no-untyped-def]
-    return _load_from_sites if _has_tiles(bonds) else _load_from_lanes
+    return _load_from_sites if is_in_tiles(bonds) else _load_from_lanes
 
 
 def _load_from_sites(bonds, history, state, group, a):  # type: ignore[no-untyped-def]
@@ -284,7 +276,7 @@ def store_accelerations(bonds: Any, history: Any, state: Any, group: Any, a: Any
 
 @overload(store_accelerations, jit_options=INNER)
 def _store_accelerations(bonds, history, state, group, a):  # type: ignore[no-untyped-def]
-    return _store_at_sites if _has_tiles(bonds) else _store_in_lanes
+    return _store_at_sites if is_in_tiles(bonds) else _store_in_lanes
 
 
 def _store_at_sites(bonds, history, state, group, a):  # type: ignore[no-untyped-def]
@@ -310,7 +302,7 @@ def sum_group(bonds: Any, history: Any, state: Any, sweep: Any, has_failure_forc
 
 @overload(sum_group, jit_options=IN_PLACE)
 def _sum_group(bonds, history, state, sweep, has_failure_forces, group, f):  # type: ignore[no-untyped-def]
-    if _has_tiles(bonds):
+    if is_in_tiles(bonds):
         return _sum_tile
     return lambda bonds, history, state, sweep, has_failure_forces, group, f: READY  # never asked for
 
@@ -318,13 +310,14 @@ def _sum_group(bonds, history, state, sweep, has_failure_forces, group, f):  # t
 def _sum_tile(bonds, history, state, sweep, has_failure_forces, group, f):  # type: ignore[no-untyped-def]
     if not has_room(bonds, history):
         return NO_ROOM
-    motion, place = Motion(sweep.u, sweep.v, True, sweep.dt, sweep.step), bonds.margin + group * ROW
     failure_forces = sweep.next_v  # of bonds that soften or break: their place is free until the tile is advanced
+    motion = SiteMotion(sweep.u, sweep.v, True, sweep.dt, sweep.step, failure_forces, state.dissipated)
+    place = bonds.margin + group * ROW
     if not has_failure_forces[group]:
         for lane in range(0, ROW, across(sweep.u)):
             keep(zeros(sweep.u, bonds.axes), failure_forces, place + lane)
     for lane in range(0, ROW, across(sweep.u)):
-        status, sums = sum_lanes_of_tile(bonds, motion, failure_forces, state.dissipated, history, group, lane)
+        status, sums = sum_lanes(bonds, history, motion, group, lane)
         keep(sums, f, lane)
         if status != UNAGED:
             has_failure_forces[group] = True
@@ -345,7 +338,7 @@ def never_waits(bonds: Any) -> Any:
 
 @overload(never_waits, jit_options=IN_PLACE)
 def _never_waits(bonds):  # type: ignore[no-untyped-def]
-    return (lambda bonds: False) if _has_tiles(bonds) else (lambda bonds: True)
+    return (lambda bonds: False) if is_in_tiles(bonds) else (lambda bonds: True)
 
 
 def sum_of_lanes(bonds: Any, history: Any, sweep: Any, group: Any, lane: Any) -> Any:
@@ -355,31 +348,30 @@ def sum_of_lanes(bonds: Any, history: Any, sweep: Any, group: Any, lane: Any) ->
 
 @overload(sum_of_lanes, jit_options=IN_PLACE)
 def _sum_of_lanes(bonds, history, sweep, group, lane):  # type: ignore[no-untyped-def]
-    if _has_tiles(bonds):
+    if is_in_tiles(bonds):
         return lambda bonds, history, sweep, group, lane: zeros(sweep.u, bonds.axes)  # never asked for
     return _sum_lanes_of_block
 
 
 def _sum_lanes_of_block(bonds, history, sweep, group, lane):  # type: ignore[no-untyped-def]
-    s = bonds.scratch[0]
-    sum_lanes_of_block(bonds, history, sweep.u, sweep.previous_u, sweep.step, group, lane, s)
-    return beside(sums_in(s, bonds.axes), bonds.axes, 0)
+    motion = BlockMotion(sweep.u, sweep.previous_u, sweep.step, bonds.scratch[0])
+    return sum_lanes(bonds, history, motion, group, lane)[1]
 
 
-def add_second_forces(bonds: Any, history: Any, sweep: Any, has_failure_forces: Any) -> None:
+def add_second_forces(bonds: Any, history: Any, state: Any, sweep: Any, has_failure_forces: Any) -> None:
     """Begin the sums of the thread's groups with the second forces of bonds that broke one step ago."""
     raise NotImplementedError("compiled for blocks and tiles")
 
 
 @overload(add_second_forces, jit_options=INNER)
-def _add_second_forces(bonds, history, sweep, has_failure_forces):  # type: ignore[no-untyped-def]
-    if _has_tiles(bonds):
+def _add_second_forces(bonds, history, state, sweep, has_failure_forces):  # type: ignore[no-untyped-def]
+    if is_in_tiles(bonds):
         return _add_second_forces_to_tiles
-    return lambda bonds, history, sweep, has_failure_forces: None  # lanes look at their bonds
+    return lambda bonds, history, state, sweep, has_failure_forces: None  # lanes look at their bonds
 
 
-def _add_second_forces_to_tiles(bonds, history, sweep, has_failure_forces):  # type: ignore[no-untyped-def]
-    motion = Motion(sweep.u, sweep.v, True, sweep.dt, sweep.step)
+def _add_second_forces_to_tiles(bonds, history, state, sweep, has_failure_forces):  # type: ignore[no-untyped-def]
+    motion = SiteMotion(sweep.u, sweep.v, True, sweep.dt, sweep.step, sweep.next_v, state.dissipated)
     end = first = history.used[0]
     while first > 0 and history.bonds[first - 1, 0] == sweep.step - 1:
         first -= 1
@@ -389,4 +381,4 @@ def _add_second_forces_to_tiles(bonds, history, sweep, has_failure_forces):  # t
             has_failure_forces[tile] = True
             place = bonds.margin + tile * ROW
             sweep.next_v[:, place : place + ROW] = 0
-        pull_again(bonds, motion, sweep.next_v, history, n)
+        pull_again(bonds, motion, history, n)

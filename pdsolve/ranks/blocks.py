@@ -14,9 +14,10 @@ from numpy.typing import NDArray
 from pdmesh.model.neighbours import ROWS
 from pdsolve.bonds.assembly import BondSource, BondStatistics, Part
 from pdsolve.codegen.vector_code import ROW
+from pdsolve.lattice.blocks import Blocks
+from pdsolve.lattice.layout import LANES
 from pdsolve.laws.law import Law
 from pdsolve.numerics.team import PASSED, Team
-from pdsolve.operators.simd_lattice.kernel import LANES, Blocks
 from pdsolve.operators.simd_lattice.layout import (
     Slots,
     Tables,

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import math
 
+from pdsolve.lattice.layout import LANES
 from pdsolve.laws import law_of
 from pdsolve.model import Model
 from pdsolve.numerics.team import Team
-from pdsolve.operators.simd_lattice.kernel import LANES
 from pdsolve.options import Options
 from pdsolve.ranks import part
 from pdsolve.ranks.slabs import Slab, slabs_of, starts_of

@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from pdsolve.lattice.layout import LANES
 from pdsolve.numerics.team import NAP, SPIN, Team
-from pdsolve.operators.simd_lattice.kernel import LANES
 from pdsolve.ranks.slabs import Slab
 
 EXCHANGED = 7  # tag of messages

@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 
 from pdmesh.model.neighbours import ROUND_OFF, ROWS, Neighbours
 from pdmesh.model.node_grid import Grid
+from pdsolve.lattice.layout import LANES
 from pdsolve.model import Model, ModelError
-from pdsolve.operators.simd_lattice.kernel import LANES
 
 BESIDE = 2  # reaches: corrections of a bond depend on the families of both its ends
 

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from pdmesh.model.neighbours import Pairs, lengths
 from pdsolve.bonds.assembly import Counted
 from pdsolve.codegen.vector_code import ROW
-from pdsolve.lattice.sums import EMPTY, Tiles
+from pdsolve.lattice.tiles import EMPTY, Tiles
 from pdsolve.laws import law_of
 from pdsolve.model import Model
 from pdsolve.operators.space_lattice import families, layout
@@ -59,8 +59,8 @@ def tiled(model: Model, kind: type[np.floating], unbreakable: bool = False) -> T
         return None
     count = families.counts(bits, sites)
     tiles = layout.tiles_of(law, sites, bits, springs)
-    squared = 1 / tiles.table[:, INVERSE]
-    n = tiles.table[:, :3] / np.sqrt(squared)[:, None]
+    squared = 1 / tiles.vectors[:, INVERSE]
+    n = tiles.vectors[:, :3] / np.sqrt(squared)[:, None]
     for rows, bond_energy in _in_parts(tiles, sites, shares(n) * squared[:, None] / 2):  # surface corrections
         tiles.c[:, sites.site[rows]] = rule.lack_in_space(rows, bond_energy.reshape(-1, 3, 3)).T
     layout.sort(tiles)
@@ -120,9 +120,9 @@ def _in_parts(
 
 def _bound(tiles: Tiles, sites: Sites) -> NDArray[np.float64]:
     """The largest eigenvalue (n,) of the sum of k n n^T over a node's bonds; see `stiffness_bound` of lists."""
-    n = tiles.table[:, :3] * np.sqrt(tiles.table[:, INVERSE])[:, None]
+    n = tiles.vectors[:, :3] * np.sqrt(tiles.vectors[:, INVERSE])[:, None]
     weights = (n[:, :, None] * n[:, None, :]).reshape(-1, 9)
-    inner = np.einsum("k,kp->p", tiles.table[:, PULL], weights)
+    inner = np.einsum("k,kp->p", tiles.vectors[:, PULL], weights)
     stiffness_bound = np.full(len(sites.site), float(np.linalg.eigvalsh(inner.reshape(3, 3))[-1]))
     for rows, sums in _in_parts(tiles, sites, weights):
         stiffness_bound[rows] = np.linalg.eigvalsh(sums.reshape(-1, 3, 3))[:, -1]

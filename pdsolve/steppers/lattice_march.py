@@ -19,7 +19,7 @@ from pdsolve.codegen.inner_functions import INNER
 from pdsolve.codegen.jit_cache import cached_njit
 from pdsolve.codegen.lanes import across, beside, keep, same
 from pdsolve.conditions import Drive, apply_loads, constrained_components
-from pdsolve.lattice.bond import IN_PLACE, advanced, divided, multiplied
+from pdsolve.lattice.bond import IN_PLACE, advanced, divided, kick_and_drift, multiplied
 from pdsolve.numerics.thread_team import gate_of, meet, side_by_side
 from pdsolve.operators.contact.kernel import Pushes, push_anew
 from pdsolve.operators.contact.operator import PenaltyContact
@@ -245,7 +245,7 @@ def sweep_groups_of_thread(bonds, history, arrays, drive, state, pushes, dt, swe
         step, is_last = sweeps.first_step + number - 1, number == sweeps.end_step - sweeps.first_step
         sweep = Sweep(number, step, dt, *of_u, *of_v, number == 0, is_last)
         if number > 0 and not sweeps.only_waiting_groups:
-            _begin_step(bonds, history, arrays, drive, sweep, thread, gate)
+            _begin_step(bonds, history, arrays, drive, state, sweep, thread, gate)
         for turn in range(count * thread // gate.threads, count * (thread + 1) // gate.threads):
             which = arrays.groups[turn]
             if not sweeps.only_waiting_groups or arrays.waiting_reason[which] != READY:
@@ -268,13 +268,13 @@ def _push_pairs_anew(pushes, arrays, number, thread, gate):  # type: ignore[no-u
 
 
 @njit(**INNER)
-def _begin_step(bonds, history, arrays, drive, sweep, thread, gate):  # type: ignore[no-untyped-def]
+def _begin_step(bonds, history, arrays, drive, state, sweep, thread, gate):  # type: ignore[no-untyped-def]
     """Apply the loads of a step, and begin the sums of the thread's groups."""
     if drive.varies:
         if thread == 0:
             apply_loads(drive, sweep.step * sweep.dt)
         meet(gate)
-    add_second_forces(bonds, history, sweep, arrays.has_failure_forces)
+    add_second_forces(bonds, history, state, sweep, arrays.has_failure_forces)
 
 
 @njit(**IN_PLACE)
@@ -332,11 +332,8 @@ def _over_density(force, rho, inverse_rho, at):  # type: ignore[no-untyped-def]
 @njit(**IN_PLACE)
 def _advance_lanes_without_loads(arrays, sweep, f, at):  # type: ignore[no-untyped-def]
     """End a step for the lanes at the places from `at` on, with their force densities, and begin the next one."""
-    axes, dt, half = arrays.axes, same(sweep.u, sweep.dt), same(sweep.u, sweep.dt / 2)
     a = over_density(f, arrays.rho, arrays.inverse_rho, at)
-    v = advanced(advanced(beside(sweep.v, axes, at), a, half), a, half)
-    keep(v, sweep.next_v, at)
-    keep(advanced(beside(sweep.u, axes, at), v, dt), sweep.next_u, at)
+    kick_and_drift(sweep.u, sweep.next_u, sweep.v, sweep.next_v, a, sweep.dt, arrays.axes, at)
 
 
 @njit(**INNER)

@@ -224,7 +224,7 @@ def test_refining_looks_at_all_that_changes() -> None:
         LAW,
         before.full_body,
         before.cell_kinds.copy(),
-        compute_vertex_force(LAW, before.full_body.fine_lattice.tiles.table, H),
+        compute_vertex_force(LAW, before.full_body.fine_lattice.tiles.vectors, H),
     )
     assert np.array_equal(again.sites, after.sites)
     for one, other in zip(again.volumes_and_bond_counts, after.volumes_and_bond_counts, strict=True):

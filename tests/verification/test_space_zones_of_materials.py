@@ -33,7 +33,7 @@ def halves(other: Material) -> HybridBodyOperator:
         built = pdmesh.build(body)
     whole = expect_body_zone_operator(prepare(Model(built.grid, built.settings), Options(threads=1)).system).full_body
     whole.fine_lattice.tiles.c[:, whole.fine_sites.site] = 1
-    return at_random(whole, 2, compute_vertex_force(LAW, whole.fine_lattice.tiles.table, H))
+    return at_random(whole, 2, compute_vertex_force(LAW, whole.fine_lattice.tiles.vectors, H))
 
 
 @pytest.mark.slow
@@ -43,7 +43,7 @@ def test_any_linear_field_is_in_equilibrium_in_each_material(other: Material) ->
     operator, gradient = halves(other), np.random.default_rng(2).standard_normal((3, 3))
     x = place(operator)
     u = SMALL * H * x @ gradient.T
-    c11 = cubic_stiffness(operator.full_body.fine_lattice.tiles.table).c11
+    c11 = cubic_stiffness(operator.full_body.fine_lattice.tiles.vectors).c11
     force = (operator.forces_at_displacements(u) - operator.forces_at_displacements(-u)) / 2 / SMALL / H**2 / c11
     inner = ((x > 7) & (x < [45, 13, 13])).all(axis=1)
     if other is HARD:

@@ -21,12 +21,12 @@ from pdsolve.adaptivity.collocation.simd_rows import (
     store_row_forces_by_square_roots,
 )
 from pdsolve.adaptivity.collocation.zone import COARSE, FINE
+from pdsolve.codegen.inner_functions import INNER
 from pdsolve.codegen.jit_cache import cached_njit
 from pdsolve.codegen.vector_code import ROW
 from pdsolve.conditions import apply_loads
 from pdsolve.laws.calls import added_force, broken_energy, second_share
 from pdsolve.numerics.thread_team import meet
-from pdsolve.operators.simd_lattice.kernel import INNER
 from pdsolve.steppers.holds import accelerate_held_component_and_book_work, prescribe_held_u_and_v
 
 DONE, SWITCH, ROOM = range(3)  # how a march ends: at its last step; as nodes are to be made fine; for want of room

@@ -10,11 +10,11 @@ import numpy as np
 from numba import njit
 
 from pdsolve.adaptivity.collocation.layout import CUT, EDGE, KNOWN, WHOLE, is_bond_cut, mark_bond_cut
+from pdsolve.codegen.inner_functions import INNER
 from pdsolve.codegen.jit_cache import cached_njit
 from pdsolve.codegen.lanes import across, beside, intact, keep, larger, same, stacked, unless_none, which_above
 from pdsolve.codegen.pull import coefficients
 from pdsolve.codegen.vector_code import ROW
-from pdsolve.operators.simd_lattice.kernel import INNER
 
 PLANE, ONE = (0, 0), (0,)
 G0, G1, G2, G3, G4, G5, G6, G7, G8, G9, G10 = coefficients("float64")[1]

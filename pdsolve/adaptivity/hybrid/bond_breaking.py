@@ -12,10 +12,11 @@ from pdsolve.adaptivity.hybrid.clipped_bonds import (
 )
 from pdsolve.adaptivity.hybrid.energy import spring_quadratic_strain
 from pdsolve.adaptivity.hybrid.precracks import is_unbreakable, peak_and_limit_strain
+from pdsolve.codegen.inner_functions import INNER
 from pdsolve.codegen.vector_code import ROW
+from pdsolve.lattice.bond import displaced
 from pdsolve.laws.calls import added_force, broken_energy, second_share
 from pdsolve.laws.pair_laws.bilinear import dissipated_share
-from pdsolve.operators.simd_lattice.kernel import INNER, displaced
 
 
 @njit(forceinline=True, **INNER)

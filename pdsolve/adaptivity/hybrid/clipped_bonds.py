@@ -28,9 +28,9 @@ from pdsolve.adaptivity.hybrid.precracks import (
     peak_and_limit_strain,
 )
 from pdsolve.adaptivity.hybrid.springs import WINDOW
+from pdsolve.codegen.inner_functions import INNER
 from pdsolve.codegen.vector_code import ROW
 from pdsolve.laws.pair_laws.bilinear import intact_share
-from pdsolve.operators.simd_lattice.kernel import INNER
 
 EVERY = (1 << WINDOW**2) - 1  # all cells that bonds of a node could pass through
 

@@ -10,10 +10,12 @@ from numba.extending import overload
 
 from pdsolve.adaptivity.hybrid.lattice import FREE, IDLE
 from pdsolve.adaptivity.hybrid.springs import INVERSE, STIFFNESS, X, Y
+from pdsolve.codegen.inner_functions import INNER
 from pdsolve.codegen.jit_cache import cached_njit
 from pdsolve.codegen.lanes import across, beside, keep, same, unless_none
 from pdsolve.codegen.vector_code import ROW
-from pdsolve.operators.simd_lattice.kernel import INNER, ONE, PLANE, displaced
+from pdsolve.lattice.bond import displaced
+from pdsolve.lattice.layout import ONE, PLANE
 
 
 @njit(forceinline=True, **INNER)

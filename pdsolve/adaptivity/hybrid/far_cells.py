@@ -40,9 +40,10 @@ from pdsolve.adaptivity.hybrid.lattice import (
 )
 from pdsolve.adaptivity.hybrid.nodes import set_coarse_node_properties
 from pdsolve.adaptivity.hybrid.precracks import is_unbreakable
+from pdsolve.codegen.inner_functions import INNER
 from pdsolve.codegen.vector_code import ROW
+from pdsolve.lattice.bond import displaced
 from pdsolve.numerics.dilation import in_square
-from pdsolve.operators.simd_lattice.kernel import INNER, displaced
 
 WORTH_FAR = 2**20  # cells of 2 h: in smaller plates the steps of far ones cost too little to save
 AWAY = 16  # cells of 2 h between what is not a plain coarse cell and far ones, at the start

@@ -17,8 +17,8 @@ from pdsolve.adaptivity.hybrid.lattice import (
     far_place,
     far_row,
 )
+from pdsolve.codegen.inner_functions import INNER
 from pdsolve.codegen.vector_code import ROW
-from pdsolve.operators.simd_lattice.kernel import INNER
 
 
 @njit(forceinline=True, **INNER)

@@ -21,13 +21,14 @@ from pdsolve.adaptivity.hybrid.bond_breaking import (
 from pdsolve.adaptivity.hybrid.damping import book_damped_energy, damp_forces
 from pdsolve.adaptivity.hybrid.energy import piece_end_displacement, spring_quadratic_strain
 from pdsolve.codegen.atomics import counted, take
-from pdsolve.codegen.block_slots import kick_and_drift
-from pdsolve.codegen.lanes import across
+from pdsolve.codegen.inner_functions import INNER
+from pdsolve.codegen.lanes import across, beside
 from pdsolve.codegen.vector_code import ROW
 from pdsolve.conditions import factor_at
+from pdsolve.lattice.bond import IN_PLACE, displaced, kick_and_drift, multiplied, sums_in
+from pdsolve.lattice.layout import ONE, PLANE
 from pdsolve.lattice.rows import sum_green, sum_narrow, sum_wide
 from pdsolve.numerics.thread_team import meet, wait
-from pdsolve.operators.simd_lattice.kernel import INNER, PLANE, displaced
 
 # Places in `PlateZone.job_counters`, in memory of its own each: how many parts of a job threads have taken.
 SUM = 0  # forces on fine rows
@@ -205,6 +206,13 @@ def _merge_breaking_rows(zone):  # type: ignore[no-untyped-def]
     zone.breaking_row_counts[0] = count
 
 
+@njit(**IN_PLACE)
+def _kick_and_drift(nodes, u, after, dt, at, s):  # type: ignore[no-untyped-def]
+    """Kick and drift the nodes of some lanes from `at` on, whose forces are in s."""
+    a = multiplied(beside(sums_in(s, PLANE), PLANE, 0), beside(nodes.inverse_mass, ONE, at)[0])
+    kick_and_drift(u, after, nodes.v, nodes.v, a, dt, PLANE, at)
+
+
 @njit(**INNER)
 def _move_fine_rows(zone, buffer, dt, velocity_lag, ends_sequence, thread):  # type: ignore[no-untyped-def]
     """Kick and drift all fine rows; where a sequence `ends_sequence`, their damped forces are kept instead."""
@@ -223,7 +231,7 @@ def _move_fine_rows(zone, buffer, dt, velocity_lag, ends_sequence, thread):  # t
                     store_lane_sums_as_forces(fine.f, p, wide, s)
                 else:
                     book_damped_energy(fine, p, wide, dt, s, True, True)
-                    kick_and_drift(u, after, fine.v, fine.inverse_mass, dt, dt / 2, p, s)
+                    _kick_and_drift(fine, u, after, dt, p, s)
 
 
 @njit(**INNER)
@@ -310,7 +318,7 @@ def _sum_and_move_rows(  # type: ignore[no-untyped-def]
                     store_lane_sums_as_forces(nodes.f, q, wide, s)
                 if not ends_sequence:
                     book_damped_energy(nodes, q, wide, dt, s, True, True)
-                    kick_and_drift(u, after, nodes.v, nodes.inverse_mass, dt, dt / 2, q, s)
+                    _kick_and_drift(nodes, u, after, dt, q, s)
             nodes.has_large_stretch[row] = hot > 0
 
 

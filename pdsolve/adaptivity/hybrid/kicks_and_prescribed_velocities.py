@@ -8,9 +8,9 @@ from __future__ import annotations
 from numba import njit
 
 from pdsolve.adaptivity.hybrid.damping import book_damped_energy
+from pdsolve.codegen.inner_functions import INNER
 from pdsolve.codegen.vector_code import ROW
 from pdsolve.conditions import DISPLACEMENT, VELOCITY, factor_at
-from pdsolve.operators.simd_lattice.kernel import INNER
 
 
 @njit(**INNER)

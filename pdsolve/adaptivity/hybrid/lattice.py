@@ -12,8 +12,8 @@ from typing import NamedTuple
 
 from numba import njit
 
+from pdsolve.codegen.inner_functions import INNER
 from pdsolve.codegen.vector_code import ROW
-from pdsolve.operators.simd_lattice.kernel import INNER
 
 LEFT = ROW  # idle places before each row of nodes
 BELOW = 8  # idle rows of fine nodes below and above

@@ -34,10 +34,11 @@ from pdsolve.adaptivity.hybrid.regrid import (
     refine_and_list_cells_in_disc,
     refine_cells,
 )
+from pdsolve.codegen.inner_functions import INNER
 from pdsolve.codegen.jit_cache import cached_njit
 from pdsolve.codegen.vector_code import ROW
+from pdsolve.lattice.bond import displaced
 from pdsolve.numerics.thread_team import meet
-from pdsolve.operators.simd_lattice.kernel import INNER, displaced
 
 DONE, ROOM, CLIP = 0, 1, 2  # how a march ends: at its last step; for want of room; as a clipped bond is over its limit
 SPARE = 64  # rows: room for so many more is always kept

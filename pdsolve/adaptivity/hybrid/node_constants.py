@@ -8,8 +8,8 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from pdsolve.codegen.inner_functions import INNER
 from pdsolve.codegen.vector_code import ROW
-from pdsolve.operators.simd_lattice.kernel import INNER
 
 
 class NodeConstants(NamedTuple):

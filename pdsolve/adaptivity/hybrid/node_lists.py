@@ -9,9 +9,9 @@ from numba import njit
 from numpy.typing import NDArray
 
 from pdsolve.adaptivity.hybrid.lattice import BELOW, BELOW_COARSE, FREE, IDLE, LEFT
+from pdsolve.codegen.inner_functions import INNER
 from pdsolve.codegen.jit_cache import cached_njit
 from pdsolve.codegen.vector_code import ROW
-from pdsolve.operators.simd_lattice.kernel import INNER
 
 
 class NodeLists(NamedTuple):

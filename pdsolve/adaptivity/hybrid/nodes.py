@@ -20,8 +20,8 @@ from pdsolve.adaptivity.hybrid.lattice import (
     fine_row,
 )
 from pdsolve.adaptivity.hybrid.precracks import is_visible
+from pdsolve.codegen.inner_functions import INNER
 from pdsolve.codegen.vector_code import ROW
-from pdsolve.operators.simd_lattice.kernel import INNER
 
 
 @njit(**INNER)

@@ -8,8 +8,8 @@ from numpy.typing import NDArray
 
 from pdsolve.adaptivity.hybrid.lattice import cell_place, coarse_place
 from pdsolve.adaptivity.hybrid.node_constants import value_at_node
+from pdsolve.codegen.inner_functions import INNER
 from pdsolve.codegen.jit_cache import cached_njit
-from pdsolve.operators.simd_lattice.kernel import INNER
 
 SLACK = 1e-6  # of a spacing: pre-cracks are that much longer at both ends, as in pdmesh.model.visibility
 

@@ -35,8 +35,8 @@ from pdsolve.adaptivity.hybrid.nodes import (
     set_fine_node_kind_and_mass,
 )
 from pdsolve.adaptivity.hybrid.swelling import set_piece_swelling_offsets, swelling_offset_from_line
+from pdsolve.codegen.inner_functions import INNER
 from pdsolve.codegen.vector_code import ROW
-from pdsolve.operators.simd_lattice.kernel import INNER
 
 
 @njit(**INNER)

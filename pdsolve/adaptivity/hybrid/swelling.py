@@ -19,9 +19,9 @@ from pdsolve.adaptivity.hybrid.energy import piece_energy, store_half_spring_ene
 from pdsolve.adaptivity.hybrid.forces import interpolate_border_nodes
 from pdsolve.adaptivity.hybrid.lattice import FREE, coarse_column, coarse_place, coarse_row, fine_place
 from pdsolve.adaptivity.hybrid.node_constants import value_at_node
+from pdsolve.codegen.inner_functions import INNER
 from pdsolve.codegen.jit_cache import cached_njit
 from pdsolve.codegen.vector_code import ROW
-from pdsolve.operators.simd_lattice.kernel import INNER
 
 
 def set_piece_swelling_offsets(lattice: Any, zone: Any) -> None:

@@ -31,8 +31,8 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from pdsolve.codegen.inner_functions import INNER
 from pdsolve.codegen.jit_cache import cached_njit
-from pdsolve.operators.simd_lattice.kernel import INNER
 
 LOOSE = 0.5  # length of a normal that is none
 FACING, ASKEW = 0.3, 0.8  # cosine of two normals below which they face each other, above which they do not

@@ -12,8 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pdsolve.bonds.assembly import Bonds
-from pdsolve.codegen.block_slots import LANES
 from pdsolve.lattice.families import SAFE
+from pdsolve.lattice.layout import LANES
 from pdsolve.laws.bond_arrays import Bond, Now, Tabled
 from pdsolve.laws.calls import functions_of
 from pdsolve.laws.law import Law

@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pdsolve.codegen.block_slots import FAR
 from pdsolve.codegen.pull import NARROW, WIDE, coefficients, stretch_coefficients
+from pdsolve.lattice.layout import FAR
 from pdsolve.laws.calls import added_force, broken_energy, functions_of, second_force
 from pdsolve.laws.law import Function, Law
 from pdsolve.operators.device.translation import DOUBLE, Translation

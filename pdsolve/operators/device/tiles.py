@@ -8,17 +8,17 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pdsolve.codegen.block_slots import BOUND, PULL
 from pdsolve.codegen.pull import NARROW
 from pdsolve.codegen.vector_code import ROW
 from pdsolve.errors import UnstableError
-from pdsolve.lattice.sums import Breaks, Tiles, recall
+from pdsolve.lattice.blocks import BOUND, LIMITS, PULL, Blocks
+from pdsolve.lattice.layout import LANES
+from pdsolve.lattice.tiles import Breaks, Tiles, recall
 from pdsolve.laws.law import Law
 from pdsolve.operators.device.nodes import NodesOnDevice
 from pdsolve.operators.device.runtime import Session
 from pdsolve.operators.device.source import pair_functions, together
 from pdsolve.operators.simd_lattice import layout as block_layout
-from pdsolve.operators.simd_lattice.kernel import LANES, LIMITS, Blocks
 from pdsolve.operators.simd_lattice.operator import SimdLattice
 from pdsolve.operators.space_lattice import families, layout
 from pdsolve.operators.space_lattice.operator import SpaceLattice
@@ -170,13 +170,13 @@ class SpaceOnDevice(BondsOnDevice, SpaceLattice):
         node = np.full(self.room, -1, dtype=np.int32)
         node[sites.site] = np.arange(len(sites.site))
         c, cells = (np.pad(array, ((0, 0), (0, self.room - array.shape[1]))) for array in (tiles.c, tiles.cells))
-        tables = {"offsets": tiles.offsets, "table": tiles.table, "c": c, "cells": cells, "kind": tiles.kind}
+        tables = {"offsets": tiles.offsets, "table": tiles.vectors, "c": c, "cells": cells, "kind": tiles.kind}
         tables |= {"node": node, "held": self.spread(tiles.unbreakable.astype(np.uint8))}
         tables |= {"material": self.spread(tiles.material), "peak": tiles.peak, "limit": tiles.limit}
         numbers = {"SITES": "", "MARGIN": tiles.margin, "COUNT": count, "PAIRS": len(tiles.peak)}
         numbers |= {"MATERIALS": round(len(tiles.peak) ** 0.5), "NEAR": float(tiles.near).hex()}
         bonds = int(families.counts(tiles.bits, sites).sum())
-        self.scheme, self.together = ("FUSED", "DIVIDES"), together(session.about.kind, tiles.table.dtype)
+        self.scheme, self.together = ("FUSED", "DIVIDES"), together(session.about.kind, tiles.vectors.dtype)
         self._upload_bonds(session, tables, bonds, np.zeros(0), **numbers)
 
     def _masks(self) -> NDArray[np.uint16]:

@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pdsolve.bonds.assembly import Bonds
-from pdsolve.codegen.block_slots import LANES
 from pdsolve.lattice.families import KIND, FamilySlots
+from pdsolve.lattice.layout import LANES
 from pdsolve.laws.bond_arrays import Tabled
 from pdsolve.laws.law import Law
 from pdsolve.operators.simd_lattice import layout

@@ -16,13 +16,13 @@ from numpy.typing import NDArray
 
 from pdmesh.model.neighbours import lengths
 from pdsolve.checkpoint_validation import expect_found
-from pdsolve.codegen.block_slots import BOUND, FAR, PULL, VECTOR, VECTOR_WIDTH
 from pdsolve.codegen.pull import NARROW
 from pdsolve.codegen.vector_code import ROW
+from pdsolve.lattice.blocks import BOUND, LIMITS, PULL, Blocks, scratch_size
 from pdsolve.lattice.bond import where_inverse
+from pdsolve.lattice.layout import FAR, LANES, VECTOR, VECTOR_WIDTH
 from pdsolve.laws.law import Law
 from pdsolve.laws.pair import no_bonds
-from pdsolve.operators.simd_lattice.kernel import LANES, LIMITS, Blocks, scratch_size
 
 SAME_PLACE = 1e-11  # of the longest: components of reference vectors this close are one
 SAME_STIFFNESS = 1e-13  # of the largest: stiffnesses this close are one

@@ -8,23 +8,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pdsolve.checkpoint_validation import entry
-from pdsolve.codegen.block_slots import BOUND
+from pdsolve.lattice.blocks import BOUND, LIMITS, PENDING, PENDING_SHORT, Blocks, Tracks, energy_densities
+from pdsolve.lattice.layout import LANES
+from pdsolve.lattice.sums import sum_blocks
 from pdsolve.laws.calls import bind
 from pdsolve.laws.law import Law
 from pdsolve.numerics.thread_team import side_by_side
 from pdsolve.operators.pending_pulls import PendingPulls, last_breaks, pending_to_arrays, read_pending_pulls
 from pdsolve.operators.protocol import CheckpointArrays
 from pdsolve.operators.simd_lattice import layout
-from pdsolve.operators.simd_lattice.kernel import (
-    LANES,
-    LIMITS,
-    PENDING,
-    PENDING_SHORT,
-    Blocks,
-    Tracks,
-    energy_densities,
-    sum_blocks,
-)
 from pdsolve.operators.simd_lattice.layout import aligned
 from pdsolve.state import Broken, State, Unknown
 

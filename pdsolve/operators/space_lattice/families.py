@@ -9,10 +9,10 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from pdsolve.codegen.inner_functions import INNER
 from pdsolve.codegen.jit_cache import cached_njit
 from pdsolve.codegen.vector_code import ROW
-from pdsolve.lattice.sums import ALIKE, CORRECTED, EMPTY, GENERAL, stiffness
-from pdsolve.operators.simd_lattice.kernel import INNER
+from pdsolve.lattice.tiles import ALIKE, CORRECTED, EMPTY, GENERAL, stiffness
 from pdsolve.operators.space_lattice.sites import Sites, strides_of
 
 FULL = np.uint16(2**ROW - 1)  # bits of a slot that all lanes have
@@ -112,6 +112,6 @@ def sum_bonds(tiles, weights, tile_numbers, sums):  # type: ignore[no-untyped-de
                 continue
             for slot in range(len(tiles.offsets)):
                 if (tiles.bits[t, slot] >> np.uint16(lane)) & np.uint16(1):
-                    w = stiffness(tiles, tiles.table[slot], t, tiles.margin + site, tiles.offsets[slot])
+                    w = stiffness(tiles, tiles.vectors[slot], t, tiles.margin + site, tiles.offsets[slot])
                     for p in range(weights.shape[1]):
                         row[p] += w * weights[slot, p]

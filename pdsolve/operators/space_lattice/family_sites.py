@@ -12,7 +12,7 @@ from pdsolve.bonds.assembly import Bonds
 from pdsolve.codegen.jit_cache import cached_njit
 from pdsolve.codegen.vector_code import ROW
 from pdsolve.lattice.families import FamilyTiles
-from pdsolve.lattice.sums import place_rows
+from pdsolve.lattice.tiles import place_rows
 from pdsolve.laws.bond_arrays import Tabled
 from pdsolve.laws.law import Law
 from pdsolve.model import Model
@@ -123,7 +123,6 @@ def _tiles(placed: Placed, bonds: Bonds, tabled: Tabled, kind: np.dtype[Any]) ->
         ahead=sites.ways[:, 0].astype(np.int32),
         vectors=vectors.astype(kind),
         bits=bits,
-        filled=np.asarray((sites.node.reshape(-1, ROW) >= 0).any(axis=1)),
         lines=np.pad(lines, beyond),
         numbers=aligned(numbers.astype(kind)),
         volume=aligned(size.astype(kind)),

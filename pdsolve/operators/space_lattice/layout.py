@@ -13,7 +13,7 @@ from pdsolve.checkpoint_validation import expect_found
 from pdsolve.codegen.pull import NARROW
 from pdsolve.codegen.vector_code import ROW
 from pdsolve.lattice.bond import FIELDS, where_inverse, where_weight
-from pdsolve.lattice.sums import MODULUS, SOFTENED, UNBREAKABLE, VOLUME, Breaks, Tiles, select_breaks
+from pdsolve.lattice.tiles import MODULUS, SOFTENED, UNBREAKABLE, VOLUME, Breaks, Tiles, select_breaks
 from pdsolve.laws.calls import pair_of
 from pdsolve.laws.law import Law
 from pdsolve.laws.pair import no_bonds
@@ -23,7 +23,7 @@ from pdsolve.operators.space_lattice import families
 from pdsolve.operators.space_lattice.sites import Sites
 from pdsolve.state import Broken
 
-INVERSE, PULL, SHARES = where_inverse(3), where_weight(3), where_weight(3) + 1  # in a row of `Tiles.table`
+INVERSE, PULL, SHARES = where_inverse(3), where_weight(3), where_weight(3) + 1  # in a row of `Tiles.vectors`
 SAME = 1e-11  # relative: stiffnesses this close are one
 LOOKED_AT = 1024  # rows whose pairs are looked at together, some 100 bytes each
 ROUNDED = 1e-5  # relative: what rounding does to e, and more
@@ -55,7 +55,7 @@ def tiles_of(law: Law, sites: Sites, bits: NDArray[np.uint16], springs: Springs)
         law=no_bonds(law),
         axes=(0, 0, 0),
         offsets=sites.steps.astype(np.int32),
-        table=table_of(sites.ways, sites.spacing, springs.strength),
+        vectors=table_of(sites.ways, sites.spacing, springs.strength),
         bits=bits,
         c=c,
         cells=cells,
@@ -82,7 +82,7 @@ def in_precision(tiles: Tiles, kind: type[np.floating]) -> Tiles:
     if kind is np.float64:
         return tiles
     c, cells = (aligned(array.astype(kind)) for array in (tiles.c, tiles.cells))
-    return tiles._replace(table=tiles.table.astype(kind), c=c, cells=cells, share=tiles.share.astype(kind))
+    return tiles._replace(vectors=tiles.vectors.astype(kind), c=c, cells=cells, share=tiles.share.astype(kind))
 
 
 def extended(tiles: Tiles, tile_numbers: NDArray[np.int64]) -> Tiles:
@@ -110,7 +110,7 @@ def forgetful(tiles: Tiles) -> Tiles:
 
 
 def table_of(ways: NDArray[np.int64], spacing: float, strength: NDArray[np.float64]) -> NDArray[np.float64]:
-    """`Tiles.table` of offsets (k, 3) whose bonds have the stiffness (k,), N/m^3."""
+    """`Tiles.vectors` of offsets (k, 3) whose bonds have the stiffness (k,), N/m^3."""
     xi = ways * spacing
     squared = (xi**2).sum(axis=1)
     table = np.zeros((len(ways), FIELDS))
@@ -146,7 +146,7 @@ def springs(
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Reference vectors (b, 3), m, and force densities for a unit stretch (b,), N/m^3, of bonds that have not
     softened."""
-    row, i, j = tiles.table[slot].astype(np.float64), sites.site[source], sites.site[target]
+    row, i, j = tiles.vectors[slot].astype(np.float64), sites.site[source], sites.site[target]
     c, cells = tiles.c, tiles.cells
     w = (row[:, SHARES : SHARES + 3] * (c[:, i].astype(np.float64) + c[:, j]).T).sum(axis=1)
     w *= cells[VOLUME, j].astype(np.float64) * (cells[MODULUS, i] + cells[MODULUS, j])

@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 
 from pdsolve.checkpoint_validation import entry
 from pdsolve.codegen.vector_code import ROW
-from pdsolve.lattice.sums import (
+from pdsolve.lattice.sums import sum_tiles
+from pdsolve.lattice.tiles import (
     Breaks,
     Tiles,
     copy_breaks,
@@ -22,7 +23,6 @@ from pdsolve.lattice.sums import (
     room_for,
     select_breaks,
     sum_energies_of_tiles,
-    sum_tiles,
 )
 from pdsolve.laws.calls import bind
 from pdsolve.laws.law import Law

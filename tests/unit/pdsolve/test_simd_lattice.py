@@ -15,9 +15,9 @@ from plates import GLASS, plate, square_grid, two_scale_grid
 from system_checks import bonds_of, broken, kept, worst
 
 from pdmesh.model.document import Acceleration, Displacement, Run, Velocity
+from pdsolve.lattice.blocks import Blocks
 from pdsolve.model import ModelError
 from pdsolve.operators.simd_lattice import layout
-from pdsolve.operators.simd_lattice.kernel import Blocks
 from pdsolve.operators.simd_lattice.layout import Distinct
 from pdsolve.operators.simd_lattice.operator import SimdLattice
 from pdsolve.options import Options

@@ -26,10 +26,10 @@ from pdsolve.adaptivity.hybrid.space.box import (
     touches_cell_kind,
 )
 from pdsolve.adaptivity.hybrid.space.divisions import SIDES, WORD, BondDivisions
+from pdsolve.codegen.inner_functions import INNER
 from pdsolve.codegen.jit_cache import cached_njit
 from pdsolve.codegen.vector_code import ROW
-from pdsolve.lattice.sums import VOLUME, Tiles, pair_number, stiffness
-from pdsolve.operators.simd_lattice.kernel import INNER
+from pdsolve.lattice.tiles import VOLUME, Tiles, pair_number, stiffness
 from pdsolve.operators.simd_lattice.layout import aligned
 from pdsolve.operators.space_lattice.layout import INVERSE
 
@@ -237,7 +237,7 @@ def _bond_stiffness(fine, site, slot):  # type: ignore[no-untyped-def]
     """The stiffness of a whole bond, N/m."""
     tiles = fine.tiles
     at = tiles.margin + site
-    w = stiffness(tiles, tiles.table[slot], site // ROW, at, tiles.offsets[slot])
+    w = stiffness(tiles, tiles.vectors[slot], site // ROW, at, tiles.offsets[slot])
     return tiles.cells[VOLUME, at] * fine.node_volume * w
 
 

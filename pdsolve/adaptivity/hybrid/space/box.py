@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 from numba import njit
 
-from pdsolve.operators.simd_lattice.kernel import INNER
+from pdsolve.codegen.inner_functions import INNER
 
 COARSE, FINE, VOID = range(3)  # cells
 IDLE, FREE, BORDER = range(3)  # fine nodes: in coarse cells alone, in fine ones alone, in both

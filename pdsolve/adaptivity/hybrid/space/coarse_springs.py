@@ -19,13 +19,13 @@ from numba import njit
 from numpy.typing import NDArray
 
 from pdsolve.adaptivity.hybrid.space.box import COARSE, CellBox, cell_place, coarse_site, fine_site
+from pdsolve.codegen.inner_functions import INNER
 from pdsolve.codegen.jit_cache import cached_njit
 from pdsolve.codegen.pull import NARROW
 from pdsolve.codegen.vector_code import ROW
-from pdsolve.lattice.sums import ALIKE, EMPTY, MODULUS, SOFT_GENERAL, VOLUME, Tiles
+from pdsolve.lattice.tiles import ALIKE, EMPTY, MODULUS, SOFT_GENERAL, VOLUME, Tiles
 from pdsolve.laws.law import Law
 from pdsolve.laws.pair import no_bonds
-from pdsolve.operators.simd_lattice.kernel import INNER
 from pdsolve.operators.simd_lattice.layout import aligned
 from pdsolve.operators.space_lattice.layout import INVERSE, PULL, table_of
 from pdsolve.operators.space_lattice.sites import Sites
@@ -39,7 +39,7 @@ class CubicStiffness(NamedTuple):
 
 
 def cubic_stiffness(table: NDArray[np.floating]) -> CubicStiffness:
-    """The stiffness of a full lattice with these bonds; see `Tiles.table`."""
+    """The stiffness of a full lattice with these bonds; see `Tiles.vectors`."""
     xi, energy = table[:, :3], table[:, PULL] / 2
     n2 = xi**2 * table[:, INVERSE, None]
     energy = energy / table[:, INVERSE]
@@ -81,7 +81,7 @@ def create_spring_tiles(law: Law, sites: Sites, stiffness: NDArray[np.float64]) 
         law=no_bonds(law),
         axes=(0, 0, 0),
         offsets=sites.steps.astype(np.int32),
-        table=table_of(sites.ways, sites.spacing, stiffness * length),
+        vectors=table_of(sites.ways, sites.spacing, stiffness * length),
         bits=np.zeros((tiles, slots), dtype=np.uint16),
         c=aligned(c),
         cells=aligned(cells),
@@ -153,7 +153,7 @@ def add_spring_energies(tiles, u, node_energy, tile_numbers):  # type: ignore[no
         if tiles.kind[t] == EMPTY:
             continue
         for slot in range(len(tiles.offsets)):
-            row, word = tiles.table[slot], tiles.bits[t, slot]
+            row, word = tiles.vectors[slot], tiles.bits[t, slot]
             for lane in range(ROW):
                 if (word >> np.uint16(lane)) & np.uint16(1):
                     e = _spring_quadratic_strain(tiles, u, t * ROW + lane, slot)
@@ -165,7 +165,7 @@ def add_spring_energies(tiles, u, node_energy, tile_numbers):  # type: ignore[no
 @njit(**INNER)
 def _spring_quadratic_strain(tiles, u, site, slot):  # type: ignore[no-untyped-def]
     """The e of a spring."""
-    row, near = tiles.table[slot], tiles.margin + site
+    row, near = tiles.vectors[slot], tiles.margin + site
     far, e = near + tiles.offsets[slot], 0.0
     for axis in range(3):
         eta = u[axis, far] - u[axis, near]

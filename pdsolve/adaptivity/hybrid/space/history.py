@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from pdsolve.lattice.sums import Breaks, room_for
+from pdsolve.lattice.tiles import Breaks, room_for
 
 
 class ZoneHistory(NamedTuple):

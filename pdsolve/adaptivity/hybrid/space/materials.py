@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from pdsolve.adaptivity.hybrid.space.arrangement import FineLattice
 from pdsolve.adaptivity.hybrid.space.box import CellBox
-from pdsolve.lattice.sums import MODULUS, VOLUME, Tiles
+from pdsolve.lattice.tiles import MODULUS, VOLUME, Tiles
 from pdsolve.model import Model
 from pdsolve.operators.space_lattice.sites import Sites
 

@@ -37,7 +37,8 @@ from pdsolve.bonds.assembly import Counted
 from pdsolve.checkpoint_validation import entry, like
 from pdsolve.codegen.vector_code import ROW
 from pdsolve.errors import CheckpointError, LateZoneError
-from pdsolve.lattice.sums import (
+from pdsolve.lattice.sums import sum_some, sum_tiles
+from pdsolve.lattice.tiles import (
     EMPTY,
     VOLUME,
     Breaks,
@@ -46,9 +47,7 @@ from pdsolve.lattice.sums import (
     join_breaks,
     pull_all_again,
     room_for,
-    sum_some,
     sum_some_energies,
-    sum_tiles,
 )
 from pdsolve.model import Model
 from pdsolve.numerics.thread_team import share

@@ -23,7 +23,7 @@ from pdsolve.adaptivity.hybrid.space.prescribed_motion import nodes_unfit_for_co
 from pdsolve.adaptivity.hybrid.space.zone import initial_cell_kinds
 from pdsolve.codegen.vector_code import ROW
 from pdsolve.conditions import Drive, Entries, drive, drive_of, put_loads
-from pdsolve.lattice.sums import VOLUME, Tiles
+from pdsolve.lattice.tiles import VOLUME, Tiles
 from pdsolve.laws import law_of
 from pdsolve.laws.calls import bind
 from pdsolve.laws.law import Law
@@ -76,7 +76,7 @@ def create_body_operator(model: Model, options: Options, threads: int) -> Hybrid
     full_body = full_body._replace(
         stiffness_over_density=resistance, solid_cell_count=int(np.count_nonzero(cells != VOID)), full_drive=driven
     )
-    return create_operator_of_cells(law, full_body, cells, compute_vertex_force(law, tiles.table, h), threads)
+    return create_operator_of_cells(law, full_body, cells, compute_vertex_force(law, tiles.vectors, h), threads)
 
 
 def create_operator_of_cells(
@@ -84,7 +84,7 @@ def create_operator_of_cells(
 ) -> HybridBodyOperator:
     """The operator of these cells (c,)."""
     bind(law)
-    elastic = coarse_springs.cubic_stiffness(full_body.fine_lattice.tiles.table)
+    elastic = coarse_springs.cubic_stiffness(full_body.fine_lattice.tiles.vectors)
     strength = coarse_springs.coarse_spring_stiffnesses(elastic, vertex_force_ratio, full_body.fine_sites.spacing)
     springs = coarse_springs.create_spring_tiles(law, full_body.coarse_sites, strength)
     return HybridBodyOperator(full_body, create_body_zone(full_body, cells, springs), NOTHING, threads)
@@ -95,7 +95,7 @@ def create_full_body(model: Model | None, sites: Sites, tiles: Tiles) -> FullBod
     reach, half = int(np.abs(sites.ways).max()), len(sites.ways) // 2
     box = create_cell_box(sites.sides, reach)
     of = divide_half_family(sites.ways[half:])
-    kinds = number_and_list_piece_vectors(of, tiles.table, sites.spacing)
+    kinds = number_and_list_piece_vectors(of, tiles.vectors, sites.spacing)
     fine = FineLattice(
         box, tiles, of, reach, sites.spacing**3, least_over_own_limit_strains_of_material_pairs(tiles), *kinds
     )
@@ -113,7 +113,7 @@ def create_full_body(model: Model | None, sites: Sites, tiles: Tiles) -> FullBod
 
 
 def create_full_block(law: Law, table: NDArray[np.floating], h: float, cells: tuple[int, int, int]) -> FullBody:
-    """A block of so many cells along each axis, all of whose bonds are those of a full lattice; see `Tiles.table`."""
+    """A block of so many cells along each axis, all of whose bonds are those of a full lattice; see `Tiles.vectors`."""
     x, y, z = (2 * cell_count + 1 for cell_count in cells)
     ways, count, stride = np.rint(table[:, :3] / h).astype(np.int64), x * y * z, np.array([1, x, x * y])
     node = np.full(-(-count // ROW) * ROW, -1, dtype=np.int32)

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import coo_array, csr_array, diags_array, eye_array, kron, vstack
 
-from pdsolve.lattice.sums import Tiles
+from pdsolve.lattice.tiles import Tiles
 from pdsolve.operators.space_lattice import layout
 from pdsolve.operators.space_lattice.sites import Sites
 from pdsolve.operators.tangent import of_springs

@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from pdmesh.model.triangulated_surface import distances
 from pdsolve.adaptivity.hybrid.arrays import RING, TIPS
 from pdsolve.adaptivity.hybrid.space.box import COARSE, FINE, VOID, CellBox, cell_place
+from pdsolve.codegen.inner_functions import INNER
 from pdsolve.codegen.jit_cache import cached_njit
-from pdsolve.operators.simd_lattice.kernel import INNER
 
 SAME = 1e-6  # of a cell: volumes this near are the same
 FLANKS = 8  # h: cells this near to the faces of a pre-crack are fine: none of their springs is cut

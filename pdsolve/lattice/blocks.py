@@ -1,4 +1,4 @@
-"""Fast sums over bonds: 64 nodes at a time, for nodes on lattices, best if numbered row by row.
+"""Bonds in blocks of 64 nodes: for nodes on lattices of any spacings, best if numbered row by row.
 
 Layout, after the sliced ELL format of sparse matrices:
 
@@ -12,12 +12,10 @@ Layout, after the sliced ELL format of sparse matrices:
     mask     one bit a lane: the bond exists and is intact. As the stiffness is 0 without a bond, only code for single
              bonds needs it.
 
-Symbols as in pdsolve.laws.law; pdsolve.laws.pair computes the same in a few lines and is the reference in tests. A lane
-has an `edge`: an e up to which its bond does not change. It is the e of the limit or, for a softening law, of the peak
-and then of the largest stretch so far. All laws with straight lines are summed in one way, with their secant as
-stiffness; for other laws (`Pair.bond_strain_energy`), the secant is computed in lanes. Where softened bonds
-have all their stiffness under compression, the blocks with one choose between the two in lanes. A slot is processed
-lane by lane only in steps in which one of its bonds exceeds its edge.
+Symbols as in pdsolve.laws.law. A lane has an `edge`: an e up to which its bond does not change. It is the e of the
+limit or, for a softening law, of the peak and then of the largest stretch so far. Laws with straight lines have their
+secant as stiffness; where softened bonds have all their stiffness under compression, the blocks with one choose between
+the two in lanes. A slot is processed lane by lane only in steps in which one of its bonds exceeds its edge.
 """
 
 from __future__ import annotations
@@ -25,49 +23,17 @@ from __future__ import annotations
 from typing import Any, NamedTuple
 
 import numpy as np
-from numba import njit, types
+from numba import njit
 from numba.extending import overload, register_jitable
 from numpy.typing import NDArray
 
-from pdsolve.codegen.block_slots import (
-    BOUND,
-    FAR,
-    PULL,
-    VECTOR,
-    add_any,
-    add_any_one_sided,
-    add_far,
-    add_far_one_sided,
-    add_slots,
-)
-from pdsolve.codegen.block_slots import (
-    LANES as LANES,
-)
-from pdsolve.codegen.inner_functions import INNER as INNER
+from pdsolve.codegen.inner_functions import INNER
 from pdsolve.codegen.jit_cache import cached_njit
-from pdsolve.codegen.lanes import (
-    across,
-    beside,
-    keep,
-    listed,
-    same,
-    trailing_zeros,
-    unless_none,
-    where_above,
-    which_above,
-)
-from pdsolve.codegen.pull import NARROW, coefficients, stretch_coefficients
+from pdsolve.codegen.lanes import beside, keep, trailing_zeros, which_above
+from pdsolve.codegen.pull import NARROW
 from pdsolve.codegen.vector_code import ROW
-from pdsolve.lattice.bond import (
-    advanced,
-    current_vector,
-    difference,
-    entries,
-    rounded_elongation,
-    sums_in,
-    where_inverse,
-    zeros,
-)
+from pdsolve.lattice.bond import IN_PLACE, displaced_along, entries, sums_in, where_inverse
+from pdsolve.lattice.layout import FAR, LANES, ONE, VECTOR
 from pdsolve.laws.calls import (
     added_force,
     bond_strain_energy,
@@ -79,13 +45,10 @@ from pdsolve.laws.calls import (
 )
 from pdsolve.laws.law import Pair
 
-PLANE, ONE = (0, 0), (0,)  # of as many rows
-PULLS, STRETCHES = coefficients("float64")[0], stretch_coefficients()
-SQUARE = NARROW * NARROW
+PULL, BOUND, LIMITS = 5, 6, 7  # of a slot: row of `stiffness`, of `near` and `edge`, and of `peak` and `limit`
 # Edges of a bond that broke in the last step, so that it is looked at in this one: minus its `near` is the size of its
 # stretch one step before it broke, of a bond that was longer then than at the start, or shorter
 PENDING, PENDING_SHORT = -np.inf, -1e30
-LIMITS = 7  # of a slot: row of `peak` and `limit`
 
 
 def scratch_size(dimension: int) -> int:
@@ -132,154 +95,18 @@ class Tracks(NamedTuple):
     # of both ends; None: nothing swells
 
 
-def displaced(u: Any, shrink: Any, x: Any, y: Any, i: Any, j: Any) -> Any:
-    """Both components of what stretches the bond (x, y) from node i to j at displacements u (2, m)."""
+class BlockMotion(NamedTuple):
+    """How nodes move in a step, and a thread's room."""
 
-
-@overload(displaced, jit_options=INNER | {"forceinline": True})
-def _displaced(u, shrink, x, y, i, j):  # type: ignore[no-untyped-def]
-    if isinstance(shrink, types.NoneType):
-        return lambda u, shrink, x, y, i, j: (u[0, j] - u[0, i], u[1, j] - u[1, i])
-
-    def relieved(u, shrink, x, y, i, j):  # type: ignore[no-untyped-def]
-        both = shrink[i] + shrink[j]
-        return u[0, j] - u[0, i] + both * x, u[1, j] - u[1, i] + both * y
-
-    return relieved
-
-
-def displaced_along(u: Any, shrink: Any, xi: Any, i: Any, j: Any) -> Any:
-    """All components of what stretches the bond xi from node i to j at displacements u (d, m)."""
-
-
-@overload(displaced_along, jit_options=INNER | {"forceinline": True})
-def _displaced_along(u, shrink, xi, i, j):  # type: ignore[no-untyped-def]
-    if len(xi) == 2:
-        return lambda u, shrink, xi, i, j: displaced(u, shrink, xi[0], xi[1], i, j)
-
-    def in_space(u, shrink, xi, i, j):  # type: ignore[no-untyped-def]
-        (x, y), (_, z) = displaced(u, shrink, xi[0], xi[1], i, j), displaced(u[1:], shrink, xi[1], xi[2], i, j)
-        return x, y, z
-
-    return in_space
-
-
-def sum_lanes(blocks: Any, tracks: Any, u: Any, before: Any, step: Any, b: Any, lane: Any, s: Any) -> None:
-    """Force densities on the lanes of block b from `lane` on at u (d, m), N/m^3, stored at the beginning of `s`.
-
-    Bonds over their limit break in this `step`; `before` are the displacements one step ago; `s` is the thread's
-    scratch.
-    """
-
-
-@overload(sum_lanes, jit_options=INNER | {"forceinline": True})
-def _sum_lanes(blocks, tracks, u, before, step, b, lane, s):  # type: ignore[no-untyped-def]
-    pair = _pair(blocks)
-    if pair.elastic_in_compression:
-        return _sum_one_sided
-    return _sum_curved if pair.is_curved else _sum_straight
+    u: NDArray[np.floating]  # (d, m) displacements, m
+    previous_u: NDArray[np.floating]  # (d, m) one step ago, m
+    step: int
+    s: NDArray[np.floating]  # (.,) scratch: sums of forces on a row of lanes, axis by axis, then e
 
 
 def _pair(blocks: Any) -> Pair:
     """The pair law of the numba type of blocks."""
     return pair_of(blocks.types[Blocks._fields.index("law")])
-
-
-def turns_of(blocks: Any, b: Any, lane: Any) -> Any:
-    """The first turn of a row of lanes and the one after the last: slots of the block, in space entries of the row."""
-
-
-@overload(turns_of, jit_options=INNER | {"forceinline": True})
-def _turns_of(blocks, b, lane):  # type: ignore[no-untyped-def]
-    if len(blocks.types[Blocks._fields.index("axes")]) == 2:
-        return lambda blocks, b, lane: (blocks.start[b], blocks.start[b + 1])
-
-    def of_row(blocks, b, lane):  # type: ignore[no-untyped-def]
-        row = (b * LANES + lane) // ROW
-        return blocks.start_of_rows[row], blocks.start_of_rows[row + 1]
-
-    return of_row
-
-
-@njit(forceinline=True, **INNER)
-def _slot_at(blocks, turn):  # type: ignore[no-untyped-def]
-    """The slot whose turn it is."""
-    return turn if len(blocks.axes) == 2 else np.int64(blocks.of_rows[turn])
-
-
-@njit(forceinline=True, **INNER)
-def _table(blocks, u):  # type: ignore[no-untyped-def]
-    """What the loops over slots read."""
-    of_slots = blocks.slots, blocks.ids, blocks.vectors, blocks.stiffness, blocks.near, blocks.edge, blocks.whole
-    return (blocks.axes, u, *of_slots, blocks.of_rows)
-
-
-def _sum_straight(blocks, tracks, u, before, step, b, lane, s):  # type: ignore[no-untyped-def]
-    table, shrink, node = _table(blocks, u), tracks.shrink, b * LANES + lane
-    turn, last = turns_of(blocks, b, lane)
-    for k in range(len(blocks.axes) * ROW):
-        s[k] = 0
-    turn = add_slots(table, shrink, turn, last, node, lane, s)
-    while turn < last:
-        turn = add_any(table, shrink, turn, last, node, lane, s)
-        if turn < last:
-            _update_bonds(blocks, tracks, u, before, step, _slot_at(blocks, turn), b, lane, s)
-            turn = add_far(table, shrink, turn, turn + 1, node, lane, s)
-
-
-def _sum_one_sided(blocks, tracks, u, before, step, b, lane, s):  # type: ignore[no-untyped-def]
-    if not blocks.softened[b]:
-        sum_of_straight(blocks, tracks, u, before, step, b, lane, s)
-        return
-    table, shrink, node = _table(blocks, u), tracks.shrink, b * LANES + lane
-    turn, last = turns_of(blocks, b, lane)
-    for k in range(len(blocks.axes) * ROW):
-        s[k] = 0
-    while turn < last:
-        turn = add_any_one_sided(table, shrink, turn, last, node, lane, s)
-        if turn < last:
-            _update_bonds(blocks, tracks, u, before, step, _slot_at(blocks, turn), b, lane, s)
-            turn = add_far_one_sided(table, shrink, turn, turn + 1, node, lane, s)
-
-
-def _sum_curved(blocks, tracks, u, before, step, b, lane, s):  # type: ignore[no-untyped-def]
-    axes, node, none = blocks.axes, b * LANES + lane, same(u, 0.0)
-    displacement, sums, f = beside(u, axes, node), sums_in(s, axes), zeros(u, axes)
-    for slot in range(blocks.start[b], blocks.start[b + 1]):
-        v, way = blocks.vectors[blocks.slots[slot, VECTOR]], np.int64(blocks.slots[slot, lane // ROW])
-        if way < FAR:
-            neighbour_displacement = beside(u, axes, node + way)
-        else:
-            neighbour_displacement = listed(u, axes, blocks.ids, (way - FAR) * ROW + lane % ROW)
-        eta = difference(neighbour_displacement, displacement)
-        e = rounded_elongation(eta, v)
-        w = row_of(blocks.stiffness, blocks.slots[slot, PULL], lane)
-        if which_above(e, row_of(blocks.edge, blocks.slots[slot, BOUND], lane)) != 0:
-            keep((e,), s, len(axes) * ROW)
-            keep(f, sums, 0)
-            _update_bonds(blocks, tracks, u, before, step, slot, b, lane, s)
-            f = beside(sums, axes, 0)
-            w = row_of(blocks.stiffness, blocks.slots[slot, PULL], lane)
-        e = unless_none(w, e, none)
-        over_q, stretch, size, most = e * _polynomial(PULLS, e), e * _polynomial(STRETCHES, e), e * e, same(u, SQUARE)
-        if which_above(size, most) != 0:  # lane by lane, so that a bond does not depend on those beside it
-            q = np.sqrt(1.0 + e)
-            far = e / (q + q * q)
-            over_q, stretch = where_above(size, most, far, over_q), where_above(size, most, far * q, stretch)
-        kind = blocks.slots[slot, LIMITS]
-        peak, limit = row_of(blocks.peak, kind, lane), row_of(blocks.limit, kind, lane)
-        largest = worst_lanes(blocks.law, tracks.worst, slot, lane, none)
-        pull = w * over_q * secant(blocks.law, stretch, largest, peak, limit)
-        f = advanced(f, current_vector(eta, v), pull)
-    keep(f, sums, 0)
-
-
-sum_of_straight = register_jitable(**INNER)(_sum_straight)
-
-
-@njit(forceinline=True, **INNER)
-def _polynomial(p, e):  # type: ignore[no-untyped-def]
-    return ((((p[5] * e + p[4]) * e + p[3]) * e + p[2]) * e + p[1]) * e + p[0]
 
 
 @njit(forceinline=True, **INNER)
@@ -310,13 +137,23 @@ def _worst_of(law, worst, slot, lane):  # type: ignore[no-untyped-def]
     return lambda law, worst, slot, lane: np.float64(worst[slot, lane])
 
 
-@njit(forceinline=True, **INNER)
-def _update_bonds(blocks, tracks, u, before, step, slot, b, first, s):  # type: ignore[no-untyped-def]
-    """Break or soften the bonds of a slot beyond their edge, add the pulls that match their work to the sums in s, and
-    book the dissipated energy."""
-    law = blocks.slots[slot, LIMITS]
-    first_e = len(blocks.axes) * ROW  # in s
-    over = which_above(beside(s, ONE, first_e)[0], row_of(blocks.edge, blocks.slots[slot, BOUND], first))
+@njit(**IN_PLACE)
+def update_lanes_of_block(blocks, tracks, motion, slot, b, first, e, f):  # type: ignore[no-untyped-def]
+    """The forces f on the lanes of block b from `first` on, and the pulls that match the work of those bonds of a slot
+    that soften or break at these e; their dissipated energy is booked."""
+    s, sums, axes = motion.s, sums_in(motion.s, blocks.axes), blocks.axes
+    keep((e,), s, len(axes) * ROW)
+    keep(f, sums, 0)
+    over = which_above(e, row_of(blocks.edge, blocks.slots[slot, BOUND], first))
+    _update_bonds(blocks, tracks, motion.u, motion.previous_u, motion.step, slot, b, first, over, s)
+    return beside(sums, axes, 0)
+
+
+@njit(**INNER)
+def _update_bonds(blocks, tracks, u, before, step, slot, b, first, over, s):  # type: ignore[no-untyped-def]
+    """Break or soften the bonds of a slot in the lanes of the bits `over`, counted from `first` on, and add the pulls
+    that match their work to the sums in s."""
+    law, first_e = blocks.slots[slot, LIMITS], len(blocks.axes) * ROW  # in s
     while over != 0:
         k = trailing_zeros(over)
         over &= over - 1
@@ -459,18 +296,6 @@ def neighbour(blocks, slot, i, lane):  # type: ignore[no-untyped-def]
     """The neighbour at the other end of node i's bond in this lane."""
     way = blocks.slots[slot, lane // ROW]
     return i + way if way < FAR else blocks.ids[way - FAR, lane % ROW]
-
-
-@cached_njit(nogil=True, error_model="numpy")
-def sum_blocks(blocks, tracks, before, out, step, first, last, thread):  # type: ignore[no-untyped-def]
-    """Add the force densities of the blocks `first` to `last` - 1, N/m^3, to `out` (n, d); see `sum_lanes`."""
-    s = blocks.scratch[thread]
-    for b in range(first, last):
-        for lane in range(0, LANES, across(s)):
-            sum_lanes(blocks, tracks, tracks.u[0], before, step, b, lane, s)
-            for k in range(min(across(s), len(out) - b * LANES - lane)):
-                for axis in range(len(blocks.axes)):
-                    out[b * LANES + lane + k, axis] += s[axis * ROW + k]
 
 
 @cached_njit(error_model="numpy")

@@ -1,0 +1,141 @@
+"""Where bonds are in lanes: in blocks of 64 nodes in any order, or in tiles of 16 sites of a box.
+
+A group is a block or a tile; its lanes have places side by side. A slot has at most one bond a lane. Blocks list their
+slots, each of which says where the neighbours of its lanes are; tiles share the slots of one pattern, a slot for each
+offset between sites. Every sum over bonds is written once over the functions of this file, which are compiled for each
+layout: blocks are tuples of arrays with `ids`, tiles such with `offsets`.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numba.extending import overload
+
+from pdsolve.codegen.lanes import beside, listed
+from pdsolve.codegen.vector_code import ROW
+from pdsolve.lattice.bond import IN_PLACE
+
+LANES = 4 * ROW  # of a block
+FAR = 1 << 30  # more than any way between two nodes
+VECTOR = 4  # of a block's slot, behind the ways of its four rows: row of `vectors`
+PLANE, ONE = (0, 0), (0,)  # of as many rows
+# Numbers of a reference vector in a dimension: xi, 2 xi / xi.xi, 1 / xi.xi, |xi| and its inverse; to a round number
+VECTOR_WIDTH = {2: 8, 3: 9}
+
+
+def is_in_tiles(bonds: Any) -> bool:
+    """Whether the numba type of bonds is that of tiles."""
+    return _has_field(bonds, "offsets")
+
+
+def _has_field(bonds: Any, name: str) -> bool:
+    return name in bonds.instance_class._fields
+
+
+def places_of(bonds: Any, group: Any) -> tuple[int, int]:
+    """The first place of a group, and how many it has."""
+    raise NotImplementedError("compiled for each layout")
+
+
+@overload(places_of, jit_options=IN_PLACE)
+def _places_of(bonds, group):  # type: ignore[no-untyped-def]
+    if is_in_tiles(bonds):
+        return lambda bonds, group: (bonds.margin + group * ROW, ROW)
+    return lambda bonds, group: (group * LANES, LANES)
+
+
+def turns_of(bonds: Any, group: Any, lane: Any) -> Any:
+    """The first turn of a row of lanes and the one after the last: slots of the group or, in blocks with `of_rows`,
+    entries of the row."""
+    raise NotImplementedError("compiled for each layout")
+
+
+@overload(turns_of, jit_options=IN_PLACE)
+def _turns_of(bonds, group, lane):  # type: ignore[no-untyped-def]
+    if _has_field(bonds, "filled"):
+        return lambda bonds, group, lane: (0, len(bonds.offsets) if bonds.filled[group] else 0)
+    if is_in_tiles(bonds):
+        return lambda bonds, group, lane: (np.int64(0), np.int64(len(bonds.offsets)))
+    if not _looks_at_rows(bonds):
+        return lambda bonds, group, lane: (bonds.start[group], bonds.start[group + 1])
+
+    def of_row(bonds, group, lane):  # type: ignore[no-untyped-def]
+        row = (group * LANES + lane) // ROW
+        return bonds.start_of_rows[row], bonds.start_of_rows[row + 1]
+
+    return of_row
+
+
+def slot_at(bonds: Any, turn: Any) -> Any:
+    """The slot whose turn it is."""
+    raise NotImplementedError("compiled for each layout")
+
+
+@overload(slot_at, jit_options=IN_PLACE)
+def _slot_at(bonds, turn):  # type: ignore[no-untyped-def]
+    if _looks_at_rows(bonds):
+        return lambda bonds, turn: np.uint64(bonds.of_rows[turn])
+    return lambda bonds, turn: np.uint64(turn)  # unsigned saves a look whether it counts from the end
+
+
+def _looks_at_rows(bonds: Any) -> bool:
+    """Whether slots are looked at row by row: in blocks of bodies."""
+    fields = bonds.instance_class._fields
+    return "of_rows" in fields and len(bonds.types[fields.index("axes")]) == 3
+
+
+def has_bonds(bonds: Any, group: Any, slot: Any) -> bool:
+    """Whether a slot may have bonds in a group."""
+    raise NotImplementedError("compiled for each layout")
+
+
+@overload(has_bonds, jit_options=IN_PLACE)
+def _has_bonds(bonds, group, slot):  # type: ignore[no-untyped-def]
+    if is_in_tiles(bonds) and not _has_field(bonds, "general"):  # else bits are looked at in few tiles alone
+        return lambda bonds, group, slot: bonds.bits[np.uint64(group), slot] != 0
+    return lambda bonds, group, slot: True
+
+
+def are_listed(bonds: Any, slot: Any, lane: Any) -> bool:
+    """Whether the neighbours of some lanes are listed: they are not side by side."""
+    raise NotImplementedError("compiled for each layout")
+
+
+@overload(are_listed, jit_options=IN_PLACE)
+def _are_listed(bonds, slot, lane):  # type: ignore[no-untyped-def]
+    if is_in_tiles(bonds):
+        return lambda bonds, slot, lane: False
+    return lambda bonds, slot, lane: bonds.slots[slot, np.uint64(lane) // np.uint64(ROW)] >= FAR
+
+
+def neighbours(bonds: Any, array: Any, like: Any, at: Any, slot: Any, lane: Any) -> Any:
+    """Values of the neighbours of some lanes, the first of which is at the place `at`, in the rows of an array."""
+    raise NotImplementedError("compiled for each layout")
+
+
+@overload(neighbours, jit_options=IN_PLACE)
+def _neighbours(bonds, array, like, at, slot, lane):  # type: ignore[no-untyped-def]
+    if is_in_tiles(bonds):
+        return lambda bonds, array, like, at, slot, lane: beside(array, like, at + bonds.offsets[slot])
+    return _neighbours_in_block
+
+
+def _neighbours_in_block(bonds, array, like, at, slot, lane):  # type: ignore[no-untyped-def]
+    way = np.int64(bonds.slots[slot, np.uint64(lane) // np.uint64(ROW)])
+    if way < FAR:
+        return beside(array, like, at + way)
+    return listed(array, like, bonds.ids, (way - FAR) * ROW + lane % ROW)
+
+
+def vector_number(bonds: Any, slot: Any) -> int:
+    """The row of `vectors` that a slot has; see `pdsolve.lattice.bond`."""
+    raise NotImplementedError("compiled for each layout")
+
+
+@overload(vector_number, jit_options=IN_PLACE)
+def _vector_number(bonds, slot):  # type: ignore[no-untyped-def]
+    if is_in_tiles(bonds):
+        return lambda bonds, slot: np.uint64(slot)
+    return lambda bonds, slot: np.uint64(bonds.slots[slot, VECTOR])

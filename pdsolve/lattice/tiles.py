@@ -1,0 +1,385 @@
+"""Bonds in tiles of 16 sites of a cubic lattice, one after the other along x.
+
+Layout:
+    site     a place of the lattice in the box around the body, numbered with x fastest; not every one has a node
+    tile     16 consecutive sites; a site's place in it is its lane
+    slot     the bonds of a tile with one offset between sites: there are no lists of neighbours
+    bits     of a slot, one a lane: there is a bond, and it is intact. What a lane reads over the edge of the box is
+             some other site's, and does not count.
+    memory   of a tile, from when the first of its bonds has softened: what each was stretched to at most, and the
+             share of its stiffness that is left
+
+Any pair law; one that is curved (`Pair.bond_strain_energy`) has one material, and its secant is computed in lanes. A
+slot is looked at bond by bond only in steps in which one of its bonds is beyond the least of all peaks. Symbols as in
+pdsolve.laws.law; pdsolve.laws.pair says the same in a few lines and is what this is tested against.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+from numba import njit
+from numba.extending import overload, register_jitable
+from numpy.typing import NDArray
+
+from pdsolve.codegen.inner_functions import INNER
+from pdsolve.codegen.jit_cache import cached_njit
+from pdsolve.codegen.lanes import across, beside, same
+from pdsolve.codegen.vector_code import ROW
+from pdsolve.lattice.bond import IN_PLACE, corrected_weight, where_inverse, where_weight
+from pdsolve.laws.calls import (
+    added_force,
+    bond_strain_energy,
+    broken_energy,
+    dissipated_energy,
+    pair_of,
+    secant,
+    second_force,
+)
+from pdsolve.laws.law import Pair
+
+# Tiles: without a node; what their bonds' stiffnesses are made of; and the same of tiles with a memory
+EMPTY, ALIKE, CORRECTED, GENERAL, SOFT_ALIKE, SOFT_CORRECTED, SOFT_GENERAL = range(7)
+SOFTENED = SOFT_ALIKE - ALIKE  # added to a tile's kind as it gets a memory
+VOLUME, MODULUS, UNBREAKABLE = range(3)  # rows of `cells`
+EVERY = 2**ROW - 1  # bits of all lanes
+CELL = (0, 0)  # of as many rows
+
+
+class Tiles(NamedTuple):
+    """Bonds of n nodes in t tiles, with k offsets; m sites, of which the first and last `margin` have no node; p pairs
+    of materials; r tiles with a memory."""
+
+    law: Any  # columns of no bonds, by whose type kernels are compiled
+    axes: tuple[int, ...]  # as many entries as there are axes, d
+    offsets: NDArray[np.int32]  # (k,) from a site to that of its neighbour
+    vectors: NDArray[np.floating]  # (k, 12) rows of the offsets, see `bond`
+    bits: NDArray[np.uint16]  # (t, k) lanes with an intact bond
+    c: NDArray[np.floating]  # (d, m) corrections along each axis
+    cells: NDArray[np.floating]  # (2, m) cell over h^3; half of the modulus over E; of a curved law (3, m), the third
+    # infinite where bonds must not break, else 0: what peaks and limits of its bonds have more
+    kind: NDArray[np.uint8]  # (t,) EMPTY to SOFT_GENERAL
+    node: NDArray[np.int32]  # (16 t,) row of a site's node, or -1
+    unbreakable: NDArray[np.bool_]  # (n,) whose bonds must not break
+    material: NDArray[np.uint8]  # (n,)
+    peak: NDArray[np.float64]  # (p, k) stretch above which bonds soften; of materials i and j in row i sqrt(p) + j
+    limit: NDArray[np.float64]  # (p, k) stretch above which they are gone
+    memory: NDArray[np.int32]  # (t,) row of what follows, or -1
+    share: NDArray[np.floating]  # (r, k, 16) of the stiffness that is left; of a curved law the largest stretch
+    worst: NDArray[np.float64]  # (r, k, 16) largest stretch above the peak, 0 if never there
+    margin: int
+    floor: float  # e above which softened bonds have what is left of their stiffness alone
+    near: float  # |e| up to which nothing happens to bonds and the narrow polynomial holds
+    edge: float  # e up to which nothing happens to bonds
+
+
+class Breaks(NamedTuple):
+    """Room for what breaks."""
+
+    used: NDArray[np.int64]  # (1,) bonds
+    bonds: NDArray[np.int64]  # (., 3) step, and rows of source and target
+    places: NDArray[np.int64]  # (., 2) site of the source, from the first tile on, and slot
+    stretch_before: NDArray[np.float64]  # (.,) of each, one step before
+
+
+@register_jitable
+def room_for(bonds: int) -> Breaks:
+    """Room for so many bonds that break."""
+    columns = np.empty((bonds, 3), dtype=np.int64), np.empty((bonds, 2), dtype=np.int64), np.empty(bonds)
+    return Breaks(np.zeros(1, dtype=np.int64), *columns)
+
+
+def copy_breaks(breaks: Breaks, first: int = 0) -> Breaks:
+    """A copy of the breaks from `first` on."""
+    last = int(breaks.used[0])
+    return Breaks._make([np.array([last - first]), *(column[first:last].copy() for column in breaks[1:])])
+
+
+def join_breaks(breaks: Sequence[Breaks]) -> Breaks:
+    """Some breaks one after the other."""
+    columns = zip(*(one[1:] for one in breaks), strict=True)
+    return Breaks._make([sum((one.used for one in breaks), np.zeros(1, np.int64)), *map(np.concatenate, columns)])
+
+
+def select_breaks(breaks: Breaks, which: NDArray[Any]) -> Breaks:
+    """Some of the breaks, by mask (b,) or by numbers (k,)."""
+    columns = [column[: breaks.used[0]][which] for column in breaks[1:]]
+    return Breaks._make([np.array([len(columns[0])]), *columns])
+
+
+@njit(**INNER)
+def has_room(tiles, breaks):  # type: ignore[no-untyped-def]
+    """Whether all bonds of a tile can break."""
+    return breaks.used[0] + ROW * len(tiles.offsets) <= len(breaks.bonds)
+
+
+class SiteMotion(NamedTuple):
+    """How sites move in a step, and what this does to bonds."""
+
+    u: NDArray[np.floating]  # (d, m) displacements of sites, m
+    rate: NDArray[np.floating]  # (d, m) velocities of sites since the last step, m/s; or (d, n) of nodes
+    by_sites: bool  # which of them
+    dt: float  # s
+    step: int  # 0: bonds neither soften nor break
+    failure_forces: NDArray[np.floating]  # (d, m) of sites or (d, n) of nodes, N/m^3: takes the pulls that match the
+    # work of bonds that soften or break
+    dissipated: NDArray[np.float64]  # (n,) takes what broken bonds have spent, J/m^3
+
+
+@cached_njit(nogil=True)
+def place_rows(site, value, u, first, last):  # type: ignore[no-untyped-def]
+    """Displacements (n, d) of the rows `first` to `last` - 1 to their sites, u (d, m)."""
+    for i in range(first, last):
+        for axis in range(len(u)):
+            u[axis, site[i]] = value[i, axis]
+
+
+@cached_njit(nogil=True)
+def collect_rows(site, u, value, first, last):  # type: ignore[no-untyped-def]
+    """Displacements u (d, m) of sites to the rows `first` to `last` - 1 of `value` (n, d)."""
+    for i in range(first, last):
+        for axis in range(len(u)):
+            value[i, axis] = u[axis, site[i]]
+
+
+@njit(**INNER)
+def write_tile(tiles, t, f, out):  # type: ignore[no-untyped-def]
+    """Add the force densities f (d, 16) of a tile to `out` (n, d)."""
+    for lane in range(ROW):
+        i = tiles.node[t * ROW + lane]
+        if i >= 0:
+            for axis in range(len(f)):
+                out[i, axis] += f[axis, lane]
+
+
+@njit(**IN_PLACE)
+def common_of_tile(tiles, t, own):  # type: ignore[no-untyped-def]
+    """What all slots of a tile share: what stiffnesses are made of, the row of its memory or -1, the corrections and
+    the modulus of some lanes from the place `own` on, and this place."""
+    kind = tiles.kind[t]
+    row_of_memory = np.int64(tiles.memory[t]) if kind >= SOFT_ALIKE else np.int64(-1)
+    kind = kind - SOFTENED if kind >= SOFT_ALIKE else np.int64(kind)
+    return kind, row_of_memory, beside(tiles.c, tiles.axes, own), beside(tiles.cells, CELL, own)[MODULUS], own
+
+
+@njit(**IN_PLACE)
+def weight_in_tile(tiles, common, u, row, slot):  # type: ignore[no-untyped-def]
+    """The stiffness over length of the bonds of some lanes."""
+    kind, _, c, own_modulus, own = common
+    w, at = same(u, row[where_weight(len(tiles.axes))]), own + tiles.offsets[slot]
+    if kind != ALIKE:
+        w = corrected_weight(row, beside(tiles.c, tiles.axes, at), c)
+        if kind == GENERAL:
+            volume, modulus = beside(tiles.cells, CELL, at)
+            w = (w * volume) * (modulus + own_modulus)
+    return w
+
+
+def _pair(tiles: Any) -> Pair:
+    """The pair law of the numba type of tiles."""
+    return pair_of(tiles.types[Tiles._fields.index("law")])
+
+
+@njit(**INNER)
+def update_lanes_of_tile(tiles, motion, breaks, t, lane, slot):  # type: ignore[no-untyped-def]
+    """Take out the bonds of a slot that are over their limit, and book what they have spent; soften those over their
+    peak. False if there is no memory for it."""
+    row, offset, word, memory = tiles.vectors[slot], tiles.offsets[slot], tiles.bits[t, slot], np.int64(tiles.memory[t])
+    u, rate, pulls = motion.u, motion.rate, motion.failure_forces
+    for k in range(lane, lane + across(u)):
+        if not (word >> np.uint16(k)) & np.uint16(1):
+            continue
+        site = t * ROW + k
+        i, j = tiles.node[site], tiles.node[site + offset]
+        place, pair = tiles.margin + site, pair_number(tiles, i, j)
+        peak, limit = tiles.peak[pair, slot], tiles.limit[pair, slot]
+        stretch, worst = _stretch(row, u, place, offset), tiles.worst[memory, slot, k] if memory >= 0 else 0.0
+        if stretch <= peak or stretch <= worst or tiles.unbreakable[i] or tiles.unbreakable[j]:
+            continue
+        if stretch <= limit and not soften(tiles, t, slot, k, stretch, peak, limit):
+            return False
+        near, far = (place, place + offset) if motion.by_sites else (np.int64(i), np.int64(j))
+        last = _stretch_before(row, u, rate, motion.dt, place, offset, near, far)
+        w = stiffness(tiles, row, t, place, offset)
+        pull = added_force(tiles.law, stretch, last, worst, peak, limit) * (w / (1 + stretch))
+        for axis in range(len(u)):
+            pulls[axis, near] += pull * (row[axis] + (u[axis, place + offset] - u[axis, place]))
+        if stretch <= limit:
+            continue
+        modulus = w / row[where_inverse(len(u))] / 4
+        motion.dissipated[i] += broken_energy(tiles.law, modulus, stretch, last, peak, limit)
+        tiles.bits[t, slot] &= ~(np.uint16(1) << np.uint16(k))
+        _record(breaks, motion.step, i, j, site, slot, last if tiles.law.matches_work and last < limit else limit)
+    return True
+
+
+@njit(**INNER)
+def _record(breaks, step, i, j, site, slot, stretch_before):  # type: ignore[no-untyped-def]
+    """Record a bond that breaks."""
+    n = breaks.used[0]
+    breaks.bonds[n, 0], breaks.bonds[n, 1], breaks.bonds[n, 2] = step, i, j
+    breaks.places[n, 0], breaks.places[n, 1], breaks.stretch_before[n] = site, slot, stretch_before
+    breaks.used[0] = n + 1
+
+
+@njit(**INNER)
+def pull_again(tiles, motion, breaks, n):  # type: ignore[no-untyped-def]
+    """Add the second pull of the broken bond n, if it broke one step ago."""
+    if breaks.bonds[n, 0] != motion.step - 1:
+        return
+    site, slot, u = breaks.places[n, 0], breaks.places[n, 1], motion.u
+    t, row, offset = site // ROW, tiles.vectors[slot], tiles.offsets[slot]
+    i, j, place, memory = tiles.node[site], tiles.node[site + offset], tiles.margin + site, np.int64(tiles.memory[t])
+    pair, worst = pair_number(tiles, i, j), tiles.worst[memory, slot, site % ROW] if memory >= 0 else 0.0
+    near, far = (place, place + offset) if motion.by_sites else (np.int64(i), np.int64(j))
+    stretch = _stretch(row, u, place, offset)
+    last = _stretch_before(row, u, motion.rate, motion.dt, place, offset, near, far)
+    limits = tiles.peak[pair, slot], tiles.limit[pair, slot]
+    pull = second_force(tiles.law, np.float64(stretch), last, breaks.stretch_before[n], worst, *limits)
+    pull *= stiffness(tiles, row, t, place, offset) / (1 + stretch)
+    for axis in range(len(u)):
+        motion.failure_forces[axis, near] += pull * (row[axis] + (u[axis, place + offset] - u[axis, place]))
+
+
+@cached_njit(nogil=True, error_model="numpy")
+def pull_all_again(tiles, u, rate, dt, step, breaks, out):  # type: ignore[no-untyped-def]
+    """Add the second pulls of the bonds that broke one step ago, N/m^3, to `out` (n, d)."""
+    motion = SiteMotion(u, rate.T, False, dt, step, out.T, np.empty(0))
+    for n in range(breaks.used[0]):
+        pull_again(tiles, motion, breaks, n)
+
+
+@njit(**INNER)
+def pair_number(tiles, i, j):  # type: ignore[no-untyped-def]
+    """The row of `peak` and `limit` of bonds between two nodes."""
+    if len(tiles.peak) == 1:
+        return 0
+    return tiles.material[i] * int(np.sqrt(len(tiles.peak)) + 0.5) + tiles.material[j]
+
+
+def soften(tiles: Any, t: Any, slot: Any, lane: Any, stretch: Any, peak: Any, limit: Any) -> bool:
+    """Store the stretch of a bond above its peak, if its law softens; False if its tile has no memory."""
+    raise NotImplementedError("compiled for each law")
+
+
+@overload(soften, jit_options=INNER)
+def _soften(tiles, t, slot, lane, stretch, peak, limit):  # type: ignore[no-untyped-def]
+    pair = _pair(tiles)
+    if pair.softening is None:
+        return lambda tiles, t, slot, lane, stretch, peak, limit: True
+    return _remember if pair.is_curved else _weaken
+
+
+def _remember(tiles, t, slot, lane, stretch, peak, limit):  # type: ignore[no-untyped-def]
+    row = tiles.memory[t]
+    if row < 0:
+        return False
+    if stretch > tiles.worst[row, slot, lane]:
+        tiles.worst[row, slot, lane] = tiles.share[row, slot, lane] = stretch
+    return True
+
+
+def _weaken(tiles, t, slot, lane, stretch, peak, limit):  # type: ignore[no-untyped-def]
+    row = tiles.memory[t]
+    if row < 0:
+        return False
+    if stretch > tiles.worst[row, slot, lane]:
+        tiles.worst[row, slot, lane] = stretch
+        tiles.share[row, slot, lane] = secant(tiles.law, stretch, stretch, peak, limit)
+    return True
+
+
+@njit(**INNER)
+def _stretch(row, u, place, offset):  # type: ignore[no-untyped-def]
+    """The stretch of the bond of a site."""
+    along, square = u.dtype.type(0), u.dtype.type(0)
+    for axis in range(len(u)):
+        eta = u[axis, place + offset] - u[axis, place]
+        along += row[axis] * eta
+        square += eta * eta
+    return _ratio(row[where_inverse(len(u))] * (2 * along + square))
+
+
+@njit(**INNER)
+def _stretch_before(row, u, rate, dt, place, offset, near, far):  # type: ignore[no-untyped-def]
+    """The stretch of the bond of a site one step ago, since when its ends have moved with `rate` (d, .), m/s."""
+    along, square = 0.0, 0.0
+    for axis in range(len(u)):
+        eta = u[axis, place + offset] - u[axis, place] - dt * (rate[axis, far] - rate[axis, near])
+        along += row[axis] * eta
+        square += eta * eta
+    return _ratio(row[where_inverse(len(u))] * (2 * along + square))
+
+
+@njit(**INNER)
+def _ratio(e):  # type: ignore[no-untyped-def]
+    """The stretch at e."""
+    return e / (np.sqrt(1 + e) + 1)
+
+
+@njit(**INNER)
+def stiffness(tiles, row, t, place, offset):  # type: ignore[no-untyped-def]
+    """Stiffness over length of a bond."""
+    kind, axes = tiles.kind[t], len(tiles.axes)
+    if kind in (ALIKE, SOFT_ALIKE):
+        return np.float64(row[where_weight(axes)])
+    c, cells, w = tiles.c, tiles.cells, np.float64(0)
+    for axis in range(axes):
+        w += row[where_weight(axes) + 1 + axis] * (np.float64(c[axis, place]) + np.float64(c[axis, place + offset]))
+    if kind in (GENERAL, SOFT_GENERAL):
+        w *= cells[VOLUME, place + offset] * (cells[MODULUS, place] + cells[MODULUS, place + offset])
+    return w
+
+
+@cached_njit(nogil=True, error_model="numpy")
+def sum_energies_of_tiles(tiles, u, own_strain_energy, own_dissipated, first, last):  # type: ignore[no-untyped-def]
+    """Add the energy densities, J/m^3, that the bonds of nodes in the tiles `first` to `last` - 1 hold and that their
+    softening has spent, to arrays (n,)."""
+    for t in range(first, last):
+        _sum_energies_of_tile(tiles, u, own_strain_energy, own_dissipated, t, np.uint16(EVERY))
+
+
+@cached_njit(nogil=True, error_model="numpy")
+def sum_some_energies(tiles, u, own_strain_energy, own_dissipated, site_mask):  # type: ignore[no-untyped-def]
+    """`sum_energies_of_tiles` of the nodes at `site_mask` sites (16 t,) alone."""
+    for t in range(len(tiles.kind)):
+        lanes = np.uint16(0)
+        for k in range(ROW):
+            if site_mask[t * ROW + k]:
+                lanes |= np.uint16(1) << np.uint16(k)
+        if lanes != 0:
+            _sum_energies_of_tile(tiles, u, own_strain_energy, own_dissipated, t, lanes)
+
+
+@njit(**INNER)
+def _sum_energies_of_tile(tiles, u, own_strain_energy, own_dissipated, t, lanes):  # type: ignore[no-untyped-def]
+    """Add the energy densities that the bonds of some lanes of a tile hold and have spent."""
+    row = tiles.memory[t]
+    for slot in range(len(tiles.offsets)):
+        field, offset, word = tiles.vectors[slot], tiles.offsets[slot], tiles.bits[t, slot] & lanes
+        if word == 0:
+            continue
+        for k in range(ROW):
+            if (word >> np.uint16(k)) & np.uint16(1):
+                place, i, j = tiles.margin + t * ROW + k, tiles.node[t * ROW + k], tiles.node[t * ROW + k + offset]
+                pair, worst = pair_number(tiles, i, j), tiles.worst[row, slot, k] if row >= 0 else 0.0
+                peak, limit = tiles.peak[pair, slot], tiles.limit[pair, slot]
+                if tiles.unbreakable[i] or tiles.unbreakable[j]:
+                    peak = limit = np.inf
+                c = stiffness(tiles, field, t, place, offset) / field[where_inverse(len(u))] / 4
+                own_strain_energy[i] += bond_strain_energy(
+                    tiles.law, c, _stretch(field, u, place, offset), worst, peak, limit
+                )
+                if worst > 0:
+                    own_dissipated[i] += dissipated_energy(tiles.law, c, worst, peak, limit)
+
+
+@cached_njit(error_model="numpy")
+def recall(tiles, tile, slot, lane, worst):  # type: ignore[no-untyped-def]
+    """Enter the largest stretches `worst` (b,) of bonds in the memory of their tiles."""
+    for b in range(len(tile)):
+        site = tile[b] * ROW + lane[b]
+        pair = pair_number(tiles, tiles.node[site], tiles.node[site + tiles.offsets[slot[b]]])
+        soften(tiles, tile[b], slot[b], lane[b], worst[b], tiles.peak[pair, slot[b]], tiles.limit[pair, slot[b]])
