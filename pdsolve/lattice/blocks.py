@@ -32,7 +32,7 @@ from pdsolve.codegen.jit_cache import cached_njit
 from pdsolve.codegen.lanes import beside, keep, trailing_zeros, which_above
 from pdsolve.codegen.pull import NARROW
 from pdsolve.codegen.vector_code import ROW
-from pdsolve.lattice.bond import IN_PLACE, displaced_along, entries, sums_in, where_inverse
+from pdsolve.lattice.bond import displaced_along, entries, sums_in, where_inverse
 from pdsolve.lattice.layout import FAR, LANES, ONE, VECTOR
 from pdsolve.laws.calls import (
     added_force,
@@ -137,22 +137,20 @@ def _worst_of(law, worst, slot, lane):  # type: ignore[no-untyped-def]
     return lambda law, worst, slot, lane: np.float64(worst[slot, lane])
 
 
-@njit(**IN_PLACE)
-def update_lanes_of_block(blocks, tracks, motion, slot, b, first, e, f):  # type: ignore[no-untyped-def]
-    """The forces f on the lanes of block b from `first` on, and the pulls that match the work of those bonds of a slot
-    that soften or break at these e; their dissipated energy is booked."""
-    s, sums, axes = motion.s, sums_in(motion.s, blocks.axes), blocks.axes
-    keep((e,), s, len(axes) * ROW)
+def update_lanes_of_block(bonds, history, motion, group, lane, slot, e, f):  # type: ignore[no-untyped-def]
+    sums, axes = sums_in(motion.s, bonds.axes), bonds.axes
+    keep((e,), motion.s, len(axes) * ROW)
     keep(f, sums, 0)
-    over = which_above(e, row_of(blocks.edge, blocks.slots[slot, BOUND], first))
-    _update_bonds(blocks, tracks, motion.u, motion.previous_u, motion.step, slot, b, first, over, s)
-    return beside(sums, axes, 0)
+    over = which_above(e, row_of(bonds.edge, bonds.slots[slot, BOUND], lane))
+    _update_bonds(bonds, history, motion, np.int64(slot), group, lane, over)
+    return True, beside(sums, axes, 0)
 
 
 @njit(**INNER)
-def _update_bonds(blocks, tracks, u, before, step, slot, b, first, over, s):  # type: ignore[no-untyped-def]
-    """Break or soften the bonds of a slot in the lanes of the bits `over`, counted from `first` on, and add the pulls
-    that match their work to the sums in s."""
+def _update_bonds(blocks, tracks, motion, slot, b, first, over):  # type: ignore[no-untyped-def]
+    """Break or soften the bonds of a slot in the lanes of the bits `over`, counted from `first` on, add the pulls that
+    match their work to the sums in the scratch, and book the dissipated energy."""
+    u, before, step, s = motion
     law, first_e = blocks.slots[slot, LIMITS], len(blocks.axes) * ROW  # in s
     while over != 0:
         k = trailing_zeros(over)

@@ -151,7 +151,7 @@ def common_of_lanes(bonds: Any, group: Any, own: Any) -> Any:
 @overload(common_of_lanes, jit_options=IN_PLACE)
 def _common_of_lanes(bonds, group, own):  # type: ignore[no-untyped-def]
     if is_in_tiles(bonds):
-        return lambda bonds, group, own: common_of_tile(bonds, group, own)
+        return common_of_tile
     return lambda bonds, group, own: bonds.softened[group]
 
 
@@ -163,7 +163,7 @@ def weight(bonds: Any, common: Any, u: Any, row: Any, slot: Any, lane: Any) -> A
 @overload(weight, jit_options=IN_PLACE)
 def _weight(bonds, common, u, row, slot, lane):  # type: ignore[no-untyped-def]
     if is_in_tiles(bonds):
-        return lambda bonds, common, u, row, slot, lane: weight_in_tile(bonds, common, u, row, slot)
+        return weight_in_tile
     return lambda bonds, common, u, row, slot, lane: row_of(bonds.stiffness, bonds.slots[slot, PULL], lane)
 
 
@@ -290,16 +290,7 @@ def update_lanes(
 
 @overload(update_lanes, jit_options=IN_PLACE)
 def _update_lanes(bonds, history, motion, group, lane, slot, e, f):  # type: ignore[no-untyped-def]
-    return _update_tile if is_in_tiles(bonds) else _update_block
-
-
-def _update_tile(bonds, history, motion, group, lane, slot, e, f):  # type: ignore[no-untyped-def]
-    # whose pulls go to `failure_forces` at once: a tile that gets a memory is summed anew without them
-    return motion.step == 0 or update_lanes_of_tile(bonds, motion, history, group, lane, slot), f
-
-
-def _update_block(bonds, history, motion, group, lane, slot, e, f):  # type: ignore[no-untyped-def]
-    return True, update_lanes_of_block(bonds, history, motion, np.int64(slot), group, lane, e, f)
+    return update_lanes_of_tile if is_in_tiles(bonds) else update_lanes_of_block
 
 
 @cached_njit(nogil=True, error_model="numpy")

@@ -28,7 +28,7 @@ from pdsolve.codegen.inner_functions import INNER
 from pdsolve.codegen.jit_cache import cached_njit
 from pdsolve.codegen.lanes import across, beside, same
 from pdsolve.codegen.vector_code import ROW
-from pdsolve.lattice.bond import IN_PLACE, corrected_weight, where_inverse, where_weight
+from pdsolve.lattice.bond import corrected_weight, where_inverse, where_weight
 from pdsolve.laws.calls import (
     added_force,
     bond_strain_energy,
@@ -154,27 +154,28 @@ def write_tile(tiles, t, f, out):  # type: ignore[no-untyped-def]
                 out[i, axis] += f[axis, lane]
 
 
-@njit(**IN_PLACE)
-def common_of_tile(tiles, t, own):  # type: ignore[no-untyped-def]
-    """What all slots of a tile share: what stiffnesses are made of, the row of its memory or -1, the corrections and
-    the modulus of some lanes from the place `own` on, and this place."""
-    kind = tiles.kind[t]
-    row_of_memory = np.int64(tiles.memory[t]) if kind >= SOFT_ALIKE else np.int64(-1)
+def common_of_tile(bonds, group, own):  # type: ignore[no-untyped-def]
+    # what stiffnesses are made of, the row of the memory or -1, corrections and modulus of the lanes, and their place
+    kind = bonds.kind[group]
+    row_of_memory = np.int64(bonds.memory[group]) if kind >= SOFT_ALIKE else np.int64(-1)
     kind = kind - SOFTENED if kind >= SOFT_ALIKE else np.int64(kind)
-    return kind, row_of_memory, beside(tiles.c, tiles.axes, own), beside(tiles.cells, CELL, own)[MODULUS], own
+    return kind, row_of_memory, beside(bonds.c, bonds.axes, own), beside(bonds.cells, CELL, own)[MODULUS], own
 
 
-@njit(**IN_PLACE)
-def weight_in_tile(tiles, common, u, row, slot):  # type: ignore[no-untyped-def]
-    """The stiffness over length of the bonds of some lanes."""
+def weight_in_tile(bonds, common, u, row, slot, lane):  # type: ignore[no-untyped-def]
     kind, _, c, own_modulus, own = common
-    w, at = same(u, row[where_weight(len(tiles.axes))]), own + tiles.offsets[slot]
+    w, at = same(u, row[where_weight(len(bonds.axes))]), own + bonds.offsets[slot]
     if kind != ALIKE:
-        w = corrected_weight(row, beside(tiles.c, tiles.axes, at), c)
+        w = corrected_weight(row, beside(bonds.c, bonds.axes, at), c)
         if kind == GENERAL:
-            volume, modulus = beside(tiles.cells, CELL, at)
+            volume, modulus = beside(bonds.cells, CELL, at)
             w = (w * volume) * (modulus + own_modulus)
     return w
+
+
+def update_lanes_of_tile(bonds, history, motion, group, lane, slot, e, f):  # type: ignore[no-untyped-def]
+    # the pulls go to `failure_forces` at once: a tile that gets a memory is summed anew without them
+    return motion.step == 0 or _update_slot(bonds, motion, history, group, lane, slot), f
 
 
 def _pair(tiles: Any) -> Pair:
@@ -183,7 +184,7 @@ def _pair(tiles: Any) -> Pair:
 
 
 @njit(**INNER)
-def update_lanes_of_tile(tiles, motion, breaks, t, lane, slot):  # type: ignore[no-untyped-def]
+def _update_slot(tiles, motion, breaks, t, lane, slot):  # type: ignore[no-untyped-def]
     """Take out the bonds of a slot that are over their limit, and book what they have spent; soften those over their
     peak. False if there is no memory for it."""
     row, offset, word, memory = tiles.vectors[slot], tiles.offsets[slot], tiles.bits[t, slot], np.int64(tiles.memory[t])

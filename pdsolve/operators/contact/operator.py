@@ -2,7 +2,8 @@
 
 Forces are those of `pdsolve.operators.contact.kernel`. The stiffness of a pair is that of M. L. Parks, P. Seleson,
 S. J. Plimpton, S. A. Silling, R. B. Lehoucq, SAND2011-8253: some micromoduli over their horizon, times both cells, for
-a horizon of three spacings, whatever the model's own. A face is then about half as stiff as a spacing of its material.
+a horizon of three spacings, whatever the model's own. Between two faces it is .53 E over the spacing in plane stress,
+.57 in plane strain and .24 in space.
 """
 
 from __future__ import annotations
