@@ -59,7 +59,9 @@ def label_cracked_nodes(results: Results, step: int, threshold: float = CRACKED)
     near, far = near[close], far[close] / delta[near[close]].mean(axis=1)
     ends = near.T.ravel(), near[:, ::-1].T.ravel()
     links = csr_array((np.tile(far, 2), ends), (len(rows), len(rows)))
-    spread = _spread_cracks_from_origins(links, since[rows], _find_crack_origins(links, position, delta, since[rows]))
+    spread = _label_nodes_by_first_arriving_crack(
+        links, since[rows], _find_crack_origins(links, position, delta, since[rows])
+    )
     return CrackedNodes(position, delta, damage_with_pre_cracks_at(results, step)[rows], *spread, links)
 
 
@@ -171,7 +173,7 @@ def _connected_components_of_pairs(pairs: set[tuple[int, int]]) -> list[list[int
     return parts
 
 
-def _spread_cracks_from_origins(
+def _label_nodes_by_first_arriving_crack(
     touching_distances: csr_array, cracked_step: NDArray[np.int64], origins: list[_CrackOrigin]
 ) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.float64]]:
     """Let the cracks spread from their roots; returns crack, reached and level (c,) of `CrackedNodes`.

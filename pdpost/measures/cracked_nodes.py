@@ -44,7 +44,7 @@ def damage_with_pre_cracks_at(results: Results, step: int) -> NDArray[np.float64
 def damage_without_pre_cracks_at(results: Results, step: int) -> NDArray[np.float64]:
     """Damage (n,) of the living nodes after any step, also between frames; see above."""
     family, broken_count = _count_bonds_and_broken_bonds_at(results, step)
-    cut = _count_bonds_cut_by_pre_cracks(results, step)
+    cut = _count_pre_crack_cuts_of_living_nodes(results, step)
     return np.asarray((broken_count - cut) / np.maximum(family - cut, 1))
 
 
@@ -57,7 +57,7 @@ def _count_bonds_and_broken_bonds_at(results: Results, step: int) -> tuple[NDArr
     return lives.nodes.family[rows], broken_count[rows]
 
 
-def _count_bonds_cut_by_pre_cracks(results: Results, step: int) -> NDArray[np.int64]:
+def _count_pre_crack_cuts_of_living_nodes(results: Results, step: int) -> NDArray[np.int64]:
     """Bonds (n,) of the living nodes that pre-cracks cut.
 
     Nodes that are born during a run are also born without bonds that broke before; pre-cracks cut those of their pairs
@@ -134,7 +134,7 @@ def _inherit_cracked_step_of_replaced_nodes(
     cracked_step[born_rows[(cracked_step[born_rows] == birth[born_rows]) & ~has_broken_bonds[born_rows]]] = 0
 
 
-def pre_crack_tips_and_headings(
+def find_free_pre_crack_tips_and_headings(
     pre_cracks: NDArray[np.float64],
 ) -> list[tuple[NDArray[np.float64], NDArray[np.float64]]]:
     """Ends of pre-cracks (k, 4) that no other segment touches, each with the unit vector of the arriving crack."""

@@ -81,8 +81,8 @@ class MassAccounts:
     def switch_system(self, system: object) -> None:
         """Does nothing, as nodes do not change."""
 
-    def update_last_ledger_row(self, state: State, step: int, bond_state: object) -> None:
-        """Make this step the last entry."""
+    def evaluate_balance(self, state: State, step: int, bond_state: object) -> None:
+        """Evaluate the balance at this step, unless it is the last entry."""
         if self.last.step != step:
             self.last = masses(self._transport, state, step, self._start.solid)
 
@@ -95,7 +95,7 @@ class MassAccounts:
                 f"unstable at step {step} ({step * transport.time_step:.4g} s, node"
                 f" {transport.model.grid.ids[worst]}): its content is {content[worst]}; reduce run.time_step"
             )
-        self.update_last_ledger_row(state, step, bond_state)
+        self.evaluate_balance(state, step, bond_state)
         self._rows.append(self.last)
 
     def move_records_into(self, frame: FrameRecord) -> FrameRecord:

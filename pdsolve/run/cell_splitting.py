@@ -17,7 +17,7 @@ from pdsolve.adaptivity.quadtree.inherited_cracks import (
 )
 from pdsolve.adaptivity.quadtree.interpolation import interpolate_state
 from pdsolve.adaptivity.quadtree.leaf_mapping import LeafOrigins, map_leaves
-from pdsolve.adaptivity.quadtree.operator import LeafHistory, LeafOperator, read_leaf_history
+from pdsolve.adaptivity.quadtree.operator import LeafHistory, QuadtreeOperator, read_leaf_history
 from pdsolve.adaptivity.quadtree.tree import Cells
 from pdsolve.checkpoint_validation import entry
 from pdsolve.conditions import put_loads
@@ -38,14 +38,14 @@ class CellSplitting:
 
     def __init__(self, initial_system: System) -> None:
         """`initial_system` is the system at the start."""
-        self.tree = expect_leaf_operator(initial_system).tree
+        self.tree = expect_quadtree_operator(initial_system).tree
         self.settings = self.tree.model.settings.run.split
         self.steps_between_checks = self.settings.every
         self._critical = criteria.critical_energy_densities(self.tree)
 
     def change_nodes(self, system: System, state: State, step: int) -> SystemAfterNodeChange | None:
         """Split and merge cells after `step`; None if all stay."""
-        operator, wanted = expect_leaf_operator(system), self.settings
+        operator, wanted = expect_quadtree_operator(system), self.settings
         energy, before = operator.energies(state)[0], PastBonds(operator.all_bonds, operator.break_steps())
         if wanted.by == "energy":
             height = criteria.relative_energy_densities(self.tree, operator.cells, energy, self._critical)
@@ -82,9 +82,9 @@ class CellSplitting:
         old_energies: NDArray[np.float64],
     ) -> SystemAfterNodeChange:
         """The leaves `cells` after this step, made from the bonds before and their energies (n,), J/m^3."""
-        old_operator = expect_leaf_operator(system)
+        old_operator = expect_quadtree_operator(system)
         new, begun = self._prepare_run_with_cells(system, cells, origins)
-        operator = expect_leaf_operator(new)
+        operator = expect_quadtree_operator(new)
         broken = inherit_break_steps(old_bonds, operator.all_bonds, origins)
         assert not count_healed_bonds(old_bonds, operator.all_bonds, origins, broken), f"step {step}: a bond has healed"
         operator.set_break_steps(broken)
@@ -115,9 +115,9 @@ class CellSplitting:
         bonds = (
             create_leaf_bonds(rule)
             if origins is None
-            else update_leaf_bonds(rule, model, expect_leaf_operator(system).leaf_bonds, origins)
+            else update_leaf_bonds(rule, model, expect_quadtree_operator(system).leaf_bonds, origins)
         )
-        operator = LeafOperator(tree, cells, model, bonds, system.scheme, threads)
+        operator = QuadtreeOperator(tree, cells, model, bonds, system.scheme, threads)
         steps = system.time_step, system.stable_time_step
         rest = assemble_system(model, system.options, system.scheme, operator, bonds.assembly.counted, *steps)
         sure = stable_time_step_from_stiffness_bound(operator.stiffness_bound(), model.rho)
@@ -132,7 +132,7 @@ class CellSplitting:
         self, old_system: System, new_system: System, origins: LeafOrigins
     ) -> NDArray[np.int64]:
         """Former rows (m,) of nodes that keep their bonds; -1 for others."""
-        before, now = expect_leaf_operator(old_system).all_bonds, expect_leaf_operator(new_system).all_bonds
+        before, now = expect_quadtree_operator(old_system).all_bonds, expect_quadtree_operator(new_system).all_bonds
         origin = np.where(origins.is_unchanged, origins.origin_rows[:, 0], -1)
         removed = np.ones(len(before.start) - 1, dtype=bool)
         removed[origin[origins.is_unchanged]] = False
@@ -155,11 +155,11 @@ class CellSplitting:
         if cells is None:
             raise CheckpointError("ids of cells are no whole plate; they must be those of its leaves in order")
         prepared = self._prepare_run_with_cells(initial_system, cells)
-        expect_leaf_operator(prepared.system).history = memory
+        expect_quadtree_operator(prepared.system).history = memory
         return prepared
 
 
-def expect_leaf_operator(system: System) -> LeafOperator:
+def expect_quadtree_operator(system: System) -> QuadtreeOperator:
     """The operator of such a run."""
-    assert isinstance(system.operator, LeafOperator)
+    assert isinstance(system.operator, QuadtreeOperator)
     return system.operator

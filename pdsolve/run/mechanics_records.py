@@ -97,8 +97,8 @@ class MechanicsRecords:
             text += f", clipped stretch {fine.clipped_stretch:.2f}" if fine.clipped_stretch else ""
         return text
 
-    def update_last_ledger_row(self, state: State, step: int, bond_state: NodeEnergiesAndBreaks) -> None:
-        """Make this step the last entry."""
+    def evaluate_balance(self, state: State, step: int, bond_state: NodeEnergiesAndBreaks) -> None:
+        """Evaluate the balance at this step, unless it is the last entry."""
         if self.last.step != step:
             self.last, self._heat_energy = (
                 compute_ledger_row(self._system, state, step, bond_state),
@@ -110,7 +110,7 @@ class MechanicsRecords:
         if not self._nodes_are_current:
             self._find_monitored_nodes()
         system = self._system
-        self.update_last_ledger_row(state, step, bond_state)
+        self.evaluate_balance(state, step, bond_state)
         if self._is_unstable(self.last, bool(np.isfinite(state.value).all())):
             finite = np.isfinite(state.value).all(axis=1)
             worst = int((~finite).argmax() if not finite.all() else np.abs(state.rate).sum(axis=1).argmax())

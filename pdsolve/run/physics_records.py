@@ -27,8 +27,8 @@ class PhysicsRecords(Protocol):
     def switch_system(self, system: System) -> None:
         """Continue with changed nodes."""
 
-    def update_last_ledger_row(self, state: State, step: int, bond_state: NodeEnergiesAndBreaks) -> None:
-        """Make this step the last entry, without recording it."""
+    def evaluate_balance(self, state: State, step: int, bond_state: NodeEnergiesAndBreaks) -> None:
+        """Evaluate the balance at this step, without recording it."""
 
     def record_step(self, state: State, step: int, bond_state: NodeEnergiesAndBreaks) -> None:
         """Record this step. Raises UnstableError."""
@@ -77,11 +77,11 @@ class CoupledRecords:
         """Go on with other nodes."""
         self._motion.switch_system(system)
 
-    def update_last_ledger_row(self, state: State, step: int, bond_state: NodeEnergiesAndBreaks) -> None:
+    def evaluate_balance(self, state: State, step: int, bond_state: NodeEnergiesAndBreaks) -> None:
         """Make the last entries those of this step, without noting them."""
-        self._motion.update_last_ledger_row(state, step, bond_state)
+        self._motion.evaluate_balance(state, step, bond_state)
         for records, prepared in self._others:
-            records.update_last_ledger_row(prepared.state, step, bond_state)
+            records.evaluate_balance(prepared.state, step, bond_state)
 
     def record_step(self, state: State, step: int, bond_state: NodeEnergiesAndBreaks) -> None:
         """Note this step. Raises UnstableError."""

@@ -13,7 +13,7 @@ from pdsolve.adaptivity.hybrid.adaptivity_choice import choose_adaptivity
 from pdsolve.adaptivity.hybrid.operator import HybridOperator
 from pdsolve.adaptivity.hybrid.space.prepare import create_body_operator, create_current_drive
 from pdsolve.adaptivity.quadtree.incremental_bonds import create_leaf_bonds
-from pdsolve.adaptivity.quadtree.operator import SURE, LeafOperator, create_tree
+from pdsolve.adaptivity.quadtree.operator import SURE, QuadtreeOperator, create_tree
 from pdsolve.adaptivity.two_lattice_operator import FusedMarch
 from pdsolve.checks import refuse, refuse_on_ranks
 from pdsolve.conditions import (
@@ -216,7 +216,7 @@ def _prepare_cell_splitting(model: Model, options: Options, scheme: Scheme) -> P
     cells = tree.roots()
     now = tree.model_of_leaves(cells)
     bonds, threads = create_leaf_bonds(scheme.by_pairs(now)), threads_of(options, len(model.grid), False)
-    operator = LeafOperator(tree, cells, now, bonds, scheme, threads)
+    operator = QuadtreeOperator(tree, cells, now, bonds, scheme, threads)
     bound = (
         SURE[scheme.name] * stable_time_step_from_stiffness_bound(operator.stiffness_bound(), now.rho) / 2**tree.levels
     )

@@ -340,11 +340,11 @@ class Recorder:
         )
         self._rows, self._count = rows, self._count + len(new)
 
-    def update_last_ledger_row(self, step: int) -> None:
+    def evaluate_balance(self, step: int) -> None:
         """Bring the last ledger row to this step, if they are not there yet."""
         if step != self.step:
             bond_state = self._update_bond_state(step)
-            self.physics_records.update_last_ledger_row(self.state, step, bond_state)
+            self.physics_records.evaluate_balance(self.state, step, bond_state)
 
     def record_step(self, step: int) -> None:
         """Record this step. Raises UnstableError."""

@@ -18,7 +18,7 @@ from pdsolve.adaptivity.hybrid.adaptivity_choice import choose_adaptivity, expla
 from pdsolve.adaptivity.hybrid.arrays import EVERY
 from pdsolve.adaptivity.hybrid.engine import ZoneSummary
 from pdsolve.adaptivity.hybrid.space.operator import HybridBodyOperator
-from pdsolve.adaptivity.quadtree.operator import LeafOperator
+from pdsolve.adaptivity.quadtree.operator import QuadtreeOperator
 from pdsolve.checks import warn_of_model, warn_of_unused
 from pdsolve.codegen.compile_time import compile_seconds, processor_kind, running_time
 from pdsolve.conditions import has_initial_displacement
@@ -110,7 +110,7 @@ def simulate(
         results = _solve_with_restarts(
             model, options, RunRequest(output, watch, provenance, adapt, compile_seconds_before=compile_seconds())
         )
-    return _solve_motion_after_path(results, output, options.threads, watch)
+    return _solve_motion_after_path_if_asked(results, output, options.threads, watch)
 
 
 def _lock_output(output: Path | None) -> AbstractContextManager[None]:
@@ -204,7 +204,7 @@ def _solve_new_run(recorder: Recorder, request: RunRequest) -> Results:
     return _advance_to_end_and_close_results(recorder, make_new_writer, request)
 
 
-def _solve_motion_after_path(
+def _solve_motion_after_path_if_asked(
     path_results: Results, output: Path | None, threads: int | None, watch: Watcher | None
 ) -> Results:
     """The results of the motion that follows a run; those of the run if none does."""
@@ -227,7 +227,7 @@ def required_adaptation(system: System) -> NodeAdaptation | None:
     """What changes the nodes of a run as its model requires; None if nothing does, or the operator itself does."""
     if isinstance(system.operator, HybridBodyOperator):
         return BodyRefinement()
-    return CellSplitting(system) if isinstance(system.operator, LeafOperator) else None
+    return CellSplitting(system) if isinstance(system.operator, QuadtreeOperator) else None
 
 
 def _nodes_may_change(system: System, adaptation: NodeAdaptation | None) -> bool:
@@ -259,7 +259,7 @@ def resume(
         if motion.is_symlink():
             raise ResultsError(f"{motion} is a link, and the motion of a run is written there; move it away")
         return _resume_unless_finished(motion, request)
-    return _solve_motion_after_path(results, output, threads, watch)
+    return _solve_motion_after_path_if_asked(results, output, threads, watch)
 
 
 def _resume_unless_finished(output: Path, request: RunRequest) -> Results:
@@ -442,7 +442,7 @@ def _advance_to_end(recorder: Recorder, writer: Behind, request: RunRequest) -> 
         if with_fields or done or interrupted or (is_record and recorder.checkpoint_is_old):
             with_checkpoint = step == run.steps or done or interrupted
             writer.write(partial(recorder.make_frame, step, with_fields, with_checkpoint))
-    recorder.update_last_ledger_row(step)
+    recorder.evaluate_balance(step)
     compiled = {"compile_time": compile_seconds() - request.compile_seconds_before}
     writer.done().write_meta({"summary": json.dumps(run_summary(recorder, step, done) | compiled)})
     recorder.physics_records.warn_at_end()

@@ -9,7 +9,7 @@ import numpy as np
 
 from pdmesh import VERSION
 from pdmesh.model.bond_counts import pair_count
-from pdsolve.adaptivity.quadtree.operator import LeafOperator
+from pdsolve.adaptivity.quadtree.operator import QuadtreeOperator
 from pdsolve.codegen.compile_time import processor_kind
 from pdsolve.run.recorder import Recorder
 from pdsolve.steppers.arc_length_steps import ArcLengthSteps
@@ -74,7 +74,7 @@ def run_summary(recorder: Recorder, step: int, stopped_early: bool) -> dict[str,
         results |= {"particles": len(system.crack_growth.particles.place), "remarks": system.crack_growth.remarks}
     if system.zone_summary is not None:
         statistics = system.zone_summary._asdict()
-        if isinstance(system.operator, LeafOperator):
+        if isinstance(system.operator, QuadtreeOperator):
             results["split"] = {name: statistics[name] for name in ("refinement", "fine_share")}
         else:
             results["hybrid"] = statistics

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from pdsolve.adaptivity.hybrid.engine import ZoneSummary
 from pdsolve.adaptivity.hybrid.operator import HybridOperator
 from pdsolve.adaptivity.hybrid.space.operator import HybridBodyOperator
-from pdsolve.adaptivity.quadtree.operator import LeafOperator
+from pdsolve.adaptivity.quadtree.operator import QuadtreeOperator
 from pdsolve.adaptivity.two_lattice_operator import FusedMarch, TwoLatticeOperator
 from pdsolve.conditions import (
     Drive,
@@ -37,7 +37,7 @@ if TYPE_CHECKING:
     from pdsolve.adaptivity.factory import Moving
     from pdsolve.crack_growth.growth import Growth
 
-WithZone = LeafOperator | HybridBodyOperator  # operators with finer nodes that come, and their own summary
+WithZone = QuadtreeOperator | HybridBodyOperator  # operators with finer nodes that come, and their own summary
 OnDevice = VerletOnDevice | EulerOnDevice  # what takes steps on a device, of a motion or of a content
 
 

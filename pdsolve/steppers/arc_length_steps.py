@@ -107,7 +107,7 @@ class ArcLengthSteps(PathStepper):
         """How much of the path is done: of the loads."""
         return min(max((path_step.load_factor for path_step in self.step_results), default=0.0), 1.0)
 
-    def _take_step(self, state: State, step: int) -> None:
+    def _take_path_step(self, state: State, step: int) -> None:
         try:
             new, iterations, residual = self._find_next_equilibrium(state, step)
         except UnsettledError as error:
@@ -127,7 +127,7 @@ class ArcLengthSteps(PathStepper):
         drive.before[:] = drive.force
         spent = float(self._area @ (state.dissipated + self._operator.energies(state)[1]))
         self._record_step(step, iterations, residual, new.load_factor, after, spent)
-        if self._worst_bond_overload_ratio(state) > 0:
+        if self._largest_overload_or_zero(state) > 0:
             self.ended, self.end_reason = True, "a bond has reached its limit"
 
     def _find_next_equilibrium(self, state: State, step: int) -> PathSolution:
@@ -161,7 +161,7 @@ class ArcLengthSteps(PathStepper):
                 if new.load_factor >= 1:
                     new, more, residual = self._find_equilibrium_at_full_loads(state, new, step)
                     count += more
-                if self._worst_bond_overload_ratio(state) > 1 + PAST:
+                if self._largest_overload_or_zero(state) > 1 + PAST:
                     raise UnsettledError("a bond passes its limit within the shortest step")
                 break
             except UnsettledError:
@@ -185,7 +185,7 @@ class ArcLengthSteps(PathStepper):
             raise UnsettledError("the path bends within the shortest step")
         return new, count, residual
 
-    def _worst_bond_overload_ratio(self, state: State) -> float:
+    def _largest_overload_or_zero(self, state: State) -> float:
         """How far over its limit a bond is: its load by that at which it breaks; 0 if none is."""
         return 0.0 if self._breaking is None else self._breaking.worst(state.value)
 

@@ -66,7 +66,7 @@ class CrackLengthSteps(PathStepper):
             0.0,
         )
 
-    def _take_step(self, state: State, step: int) -> None:
+    def _take_path_step(self, state: State, step: int) -> None:
         self._motion.on_progress = self.on_progress
         self._motion.method.discard_reused_tangent()
         try:

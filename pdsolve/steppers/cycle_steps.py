@@ -47,11 +47,11 @@ class CycleSteps:
             if step == 1:
                 self._motion.advance(state, 1, 2)
             self._motion.method.discard_reused_tangent()
-            equilibrium = self._take_step(state, step, Equilibrium(0, self._motion.step_results[-1].residual))
+            equilibrium = self._take_cycle_step(state, step, Equilibrium(0, self._motion.step_results[-1].residual))
             broken = len(self._operator.broken().step)
             self.step_results.append(Cycled(step, equilibrium.iterations, equilibrium.residual, self._cycles, broken))
 
-    def _take_step(self, state: State, step: int, previous_equilibrium: Equilibrium) -> Equilibrium:
+    def _take_cycle_step(self, state: State, step: int, previous_equilibrium: Equilibrium) -> Equilibrium:
         """Take a step; returns how what is left settled, `previous_equilibrium` if nothing changed."""
         raise NotImplementedError
 

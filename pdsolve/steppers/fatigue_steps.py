@@ -50,7 +50,7 @@ class BondFatigueSteps(CycleSteps):
         self._at = Place(0, 0.0)
         self.first, self.range = np.inf, 0.0  # cycles until the first bonds broke, and their range of stretch
 
-    def _take_step(self, state: State, step: int, previous_equilibrium: Equilibrium) -> Equilibrium:
+    def _take_cycle_step(self, state: State, step: int, previous_equilibrium: Equilibrium) -> Equilibrium:
         equilibrium = previous_equilibrium
         for _ in range(JUMPS):
             if not self.ended:

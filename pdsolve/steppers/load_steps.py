@@ -109,7 +109,7 @@ class LoadSteps:
     def advance(self, state: State, first_step: int, end_step: int) -> None:
         """Take the load steps `first_step` to `end_step` - 1, in place. Raises UnsettledError."""
         for step in range(first_step, end_step):
-            self._take_step(state, step)
+            self._take_load_step(state, step)
 
     def set_swelling_strain(self, strain: Array, state: State, on_next_equilibrium: Callable[[State], object]) -> None:
         """Break bonds by their stretch from these strains (n,), with which the operator has been strained.
@@ -164,7 +164,7 @@ class LoadSteps:
         count = len(broken.step)
         self._check_supports_and_restrain_loose_bodies(broken, f"after {count} directed bonds broke: " if count else "")
 
-    def _take_step(self, state: State, step: int) -> None:
+    def _take_load_step(self, state: State, step: int) -> None:
         before = self._drive.force.astype(float) if self.step_results else np.zeros(self._drive.force.shape)
         put_loads(self._drive, step * self._dt)
         self.method.discard_reused_tangent()

@@ -74,7 +74,7 @@ class ParisSteps(CycleSteps):
         self._share = 1.0  # of the length of particles
         self._at_first = 0.0  # cycles of this step if its tips grew on as at its beginning
 
-    def _take_step(self, state: State, step: int, previous_equilibrium: Equilibrium) -> Equilibrium:
+    def _take_cycle_step(self, state: State, step: int, previous_equilibrium: Equilibrium) -> Equilibrium:
         """Let tips grow until the first has grown a particle, and settle; returns how."""
         law, growth = self._law, self._growth
         judged = growth.judge_tips(state)

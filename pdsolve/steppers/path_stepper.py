@@ -69,7 +69,7 @@ class PathStepper:
         self._began = self._began or (clock.monotonic(), self._finished_path_share())
         for step in range(first_step, end_step):
             if not self.ended:
-                self._take_step(state, step)
+                self._take_path_step(state, step)
 
     def checkpoint_arrays(self) -> dict[str, Array]:
         """The steps so far, for a checkpoint."""
@@ -102,7 +102,7 @@ class PathStepper:
         """How much of the path is done."""
         raise NotImplementedError
 
-    def _take_step(self, state: State, step: int) -> None:
+    def _take_path_step(self, state: State, step: int) -> None:
         """Take a step, in place. Raises UnsettledError."""
         raise NotImplementedError
 

@@ -126,12 +126,12 @@ class SofteningPathSteps(PathStepper):
         factor = max((path_step.load_factor for path_step in self.step_results), default=0.0)
         return min(max(factor, self._control_value(self._last) / self._whole), 1.0)
 
-    def _take_step(self, state: State, step: int) -> None:
+    def _take_path_step(self, state: State, step: int) -> None:
         if self._contact is not None:
             self._contact.begin(state)
         try:
             new, iterations, residual = (
-                self._find_first_equilibrium(state) if not self.step_results else self._find_next_equilibrium(step)
+                self._solve_first_path_step(state) if not self.step_results else self._find_next_equilibrium(step)
             )
         except UnsettledError as error:
             raise UnsettledError(f"{self._model.name}: path step {step}: {error}") from None
@@ -153,7 +153,7 @@ class SofteningPathSteps(PathStepper):
             said = f"{self._model.name}: path step {step}: {message}"
             warnings.warn(said, ModelWarning, stacklevel=2)
 
-    def _find_first_equilibrium(self, state: State) -> PathSolution:
+    def _solve_first_path_step(self, state: State) -> PathSolution:
         """Elastic, or as far as what does not grow where bonds soften under this alone."""
         start, bonds, k = self._last, self._bonds, self._bonds.breaks
         if not self._follower.drive.values_at_zero_factor.any():

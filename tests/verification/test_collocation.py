@@ -171,7 +171,7 @@ def test_a_crack_takes_fine_nodes_with_it() -> None:
     told = engine.zone_summary()
     assert told.fine_share > share + 0.05
     assert 0.5 < told.clipped_stretch < 1
-    assert engine.zone.totals.largest_quadratic_strain < engine.lattice.limit_quadratic_strain
+    assert engine.zone.totals.largest_double_green_strain < engine.lattice.limit_double_green_strain
     assert len(engine.break_events().step) > 1000
     shown = type(problem.system.moving_zone_operator)(engine)
     shown.energies(shown.state())
@@ -185,7 +185,7 @@ def test_a_crack_takes_fine_nodes_with_it() -> None:
 def test_fine_nodes_that_come_too_late_are_an_error() -> None:
     """A plate that is stretched beyond its limit between two looks."""
     problem, engine = prepared(cracked(61, 60, 4.0, 0.0, run=RUN))
-    active, limit = engine.active_places(), np.sqrt(1 + engine.lattice.limit_quadratic_strain) - 1
+    active, limit = engine.active_places(), np.sqrt(1 + engine.lattice.limit_double_green_strain) - 1
     engine.zone.u[0, active] = 1.2 * limit * H * places(engine)[0, active]
     with pytest.raises(UnstableError, match=naming(found=("coarse", re.compile(r"1\.2\d*")))):
         problem.advance(1, 10)

@@ -14,7 +14,7 @@ from pdmesh.model.document import InitialVelocity, Load, Run, Split, write_file
 from pdmesh.model.node_grid import document_of
 from pdsolve.model import Model, read_model
 from pdsolve.results import Results
-from pdsolve.run.cell_splitting import CellSplitting, expect_leaf_operator
+from pdsolve.run.cell_splitting import CellSplitting, expect_quadtree_operator
 from pdsolve.run.measures import LedgerRow, compute_ledger_row
 from pdsolve.run.prepare import prepare
 from pdsolve.run.simulation import Options, Progress, resume, simulate
@@ -56,7 +56,7 @@ def test_momentum_and_energy_are_booked_to_the_last(levels: int) -> None:
             assert system.area.sum() == pytest.approx(280e-6, rel=1e-13)
         counts.append(len(system.model.grid))
         system.stepper.advance(state, step + 1, step + adapt.steps_between_checks + 1)
-        level = expect_leaf_operator(system).cells.level
+        level = expect_quadtree_operator(system).cells.level
         assert np.array_equal(system.model.horizons, 3 * 1e-3 / 2.0**level)
     found = compute_ledger_row(system, state, 120)
     assert min(np.diff(counts)) < 0 < max(np.diff(counts))

@@ -184,7 +184,8 @@ class CollocationEngine:
         fine = self.area[self.zone.node_kinds == FINE].sum() / self.plate.node_areas.sum()
         # of a place without neighbours e is 0
         largest, limit = (
-            np.sqrt(1 + e) - 1 for e in (self.zone.totals.largest_quadratic_strain, self.lattice.limit_quadratic_strain)
+            np.sqrt(1 + e) - 1
+            for e in (self.zone.totals.largest_double_green_strain, self.lattice.limit_double_green_strain)
         )
         return ZoneSummary(float(self.zone.totals.refinement_energy), float(fine), float(largest / limit))
 

@@ -23,7 +23,7 @@ from pdmesh.model.neighbours import Pairs
 from pdmesh.model.visibility import Sight
 from pdsolve.adaptivity.hybrid.coarse_cells import check_no_precrack_on_node, count_full_squares_around_places
 from pdsolve.adaptivity.hybrid.precracks import is_visible, lengthen_cracks
-from pdsolve.adaptivity.hybrid.springs import Springs, quadratic_strain_from_stretch
+from pdsolve.adaptivity.hybrid.springs import Springs, double_green_strain_from_stretch
 from pdsolve.codegen.jit_cache import cached_njit
 from pdsolve.codegen.vector_code import ROW
 from pdsolve.conditions import unbreakable
@@ -69,7 +69,7 @@ class LatticeConstants(NamedTuple):
     ]  # (places / 16,) of rows at edges whose stiffnesses are kept: which; -1 of others
     edge_row_stiffness: NDArray[np.float64]  # (patterns * k, 1, 16) these, N/m
     no_fail: NDArray[np.bool_]  # (places,) nodes whose bonds do not break
-    limit_quadratic_strain: float  # e above which a bond breaks
+    limit_double_green_strain: float  # e above which a bond breaks
     coarse_stencil_place_offsets: NDArray[np.int64]  # (s,) places from a coarse node to those of its stencil
     stencil_stiffness: NDArray[np.float64]  # (s, 3) xx, xy and yy, 1/s^2: accelerations
     stencil_vector_constants: NDArray[np.float64]  # (s, 3) 2 xi / |xi|^2 and 1 / |xi|^2 of the stencil's nodes
@@ -135,7 +135,7 @@ def create_constants_and_plate(
         edge_row_stiffness_index=np.full(numbering.place_count // ROW, -1),
         edge_row_stiffness=np.zeros((0, 1, ROW)),
         no_fail=no_fail,
-        limit_quadratic_strain=float(quadratic_strain_from_stretch(springs.limit_stretch)),
+        limit_double_green_strain=float(double_green_strain_from_stretch(springs.limit_stretch)),
         coarse_stencil_place_offsets=2 * (stencil.xi[:, 1] * numbering.row_stride + stencil.xi[:, 0]),
         stencil_stiffness=np.column_stack([theta[:, 0, 0], theta[:, 0, 1], theta[:, 1, 1]]),
         stencil_vector_constants=np.column_stack([2 * xi / square[:, None], 1 / square]),

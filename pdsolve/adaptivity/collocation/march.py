@@ -13,9 +13,9 @@ from numba import njit
 from pdsolve.adaptivity.collocation.simd_rows import (
     bond_stiffness_over_own_cell_share,
     break_bond,
+    double_green_strain_of_bond,
+    double_green_strain_one_step_ago,
     is_bond_over_limit,
-    quadratic_strain_of_bond,
-    quadratic_strain_one_step_ago,
     store_row_energy_densities,
     store_row_forces,
     store_row_forces_by_square_roots,
@@ -65,7 +65,7 @@ def interpolate_fictitious_nodes(zone, field):  # type: ignore[no-untyped-def]
 @njit(**INNER)
 def mark_stretched_coarse_pairs(lattice, zone, kappa):  # type: ignore[no-untyped-def]
     """Mark both nodes of each coarse pair stretched beyond `kappa` times the critical stretch."""
-    stretch = np.sqrt(1 + lattice.limit_quadratic_strain) - 1
+    stretch = np.sqrt(1 + lattice.limit_double_green_strain) - 1
     hot = kappa * stretch * (kappa * stretch + 2)
     u, any_hot = zone.u, False
     for q in zone.active_coarse_places:
@@ -79,7 +79,7 @@ def mark_stretched_coarse_pairs(lattice, zone, kappa):  # type: ignore[no-untype
             if e > hot and not (lattice.no_fail[q] or lattice.no_fail[j]):
                 zone.is_to_refine[q] = zone.is_to_refine[j] = any_hot = True
             if zone.node_kinds[j] == COARSE:
-                zone.totals.largest_quadratic_strain = max(zone.totals.largest_quadratic_strain, e)
+                zone.totals.largest_double_green_strain = max(zone.totals.largest_double_green_strain, e)
     return any_hot
 
 
@@ -165,13 +165,13 @@ def _add_forces_of_newly_broken_bonds(lattice, zone, step):  # type: ignore[no-u
 def _stretch_now_before_and_limit(lattice, zone, p, k):  # type: ignore[no-untyped-def]
     """The stretch of bond k of node p now and one step ago, and its limit."""
     e, e0 = (
-        quadratic_strain_of_bond(lattice, zone.u, p, k),
-        quadratic_strain_one_step_ago(lattice, zone.u, zone.v, p, k),
+        double_green_strain_of_bond(lattice, zone.u, p, k),
+        double_green_strain_one_step_ago(lattice, zone.u, zone.v, p, k),
     )
     return (
         e / (1 + np.sqrt(1 + e)),
         e0 / (1 + np.sqrt(1 + e0)),
-        lattice.limit_quadratic_strain / (1 + np.sqrt(1 + lattice.limit_quadratic_strain)),
+        lattice.limit_double_green_strain / (1 + np.sqrt(1 + lattice.limit_double_green_strain)),
     )
 
 

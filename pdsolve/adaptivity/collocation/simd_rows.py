@@ -55,16 +55,20 @@ def surface_corrected_stiffness(lattice, p, k, surface_correction):  # type: ign
 
 
 @njit(forceinline=True, **INNER)
-def _force_factor_polynomial(quadratic_strain):  # type: ignore[no-untyped-def]
+def _force_factor_polynomial(double_green_strain):  # type: ignore[no-untyped-def]
     """g(e) for |e| up to WIDE."""
-    narrow = (((G5 * quadratic_strain + G4) * quadratic_strain + G3) * quadratic_strain + G2) * quadratic_strain + G1
-    wide = (((G10 * quadratic_strain + G9) * quadratic_strain + G8) * quadratic_strain + G7) * quadratic_strain + G6
-    e2 = quadratic_strain * quadratic_strain
-    return (wide * (e2 * e2 * quadratic_strain) + narrow) * quadratic_strain + G0
+    narrow = (
+        ((G5 * double_green_strain + G4) * double_green_strain + G3) * double_green_strain + G2
+    ) * double_green_strain + G1
+    wide = (
+        ((G10 * double_green_strain + G9) * double_green_strain + G8) * double_green_strain + G7
+    ) * double_green_strain + G6
+    e2 = double_green_strain * double_green_strain
+    return (wide * (e2 * e2 * double_green_strain) + narrow) * double_green_strain + G0
 
 
 @njit(forceinline=True, **INNER)
-def _relative_displacement_and_quadratic_strain(lattice, u, displacement, p, k):  # type: ignore[no-untyped-def]
+def _relative_displacement_and_double_green_strain(lattice, u, displacement, p, k):  # type: ignore[no-untyped-def]
     """eta and e of bond k in the lanes from place p on; `displacement` are the displacements there."""
     neighbour_displacement = beside(u, PLANE, p + lattice.neighbour_offsets[k])
     x, y = neighbour_displacement[0] - displacement[0], neighbour_displacement[1] - displacement[1]
@@ -89,7 +93,7 @@ def store_row_forces(lattice, cut_bond_bits, row_kind, e_bounds, u, f, row):  # 
         )
         most, widest = none, none
         for k in range(len(lattice.neighbour_offsets)):
-            x, y, e = _relative_displacement_and_quadratic_strain(lattice, u, displacement, p, k)
+            x, y, e = _relative_displacement_and_double_green_strain(lattice, u, displacement, p, k)
             w = _lane_stiffness(lattice, cut_bond_bits, u, row_kind, p, row, k, lane, surface_correction)
             if row_kind != WHOLE:
                 e = unless_none(w, e, none)
@@ -116,7 +120,7 @@ def store_row_forces_by_square_roots(lattice, cut_bond_bits, row_kind, u, f, row
             none,
         )
         for k in range(len(lattice.neighbour_offsets)):
-            x, y, e = _relative_displacement_and_quadratic_strain(lattice, u, displacement, p, k)
+            x, y, e = _relative_displacement_and_double_green_strain(lattice, u, displacement, p, k)
             w = _lane_stiffness(lattice, cut_bond_bits, u, row_kind, p, row, k, lane, surface_correction)
             e = unless_none(w, e, none)
             q2 = e + 1.0
@@ -137,7 +141,7 @@ def store_row_energy_densities(lattice, cut_bond_bits, row_kind, u, densities, r
             none,
         )
         for k in range(len(lattice.neighbour_offsets)):
-            _, _, e = _relative_displacement_and_quadratic_strain(lattice, u, displacement, p, k)
+            _, _, e = _relative_displacement_and_double_green_strain(lattice, u, displacement, p, k)
             w = _lane_stiffness(lattice, cut_bond_bits, u, row_kind, p, row, k, lane, surface_correction)
             e = unless_none(w, e, none)
             stretch = e / (np.sqrt(e + 1.0) + 1.0)
@@ -164,7 +168,7 @@ def bond_stiffness_over_own_cell_share(lattice, p, k):  # type: ignore[no-untype
 
 
 @njit(**INNER)
-def quadratic_strain_of_bond(lattice, u, p, k):  # type: ignore[no-untyped-def]
+def double_green_strain_of_bond(lattice, u, p, k):  # type: ignore[no-untyped-def]
     """e of bond k of node p."""
     j = p + lattice.neighbour_offsets[k]
     x, y = u[0, j] - u[0, p], u[1, j] - u[1, p]
@@ -173,7 +177,7 @@ def quadratic_strain_of_bond(lattice, u, p, k):  # type: ignore[no-untyped-def]
 
 
 @njit(**INNER)
-def quadratic_strain_one_step_ago(lattice, u, v, p, k):  # type: ignore[no-untyped-def]
+def double_green_strain_one_step_ago(lattice, u, v, p, k):  # type: ignore[no-untyped-def]
     """e of bond k of node p one time step ago."""
     j, dt = p + lattice.neighbour_offsets[k], lattice.dt
     x, y = u[0, j] - dt * v[0, j] - (u[0, p] - dt * v[0, p]), u[1, j] - dt * v[1, j] - (u[1, p] - dt * v[1, p])
@@ -196,7 +200,7 @@ def break_bond(lattice, zone, p, k):  # type: ignore[no-untyped-def]
 @njit(**INNER)
 def is_bond_over_limit(lattice, zone, u, p, k):  # type: ignore[no-untyped-def]
     """Whether bond k of node p is to break."""
-    if not quadratic_strain_of_bond(lattice, u, p, k) > lattice.limit_quadratic_strain:
+    if not double_green_strain_of_bond(lattice, u, p, k) > lattice.limit_double_green_strain:
         return False  # as nearly all
     j = p + lattice.neighbour_offsets[k]
     return not (

@@ -48,7 +48,7 @@ class Totals(Record):
 
     dissipated_energy: float  # J/m, by bonds
     refinement_energy: float  # J/m, that making nodes fine has added
-    largest_quadratic_strain: float  # of coarse pairs so far
+    largest_double_green_strain: float  # of coarse pairs so far
     damped_energy: float  # J/m, taken by damping before nodes were switched last
 
 
@@ -218,7 +218,7 @@ def zone_with_active_coarse_nodes(
         fictitious_nodes=between,
         damping=damping,
         break_and_accuracy_bounds=np.where(
-            [fine & ~lattice.no_fail, fine], [[lattice.limit_quadratic_strain], [WIDE**2]], np.inf
+            [fine & ~lattice.no_fail, fine], [[lattice.limit_double_green_strain], [WIDE**2]], np.inf
         ),
         bond_over_bound_bits=np.zeros(len(rows), dtype=np.uint16),
     )

@@ -8,9 +8,9 @@ from numba import njit
 from pdsolve.adaptivity.hybrid.clipped_bonds import (
     find_or_reserve_stiffness_index,
     remaining_stiffness_share,
-    stretch_from_quadratic_strain,
+    stretch_from_double_green_strain,
 )
-from pdsolve.adaptivity.hybrid.energy import spring_quadratic_strain
+from pdsolve.adaptivity.hybrid.energy import spring_double_green_strain
 from pdsolve.adaptivity.hybrid.precracks import is_unbreakable, peak_and_limit_strain
 from pdsolve.codegen.inner_functions import INNER
 from pdsolve.codegen.vector_code import ROW
@@ -20,7 +20,7 @@ from pdsolve.laws.pair_laws.bilinear import dissipated_share
 
 
 @njit(forceinline=True, **INNER)
-def _book_dissipation(zone, p, energy):  # type: ignore[no-untyped-def]
+def _book_dissipation_of_node(zone, p, energy):  # type: ignore[no-untyped-def]
     """Book an energy, J/m, dissipated by a bond of node p."""
     zone.totals.dissipated_energy += energy
     zone.node_dissipation[p] += energy
@@ -31,11 +31,13 @@ def _soften_bond(lattice, zone, p, stiffness_index, k, e, peak, limit):  # type:
     """Soften a bond stretched further than ever before, to e, and book the dissipated energy."""
     row_stiffness, threshold_strain, lane = zone.fine.row_stiffness, zone.fine.threshold_strain, p % ROW
     past, now = threshold_strain[stiffness_index, k, lane], min(e, limit)
-    peak_stretch, limit_stretch = stretch_from_quadratic_strain(peak), stretch_from_quadratic_strain(limit)
+    peak_stretch, limit_stretch = stretch_from_double_green_strain(peak), stretch_from_double_green_strain(limit)
     full_stiffness = row_stiffness[stiffness_index, k, lane] / remaining_stiffness_share(past, peak, limit)
-    spent = dissipated_share(stretch_from_quadratic_strain(now), peak_stretch, limit_stretch)
-    spent -= dissipated_share(stretch_from_quadratic_strain(max(past, peak)), peak_stretch, limit_stretch)
-    _book_dissipation(zone, p, full_stiffness / lattice.spring_table[k, 4] * peak_stretch * limit_stretch * spent / 4)
+    spent = dissipated_share(stretch_from_double_green_strain(now), peak_stretch, limit_stretch)
+    spent -= dissipated_share(stretch_from_double_green_strain(max(past, peak)), peak_stretch, limit_stretch)
+    _book_dissipation_of_node(
+        zone, p, full_stiffness / lattice.spring_table[k, 4] * peak_stretch * limit_stretch * spent / 4
+    )
     row_stiffness[stiffness_index, k, lane] = full_stiffness * remaining_stiffness_share(now, peak, limit)
     threshold_strain[stiffness_index, k, lane] = now
 
@@ -83,7 +85,7 @@ def _stretch_one_step_ago(lattice, fine, p, j, k, eta_x, eta_y):  # type: ignore
     """The stretch one step ago of bond k from p to j, whose ends are (eta_x, eta_y) further apart now, m."""
     eta_x -= lattice.dt * (fine.v[0, j] - fine.v[0, p])
     eta_y -= lattice.dt * (fine.v[1, j] - fine.v[1, p])
-    return stretch_from_quadratic_strain(spring_quadratic_strain(lattice.spring_table, k, eta_x, eta_y))
+    return stretch_from_double_green_strain(spring_double_green_strain(lattice.spring_table, k, eta_x, eta_y))
 
 
 @njit(**INNER)
@@ -105,7 +107,7 @@ def soften_and_break_bonds_and_add_pulls(lattice, zone, u, first_node, count, st
             eta_x, eta_y = displaced(
                 u, fine.half_shrinkage, lattice.spring_table[k, 0], lattice.spring_table[k, 1], p, j
             )
-            e = spring_quadratic_strain(lattice.spring_table, k, eta_x, eta_y)
+            e = spring_double_green_strain(lattice.spring_table, k, eta_x, eta_y)
             peak, limit = peak_and_limit_strain(lattice, p, k)
             if e <= peak or (
                 lattice.softens_or_limits_vary and entry >= 0 and e <= fine.threshold_strain[entry, k, lane]
@@ -118,10 +120,13 @@ def soften_and_break_bonds_and_add_pulls(lattice, zone, u, first_node, count, st
             )
             if peak < limit:
                 _soften_bond(lattice, zone, p, entry, k, e, peak, limit)
-            before, now = _stretch_one_step_ago(lattice, fine, p, j, k, eta_x, eta_y), stretch_from_quadratic_strain(e)
+            before, now = (
+                _stretch_one_step_ago(lattice, fine, p, j, k, eta_x, eta_y),
+                stretch_from_double_green_strain(e),
+            )
             worst, ends = (
-                stretch_from_quadratic_strain(past),
-                (stretch_from_quadratic_strain(peak), stretch_from_quadratic_strain(limit)),
+                stretch_from_double_green_strain(past),
+                (stretch_from_double_green_strain(peak), stretch_from_double_green_strain(limit)),
             )
             pull = added_force(lattice.bond_law, now, before, worst, *ends) * full_stiffness
             fine.f[0, p] += pull / (1 + now) * (lattice.spring_table[k, 0] + eta_x)
@@ -133,7 +138,7 @@ def soften_and_break_bonds_and_add_pulls(lattice, zone, u, first_node, count, st
             if k < half:
                 zone.broken_bond_bits[p] |= np.uint64(1) << np.uint64(k)
             if peak == limit:  # else it is booked as it softens
-                _book_dissipation(
+                _book_dissipation_of_node(
                     zone,
                     p,
                     broken_energy(
@@ -154,7 +159,7 @@ def add_second_pulls_of_broken_bonds(lattice, zone, u, step):  # type: ignore[no
         p, k = breaks.node[n], breaks.bond_number[n]
         j, x, y = p + lattice.neighbour_offsets[k], lattice.spring_table[k, 0], lattice.spring_table[k, 1]
         eta_x, eta_y = displaced(u, fine.half_shrinkage, x, y, p, j)
-        now = stretch_from_quadratic_strain(spring_quadratic_strain(lattice.spring_table, k, eta_x, eta_y))
+        now = stretch_from_double_green_strain(spring_double_green_strain(lattice.spring_table, k, eta_x, eta_y))
         growth = now - _stretch_one_step_ago(lattice, fine, p, j, k, eta_x, eta_y)
         pull = breaks.force_at_break[n] * second_share(breaks.stretch_growth_at_break[n], growth) / (1 + now)
         fine.f[0, p] += pull * (x + eta_x)

@@ -64,7 +64,7 @@ def _count_bond_sides_in_plate_whole_and_fine(lattice, place, k, whole_bond_bits
 
 
 @njit(forceinline=True, **INNER)
-def _is_bond_part_in_fine_cell(numbering, cells, bond_parts, x, y, part):  # type: ignore[no-untyped-def]
+def _is_bond_part_outside_coarse_cells(numbering, cells, bond_parts, x, y, part):  # type: ignore[no-untyped-def]
     """Whether a part of a bond lies in a fine cell and is not cut."""
     cell_kind = cells[cell_place(numbering, x + bond_parts.cell_offset[part, 0], y + bond_parts.cell_offset[part, 1])]
     return cell_kind in (FINE, EMPTY)
@@ -117,9 +117,9 @@ def _initialize_threshold_strains(lattice, threshold_strain, row):  # type: igno
 
 
 @njit(**INNER)
-def stretch_from_quadratic_strain(quadratic_strain):  # type: ignore[no-untyped-def]
+def stretch_from_double_green_strain(double_green_strain):  # type: ignore[no-untyped-def]
     """The stretch s with e = s (s + 2)."""
-    return quadratic_strain / (np.sqrt(1 + quadratic_strain) + 1)
+    return double_green_strain / (np.sqrt(1 + double_green_strain) + 1)
 
 
 @njit(**INNER)
@@ -128,9 +128,9 @@ def remaining_stiffness_share(largest_strain, peak_strain, limit_strain):  # typ
     if largest_strain <= peak_strain:
         return 1.0
     return intact_share(
-        stretch_from_quadratic_strain(largest_strain),
-        stretch_from_quadratic_strain(peak_strain),
-        stretch_from_quadratic_strain(limit_strain),
+        stretch_from_double_green_strain(largest_strain),
+        stretch_from_double_green_strain(peak_strain),
+        stretch_from_double_green_strain(limit_strain),
     )
 
 
@@ -201,11 +201,11 @@ def append_pieces_of_node(lattice, cells, broken_bond_bits, node_kinds, p, piece
             if plate_bits & bond_parts.side_cell_bits[place, k, side] == 0:
                 continue
             while n < last:
-                if not _is_bond_part_in_fine_cell(numbering, cells, bond_parts, x, y, n):
+                if not _is_bond_part_outside_coarse_cells(numbering, cells, bond_parts, x, y, n):
                     n += 1
                     continue
                 begin = n
-                while n < last and _is_bond_part_in_fine_cell(numbering, cells, bond_parts, x, y, n):
+                while n < last and _is_bond_part_outside_coarse_cells(numbering, cells, bond_parts, x, y, n):
                     n += 1
                 if begin == first[side] and n == last:
                     continue

@@ -19,7 +19,7 @@ from pdsolve.lattice.layout import ONE, PLANE
 
 
 @njit(forceinline=True, **INNER)
-def spring_quadratic_strain(spring_table, k, eta_x, eta_y):  # type: ignore[no-untyped-def]
+def spring_double_green_strain(spring_table, k, eta_x, eta_y):  # type: ignore[no-untyped-def]
     """e of a spring: (|xi + eta|^2 - |xi|^2) / |xi|^2."""
     x, y, inverse = spring_table[k, 0], spring_table[k, 1], spring_table[k, 4]
     return inverse * (2 * (x * eta_x + y * eta_y) + eta_x * eta_x + eta_y * eta_y)
@@ -36,7 +36,7 @@ def half_bond_energy_of_node(lattice, fine, u, p):  # type: ignore[no-untyped-de
             continue
         j = p + lattice.neighbour_offsets[k]
         eta_x, eta_y = displaced(u, fine.half_shrinkage, lattice.spring_table[k, 0], lattice.spring_table[k, 1], p, j)
-        e = spring_quadratic_strain(lattice.spring_table, k, eta_x, eta_y)
+        e = spring_double_green_strain(lattice.spring_table, k, eta_x, eta_y)
         stretch = e / (np.sqrt(1 + e) + 1)
         energy += stiffness / lattice.spring_table[k, 4] * stretch * stretch / 4
     return energy
@@ -52,7 +52,7 @@ def half_spring_energy_of_node(nodes, spring_table, offsets, u, q):  # type: ign
         if stiffness == 0:
             continue
         eta_x, eta_y = displaced(u, nodes.half_shrinkage, spring_table[k, 0], spring_table[k, 1], q, q + offsets[k])
-        e = spring_quadratic_strain(spring_table, k, eta_x, eta_y)
+        e = spring_double_green_strain(spring_table, k, eta_x, eta_y)
         energy += stiffness / spring_table[k, 4] * e * e / 16
     return energy
 
@@ -112,12 +112,12 @@ def piece_end_displacement(fine_u, coarse_u, pieces, n, side, axis):  # type: ig
 @njit(**INNER)
 def piece_energy(pieces, fine_u, coarse_u, n):  # type: ignore[no-untyped-def]
     """Energy of a piece of a clipped bond, J/m."""
-    e = piece_quadratic_strain(pieces, fine_u, coarse_u, n)
+    e = piece_double_green_strain(pieces, fine_u, coarse_u, n)
     return pieces.spring_constants[n, 5] / pieces.spring_constants[n, 4] * e * e / 8
 
 
 @njit(**INNER)
-def piece_quadratic_strain(pieces, fine_u, coarse_u, n):  # type: ignore[no-untyped-def]
+def piece_double_green_strain(pieces, fine_u, coarse_u, n):  # type: ignore[no-untyped-def]
     """e of a piece of a clipped bond."""
     value = pieces.spring_constants[n]
     eta_x = (

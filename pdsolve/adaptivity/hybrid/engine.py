@@ -11,13 +11,13 @@ from numpy.typing import NDArray
 
 from pdsolve.adaptivity.hybrid import arrays
 from pdsolve.adaptivity.hybrid.arrays import HOLD_COLUMNS, STORED, LatticeConstants, LatticeNodes, PlateZone
-from pdsolve.adaptivity.hybrid.clipped_bonds import stretch_from_quadratic_strain
+from pdsolve.adaptivity.hybrid.clipped_bonds import stretch_from_double_green_strain
 from pdsolve.adaptivity.hybrid.coarse_cells import HybridPlate, count_full_squares_in_cells
 from pdsolve.adaptivity.hybrid.energy import fill_strain_energies
 from pdsolve.adaptivity.hybrid.lattice import BELOW, BELOW_COARSE, COARSE, FAR, FINE, FREE, IDLE, LEFT
 from pdsolve.adaptivity.hybrid.march import CLIP, DONE, advance
 from pdsolve.adaptivity.hybrid.node_constants import are_bonds_intact
-from pdsolve.adaptivity.hybrid.springs import quadratic_strain_from_stretch
+from pdsolve.adaptivity.hybrid.springs import double_green_strain_from_stretch
 from pdsolve.adaptivity.hybrid.swelling import (
     average_fine_values_to_coarse,
     set_all_swelling_offsets,
@@ -32,7 +32,7 @@ from pdsolve.operators.pending_pulls import pulls_to_arrays, read_pulls
 from pdsolve.operators.protocol import CheckpointArrays
 
 TOGETHER = 2**14  # rows whose motion is added up together
-_stretch = getattr(stretch_from_quadratic_strain, "py_func", stretch_from_quadratic_strain)
+_stretch = getattr(stretch_from_double_green_strain, "py_func", stretch_from_double_green_strain)
 
 
 class ZoneSummary(NamedTuple):
@@ -167,7 +167,7 @@ class HybridEngine:
     def set_refinement_kappa(self, refinement_kappa: float) -> None:
         """Make cells fine from now on around coarse bonds at `refinement_kappa` of what breaks or softens bonds."""
         bounds = self.lattice.strain_bounds.copy()
-        bounds[:, 2] = [quadratic_strain_from_stretch(refinement_kappa * _stretch(e)) for e in bounds[:, 0].tolist()]
+        bounds[:, 2] = [double_green_strain_from_stretch(refinement_kappa * _stretch(e)) for e in bounds[:, 0].tolist()]
         self.lattice = self.lattice._replace(strain_bounds=bounds, least_strain_bounds=bounds.min(axis=0))
 
     def set_swelling_strain(self, strain: NDArray[np.float64]) -> None:

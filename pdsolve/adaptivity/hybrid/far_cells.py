@@ -12,11 +12,15 @@ from numpy.typing import NDArray
 
 from pdsolve.adaptivity.hybrid.arrays import LatticeConstants
 from pdsolve.adaptivity.hybrid.coarse_cells import HybridPlate
-from pdsolve.adaptivity.hybrid.energy import half_spring_energy_of_node, kinetic_energy_of_node, spring_quadratic_strain
+from pdsolve.adaptivity.hybrid.energy import (
+    half_spring_energy_of_node,
+    kinetic_energy_of_node,
+    spring_double_green_strain,
+)
 from pdsolve.adaptivity.hybrid.far_nodes import (
     count_far_cells_around,
     interpolate_far_at_coarse_node,
-    set_far_node_properties,
+    set_coarsest_node_properties,
 )
 from pdsolve.adaptivity.hybrid.lattice import (
     AROUND,
@@ -50,7 +54,7 @@ AWAY = 16  # cells of 2 h between what is not a plain coarse cell and far ones, 
 NEAR = 12  # likewise where cells become fine or far springs are stretched
 
 
-def add_far_cells(
+def coarsen_cells_away_from_features(
     plate: HybridPlate, lattice: LatticeConstants, cells: NDArray[np.uint8], driven_places: NDArray[np.int64]
 ) -> NDArray[np.uint8]:
     """The cells (c,) with far ones away from outlines, cracks, fine cells and the `driven_places` places of fine nodes.
@@ -112,7 +116,7 @@ def _divide_and_list_stretched_far_cells(lattice, zone, buffer, count):  # type:
                 eta_x, eta_y = displaced(
                     far.u[buffer], far.half_shrinkage, table[k, 0], table[k, 1], q, q + lattice.far_neighbour_offsets[k]
                 )
-                if spring_quadratic_strain(table, k, eta_x, eta_y) > lattice.least_strain_bounds[2]:
+                if spring_double_green_strain(table, k, eta_x, eta_y) > lattice.least_strain_bounds[2]:
                     x, y = 2 * far_column(numbering, q), 2 * far_row(numbering, q)
                     count = _divide_and_list_far_cells_near(
                         numbering, zone.cell_kinds, x, y, zone.affected_fine_nodes, count
@@ -212,7 +216,7 @@ def set_affected_coarse_and_far_node_properties(lattice, zone):  # type: ignore[
         if zone.coarse.node_kinds[q] == BORDER:
             zone.coarse.v[0, q] = zone.coarse.v[1, q] = 0.0
     for q in zone.affected_coarsest_nodes[: zone.counts.affected_coarsest_nodes]:
-        set_far_node_properties(lattice, zone, q)
+        set_coarsest_node_properties(lattice, zone, q)
         if zone.far.node_kinds[q] == IDLE:
             zone.far.v[0, q] = zone.far.v[1, q] = 0.0
 
@@ -224,4 +228,4 @@ def set_all_far_node_properties(lattice, zone):  # type: ignore[no-untyped-def]
     for y in range(numbering.fine_cells_y // 4 + 1):
         for x in range(numbering.fine_cells_x // 4 + 1):
             if count_far_cells_around(numbering, zone.cell_kinds, 2 * x, 2 * y) > 0:
-                set_far_node_properties(lattice, zone, far_place(numbering, x, y))
+                set_coarsest_node_properties(lattice, zone, far_place(numbering, x, y))

@@ -58,7 +58,7 @@ def interpolate_far_at_coarse_node(numbering, values, x, y, out):  # type: ignor
 
 
 @njit(**INNER)
-def set_far_node_properties(lattice, zone, q):  # type: ignore[no-untyped-def]
+def set_coarsest_node_properties(lattice, zone, q):  # type: ignore[no-untyped-def]
     """Kind, mass and springs of a far node; its row gets its own stiffnesses when they first differ."""
     numbering, far, x, y = lattice.numbering, zone.far, far_column(lattice.numbering, q), far_row(lattice.numbering, q)
     row, mass = q // ROW, 0.0

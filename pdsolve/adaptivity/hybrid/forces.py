@@ -19,7 +19,7 @@ from pdsolve.adaptivity.hybrid.bond_breaking import (
     soften_and_break_bonds_and_add_pulls,
 )
 from pdsolve.adaptivity.hybrid.damping import book_damped_energy, damp_forces
-from pdsolve.adaptivity.hybrid.energy import piece_end_displacement, spring_quadratic_strain
+from pdsolve.adaptivity.hybrid.energy import piece_end_displacement, spring_double_green_strain
 from pdsolve.codegen.atomics import counted, take
 from pdsolve.codegen.inner_functions import INNER
 from pdsolve.codegen.lanes import across, beside
@@ -92,7 +92,7 @@ def _sum_row_forces_by_square_roots(lattice, fine, u, first_node, count, lane_su
             eta_x, eta_y = displaced(
                 u, fine.half_shrinkage, lattice.spring_table[k, 0], lattice.spring_table[k, 1], p, j
             )
-            e = spring_quadratic_strain(lattice.spring_table, k, eta_x, eta_y)
+            e = spring_double_green_strain(lattice.spring_table, k, eta_x, eta_y)
             pull *= e / (1 + e + np.sqrt(1 + e))
             fx += pull * (lattice.spring_table[k, 0] + eta_x)
             fy += pull * (lattice.spring_table[k, 1] + eta_y)

@@ -17,7 +17,7 @@ from pdmesh.model import selection
 from pdmesh.model.neighbours import ROWS
 from pdsolve.adaptivity.hybrid.coarse_cells import HybridPlate, count_full_squares_around_places, split_rows_into_ranges
 from pdsolve.adaptivity.hybrid.lattice import BELOW, LEFT
-from pdsolve.adaptivity.hybrid.springs import Springs, quadratic_strain_from_stretch
+from pdsolve.adaptivity.hybrid.springs import Springs, double_green_strain_from_stretch
 from pdsolve.bonds.assembly import Paired, Part, stiffness_bound
 from pdsolve.model import Model
 from pdsolve.numerics.dilation import in_square
@@ -169,8 +169,8 @@ def _store_irregular_bonds(
         )
         limits = np.zeros((len(chunk), 2, full.shape[1]))
         limits[at, 0, k], limits[at, 1, k] = (
-            quadratic_strain_from_stretch(bonds.peak),
-            quadratic_strain_from_stretch(bonds.limit),
+            double_green_strain_from_stretch(bonds.peak),
+            double_green_strain_from_stretch(bonds.limit),
         )
         irregular_bonds.limit_row_of_bond_row[slot] = _number_distinct_limits(limits, number_by_limits)
         irregular_bonds.family_size[slot] = part.family[chunk - part.first]

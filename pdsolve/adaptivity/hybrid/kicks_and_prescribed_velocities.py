@@ -14,7 +14,7 @@ from pdsolve.conditions import DISPLACEMENT, VELOCITY, factor_at
 
 
 @njit(**INNER)
-def _kick_and_drift_rows(nodes, count, buffer, dt, drifts):  # type: ignore[no-untyped-def]
+def _half_kick_and_drift_rows(nodes, count, buffer, dt, drifts):  # type: ignore[no-untyped-def]
     """Half a kick, m/s, of all rows by the stored forces, and a drift over `dt`, s, if `drifts`."""
     u, after, v, f = nodes.u[buffer], nodes.u[1 - buffer], nodes.v, nodes.f
     for n in range(count):
@@ -38,7 +38,7 @@ def _book_damped_energy_of_rows(nodes, count, dt, lane_sums, begins_sequence):  
 
 
 @njit(**INNER)
-def kick_and_drift_all(lattice, zone, buffer, drifts):  # type: ignore[no-untyped-def]
+def half_kick_and_drift_all(lattice, zone, buffer, drifts):  # type: ignore[no-untyped-def]
     """Half a kick of all nodes and a drift if `drifts`."""
     counts = zone.counts
     lattices = (
@@ -48,7 +48,7 @@ def kick_and_drift_all(lattice, zone, buffer, drifts):  # type: ignore[no-untype
     )
     for nodes, rows in lattices:
         _book_damped_energy_of_rows(nodes, rows, lattice.dt, zone.lane_sums[0], drifts)
-        _kick_and_drift_rows(nodes, rows, buffer, lattice.dt, drifts)
+        _half_kick_and_drift_rows(nodes, rows, buffer, lattice.dt, drifts)
 
 
 @njit(**INNER)

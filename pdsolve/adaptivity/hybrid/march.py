@@ -8,11 +8,11 @@ from __future__ import annotations
 from numba import njit
 
 from pdsolve.adaptivity.hybrid.arrays import AHEAD, EVERY
-from pdsolve.adaptivity.hybrid.energy import spring_quadratic_strain
+from pdsolve.adaptivity.hybrid.energy import spring_double_green_strain
 from pdsolve.adaptivity.hybrid.far_cells import divide_far_cells
 from pdsolve.adaptivity.hybrid.forces import interpolate_border_nodes, reset_job_counters, sum_forces_and_move_nodes
 from pdsolve.adaptivity.hybrid.kicks_and_prescribed_velocities import (
-    kick_and_drift_all,
+    half_kick_and_drift_all,
     prescribe_held_components,
     restore_held_velocities,
     store_holding_forces,
@@ -29,9 +29,9 @@ from pdsolve.adaptivity.hybrid.lattice import (
 from pdsolve.adaptivity.hybrid.node_constants import value_at_node
 from pdsolve.adaptivity.hybrid.precracks import is_unbreakable
 from pdsolve.adaptivity.hybrid.regrid import (
-    list_affected_nodes,
+    list_nodes_near_new_cells,
+    mark_and_list_new_fine_cells_in_disc,
     rebuild_lists_of_rows_and_loads,
-    refine_and_list_cells_in_disc,
     refine_cells,
 )
 from pdsolve.codegen.inner_functions import INNER
@@ -50,7 +50,7 @@ def _list_cells_near_damaged_nodes(lattice, zone):  # type: ignore[no-untyped-de
     numbering, count = lattice.numbering, 0
     for n in range(zone.counts.refined_damaged_nodes, zone.counts.damaged_nodes):
         p = zone.damaged_nodes[n]
-        count = refine_and_list_cells_in_disc(
+        count = mark_and_list_new_fine_cells_in_disc(
             numbering, zone.cell_kinds, zone.new_cells, count, fine_column(numbering, p), fine_row(numbering, p), AHEAD
         )
     return count
@@ -76,9 +76,9 @@ def _list_cells_near_stretched_bonds(lattice, zone, buffer, count):  # type: ign
                 ):
                     continue
                 eta_x, eta_y = displaced(u, coarse.half_shrinkage, table[k, 0], table[k, 1], q, j)
-                if spring_quadratic_strain(table, k, eta_x, eta_y) > _refinement_strain(lattice, q):
+                if spring_double_green_strain(table, k, eta_x, eta_y) > _refinement_strain(lattice, q):
                     x, y = 2 * coarse_column(numbering, q), 2 * coarse_row(numbering, q)
-                    count = refine_and_list_cells_in_disc(
+                    count = mark_and_list_new_fine_cells_in_disc(
                         numbering, zone.cell_kinds, zone.new_cells, count, x, y, AHEAD
                     )
                     break
@@ -130,7 +130,7 @@ def _refine_cells_if_due(lattice, zone, buffer, checks_bonds):  # type: ignore[n
         _divide_far_cells_if_due(lattice, zone, buffer)
     begins, rows = zone.counts.cell_changes == 0, 0
     if begins or zone.counts.new_cells > 0:
-        rows = list_affected_nodes(lattice, zone)
+        rows = list_nodes_near_new_cells(lattice, zone)
     zone.counts.lacks_array_room = not _arrays_have_room(zone, rows)
     if zone.counts.lacks_array_room == 0 and (begins or zone.counts.new_cells > 0):
         refine_cells(lattice, zone, buffer)
@@ -144,7 +144,7 @@ def _drift_and_hold(lattice, zone, profiles, buffer, step, begins_sequence, ends
         store_holding_forces(fine, coarse, holds, count)
     else:
         if begins_sequence:
-            kick_and_drift_all(lattice, zone, buffer, begins_sequence)
+            half_kick_and_drift_all(lattice, zone, buffer, begins_sequence)
         prescribe_held_components(
             fine, coarse, holds, count, zone.totals, lattice.dt, profiles, buffer, step, ends_sequence, begins_sequence
         )
@@ -193,6 +193,6 @@ def advance(lattice, zone, profiles, buffer, first_step, end_step, has_drifted, 
         if not ends_sequence:
             buffer = 1 - buffer
     if thread == 0 and end_step > first_step:
-        kick_and_drift_all(lattice, zone, buffer, end_step == first_step)
+        half_kick_and_drift_all(lattice, zone, buffer, end_step == first_step)
         restore_held_velocities(zone.fine, zone.coarse, zone.holds, zone.counts.held_components)
     return DONE, end_step - 1, buffer

@@ -13,7 +13,7 @@ from pdsolve import conditions
 from pdsolve.adaptivity.hybrid.arrays import LatticeConstants, LoadOrHold, LoadsOrHolds, create_plate_zone
 from pdsolve.adaptivity.hybrid.coarse_cells import CellAreas, HybridPlate, create_hybrid_plate, initial_cell_kinds
 from pdsolve.adaptivity.hybrid.engine import HybridEngine
-from pdsolve.adaptivity.hybrid.far_cells import add_far_cells
+from pdsolve.adaptivity.hybrid.far_cells import coarsen_cells_away_from_features
 from pdsolve.adaptivity.hybrid.irregular_bonds import IrregularBonds, find_irregular_bonds
 from pdsolve.adaptivity.hybrid.irregular_rows import create_node_constants
 from pdsolve.adaptivity.hybrid.lattice import AROUND, BELOW, FINE, LEFT
@@ -24,7 +24,7 @@ from pdsolve.adaptivity.hybrid.springs import (
     coarse_springs,
     create_springs_of_materials,
     divide_bonds,
-    quadratic_strain_from_stretch,
+    double_green_strain_from_stretch,
 )
 from pdsolve.conditions import drive, initial_velocity
 from pdsolve.laws.calls import bind
@@ -67,7 +67,7 @@ def create_hybrid_operator_and_stable_step(
     loads.entries["value"] *= area[plate_drive.loads.node]
     loads = loads._replace(entries=loads.entries[loads.entries["value"] != 0])
     if not swells and kind is np.float64:
-        cells = add_far_cells(
+        cells = coarsen_cells_away_from_features(
             plate, lattice, cells, np.concatenate([loads.entries["fine_place"], holds.entries["fine_place"]])
         )
     zone = create_plate_zone(
@@ -114,9 +114,9 @@ def create_lattice_constants(
     bounds = np.array(
         [
             [
-                quadratic_strain_from_stretch(material_springs.peak_stretch),
-                quadratic_strain_from_stretch(material_springs.limit_stretch),
-                quadratic_strain_from_stretch(kappa * material_springs.peak_stretch),
+                double_green_strain_from_stretch(material_springs.peak_stretch),
+                double_green_strain_from_stretch(material_springs.limit_stretch),
+                double_green_strain_from_stretch(kappa * material_springs.peak_stretch),
             ]
             for material_springs in springs
         ]

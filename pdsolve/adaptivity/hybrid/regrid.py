@@ -40,7 +40,7 @@ from pdsolve.codegen.vector_code import ROW
 
 
 @njit(**INNER)
-def refine_and_list_cells_in_disc(numbering, cells, new_cells, count, ix, iy, radius):  # type: ignore[no-untyped-def]
+def mark_and_list_new_fine_cells_in_disc(numbering, cells, new_cells, count, ix, iy, radius):  # type: ignore[no-untyped-def]
     """List the coarse cells within `radius` of a place (fine spacings); returns how many are listed then.
 
     They are marked as fine at once, so that none is listed twice; `refine_cells` takes them from the list.
@@ -77,7 +77,7 @@ def _mark_reach_of_new_cells(lattice, zone):  # type: ignore[no-untyped-def]
 
 
 @njit(**INNER)
-def list_affected_nodes(lattice, zone):  # type: ignore[no-untyped-def]
+def list_nodes_near_new_cells(lattice, zone):  # type: ignore[no-untyped-def]
     """List, in order, the nodes affected by the new cells; returns the number of affected rows of fine nodes.
 
     Affected are the fine nodes within the family's reach and the coarse nodes at corners; at the start, all of them.

@@ -96,7 +96,7 @@ def _spring_table(xi: NDArray[np.float64], stiffness: NDArray[np.float64]) -> ND
     return table
 
 
-def quadratic_strain_from_stretch(stretch: Any) -> Any:
+def double_green_strain_from_stretch(stretch: Any) -> Any:
     """e = s (s + 2) of a stretch s."""
     return stretch * (stretch + 2)
 

@@ -33,7 +33,7 @@ class LeafHistory(NamedTuple):
     created_energy: float  # J/m: energy that splitting and merging have made so far
 
 
-class LeafOperator(BondList):
+class QuadtreeOperator(BondList):
     """The operator of some leaves of a tree."""
 
     def __init__(
@@ -74,7 +74,7 @@ class LeafOperator(BondList):
 
 
 def read_leaf_history(checkpoint: CheckpointArrays, leaves: int) -> LeafHistory:
-    """The history stored by `LeafOperator.checkpoint_arrays` for so many leaves. Raises CheckpointError."""
+    """The history stored by `QuadtreeOperator.checkpoint_arrays` for so many leaves. Raises CheckpointError."""
     return LeafHistory(
         entry(checkpoint, "calm", (leaves,), np.int64, 0).copy(), float(entry(checkpoint, "made", (1,), float)[0])
     )

@@ -71,15 +71,15 @@ class MechanicsRecordsOnRanks(MechanicsRecords):
         self.known = self._gather_reports(resumed_step)
         self.last, self._heat_energy = self.known.ledger_row, 0.0
 
-    def update_last_ledger_row(self, state: State, step: int, bond_state: NodeEnergiesAndBreaks | None) -> None:
-        """Make this step the last entry."""
+    def evaluate_balance(self, state: State, step: int, bond_state: NodeEnergiesAndBreaks | None) -> None:
+        """Evaluate the balance at this step, unless it is the last entry."""
         if self.last.step != step:
             self.known = self._gather_reports(step)
             self.last = self.known.ledger_row
 
     def record_step(self, state: State, step: int, bond_state: NodeEnergiesAndBreaks | None) -> None:
         """Record the ledger, the probes and the reactions of this step. Raises UnstableError."""
-        self.update_last_ledger_row(state, step, bond_state)
+        self.evaluate_balance(state, step, bond_state)
         if self._is_unstable(self.last, self.known.values_are_finite):  # the error is that of one process
             worst = self._team.everywhere(find_fastest_or_non_finite_own_node, self.known.values_are_finite)
             most = max(speed for speed, _ in worst)

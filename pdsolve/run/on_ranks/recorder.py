@@ -49,9 +49,9 @@ class RecorderOnRanks(Recorder):
         """Step of the last broken bond known at the last record; 0 without any."""
         return max(self._latest, self.physics_records.known.last_break_step)
 
-    def update_last_ledger_row(self, step: int) -> None:
-        """Bring the last ledger row to this step."""
-        self.physics_records.update_last_ledger_row(self.state, step, None)
+    def evaluate_balance(self, step: int) -> None:
+        """Evaluate the balance at this step."""
+        self.physics_records.evaluate_balance(self.state, step, None)
 
     def record_step(self, step: int) -> None:
         """Record this step. Raises UnstableError."""

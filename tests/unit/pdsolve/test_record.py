@@ -65,7 +65,7 @@ def test_checkpoints_have_the_order_that_they_had() -> None:
     assert list(zone.Totals.__annotations__) == [
         "dissipated_energy",
         "refinement_energy",
-        "largest_quadratic_strain",
+        "largest_double_green_strain",
         "damped_energy",
     ]
     assert list(zone.Counts.__annotations__) == ["broken_bonds", "refinement_due", "refinements"]

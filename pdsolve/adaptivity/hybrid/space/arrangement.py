@@ -324,7 +324,7 @@ def fill_piece_point_carriers(fine, node_kinds, places, points):  # type: ignore
             _set_node_as_carrier(node, sites, w)
         else:
             beyond = (x % cell / cell, y % cell / cell, z % cell / cell)
-            _set_coarse_carriers(box, x // cell, y // cell, z // cell, beyond, sites, w)
+            _fill_coarse_interpolation_weights(box, x // cell, y // cell, z // cell, beyond, sites, w)
         points.carrier_count[n] = 0
         for m in range(ENDS):
             points.carrier_count[n] += w[m] > 0
@@ -370,7 +370,7 @@ def _set_node_as_carrier(node, sites, w):  # type: ignore[no-untyped-def]
 
 
 @njit(**INNER)
-def _set_coarse_carriers(box, x, y, z, cell_shares, sites, w):  # type: ignore[no-untyped-def]
+def _fill_coarse_interpolation_weights(box, x, y, z, cell_shares, sites, w):  # type: ignore[no-untyped-def]
     """Fill sites and weights (4,) of a place on the border of cell (X, Y, Z), `cell_shares` along its axes."""
     count = 0
     for dz in range(2):
@@ -391,7 +391,9 @@ def fill_border_carriers(box, border_sites, sites, w):  # type: ignore[no-untype
     """Fill the sites and weights (b, 4) by which fine nodes on the border, at the sites `border_sites` (b,), move."""
     for n in range(len(border_sites)):
         x, y, z = fine_coordinates(box, border_sites[n])
-        _set_coarse_carriers(box, x >> 1, y >> 1, z >> 1, (0.5 * (x % 2), 0.5 * (y % 2), 0.5 * (z % 2)), sites[n], w[n])
+        _fill_coarse_interpolation_weights(
+            box, x >> 1, y >> 1, z >> 1, (0.5 * (x % 2), 0.5 * (y % 2), 0.5 * (z % 2)), sites[n], w[n]
+        )
 
 
 @cached_njit(error_model="numpy")

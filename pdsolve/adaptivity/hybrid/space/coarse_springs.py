@@ -156,14 +156,14 @@ def add_spring_energies(tiles, u, node_energy, tile_numbers):  # type: ignore[no
             row, word = tiles.vectors[slot], tiles.bits[t, slot]
             for lane in range(ROW):
                 if (word >> np.uint16(lane)) & np.uint16(1):
-                    e = _spring_quadratic_strain(tiles, u, t * ROW + lane, slot)
+                    e = _spring_double_green_strain(tiles, u, t * ROW + lane, slot)
                     stretch = e / (np.sqrt(1 + e) + 1)
                     c = row[PULL] * tiles.share[t, slot, lane] / row[INVERSE] / 4
                     node_energy[tiles.node[t * ROW + lane]] += c * stretch * stretch
 
 
 @njit(**INNER)
-def _spring_quadratic_strain(tiles, u, site, slot):  # type: ignore[no-untyped-def]
+def _spring_double_green_strain(tiles, u, site, slot):  # type: ignore[no-untyped-def]
     """The e of a spring."""
     row, near = tiles.vectors[slot], tiles.margin + site
     far, e = near + tiles.offsets[slot], 0.0
@@ -192,7 +192,7 @@ def list_stretched_nodes(box, tiles, unbreakable, u, refinement_stretch, stretch
                 site = t * ROW + lane
                 neighbour = site + tiles.offsets[slot]
                 limit = min(refinement_stretch[site], refinement_stretch[neighbour])
-                above = _spring_quadratic_strain(tiles, u, site, slot) > limit * (2 + limit)
+                above = _spring_double_green_strain(tiles, u, site, slot) > limit * (2 + limit)
                 if above and not (unbreakable[tiles.node[site]] or unbreakable[tiles.node[neighbour]]):
                     for end in (site, neighbour):
                         row, x = end // (box.cells_x + 1), end % (box.cells_x + 1)

@@ -31,8 +31,8 @@ from pdsolve.adaptivity.hybrid.space.layout import (
     zone_after_refinement,
 )
 from pdsolve.adaptivity.hybrid.space.materials import ModelWithMeanDensities, fine_node_masses
-from pdsolve.adaptivity.hybrid.space.zone import refine_and_list_cells_in_balls
-from pdsolve.adaptivity.hybrid.springs import quadratic_strain_from_stretch
+from pdsolve.adaptivity.hybrid.space.zone import mark_and_list_new_fine_cells_in_balls
+from pdsolve.adaptivity.hybrid.springs import double_green_strain_from_stretch
 from pdsolve.bonds.assembly import Counted
 from pdsolve.checkpoint_validation import entry, like
 from pdsolve.codegen.vector_code import ROW
@@ -188,7 +188,7 @@ class HybridBodyOperator:
 
     @property
     def _least_peak_strain(self) -> float:
-        return float(quadratic_strain_from_stretch(self.full_body.fine_lattice.tiles.peak.min()))
+        return float(double_green_strain_from_stretch(self.full_body.fine_lattice.tiles.peak.min()))
 
     def _sum_forces_and_break_bonds(self, state: State, step: int, dt: float) -> None:
         zone, density = self._zone, self._density
@@ -408,7 +408,7 @@ class HybridBodyOperator:
         stretch = self.history.largest_clipped_strain / (1 + np.sqrt(1 + self.history.largest_clipped_strain))
         return ZoneSummary(self.history.refinement_energy, float(share), float(stretch / (np.sqrt(1 + peak) - 1)))
 
-    def refine_and_list_cells(self, state: State, after_step: int) -> NDArray[np.int64]:
+    def mark_and_list_new_fine_cells(self, state: State, after_step: int) -> NDArray[np.int64]:
         """Cells (k, 3) that become fine: around bonds broken after a step, and around stretched springs.
 
         They are marked as fine at once; `operator_after_refinement` makes the operator for them.
@@ -423,7 +423,9 @@ class HybridBodyOperator:
         )
         sites = np.unique(np.concatenate([sites, hot_sites[:count]]))
         new = np.zeros((np.count_nonzero(zone.cell_kinds == COARSE), 3), dtype=np.int64)
-        count = refine_and_list_cells_in_balls(box, zone.cell_kinds, coordinates_of_sites(box, sites), AHEAD, new)
+        count = mark_and_list_new_fine_cells_in_balls(
+            box, zone.cell_kinds, coordinates_of_sites(box, sites), AHEAD, new
+        )
         return new[:count]
 
     def operator_after_refinement(self, new_cells: NDArray[np.int64]) -> HybridBodyOperator:

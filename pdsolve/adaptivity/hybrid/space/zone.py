@@ -97,7 +97,7 @@ def _refine_around_cracks(cells: NDArray[np.uint8], cracks: NDArray[np.float64])
 
 
 @cached_njit(error_model="numpy")
-def refine_and_list_cells_in_balls(box, cells, places, radius, new_cells):  # type: ignore[no-untyped-def]
+def mark_and_list_new_fine_cells_in_balls(box, cells, places, radius, new_cells):  # type: ignore[no-untyped-def]
     """Make coarse cells within `radius` of the fine nodes `places` (k, 3) fine, and list them in `new_cells` (., 3).
 
     Returns how many there are.
