@@ -10,7 +10,7 @@ from numba.core import cgutils
 
 ROW = 16  # lanes whose neighbours are looked for together
 
-INT, _ID, _BYTE = ir.IntType(64), ir.IntType(32), ir.IntType(8).as_pointer()
+INT, _ID = ir.IntType(64), ir.IntType(32)
 
 
 def has_wide_vectors() -> bool:
@@ -62,15 +62,10 @@ def split(builder: ir.IRBuilder, value: Any) -> list[Any]:
 
 def join(builder: ir.IRBuilder, parts: list[Any]) -> Any:
     """One vector of the lanes of its parts: one, two or four of them."""
-    if len(parts) > 1:
-        parts = [_opaque(builder, part) for part in parts]
+    if len(parts) > 1:  # the compiler would do what is done to all parts to one after the other, if it saw them joined
+        parts = [call(builder, "arithmetic.fence", part) for part in parts]
     while len(parts) > 1:
         count = 2 * parts[0].type.count
         which = ir.Constant(ir.VectorType(_ID, count), [_ID(lane) for lane in range(count)])
         parts = [builder.shuffle_vector(*pair, which) for pair in zip(parts[::2], parts[1::2], strict=True)]
     return parts[0]
-
-
-def _opaque(builder: ir.IRBuilder, part: Any) -> Any:
-    """A part whose origin the compiler does not see: it would do what is done to several parts one after the other."""
-    return builder.asm(ir.FunctionType(part.type, [part.type]), "", "=x,0", [part], False)

@@ -330,11 +330,11 @@ def strain_energy_of(law: Any, blocks: Any, worst: Any, slot: Any, lane: Any, c:
 @overload(strain_energy_of, jit_options=INNER)
 def _strain_energy_of(law, blocks, worst, slot, lane, c, stretch):  # type: ignore[no-untyped-def]
     pair = pair_of(law)
+    if pair.is_curved:
+        return _strain_energy_curved
     if pair.elastic_in_compression:
         return _strain_energy_one_sided
-    if not pair.is_curved:
-        return lambda law, blocks, worst, slot, lane, c, stretch: c * stretch * stretch
-    return _strain_energy_curved
+    return lambda law, blocks, worst, slot, lane, c, stretch: c * stretch * stretch
 
 
 def _strain_energy_one_sided(law, blocks, worst, slot, lane, c, stretch):  # type: ignore[no-untyped-def]

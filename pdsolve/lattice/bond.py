@@ -1,4 +1,4 @@
-"""The bond of a lattice in some lanes of a tile: how far it is stretched, and what it pulls with.
+"""The bond of a lattice in some lanes: how far it is stretched, and what it pulls with.
 
 One description for the plane and for space: tuples have one entry of lanes for each axis, and code is generated for as
 many as there are. Products and sums that are fused here are so on every processor that can.
@@ -6,8 +6,8 @@ many as there are. Products and sums that are fused here are so on every process
 xi      reference vector of a bond, m
 eta     displacement of its far end less that of its near end, m
 e       (2 xi.eta + eta.eta) / xi.xi, so that 1 + e is the square of the ratio of lengths
-row     (FIELDS,) of a slot: xi, 2 xi / xi.xi, 1 / xi.xi, the stiffness over length w, and w n_a^2 / 2 for each axis a
-        with the direction n of the bond
+row     of a slot: xi, 2 xi / xi.xi, 1 / xi.xi; then, in blocks and of families, |xi| and 1 / |xi|, or (FIELDS,) in
+        tiles the stiffness over length w, and w n_a^2 / 2 for each axis a with the direction n of the bond
 """
 
 from __future__ import annotations
@@ -76,35 +76,6 @@ def elongation(typingctx, eta, row):  # type: ignore[no-untyped-def]
         return e
 
     return lanes(eta, row), generate
-
-
-@intrinsic
-def rounded_elongation(typingctx, eta, row):  # type: ignore[no-untyped-def]
-    """The e of a bond from its eta, each product and each sum rounded."""
-    lanes = eta.dtype
-
-    def generate(context, builder, signature, values):  # type: ignore[no-untyped-def]
-        vector, d, e = context.get_value_type(lanes), len(eta), None
-        doubled = _entries(context, builder, row, values[1], vector, d, d)
-        (inverse,) = _entries(context, builder, row, values[1], vector, where_inverse(d), 1)
-        for along, x in zip(cgutils.unpack_tuple(builder, values[0]), doubled, strict=True):
-            share = builder.fmul(builder.fadd(builder.fmul(inverse, along), x), along)
-            e = share if e is None else builder.fadd(e, share)
-        return e
-
-    return lanes(eta, row), generate
-
-
-@intrinsic
-def current_vector(typingctx, eta, row):  # type: ignore[no-untyped-def]
-    """xi + eta."""
-
-    def generate(context, builder, signature, values):  # type: ignore[no-untyped-def]
-        reference = _entries(context, builder, row, values[1], context.get_value_type(eta.dtype), 0, len(eta))
-        pairs = zip(cgutils.unpack_tuple(builder, values[0]), reference, strict=True)
-        return context.make_tuple(builder, signature.return_type, [builder.fadd(along, x) for along, x in pairs])
-
-    return eta(eta, row), generate
 
 
 @intrinsic
@@ -273,7 +244,7 @@ def stretched(typingctx, e):  # type: ignore[no-untyped-def]
 
 @intrinsic
 def any_beyond(typingctx, a, b):  # type: ignore[no-untyped-def]
-    """Whether a > b in any lane, or one of them is no number."""
+    """Whether a > b in any lane; where lanes are in one register, also whether one of both is no number."""
 
     def generate(context, builder, signature, values):  # type: ignore[no-untyped-def]
         if a.count > lanes_of_register(a.kind.bitwidth // 8):  # whose masks are slow to join: by the sign of b - a

@@ -2,8 +2,8 @@
 
 A group is a block or a tile; its lanes have places side by side. A slot has at most one bond a lane. Blocks list their
 slots, each of which says where the neighbours of its lanes are; tiles share the slots of one pattern, a slot for each
-offset between sites. Every sum over bonds is written once over the functions of this file, which are compiled for each
-layout: blocks are tuples of arrays with `ids`, tiles such with `offsets`.
+offset between sites. Sums of forces, families and fluxes are written once over the functions of this file, which are
+compiled for each layout: blocks are tuples of arrays with `ids`, tiles such with `offsets`.
 """
 
 from __future__ import annotations
@@ -130,7 +130,7 @@ def _neighbours_in_block(bonds, array, like, at, slot, lane):  # type: ignore[no
 
 
 def vector_number(bonds: Any, slot: Any) -> int:
-    """The row of `vectors` that a slot has; see `pdsolve.lattice.bond`."""
+    """The row of `vectors` that a slot has."""
     raise NotImplementedError("compiled for each layout")
 
 

@@ -98,7 +98,7 @@ def _add(bonds, history, u, group, lane, first, last, updated, f):  # type: igno
         w = weight(bonds, common, u, row, slot, lane)  # before eta takes registers
         eta = difference(neighbours(bonds, u, axes, own, slot, lane), here)
         eta = relieve(eta, relief, neighbour_shrinkage(bonds, history, own, slot, lane), row)
-        e = elongation_of_bonds(bonds, group, slot, lane, w, elongation(eta, row))
+        e = elongation_of_bonds(bonds, group, slot, lane, elongation(eta, row))
         g, near = factor_near(e), near_of(bonds, u, slot, lane)
         if any_beyond(magnitude(e), near):
             if updated is None:
@@ -167,18 +167,16 @@ def _weight(bonds, common, u, row, slot, lane):  # type: ignore[no-untyped-def]
     return lambda bonds, common, u, row, slot, lane: row_of(bonds.stiffness, bonds.slots[slot, PULL], lane)
 
 
-def elongation_of_bonds(bonds: Any, group: Any, slot: Any, lane: Any, w: Any, e: Any) -> Any:
-    """e, and 0 in lanes without a bond where it could be felt: of a straight law in blocks, their stiffness is 0."""
+def elongation_of_bonds(bonds: Any, group: Any, slot: Any, lane: Any, e: Any) -> Any:
+    """e, and in tiles 0 in lanes without a bond; in blocks, their stiffness is 0."""
     raise NotImplementedError("compiled for each layout")
 
 
 @overload(elongation_of_bonds, jit_options=IN_PLACE)
-def _elongation_of_bonds(bonds, group, slot, lane, w, e):  # type: ignore[no-untyped-def]
+def _elongation_of_bonds(bonds, group, slot, lane, e):  # type: ignore[no-untyped-def]
     if is_in_tiles(bonds):
-        return lambda bonds, group, slot, lane, w, e: bonded((e,), bonds.bits, group, np.int64(slot), lane)[0]
-    if _pair(bonds).is_curved:
-        return lambda bonds, group, slot, lane, w, e: unless_none(w, e, w)
-    return lambda bonds, group, slot, lane, w, e: e
+        return lambda bonds, group, slot, lane, e: bonded((e,), bonds.bits, group, np.int64(slot), lane)[0]
+    return lambda bonds, group, slot, lane, e: e
 
 
 def near_of(bonds: Any, u: Any, slot: Any, lane: Any) -> Any:
@@ -246,19 +244,20 @@ def _secant_weight(bonds, history, common, w, e, g, slot, lane):  # type: ignore
 
 def _one_sided_line_in_block(bonds, history, common, w, e, g, slot, lane):  # type: ignore[no-untyped-def]
     if common:
-        w = where_above(e, same(bonds.stiffness, 0.0), w, row_of(bonds.stiffness, bonds.whole[slot], lane))
+        full = unless_none(w, row_of(bonds.stiffness, bonds.whole[slot], lane), w)  # of bonds that have not broken
+        w = where_above(e, same(bonds.stiffness, 0.0), w, full)
     return w
 
 
 def _curve_in_block(bonds, history, common, w, e, g, slot, lane):  # type: ignore[no-untyped-def]
-    kind, none = bonds.slots[slot, LIMITS], same(bonds.stiffness, 0.0)
+    kind, none, e = bonds.slots[slot, LIMITS], same(bonds.stiffness, 0.0), unless_none(w, e, w)
     peak, limit = row_of(bonds.peak, kind, lane), row_of(bonds.limit, kind, lane)
     worst = worst_lanes(bonds.law, history.worst, slot, lane, none)
     return w * secant(bonds.law, e * g * np.sqrt(1.0 + e), worst, peak, limit)
 
 
 def _line_in_tile(bonds, history, common, w, e, g, slot, lane):  # type: ignore[no-untyped-def]
-    row_of_memory = common[1]
+    _, row_of_memory, _, _, _ = common
     if row_of_memory >= 0:
         (left,) = beside(bonds.share[row_of_memory, slot : slot + np.uint64(1)], ONE, lane)
         w = w * where_above(e, same(bonds.share, bonds.floor), left, same(bonds.share, 1.0))
@@ -266,7 +265,7 @@ def _line_in_tile(bonds, history, common, w, e, g, slot, lane):  # type: ignore[
 
 
 def _curve_in_tile(bonds, history, common, w, e, g, slot, lane):  # type: ignore[no-untyped-def]
-    row_of_memory, own, worst = common[1], common[4], same(bonds.share, 0.0)
+    (_, row_of_memory, _, _, own), worst = common, same(bonds.share, 0.0)
     if row_of_memory >= 0:
         (worst,) = beside(bonds.share[row_of_memory, slot : slot + np.uint64(1)], ONE, lane)
     (beyond,) = beside(bonds.cells[UNBREAKABLE:], ONE, own)

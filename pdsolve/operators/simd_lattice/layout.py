@@ -29,8 +29,8 @@ SAME_STIFFNESS = 1e-13  # of the largest: stiffnesses this close are one
 NOISE = 8.0  # times the round-off of a length, over it: that of its stiffness
 MOST_COMPONENTS = 500  # different components of reference vectors; more is no lattice
 SIDES = 1024  # room for them with both signs
-# Bonds over lanes of slots, by dimension; less is no lattice either. Of bodies, where rows without bonds take no time
-# under straight laws, less takes more memory than a list
+# Bonds over lanes of slots, by dimension; less is no lattice either. Of bodies, where rows without bonds take no time,
+# less takes more memory than a list
 LEAST_FILLED = {2: 0.25, 3: 0.1}
 LAST = -1  # the number of a lane without a bond: the last in the tables of stiffnesses and limits
 
