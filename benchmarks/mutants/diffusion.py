@@ -62,7 +62,7 @@ DIFFUSION = (
     Mutant(
         "pdsolve/steppers/euler.py",
         "prescribe_values(drive, value, step * dt)",
-        "hold_values(drive, value, (step - 1) * dt)",
+        "prescribe_values(drive, value, (step - 1) * dt)",
         "tests/unit/pdsolve/diffusion/test_masses.py",
     ),
     Mutant(

@@ -220,13 +220,13 @@ RIGHT_ANSWERS = (
         "pdsolve/diffusion/edges.py",
         "        free &= not inner.any()  # of nodes in several rows each has its share\n",
         "",
-        "tests/unit/pdsolve/diffusion/test_edge_fluxes.py::test_rows_behind_each_other_share_an_exchange",
+        "tests/unit/pdsolve/diffusion/test_edges.py::test_rows_behind_each_other_share_an_exchange",
     ),
     Mutant(
         "pdsolve/diffusion/conditions.py",
         'nearest = 0.0 if self._model.settings.run.solver in ("implicit", "static") else NEAREST',
         "nearest = 0.0",
-        "tests/unit/pdsolve/diffusion/test_edge_fluxes.py::test_a_strong_exchange_leaves_explicit_steps_long",
+        "tests/unit/pdsolve/diffusion/test_edges.py::test_a_strong_exchange_leaves_explicit_steps_long",
     ),
     # contact
     Mutant(

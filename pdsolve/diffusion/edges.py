@@ -128,7 +128,7 @@ def extent_of(condition: Source | Exchange) -> float:
 
 
 def _ways_to_edge(model: Model, number: int) -> tuple[Rows, Array, Array]:
-    """Rows (k,) of a condition, vectors (k, d) to its edge along the axes of the nodes, and distances (k,), m.
+    """Rows (k,) of a condition, vectors (k, d) to its edge along the axes of the nodes, and their lengths (k,), m.
 
     Raises ModelError.
     """
@@ -141,8 +141,8 @@ def _ways_to_edge(model: Model, number: int) -> tuple[Rows, Array, Array]:
             f" its nodes, in {grid.dimension} dimensions"
         )
     rows, order = model.selected(condition), np.argsort(nodes, kind="stable")
-    way = np.array(ways)[order[np.searchsorted(nodes, grid.ids[rows], sorter=order)]]
-    return rows, way[:, extended(model)], np.sqrt((way**2).sum(axis=1))
+    way = np.array(ways)[order[np.searchsorted(nodes, grid.ids[rows], sorter=order)]][:, extended(model)]
+    return rows, way, np.sqrt((way**2).sum(axis=1))
 
 
 def held_edge(model: Model, number: int, edge: int) -> tuple[Rows, Faces]:
@@ -177,8 +177,7 @@ def outer_faces(
         free &= not inner.any()  # of nodes in several rows each has its share
         way = normal * (parts(volume[rows], delta)[1] / extent_of(condition) - delta / 2)[:, None]
     else:
-        rows, way, _ = _ways_to_edge(model, number)
-        far = np.sqrt((way**2).sum(axis=1))  # along the axes of the nodes
+        rows, way, far = _ways_to_edge(model, number)
         outer = far < grid.delta[rows] * (1 - ON_EDGE)
         rows, way, far = rows[outer], way[outer], far[outer]
         delta = grid.delta[rows]

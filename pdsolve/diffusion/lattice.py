@@ -103,11 +103,6 @@ class OnLattice:
         self.rates(np.ones(len(volume)), outflow)
         self.total = outflow
 
-    @property
-    def _D(self) -> Array:
-        """Diffusivity (n,) of nodes over that of the first."""
-        return np.asarray(self.tiles.D[0, self.sites.site])
-
     def part(self, first: int, last: int, begin: int, end: int) -> OnLattice:
         """The bonds of the rows `first` to `last` - 1, on one thread; nodes are the rows `begin` to `end` - 1, which
         have all neighbours. It has rates alone: a tangent is asked of the whole."""
@@ -115,7 +110,9 @@ class OnLattice:
         site = self.sites.site[rows]
         low, high = ((int(at) - tiles.margin) // ROW for at in (site.min(), site.max() + ROW))
         filled = np.isin(np.arange(low, high), (self.sites.site[first:last] - tiles.margin) // ROW)
-        part.sites = self.sites._replace(site=site - np.int32(low * ROW))
+        node = self.sites.node[low * ROW : high * ROW]
+        node = np.where((begin <= node) & (node < end), node - np.int32(begin), np.int32(-1))
+        part.sites = self.sites._replace(site=site - np.int32(low * ROW), node=node)
         part.volume, part.count, part.total, part.threads = self.volume[rows], self.count[rows], self.total[rows], 1
         part.tiles = tiles._replace(
             bits=tiles.bits[low:high],
@@ -149,13 +146,13 @@ class OnLattice:
 
     def lacking(self, cell: float) -> NDArray[np.bool_]:
         """Mask (n,) of nodes whose total conductance differs from that of a full family of whole cells, m^d."""
-        full = self._D * self.tiles.g.sum() * cell
+        full = self.tiles.D[0, self.sites.site] * self.tiles.g.sum() * cell
         return np.asarray(np.abs(self.total - full) > ROUND_OFF * full)
 
     def of(self, rows: NDArray[np.int64]) -> tuple[NDArray[np.int64], NDArray[np.int64], Array]:
         """Sources, targets and conductances (b,) of the bonds of some rows, in order."""
         source, target, slot = intact(self.sites, self.tiles.bits, rows)
-        D, neighbour_D = self._D[source], self._D[target]
+        D, neighbour_D = (self.tiles.D[0, self.sites.site[end]] for end in (source, target))
         return source, target, D * self.tiles.g[slot] * share_of(D, neighbour_D)
 
     def tangent(self) -> csr_array:

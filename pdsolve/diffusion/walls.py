@@ -197,6 +197,8 @@ def _near(bonds: Bonds, faces: Faces, rows: Rows) -> _Near:
 def _prescribed(bonds: Bonds, faces: Faces, free: NDArray[np.bool_], rows: Rows) -> Wall:
     """Walls of rows from faces at which values are prescribed."""
     near = _near(bonds, faces, rows)
+    if not len(near.at):  # in reach of these rows; others may have more
+        return no_wall(len(rows), bonds.position.shape[1])
     visible = ((near.normal * near.away).sum(axis=1) > 0) & (near.from_nearest(len(rows)) > -FLAT)
     wall = _mean_wall(near, faces, visible, near.length, NEAREST * bonds.delta[rows])
     pairs, _ = bonds.of(rows)

@@ -213,16 +213,16 @@ def test_slots_with_a_crack_and_two_media_are_the_list(dimension: int, reach: fl
 
 
 def test_a_bond_dissolves_into_liquid_below_saturation() -> None:
-    """Rates of a row of four nodes by hand, compiled and not: solid, liquid below C_sat, liquid above it, solid."""
-    links = links_between(np.array([0, 1, 1, 2, 2, 3]), np.array([1, 0, 2, 1, 3, 2]), 4)
-    law = Dissolution(np.full(6, 3.0), 0.2, 5.0)
+    """Rates of a row of five nodes by hand, compiled and not: solid, liquid below C_sat, liquid above it, two solid."""
+    links = links_between(np.array([0, 1, 1, 2, 2, 3, 3, 4]), np.array([1, 0, 2, 1, 3, 2, 4, 3]), 5)
+    law = Dissolution(np.full(8, 3.0), 0.2, 5.0)
     volume, concentration, solid = (
-        np.array([1.0, 2.0, 1.0, 1.0]),
-        np.array([1.0, 0.1, 0.3, 1.0]),
-        np.array([1, 0, 0, 1]),
+        np.array([1.0, 2.0, 1.0, 1.0, 2.0]),
+        np.array([1.0, 0.1, 0.3, 1.0, 0.8]),
+        np.array([1, 0, 0, 1, 1]),
     )
-    expected = [3 * 5 * 2 * -0.9, 3 * 5 * 1 * 0.9 + 3 * 1 * 0.2, 3 * 2 * -0.2, 0.0]
+    expected = [3 * 5 * 2 * -0.9, 3 * 5 * 1 * 0.9 + 3 * 1 * 0.2, 3 * 2 * -0.2, 0.0, 0.0]
     for loop in (first_pass_rows_of_sums, first_pass_rows_of_sums.py_func):
-        sums = np.empty((4, 2))
-        loop(links, law, Values((volume, concentration, solid)), sums, np.arange(4), 0, 4)
+        sums = np.empty((5, 2))
+        loop(links, law, Values((volume, concentration, solid)), sums, np.arange(5), 0, 5)
         assert sums[:, 0] == pytest.approx(expected, rel=1e-14)

@@ -41,6 +41,11 @@ def test_rows_of_a_part_have_the_rates_of_the_whole(
     begin, end = int(far.argmax()), nodes - int(far[::-1].argmax())
     assert 0 < begin < first < last < end < nodes
     part = whole.part(first, last, begin, end)
+    if kernel == "lattice":
+        sites = part.exchange.sites
+        assert sites.size == part.exchange.tiles.D.shape[1] < whole.exchange.sites.size
+        assert sites.node[sites.site - sites.margin].tolist() == list(range(end - begin))
+        assert np.count_nonzero(sites.node >= 0) == end - begin
     whole.accumulate_force(state, out, 1, 1e-3)
     window, found = type(state)(*(values[begin:end].copy() for values in state)), np.zeros((end - begin, 1))
     window.work[:] = 0

@@ -23,6 +23,21 @@ class Lone:
         return np.zeros(len(pairs.length))
 
 
+class Uneven(Lone):
+    """Nodes of which the last one alone reaches far."""
+
+    reach = np.array([3.0, 3.0, 10.0])
+
+
+def test_nodes_out_of_reach_of_all_faces_have_no_wall() -> None:
+    """The reach of a prescribed node, which is larger, includes the face; that of the free ones does not."""
+    face = Faces(np.array([[-5.0, 0.0]]), np.array([[-1.0, 0.0]]), np.ones(1), np.zeros(1, dtype=np.int64), np.zeros(1))
+    for beyond in (0.0, 2.0):
+        edges = Edges(np.zeros(3, dtype=bool), face._replace(beyond=np.array([beyond])), np.array([1.0]), 0.25)
+        wall_list = walls(Uneven(), np.array([True, True, False]), edges)
+        assert not np.isfinite([wall.depth for wall in wall_list]).any()
+
+
 def test_of_two_walls_in_one_direction_the_nearer_one_counts() -> None:
     """To the left of two nodes a value is held and exchanged; of the third one it is held, and exchanged above it."""
     held = np.array([[-0.5, 0.0], [-1.2, 20.0], [-0.5, 40.0]])

@@ -5,12 +5,12 @@ from __future__ import annotations
 import numpy as np
 import pytest
 import shapely
-from diffusion_models import ids, lattice, model
+from diffusion_models import ids, lattice, model, row
 from numpy.typing import NDArray
 from scipy.optimize import brentq
 
 from pdmesh import Body, Box, Heat, Material, Medium, Run, Scene, box, build
-from pdmesh.model.document import Exchange
+from pdmesh.model.document import Concentration, Exchange
 from pdmesh.scene.solids import Sheet
 from pdpost.measures import fields
 from pdsolve.diffusion.edges import Cloud, beside_edge, outward, over_cells, parts
@@ -168,6 +168,26 @@ def test_a_strong_exchange_leaves_explicit_steps_long() -> None:
     built = build(free)
     assert bounds[0] > 0.1 * prepare(Model(built.grid, built.settings), 1)[0].bound
     assert rates[1] > 1e4 * rates[0]
+
+
+@pytest.mark.parametrize("along", [-0.5, 0.0])
+@pytest.mark.parametrize("condition", [Concentration, Exchange])
+def test_ways_across_a_bar_are_left_out(condition: type[Concentration] | type[Exchange], along: float) -> None:
+    """The edge at the end of a row is as far as its way along the row says, beside its node or on it."""
+    system, straight = (prepare(bar_with_end(condition, (along, across)), 1)[0] for across in (0.9, 0.0))
+    is_prescribed = condition is Concentration and along == 0.0
+    assert system.free.tolist() == straight.free.tolist() == [not is_prescribed, *[True] * 19]
+    assert (system.operator.outside > 0).any() != is_prescribed
+    assert system.operator.outside.tobytes() == straight.operator.outside.tobytes()
+    assert system.operator.total.tobytes() == straight.operator.total.tobytes()
+
+
+def bar_with_end(condition: type[Concentration] | type[Exchange], way: tuple[float, float]) -> Model:
+    """20 nodes in a row, the first of which has an edge at this way, m."""
+    exchange = {"coefficient": 2.0, "length": 1.0} if condition is Exchange else {}
+    end = condition(nodes=(1,), value=1.0, edge=(way,), **exchange)  # type: ignore[arg-type]
+    medium = Medium(D=1.0, surface_correction=True)
+    return model(row(20, 1.0), 1.0, medium, conditions=(end,), run=LONG)
 
 
 def test_a_weak_exchange_of_listed_nodes_takes_its_whole_extent() -> None:
