@@ -22,7 +22,7 @@ class BrokenBonds:
     """What the broken bonds of a motion, of the same n nodes, take from a transport."""
 
     def __init__(self, transport: Transport, broken: Callable[[], Broken], share: float) -> None:
-        """`broken` are the bonds of now; `share`, from 0 to 1, of its conductance is what a bond keeps."""
+        """`broken` returns the bonds that are broken now; each keeps a `share`, from 0 to 1, of its conductance."""
         self._transport, self._broken, self._share = transport, broken, share
         self._families, self._known = DiffusionFamilies(transport.model), 0
 

@@ -56,9 +56,9 @@ class Collocated:
         self._look_whole(stencil, far, free[coarse], near)
         self._inner = _between(_lacking(far, 4 * stencil.xi, near), near, 2)
         every = np.concatenate([far, self._inner.at])
-        lacking = _lacking(near, 2 * steps, every)
-        self._outer = _between(lacking, every, 4)
-        if len(self._outer.at) < len(lacking):
+        missing = _lacking(near, 2 * steps, every)
+        self._outer = _between(missing, every, 4)
+        if len(self._outer.at) < len(missing):
             raise ModelError(
                 f"{self._model.name}: $.run.adapt is collocation with fine nodes at an edge; use coarse ones all around"
             )
@@ -112,12 +112,12 @@ class Collocated:
         (near, far), both = (potential[rows] for rows in self._rows), np.zeros(len(potential))
         every = np.concatenate([far, self._inner.values @ near])
         fines = np.concatenate([near, self._outer.values @ every])
-        for lattice, rows, given, values in zip(
+        for lattice, rows, real_values, values in zip(
             (self._bonds, self._stencils), self._rows, (near, far), (fines, every), strict=True
         ):
             rates = np.zeros(len(values))
             lattice.rates(values, rates)
-            both[rows] = rates[: len(given)]
+            both[rows] = rates[: len(real_values)]
         both[self._seam] -= (self.volume * both).sum() / self._seam_volume  # what interpolation has created
         out += both
 

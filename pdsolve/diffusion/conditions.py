@@ -13,12 +13,10 @@ from pdmesh.model.document import Concentration, Exchange, InitialConcentration,
 from pdsolve.conditions import Drive, Entries, chosen, constrained_components, drive_of, entries, prescribe_values
 from pdsolve.diffusion.edges import Cloud, beside_edge, extent_of, held_edge, outer_faces, over_cells
 from pdsolve.diffusion.families import extended
-from pdsolve.diffusion.walls import NEAREST, Edges, Faces, nothing
+from pdsolve.diffusion.walls import NEAREST, Array, Edges, Faces, Rows, nothing
 from pdsolve.model import Model, ModelError
 
-Array = NDArray[np.float64]
-Rows = NDArray[np.int64]
-Values = Callable[[Rows], Array | float]  # at some rows, (k,) where they depend on the place
+ValuesAtRows = Callable[[Rows], Array | float]  # at some rows, (k,) where they depend on the place
 
 
 class Flux(NamedTuple):
@@ -29,15 +27,15 @@ class Flux(NamedTuple):
     profile: int
     walled: NDArray[np.bool_]  # (k,) nodes through whose wall it goes; see `surfaces`
     spread: bool  # whether nodes behind the edge take shares that leave linear fields exact
-    values: Values  # the flux, mol/(m^2 s), or what is outside, mol/m^3
+    values: ValuesAtRows  # the flux, mol/(m^2 s), or what is outside, mol/m^3
 
 
 class AtEdge(NamedTuple):
     """An edge at which values are prescribed or exchanged."""
 
     faces: Faces
-    extent: float  # see `Edges`
-    values: Values  # mol/m^3
+    extent: float  # m^(d - 1); 0 where a value is prescribed
+    values: ValuesAtRows  # mol/m^3
     profile: int
 
 
@@ -53,7 +51,7 @@ class BoundaryConditions:
         self.exchange = np.zeros(len(volume))  # (n,) 1/s: what goes out for each mol/m^3
         self.free, self._on_edge = np.ones(len(volume), dtype=bool), np.zeros(len(volume), dtype=bool)  # free: not held
         self._profiles, self._at_edges = list[tuple[tuple[float, float], ...]](), list[AtEdge]()
-        self._held, self._supplied = list[Entries](), list[Entries]()  # of two of one node the later one counts
+        self._holds, self._sources = list[Entries](), list[Entries]()  # of two of one node the later one counts
         self.fluxes = list[Flux]()
         for number, condition in enumerate(model.settings.conditions):
             if isinstance(condition, Concentration):
@@ -72,7 +70,7 @@ class BoundaryConditions:
             rows, faces = held_edge(model, number, len(self._at_edges))
             self._at_edges.append(AtEdge(faces, 0.0, values, profile))
             self._on_edge[rows] = True
-        self._held.append(entries(rows, 0, values(rows), profile))
+        self._holds.append(entries(rows, 0, values(rows), profile))
         self.free[rows] = False
 
     def _let_through(self, number: int, condition: Source | Exchange) -> None:
@@ -80,12 +78,12 @@ class BoundaryConditions:
         model, profile, rows = self._model, len(self._profiles), self._model.selected(condition)
         self._profiles.append(condition.profile)
         if isinstance(condition, Source) and condition.rate is not None:
-            self._supplied.append(entries(rows, 0, model.values(condition.rate, rows), profile))
+            self._sources.append(entries(rows, 0, model.values(condition.rate, rows), profile))
             return
         through = condition.flux if isinstance(condition, Source) else condition.value
         values, walled, spread = partial(model.values, through or 0.0), np.zeros(len(rows), dtype=bool), self._corrects
         if isinstance(condition, Exchange) and self._has_edges:
-            rows, walled, faces, extent = outer_faces(model, number, rows, self._volume, len(self._at_edges))
+            rows, walled, faces, extent = outer_faces(model, number, self._volume, len(self._at_edges))
             self._at_edges.append(AtEdge(faces, extent, values, profile))
             spread = False
         self.fluxes.append(Flux(condition, rows, profile, walled, spread, values))
@@ -93,18 +91,16 @@ class BoundaryConditions:
     @property
     def edges(self) -> Edges:
         """The edges at which values are prescribed or exchanged."""
-        faces = (
-            *(edge.faces for edge in self._at_edges[::-1]),
-            nothing(len(extended(self._model))),
-        )  # the last one holds
+        # the first of equally near faces counts: that of the last condition
+        faces = (*(edge.faces for edge in self._at_edges[::-1]), nothing(len(extended(self._model))))
         together = Faces(*(np.concatenate(column) for column in zip(*faces, strict=True)))
         nearest = 0.0 if self._model.settings.run.solver in ("implicit", "static") else NEAREST
         return Edges(self._on_edge, together, np.array([edge.extent for edge in self._at_edges]), nearest)
 
     def drive(self) -> Drive:
-        """Sources and prescribed contents for a stepper; what is held is supplied with nothing."""
-        supplied = [chosen(source, self.free[source.node]) for source in self._supplied]
-        drive = drive_of(self._profiles, supplied, self._held, (len(self.free), 1))
+        """Sources and prescribed contents for a stepper; prescribed nodes have no sources."""
+        sources = [chosen(source, self.free[source.node]) for source in self._sources]
+        drive = drive_of(self._profiles, sources, self._holds, (len(self.free), 1))
         return drive._replace(held_force=np.zeros(0), held_speed=np.zeros(0))
 
     def add_edges(self, to_edge: Array, edge: Rows) -> None:
@@ -112,7 +108,7 @@ class BoundaryConditions:
         for conductance, of_edge in zip(to_edge, edge, strict=True):
             for number, (_, _, values, profile) in enumerate(self._at_edges):
                 rows = np.flatnonzero((of_edge == number) & (conductance > 0))
-                self._supplied.append(entries(rows, 0, conductance[rows] * values(rows), profile))
+                self._sources.append(entries(rows, 0, conductance[rows] * values(rows), profile))
             self.exchange += np.where(of_edge >= 0, conductance, 0.0)
 
     def add_fluxes(self, cloud: Cloud) -> None:
@@ -126,7 +122,7 @@ class BoundaryConditions:
             if isinstance(condition, Exchange):
                 share /= 1 / condition.coefficient + resistance
                 np.add.at(self.exchange, to, share)
-            self._supplied.append(entries(to, 0, values(to) * share, profile))
+            self._sources.append(entries(to, 0, values(to) * share, profile))
         self.exchange[~self.free] = 0
 
 
@@ -144,7 +140,7 @@ def _expect_possible(model: Model, number: int, value: float) -> None:
 def begin(model: Model, drive: Drive) -> tuple[Array, NDArray[np.uint8]]:
     """Contents (n,) at time 0, mol/m^3, and a mask (n,) of solid nodes. Raises ModelError."""
     content, solid = np.zeros(len(model.grid)), np.zeros(len(model.grid), dtype=np.uint8)
-    medium, is_held = model.settings.medium, constrained_components(drive)[:, 0]
+    medium, is_prescribed = model.settings.medium, constrained_components(drive)[:, 0]
     assert medium is not None
     for number, condition in enumerate(model.settings.conditions):
         if isinstance(condition, InitialConcentration):
@@ -156,8 +152,8 @@ def begin(model: Model, drive: Drive) -> tuple[Array, NDArray[np.uint8]]:
             place, rows = f"{model.name}: $.conditions[{number}]", model.selected(condition)
             if medium.C_solid is None:
                 raise ModelError(f"{place} is a solid, without medium.C_solid and C_sat; give both, or leave it out")
-            if is_held[rows].any():
-                node = model.grid.ids[rows[is_held[rows]][0]]
+            if is_prescribed[rows].any():
+                node = model.grid.ids[rows[is_prescribed[rows]][0]]
                 raise ModelError(f"{place}: node {node} is solid and held; use one of them")
             content[rows], solid[rows] = medium.C_solid, 1
     prescribe_values(drive, content, 0.0)

@@ -150,8 +150,8 @@ def held_edge(model: Model, number: int, edge: int) -> tuple[Rows, Faces]:
     beside it."""
     (rows, way, far), grid = _ways_to_edge(model, number), model.grid
     on, first = far < ON_EDGE * grid.delta[rows], far < (1 - ON_EDGE) * grid.delta[rows]
-    beside, way = rows[first & ~on], way[first & ~on]
-    faces = _faces(model, beside, way, way / far[first & ~on, None], edge, np.zeros(len(beside)))
+    first_rows, way = rows[first & ~on], way[first & ~on]
+    faces = _faces(model, first_rows, way, way / far[first & ~on, None], edge, np.zeros(len(first_rows)))
     return rows[on], faces
 
 
@@ -161,17 +161,16 @@ def _faces(model: Model, rows: Rows, way: Array, normal: Array, edge: int, beyon
     return Faces(model.grid.position[rows][:, extended(model)] + way, normal, area, np.full(len(rows), edge), beyond)
 
 
-def outer_faces(
-    model: Model, number: int, rows: Rows, volume: Array, edge: int
-) -> tuple[Rows, NDArray[np.bool_], Faces, float]:
+def outer_faces(model: Model, number: int, volume: Array, edge: int) -> tuple[Rows, NDArray[np.bool_], Faces, float]:
     """The outer nodes (k,) of an exchange, at which of them its edge is free, the faces there, and their extent.
 
-    `rows` are those of its nodes, and `volume` is that of all nodes. Raises ModelError.
+    `volume` (n,) is that of all nodes, m^d. Raises ModelError.
     """
     condition, grid = model.settings.conditions[number], model.grid
     assert isinstance(condition, Exchange)
     position = grid.position[:, extended(model)]
     if condition.edge is None:
+        rows = model.selected(condition)
         delta = grid.delta[rows]
         normal, free, inner = outward(position, grid.delta, 2 * grid.delta, rows)
         free &= not inner.any()  # of nodes in several rows each has its share

@@ -97,7 +97,7 @@ class OnLattice:
             D=D_of_sites,
             margin=sites.margin,
         )
-        self._rows, self._amount, self._sums = slice(0, wanted or len(volume)), *_two_of(self.tiles)
+        self._rows, self._amount, self._sums = slice(0, wanted or len(volume)), *site_arrays(self.tiles)
         sort_tiles(self.tiles, np.where(sites.node < self._rows.stop, sites.node, -1))
         self.count, self.total, outflow = counts(bits, sites), np.zeros(len(volume)), np.zeros(len(volume))
         self.rates(np.ones(len(volume)), outflow)
@@ -121,7 +121,7 @@ class OnLattice:
             D=tiles.D[:, low * ROW : high * ROW + 2 * tiles.margin],
         )
         part._rows = slice(first - begin, last - begin)
-        part._amount, part._sums = _two_of(part.tiles)
+        part._amount, part._sums = site_arrays(part.tiles)
         return part
 
     def _sum(self, law: Conduction | Contrast, of: Array) -> None:
@@ -169,6 +169,6 @@ class OnLattice:
         return float((self._sums[0, site[rows]] * self.volume[rows]).sum())
 
 
-def _two_of(tiles: FluxTiles) -> Iterator[Array]:
+def site_arrays(tiles: FluxTiles) -> Iterator[Array]:
     """Two arrays (1, m) of zeros for the sites of tiles."""
     return (aligned(np.zeros(tiles.D.shape)) for _ in range(2))

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from scipy.sparse import csr_array
 
 
-Exchange = BondList | OnLattice | Collocated  # the storages of bonds
+BondStorage = BondList | OnLattice | Collocated
 
 
 class Fick:
@@ -38,7 +38,7 @@ class Fick:
 
     def __init__(
         self,
-        exchange: Exchange,
+        exchange: BondStorage,
         families: Callable[[], Bonds],
         medium: Medium,
         outside: Array | None = None,
@@ -59,7 +59,7 @@ class Fick:
         self.solid = np.zeros(len(self.volume), dtype=np.uint8)  # (n,) whether a node is solid; kinetic alone
 
     @property
-    def _parts(self) -> tuple[Exchange, ...]:
+    def _parts(self) -> tuple[BondStorage, ...]:
         return (self.exchange, *(part for part in (self.change, self.torn) if part is not None))
 
     def part(self, first: int, last: int, begin: int, end: int) -> Fick:

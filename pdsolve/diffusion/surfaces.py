@@ -1,9 +1,9 @@
 """Surface correction: changes of bonds near free surfaces and prescribed layers, made before a model is solved.
 
 Only conductances change, so that any operator can use it. It needs the bonds of some rows and the conductance of a bond
-of any length (`Bonds` below), and is independent of kernels, lattices and time. The result is a symmetric change of
-conductance for each pair, so that masses balance as before. No conductance falls below 0. Forward Euler therefore stays
-within the range of prescribed and initial values, up to 1 / max of a node's outflow.
+of any length (`pdsolve.diffusion.walls.Bonds`), and is independent of kernels, lattices and time. The result is a
+symmetric change of conductance for each pair, so that masses balance as before. No conductance falls below 0. Forward
+Euler therefore stays within the range of prescribed and initial values, up to 1 / max of a node's outflow.
 
 **Free surfaces**, holes, cracks, cut cells, interfaces of spacings: a bond in direction n is multiplied by n . (M_i +
 M_j) n / 2. The tensor M_i gives the bonds of node i alone the energy of a full lattice in every linear field: 1/2 sum(g
@@ -144,8 +144,8 @@ class Surfaces:
         these."""
         bonds, D = self._bonds, self._bonds.diffusivity
         pairs, g = bonds.of(rows)
-        is_held = ~(self._free | self._edges.nodes)[pairs.target] | self._parted(pairs)
-        counts = ~(np.isfinite(self._walls[0].depth)[pairs.source] & is_held)
+        crosses_wall = ~(self._free | self._edges.nodes)[pairs.target] | self._parted(pairs)
+        counts = ~(np.isfinite(self._walls[0].depth)[pairs.source] & crosses_wall)
         before, alone = chosen(pairs, self._walled[pairs.source] & counts), rows[self._walled[rows]]
         both = zip(before, (alone, alone, np.zeros(len(alone))), strict=True)
         mirrored = Pairs(*(np.concatenate(two) for two in both))
@@ -190,8 +190,8 @@ class Surfaces:
         enters, wall = self._entering(rows, pull, guess), self._walls[0]
         enters[0] = np.maximum(enters[0] / wall.depth[rows], least)
         at_edge = wall.edge[rows] >= 0
-        each_held = (np.where(at_edge, least, enters[0]) / np.where(share > 0, share, 1.0))[np.searchsorted(rows, i)]
-        new = np.where(free, new, each_held * np.abs(g))
+        factor = (np.where(at_edge, least, enters[0]) / np.where(share > 0, share, 1.0))[np.searchsorted(rows, i)]
+        new = np.where(free, new, factor * np.abs(g))
         changed = np.abs(new - g) > FLAT * np.abs(g)
         enters[0] = np.where(at_edge, enters[0], 0.0)
         return i[changed], j[changed], (new - g)[changed], enters

@@ -19,7 +19,7 @@ from pdsolve.diffusion.edges import Cloud
 from pdsolve.diffusion.families import DiffusionFamilies
 from pdsolve.diffusion.lattice import on_lattice
 from pdsolve.diffusion.listed import BondList, links_between
-from pdsolve.diffusion.operator import Exchange, Fick
+from pdsolve.diffusion.operator import BondStorage, Fick
 from pdsolve.diffusion.surfaces import Surfaces
 from pdsolve.diffusion.walls import Bonds
 from pdsolve.model import Model, ModelError, counted
@@ -103,7 +103,7 @@ def expect_usual(model: Model, options: Options) -> None:
 class Stored(NamedTuple):
     """The bonds of n nodes in their storage, and what a surface correction asks of them."""
 
-    exchange: Exchange
+    exchange: BondStorage
     bonds: Bonds
     lacking: NDArray[np.bool_]  # (n,) nodes whose bonds may differ from those of a full lattice
     blocked: NDArray[np.int64]  # (n,) bonds that cracks block

@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pdmesh.model.kd_trees import tree_of
-from pdmesh.model.neighbours import ROWS, Pairs
+from pdmesh.model.neighbours import Pairs, row_chunks
 
 Array = NDArray[np.float64]
 Rows = NDArray[np.int64]
@@ -99,7 +99,7 @@ def nothing(dimension: int) -> Faces:
 
 def parts_of(rows: Rows) -> Iterator[Rows]:
     """Rows in parts that stay near the processor."""
-    return (rows[first : first + ROWS] for first in range(0, len(rows), ROWS))
+    return (rows[chunk] for chunk in row_chunks(len(rows)))
 
 
 def beside(bonds: Bonds, places: Array) -> NDArray[np.bool_]:

@@ -1,11 +1,11 @@
 """Two passes over families of nodes on lattices, for laws whose passes are tuples: nodal sums, then bond forces.
 
 One description for the plane and for space. Bonds lie in `FamilySlots`, blocks of 64 nodes for nodes in any order, or
-in `FamilyTiles`, tiles of 16 sites of a box; what differs between both is where a lane's neighbour and numbers are.
-Sums stay in registers. f_ij consists of sums over both ends and of vectors that only change sign, so that f_ij = -f_ji
-to the bit.
+in `FamilyTiles`, tiles of 16 sites of a box. Bonds that conduct lie in `FluxTiles`, which have the first pass alone.
+What differs between layouts is where a lane's neighbour and numbers are. Sums stay in registers. f_ij consists of sums
+over both ends and of vectors that only change sign, so that f_ij = -f_ji to the bit.
 
-u      (d, m) displacements of all places, m
+u      (d, m) displacements of all places, m; of `FluxTiles` what a law of fluxes asks of nodes
 m      (w, m) numbers of nodes between the passes
 likes  tuples as long as a bond's numbers, the nodal numbers, what `finish_sums` wants of a node, and a vector
 row    (.,) of a reference vector: xi, 2 xi / xi.xi, 1 / xi.xi, |xi|, 1 / |xi|
@@ -186,11 +186,11 @@ def sum_first_pass(bonds, law, u, constants, m, likes, by_lanes, first, last):  
         begin, end = turns_of(bonds, tile, 0)
         for lane in range(0, lanes, across(u)):
             at = place + lane
-            displacement, sums = beside(u, likes[VECTORS], at), initial_sums(law, likes[VECTORS], none)
+            values, sums = beside(u, likes[VECTORS], at), initial_sums(law, likes[VECTORS], none)
             for slot in range(begin, end):
                 if has_bonds(bonds, tile, slot):
                     c = numbers(bonds, tile, slot, lane, at, likes[COLUMNS])
-                    sums = accumulate(law, bonds_at(bonds, tile, slot, lane, at, c, u, displacement), c, sums)
+                    sums = accumulate(law, bonds_at(bonds, tile, slot, lane, at, c, u, values), c, sums)
             if by_lanes:
                 keep(finish_sums(law, sums, beside(constants, likes[OWN], at)), m, at)
             else:

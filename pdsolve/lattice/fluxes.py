@@ -1,4 +1,4 @@
-"""Bonds along which a scalar flows in tiles of 16 sites of a lattice, as in `pdsolve.lattice.sums`.
+"""Bonds along which a scalar flows in tiles of 16 sites of a lattice.
 
 Rows of sites are so far apart that a bond beyond the end of one is to a site without a node. Such sites hold nothing,
 so that bits are looked at in few tiles alone: those with a bond that is blocked, or between two media. A bond between
@@ -51,7 +51,7 @@ def conductances(tiles, tile, slot, lane, at):  # type: ignore[no-untyped-def]
 
 @cached_njit(error_model="numpy")
 def sort_tiles(tiles, node):  # type: ignore[no-untyped-def]
-    """Fill what there is in tiles; `node` (16 t,) is the row of a site's node whose sum is asked for, or -1."""
+    """Fill `filled` and `general` of tiles; `node` (16 t,) is the row of a site's node to be summed, or -1."""
     for site in range(len(node)):
         if node[site] < 0:
             continue

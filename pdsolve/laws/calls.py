@@ -278,15 +278,15 @@ def bind(law: Law) -> None:
         _pairs[law.columns_type] = law.pair
 
 
-def bind_functions(kind: type[Any], said: dict[str, Function]) -> None:
+def bind_functions(kind: type[Any], functions: dict[str, Function]) -> None:
     """Bind functions, by the names of this file, to a type of columns."""
     # numba calls what it compiles after the names of types: two laws of the same columns would be one
     kind.__name__ = f"{kind.__module__}.{kind.__name__}".replace(".", "_")
-    _bound[kind] = said
-    for options, functions in _DISPATCHED:
-        for function in functions:
-            if function.__name__ in said:
-                _overload(function, options, kind, said[function.__name__])
+    _bound[kind] = functions
+    for options, dispatched in _DISPATCHED:
+        for function in dispatched:
+            if function.__name__ in functions:
+                _overload(function, options, kind, functions[function.__name__])
 
 
 def functions_of(law: Law) -> dict[str, Function]:

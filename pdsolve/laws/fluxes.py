@@ -29,7 +29,7 @@ class Conduction(NamedTuple):
 
 
 class Contrast(NamedTuple):
-    """How far apart the ends of bonds (b,) are."""
+    """Differences between the shares at both ends of bonds (b,)."""
 
     g: NDArray[np.float64]  # (b,) 1/(s m^d)
     broken: None = None
@@ -40,7 +40,7 @@ class Dissolution(NamedTuple):
 
     g: NDArray[np.float64]  # (b,) 1/(s m^d)
     C_sat: float  # mol/m^3: a bond from solid to liquid conducts while the liquid is below it
-    k_diss: float  # by how much more than one in liquid
+    k_diss: float  # its conductance over that of a bond in liquid
     broken: None = None
 
 

@@ -1,6 +1,6 @@
 """Vectors and matrices of two or three dimensions as tuples, row by row, which compilers keep in registers.
 
-Components are numbers of any kind, or lanes of many bonds (`pdsolve.operators.simd_lattice`).
+Components are numbers of any kind, or lanes of many bonds (`pdsolve.codegen.lanes`).
 """
 
 from __future__ import annotations

@@ -20,8 +20,8 @@ __kernel void put(__global const int *site, __global const double *volume, __glo
 __kernel void advance(__global const int *site, __global const double *volume, __global const double *potential,
                       __global const double *amount, __global const int *ahead, __global const double *g,
                       __global const ushort *bits, __global const uchar *general, __global const double *D,
-                      __global const double *outflow, __global const double *outside, __global const long *start,
-                      __global const int *neighbour, __global const double *more, __global const double *more_outflow,
+                      __global const double *total, __global const double *outside, __global const long *start,
+                      __global const int *neighbour, __global const double *more, __global const double *more_total,
                       __global double *h, __global double *rate, __global double *dissipated, __global double *work,
                       __global double *source, __global const int *load_first, __global const double *load_value,
                       __global const int *load_profile, __global const int *hold_first,
@@ -40,14 +40,14 @@ __kernel void advance(__global const int *site, __global const double *volume, _
       w = bits[(long)tile * SLOTS + k] >> lane & 1 ? w * SHARE_OF(D[site[i]], D[site[i] + ahead[k]]) : 0;
     s[k % 2] = fma(w, a[ahead[k]], s[k % 2]);
   }
-  double out = D[site[i]] * (s[0] + s[1]) - outflow[i] * potential[i];
+  double out = D[site[i]] * (s[0] + s[1]) - total[i] * potential[i];
   double added[2] = {0, 0}; /* by the few bonds of a surface correction */
   for (long k = start[i]; k < start[i + 1]; ++k) {
     int number = (k - start[i]) % 2, j = neighbour[k];
     added[number] = fma(more[k], volume[j] * potential[j], added[number]);
   }
   out += added[0] + added[1];
-  out -= more_outflow[i] * potential[i];
+  out -= more_total[i] * potential[i];
 #ifdef OPEN
   double given = -outside[i] * potential[i], booked = dt * given;
   work[i] += booked;
