@@ -133,9 +133,15 @@ MUTANTS = (
     ),
     Mutant(
         "pdsolve/lattice/sums.py",
-        "    if common:\n        w = where_above(e,",
-        "    if False:\n        w = where_above(e,",
+        "unless_none(w, row_of(bonds.stiffness, bonds.whole[slot], lane), w)",
+        "w",
         "tests/laws/test_cohesive.py::test_the_fast_kernel_is_the_list",
+    ),
+    Mutant(
+        "pdsolve/lattice/sums.py",
+        "unless_none(w, row_of(bonds.stiffness, bonds.whole[slot], lane), w)",
+        "row_of(bonds.stiffness, bonds.whole[slot], lane)",
+        "tests/laws/test_cohesive.py::test_broken_bonds_that_close_push_in_no_kernel",
     ),
     Mutant(
         "pdmesh/model/cohesive_softening.py",

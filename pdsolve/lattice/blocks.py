@@ -33,7 +33,7 @@ from pdsolve.codegen.lanes import beside, keep, trailing_zeros, which_above
 from pdsolve.codegen.pull import NARROW
 from pdsolve.codegen.vector_code import ROW
 from pdsolve.lattice.bond import displaced_along, entries, sums_in, where_inverse
-from pdsolve.lattice.layout import FAR, LANES, ONE, VECTOR
+from pdsolve.lattice.layout import FAR, LANES, ONE, VECTOR, pair_law_of
 from pdsolve.laws.calls import (
     added_force,
     bond_strain_energy,
@@ -43,7 +43,6 @@ from pdsolve.laws.calls import (
     secant,
     second_force,
 )
-from pdsolve.laws.law import Pair
 
 PULL, BOUND, LIMITS = 5, 6, 7  # of a slot: row of `stiffness`, of `near` and `edge`, and of `peak` and `limit`
 # Edges of a bond that broke in the last step, so that it is looked at in this one: minus its `near` is the size of its
@@ -102,11 +101,6 @@ class BlockMotion(NamedTuple):
     previous_u: NDArray[np.floating]  # (d, m) one step ago, m
     step: int
     s: NDArray[np.floating]  # (.,) scratch: sums of forces on a row of lanes, axis by axis, then e
-
-
-def _pair(blocks: Any) -> Pair:
-    """The pair law of the numba type of blocks."""
-    return pair_of(blocks.types[Blocks._fields.index("law")])
 
 
 @njit(forceinline=True, **INNER)
@@ -190,7 +184,7 @@ def soften(blocks: Any, tracks: Any, slot: Any, b: Any, lane: Any, stretch: Any,
 
 @overload(soften, jit_options=INNER)
 def _soften(blocks, tracks, slot, b, lane, stretch, peak, limit):  # type: ignore[no-untyped-def]
-    pair = _pair(blocks)
+    pair = pair_law_of(blocks)
     if pair.softening is None:
         return lambda blocks, tracks, slot, b, lane, stretch, peak, limit: None
     return _update_history if pair.is_curved else _weaken

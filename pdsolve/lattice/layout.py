@@ -16,6 +16,8 @@ from numba.extending import overload
 from pdsolve.codegen.lanes import beside, listed
 from pdsolve.codegen.vector_code import ROW
 from pdsolve.lattice.bond import IN_PLACE
+from pdsolve.laws.calls import pair_of
+from pdsolve.laws.law import Pair
 
 LANES = 4 * ROW  # of a block
 FAR = 1 << 30  # more than any way between two nodes
@@ -32,6 +34,11 @@ def is_in_tiles(bonds: Any) -> bool:
 
 def _has_field(bonds: Any, name: str) -> bool:
     return name in bonds.instance_class._fields
+
+
+def pair_law_of(bonds: Any) -> Pair:
+    """The pair law of the numba type of bonds."""
+    return pair_of(bonds.types[bonds.instance_class._fields.index("law")])
 
 
 def places_of(bonds: Any, group: Any) -> tuple[int, int]:

@@ -36,6 +36,7 @@ from pdsolve.lattice.layout import (
     has_bonds,
     is_in_tiles,
     neighbours,
+    pair_law_of,
     places_of,
     slot_at,
     turns_of,
@@ -53,8 +54,7 @@ from pdsolve.lattice.tiles import (
     weight_in_tile,
     write_tile,
 )
-from pdsolve.laws.calls import pair_of, secant
-from pdsolve.laws.law import Pair
+from pdsolve.laws.calls import secant
 
 UNAGED, AGED, UNDONE = range(3)  # lanes: summed, the same though bonds softened or broke, not summed
 
@@ -106,9 +106,9 @@ def _add(bonds, history, u, group, lane, first, last, updated, f):  # type: igno
             e = where_above(same(u, np.inf), near, e, same(u, 0.0))  # lanes without a bond need no care
             if turn != updated and any_beyond(e, edge_of(bonds, u, slot, lane)):
                 return turn, e, f
-            g = factor(u, e, magnitude(e), nearest_of(bonds, u, near), factor_near(e))
+            g = factor(u, e, magnitude(e), narrow_reach(bonds, u, near), factor_near(e))
         w = secant_weight(bonds, history, common, w, e, g, slot, lane)
-        f = pulled(f, product(bonds, w, e, g), eta, row)
+        f = pulled(f, multiply(bonds, w, e, g), eta, row)
     return last, same(u, 0.0), f
 
 
@@ -203,25 +203,25 @@ def _edge_of(bonds, u, slot, lane):  # type: ignore[no-untyped-def]
     return lambda bonds, u, slot, lane: row_of(bonds.edge, bonds.slots[slot, BOUND], lane)
 
 
-def nearest_of(bonds: Any, u: Any, near: Any) -> Any:
+def narrow_reach(bonds: Any, u: Any, near: Any) -> Any:
     """|e| up to which the narrow polynomial is used; in tiles that up to which lanes need no care."""
     raise NotImplementedError("compiled for each layout")
 
 
-@overload(nearest_of, jit_options=IN_PLACE)
-def _nearest_of(bonds, u, near):  # type: ignore[no-untyped-def]
+@overload(narrow_reach, jit_options=IN_PLACE)
+def _narrow_reach(bonds, u, near):  # type: ignore[no-untyped-def]
     if is_in_tiles(bonds):
         return lambda bonds, u, near: near
     return lambda bonds, u, near: same(u, NARROW)
 
 
-def product(bonds: Any, w: Any, e: Any, g: Any) -> Any:
+def multiply(bonds: Any, w: Any, e: Any, g: Any) -> Any:
     """w e g, in the order of each layout, so that results stay the same to the bit."""
     raise NotImplementedError("compiled for each layout")
 
 
-@overload(product, jit_options=IN_PLACE)
-def _product(bonds, w, e, g):  # type: ignore[no-untyped-def]
+@overload(multiply, jit_options=IN_PLACE)
+def _multiply(bonds, w, e, g):  # type: ignore[no-untyped-def]
     return (lambda bonds, w, e, g: w * (e * g)) if is_in_tiles(bonds) else (lambda bonds, w, e, g: w * e * g)
 
 
@@ -232,7 +232,7 @@ def secant_weight(bonds: Any, history: Any, common: Any, w: Any, e: Any, g: Any,
 
 @overload(secant_weight, jit_options=IN_PLACE)
 def _secant_weight(bonds, history, common, w, e, g, slot, lane):  # type: ignore[no-untyped-def]
-    pair = _pair(bonds)
+    pair = pair_law_of(bonds)
     if is_in_tiles(bonds):
         return _curve_in_tile if pair.is_curved else _line_in_tile
     if pair.is_curved:
@@ -272,11 +272,6 @@ def _curve_in_tile(bonds, history, common, w, e, g, slot, lane):  # type: ignore
     beyond = beyond + beside(bonds.cells[UNBREAKABLE:], ONE, own + bonds.offsets[slot])[0]
     peak, limit = beyond + bonds.peak[0, slot], beyond + bonds.limit[0, slot]
     return w * secant(bonds.law, e * g * np.sqrt(1.0 + e), worst, peak, limit)
-
-
-def _pair(bonds: Any) -> Pair:
-    """The pair law of the numba type of bonds."""
-    return pair_of(bonds.types[bonds.instance_class._fields.index("law")])
 
 
 def update_lanes(

@@ -29,16 +29,15 @@ from pdsolve.codegen.jit_cache import cached_njit
 from pdsolve.codegen.lanes import across, beside, same
 from pdsolve.codegen.vector_code import ROW
 from pdsolve.lattice.bond import corrected_weight, where_inverse, where_weight
+from pdsolve.lattice.layout import pair_law_of
 from pdsolve.laws.calls import (
     added_force,
     bond_strain_energy,
     broken_energy,
     dissipated_energy,
-    pair_of,
     secant,
     second_force,
 )
-from pdsolve.laws.law import Pair
 
 # Tiles: without a node; what their bonds' stiffnesses are made of; and the same of tiles with a memory
 EMPTY, ALIKE, CORRECTED, GENERAL, SOFT_ALIKE, SOFT_CORRECTED, SOFT_GENERAL = range(7)
@@ -178,11 +177,6 @@ def update_lanes_of_tile(bonds, history, motion, group, lane, slot, e, f):  # ty
     return motion.step == 0 or _update_slot(bonds, motion, history, group, lane, slot), f
 
 
-def _pair(tiles: Any) -> Pair:
-    """The pair law of the numba type of tiles."""
-    return pair_of(tiles.types[Tiles._fields.index("law")])
-
-
 @njit(**INNER)
 def _update_slot(tiles, motion, breaks, t, lane, slot):  # type: ignore[no-untyped-def]
     """Take out the bonds of a slot that are over their limit, and book what they have spent; soften those over their
@@ -267,7 +261,7 @@ def soften(tiles: Any, t: Any, slot: Any, lane: Any, stretch: Any, peak: Any, li
 
 @overload(soften, jit_options=INNER)
 def _soften(tiles, t, slot, lane, stretch, peak, limit):  # type: ignore[no-untyped-def]
-    pair = _pair(tiles)
+    pair = pair_law_of(tiles)
     if pair.softening is None:
         return lambda tiles, t, slot, lane, stretch, peak, limit: True
     return _remember if pair.is_curved else _weaken

@@ -23,8 +23,8 @@ def text_of(name: str) -> str:
     return (resources.files("pdsolve.operators.device") / name).read_text(encoding="utf-8")
 
 
-def pair_functions(law: Law, file: str, remembers: bool, **numbers: Any) -> str:
-    """A pair law, constants by their names, and the file that sums its bonds; `remembers`: whether bonds soften.
+def pair_functions(law: Law, remembers: bool, **numbers: Any) -> str:
+    """A pair law, constants by their names, and the sums of its bonds; `remembers`: whether bonds soften.
 
     Raises ModelError.
     """
@@ -34,7 +34,7 @@ def pair_functions(law: Law, file: str, remembers: bool, **numbers: Any) -> str:
     if remembers:
         defined |= {"SOFTENS": "", "SECANT": written.add("secant", (DOUBLE,) * 4)}
     lines = [f"#define {name} {value}" for name, value in {**defined, **numbers}.items()]
-    return "\n".join([written.source, *lines, text_of(file)])
+    return "\n".join([written.source, *lines, text_of("tiles.cl")])
 
 
 def declare(name: str, arrays: Mapping[str, NDArray[Any]]) -> str:
@@ -68,7 +68,6 @@ def vectors(nodes: int) -> dict[str, str]:
             "SELECT(a, b, c)": "((c) ? (b) : (a))",
             "ANY(a)": "(a)",
             "AS_WIDE(a)": "(a)",
-            "ANY_OF(a)": "(a)",
             "ALL_OF(a)": "(a)",
         }
     return {
@@ -83,7 +82,6 @@ def vectors(nodes: int) -> dict[str, str]:
         "SELECT(a, b, c)": "select(a, b, c)",
         "ANY(a)": f"({join('(a).s{}', ' | ')})",
         "AS_WIDE(a)": "WIDENED(TO_INTEGER)(a)",
-        "ANY_OF(a)": f"({join('(a).s{}', ' | ')})",
         "ALL_OF(a)": f"({join('(a).s{}', ' & ')})",
     }
 

@@ -68,7 +68,7 @@ class BondsOnDevice(NodesOnDevice):
 
     def source(self) -> str:
         """What the bonds are in OpenCL C. Raises ModelError for a law that no device computes to the same bits."""
-        return self.declarations + "\n" + pair_functions(self._law, "tiles.cl", self._remembers, **self._numbers)
+        return self.declarations + "\n" + pair_functions(self._law, self._remembers, **self._numbers)
 
     def hand_over(self) -> None:
         """Give the history of bonds to the device, if it is another than the device's."""
