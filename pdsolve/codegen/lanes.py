@@ -289,17 +289,22 @@ def stacked(typingctx, array, like, row, lane):  # type: ignore[no-untyped-def]
     return tuple_type(array, like, types.int64, types.int64), generate
 
 
+def _lane_bits(context: Any, builder: Any, bits: Any, arguments: Any, count: int) -> Any:
+    """Bits of `count` lanes from one on, from a table of words of 16 lanes, a row and a column of it, and the lane."""
+    view = context.make_array(bits)(context, builder, arguments[0])
+    at = builder.add(builder.mul(arguments[1], builder.extract_value(view.shape, 1)), arguments[2])
+    word = builder.load(builder.gep(view.data, [at]))
+    lane_bits = builder.lshr(word, builder.trunc(arguments[3], word.type))
+    return builder.trunc(lane_bits, ir.IntType(count)) if count < word.type.width else lane_bits
+
+
 @intrinsic
 def bonded(typingctx, values, bits, tile, slot, lane):  # type: ignore[no-untyped-def]
     """A tuple of lanes, 0 in those without a bond; `bits` (tiles, k) are uint16, `lane` is the first of the lanes."""
 
     def generate(context, builder, signature, arguments):  # type: ignore[no-untyped-def]
         count = values.dtype.count
-        view = context.make_array(bits)(context, builder, arguments[1])
-        at = builder.add(builder.mul(arguments[2], builder.extract_value(view.shape, 1)), arguments[3])
-        word = builder.load(builder.gep(view.data, [at]))
-        lane_bits = builder.lshr(word, builder.trunc(arguments[4], word.type))
-        lane_bits = builder.trunc(lane_bits, ir.IntType(count)) if count < word.type.width else lane_bits
+        lane_bits = _lane_bits(context, builder, bits, arguments[1:], count)
         which = builder.bitcast(lane_bits, ir.VectorType(ir.IntType(1), count))
         masked_values = []
         for number in range(len(values)):
@@ -316,12 +321,7 @@ def intact(typingctx, cut, like, row, k, lane):  # type: ignore[no-untyped-def]
     lanes = Lanes(like.dtype)
 
     def generate(context, builder, signature, values):  # type: ignore[no-untyped-def]
-        view = context.make_array(cut)(context, builder, values[0])
-        at = builder.add(builder.mul(values[2], builder.extract_value(view.shape, 1)), values[3])
-        word = builder.load(builder.gep(view.data, [at]))
-        lane_bits = builder.lshr(word, builder.trunc(values[4], word.type))
-        bits = ir.IntType(lanes.count)
-        lane_bits = builder.trunc(lane_bits, bits) if lanes.count < 16 else lane_bits
+        lane_bits = _lane_bits(context, builder, cut, (values[0], *values[2:]), lanes.count)
         which = builder.bitcast(builder.not_(lane_bits), ir.VectorType(ir.IntType(1), lanes.count))
         return builder.uitofp(which, context.get_value_type(lanes))
 

@@ -86,8 +86,8 @@ class OnLattice:
     ) -> None:
         """`conductance` (k,) is that of each offset, and `D` (n,) the diffusivity over that of the first node."""
         self.sites, self.volume, self.threads = sites, volume, threads
-        (medium,) = D_of_sites = aligned(np.zeros((1, sites.size)))
-        medium[sites.site] = D
+        D_of_sites = aligned(np.zeros((1, sites.size)))
+        D_of_sites[0, sites.site] = D
         self.tiles = FluxTiles(
             offsets=sites.steps,
             g=conductance,

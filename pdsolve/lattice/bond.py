@@ -218,6 +218,16 @@ def entries(typingctx, row, like):  # type: ignore[no-untyped-def]
     return types.UniTuple(row.dtype, len(like))(row, like), generate
 
 
+def _polynomial(builder: Any, factors: tuple[float, ...], e: Any) -> Any:
+    """A polynomial with the coefficients of 1, e, e^2 ... in each lane."""
+    parts = split(builder, e)  # side by side, so that a factor is in a register once
+    first, *rest = (ir.Constant(parts[0].type, [factor] * parts[0].type.count) for factor in reversed(factors))
+    sums = [first] * len(parts)
+    for factor in rest:
+        sums = [call(builder, "fmuladd", total, part, factor) for total, part in zip(sums, parts, strict=True)]
+    return join(builder, sums)
+
+
 @intrinsic
 def stretched(typingctx, e):  # type: ignore[no-untyped-def]
     """The stretch of bonds, and 1 / (1 + stretch), at |e| up to `NARROW`."""
@@ -226,17 +236,11 @@ def stretched(typingctx, e):  # type: ignore[no-untyped-def]
 
     def generate(context, builder, signature, values):  # type: ignore[no-untyped-def]
         (e_value,) = values
-
-        def polynomial(factors: tuple[float, ...]) -> Any:
-            every = [ir.Constant(e_value.type, [factor] * e.count) for factor in factors]
-            value = every[-1]
-            for factor in every[-2::-1]:
-                value = call(builder, "fmuladd", value, e_value, factor)
-            return value
-
-        stretch = builder.fmul(e_value, polynomial(stretch_coefficients(precision)))
+        stretch = builder.fmul(e_value, _polynomial(builder, stretch_coefficients(precision), e_value))
         ones = ir.Constant(e_value.type, [1.0] * e.count)
-        inverse = call(builder, "fmuladd", builder.fneg(e_value), polynomial(coefficients(precision)[0]), ones)
+        inverse = call(
+            builder, "fmuladd", builder.fneg(e_value), _polynomial(builder, coefficients(precision)[0], e_value), ones
+        )
         return context.make_tuple(builder, signature.return_type, [stretch, inverse])
 
     return types.UniTuple(e, 2)(e), generate
@@ -268,12 +272,7 @@ def _polynomial_up_to(number: int) -> Any:
         factors = coefficients("float32" if e.kind == types.float32 else "float64")[number]
 
         def generate(context, builder, signature, values):  # type: ignore[no-untyped-def]
-            parts = split(builder, values[0])  # side by side, so that a factor is in a register once
-            first, *rest = (ir.Constant(parts[0].type, [factor] * parts[0].type.count) for factor in reversed(factors))
-            sums = [first] * len(parts)
-            for factor in rest:
-                sums = [call(builder, "fmuladd", total, part, factor) for total, part in zip(sums, parts, strict=True)]
-            return join(builder, sums)
+            return _polynomial(builder, factors, values[0])
 
         return e(e), generate
 

@@ -34,8 +34,7 @@ from pdsolve.lattice.bond import (
     where_weight,
     zeros,
 )
-
-ONE = (0,)  # of as many rows
+from pdsolve.lattice.layout import ONE
 
 
 def own_weight(weights: Any, w: Any, e: Any, entry: Any, slot: Any, lane: Any) -> Any:

@@ -99,12 +99,12 @@ def _add(bonds, history, u, group, lane, first, last, updated, f):  # type: igno
         eta = difference(neighbours(bonds, u, axes, own, slot, lane), here)
         eta = relieve(eta, relief, neighbour_shrinkage(bonds, history, own, slot, lane), row)
         e = elongation_of_bonds(bonds, group, slot, lane, elongation(eta, row))
-        g, near = factor_near(e), near_of(bonds, u, slot, lane)
+        g, near = factor_near(e), in_lanes(bonds, u, bonds.near, slot, lane)
         if any_beyond(magnitude(e), near):
             if updated is None:
                 return turn, e, f
             e = where_above(same(u, np.inf), near, e, same(u, 0.0))  # lanes without a bond need no care
-            if turn != updated and any_beyond(e, edge_of(bonds, u, slot, lane)):
+            if turn != updated and any_beyond(e, in_lanes(bonds, u, bonds.edge, slot, lane)):
                 return turn, e, f
             g = factor(u, e, magnitude(e), narrow_reach(bonds, u, near), factor_near(e))
         w = secant_weight(bonds, history, common, w, e, g, slot, lane)
@@ -179,28 +179,16 @@ def _elongation_of_bonds(bonds, group, slot, lane, e):  # type: ignore[no-untype
     return lambda bonds, group, slot, lane, e: e
 
 
-def near_of(bonds: Any, u: Any, slot: Any, lane: Any) -> Any:
-    """|e| up to which some lanes need no care; infinite in lanes without a bond of blocks."""
+def in_lanes(bonds: Any, u: Any, limit: Any, slot: Any, lane: Any) -> Any:
+    """A limit of e in some lanes: the one of all bonds in tiles, rows of limits in blocks."""
     raise NotImplementedError("compiled for each layout")
 
 
-@overload(near_of, jit_options=IN_PLACE)
-def _near_of(bonds, u, slot, lane):  # type: ignore[no-untyped-def]
+@overload(in_lanes, jit_options=IN_PLACE)
+def _in_lanes(bonds, u, limit, slot, lane):  # type: ignore[no-untyped-def]
     if is_in_tiles(bonds):
-        return lambda bonds, u, slot, lane: same(u, bonds.near)
-    return lambda bonds, u, slot, lane: row_of(bonds.near, bonds.slots[slot, BOUND], lane)
-
-
-def edge_of(bonds: Any, u: Any, slot: Any, lane: Any) -> Any:
-    """e up to which nothing happens to the bonds of some lanes."""
-    raise NotImplementedError("compiled for each layout")
-
-
-@overload(edge_of, jit_options=IN_PLACE)
-def _edge_of(bonds, u, slot, lane):  # type: ignore[no-untyped-def]
-    if is_in_tiles(bonds):
-        return lambda bonds, u, slot, lane: same(u, bonds.edge)
-    return lambda bonds, u, slot, lane: row_of(bonds.edge, bonds.slots[slot, BOUND], lane)
+        return lambda bonds, u, limit, slot, lane: same(u, limit)
+    return lambda bonds, u, limit, slot, lane: row_of(limit, bonds.slots[slot, BOUND], lane)
 
 
 def narrow_reach(bonds: Any, u: Any, near: Any) -> Any:
@@ -291,10 +279,8 @@ def _update_lanes(bonds, history, motion, group, lane, slot, e, f):  # type: ign
 def sum_blocks(blocks, tracks, before, out, step, first, last, thread):  # type: ignore[no-untyped-def]
     """Add the force densities of the blocks `first` to `last` - 1, N/m^3, to `out` (n, d); bonds over their limit break
     in this `step`. `before` (d, m) are the displacements one step ago."""
-    motion, s = (
-        BlockMotion(tracks.u[0], before, step, blocks.scratch[thread]),
-        np.empty((len(before), ROW), before.dtype),
-    )
+    motion = BlockMotion(tracks.u[0], before, step, blocks.scratch[thread])
+    s = np.empty((len(before), ROW), before.dtype)
     for b in range(first, last):
         for lane in range(0, LANES, across(s)):
             _, f = sum_lanes(blocks, tracks, motion, b, lane)

@@ -135,8 +135,8 @@ def deformed(bonds, value, i, j, k):  # type: ignore[no-untyped-def]
 class Ends(NamedTuple):
     """What the nodes of a bond have, as many values each; numbers, or lanes of many bonds."""
 
-    here: tuple[Any, ...]
-    there: tuple[Any, ...]
+    near_end: tuple[Any, ...]
+    far_end: tuple[Any, ...]
 
 
 def bond_at(bonds: Any, value: Any, i: Any, j: Any, k: Any) -> Bond | Ends:

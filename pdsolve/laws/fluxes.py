@@ -53,17 +53,17 @@ def _nothing(law, xi, none):  # type: ignore[no-untyped-def]
 
 
 def _bring(law, bond, c, sums):  # type: ignore[no-untyped-def]
-    return sums[1], fused(c[0], bond.there[0], sums[0])
+    return sums[1], fused(c[0], bond.far_end[0], sums[0])
 
 
 def _differ(law, bond, c, sums):  # type: ignore[no-untyped-def]
-    difference = bond.there[1] - bond.here[1]
-    return sums[1], fused(c[0] * bond.there[0], np.sqrt(difference * difference), sums[0])
+    difference = bond.far_end[1] - bond.near_end[1]
+    return sums[1], fused(c[0] * bond.far_end[0], np.sqrt(difference * difference), sums[0])
 
 
 def _dissolve(law, bond, c, sums):  # type: ignore[no-untyped-def]
-    _, concentration, is_solid = bond.here
-    V, neighbour_concentration, neighbour_is_solid = bond.there
+    _, concentration, is_solid = bond.near_end
+    V, neighbour_concentration, neighbour_is_solid = bond.far_end
     factor = 0.0  # between two solid nodes
     if is_solid != neighbour_is_solid:
         factor = law.k_diss if (neighbour_concentration if is_solid else concentration) < law.C_sat else 0.0

@@ -20,6 +20,7 @@ from pdsolve.codegen.jit_cache import cached_njit
 from pdsolve.codegen.lanes import across, beside, keep, same
 from pdsolve.conditions import Drive, apply_loads, constrained_components
 from pdsolve.lattice.bond import IN_PLACE, advanced, divided, kick_and_drift, multiplied
+from pdsolve.lattice.layout import ONE
 from pdsolve.numerics.thread_team import gate_of, meet, side_by_side
 from pdsolve.operators.contact.kernel import Pushes, push_anew
 from pdsolve.operators.contact.operator import PenaltyContact
@@ -38,8 +39,6 @@ from pdsolve.operators.simd_lattice.layout import aligned
 from pdsolve.state import State
 from pdsolve.steppers.ghosts import Ghosts
 from pdsolve.steppers.holds import accelerate_held_component_and_book_work, prescribe_held_u_and_v
-
-ONE = (0,)  # of as many rows
 
 
 class MarchArrays(NamedTuple):

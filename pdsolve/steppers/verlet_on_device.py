@@ -20,7 +20,7 @@ from pdsolve.state import State
 
 OnDevice = BlocksOnDevice | SpaceOnDevice | FamiliesOnDevice
 STARTS, ENDS = 1, 2  # phases of the kernel
-MOVED = "before", "u", "after", "rate", "rate_after", "a"
+MOTION_ARRAYS = "before", "u", "after", "rate", "rate_after", "a"
 
 
 class VerletOnDevice:
@@ -46,7 +46,7 @@ class VerletOnDevice:
         self._hold_order, holds = _columns_by_node(drive.holds, self._nodes)
         weights = np.concatenate([operator.spread(1 / rho, 1.0), operator.spread(rho, 1.0)])
         arrays = {
-            **{name: np.zeros((operator.dimension, operator.room), rho.dtype) for name in MOVED},
+            **{name: np.zeros((operator.dimension, operator.room), rho.dtype) for name in MOTION_ARRAYS},
             "weight": weights,
             "damping": operator.spread(damping),
             **{name: np.zeros(operator.room) for name in ("work", "damped")},

@@ -10,11 +10,12 @@ from numba import njit
 from numpy.typing import NDArray
 
 from pdsolve.adaptivity.collocation.layout import LatticeConstants, mask_edge_rows
-from pdsolve.adaptivity.collocation.simd_rows import PLANE, surface_corrected_stiffness
+from pdsolve.adaptivity.collocation.simd_rows import surface_corrected_stiffness
 from pdsolve.codegen.inner_functions import INNER
 from pdsolve.codegen.jit_cache import cached_njit
 from pdsolve.codegen.lanes import across, beside, keep
 from pdsolve.codegen.vector_code import ROW
+from pdsolve.lattice.layout import PLANE
 
 ROOM = 2**26  # bytes of stiffnesses that are kept, at most
 ALIKE = 4  # rows, at least, for which it is worth it

@@ -15,8 +15,8 @@ from pdsolve.codegen.jit_cache import cached_njit
 from pdsolve.codegen.lanes import across, beside, intact, keep, larger, same, stacked, unless_none, which_above
 from pdsolve.codegen.pull import coefficients
 from pdsolve.codegen.vector_code import ROW
+from pdsolve.lattice.layout import ONE, PLANE
 
-PLANE, ONE = (0, 0), (0,)
 G0, G1, G2, G3, G4, G5, G6, G7, G8, G9, G10 = coefficients("float64")[1]
 
 

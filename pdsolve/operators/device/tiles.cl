@@ -16,13 +16,13 @@ site (symbols as in `Tiles`); else a block of 64 nodes (symbols as in `Blocks`).
 */
 
 #define SUM REAL
-#define MOTION \
+#define STEP_PARAMETERS \
   __global const REAL *before, __global const REAL *u, __global const REAL *rate, double dt, int m, int step
-#define MOVED before, u, rate, dt, m, step
+#define STEP_ARGUMENTS before, u, rate, dt, m, step
 #define RATIO(e) ((e) / (sqrt(1.0 + (e)) + 1.0))
 #define LIMITS(of, slot, i) ((double)of[LIMIT_ROW(slot, i)])
 #ifdef SOFTENS
-#define LARGEST(slot, i) ((double)worst[OWN(slot, i)])
+#define LARGEST(slot, i) (memory[GROUP(i)] ? (double)worst[OWN(slot, i)] : 0.0)
 #else
 #define LARGEST(slot, i) 0.0
 #endif
@@ -36,7 +36,7 @@ site (symbols as in `Tiles`); else a block of 64 nodes (symbols as in `Blocks`).
 #define FIRST_TURN(i) 0
 #define END_TURN(i) COUNT
 #define SLOT(turn) (turn)
-#define ROW(slot) (table + 12 * (slot))
+#define ROW(slot) (vectors + 12 * (slot))
 #define WAY(slot, i) offsets[slot]
 #define NEIGHBOUR(slot, i) ((i) + offsets[slot])
 #define LOAD_FAR(from, i, way) LOAD((from) + ((i) + (way)))
@@ -45,7 +45,7 @@ site (symbols as in `Tiles`); else a block of 64 nodes (symbols as in `Blocks`).
 #define LIMIT_ROW(slot, i) \
   (COUNT * (PAIRS == 1 ? 0 : MATERIALS * material[i] + material[NEIGHBOUR(slot, i)]) + (slot))
 #define IS_LONG(e, slot, i) (fabs(e) > (REALS)NEAR)
-#define IS_OVER(e, slot, i) (fabs(e) > (REAL)NEAR && !held[i] && !held[NEIGHBOUR(slot, i)])
+#define IS_OVER(e, slot, i) (fabs(e) > (REAL)NEAR && !unbreakable[i] && !unbreakable[NEIGHBOUR(slot, i)])
 #define IS_LARGEST(stretch, largest) ((stretch) > (largest))
 #define ALONG_BOND(w, e, g) ((w) * ((e) * (g)))
 #define PULL_AT(force, whole, stretch) ((force) * ((whole) / (1.0 + (stretch))))
@@ -142,7 +142,7 @@ typedef struct {
 } Bond;
 
 /* The bond of a node in a slot */
-inline Bond bond_of(FORCE_PARAMETERS, MOTION, int slot, int i) {
+inline Bond bond_of(FORCE_PARAMETERS, STEP_PARAMETERS, int slot, int i) {
   Bond bond;
   __global const REAL *row = ROW(slot);
   int j = NEIGHBOUR(slot, i);
@@ -193,9 +193,9 @@ inline int first_pending(FORCE_PARAMETERS, int step, int i) {
 }
 
 /* Add the second pull of a bond of node i that broke one step ago */
-inline void pull_again(FORCE_PARAMETERS, MOTION, int at, int i, REAL *pulled) {
+inline void pull_again(FORCE_PARAMETERS, STEP_PARAMETERS, int at, int i, REAL *pulled) {
   int slot = breaks[4L * at - 3];
-  Bond bond = bond_of(FORCE_ARGUMENTS, MOVED, slot, i);
+  Bond bond = bond_of(FORCE_ARGUMENTS, STEP_ARGUMENTS, slot, i);
   double highest = LIMITS(peak, slot, i), most = LIMITS(limit, slot, i), first = stretches[at - 1];
   double force = SECOND_FORCE(bond.stretch, bond.before, first, LARGEST(slot, i), highest, most);
   add_pull(&bond, ROW(slot), force, pulled);
@@ -220,10 +220,10 @@ inline void take_out(FORCE_PARAMETERS, int m, int step, int slot, int i, double 
 
 /* Let the bond of node i in a slot, at e, soften or break where it is over its peak, and add the pull that matches its
    work; its factor g, and what is left of its stiffness over length w. */
-inline void update_bond(FORCE_PARAMETERS, MOTION, int slot, int i, REAL e, REAL *w, REAL *g, REAL *pulled) {
+inline void update_bond(FORCE_PARAMETERS, STEP_PARAMETERS, int slot, int i, REAL e, REAL *w, REAL *g, REAL *pulled) {
   double highest = LIMITS(peak, slot, i), most = LIMITS(limit, slot, i), largest = LARGEST(slot, i);
   if (IS_OVER(e, slot, i)) {
-    Bond bond = bond_of(FORCE_ARGUMENTS, MOVED, slot, i);
+    Bond bond = bond_of(FORCE_ARGUMENTS, STEP_ARGUMENTS, slot, i);
     if (bond.stretch > highest && IS_LARGEST(bond.stretch, largest)) {
       add_pull(&bond, ROW(slot), ADDED_FORCE(bond.stretch, bond.before, largest, highest, most), pulled);
       if (bond.stretch > most) {
@@ -255,7 +255,7 @@ inline void update_bond(FORCE_PARAMETERS, MOTION, int slot, int i, REAL e, REAL 
 /* Force densities (DIM, TOGETHER) on the nodes from i on, N/m^3, whose bonds that broke one step ago are `pending`;
    bonds over their limit break in this step, those over their peak soften. Without `care` for each bond none does, and
    it is returned whether one may have to. */
-inline bool sum_slots(FORCE_PARAMETERS, MOTION, bool care, const int *pending, int i, REAL *force) {
+inline bool sum_slots(FORCE_PARAMETERS, STEP_PARAMETERS, bool care, const int *pending, int i, REAL *force) {
   REALS here[DIM], sums[DIM];
   REAL pulled[DIM * TOGETHER], es[TOGETHER], ws[TOGETHER], gs[TOGETHER];
   for (int axis = 0; axis < DIM; ++axis) {
@@ -267,7 +267,7 @@ inline bool sum_slots(FORCE_PARAMETERS, MOTION, bool care, const int *pending, i
 #ifdef SITES
   for (int k = 0; care && k < TOGETHER; ++k)
     for (int at = pending[k]; at > 0; at = breaks[4L * at - 1])
-      pull_again(FORCE_ARGUMENTS, MOVED, at, i + k, pulled + k);
+      pull_again(FORCE_ARGUMENTS, STEP_ARGUMENTS, at, i + k, pulled + k);
 #endif
 #ifdef SITES
   Ends own = ends_of(FORCE_ARGUMENTS, m, i);
@@ -304,10 +304,10 @@ inline bool sum_slots(FORCE_PARAMETERS, MOTION, bool care, const int *pending, i
         STORE(sums[axis], pulled + TOGETHER * axis);
       for (int k = 0; k < TOGETHER; ++k) {
         if (intact[(long)word * m + i + k] >> at & 1)
-          update_bond(FORCE_ARGUMENTS, MOVED, slot, i + k, es[k], ws + k, gs + k, pulled + k);
+          update_bond(FORCE_ARGUMENTS, STEP_ARGUMENTS, slot, i + k, es[k], ws + k, gs + k, pulled + k);
         for (int last = IN_ORDER ? pending[k] : 0; last > 0; last = breaks[4L * last - 1])
           if (breaks[4L * last - 3] == slot)
-            pull_again(FORCE_ARGUMENTS, MOVED, last, i + k, pulled + k);
+            pull_again(FORCE_ARGUMENTS, STEP_ARGUMENTS, last, i + k, pulled + k);
       }
       w = LOAD(ws);
       g = LOAD(gs);
@@ -326,7 +326,7 @@ inline bool sum_slots(FORCE_PARAMETERS, MOTION, bool care, const int *pending, i
 }
 
 /* The same, with care where a bond needs it; a work item of one node takes it at once */
-inline void sum_bonds(FORCE_PARAMETERS, MOTION, int i, REAL *force) {
+inline void sum_bonds(FORCE_PARAMETERS, STEP_PARAMETERS, int i, REAL *force) {
   int pending[TOGETHER], absent = 1, care = TOGETHER == 1;
   for (int k = 0; k < TOGETHER; ++k) {
     absent &= ABSENT(i + k);
@@ -337,6 +337,6 @@ inline void sum_bonds(FORCE_PARAMETERS, MOTION, int i, REAL *force) {
 #ifdef SOFTENS
   care |= memory[GROUP(i)];
 #endif
-  if (care || sum_slots(FORCE_ARGUMENTS, MOVED, false, pending, i, force))
-    sum_slots(FORCE_ARGUMENTS, MOVED, true, pending, i, force);
+  if (care || sum_slots(FORCE_ARGUMENTS, STEP_ARGUMENTS, false, pending, i, force))
+    sum_slots(FORCE_ARGUMENTS, STEP_ARGUMENTS, true, pending, i, force);
 }

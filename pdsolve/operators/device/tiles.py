@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from abc import abstractmethod
+from abc import ABC, abstractmethod
 from typing import Any
 
 import numpy as np
@@ -29,7 +29,7 @@ FEWEST, EACH = 1 << 24, 32  # bonds that may break between two looks, and for ea
 SOFTENED, CHANGED = 1, 2  # of a group's memory: a bond has softened; since the host looked
 
 
-class BondsOnDevice(NodesOnDevice):
+class BondsOnDevice(NodesOnDevice, ABC):
     """The bonds of n nodes whose steps a device takes; see `pdsolve.steppers.verlet_on_device`.
 
     What the processor knows of bonds is that of the last `fetch`. A group of nodes, one a lane, has slots in common.
@@ -170,8 +170,8 @@ class SpaceOnDevice(BondsOnDevice, SpaceLattice):
         node = np.full(self.room, -1, dtype=np.int32)
         node[sites.site] = np.arange(len(sites.site))
         c, cells = (np.pad(array, ((0, 0), (0, self.room - array.shape[1]))) for array in (tiles.c, tiles.cells))
-        tables = {"offsets": tiles.offsets, "table": tiles.vectors, "c": c, "cells": cells, "kind": tiles.kind}
-        tables |= {"node": node, "held": self.spread(tiles.unbreakable.astype(np.uint8))}
+        tables = {"offsets": tiles.offsets, "vectors": tiles.vectors, "c": c, "cells": cells, "kind": tiles.kind}
+        tables |= {"node": node, "unbreakable": self.spread(tiles.unbreakable.astype(np.uint8))}
         tables |= {"material": self.spread(tiles.material), "peak": tiles.peak, "limit": tiles.limit}
         numbers = {"SITES": "", "MARGIN": tiles.margin, "COUNT": count, "PAIRS": len(tiles.peak)}
         numbers |= {"MATERIALS": round(len(tiles.peak) ** 0.5), "NEAR": float(tiles.near).hex()}

@@ -105,7 +105,7 @@ def test_a_node_a_work_item(name: str, size: float, monkeypatch: pytest.MonkeyPa
 def test_short_bonds_are_summed_in_vectors(monkeypatch: pytest.MonkeyPatch) -> None:
     """Without the sum that takes care of bonds one by one, a plate moves as it should while its bonds are short."""
     text_of = source.text_of
-    careless = ("MOVED, true, pending", "MOVED, false, pending")
+    careless = ("STEP_ARGUMENTS, true, pending", "STEP_ARGUMENTS, false, pending")
     monkeypatch.setattr(source, "text_of", lambda name: text_of(name).replace(*careless))
     here, there = two(plate(GRIDS["two scales"]))
     for size, equal in ((1e-9, True), (5e-6, False)):
