@@ -73,7 +73,7 @@ def describe_devices() -> str:
         return "devices were not tested: pyopencl is missing"
     from devices import missing
 
-    from pdsolve.operators.device.runtime import devices
+    from pdsolve.device.runtime import devices
 
     reason = missing()
     return f"devices were not tested: {reason}" if reason else f"devices are tested on: {devices()[0].name}"

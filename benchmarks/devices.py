@@ -22,9 +22,9 @@ from pdmesh.drawing.solids import meshed
 from pdmesh.grid.building import build
 from pdmesh.model.document import Horizon, InitialVelocity, Lattice, Material, Run, Settings
 from pdmesh.model.node_grid import whole_lattice
+from pdsolve.device.runtime import Session
+from pdsolve.device.source import preamble
 from pdsolve.model import Model, on_device
-from pdsolve.operators.device.runtime import Session
-from pdsolve.operators.device.source import preamble
 from pdsolve.options import Options
 from pdsolve.run.prepare import prepare
 from pdsolve.run.system import PreparedRun

@@ -15,7 +15,7 @@ from types import FrameType
 
 from pdmesh import Material, Run, Scene, box, build
 from pdsolve import Model, simulate
-from pdsolve.steppers.lattice_march import LatticeMarch
+from pdsolve.lattice.march import LatticeMarch
 
 ROOT = Path(__file__).resolve().parent.parent
 PACKAGES = ("pdmesh", "pdsolve", "pdpost")

@@ -152,7 +152,7 @@ class _HelpSettings(argparse.Action):
 
 
 def _list_devices() -> int:
-    from pdsolve.operators.device.runtime import devices
+    from pdsolve.device.runtime import devices
 
     print_text("\n".join(["cpu  the processor: float64 and float32", *(device.summary for device in devices())]))
     return commandline.OK

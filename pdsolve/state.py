@@ -42,3 +42,8 @@ class Broken(NamedTuple):
     step: NDArray[np.int64]  # (k,)
     source: NDArray[np.int64]  # (k,) row of the node whose bond it was
     target: NDArray[np.int64]  # (k,)
+
+    def after(self, step: int) -> Broken:
+        """Those broken after a step."""
+        is_later = self.step > step
+        return Broken(*(column[is_later] for column in self))

@@ -19,9 +19,9 @@ from pdmesh import Body, Box
 from pdmesh.drawing.solids import meshed
 from pdmesh.grid.building import build
 from pdmesh.model.document import Material, Region
+from pdsolve.device import runtime
+from pdsolve.device.runtime import devices
 from pdsolve.model import Model, ModelError
-from pdsolve.operators.device import runtime
-from pdsolve.operators.device.runtime import devices
 
 os.environ["POCL_CACHE_DIR"] = fresh = tempfile.mkdtemp(prefix="pocl-")
 atexit.register(shutil.rmtree, fresh, ignore_errors=True)

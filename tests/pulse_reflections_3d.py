@@ -20,8 +20,8 @@ from pdsolve.adaptivity.hybrid.space.coarse_springs import cubic_stiffness
 from pdsolve.adaptivity.hybrid.space.layout import coordinates_of_sites
 from pdsolve.adaptivity.hybrid.space.operator import HybridBodyOperator
 from pdsolve.adaptivity.hybrid.space.prepare import compute_vertex_force, create_full_block, create_operator_of_cells
+from pdsolve.lattice.tile_bonds import offset_table
 from pdsolve.laws.pair_laws.brittle import LAW
-from pdsolve.operators.space_lattice.layout import table_of
 
 ACROSS = 8  # cells
 AWAY = 80  # spacings from the pulse to the seam; what is sent back, and how wide it is, depends on it
@@ -35,7 +35,7 @@ def bonds_of(ratio: float, profile: str = "constant") -> NDArray[np.float64]:
     xi = xi[np.lexsort(xi.T)]
     material = msgspec.structs.replace(Material(E=1.0, rho=1.0, G0=1.0, micromodulus=profile), plane="space")
     c = micromodulus(material, lengths(xi), np.full(len(xi), ratio))
-    return table_of(np.rint(xi[c > 1e-12]).astype(np.int64), 1.0, c[c > 1e-12])
+    return offset_table(np.rint(xi[c > 1e-12]).astype(np.int64), 1.0, c[c > 1e-12])
 
 
 def sent_back(ratio: float, width: int, shear: bool, backwards: bool = False, seam: bool = True) -> float:

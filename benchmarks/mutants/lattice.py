@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from benchmarks.mutants.mutant import UNIT, Mutant
 
-MARCH, BONDS = "pdsolve/steppers/lattice_march.py", "pdsolve/operators/marched_bonds.py"
+MARCH, BONDS = "pdsolve/lattice/march.py", "pdsolve/lattice/marched_bonds.py"
 BOND = "pdsolve/lattice/bond.py"
 VERLET = f"{UNIT}/test_lattice_march.py::test_each_bit_is_that_of_verlet_on_any_number_of_threads"
 LATTICE = tuple(

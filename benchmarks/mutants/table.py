@@ -12,13 +12,13 @@ MUTANTS = (
     *DRAWINGS,
     *LATTICE,
     Mutant(
-        "pdsolve/steppers/holds.py",
+        "pdsolve/conditions.py",
         "v[i, axis] = holds.value[entry] * factor_at(profiles, holds.profile[entry], time - dt / 2)",
         "v[i, axis] = holds.value[entry] * factor_at(profiles, holds.profile[entry], time)",
         f"{UNIT}/test_conditions.py::test_a_held_velocity_follows_its_profile",
     ),
     Mutant(
-        "pdsolve/steppers/holds.py",
+        "pdsolve/conditions.py",
         "value = holds.value[entry] * factor_at(profiles, holds.profile[entry], time)",
         "value = holds.value[entry] * factor_at(profiles, holds.profile[entry], time - dt / 2)",
         f"{UNIT}/test_conditions.py::test_a_held_velocity_follows_its_profile",
@@ -30,16 +30,16 @@ MUTANTS = (
         f"{UNIT}/test_simulation.py::test_pieces_are_not_joined_by_cracked_nodes",
     ),
     Mutant(  # resumed
-        "pdsolve/operators/simd_lattice/layout.py",
+        "pdsolve/lattice/block_bonds.py",
         "stiffness[soft] = law.pair.secant(blocks.law, largest, largest, peak, limit) * stiffness[soft]",
         "stiffness[soft] = stiffness[soft]",
-        f"{UNIT}/test_simd_lattice.py::test_bonds_that_have_softened_stay_so_when_they_are_let_go",
+        f"{UNIT}/test_block_lattice.py::test_bonds_that_have_softened_stay_so_when_they_are_let_go",
     ),
     Mutant(  # let go
         "pdsolve/lattice/blocks.py",
         "blocks.softened[b] = True",
         "blocks.softened[b] = False",
-        f"{UNIT}/test_simd_lattice.py::test_bonds_that_have_softened_stay_so_when_they_are_let_go",
+        f"{UNIT}/test_block_lattice.py::test_bonds_that_have_softened_stay_so_when_they_are_let_go",
     ),
     Mutant(
         "pdsolve/results/schema.py",
@@ -249,7 +249,7 @@ MUTANTS = (
         "pdsolve/steppers/verlet.py",
         "work[i] += (before[i, axis] + load[i, axis]) / 2 * (dt * v[i, axis])",
         "work[i] += load[i, axis] * (dt * v[i, axis])",
-        f"{UNIT}/test_simd_lattice.py::test_a_whole_run",
+        f"{UNIT}/test_block_lattice.py::test_a_whole_run",
     ),
     Mutant(
         "pdsolve/run/recorder.py",

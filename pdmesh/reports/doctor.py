@@ -24,7 +24,7 @@ WALLS = (
     " print(*raise_walls(Path(sys.argv[1]), 10.0))"
 )
 DEVICES = (
-    "from pdsolve.operators.device.runtime import devices\n"
+    "from pdsolve.device.runtime import devices\n"
     "try:\n    print(*(device.summary for device in devices()), sep=', ')\n"
     "except ValueError as error:\n    raise SystemExit(f'{error}')"
 )

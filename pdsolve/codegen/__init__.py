@@ -2,8 +2,6 @@
 
 vector_code       how many lanes fit into registers, and instructions of vectors
 lanes             lanes as a number type of compiled functions
-clipped_pieces    the forces of clipped bonds in space
-pull              polynomials for the force of a bond
 fused             a product and a sum in one rounding
 atomics           counters that threads share
 record            structs of numbers that compiled code reads and writes

@@ -21,8 +21,8 @@ from pdmesh.model.neighbours import ON_LATTICE, Pairs, chosen, lengths
 from pdsolve.diffusion.families import DiffusionFamilies
 from pdsolve.diffusion.lattice import OnLattice, family, place_bonds
 from pdsolve.diffusion.walls import Array, parts_of
+from pdsolve.lattice.tile_bonds import bits_of_pairs
 from pdsolve.model import ModelError
-from pdsolve.operators.space_lattice.families import members
 from pdsolve.operators.stencils import Stencil, diffusion, stencil_of
 
 if TYPE_CHECKING:
@@ -223,4 +223,4 @@ def _lattice(
     assert placed is not None
     sites, conductance = placed
     volume = np.full(len(places), spacing ** places.shape[1])
-    return OnLattice(sites, members(sites), conductance, volume, threads, wanted=real)
+    return OnLattice(sites, bits_of_pairs(sites), conductance, volume, threads, wanted=real)

@@ -8,6 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pdsolve.conditions import Drive, Entries, put_loads
+from pdsolve.device.factors import AT_ONCE, Factors
+from pdsolve.device.runtime import Session
+from pdsolve.device.source import preamble, text_of
+from pdsolve.device.translation import DOUBLE, Translation
 from pdsolve.diffusion.dissolution import saturated
 from pdsolve.diffusion.lattice import OnLattice
 from pdsolve.diffusion.listed import BondList
@@ -15,10 +19,6 @@ from pdsolve.diffusion.operator import Fick
 from pdsolve.lattice.fluxes import share_of
 from pdsolve.lattice.layout import LANES
 from pdsolve.model import ModelError
-from pdsolve.operators.device.factors import AT_ONCE, Factors
-from pdsolve.operators.device.runtime import Session
-from pdsolve.operators.device.source import preamble, text_of
-from pdsolve.operators.device.translation import DOUBLE, Translation
 from pdsolve.state import State
 
 

@@ -17,12 +17,11 @@ from pdsolve.diffusion.listed import links_between, tangent_of
 from pdsolve.diffusion.walls import Array
 from pdsolve.lattice.families import sum_first_pass
 from pdsolve.lattice.fluxes import FluxTiles, collect_rates, place_amounts, share_of, sort_tiles
+from pdsolve.lattice.sites import Sites, place_nodes
+from pdsolve.lattice.tile_bonds import bits_of_pairs, count_bonds, list_bonds, remove_separated_bonds
 from pdsolve.laws.fluxes import Conduction, Contrast
+from pdsolve.numerics.memory import aligned
 from pdsolve.numerics.thread_team import share
-from pdsolve.operators.simd_lattice.layout import aligned
-from pdsolve.operators.space_lattice.families import counts, members
-from pdsolve.operators.space_lattice.layout import intact, separate
-from pdsolve.operators.space_lattice.sites import Sites, place_nodes
 
 if TYPE_CHECKING:
     from scipy.sparse import csr_array
@@ -52,8 +51,8 @@ def on_lattice(families: DiffusionFamilies, volume: Array, threads: int) -> tupl
     if placed is None:
         return None
     sites, conductance = placed
-    bits = members(sites)
-    blocked = separate(sites, bits, families.sight)
+    bits = bits_of_pairs(sites)
+    blocked = remove_separated_bonds(sites, bits, families.sight)
     return OnLattice(sites, bits, conductance, volume, threads, D / D[0]), blocked
 
 
@@ -99,7 +98,7 @@ class OnLattice:
         )
         self._rows, self._amount, self._sums = slice(0, wanted or len(volume)), *site_arrays(self.tiles)
         sort_tiles(self.tiles, np.where(sites.node < self._rows.stop, sites.node, -1))
-        self.count, self.total, outflow = counts(bits, sites), np.zeros(len(volume)), np.zeros(len(volume))
+        self.count, self.total, outflow = count_bonds(bits, sites), np.zeros(len(volume)), np.zeros(len(volume))
         self.rates(np.ones(len(volume)), outflow)
         self.total = outflow
 
@@ -151,7 +150,7 @@ class OnLattice:
 
     def of(self, rows: NDArray[np.int64]) -> tuple[NDArray[np.int64], NDArray[np.int64], Array]:
         """Sources, targets and conductances (b,) of the bonds of some rows, in order."""
-        source, target, slot = intact(self.sites, self.tiles.bits, rows)
+        source, target, slot = list_bonds(self.sites, self.tiles.bits, rows)
         D, neighbour_D = (self.tiles.D[0, self.sites.site[end]] for end in (source, target))
         return source, target, D * self.tiles.g[slot] * share_of(D, neighbour_D)
 

@@ -30,9 +30,9 @@ from numpy.typing import NDArray
 from pdsolve.codegen.inner_functions import INNER
 from pdsolve.codegen.jit_cache import cached_njit
 from pdsolve.codegen.lanes import beside, keep, trailing_zeros, which_above
-from pdsolve.codegen.pull import NARROW
 from pdsolve.codegen.vector_code import ROW
 from pdsolve.lattice.bond import displaced_along, entries, sums_in, where_inverse
+from pdsolve.lattice.force_polynomials import NARROW
 from pdsolve.lattice.layout import FAR, LANES, ONE, VECTOR, pair_law_of
 from pdsolve.laws.calls import (
     added_force,

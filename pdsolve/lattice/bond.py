@@ -23,8 +23,8 @@ from numba.extending import intrinsic, overload, register_jitable
 
 from pdsolve.codegen.inner_functions import INNER
 from pdsolve.codegen.lanes import Lanes, beside, keep, same, where_above
-from pdsolve.codegen.pull import WIDE, coefficients, stretch_coefficients
 from pdsolve.codegen.vector_code import INT, ROW, call, join, lanes_of_register, repeat, split
+from pdsolve.lattice.force_polynomials import WIDE, coefficients, stretch_coefficients
 
 FIELDS = 12  # of a row
 IN_PLACE = INNER | {"forceinline": True}  # how functions of a bond are compiled: into the loop that calls them

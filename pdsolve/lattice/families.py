@@ -33,7 +33,6 @@ from pdsolve.codegen.lanes import (
     where_above,
     which_above,
 )
-from pdsolve.codegen.pull import NARROW
 from pdsolve.codegen.vector_code import ROW
 from pdsolve.lattice.bond import (
     IN_PLACE,
@@ -46,6 +45,7 @@ from pdsolve.lattice.bond import (
     where_nonzero,
 )
 from pdsolve.lattice.fluxes import FluxTiles, conductances
+from pdsolve.lattice.force_polynomials import NARROW
 from pdsolve.lattice.layout import ONE, VECTOR, has_bonds, is_in_tiles, neighbours, places_of, turns_of, vector_number
 from pdsolve.laws.bond_arrays import Bond, Ends
 from pdsolve.laws.calls import accumulate, bond_force, finish_sums, initial_sums, margin

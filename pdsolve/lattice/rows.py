@@ -20,7 +20,6 @@ from numba import njit, types
 from numba.extending import overload
 
 from pdsolve.codegen.lanes import beside, bonded, keep, larger, magnitude, same, unless_none
-from pdsolve.codegen.pull import NARROW, WIDE
 from pdsolve.codegen.vector_code import ROW
 from pdsolve.lattice.bond import (
     IN_PLACE,
@@ -34,6 +33,7 @@ from pdsolve.lattice.bond import (
     where_weight,
     zeros,
 )
+from pdsolve.lattice.force_polynomials import NARROW, WIDE
 from pdsolve.lattice.layout import ONE
 
 

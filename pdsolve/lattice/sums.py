@@ -17,7 +17,6 @@ from numba.extending import overload
 
 from pdsolve.codegen.jit_cache import cached_njit
 from pdsolve.codegen.lanes import across, beside, bonded, keep, magnitude, same, unless_none, where_above
-from pdsolve.codegen.pull import NARROW
 from pdsolve.codegen.vector_code import ROW
 from pdsolve.lattice.blocks import (
     BOUND,
@@ -29,6 +28,7 @@ from pdsolve.lattice.blocks import (
     worst_lanes,
 )
 from pdsolve.lattice.bond import IN_PLACE, any_beyond, difference, elongation, factor, factor_near, pulled, zeros
+from pdsolve.lattice.force_polynomials import NARROW
 from pdsolve.lattice.layout import (
     LANES,
     ONE,

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pdsolve.bonds.assembly import Bonds, ends, find, in_precision, stiffness_bound
-from pdsolve.checkpoint_validation import entry, lacks_all, like
+from pdsolve.checkpoint_validation import entry, lacks_all, like, read_pending_pulls
 from pdsolve.laws.bond_arrays import AnyList, Now, SwollenList, list_of
 from pdsolve.laws.calls import bind
 from pdsolve.laws.law import Law, Sums
@@ -18,7 +18,6 @@ from pdsolve.model import Model
 from pdsolve.numerics.thread_team import share
 from pdsolve.operators import bond_list_loops as loops
 from pdsolve.operators.family_stiffness_bound import resistance
-from pdsolve.operators.pending_pulls import read_pending_pulls
 from pdsolve.operators.protocol import CheckpointArrays
 from pdsolve.state import Broken, State, Unknown
 

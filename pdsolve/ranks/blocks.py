@@ -14,19 +14,19 @@ from numpy.typing import NDArray
 from pdmesh.model.neighbours import ROWS
 from pdsolve.bonds.assembly import BondSource, BondStatistics, Part
 from pdsolve.codegen.vector_code import ROW
-from pdsolve.lattice.blocks import Blocks
-from pdsolve.lattice.layout import LANES
-from pdsolve.laws.law import Law
-from pdsolve.numerics.team import PASSED, Team
-from pdsolve.operators.simd_lattice.layout import (
+from pdsolve.lattice.block_bonds import (
     Slots,
     Tables,
     bonds_and_lanes,
     fill_lanes,
-    joined,
+    join_parts,
     room_of,
     slots_of,
 )
+from pdsolve.lattice.blocks import Blocks
+from pdsolve.lattice.layout import LANES
+from pdsolve.laws.law import Law
+from pdsolve.numerics.team import PASSED, Team
 from pdsolve.ranks.slabs import Slab
 
 
@@ -61,7 +61,7 @@ def blocks_of(
     bonds, lanes = (sum(column) for column in zip(*every, strict=True))
     if tables is None or slots is None or not fill_lanes(bonds, lanes, scratch.dimension):
         return None
-    blocks = joined(law, tables, slots, scratch.kind, scratch.threads)
+    blocks = join_parts(law, tables, slots, scratch.kind, scratch.threads)
     before, after = (slab.first - slab.begin) // LANES, (room_of(slab.end) - room_of(slab.last)) // LANES
 
     def widened(start: NDArray[np.int64], per_block: int) -> NDArray[np.int64]:

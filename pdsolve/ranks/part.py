@@ -12,14 +12,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pdsolve.bonds.assembly import BondSource, BondStatistics, Counted
+from pdsolve.lattice.operator import BlockLattice, TileLattice
 from pdsolve.laws import law_of
 from pdsolve.model import Model
 from pdsolve.numerics.ordered_sums import branches, total
 from pdsolve.numerics.team import Team
 from pdsolve.operators.bond_list import BondList
 from pdsolve.operators.protocol import CheckpointArrays, Operator
-from pdsolve.operators.simd_lattice.operator import SimdLattice
-from pdsolve.operators.space_lattice.operator import SpaceLattice
 from pdsolve.options import Options
 from pdsolve.ranks.blocks import Scratch, Seen, blocks_of
 from pdsolve.ranks.ghost_exchange import GhostExchange
@@ -68,7 +67,7 @@ def build(team: Team, options: Options, starts: NDArray[np.int64], share: tuple[
     statistics = bond_survey.statistics
     arrays = statistics.stiffness_bound, statistics.family, statistics.count
     bound, family, count = (_padded(array, slab) for array in arrays)
-    operator = SimdLattice(law, blocks, bound, scheme.symmetric, softens)
+    operator = BlockLattice(law, blocks, bound, scheme.symmetric, softens)
     reached = np.unique(np.concatenate(bond_survey.reached)).astype(np.int64)
     return _taken(team, starts, Bonded(slab, model, operator, Counted(filling.area, family, count)), reached)
 
@@ -98,7 +97,7 @@ def _window_taken(team: Team, starts: NDArray[np.int64], slab: Slab, model: Mode
     their ends."""
     operator, counted = made
     reached = np.arange(slab.begin, slab.end)
-    if isinstance(operator, BondList | SpaceLattice) and law_of(model).width is None:
+    if isinstance(operator, BondList | TileLattice) and law_of(model).width is None:
         own_range = slab.first - slab.begin, slab.last - slab.begin
         operator.only(*own_range)
         reached = np.unique(operator.bonds(*own_range)[1]) + slab.begin
@@ -188,7 +187,7 @@ def is_of_bonds(history: CheckpointArrays, name: str) -> bool:
 
 def restore(part: Part, history: CheckpointArrays, broken: Broken) -> None:
     """Restore the history of a window from that of all nodes; in blocks only own nodes have bonds."""
-    slab, alone = part.slab, isinstance(part.operator, SimdLattice)
+    slab, alone = part.slab, isinstance(part.operator, BlockLattice)
     first, last = (slab.first, slab.last) if alone else (slab.begin, slab.end)
     mine = (broken.source >= first) & (broken.source < last)
     mine &= (broken.target >= slab.begin) & (broken.target < slab.end)

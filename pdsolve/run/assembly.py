@@ -20,11 +20,13 @@ from pdsolve.conditions import (
     initial_velocity,
     widened,
 )
+from pdsolve.device.runtime import Session
 from pdsolve.diffusion.euler_on_device import EulerOnDevice
 from pdsolve.diffusion.system import Transport
+from pdsolve.lattice.march import LatticeMarch
 from pdsolve.model import Model, ModelError, ModelWarning
 from pdsolve.numerics.team import Team
-from pdsolve.operators.device.runtime import Session
+from pdsolve.operators.ghosts import Ghosts
 from pdsolve.operators.protocol import Operator
 from pdsolve.options import Options
 from pdsolve.ranks.diffusing import EulerOnRanks
@@ -38,8 +40,6 @@ from pdsolve.run.operator_factory import (
 from pdsolve.run.system import PreparedRun, System
 from pdsolve.schemes.scheme import Scheme
 from pdsolve.state import State
-from pdsolve.steppers.ghosts import Ghosts
-from pdsolve.steppers.lattice_march import LatticeMarch
 from pdsolve.steppers.protocol import Stepper
 from pdsolve.steppers.verlet import Verlet
 from pdsolve.steppers.verlet_on_device import OnDevice, VerletOnDevice

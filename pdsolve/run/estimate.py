@@ -21,7 +21,7 @@ from pdsolve.checks import warn_of_model
 from pdsolve.diffusion.swelling import Swelling
 from pdsolve.laws import law_of
 from pdsolve.model import Model, counted
-from pdsolve.operators.simd_lattice.layout import aligned
+from pdsolve.numerics.memory import aligned
 from pdsolve.options import Options, threads_of
 from pdsolve.run.assembly import choose_time_step
 from pdsolve.run.operator_factory import (

@@ -10,24 +10,22 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pdsolve.bonds.assembly import BondSource, BondStatistics, Counted, listed
+from pdsolve.device.families import FamiliesOnDevice
+from pdsolve.device.runtime import Session
+from pdsolve.device.tiles import BlocksOnDevice, SpaceOnDevice
+from pdsolve.lattice import family_blocks, family_tiles
+from pdsolve.lattice.block_bonds import blocks_of, can_be_in_blocks
+from pdsolve.lattice.family_operator import FamilyLattice
+from pdsolve.lattice.marched_bonds import MarchedBlocks, MarchedBonds, MarchedTiles
+from pdsolve.lattice.operator import BlockLattice, TileLattice
 from pdsolve.laws import law_of
 from pdsolve.laws.law import Law
 from pdsolve.model import Model, ModelError
 from pdsolve.operators.bond_list import BondList
 from pdsolve.operators.contact.at_rest import RestingContact
 from pdsolve.operators.contact.operator import PenaltyContact, touch_bound
-from pdsolve.operators.device.families import FamiliesOnDevice
-from pdsolve.operators.device.runtime import Session
-from pdsolve.operators.device.tiles import BlocksOnDevice, SpaceOnDevice
 from pdsolve.operators.ground_supports import support_bound, supported
-from pdsolve.operators.lattice_families import LatticeFamilies
-from pdsolve.operators.marched_bonds import MarchedBlocks, MarchedBonds, MarchedTiles
 from pdsolve.operators.protocol import Operator
-from pdsolve.operators.simd_lattice import family_blocks
-from pdsolve.operators.simd_lattice.layout import blocks_of, can_be_in_blocks
-from pdsolve.operators.simd_lattice.operator import SimdLattice
-from pdsolve.operators.space_lattice import family_sites
-from pdsolve.operators.space_lattice.operator import SpaceLattice
 from pdsolve.operators.together import Together
 from pdsolve.options import Options, threads_of
 from pdsolve.schemes.cubic_lattice_bonds import Tiled, tiled
@@ -59,19 +57,19 @@ def make_operator(
         shape = model.grid.position.shape
         blocks = blocks_of(law, statistics.parts(), shape, kind, threads_of(options, nodes, True))
         if blocks is not None:
-            operator = SimdLattice(law, blocks, statistics.stiffness_bound, scheme.symmetric, statistics.softens)
+            operator = BlockLattice(law, blocks, statistics.stiffness_bound, scheme.symmetric, statistics.softens)
             return operator, statistics.counted(bond_source.area)
         statistics = BondStatistics(bond_source, scheme.symmetric)
     threads = threads_of(options, nodes, False)
     bonds = listed(statistics.parts(), bond_source.area).bonds
     counted = statistics.counted(bond_source.area)
     of = law, model, bonds, scheme.symmetric, options.precision, threads
-    in_space = family_sites.placed(law, model, bonds, bond_source.area) if blocked else None
+    in_space = family_tiles.placed(law, model, bonds, bond_source.area) if blocked else None
     if in_space is not None:
-        return LatticeFamilies(*of, partial(family_sites.FamilySites, in_space, bonds, threads)), counted
+        return FamilyLattice(*of, partial(family_tiles.FamilySites, in_space, bonds, threads)), counted
     where = family_blocks.placed(law, bonds) if blocked else None
     if where is not None:
-        return LatticeFamilies(*of, partial(family_blocks.FamilyBlocks, *where, nodes)), counted
+        return FamilyLattice(*of, partial(family_blocks.FamilyBlocks, *where, nodes)), counted
     if options.kernel == "blocks":
         raise ModelError(
             "kernel is blocks; use listed: blocks need nodes on a lattice, a law that is written for them, and"
@@ -94,7 +92,7 @@ def make_tiled_operator(
     parts = law_of(model, scheme.matches_work), tiles.tiles, tiles.sites, tiles.stiffness_bound, scheme.symmetric
     if model.settings.run.device != "cpu":
         return SpaceOnDevice(*parts, Session(model.settings.run.device)), tiles.counted
-    return SpaceLattice(*parts, threads_of(options, len(model.grid), True)), tiles.counted
+    return TileLattice(*parts, threads_of(options, len(model.grid), True)), tiles.counted
 
 
 def _make_device_operator(
@@ -179,9 +177,9 @@ def split_into_marched_bonds_and_contact(operator: Operator) -> tuple[MarchedBon
     contact, bonds = None, operator
     if isinstance(operator, Together) and len(operator.parts) == 2 and isinstance(operator.parts[0], PenaltyContact):
         contact, bonds = operator.parts[0], operator.parts[1]
-    if isinstance(bonds, SimdLattice):
+    if isinstance(bonds, BlockLattice):
         return MarchedBlocks(bonds), contact
-    return (MarchedTiles(bonds) if isinstance(bonds, SpaceLattice) else None), contact
+    return (MarchedTiles(bonds) if isinstance(bonds, TileLattice) else None), contact
 
 
 Summed = Literal["tiles", "blocks", "listed"]  # where the bonds of a pair law are
@@ -205,7 +203,7 @@ def count_bonds_and_bound_stiffness(
 def where_summed(operator: Operator) -> Summed:
     """Where the bonds of a pair law are that this operator sums."""
     bonds = unwrap_bond_operator(operator)
-    return "tiles" if isinstance(bonds, SpaceLattice) else "blocks" if bonds.name == "blocks" else "listed"
+    return "tiles" if isinstance(bonds, TileLattice) else "blocks" if bonds.name == "blocks" else "listed"
 
 
 def _stiffness_bound_of_contact_and_supports(model: Model, volume: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -25,10 +25,10 @@ from pdsolve.conditions import (
 from pdsolve.diffusion import system as diffusion
 from pdsolve.diffusion.broken_bonds import BrokenBonds
 from pdsolve.diffusion.swelling import Swelling, cycle_of
+from pdsolve.lattice.operator import BlockLattice
 from pdsolve.model import Model, ModelError, counted
 from pdsolve.numerics.thread_team import cores, useful_threads
 from pdsolve.operators.bond_list import BondList
-from pdsolve.operators.simd_lattice.operator import SimdLattice
 from pdsolve.options import Options, threads_of
 from pdsolve.run.assembly import (
     assemble_system,
@@ -144,7 +144,7 @@ def _prepare_swelling_motion(model: Model, options: Options, scheme: Scheme) -> 
     content = _prepare_diffusion(model.diffusing_part(system.time_step), Options(threads=options.threads))
     transport, marches, cycle = content.system.transport, content.system.stepper, 1
     bonds = unwrap_bond_operator(system.operator)
-    assert isinstance(bonds, BondList | SimdLattice)
+    assert isinstance(bonds, BondList | BlockLattice)
     assert transport is not None
     if not rests:
         cycle = cycle_of(model.settings.run, system.time_step, transport.bound)

@@ -89,8 +89,7 @@ def _iterate_bonds_of_nodes(
 def list_breaks_since(system: System, after_step: int, broken: Broken | None = None) -> Breaks:
     """Bonds broken after a step, in order; from all `broken` ones, if known."""
     ids, all_broken = system.model.grid.ids, system.operator.broken(after_step) if broken is None else broken
-    new = np.flatnonzero(all_broken.step > after_step)
-    step, source, target = (column[new] for column in all_broken)
+    step, source, target = all_broken.after(after_step)
     order = np.lexsort((target, source, step))
     return Breaks(step[order], ids[source[order]], ids[target[order]])
 

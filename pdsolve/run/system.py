@@ -19,10 +19,10 @@ from pdsolve.conditions import (
 from pdsolve.diffusion.euler_on_device import EulerOnDevice
 from pdsolve.diffusion.swelling import Swelling
 from pdsolve.diffusion.system import Transport
+from pdsolve.lattice.operator import BlockLattice
 from pdsolve.model import Model, counted
 from pdsolve.operators.contact.operator import PenaltyContact
 from pdsolve.operators.protocol import Operator
-from pdsolve.operators.simd_lattice.operator import SimdLattice
 from pdsolve.options import Options, threads_of
 from pdsolve.run.operator_factory import unwrap_bond_operator
 from pdsolve.run.swelling_with_fine_zone import SwellingStepperWithFineZone
@@ -116,7 +116,7 @@ class System:
     @property
     def thread_count(self) -> int:
         """Number of threads that share the work."""
-        return threads_of(self.options, len(self.model.grid), isinstance(self.operator, SimdLattice))
+        return threads_of(self.options, len(self.model.grid), isinstance(self.operator, BlockLattice))
 
     @property
     def writes_rank_databases(self) -> bool:

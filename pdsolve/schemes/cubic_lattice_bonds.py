@@ -16,12 +16,12 @@ from numpy.typing import NDArray
 from pdmesh.model.neighbours import Pairs, lengths
 from pdsolve.bonds.assembly import Counted
 from pdsolve.codegen.vector_code import ROW
+from pdsolve.lattice import tile_bonds
+from pdsolve.lattice.sites import Sites, sites_of
+from pdsolve.lattice.tile_bonds import INVERSE, PULL, SAME, Springs
 from pdsolve.lattice.tiles import EMPTY, Tiles
 from pdsolve.laws import law_of
 from pdsolve.model import Model
-from pdsolve.operators.space_lattice import families, layout
-from pdsolve.operators.space_lattice.layout import INVERSE, PULL, SAME, Springs
-from pdsolve.operators.space_lattice.sites import Sites, sites_of
 from pdsolve.schemes.average_horizon import Rule, shares
 
 TOGETHER = 4096  # tiles whose sums are made at once
@@ -53,20 +53,20 @@ def tiled(model: Model, kind: type[np.floating], unbreakable: bool = False) -> T
     if sites_and_springs is None:
         return None
     sites, springs = sites_and_springs
-    bits = families.members(sites)
-    cut = layout.separate(sites, bits, rule.sight)
+    bits = tile_bonds.bits_of_pairs(sites)
+    cut = tile_bonds.remove_separated_bonds(sites, bits, rule.sight)
     if not bits.any():
         return None
-    count = families.counts(bits, sites)
-    tiles = layout.tiles_of(law, sites, bits, springs)
+    count = tile_bonds.count_bonds(bits, sites)
+    tiles = tile_bonds.tiles_of(law, sites, bits, springs)
     squared = 1 / tiles.vectors[:, INVERSE]
     n = tiles.vectors[:, :3] / np.sqrt(squared)[:, None]
     for rows, bond_energy in _in_parts(tiles, sites, shares(n) * squared[:, None] / 2):  # surface corrections
         tiles.c[:, sites.site[rows]] = rule.lack_in_space(rows, bond_energy.reshape(-1, 3, 3)).T
-    layout.sort(tiles)
+    tile_bonds.classify_tiles(tiles)
     stiffness_bound = _bound(tiles, sites)
     family = count + cut if cut.any() else count
-    return Tiled(layout.in_precision(tiles, kind), sites, Counted(rule.area, family, count), stiffness_bound)
+    return Tiled(tile_bonds.in_precision(tiles, kind), sites, Counted(rule.area, family, count), stiffness_bound)
 
 
 def _springs(model: Model, rule: Rule, sites: Sites, unbreakable: bool) -> tuple[Sites, Springs] | None:
@@ -108,12 +108,12 @@ def _in_parts(
     """Rows (r,) of nodes and their sums (r, p) of stiffness over length times `weights` (k, p), some at a time; those
     of whole tiles, which are all alike, are left out."""
     full_tiles = np.zeros(sites.tiles, dtype=np.bool_)
-    families.whole(tiles.bits, tiles.kind, full_tiles)
+    tile_bonds.mark_whole_tiles(tiles.bits, tiles.kind, full_tiles)
     rest = np.flatnonzero(~full_tiles & (tiles.kind != EMPTY))
     for begin in range(0, len(rest), TOGETHER):
         tile_numbers = rest[begin : begin + TOGETHER]
         sums = np.empty((ROW * len(tile_numbers), weights.shape[1]))
-        families.sum_bonds(tiles, weights, tile_numbers, sums)
+        tile_bonds.sum_weighted_bonds(tiles, weights, tile_numbers, sums)
         rows = tiles.node.reshape(-1, ROW)[tile_numbers].ravel().astype(np.int64)
         yield rows[rows >= 0], sums[rows >= 0]
 

@@ -6,9 +6,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pdsolve.conditions import Drive, prescribe_values, put_loads
+from pdsolve.operators.ghosts import Ghosts
 from pdsolve.operators.protocol import Operator
 from pdsolve.state import State
-from pdsolve.steppers.ghosts import Ghosts
 
 
 class ForwardEuler:

@@ -11,15 +11,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pdsolve.codegen.jit_cache import cached_njit
-from pdsolve.conditions import Drive, apply_loads, constrained_components
-from pdsolve.operators.protocol import Operator
-from pdsolve.state import State
-from pdsolve.steppers.ghosts import Ghosts
-from pdsolve.steppers.holds import (
+from pdsolve.conditions import (
+    Drive,
     accelerate_held_component_and_book_work,
+    apply_loads,
+    constrained_components,
     damp_component_and_return_energy,
     prescribe_held_u_and_v,
 )
+from pdsolve.operators.ghosts import Ghosts
+from pdsolve.operators.protocol import Operator
+from pdsolve.state import State
 
 
 class Verlet:

@@ -11,11 +11,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pdsolve.conditions import Drive, Entries, put_loads
+from pdsolve.device.factors import AT_ONCE, Factors
+from pdsolve.device.families import FamiliesOnDevice
+from pdsolve.device.source import declare, preamble, text_of
+from pdsolve.device.tiles import BlocksOnDevice, SpaceOnDevice
 from pdsolve.lattice.layout import LANES
-from pdsolve.operators.device.factors import AT_ONCE, Factors
-from pdsolve.operators.device.families import FamiliesOnDevice
-from pdsolve.operators.device.source import declare, preamble, text_of
-from pdsolve.operators.device.tiles import BlocksOnDevice, SpaceOnDevice
 from pdsolve.state import State
 
 OnDevice = BlocksOnDevice | SpaceOnDevice | FamiliesOnDevice

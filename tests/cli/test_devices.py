@@ -13,7 +13,7 @@ from kernel_comparison import GRIDS, torn
 
 from pdmesh.model.document import Run
 from pdsolve.__main__ import main
-from pdsolve.operators.device import runtime, source
+from pdsolve.device import runtime, source
 from pdsolve.results import Results
 
 pytestmark = needs_opencl

@@ -26,13 +26,12 @@ from pdsolve.adaptivity.collocation.operator import CollocationOperator
 from pdsolve.adaptivity.hybrid.operator import HybridOperator
 from pdsolve.bonds.assembly import Bonds
 from pdsolve.errors import CheckpointError
+from pdsolve.lattice.operator import BlockLattice, TileLattice
 from pdsolve.laws import law_of
 from pdsolve.model import Model
 from pdsolve.numerics.thread_team import cores
 from pdsolve.operators.bond_list import BondList
 from pdsolve.operators.protocol import Operator
-from pdsolve.operators.simd_lattice.operator import SimdLattice
-from pdsolve.operators.space_lattice.operator import SpaceLattice
 from pdsolve.operators.together import Together
 from pdsolve.options import Options
 from pdsolve.run.measures import compute_ledger_row
@@ -452,7 +451,7 @@ def test_softened_bodies_are_kept_to_the_same_bits(body: Callable[..., Model]) -
 
 
 @pytest.mark.parametrize(
-    ("sides", "kind"), [((7, 7, 8), SpaceLattice), ((6, 12, 10), SimdLattice), ((12, 6, 10), SimdLattice)]
+    ("sides", "kind"), [((7, 7, 8), TileLattice), ((6, 12, 10), BlockLattice), ((12, 6, 10), BlockLattice)]
 )
 def test_a_body_with_few_nodes_in_a_row_is_in_no_tiles(sides: tuple[int, int, int], kind: type) -> None:
     """In a row of up to 6 nodes, two ways to a neighbour within 3.5 spacings pass as many sites."""

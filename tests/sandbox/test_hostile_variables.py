@@ -46,7 +46,7 @@ def test_the_attack_is_one(name: str, here: Path, marked: Path) -> None:
     said = run_command(COMMANDS[0], here, {name: value}).stderr
     assert name in said or name in NEVER
     assert not marked.exists()
-    scene = "from pdsolve.numerics.team import team; from pdsolve.operators.device.runtime import devices"
+    scene = "from pdsolve.numerics.team import team; from pdsolve.device.runtime import devices"
     scene += "; devices(); team()"
     subprocess.run([sys.executable, "-P", "-c", scene], cwd=here, env=os.environ | {name: value, "PMI_RANK": "0"})
     assert not marked.exists()

@@ -11,7 +11,7 @@ from unittest.mock import Mock
 import pytest
 from plates import ROOT
 
-from pdsolve.operators.device import runtime
+from pdsolve.device import runtime
 
 spec = importlib.util.spec_from_file_location("optional", ROOT / ".ci" / "optional.py")
 optional = importlib.util.module_from_spec(spec)

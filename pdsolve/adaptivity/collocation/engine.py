@@ -22,12 +22,11 @@ from pdsolve.adaptivity.collocation.zone import (
     zone_with_active_coarse_nodes,
 )
 from pdsolve.adaptivity.hybrid.engine import ZoneSummary
-from pdsolve.checkpoint_validation import entry, like
+from pdsolve.checkpoint_validation import entry, like, pulls_to_arrays, read_pulls
 from pdsolve.codegen.vector_code import ROW
 from pdsolve.conditions import Drive
 from pdsolve.errors import CheckpointError, UnstableError
 from pdsolve.numerics.thread_team import gate_of, side_by_side
-from pdsolve.operators.pending_pulls import pulls_to_arrays, read_pulls
 from pdsolve.operators.protocol import CheckpointArrays
 
 

@@ -24,10 +24,9 @@ from pdsolve.adaptivity.collocation.zone import COARSE, FINE
 from pdsolve.codegen.inner_functions import INNER
 from pdsolve.codegen.jit_cache import cached_njit
 from pdsolve.codegen.vector_code import ROW
-from pdsolve.conditions import apply_loads
+from pdsolve.conditions import accelerate_held_component_and_book_work, apply_loads, prescribe_held_u_and_v
 from pdsolve.laws.calls import added_force, broken_energy, second_share
 from pdsolve.numerics.thread_team import meet
-from pdsolve.steppers.holds import accelerate_held_component_and_book_work, prescribe_held_u_and_v
 
 DONE, SWITCH, ROOM = range(3)  # how a march ends: at its last step; as nodes are to be made fine; for want of room
 BEGIN, FORCES, SUM = range(3)  # where in a step it goes on; with `SUM` it ends once forces are summed

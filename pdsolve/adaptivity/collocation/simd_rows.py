@@ -1,6 +1,6 @@
 """Vector code for the forces of bonds on 16 consecutive fine nodes, held in registers; and bond breaking.
 
-The force of a bond is k e g(e) (xi + eta), as in `pdsolve.codegen.pull`. Lanes without a bond have zero
+The force of a bond is k e g(e) (xi + eta), as in `pdsolve.lattice.force_polynomials`. Lanes without a bond have zero
 stiffness.
 """
 
@@ -13,8 +13,8 @@ from pdsolve.adaptivity.collocation.layout import CUT, EDGE, KNOWN, WHOLE, is_bo
 from pdsolve.codegen.inner_functions import INNER
 from pdsolve.codegen.jit_cache import cached_njit
 from pdsolve.codegen.lanes import across, beside, intact, keep, larger, same, stacked, unless_none, which_above
-from pdsolve.codegen.pull import coefficients
 from pdsolve.codegen.vector_code import ROW
+from pdsolve.lattice.force_polynomials import coefficients
 from pdsolve.lattice.layout import ONE, PLANE
 
 G0, G1, G2, G3, G4, G5, G6, G7, G8, G9, G10 = coefficients("float64")[1]

@@ -23,10 +23,10 @@ from pdsolve.adaptivity.collocation.layout import (
     dilate_mask,
 )
 from pdsolve.codegen.jit_cache import cached_njit
-from pdsolve.codegen.pull import WIDE
 from pdsolve.codegen.record import Record
 from pdsolve.codegen.vector_code import ROW
-from pdsolve.operators.simd_lattice.layout import aligned
+from pdsolve.lattice.force_polynomials import WIDE
+from pdsolve.numerics.memory import aligned
 from pdsolve.operators.stencils import ball
 
 NONE, FINE, COARSE, BETWEEN = range(4)  # places: without a node; active ones; those that are interpolated

@@ -23,12 +23,11 @@ from pdsolve.adaptivity.hybrid.swelling import (
     set_all_swelling_offsets,
     total_strain_energy,
 )
-from pdsolve.checkpoint_validation import entry, like
+from pdsolve.checkpoint_validation import entry, like, pulls_to_arrays, read_pulls
 from pdsolve.codegen.vector_code import ROW
 from pdsolve.conditions import Drive
 from pdsolve.errors import CheckpointError, LateZoneError
 from pdsolve.numerics.thread_team import gate_of, side_by_side
-from pdsolve.operators.pending_pulls import pulls_to_arrays, read_pulls
 from pdsolve.operators.protocol import CheckpointArrays
 
 TOGETHER = 2**14  # rows whose motion is added up together

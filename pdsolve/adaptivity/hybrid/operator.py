@@ -415,8 +415,7 @@ class HybridOperator(TwoLatticeOperator[HybridEngine]):
                 self._rows_at_places(target[both_fine]),
             )
             broken = self._broken = Broken(*map(np.concatenate, zip(broken, more, strict=True)))
-        new = broken.step > after
-        return Broken(*(column[new] for column in broken))
+        return broken.after(after)
 
 
 def _active_places(nodes: LatticeNodes, rows: int) -> NDArray[np.int64]:

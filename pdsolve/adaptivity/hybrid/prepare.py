@@ -31,8 +31,7 @@ from pdsolve.laws.calls import bind
 from pdsolve.laws.pair import no_bonds
 from pdsolve.laws.pair_laws import bilinear
 from pdsolve.model import Model
-from pdsolve.numerics.memory import give_back
-from pdsolve.operators.simd_lattice.layout import aligned
+from pdsolve.numerics.memory import aligned, give_back
 
 ROOM = 64  # rows of fine nodes beyond those of the start, at least
 

@@ -14,8 +14,8 @@ from hostile_variables import FORGERIES, FORMS, VARIABLES, Variable
 from pdmesh import trust
 from pdmesh.drawing.sandbox import child, gmsh_reader
 from pdmesh.environment_variables import LIBRARIES, is_safe_place, library_of, safe_variables
+from pdsolve.device import runtime
 from pdsolve.numerics import team
-from pdsolve.operators.device import runtime
 
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="folders have no modes there")
 

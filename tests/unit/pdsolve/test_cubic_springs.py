@@ -12,8 +12,8 @@ from tiled_bodies import BLOCK, CASES, GLASS, body, changed, cracked
 from pdmesh import Box
 from pdmesh.model.document import Region
 from pdsolve.bonds.assembly import stiffness_bound
+from pdsolve.lattice import tile_bonds
 from pdsolve.model import Model
-from pdsolve.operators.space_lattice import layout
 from pdsolve.schemes import average_horizon
 from pdsolve.schemes.cubic_lattice_bonds import tiled
 
@@ -29,10 +29,10 @@ def test_tiles_have_the_bonds_of_the_list(name: str) -> None:
     listed, found = average_horizon.fill(model).whole(), tiled(model, np.float64)
     assert found is not None
     bonds, rows = listed.bonds, np.arange(len(model.grid))
-    source, target, slot = layout.intact(found.sites, found.tiles.bits, rows)
+    source, target, slot = tile_bonds.list_bonds(found.sites, found.tiles.bits, rows)
     assert np.array_equal(source, np.repeat(rows, np.diff(bonds.start)))
     assert np.array_equal(target, bonds.neighbour)
-    xi, stiffness = layout.springs(found.tiles, found.sites, source, target, slot)
+    xi, stiffness = tile_bonds.springs_of_bonds(found.tiles, found.sites, source, target, slot)
     assert np.abs(xi - bonds.xi).max() < 1e-12
     assert np.abs(stiffness / bonds.stiffness - 1).max() < 1e-12
     for one, other in zip(found.counted, listed.counted, strict=True):

@@ -14,9 +14,9 @@ from plates import GLASS, plate
 from system_checks import broken, kept
 
 from pdmesh.model.document import Displacement, InitialVelocity, Run, Velocity
+from pdsolve.device import runtime, source
+from pdsolve.device.tiles import BlocksOnDevice
 from pdsolve.model import Model, on_device
-from pdsolve.operators.device import runtime, source
-from pdsolve.operators.device.tiles import BlocksOnDevice
 from pdsolve.results import Results
 from pdsolve.run import operator_factory
 from pdsolve.run.prepare import prepare
@@ -278,7 +278,7 @@ def test_ordinary_bodies(how: str, precision: str, monkeypatch: pytest.MonkeyPat
     model = bar({"model": "ordinary", "nu": 0.3}, **BENT[how])
     tiles = prepare(model, Options("conservative", precision, threads=1))
     tiles.advance(1, 200)
-    monkeypatch.setattr(operator_factory.family_sites, "placed", lambda *of: None)
+    monkeypatch.setattr(operator_factory.family_tiles, "placed", lambda *of: None)
     problems = two(model, "conservative", precision)
     for problem in problems:
         for first, last in ((1, 2), (2, 30), (30, 200)):

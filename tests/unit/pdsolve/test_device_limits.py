@@ -17,9 +17,9 @@ from messages import mentions, naming
 from plates import GLASS, plate, square_grid
 
 from pdmesh.model.document import Run
+from pdsolve.device import runtime, source
 from pdsolve.errors import DeviceLostError
 from pdsolve.model import ModelError, on_device
-from pdsolve.operators.device import runtime, source
 from pdsolve.results import Results
 from pdsolve.run.prepare import prepare
 from pdsolve.run.simulation import Options, resume, simulate

@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 from devices import needs_opencl
 
+from pdsolve.device.runtime import Session
+from pdsolve.device.source import preamble
+from pdsolve.device.translation import DOUBLE, Translation
 from pdsolve.numerics.exponential import exponential
-from pdsolve.operators.device.runtime import Session
-from pdsolve.operators.device.source import preamble
-from pdsolve.operators.device.translation import DOUBLE, Translation
 
 X = np.linspace(-8.0, 0.0, 2049)
 

@@ -12,8 +12,8 @@ from kernel_comparison import GRIDS, both, nearly, torn
 from plates import GLASS, plate, square_grid
 
 from pdmesh.model.document import Material
+from pdsolve.lattice.family_operator import FamilyLattice
 from pdsolve.laws.bond_arrays import Now
-from pdsolve.operators.lattice_families import LatticeFamilies
 from pdsolve.options import Options
 from pdsolve.run.measures import compute_ledger_row
 from pdsolve.run.prepare import prepare
@@ -57,7 +57,7 @@ def test_steps_from_anywhere(name: str, law: str) -> None:
         problem.advance(1, 2)
         problem.advance(2, 3)
     fast, listed = problems
-    assert isinstance(fast.system.operator, LatticeFamilies)
+    assert isinstance(fast.system.operator, FamilyLattice)
     assert 0 < len(gone(listed)) < 0.95 * listed.system.directed_bond_count
     assert gone(fast) == gone(listed)
     for field in ("value", "rate", "second", "dissipated"):
@@ -93,7 +93,7 @@ def test_both_ends_of_a_bond_pull_alike_to_the_bit(law: str) -> None:
     """All bonds lost but one a node, the sums of whole families kept: f_ij = -f_ji."""
     problem = prepare(plate(square_grid(40, 30), material=glass(law)), Options())
     operator, state = problem.system.operator, problem.state
-    assert isinstance(operator, LatticeFamilies)
+    assert isinstance(operator, FamilyLattice)
     state.value[:] = 1e-6 * np.random.default_rng(1).standard_normal(state.value.shape)
     now = Now(state.value, state.rate, 0, 0.0)
     between = operator._between(now)
@@ -119,6 +119,6 @@ def test_both_ends_of_a_bond_pull_alike_to_the_bit(law: str) -> None:
 def test_slots_share_what_lanes_have_in_common() -> None:
     """Inside a lattice all bonds of a slot have the same numbers, round-off aside."""
     problem = prepare(plate(square_grid(256, 40, x0=3.7), material=glass("ordinary")), Options())
-    assert isinstance(problem.system.operator, LatticeFamilies)
+    assert isinstance(problem.system.operator, FamilyLattice)
     kind = problem.system.operator.layout.bonds.slots[:, -1]
     assert np.mean(kind >= 0) > 0.3  # measured 0.4: no row of blocks is far from both edges

@@ -13,9 +13,9 @@ from numpy.typing import NDArray
 
 from pdmesh import Body, Box, Cylinder, Material, build
 from pdmesh.model.document import InitialVelocity, Region, Run
+from pdsolve.lattice.family_operator import FamilyLattice
 from pdsolve.model import Model
 from pdsolve.operators.bond_list import BondList
-from pdsolve.operators.lattice_families import LatticeFamilies
 from pdsolve.options import Options
 from pdsolve.run.prepare import prepare
 from pdsolve.run.system import PreparedRun
@@ -43,7 +43,7 @@ def body(failure: str = "stretch") -> Model:
 def prepared(kernel: str | None, precision: str = "float64", threads: int = 1, failure: str = "stretch") -> PreparedRun:
     """The body, in a list or in tiles."""
     found = prepare(body(failure), Options(kernel=kernel, precision=precision, threads=threads))
-    assert type(found.system.operator) is (BondList if kernel == "listed" else LatticeFamilies)
+    assert type(found.system.operator) is (BondList if kernel == "listed" else FamilyLattice)
     return found
 
 

@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from pdsolve.conditions import DISPLACEMENT, VELOCITY, Entries, Profiles
-from pdsolve.steppers.holds import prescribe_held_u_and_v
+from pdsolve.conditions import DISPLACEMENT, VELOCITY, Entries, Profiles, prescribe_held_u_and_v
 
 U, V, A, DT = 0.3, 2.0, 4.0, 0.1  # m, m/s, m/s^2, s: after the drift of a step
 RAMP = Profiles(np.array([0, 2]), np.array([0.0, 1.0]), np.array([0.0, 1.0]))

@@ -13,12 +13,12 @@ from tiled_bodies import BLOCK, CASES, SOFT, body, changed, cracked
 from pdmesh import Box
 from pdmesh.model.document import Absorb, Acceleration, Contact, Displacement, Load, Velocity
 from pdsolve.conditions import damping
+from pdsolve.lattice import marched_bonds
+from pdsolve.lattice.march import LatticeMarch
 from pdsolve.model import Model
-from pdsolve.operators import marched_bonds
 from pdsolve.options import Options
 from pdsolve.run.prepare import prepare
 from pdsolve.run.system import PreparedRun
-from pdsolve.steppers.lattice_march import LatticeMarch
 from pdsolve.steppers.verlet import Verlet
 
 STEPS, RAMP = 25, ((0.0, 0.0), (1e-4, 1.0))

@@ -11,7 +11,7 @@ import pytest
 from plates import GLASS, plate, square_grid
 from system_checks import broken, forces
 
-from pdsolve.codegen.pull import NARROW, WIDE, coefficients
+from pdsolve.lattice.force_polynomials import NARROW, WIDE, coefficients
 from pdsolve.options import Options
 from pdsolve.run.prepare import prepare
 

@@ -9,8 +9,8 @@ from plates import GLASS, plate, two_cubes
 
 from pdmesh.model.document import Lattice
 from pdmesh.model.node_grid import Grid, whole_lattice
+from pdsolve.lattice.operator import TileLattice
 from pdsolve.operators.bond_list import BondList
-from pdsolve.operators.space_lattice.operator import SpaceLattice
 from pdsolve.options import Options
 from pdsolve.ranks.slabs import costs_of, cuts_of, slabs_of
 from pdsolve.run.prepare import prepare
@@ -40,7 +40,7 @@ def test_every_rank_has_a_unit_and_a_lattice_is_cut_evenly() -> None:
 
 
 CUBE = whole_lattice(Lattice((0.0, 0.0, 0.0), 1e-3, 16, 8, 20), cracks=np.empty((0, 9)))
-KINDS: dict[str, tuple[Grid, type]] = {"listed": (two_cubes(5), BondList), "blocks": (CUBE, SpaceLattice)}
+KINDS: dict[str, tuple[Grid, type]] = {"listed": (two_cubes(5), BondList), "blocks": (CUBE, TileLattice)}
 
 
 @pytest.mark.slow
@@ -53,7 +53,7 @@ def test_the_bonds_of_some_nodes_are_summed_alone(name: str) -> None:
     own = slice(128, 192)
     operator = part.system.operator
     assert isinstance(operator, kind)
-    assert isinstance(operator, BondList | SpaceLattice)
+    assert isinstance(operator, BondList | TileLattice)
     operator.only(own.start, own.stop)
     u = np.random.default_rng(1).uniform(-1e-6, 1e-6, whole.state.value.shape)
     found = []

@@ -1,7 +1,7 @@
 """The hybrid method in space: bonds of a cubic lattice where they may break, springs of cells of 2 h elsewhere.
 
 A cell of 2 h that is not fine has springs along its edges, the diagonals of its faces and its body diagonals. Fine
-bonds are those of `pdsolve.operators.space_lattice`, with the bits of bonds that lie whole in fine cells; the springs
+bonds are those of `pdsolve.lattice.tiles`, with the bits of bonds that lie whole in fine cells; the springs
 are a second lattice under the same kernel. The remaining parts of clipped bonds are pieces, in groups of eight.
 
     box               numbering of nodes and cells

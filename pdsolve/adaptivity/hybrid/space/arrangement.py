@@ -29,9 +29,9 @@ from pdsolve.adaptivity.hybrid.space.divisions import SIDES, WORD, BondDivisions
 from pdsolve.codegen.inner_functions import INNER
 from pdsolve.codegen.jit_cache import cached_njit
 from pdsolve.codegen.vector_code import ROW
+from pdsolve.lattice.tile_bonds import INVERSE
 from pdsolve.lattice.tiles import VOLUME, Tiles, pair_number, stiffness
-from pdsolve.operators.simd_lattice.layout import aligned
-from pdsolve.operators.space_lattice.layout import INVERSE
+from pdsolve.numerics.memory import aligned
 
 PARTS = 8  # of a bond, more than there are
 BLOCK = 8  # spacings along a side of what is numbered together

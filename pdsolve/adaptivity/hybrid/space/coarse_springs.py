@@ -21,14 +21,14 @@ from numpy.typing import NDArray
 from pdsolve.adaptivity.hybrid.space.box import COARSE, CellBox, cell_place, coarse_site, fine_site
 from pdsolve.codegen.inner_functions import INNER
 from pdsolve.codegen.jit_cache import cached_njit
-from pdsolve.codegen.pull import NARROW
 from pdsolve.codegen.vector_code import ROW
+from pdsolve.lattice.force_polynomials import NARROW
+from pdsolve.lattice.sites import Sites
+from pdsolve.lattice.tile_bonds import INVERSE, PULL, offset_table
 from pdsolve.lattice.tiles import ALIKE, EMPTY, MODULUS, SOFT_GENERAL, VOLUME, Tiles
 from pdsolve.laws.law import Law
 from pdsolve.laws.pair import no_bonds
-from pdsolve.operators.simd_lattice.layout import aligned
-from pdsolve.operators.space_lattice.layout import INVERSE, PULL, table_of
-from pdsolve.operators.space_lattice.sites import Sites
+from pdsolve.numerics.memory import aligned
 
 
 class CubicStiffness(NamedTuple):
@@ -81,7 +81,7 @@ def create_spring_tiles(law: Law, sites: Sites, stiffness: NDArray[np.float64]) 
         law=no_bonds(law),
         axes=(0, 0, 0),
         offsets=sites.steps.astype(np.int32),
-        vectors=table_of(sites.ways, sites.spacing, stiffness * length),
+        vectors=offset_table(sites.ways, sites.spacing, stiffness * length),
         bits=np.zeros((tiles, slots), dtype=np.uint16),
         c=aligned(c),
         cells=aligned(cells),

@@ -13,10 +13,10 @@ from pdsolve.adaptivity.hybrid.space.box import FINE, CellBox
 from pdsolve.codegen.jit_cache import cached_njit
 from pdsolve.codegen.vector_code import ROW
 from pdsolve.conditions import Drive
+from pdsolve.lattice.sites import Sites
 from pdsolve.lattice.tiles import Tiles
 from pdsolve.model import Model
-from pdsolve.operators.simd_lattice.layout import aligned
-from pdsolve.operators.space_lattice.sites import Sites
+from pdsolve.numerics.memory import aligned
 
 ROOM = 16  # pieces of a node, about
 

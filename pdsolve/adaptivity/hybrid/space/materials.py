@@ -13,9 +13,9 @@ from numpy.typing import NDArray
 
 from pdsolve.adaptivity.hybrid.space.arrangement import FineLattice
 from pdsolve.adaptivity.hybrid.space.box import CellBox
+from pdsolve.lattice.sites import Sites
 from pdsolve.lattice.tiles import MODULUS, VOLUME, Tiles
 from pdsolve.model import Model
-from pdsolve.operators.space_lattice.sites import Sites
 
 BESIDE = 2  # spacings from a coarse node to the farthest fine nodes of its cells
 

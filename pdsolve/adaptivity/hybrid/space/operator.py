@@ -34,9 +34,12 @@ from pdsolve.adaptivity.hybrid.space.materials import ModelWithMeanDensities, fi
 from pdsolve.adaptivity.hybrid.space.zone import mark_and_list_new_fine_cells_in_balls
 from pdsolve.adaptivity.hybrid.springs import double_green_strain_from_stretch
 from pdsolve.bonds.assembly import Counted
-from pdsolve.checkpoint_validation import entry, like
+from pdsolve.checkpoint_validation import PendingPulls, entry, like, pending_to_arrays, read_pending_pulls
 from pdsolve.codegen.vector_code import ROW
 from pdsolve.errors import CheckpointError, LateZoneError
+from pdsolve.lattice import tile_bonds
+from pdsolve.lattice.operator import ROOM
+from pdsolve.lattice.sites import Sites
 from pdsolve.lattice.sums import sum_some, sum_tiles
 from pdsolve.lattice.tiles import (
     EMPTY,
@@ -51,11 +54,7 @@ from pdsolve.lattice.tiles import (
 )
 from pdsolve.model import Model
 from pdsolve.numerics.thread_team import share
-from pdsolve.operators.pending_pulls import PendingPulls, pending_to_arrays, read_pending_pulls
 from pdsolve.operators.protocol import CheckpointArrays
-from pdsolve.operators.space_lattice import layout
-from pdsolve.operators.space_lattice.operator import ROOM
-from pdsolve.operators.space_lattice.sites import Sites
 from pdsolve.state import Broken, State, Unknown
 
 if TYPE_CHECKING:
@@ -216,7 +215,7 @@ class HybridBodyOperator:
     def _remove_broken_from_full_body(self, source: NDArray[np.int64], target: NDArray[np.int64]) -> None:
         """Take broken bonds out of those of the whole body too, so that none is there again."""
         bits = self.full_body.fine_lattice.tiles.bits
-        tile, slot, bit = layout.placed(self._node_sites, source, target)
+        tile, slot, bit = tile_bonds.find_slots(self._node_sites, source, target)
         np.bitwise_and.at(bits, (tile, slot), ~bit)
 
     @cached_property
@@ -383,8 +382,7 @@ class HybridBodyOperator:
         """Bonds broken after a step: step, source row and target row of each."""
         with self._breaking:
             self._record_new_breaks()
-        later = self._known.step > after
-        return Broken(*(column[later] for column in self._known))
+        return self._known.after(after)
 
     def _record_new_breaks(self) -> None:
         """Add the bonds that broke since the last call to the history."""
@@ -506,10 +504,10 @@ class HybridBodyOperator:
         if not np.array_equal(like(checkpoint, "cells", self._zone.cell_kinds), self._zone.cell_kinds):
             raise CheckpointError("cells are not those of the nodes")
         energy_created, largest = entry(checkpoint, "zone_books", (2,), float).tolist()
-        layout.cleared(self._node_sites, broken.source, broken.target, self._zone.fine_tiles.bits)
+        tile_bonds.remove_bonds(self._node_sites, broken.source, broken.target, self._zone.fine_tiles.bits)
         self._remove_broken_from_full_body(broken.source, broken.target)
         source, target = (self.sites[rows] for rows in (broken.source, broken.target))
-        pending = layout.place_pending(
+        pending = tile_bonds.place_pending(
             self._node_sites, read_pending_pulls(checkpoint, len(self.sites), np.float64), broken
         )
         self.history = ZoneHistory(broken.step.astype(np.int64), source, target, energy_created, largest, pending)

@@ -21,10 +21,10 @@ from pdsolve.adaptivity.hybrid.space.arrangement import (
     create_piece_points,
 )
 from pdsolve.adaptivity.hybrid.space.box import fine_site
-from pdsolve.codegen.clipped_pieces import TOGETHER, add_pieces
+from pdsolve.adaptivity.hybrid.space.clipped_pieces import TOGETHER, add_pieces
 from pdsolve.codegen.inner_functions import INNER
 from pdsolve.codegen.jit_cache import cached_njit
-from pdsolve.operators.simd_lattice.layout import aligned
+from pdsolve.numerics.memory import aligned
 
 SHARED = 4  # pieces of a point, at least, in the first guess
 

@@ -23,14 +23,14 @@ from pdsolve.adaptivity.hybrid.space.prescribed_motion import nodes_unfit_for_co
 from pdsolve.adaptivity.hybrid.space.zone import initial_cell_kinds
 from pdsolve.codegen.vector_code import ROW
 from pdsolve.conditions import Drive, Entries, drive, drive_of, put_loads
+from pdsolve.lattice import tile_bonds
+from pdsolve.lattice.sites import Sites
+from pdsolve.lattice.tile_bonds import INVERSE, PULL
 from pdsolve.lattice.tiles import VOLUME, Tiles
 from pdsolve.laws import law_of
 from pdsolve.laws.calls import bind
 from pdsolve.laws.law import Law
 from pdsolve.model import Model
-from pdsolve.operators.space_lattice import families, layout
-from pdsolve.operators.space_lattice.layout import INVERSE, PULL
-from pdsolve.operators.space_lattice.sites import Sites
 from pdsolve.options import Options
 from pdsolve.schemes.cubic_lattice_bonds import tiled
 
@@ -122,8 +122,8 @@ def create_full_block(law: Law, table: NDArray[np.floating], h: float, cells: tu
     sites = Sites((np.arange(count) + margin).astype(np.int32), node, (x, y, z), margin, h, ways)
     strength, never = table[:, PULL] / np.sqrt(table[:, INVERSE]), np.full((1, len(ways)), np.inf)
     alike = np.ones(count), np.full(count, 0.5), np.ones(count, np.bool_), np.zeros(count, np.uint8)
-    springs = layout.Springs(strength, *alike, never, never)
-    tiles = layout.tiles_of(law, sites, families.members(sites), springs)
+    springs = tile_bonds.Springs(strength, *alike, never, never)
+    tiles = tile_bonds.tiles_of(law, sites, tile_bonds.bits_of_pairs(sites), springs)
     return create_full_body(None, sites, tiles)
 
 

@@ -12,9 +12,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import coo_array, csr_array, diags_array, eye_array, kron, vstack
 
+from pdsolve.lattice import tile_bonds
+from pdsolve.lattice.sites import Sites
 from pdsolve.lattice.tiles import Tiles
-from pdsolve.operators.space_lattice import layout
-from pdsolve.operators.space_lattice.sites import Sites
 from pdsolve.operators.tangent import of_springs
 
 if TYPE_CHECKING:
@@ -57,8 +57,8 @@ def _tile_tangent(
     uses_shares: bool,
 ) -> csr_array:
     """Minus the derivative of the forces, N, on points, of the bonds of `rows`; `volume` is what densities are of."""
-    source, target, slot = layout.intact(sites, tiles.bits, rows)
-    xi, pull = layout.springs(tiles, sites, source, target, slot)
+    source, target, slot = tile_bonds.list_bonds(sites, tiles.bits, rows)
+    xi, pull = tile_bonds.springs_of_bonds(tiles, sites, source, target, slot)
     if uses_shares:
         tile, lane = np.divmod(sites.site[source] - sites.margin, tiles.share.shape[2])
         pull *= tiles.share[tile, slot, lane]

@@ -12,23 +12,23 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pdsolve.bonds.assembly import Bonds
+from pdsolve.device.nodes import NodesOnDevice
+from pdsolve.device.runtime import Session
+from pdsolve.device.source import text_of
+from pdsolve.device.tracing import Code
 from pdsolve.lattice.families import SAFE
+from pdsolve.lattice.family_blocks import FamilyBlocks
+from pdsolve.lattice.family_operator import FamilyLattice
 from pdsolve.lattice.layout import LANES
 from pdsolve.laws.bond_arrays import Bond, Now, Tabled
 from pdsolve.laws.calls import functions_of
 from pdsolve.laws.law import Law
 from pdsolve.model import Model
 from pdsolve.operators import bond_list_loops as loops
-from pdsolve.operators.device.nodes import NodesOnDevice
-from pdsolve.operators.device.runtime import Session
-from pdsolve.operators.device.source import text_of
-from pdsolve.operators.device.tracing import Code
-from pdsolve.operators.lattice_families import LatticeFamilies
-from pdsolve.operators.simd_lattice.family_blocks import FamilyBlocks
 from pdsolve.state import State
 
 
-class FamiliesOnDevice(NodesOnDevice, LatticeFamilies):
+class FamiliesOnDevice(NodesOnDevice, FamilyLattice):
     """The families of n nodes whose steps a device takes; see `pdsolve.steppers.verlet_on_device`."""
 
     layout: FamilyBlocks
@@ -43,7 +43,7 @@ class FamiliesOnDevice(NodesOnDevice, LatticeFamilies):
         make_layout: Callable[[Tabled, np.dtype[Any]], FamilyBlocks],
         session: Session,
     ) -> None:
-        """Arguments are those of `LatticeFamilies`. Raises ModelError if the device has too little memory."""
+        """Arguments are those of `FamilyLattice`. Raises ModelError if the device has too little memory."""
         super().__init__(law, model, exact, symmetric, precision, 1, make_layout)
         self.dimension, self.room = self._u.shape
         self.place, self._fresh = slice(0, len(model.grid)), [np.zeros(0, dtype=np.int64)]

@@ -1,4 +1,4 @@
-"""Families of state-based laws on a cubic lattice in tiles: the layout of `pdsolve.operators.lattice_families`."""
+"""Families of state-based laws on a cubic lattice in tiles: the layout of `pdsolve.lattice.family_operator`."""
 
 from __future__ import annotations
 
@@ -12,13 +12,13 @@ from pdsolve.bonds.assembly import Bonds
 from pdsolve.codegen.jit_cache import cached_njit
 from pdsolve.codegen.vector_code import ROW
 from pdsolve.lattice.families import FamilyTiles
+from pdsolve.lattice.sites import Sites, sites_of
 from pdsolve.lattice.tiles import place_rows
 from pdsolve.laws.bond_arrays import Tabled
 from pdsolve.laws.law import Law
 from pdsolve.model import Model
+from pdsolve.numerics.memory import aligned
 from pdsolve.numerics.thread_team import share
-from pdsolve.operators.simd_lattice.layout import aligned
-from pdsolve.operators.space_lattice.sites import Sites, sites_of
 
 GRAIN = 2.0**20  # of the largest number: lines whose numbers round to the same are compared
 SAME = 1e-12  # of the largest number: lines this close are one

@@ -18,6 +18,7 @@ from pdsolve.codegen.vector_code import ROW
 from pdsolve.lattice.blocks import BlockMotion
 from pdsolve.lattice.bond import IN_PLACE, zeros
 from pdsolve.lattice.layout import LANES, is_in_tiles
+from pdsolve.lattice.operator import BlockLattice, TileLattice
 from pdsolve.lattice.sums import UNAGED, UNDONE, sum_lanes
 from pdsolve.lattice.tiles import (
     EMPTY,
@@ -32,9 +33,7 @@ from pdsolve.lattice.tiles import (
     room_for,
     select_breaks,
 )
-from pdsolve.operators.simd_lattice.layout import aligned
-from pdsolve.operators.simd_lattice.operator import SimdLattice
-from pdsolve.operators.space_lattice.operator import SpaceLattice
+from pdsolve.numerics.memory import aligned
 from pdsolve.state import State
 
 READY, NO_ROOM, NO_MEMORY = range(3)  # what a group waits for
@@ -108,7 +107,7 @@ class MarchedBlocks:
     divides_by_rho, places_are_rows = False, True
     breaking: AbstractContextManager[Any] = nullcontext()
 
-    def __init__(self, operator: SimdLattice) -> None:
+    def __init__(self, operator: BlockLattice) -> None:
         self._operator, self.threads = operator, len(operator.blocks.scratch)
         self.group_count = len(operator.blocks.softened)
         self.axes: tuple[int, ...] = operator.blocks.axes
@@ -165,7 +164,7 @@ class MarchedTiles:
     divides_by_rho, places_are_rows = True, False
     sweeps_at_once = BETWEEN_LOOKS
 
-    def __init__(self, operator: SpaceLattice) -> None:
+    def __init__(self, operator: TileLattice) -> None:
         self._operator, self.threads, self.axes = operator, operator.threads, operator.tiles.axes
         self.margin, self.group_count = operator.sites.margin, operator.sites.tiles
         self.breaking: AbstractContextManager[Any] = operator.breaking

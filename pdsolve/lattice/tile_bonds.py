@@ -1,32 +1,50 @@
-"""Tiles of the kernel in space: their arrays, and the bonds that their bits stand for."""
+"""Bonds that the bits of tiles stand for: which sites have a neighbour at each offset, and what their bonds are.
+
+No bond is listed. Symbols as in `Tiles`: t tiles of 16 sites, k offsets.
+"""
 
 from __future__ import annotations
 
 from typing import Any, NamedTuple
 
 import numpy as np
+from numba import njit
 from numpy.typing import NDArray
 
 from pdmesh.model.neighbours import Pairs, lengths
 from pdmesh.model.visibility import BondObstacles
-from pdsolve.checkpoint_validation import expect_found
-from pdsolve.codegen.pull import NARROW
+from pdsolve.checkpoint_validation import PendingPulls, expect_found, last_breaks
+from pdsolve.codegen.inner_functions import INNER
+from pdsolve.codegen.jit_cache import cached_njit
 from pdsolve.codegen.vector_code import ROW
 from pdsolve.lattice.bond import FIELDS, where_inverse, where_weight
-from pdsolve.lattice.tiles import MODULUS, SOFTENED, UNBREAKABLE, VOLUME, Breaks, Tiles, select_breaks
+from pdsolve.lattice.force_polynomials import NARROW
+from pdsolve.lattice.sites import Sites, strides_of
+from pdsolve.lattice.tiles import (
+    ALIKE,
+    CORRECTED,
+    EMPTY,
+    GENERAL,
+    MODULUS,
+    SOFTENED,
+    UNBREAKABLE,
+    VOLUME,
+    Breaks,
+    Tiles,
+    select_breaks,
+    stiffness,
+)
 from pdsolve.laws.calls import pair_of
 from pdsolve.laws.law import Law
 from pdsolve.laws.pair import no_bonds
-from pdsolve.operators.pending_pulls import PendingPulls, last_breaks
-from pdsolve.operators.simd_lattice.layout import aligned
-from pdsolve.operators.space_lattice import families
-from pdsolve.operators.space_lattice.sites import Sites
+from pdsolve.numerics.memory import aligned
 from pdsolve.state import Broken
 
 INVERSE, PULL, SHARES = where_inverse(3), where_weight(3), where_weight(3) + 1  # in a row of `Tiles.vectors`
 SAME = 1e-11  # relative: stiffnesses this close are one
 LOOKED_AT = 1024  # rows whose pairs are looked at together, some 100 bytes each
 ROUNDED = 1e-5  # relative: what rounding does to e, and more
+FULL = np.uint16(2**ROW - 1)  # bits of a slot that all lanes have
 
 
 class Springs(NamedTuple):
@@ -55,7 +73,7 @@ def tiles_of(law: Law, sites: Sites, bits: NDArray[np.uint16], springs: Springs)
         law=no_bonds(law),
         axes=(0, 0, 0),
         offsets=sites.steps.astype(np.int32),
-        vectors=table_of(sites.ways, sites.spacing, springs.strength),
+        vectors=offset_table(sites.ways, sites.spacing, springs.strength),
         bits=bits,
         c=c,
         cells=cells,
@@ -73,7 +91,7 @@ def tiles_of(law: Law, sites: Sites, bits: NDArray[np.uint16], springs: Springs)
         near=min(edge, NARROW),
         edge=edge,
     )
-    sort(tiles)
+    classify_tiles(tiles)
     return tiles
 
 
@@ -85,7 +103,7 @@ def in_precision(tiles: Tiles, kind: type[np.floating]) -> Tiles:
     return tiles._replace(vectors=tiles.vectors.astype(kind), c=c, cells=cells, share=tiles.share.astype(kind))
 
 
-def extended(tiles: Tiles, tile_numbers: NDArray[np.int64]) -> Tiles:
+def with_memory(tiles: Tiles, tile_numbers: NDArray[np.int64]) -> Tiles:
     """The tiles, of which `tile_numbers` (s,) have a memory from now on."""
     used, room = int(tiles.memory.max(initial=-1)) + 1, len(tiles.share)
     if used + len(tile_numbers) > room:
@@ -102,14 +120,14 @@ def extended(tiles: Tiles, tile_numbers: NDArray[np.int64]) -> Tiles:
     return tiles
 
 
-def forgetful(tiles: Tiles) -> Tiles:
+def without_memory(tiles: Tiles) -> Tiles:
     """The tiles without a memory."""
     tiles.memory[:] = -1
-    sort(tiles)
+    classify_tiles(tiles)
     return tiles._replace(share=tiles.share[:0], worst=tiles.worst[:0])
 
 
-def table_of(ways: NDArray[np.int64], spacing: float, strength: NDArray[np.float64]) -> NDArray[np.float64]:
+def offset_table(ways: NDArray[np.int64], spacing: float, strength: NDArray[np.float64]) -> NDArray[np.float64]:
     """`Tiles.vectors` of offsets (k, 3) whose bonds have the stiffness (k,), N/m^3."""
     xi = ways * spacing
     squared = (xi**2).sum(axis=1)
@@ -120,16 +138,16 @@ def table_of(ways: NDArray[np.int64], spacing: float, strength: NDArray[np.float
     return table
 
 
-def sort(tiles: Tiles) -> None:
+def classify_tiles(tiles: Tiles) -> None:
     """Find what the stiffnesses of each tile's bonds are made of."""
     has_node = tiles.cells[MODULUS] > 0
     corrected = (tiles.c != 1).any(axis=0) & has_node
     general = (np.abs(tiles.cells[VOLUME] - 1) > SAME) | (np.abs(tiles.cells[MODULUS] - 0.5) > SAME)
     before = [np.concatenate([[0], np.cumsum(mask, dtype=np.int32)]) for mask in (corrected, general & has_node)]
-    families.kinds(tiles.node, tiles.bits, tiles.offsets, tiles.margin, *before, tiles.kind)
+    fill_kinds(tiles.node, tiles.bits, tiles.offsets, tiles.margin, *before, tiles.kind)
 
 
-def intact(
+def list_bonds(
     sites: Sites, bits: NDArray[np.uint16], rows: NDArray[np.int64], tile: int = 0
 ) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.int64]]:
     """Source and target rows (b,) and slots of the bonds of these rows, in order; `bits` are those from `tile` on."""
@@ -141,7 +159,7 @@ def intact(
     return source[order], target[order], slot[order]
 
 
-def springs(
+def springs_of_bonds(
     tiles: Tiles, sites: Sites, source: NDArray[np.int64], target: NDArray[np.int64], slot: NDArray[np.int64]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Reference vectors (b, 3), m, and force densities for a unit stretch (b,), N/m^3, of bonds that have not
@@ -153,31 +171,36 @@ def springs(
     return row[:, :3], w / np.sqrt(row[:, INVERSE])
 
 
-def shares(
-    tiles: Tiles,
-    sites: Sites,
-    source: NDArray[np.int64],
-    slot: NDArray[np.int64],
-    e: NDArray[np.float64],
+def remaining_shares(
+    tiles: Tiles, sites: Sites, source: NDArray[np.int64], slot: NDArray[np.int64]
 ) -> NDArray[np.float64]:
-    """What is left (b,) of the stiffness of bonds at e (b,)."""
-    tile, lane = np.divmod(sites.site[source] - sites.margin, ROW)
-    remaining, which = np.ones(len(e)), np.flatnonzero((tiles.memory[tile] >= 0) & (e > tiles.floor))
-    remaining[which] = tiles.share[tiles.memory[tile[which]], slot[which], lane[which]]
-    return remaining
+    """What is left (b,) of the stiffness of bonds that have softened, over the whole; 1 of others."""
+    return _memories(tiles, tiles.share, sites, source, slot, np.ones(len(source)))
 
 
 def largest_stretches(
     tiles: Tiles, sites: Sites, source: NDArray[np.int64], slot: NDArray[np.int64]
 ) -> NDArray[np.float64]:
     """The largest stretches (b,) of bonds above their peaks, 0 if never there."""
+    return _memories(tiles, tiles.worst, sites, source, slot, np.zeros(len(source)))
+
+
+def _memories(
+    tiles: Tiles,
+    table: NDArray[np.floating],
+    sites: Sites,
+    source: NDArray[np.int64],
+    slot: NDArray[np.int64],
+    values: NDArray[np.float64],
+) -> NDArray[np.float64]:
+    """The values (b,) of bonds in a table (r, k, 16); those that are given where a tile has no memory."""
     tile, lane = np.divmod(sites.site[source] - sites.margin, ROW)
-    worst, which = np.zeros(len(source)), np.flatnonzero(tiles.memory[tile] >= 0)
-    worst[which] = tiles.worst[tiles.memory[tile[which]], slot[which], lane[which]]
-    return worst
+    which = np.flatnonzero(tiles.memory[tile] >= 0)
+    values[which] = table[tiles.memory[tile[which]], slot[which], lane[which]]
+    return values
 
 
-def placed(
+def find_slots(
     sites: Sites, source: NDArray[np.int64], target: NDArray[np.int64]
 ) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.uint16]]:
     """Tile, slot and bit of bonds (b,) from `source` to `target`; those of another bond for one that is none."""
@@ -186,15 +209,15 @@ def placed(
     return site // ROW, slot, np.uint16(1) << (site % ROW).astype(np.uint16)
 
 
-def cleared(sites: Sites, source: NDArray[np.int64], target: NDArray[np.int64], bits: NDArray[Any]) -> None:
+def remove_bonds(sites: Sites, source: NDArray[np.int64], target: NDArray[np.int64], bits: NDArray[Any]) -> None:
     """Take bonds (b,) out of the bits (t, k). Raises CheckpointError for one that is none."""
-    tile, slot, bit = placed(sites, source, target)
+    tile, slot, bit = find_slots(sites, source, target)
     step = sites.site[target] - sites.site[source]
     expect_found((sites.steps[slot] == step) & ((bits[tile, slot] & bit) != 0), source, target)
     np.bitwise_and.at(bits, (tile, slot), ~bit)
 
 
-def separate(sites: Sites, bits: NDArray[np.uint16], sight: BondObstacles) -> NDArray[np.int64]:
+def remove_separated_bonds(sites: Sites, bits: NDArray[np.uint16], sight: BondObstacles) -> NDArray[np.int64]:
     """Take the bonds that surfaces and cracks separate out of the bits (t, k); returns the number (n,) of each node's
     that cracks alone do."""
     cut, length = np.zeros(len(sites.site), dtype=np.int64), lengths(sites.ways * sites.spacing)
@@ -203,20 +226,20 @@ def separate(sites: Sites, bits: NDArray[np.uint16], sight: BondObstacles) -> ND
     separated_pairs = []
     near = np.flatnonzero(sight.near(float(length.max())))
     for rows in np.array_split(near, 1 + len(near) // LOOKED_AT):
-        source, target, slot = intact(sites, bits, rows)
+        source, target, slot = list_bonds(sites, bits, rows)
         pairs = Pairs(source, target, length[slot])
         inside, parted = sight.inside(pairs), sight.cut(pairs)
         cut += np.bincount(source[inside & parted], minlength=len(cut))
         separated_pairs.append((source[parted | ~inside], target[parted | ~inside]))
     for source, target in separated_pairs:
-        cleared(sites, source, target, bits)
+        remove_bonds(sites, source, target, bits)
     return cut
 
 
 def place_pending(sites: Sites, pending: PendingPulls, broken: Broken) -> Breaks:
     """Bonds of a checkpoint that broke in the last step as the kernel has them. Raises CheckpointError."""
     (source, target, stretch), last = pending, last_breaks(broken)
-    tile, slot, bit = placed(sites, source, target)
+    tile, slot, bit = find_slots(sites, source, target)
     broken_keys = last.source * len(sites.site) + last.target
     expect_found(np.isin(source * len(sites.site) + target, broken_keys), source, target)
     site = tile * ROW + np.log2(bit).astype(np.int64)
@@ -231,3 +254,102 @@ def with_pending(bits: NDArray[np.uint16], pending: Breaks) -> NDArray[np.uint16
     copy, (site, slot) = bits.copy(), pending.places.T
     np.bitwise_or.at(copy, (site // ROW, slot), np.uint16(1) << (site % ROW).astype(np.uint16))
     return copy
+
+
+def bits_of_pairs(sites: Sites) -> NDArray[np.uint16]:
+    """The bits (t, k) of all pairs of nodes that are one of the offsets apart."""
+    radius = int(np.abs(sites.ways).max())
+    sides = np.array((*sites.sides, 1, 1)[:3])
+    padded = tuple(side + 2 * radius for side in sites.sides)
+    has_node = np.zeros(padded[::-1], dtype=np.bool_)
+    inner = (slice(radius, -radius),) * len(sites.sides)
+    has_node[inner] = (sites.node[: sides.prod()] >= 0).reshape(sites.sides[::-1])
+    bits = np.zeros((sites.tiles, len(sites.ways)), dtype=np.uint16)
+    stride = strides_of(padded)
+    _fill(sites.node, sides, (*stride, 0, 0)[:3], radius * stride.sum(), has_node.ravel(), sites.ways @ stride, bits)
+    return bits
+
+
+@cached_njit(error_model="numpy")
+def _fill(node, sides, stride, first, has_node, steps, bits):  # type: ignore[no-untyped-def]
+    columns, rows = sides[0], sides[1]
+    for site in range(len(node)):
+        if node[site] < 0:
+            continue
+        x, y, z = site % columns, site // columns % rows, site // (columns * rows)
+        padded_place = first + x * stride[0] + y * stride[1] + z * stride[2]
+        tile, bit = site // ROW, np.uint16(1) << np.uint16(site % ROW)
+        for slot in range(len(steps)):
+            if has_node[padded_place + steps[slot]]:
+                bits[tile, slot] |= bit
+
+
+def count_bonds(bits: NDArray[np.uint16], sites: Sites) -> NDArray[np.int64]:
+    """Number (n,) of each node's bonds."""
+    bond_counts = np.zeros(len(sites.site), dtype=np.int64)
+    _count(bits, sites.node, bond_counts)
+    return bond_counts
+
+
+@cached_njit(error_model="numpy")
+def _count(bits, node, bond_counts):  # type: ignore[no-untyped-def]
+    for site in range(len(node)):
+        if node[site] >= 0:
+            lane = np.uint16(site % ROW)
+            for slot in range(bits.shape[1]):
+                bond_counts[node[site]] += (bits[site // ROW, slot] >> lane) & np.uint16(1)
+
+
+@cached_njit(error_model="numpy")
+def fill_kinds(node, bits, steps, margin, corrected, general, kind):  # type: ignore[no-untyped-def]
+    """Fill what the stiffnesses of each tile's bonds (t,) are made of, from all sites that the tile looks at.
+
+    `corrected` and `general` (m + 1,) count the sites before each one that have a correction, and a cell or a modulus
+    of their own.
+    """
+    for t in range(len(kind)):
+        kind[t] = EMPTY
+        for lane in range(ROW):
+            if node[t * ROW + lane] >= 0:
+                kind[t] = ALIKE
+        if kind[t] != EMPTY:
+            first = margin + t * ROW
+            kind[t] = _kind(first, corrected, general)
+            for slot in range(len(steps)):
+                if bits[t, slot] != 0:
+                    kind[t] = max(kind[t], _kind(first + steps[slot], corrected, general))
+
+
+@njit(**INNER)
+def _kind(first, corrected, general):  # type: ignore[no-untyped-def]
+    """What bonds to 16 sites from `first` on are made of."""
+    if general[first + ROW] > general[first]:
+        return np.uint8(GENERAL)
+    return np.uint8(CORRECTED if corrected[first + ROW] > corrected[first] else ALIKE)
+
+
+@cached_njit(error_model="numpy")
+def mark_whole_tiles(bits, kind, which):  # type: ignore[no-untyped-def]
+    """Fill the mask (t,) of tiles all of whose bonds are there and of one stiffness for each offset."""
+    for t in range(len(bits)):
+        which[t] = kind[t] == ALIKE
+        for slot in range(bits.shape[1]):
+            which[t] &= bits[t, slot] == FULL
+
+
+@cached_njit(error_model="numpy")
+def sum_weighted_bonds(tiles, weights, tile_numbers, sums):  # type: ignore[no-untyped-def]
+    """Fill the sums of stiffness over length times `weights` (k, p), (16 s, p) for the s tiles `tile_numbers`."""
+    for number in range(len(tile_numbers)):
+        t = tile_numbers[number]
+        for lane in range(ROW):
+            site = t * ROW + lane
+            row = sums[number * ROW + lane]
+            row[:] = 0
+            if tiles.node[site] < 0:
+                continue
+            for slot in range(len(tiles.offsets)):
+                if (tiles.bits[t, slot] >> np.uint16(lane)) & np.uint16(1):
+                    w = stiffness(tiles, tiles.vectors[slot], t, tiles.margin + site, tiles.offsets[slot])
+                    for p in range(weights.shape[1]):
+                        row[p] += w * weights[slot, p]

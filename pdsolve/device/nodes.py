@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pdsolve.operators.device.runtime import Session
-from pdsolve.operators.device.source import declare
+from pdsolve.device.runtime import Session
+from pdsolve.device.source import declare
 from pdsolve.operators.protocol import CheckpointArrays
 from pdsolve.state import Broken
 

@@ -13,11 +13,11 @@ from pdsolve.lattice.families import FamilySlots, FamilyTiles, sum_bond_forces, 
 from pdsolve.laws.bond_arrays import Now, Tabled
 from pdsolve.laws.law import Law
 from pdsolve.model import Model
+from pdsolve.numerics.memory import aligned
 from pdsolve.numerics.thread_team import share
 from pdsolve.operators import bond_list_loops as loops
 from pdsolve.operators.bond_list import BondList
 from pdsolve.operators.protocol import CheckpointArrays
-from pdsolve.operators.simd_lattice.layout import aligned
 from pdsolve.state import Broken
 
 
@@ -53,7 +53,7 @@ class FamilyLayout(Protocol):
         """Memory of all arrays, bytes."""
 
 
-class LatticeFamilies(BondList):
+class FamilyLattice(BondList):
     """The bonds of n nodes on lattices under a law whose passes are tuples; see `Operator`."""
 
     name = "blocks"

@@ -16,8 +16,8 @@ from llvmlite import ir
 from numba import types
 from numba.extending import intrinsic
 
-from pdsolve.codegen.pull import NARROW, coefficients
 from pdsolve.codegen.vector_code import INT, call
+from pdsolve.lattice.force_polynomials import NARROW, coefficients
 
 TOGETHER = 8
 _ACROSS = 4

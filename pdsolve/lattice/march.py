@@ -18,13 +18,16 @@ from numpy.typing import NDArray
 from pdsolve.codegen.inner_functions import INNER
 from pdsolve.codegen.jit_cache import cached_njit
 from pdsolve.codegen.lanes import across, beside, keep, same
-from pdsolve.conditions import Drive, apply_loads, constrained_components
+from pdsolve.conditions import (
+    Drive,
+    accelerate_held_component_and_book_work,
+    apply_loads,
+    constrained_components,
+    prescribe_held_u_and_v,
+)
 from pdsolve.lattice.bond import IN_PLACE, advanced, divided, kick_and_drift, multiplied
 from pdsolve.lattice.layout import ONE
-from pdsolve.numerics.thread_team import gate_of, meet, side_by_side
-from pdsolve.operators.contact.kernel import Pushes, push_anew
-from pdsolve.operators.contact.operator import PenaltyContact
-from pdsolve.operators.marched_bonds import (
+from pdsolve.lattice.marched_bonds import (
     READY,
     MarchedBonds,
     Sweep,
@@ -35,10 +38,12 @@ from pdsolve.operators.marched_bonds import (
     sum_group,
     sum_of_lanes,
 )
-from pdsolve.operators.simd_lattice.layout import aligned
+from pdsolve.numerics.memory import aligned
+from pdsolve.numerics.thread_team import gate_of, meet, side_by_side
+from pdsolve.operators.contact.kernel import Pushes, push_anew
+from pdsolve.operators.contact.operator import PenaltyContact
+from pdsolve.operators.ghosts import Ghosts
 from pdsolve.state import State
-from pdsolve.steppers.ghosts import Ghosts
-from pdsolve.steppers.holds import accelerate_held_component_and_book_work, prescribe_held_u_and_v
 
 
 class MarchArrays(NamedTuple):

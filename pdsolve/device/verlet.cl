@@ -1,7 +1,7 @@
 /* One step of velocity Verlet for all nodes, TOGETHER of them a work item: it ends `step` and begins the next one.
 
-The schemes are those of pdsolve/steppers: of `lattice_march` where FUSED is defined, whose numbers are of the run's
-precision and which divides by rho where DIVIDES is, else of `verlet`, which computes in double precision; with damping
+The scheme is that of pdsolve/lattice/march.py where FUSED is defined, whose numbers are of the run's precision and which
+divides by rho where DIVIDES is, else of pdsolve/steppers/verlet.py, which computes in double precision; with damping
 where DAMPED is. Nodes on which more than bonds acts have a row of `acts`, else -1:
 
     now, ago_force   (rows, DIM) load now and one step ago, N/m^3       load_first, hold_first   (rows + 1,) entries

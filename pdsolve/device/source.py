@@ -9,18 +9,18 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pdsolve.codegen.pull import NARROW, WIDE, coefficients, stretch_coefficients
+from pdsolve.device.translation import DOUBLE, Translation
+from pdsolve.lattice.force_polynomials import NARROW, WIDE, coefficients, stretch_coefficients
 from pdsolve.lattice.layout import FAR
 from pdsolve.laws.calls import added_force, broken_energy, functions_of, second_force
 from pdsolve.laws.law import Function, Law
-from pdsolve.operators.device.translation import DOUBLE, Translation
 
 KINDS = {"float64": "double", "float32": "float", "int32": "int", "uint32": "uint", "uint8": "uchar"}  # in OpenCL C
 
 
 def text_of(name: str) -> str:
     """A file of OpenCL C beside this one."""
-    return (resources.files("pdsolve.operators.device") / name).read_text(encoding="utf-8")
+    return (resources.files("pdsolve.device") / name).read_text(encoding="utf-8")
 
 
 def pair_functions(law: Law, remembers: bool, **numbers: Any) -> str:

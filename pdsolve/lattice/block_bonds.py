@@ -16,13 +16,14 @@ from numpy.typing import NDArray
 
 from pdmesh.model.neighbours import lengths
 from pdsolve.checkpoint_validation import expect_found
-from pdsolve.codegen.pull import NARROW
 from pdsolve.codegen.vector_code import ROW
 from pdsolve.lattice.blocks import BOUND, LIMITS, PULL, Blocks, scratch_size
 from pdsolve.lattice.bond import where_inverse
+from pdsolve.lattice.force_polynomials import NARROW
 from pdsolve.lattice.layout import FAR, LANES, VECTOR, VECTOR_WIDTH
 from pdsolve.laws.law import Law
 from pdsolve.laws.pair import no_bonds
+from pdsolve.numerics.memory import aligned
 
 SAME_PLACE = 1e-11  # of the longest: components of reference vectors this close are one
 SAME_STIFFNESS = 1e-13  # of the largest: stiffnesses this close are one
@@ -90,7 +91,7 @@ def blocks_of(
         slots.append(part_slots)
     if not fill_lanes(*bonds_and_lanes(slots), dimension):
         return None
-    return joined(law, tables, slots, kind, threads)
+    return join_parts(law, tables, slots, kind, threads)
 
 
 def can_be_in_blocks(parts: Iterable[Any], shape: tuple[int, ...]) -> bool:
@@ -98,7 +99,7 @@ def can_be_in_blocks(parts: Iterable[Any], shape: tuple[int, ...]) -> bool:
     (nodes, dimension), bonds, lanes, placed = shape, 0, 0, True
     tables = Tables(dimension)
     for part in parts:
-        positions = place(part.bonds, part.first, room_of(nodes), tables) if placed else None
+        positions = place_bonds(part.bonds, part.first, room_of(nodes), tables) if placed else None
         placed = positions is not None
         if positions is not None:
             bonds, lanes = bonds + len(part.bonds.neighbour), lanes + positions.lane.size
@@ -120,7 +121,7 @@ def bonds_and_lanes(slots: list[Slots]) -> tuple[int, int]:
     return sum(part.bonds for part in slots), sum(LANES * len(part.mask) for part in slots)
 
 
-def joined(law: Law, tables: Tables, slots: list[Slots], kind: type[np.floating], threads: int) -> Blocks:
+def join_parts(law: Law, tables: Tables, slots: list[Slots], kind: type[np.floating], threads: int) -> Blocks:
     """The blocks of all parts, from their slots and the tables that these share."""
     counts, vector, mask = (np.concatenate([part[field] for part in slots]) for field in range(3))
     way, scattered = [], 0
@@ -179,7 +180,7 @@ class Placed(NamedTuple):
 
 def slots_of(bonds: Any, first: int, room: int, tables: Tables) -> Slots | None:
     """Slots of the bonds of rows from `first` on, a multiple of 64; None if the nodes are on no lattice."""
-    placed = place(bonds, first, room, tables)
+    placed = place_bonds(bonds, first, room, tables)
     if placed is None:
         return None
     length, has_bond = lengths(tables.xi()), placed.lane >= 0
@@ -199,7 +200,7 @@ def slots_of(bonds: Any, first: int, room: int, tables: Tables) -> Slots | None:
     )
 
 
-def place(bonds: Any, first: int, room: int, tables: Tables) -> Placed | None:
+def place_bonds(bonds: Any, first: int, room: int, tables: Tables) -> Placed | None:
     """Positions of the bonds of rows from `first` on, a multiple of 64; None if the nodes are on no lattice."""
     size = np.abs(bonds.xi).ravel()
     component = tables.components.numbers(size)
@@ -225,7 +226,7 @@ def place(bonds: Any, first: int, room: int, tables: Tables) -> Placed | None:
     return Placed(counts, (keys % vectors).astype(np.int32), way, ids, lane)
 
 
-def sparse(placed: Placed, bonds: int) -> bool:
+def are_sparse(placed: Placed, bonds: int) -> bool:
     """Whether so few lanes have bonds that the nodes are on no lattice."""
     return not fill_lanes(bonds, placed.lane.size, 2)  # families look at rows without bonds in space too
 
@@ -321,14 +322,14 @@ def _distinct_rows(rows: NDArray[np.int32]) -> tuple[NDArray[np.int32], NDArray[
     return rows[first[order]], number[which.ravel()]
 
 
-def there(mask: NDArray[np.uint64], first: int = 0) -> NDArray[np.int64]:
+def numbers_of_bits(mask: NDArray[np.uint64], first: int = 0) -> NDArray[np.int64]:
     """Numbers of the bonds in slots with these masks, the first of which is slot `first`."""
     used_slots = np.flatnonzero(mask)
     row, lane = np.divmod(np.flatnonzero(_bits(mask[used_slots])), LANES)
     return np.asarray(LANES * (first + used_slots[row]) + lane)
 
 
-def ends(blocks: Blocks, numbers: NDArray[np.int64]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+def ends_of_bonds(blocks: Blocks, numbers: NDArray[np.int64]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
     """Rows (k,) of both nodes of the bonds with these numbers (k,)."""
     slot, lane = np.divmod(numbers, LANES)
     source = (np.searchsorted(blocks.start, slot, side="right") - 1) * LANES + lane
@@ -338,7 +339,7 @@ def ends(blocks: Blocks, numbers: NDArray[np.int64]) -> tuple[NDArray[np.int64],
     return source, target
 
 
-def springs(
+def springs_of_bonds(
     blocks: Blocks, numbers: NDArray[np.int64], initial: bool = False
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Reference vectors (k, d), m, and force densities at unit stretch (k,), N/m^3, of bonds: what remains, or the
@@ -350,7 +351,7 @@ def springs(
     return table[:, :d], blocks.stiffness[row, lane] / np.sqrt(table[:, where_inverse(d)])
 
 
-def find(
+def find_bonds(
     blocks: Blocks, masks: NDArray[np.uint64], source: NDArray[np.int64], target: NDArray[np.int64]
 ) -> NDArray[np.int64]:
     """Numbers (k,) of the bonds from `source` (k,) to `target` (k,), among those in the masks `masks`.
@@ -361,9 +362,9 @@ def find(
     block = np.unique(source // LANES)
     slots = [np.arange(blocks.start[b], blocks.start[b + 1]) for b in block]
     slot = np.concatenate([np.zeros(0, dtype=np.int64), *slots])
-    at = there(masks[slot])
+    at = numbers_of_bits(masks[slot])
     numbers = slot[at // LANES] * LANES + at % LANES
-    bond_source, bond_target = ends(blocks, numbers)
+    bond_source, bond_target = ends_of_bonds(blocks, numbers)
     key = bond_source * room + bond_target
     order = np.argsort(key)
     wanted = source * room + target
@@ -372,7 +373,7 @@ def find(
     return numbers[order[position]]
 
 
-def revive(
+def restore_bonds(
     law: Law,
     blocks: Blocks,
     intact: NDArray[np.uint64],
@@ -409,20 +410,6 @@ def revive(
     block = np.searchsorted(blocks.start, torn, side="right") - 1
     blocks.softened[:] = False
     blocks.softened[block[ever[torn].any(axis=1)]] = True
-
-
-def aligned(values: NDArray[Any], more: int = 0) -> NDArray[Any]:
-    """A copy aligned to 64 bytes, as vectors across a cache line cost twice.
-
-    It has room for `more` rows, which take no memory until they are written.
-    """
-    shape = (len(values) + more, *values.shape[1:])
-    wanted = values.itemsize * int(np.prod(shape))
-    room = np.empty(wanted + 64, dtype=np.uint8)
-    at = -room.ctypes.data % 64
-    copy = room[at : at + wanted].view(values.dtype).reshape(shape)
-    copy[: len(values)] = values
-    return copy
 
 
 def _bits(mask: NDArray[np.uint64]) -> NDArray[np.bool_]:

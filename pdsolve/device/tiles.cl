@@ -1,4 +1,4 @@
-/* Bonds of lattices under a pair law of straight lines: pdsolve/operators/space_lattice and simd_lattice in OpenCL C.
+/* Bonds of lattices under a pair law of straight lines: pdsolve/lattice in OpenCL C.
 
 A work item sums the bonds of TOGETHER nodes, one after the other in memory, slot by slot in the order of the processor,
 and alone changes what their bonds remember. Products and sums are rounded once where the processor's vectors are (fma),

@@ -6,7 +6,7 @@ import numpy as np
 
 from pdsolve.codegen.jit_cache import cached_njit
 from pdsolve.conditions import Profiles, factor_at
-from pdsolve.operators.device.runtime import Session
+from pdsolve.device.runtime import Session
 
 AT_ONCE = 256  # steps
 

@@ -15,11 +15,11 @@ from plates import GLASS, plate, square_grid, two_scale_grid
 from system_checks import bonds_of, broken, kept, worst
 
 from pdmesh.model.document import Acceleration, Displacement, Run, Velocity
+from pdsolve.lattice import block_bonds
+from pdsolve.lattice.block_bonds import Distinct
 from pdsolve.lattice.blocks import Blocks
+from pdsolve.lattice.operator import BlockLattice
 from pdsolve.model import ModelError
-from pdsolve.operators.simd_lattice import layout
-from pdsolve.operators.simd_lattice.layout import Distinct
-from pdsolve.operators.simd_lattice.operator import SimdLattice
 from pdsolve.options import Options
 from pdsolve.run.measures import compute_ledger_row
 from pdsolve.run.prepare import prepare
@@ -77,7 +77,7 @@ def test_a_whole_run(name: str, mode: str, law: str) -> None:
 
 def blocks_of(problem: PreparedRun) -> Blocks:
     """The arrays of the fast kernel."""
-    assert isinstance(problem.system.operator, SimdLattice)
+    assert isinstance(problem.system.operator, BlockLattice)
     return problem.system.operator.blocks
 
 
@@ -216,9 +216,9 @@ def test_bonds_are_found_by_their_ends(name: str, mode: str) -> None:
     blocks = blocks_of(problem)
     bonds = bonds_of(problem)
     source = np.repeat(np.arange(len(problem.system.initial_bond_counts)), np.diff(bonds.start))
-    numbers = layout.find(blocks, blocks.mask, source, bonds.neighbour.astype(np.int64))
-    assert np.array_equal(np.sort(numbers), layout.there(blocks.mask))
-    for found, expected in zip(layout.ends(blocks, numbers), (source, bonds.neighbour), strict=True):
+    numbers = block_bonds.find_bonds(blocks, blocks.mask, source, bonds.neighbour.astype(np.int64))
+    assert np.array_equal(np.sort(numbers), block_bonds.numbers_of_bits(blocks.mask))
+    for found, expected in zip(block_bonds.ends_of_bonds(blocks, numbers), (source, bonds.neighbour), strict=True):
         assert np.array_equal(found, expected)
 
 

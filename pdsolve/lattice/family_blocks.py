@@ -1,4 +1,4 @@
-"""Families of state-based laws in blocks of 64 nodes: the layout of `pdsolve.operators.lattice_families`."""
+"""Families of state-based laws in blocks of 64 nodes: the layout of `pdsolve.lattice.family_operator`."""
 
 from __future__ import annotations
 
@@ -8,27 +8,30 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pdsolve.bonds.assembly import Bonds
+from pdsolve.lattice import block_bonds
+from pdsolve.lattice.block_bonds import SAME_STIFFNESS, Distinct, Placed
 from pdsolve.lattice.families import KIND, FamilySlots
 from pdsolve.lattice.layout import LANES
 from pdsolve.laws.bond_arrays import Tabled
 from pdsolve.laws.law import Law
-from pdsolve.operators.simd_lattice import layout
-from pdsolve.operators.simd_lattice.layout import SAME_STIFFNESS, Distinct, Placed, aligned
+from pdsolve.numerics.memory import aligned
 
 
-def placed(law: Law, bonds: Bonds) -> tuple[Placed, layout.Tables] | None:
+def placed(law: Law, bonds: Bonds) -> tuple[Placed, block_bonds.Tables] | None:
     """Positions of bonds in blocks; None for a law without tuples, or nodes on no lattice."""
     if law.lanes is None or not len(bonds.neighbour) or (bonds.xi.shape[1] == 3 and not law.lanes.in_space):
         return None
-    tables, nodes = layout.Tables(bonds.xi.shape[1]), len(bonds.start) - 1
-    positions = layout.place(bonds, 0, -(-nodes // LANES) * LANES, tables)
-    return None if positions is None or layout.sparse(positions, len(bonds.neighbour)) else (positions, tables)
+    tables, nodes = block_bonds.Tables(bonds.xi.shape[1]), len(bonds.start) - 1
+    positions = block_bonds.place_bonds(bonds, 0, -(-nodes // LANES) * LANES, tables)
+    return None if positions is None or block_bonds.are_sparse(positions, len(bonds.neighbour)) else (positions, tables)
 
 
 class FamilyBlocks:
     """Bonds of listed nodes in blocks; a node's place is its row."""
 
-    def __init__(self, where: Placed, tables: layout.Tables, nodes: int, tabled: Tabled, kind: np.dtype[Any]) -> None:
+    def __init__(
+        self, where: Placed, tables: block_bonds.Tables, nodes: int, tabled: Tabled, kind: np.dtype[Any]
+    ) -> None:
         """`where` bonds lie in slots, with the tables they refer to, and their numbers."""
         lane = where.lane.ravel()
         bond_lanes = np.flatnonzero(lane >= 0)
@@ -41,7 +44,7 @@ class FamilyBlocks:
             start=np.concatenate([[0], np.cumsum(where.counts)]),
             slots=np.column_stack([where.way, where.vector, self._intact_kinds]).astype(np.int32),
             ids=where.ids,
-            vectors=aligned(layout.reference_table(tables).astype(kind)),
+            vectors=aligned(block_bonds.reference_table(tables).astype(kind)),
             kinds=kinds.astype(kind),
             rows=aligned(rows.astype(kind), len(self._intact_kinds)),
         )

@@ -8,21 +8,19 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pdsolve.codegen.pull import NARROW
 from pdsolve.codegen.vector_code import ROW
+from pdsolve.device.nodes import NodesOnDevice
+from pdsolve.device.runtime import Session
+from pdsolve.device.source import pair_functions, together
 from pdsolve.errors import UnstableError
+from pdsolve.lattice import block_bonds, tile_bonds
 from pdsolve.lattice.blocks import BOUND, LIMITS, PULL, Blocks
+from pdsolve.lattice.force_polynomials import NARROW
 from pdsolve.lattice.layout import LANES
+from pdsolve.lattice.operator import BlockLattice, TileLattice
+from pdsolve.lattice.sites import Sites
 from pdsolve.lattice.tiles import Breaks, Tiles, recall
 from pdsolve.laws.law import Law
-from pdsolve.operators.device.nodes import NodesOnDevice
-from pdsolve.operators.device.runtime import Session
-from pdsolve.operators.device.source import pair_functions, together
-from pdsolve.operators.simd_lattice import layout as block_layout
-from pdsolve.operators.simd_lattice.operator import SimdLattice
-from pdsolve.operators.space_lattice import families, layout
-from pdsolve.operators.space_lattice.operator import SpaceLattice
-from pdsolve.operators.space_lattice.sites import Sites
 
 WORD, GROUP = 32, 64  # bits; work items
 FEWEST, EACH = 1 << 24, 32  # bonds that may break between two looks, and for each node; in small bodies all
@@ -156,13 +154,13 @@ class BondsOnDevice(NodesOnDevice, ABC):
         """Enter bonds that broke up to the step `last`: their places, slots and steps (k, 3), and their stretches."""
 
 
-class SpaceOnDevice(BondsOnDevice, SpaceLattice):
+class SpaceOnDevice(BondsOnDevice, TileLattice):
     """The bonds of n nodes on a cubic lattice, in tiles of sites."""
 
     def __init__(
         self, law: Law, tiles: Tiles, sites: Sites, bound: NDArray[np.float64], symmetric: bool, session: Session
     ) -> None:
-        """Arguments are those of `SpaceLattice`. Raises ModelError if the device has too little memory."""
+        """Arguments are those of `TileLattice`. Raises ModelError if the device has too little memory."""
         super().__init__(law, tiles, sites, bound, symmetric, 1)
         self.dimension, self.room, self.place = 3, -(-sites.size // GROUP) * GROUP, sites.site
         self._remembers, count, groups = self._softens, len(tiles.offsets), len(tiles.kind)
@@ -175,7 +173,7 @@ class SpaceOnDevice(BondsOnDevice, SpaceLattice):
         tables |= {"material": self.spread(tiles.material), "peak": tiles.peak, "limit": tiles.limit}
         numbers = {"SITES": "", "MARGIN": tiles.margin, "COUNT": count, "PAIRS": len(tiles.peak)}
         numbers |= {"MATERIALS": round(len(tiles.peak) ** 0.5), "NEAR": float(tiles.near).hex()}
-        bonds = int(families.counts(tiles.bits, sites).sum())
+        bonds = int(tile_bonds.count_bonds(tiles.bits, sites).sum())
         self.scheme, self.together = ("FUSED", "DIVIDES"), together(session.about.kind, tiles.vectors.dtype)
         self._upload_bonds(session, tables, bonds, np.zeros(0), **numbers)
 
@@ -198,7 +196,7 @@ class SpaceOnDevice(BondsOnDevice, SpaceLattice):
     def _enter_history(self, first: int, last: int) -> None:
         worst, tiles = self._read_groups("worst", first, last).reshape(last - first, -1, ROW), np.arange(first, last)
         with self.breaking:
-            self.tiles = layout.extended(self.tiles, tiles[self.tiles.memory[tiles] < 0])
+            self.tiles = tile_bonds.with_memory(self.tiles, tiles[self.tiles.memory[tiles] < 0])
             which, slot, lane = np.nonzero(worst)
             recall(self.tiles, tiles[which], slot, lane, worst[which, slot, lane])
 
@@ -214,7 +212,7 @@ class SpaceOnDevice(BondsOnDevice, SpaceLattice):
         self.drop_pending_before(last)
 
 
-class BlocksOnDevice(BondsOnDevice, SimdLattice):
+class BlocksOnDevice(BondsOnDevice, BlockLattice):
     """The bonds of n nodes on lattices, in blocks of 64 nodes."""
 
     def __init__(
@@ -226,7 +224,7 @@ class BlocksOnDevice(BondsOnDevice, SimdLattice):
         softens: bool,
         session: Session,
     ) -> None:
-        """Arguments are those of `SimdLattice`. Raises ModelError if the device has too little memory."""
+        """Arguments are those of `BlockLattice`. Raises ModelError if the device has too little memory."""
         super().__init__(law, blocks, bound, symmetric, softens)
         self.dimension, self.room, self.place = len(blocks.axes), self.tracks.v.shape[1], slice(0, len(bound))
         self._remembers, self._starts, self._lanes = bool(self.tracks.worst.size), blocks.start, LANES
@@ -257,7 +255,7 @@ class BlocksOnDevice(BondsOnDevice, SimdLattice):
 
     def _pending_bonds(self) -> tuple[NDArray[Any], ...]:
         pending = self._pending_pulls()
-        slot, lane = np.divmod(block_layout.find(self.blocks, self._whole, pending.source, pending.target), LANES)
+        slot, lane = np.divmod(block_bonds.find_bonds(self.blocks, self._whole, pending.source, pending.target), LANES)
         return pending.source, slot, self.tracks.broken[slot, lane], pending.stretch
 
     def _enter_history(self, first: int, last: int) -> None:
@@ -269,7 +267,9 @@ class BlocksOnDevice(BondsOnDevice, SimdLattice):
         place, slot, step = breaks.T
         lane = place % LANES
         self.tracks.broken[slot, lane] = step
-        block_layout.revive(self._law, self.blocks, self._whole, self.tracks.broken, self.tracks.worst, self._own_edge)
+        block_bonds.restore_bonds(
+            self._law, self.blocks, self._whole, self.tracks.broken, self.tracks.worst, self._own_edge
+        )
         limit = self.blocks.limit[self.blocks.slots[slot, LIMITS], lane]
         pending = (step == last) & (stretch < limit) & self._law.matches_work
         self._set_pending(slot[pending], lane[pending], stretch[pending])

@@ -1,1 +1,0 @@
-"""Laws on lattices, 64 nodes at a time; bond numbers and arrays are internal."""

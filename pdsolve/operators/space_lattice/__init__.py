@@ -1,1 +1,0 @@
-"""Bonds on a cubic lattice, 16 sites at a time; sites of rows and of plates too, of which diffusion has bonds."""
