@@ -29,7 +29,7 @@ from pdmesh.model.refused_settings import impossible
 from pdmesh.scene.shapes import SceneError
 from pdsolve.model import Model, ModelWarning
 from pdsolve.options import Options
-from pdsolve.run.measures import compute_ledger_row, compute_node_damage
+from pdsolve.run.measures import compute_energy_balance_row, compute_node_damage
 from pdsolve.run.node_changes import find_zone_change_since_last_call
 from pdsolve.run.prepare import prepare
 from pdsolve.run.simulation import required_adaptation
@@ -138,7 +138,7 @@ def solved(
     cpu = time.thread_time() - began
     change = find_zone_change_since_last_call(system) if system.moving_zone_operator else None
     system, state = (system, state) if change is None else (change.system, change.state)
-    broken, energies = system.operator.broken(), compute_ledger_row(system, state, steps)
+    broken, energies = system.operator.broken(), compute_energy_balance_row(system, state, steps)
     cracked = system.model.grid.position[compute_node_damage(system, broken) > CRACKED]
     if box is not None:
         cracked = cracked[((cracked > box[:2]) & (cracked < box[2:])).all(axis=1)]

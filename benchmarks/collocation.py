@@ -31,7 +31,7 @@ from pdmesh.model.document import Collocation
 from pdsolve.adaptivity.collocation.operator import CollocationOperator
 from pdsolve.model import Model, ModelWarning
 from pdsolve.options import Options
-from pdsolve.run.measures import compute_ledger_row, compute_node_damage
+from pdsolve.run.measures import compute_energy_balance_row, compute_node_damage
 from pdsolve.run.node_changes import find_zone_change_since_last_call
 from pdsolve.run.prepare import prepare
 
@@ -109,7 +109,7 @@ def _solved(deck: Deck) -> Generator[None, None, Found]:
         change = find_zone_change_since_last_call(system)
         if change is not None:
             system, state = change.system, change.state
-        ledger = compute_ledger_row(system, state, (look + 1) * steps // LOOKS)
+        ledger = compute_energy_balance_row(system, state, (look + 1) * steps // LOOKS)
         noted.append((ledger.time, *_looked(system, state, deck.h)))
         print(deck.name, f"{1e6 * ledger.time:.1f} us, {cpu:.1f} s,", *noted[-1][1:], file=sys.stderr, flush=True)
         yield

@@ -407,7 +407,7 @@ def _exits() -> dict[type[Exception], int]:
     from pdsolve.errors import DeviceLostError
     from pdsolve.model import ModelError
     from pdsolve.results import ResultsError, WriteError
-    from pdsolve.run.simulation import UnsettledError, UnstableError
+    from pdsolve.run.simulation import NotConvergedError, UnstableError
 
     bad = commandline.BAD_INPUT
     return {
@@ -416,7 +416,7 @@ def _exits() -> dict[type[Exception], int]:
         WriteError: commandline.FAILURE,
         ResultsError: bad,
         UnstableError: commandline.UNSTABLE,
-        UnsettledError: commandline.UNSTABLE,
+        NotConvergedError: commandline.UNSTABLE,
         DeviceLostError: commandline.UNSTABLE,
     }
 

@@ -11,7 +11,7 @@ class UnstableError(ArithmeticError):
     """A run whose state is no longer physical; the message says where, when, what was found and what was expected."""
 
 
-class LateZoneError(UnstableError):
+class FineZoneTooLateError(UnstableError):
     """A moving fine zone that came too late: a clipped bond would have broken in this step."""
 
     def __init__(self, words: str, step: int = 0) -> None:

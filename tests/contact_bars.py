@@ -11,7 +11,7 @@ from pdmesh.model.document import Contact, InitialVelocity, Material, Region, Ru
 from pdmesh.model.node_grid import Bodies, Grid
 from pdsolve.model import Model
 from pdsolve.options import Options
-from pdsolve.run.measures import LedgerRow, compute_ledger_row
+from pdsolve.run.measures import EnergyBalanceRow, compute_energy_balance_row
 from pdsolve.run.prepare import prepare
 
 USUAL = Run()
@@ -65,8 +65,8 @@ class Impact(NamedTuple):
     force: NDArray[np.float64]  # (s,) on the last body, N/m
     velocity: NDArray[np.float64]  # (s, bodies) mean, m/s
     momentum: NDArray[np.float64]  # (s,) N s/m
-    first: LedgerRow
-    last: LedgerRow
+    first: EnergyBalanceRow
+    last: EnergyBalanceRow
     drift: float  # largest change of the energy, over that at the start
 
     def lasts(self, level: float, gap: float = 0.02) -> float:
@@ -81,7 +81,7 @@ def struck(model: Model, duration: float, threads: int = 1) -> Impact:
     system, state = prepared = prepare(model, Options(threads=threads))
     assert model.grid.bodies is not None
     mass, number = system.area * model.rho, model.grid.bodies.number
-    first, drift, time, force, velocity = compute_ledger_row(system, state, 0), 0.0, [], [], []
+    first, drift, time, force, velocity = compute_energy_balance_row(system, state, 0), 0.0, [], [], []
     for step in range(1, int(duration / system.time_step) + 1):
         prepared.advance(step, step + 1)
         time.append(step * system.time_step)
@@ -89,10 +89,10 @@ def struck(model: Model, duration: float, threads: int = 1) -> Impact:
         force.append(float(pull[number == number.max()].sum()))
         velocity.append(np.bincount(number, mass * state.rate[:, 0]) / np.bincount(number, mass))
         if step % 10 == 0:
-            now = compute_ledger_row(system, state, step)
+            now = compute_energy_balance_row(system, state, step)
             drift = max(drift, abs(now.kinetic + now.strain - now.work - first.kinetic) / first.kinetic)
     found = np.array(velocity)
     momentum = found @ np.bincount(number, mass)
     return Impact(
-        np.array(time), np.array(force), found, momentum, first, compute_ledger_row(system, state, step), drift
+        np.array(time), np.array(force), found, momentum, first, compute_energy_balance_row(system, state, step), drift
     )

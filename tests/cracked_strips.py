@@ -11,7 +11,7 @@ from plates import plate, square_grid
 from pdmesh.model.document import Displacement, Material, Run
 from pdmesh.model.material_constants import poisson
 from pdsolve.options import Options
-from pdsolve.run.measures import compute_ledger_row
+from pdsolve.run.measures import compute_energy_balance_row
 from pdsolve.run.prepare import prepare
 
 
@@ -48,7 +48,7 @@ def torn(material: Material, ratio: float = 3.0, columns: int = 60, rows: int = 
     system, state = prepare(model, Options(threads=1))
     steps = int((slow + 2.5 * columns * delta / np.sqrt(material.E / 2 / material.rho)) / system.time_step)
     system.stepper.advance(state, 1, steps)
-    found, broken = compute_ledger_row(system, state, steps), system.operator.broken()
+    found, broken = compute_energy_balance_row(system, state, steps), system.operator.broken()
     y = grid.position[:, 1]
     crosses = y[broken.source] * y[broken.target] < 0
     source, target = system.operator.bonds(start=True)

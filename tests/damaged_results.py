@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from pdsolve.results import Breaks, Families, FrameRecord, Nodes, Results, Writer
-from pdsolve.run.measures import LedgerRow
+from pdsolve.run.measures import EnergyBalanceRow
 
 NOTCH = np.array([[0.0, 0.0, 4.5e-3, 0.0]])  # of `lattice`
 
@@ -48,7 +48,7 @@ def run(
     rows = [(step, at(nodes, x, y), 1) for step, x, y in cracked for _ in range(4)]
     breaks = Breaks(*np.array(sorted(rows), dtype=np.int64).reshape(-1, 3).T)
     grown = [(at, step, parent, 1e-3 * x, 1e-3 * y, 0.0, 0.0) for at, (step, parent, x, y) in enumerate(particles)]
-    books = [LedgerRow(100, 1e-4, *[0.0] * 6, len(rows))]
+    books = [EnergyBalanceRow(100, 1e-4, *[0.0] * 6, len(rows))]
     writer.write(FrameRecord(100, 1e-4, None, breaks, books, [], {}, particles=grown))
     return Results(writer.connection, "memory")
 
@@ -60,6 +60,6 @@ def at_steps(nodes: Nodes, steps: np.ndarray, time_step: float = 1e-6) -> Result
     order = np.repeat(cracked[np.argsort(steps[cracked], kind="stable")], 4)
     step, node = steps[order].astype(np.int64), nodes.ids[order]
     last = int(step.max(initial=0))
-    books = [LedgerRow(last, last * time_step, *[0.0] * 6, len(step))]
+    books = [EnergyBalanceRow(last, last * time_step, *[0.0] * 6, len(step))]
     writer.write(FrameRecord(last, last * time_step, None, Breaks(step, node, np.ones_like(node)), books, [], {}))
     return Results(writer.connection, "memory")

@@ -100,11 +100,11 @@ def prepare(folder: Path) -> None:
 @contextlib.contextmanager
 def in_this_process() -> Iterator[None]:
     """A context in which the runs of a study are solved here."""
-    before, dispatch._solved = dispatch._solved, lambda tasks, crew: map(one_run.solved, tasks)
+    before, dispatch._solve_tasks = dispatch._solve_tasks, lambda tasks, crew: map(one_run.solve_and_measure, tasks)
     try:
         yield
     finally:
-        dispatch._solved = before
+        dispatch._solve_tasks = before
 
 
 # ---- what is forged

@@ -21,7 +21,7 @@ from pdsolve.adaptivity.hybrid.prepare import create_hybrid_operator_and_stable_
 from pdsolve.model import Model, ModelWarning
 from pdsolve.options import Options
 from pdsolve.run.assembly import choose_time_step
-from pdsolve.run.measures import LedgerRow, compute_ledger_row
+from pdsolve.run.measures import EnergyBalanceRow, compute_energy_balance_row
 from pdsolve.run.node_changes import find_zone_change_since_last_call
 from pdsolve.run.prepare import prepare
 
@@ -196,7 +196,7 @@ class Solved(NamedTuple):
     """What a run came to."""
 
     first: int  # step of the first broken bond; the last step without one
-    books: LedgerRow
+    books: EnergyBalanceRow
     balance: float
 
 
@@ -210,6 +210,6 @@ def side_by_side(model: Model, steps: int | None = None) -> tuple[Solved, Solved
         problem.advance(1, steps + 1)
         change = find_zone_change_since_last_call(problem.system) if adapt == "hybrid" else None
         system, state = (problem.system, problem.state) if change is None else (change.system, change.state)
-        broken, ledger = system.operator.broken(), compute_ledger_row(system, state, steps)
+        broken, ledger = system.operator.broken(), compute_energy_balance_row(system, state, steps)
         found.append(Solved(int(broken.step.min(initial=steps)), ledger, ledger.balance_error(system.initial_energy)))
     return found[0], found[1]

@@ -66,7 +66,7 @@ def crack_in_space(results: Results, step: int | None = None, threshold: float =
     steps, times = steps[past], times[past]
     parted_pairs = find_opening_steps_of_face_neighbours(results, step, threshold)
     cracks = build_crack_surface(results, step, parted_pairs)
-    ledger = results.history()
+    energy_balance = results.history()
     last = step * float(results.meta()["time_step"])
     return CrackSurfaceSummary(
         step=step,
@@ -74,7 +74,7 @@ def crack_in_space(results: Results, step: int | None = None, threshold: float =
         frame_step=steps,
         frame_time=times,
         grown_area=cracks.grown_area_at(times),
-        dissipated_energy=np.interp(times, ledger["time"], ledger["dissipated"]),
+        dissipated_energy=np.interp(times, energy_balance["time"], energy_balance["dissipated"]),
         front_length=np.array([sum(map(line_length, front_lines_at(cracks, time))) for time in times]),
         front_lines=front_lines_at(cracks, last),
         front_speed=front_speeds_below_rayleigh_speed(results, cracks),

@@ -49,7 +49,7 @@ def node_history(
     label = f"node {node}"
     probes = results.probes()
     mine = probes[probes["node"] == node]
-    if len(mine) and (len(results.epochs()) == 1 or len(mine) == _count_ledger_rows_in_node_life(results, node)):
+    if len(mine) and (len(results.epochs()) == 1 or len(mine) == _count_balance_rows_in_node_life(results, node)):
         columns = of_dimension(quantity, results.dimension)
         value = _vector_component(np.column_stack([mine[column] for column in columns]), component)
         return NodeHistory(label, component, (node,), "probe", mine["time"], value, value, value, place, 0.0)
@@ -138,7 +138,7 @@ def _read_quantity_of_frames(
     return times, [_vector_component(ways, component) for ways in frame_vectors]
 
 
-def _count_ledger_rows_in_node_life(results: Results, node: int) -> int:
+def _count_balance_rows_in_node_life(results: Results, node: int) -> int:
     """Number of ledger entries during a node's life."""
     steps = results.history()["step"].astype(np.int64)
     return int((results.lives().at(np.full(len(steps), node), steps) >= 0).sum())

@@ -53,10 +53,10 @@ def measure_energy_release(results: Results, branches: Sequence[CrackBranch]) ->
 
     D is the dissipated energy of the ledger; at rest it includes the energy that the plate releases on the way to rest.
     """
-    ledger = results.history()
-    spent = ledger["dissipated"] + (np.nan_to_num(damped_energy(ledger)) if at_rest(results) else 0.0)
+    energy_balance = results.history()
+    spent = energy_balance["dissipated"] + (np.nan_to_num(damped_energy(energy_balance)) if at_rest(results) else 0.0)
     return energy_release_over_crack_length(
-        ledger["time"], spent, branches, read(results, _FractureEnergyGridFileKeys).material.G0
+        energy_balance["time"], spent, branches, read(results, _FractureEnergyGridFileKeys).material.G0
     )
 
 

@@ -193,8 +193,13 @@ def _relative_error(value: float, expected: float) -> float | None:
 
 
 def _total_energy_at(results: Results, time: float) -> float:
-    ledger = results.history()
-    if not len(ledger):
+    energy_balance = results.history()
+    if not len(energy_balance):
         raise ResultsError(f"{results.name} has no energies; use a run of mechanics")
-    total = ledger["kinetic"] + ledger["strain"] + ledger["dissipated"] + np.nan_to_num(damped_energy(ledger))
-    return float(np.interp(time, ledger["time"], total))
+    total = (
+        energy_balance["kinetic"]
+        + energy_balance["strain"]
+        + energy_balance["dissipated"]
+        + np.nan_to_num(damped_energy(energy_balance))
+    )
+    return float(np.interp(time, energy_balance["time"], total))

@@ -53,7 +53,7 @@ def verify_database(results: Results) -> DatabaseContents:
     if len(results.epochs()) == 1:
         _expect_consistent_bonds(results)
         _expect_consistent_energies(results)
-    _expect_consistent_masses(results)
+    _expect_balanced_diffused_mass(results)
     status = str(meta.get("status", ""))
     if status == "finished" and not results.summary():
         raise DamagedError(f"{results.name}: it is finished without a summary; every finished run has one")
@@ -144,7 +144,7 @@ def _expect_consistent_energies(results: Results) -> None:
             )
 
 
-def _expect_consistent_masses(results: Results) -> None:
+def _expect_balanced_diffused_mass(results: Results) -> None:
     if len(results.masses()):
         error = mass_balance(results).error
         off = ~(np.abs(error) <= MASS_CLOSE)

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from pdsolve.adaptivity.hybrid.engine import ZoneSummary
 
 
-class LedgerTotals(NamedTuple):
+class EnergyBalanceTotals(NamedTuple):
     """Totals over all nodes."""
 
     kinetic: float  # J/m

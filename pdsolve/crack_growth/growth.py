@@ -123,7 +123,7 @@ class Growth:
         if room >= LEAST * horizon:
             ring = Ring(BLURRED * horizon, min(RING * horizon, OUTER * room))
         elif what == ACTED_ON:
-            self.add_remark_once(f"room {tip.particle}", f"{self._too_small(tip, tips)}; it stays there")
+            self.add_warning_once(f"room {tip.particle}", f"{self._too_small(tip, tips)}; it stays there")
             return Verdict(0.0, ())
         elif self._ground.ahead(tip.place, self._way(tip), CLOSE * horizon, arms(self.particles)):
             return Verdict(1.0, (0.0,), straight=True)
@@ -140,12 +140,12 @@ class Growth:
         for angle in verdict.angles:
             if rules.most is not None and len(self.particles.place) - self._first >= rules.most:
                 reached = f"a crack would go on from {_at(tip.place)} after {rules.most} particles, and stops there"
-                self.add_remark_once("most", f"step {step}: {reached}; a larger run.particles.most lets it grow")
+                self.add_warning_once("most", f"step {step}: {reached}; a larger run.particles.most lets it grow")
                 return
             toward = float(np.arctan2(way[1], way[0])) + angle
             place = self._ground.end(tip.place, toward, length, arms(self.particles))
             if self._folds(tip, place):
-                self.add_remark_once(
+                self.add_warning_once(
                     f"folds {tip.particle}",
                     f"step {step}: a crack turns back on itself at {_at(tip.place)}, and stops there",
                 )
@@ -175,7 +175,7 @@ class Growth:
             expected = (
                 "load steps follow stable growth only; their path from there on is not known in quasi-static analysis"
             )
-            self.add_remark_once("runs", f"load step {step}: {message}; {expected}")
+            self.add_warning_once("runs", f"load step {step}: {message}; {expected}")
 
     def _cut(self, new: NDArray[np.float64], state: State, step: int) -> None:
         """Cut the bonds that cross new arms (k, 4)."""
@@ -284,7 +284,7 @@ class Growth:
         """Remarks to be read together with the crack paths."""
         return list(self._remarks.values())
 
-    def add_remark_once(self, key: str, text: str) -> None:
+    def add_warning_once(self, key: str, text: str) -> None:
         """Add a remark, once."""
         if key not in self._remarks:
             self._remarks[key] = text

@@ -82,7 +82,7 @@ class Swelling:
         self._bonds.swell(strain)
         self._h.second[:, 0] = (more - less) / (2 * SMALL)
 
-    def clamped_energy_density(self, state: State) -> Array:
+    def energy_density_at_zero_displacement(self, state: State) -> Array:
         """The energy densities (n,) that bonds would hold at no displacement, J/m^3: what heat can do at most."""
         now = state.value.copy()
         strain_energy = self._bonds.energies(state._replace(value=np.zeros_like(now)))[0]

@@ -51,7 +51,7 @@ if TYPE_CHECKING:
 STILL = 2.0  # damping times a step: more would turn velocities round within it
 
 
-class RankCoupling(NamedTuple):
+class RankInputs(NamedTuple):
     """What a window of a model has to do with other ranks."""
 
     ghosts: Ghosts
@@ -84,7 +84,7 @@ def assemble_system(
     stable_step: float,
     *,
     conditions: Drive | None = None,
-    rank_coupling: RankCoupling | None = None,
+    rank_coupling: RankInputs | None = None,
 ) -> PreparedRun:
     """The system of a model with this operator, and its state.
 

@@ -26,10 +26,10 @@ from pdsolve.options import Options, threads_of
 from pdsolve.run.assembly import choose_time_step
 from pdsolve.run.operator_factory import (
     Summed,
+    bond_storage_kind,
     compute_stable_time_step,
     count_bonds_and_bound_stiffness,
     stable_time_step_from_stiffness_bound,
-    where_summed,
 )
 from pdsolve.run.prepare import prepare, select_scheme
 from pdsolve.run.static_start import prepare_static_equilibrium_at_start
@@ -140,7 +140,7 @@ def estimate_run(model: Model, options: Options = DEFAULT) -> Plan:
     )
     summed: Summed = "blocks" if paired and model.grid.dimension == 2 and (moves or not model.swells) else "listed"
     if prepared is not None and not moves:
-        summed = where_summed(prepared.operator) if paired and summed == "listed" else summed
+        summed = bond_storage_kind(prepared.operator) if paired and summed == "listed" else summed
         count, family = prepared.initial_bond_counts, prepared.family_sizes
         bound = compute_stable_time_step(model, prepared.operator)
         step = choose_time_step(model, bound)
@@ -154,7 +154,7 @@ def estimate_run(model: Model, options: Options = DEFAULT) -> Plan:
         model = system.model
         if isinstance(system.stepper, Swelling) and system.load_stepper is None:
             cycle = system.stepper.steps_per_content_step
-        summed = where_summed(system.operator) if paired and summed == "listed" else summed
+        summed = bond_storage_kind(system.operator) if paired and summed == "listed" else summed
         count, family, settings = system.initial_bond_counts, system.family_sizes, system.model.settings
         bound, step = system.stable_time_step, system.time_step
         along_path = isinstance(system.stepper, ArcLengthSteps | CrackLengthSteps | SofteningPathSteps)

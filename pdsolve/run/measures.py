@@ -31,7 +31,7 @@ def compute_node_energies_and_breaks(system: System, state: State) -> NodeEnergi
     return NodeEnergiesAndBreaks(*system.operator.energies(state), system.operator.broken())
 
 
-class LedgerRow(NamedTuple):
+class EnergyBalanceRow(NamedTuple):
     """Energy balance of one step: energy present, dissipated and supplied. Energies in J/m, momentum in N s/m."""
 
     step: int
@@ -65,33 +65,33 @@ class LedgerRow(NamedTuple):
         return max(abs(self.work), largest_work, initial_energy)
 
 
-def compute_ledger_row(
+def compute_energy_balance_row(
     system: System, state: State, step: int, bond_state: NodeEnergiesAndBreaks | None = None
-) -> LedgerRow:
+) -> EnergyBalanceRow:
     """The ledger entry after `step`, in double precision and the nodes' order; `bond_state` is that of this state, if
     known."""
     strain, softened, broken = bond_state or compute_node_energies_and_breaks(system, state)
     if system.moving_zone_operator is not None:
         sums, zone = (
-            system.moving_zone_operator.ledger_totals()._asdict(),
+            system.moving_zone_operator.energy_balance_totals()._asdict(),
             system.moving_zone_operator.zone_summary()._asdict(),
         )
-        return LedgerRow(step, step * system.time_step, **sums, **zone)
+        return EnergyBalanceRow(step, step * system.time_step, **sums, **zone)
     with np.errstate(over="ignore", invalid="ignore"):  # of a run that becomes unstable
-        return LedgerRow(
+        return EnergyBalanceRow(
             step,
             step * system.time_step,
             broken=system.broken_bonds_of_removed_nodes + len(broken.step),
             friction=compute_friction_heat(system, state),
             **{
                 name: float(np.sum(values()))
-                for name, values in per_node_ledger_functions(system, state, strain, softened).items()
+                for name, values in node_energy_functions(system, state, strain, softened).items()
             },
             **({} if system.zone_summary is None else system.zone_summary._asdict()),
         )
 
 
-def per_node_ledger_functions(
+def node_energy_functions(
     system: System,
     state: State,
     strain_energy_density: NDArray[np.float64],

@@ -15,7 +15,7 @@ from pdsolve.errors import UnstableError
 from pdsolve.laws.material_checks import negative_secants
 from pdsolve.results import FrameRecord, Results
 from pdsolve.run.inversion_checks import MotionChecks
-from pdsolve.run.measures import LedgerRow, NodeEnergiesAndBreaks, compute_ledger_row
+from pdsolve.run.measures import EnergyBalanceRow, NodeEnergiesAndBreaks, compute_energy_balance_row
 from pdsolve.run.operator_factory import compute_stable_time_step_of_intact_bonds
 from pdsolve.run.reactions import Reaction, compute_reactions, list_acting_conditions
 from pdsolve.run.system import System
@@ -36,7 +36,7 @@ class MechanicsRecords:
         self._given = False, False
         self._find_monitored_nodes()
         self.last, self._heat_energy = (
-            compute_ledger_row(system, state, step, bond_state),
+            compute_energy_balance_row(system, state, step, bond_state),
             self._compute_clamped_swelling_energy(state),
         )
 
@@ -48,7 +48,7 @@ class MechanicsRecords:
         if past_results is not None:
             done = past_results.history()
             self._largest_work = float(np.abs(done["work"][done["step"] <= step]).max(initial=0.0))
-        self._ledgers: list[LedgerRow] = []
+        self._balance_rows: list[EnergyBalanceRow] = []
         self._probes: list[tuple[float, ...]] = []
         self._reactions: list[Reaction] = []
 
@@ -56,7 +56,7 @@ class MechanicsRecords:
         """What heat can do at most, J/m, against which little is round-off; 0 without it."""
         swelling = self._system.stepper
         return (
-            float(np.sum(self._system.area * swelling.clamped_energy_density(state)))
+            float(np.sum(self._system.area * swelling.energy_density_at_zero_displacement(state)))
             if isinstance(swelling, Swelling)
             else 0.0
         )
@@ -83,7 +83,7 @@ class MechanicsRecords:
 
     @property
     def balance_error(self) -> float:
-        """Relative error of the last ledger entry; see `LedgerRow.balance_error`."""
+        """Relative error of the last ledger entry; see `EnergyBalanceRow.balance_error`."""
         return self.last.balance_error(self._system.initial_energy, max(self._largest_work, self._heat_energy))
 
     def progress_text(self, broken_directed_bond_count: int) -> str:
@@ -101,7 +101,7 @@ class MechanicsRecords:
         """Evaluate the balance at this step, unless it is the last entry."""
         if self.last.step != step:
             self.last, self._heat_energy = (
-                compute_ledger_row(self._system, state, step, bond_state),
+                compute_energy_balance_row(self._system, state, step, bond_state),
                 self._compute_clamped_swelling_energy(state),
             )
 
@@ -125,7 +125,7 @@ class MechanicsRecords:
             from pdsolve.run.plastic_checks import warn_if_plastic_strain_is_large  # few bodies flow
 
             self._flows = not warn_if_plastic_strain_is_large(system, step)
-        self._ledgers.append(self.last)
+        self._balance_rows.append(self.last)
         for row in dict.fromkeys(self._probed):
             node = int(system.model.grid.ids[row])
             self._probes.append(
@@ -138,15 +138,15 @@ class MechanicsRecords:
             )
         self._reactions += compute_reactions(self._acting_conditions, system, state, step, self.last.time)
 
-    def _is_unstable(self, ledger_row: LedgerRow, values_are_finite: bool) -> bool:
+    def _is_unstable(self, balance_row: EnergyBalanceRow, values_are_finite: bool) -> bool:
         """Whether energy is created, or values are not `values_are_finite`."""
-        created = _ratio_of_energy_to_supplied(self._system, ledger_row, max(self._largest_work, self._heat_energy))
-        return not (values_are_finite and np.isfinite(ledger_row.kinetic + ledger_row.strain) and created <= RUNAWAY)
+        created = _ratio_of_energy_to_supplied(self._system, balance_row, max(self._largest_work, self._heat_energy))
+        return not (values_are_finite and np.isfinite(balance_row.kinetic + balance_row.strain) and created <= RUNAWAY)
 
     def move_records_into(self, frame: FrameRecord) -> FrameRecord:
         """The frame with the records since the last one."""
-        frame = frame._replace(ledger=self._ledgers, probes=self._probes, reactions=self._reactions)
-        self._ledgers, self._probes, self._reactions = [], [], []
+        frame = frame._replace(ledger=self._balance_rows, probes=self._probes, reactions=self._reactions)
+        self._balance_rows, self._probes, self._reactions = [], [], []
         return frame
 
     def metadata(self) -> dict[str, Any]:
@@ -204,23 +204,23 @@ def list_node_displacement_velocity_acceleration(state: State, row: int, dimensi
     return [*(value for values in plane for value in values), *along]
 
 
-def instability_message(system: System, ledger_row: LedgerRow, largest_work: float, node_id: int) -> str:
+def instability_message(system: System, balance_row: EnergyBalanceRow, largest_work: float, node_id: int) -> str:
     """What is said of a run that is not stable: step, time, the id of a node, energy and the stability bound.
 
     `largest_work`, J/m, is the largest work so far.
     """
     return (
-        f"unstable at step {ledger_row.step}, {ledger_row.time:.4g} s, node {node_id}: energy is"
-        f" {_ratio_of_energy_to_supplied(system, ledger_row, largest_work):.3g} times what was put in; the time step is"
-        f" {system.time_step:.4g} s, stable up to {system.stable_time_step:.4g} s"
+        f"unstable at step {balance_row.step}, {balance_row.time:.4g} s, node {node_id}: energy is"
+        f" {_ratio_of_energy_to_supplied(system, balance_row, largest_work):.3g} times what was put in; the time step "
+        f"is {system.time_step:.4g} s, stable up to {system.stable_time_step:.4g} s"
         f"{_instability_cause_text(system)}"
     )
 
 
-def _ratio_of_energy_to_supplied(system: System, ledger_row: LedgerRow, largest_work: float) -> float:
+def _ratio_of_energy_to_supplied(system: System, balance_row: EnergyBalanceRow, largest_work: float) -> float:
     """The energy that is there over what was put in; 0 where nothing was."""
-    energy_supplied = max(abs(ledger_row.work), largest_work) + system.initial_energy
-    return (ledger_row.kinetic + ledger_row.strain) / energy_supplied if energy_supplied else 0.0
+    energy_supplied = max(abs(balance_row.work), largest_work) + system.initial_energy
+    return (balance_row.kinetic + balance_row.strain) / energy_supplied if energy_supplied else 0.0
 
 
 def _instability_cause_text(system: System) -> str:

@@ -200,7 +200,7 @@ def count_bonds_and_bound_stiffness(
     return statistics.counted(filling.area), bound, "blocks" if in_blocks else "listed"
 
 
-def where_summed(operator: Operator) -> Summed:
+def bond_storage_kind(operator: Operator) -> Summed:
     """Where the bonds of a pair law are that this operator sums."""
     bonds = unwrap_bond_operator(operator)
     return "tiles" if isinstance(bonds, TileLattice) else "blocks" if bonds.name == "blocks" else "listed"

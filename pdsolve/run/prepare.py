@@ -49,7 +49,7 @@ from pdsolve.schemes import SCHEMES
 from pdsolve.schemes.scheme import Scheme
 from pdsolve.steppers.equilibrium import force_densities
 from pdsolve.steppers.euler import ForwardEuler
-from pdsolve.steppers.static_loads import model_at_rest_after_each_content_step, model_with_load_steps
+from pdsolve.steppers.static_loads import model_with_load_steps, quasi_static_model_after_each_content_step
 
 WORTH_HYBRID = 25_000  # nodes of a plate with a fine zone that moves, were they all there
 
@@ -137,7 +137,7 @@ def _prepare_swelling_motion(model: Model, options: Options, scheme: Scheme) -> 
         return _prepare_swelling_plate_with_zone(model, options, scheme)
     options, rests = choose_kernel_for_swelling(model, options), model.settings.run.solver == "static"
     if rests:
-        model = model_at_rest_after_each_content_step(model, options.precision)
+        model = quasi_static_model_after_each_content_step(model, options.precision)
         system, state = prepare_quasi_static_run(model.moving_part(), options, scheme)
     else:
         system, state = prepare_explicit_motion(model.moving_part(), options, scheme, bonds_swell=True)
@@ -204,7 +204,7 @@ def _prepare_plate_with_moving_zone(model: Model, options: Options, scheme: Sche
         initial_bond_counts=shown.initial_bond_counts_and_family_sizes[0],
         time_step=float(shown.engine.lattice.dt),
         stable_time_step=bound,
-        initial_energy=shown.ledger_totals().kinetic,
+        initial_energy=shown.energy_balance_totals().kinetic,
         full_model=model,
     )
     return PreparedRun(system, state)

@@ -14,7 +14,7 @@ import numpy as np
 
 from pdmesh import stopping
 from pdmesh.files import FilePath
-from pdsolve.adaptivity.hybrid.adaptivity_choice import choose_adaptivity, explain_late_zone_error
+from pdsolve.adaptivity.hybrid.adaptivity_choice import choose_adaptivity, explain_fine_zone_too_late
 from pdsolve.adaptivity.hybrid.arrays import EVERY
 from pdsolve.adaptivity.hybrid.engine import ZoneSummary
 from pdsolve.adaptivity.hybrid.space.operator import HybridBodyOperator
@@ -22,20 +22,19 @@ from pdsolve.adaptivity.quadtree.operator import QuadtreeOperator
 from pdsolve.checks import warn_of_model, warn_of_unused
 from pdsolve.codegen.compile_time import compile_seconds, processor_kind, running_time
 from pdsolve.conditions import has_initial_displacement
-from pdsolve.errors import LateZoneError, UnstableError
+from pdsolve.errors import FineZoneTooLateError, UnstableError
 from pdsolve.model import Model, model_of, on_device
 from pdsolve.numerics.memory import give_back
 from pdsolve.numerics.team import Team
 from pdsolve.options import Options
 from pdsolve.results import Behind, Results, ResultsError, Writer, behind, gone_back, is_empty, put_away, writing_to
-from pdsolve.run import late_zones
+from pdsolve.run import zone_restarts
 from pdsolve.run.after_path import motion_results_file, needs_motion_after_path, prepare_motion_after_path
 from pdsolve.run.body_zones import BodyRefinement
 from pdsolve.run.cell_splitting import CellSplitting
 from pdsolve.run.coarse_breaks import warn_of_broken_bonds_outside_finest_zone
 from pdsolve.run.doubtful_conditions import warn_of_doubtful_conditions
 from pdsolve.run.initial_displacements import apply_initial_displacements
-from pdsolve.run.late_zones import EarlierRefinement
 from pdsolve.run.narrow_contact import warn_of_unresolved_contact_width
 from pdsolve.run.node_changes import NodeAdaptation, restore_system_with_moving_zone
 from pdsolve.run.on_ranks import resuming
@@ -53,9 +52,10 @@ from pdsolve.run.recorder import HistoryUntilCheckpoint, Recorder, restore_state
 from pdsolve.run.static_start import start_in_static_equilibrium
 from pdsolve.run.summary import run_metadata, run_summary
 from pdsolve.run.system import System
+from pdsolve.run.zone_restarts import EarlierRefinement
 from pdsolve.state import State
 from pdsolve.steppers.cycle_or_path_steps import CycleOrPathSteps
-from pdsolve.steppers.equilibrium import UnsettledError
+from pdsolve.steppers.equilibrium import NotConvergedError
 from pdsolve.steppers.load_steps import LoadStepProgress
 
 PATIENCE = 5e7  # bond updates between two looks at the watcher, some 20 ms; fewer where they take longer
@@ -123,25 +123,27 @@ def _solve_with_restarts(model: Model, options: Options, request: RunRequest) ->
         model = choose_adaptivity(model, options)
     try:
         return _solve_new_run(*_prepare_new_recorder(model, options, request))
-    except LateZoneError as late:
+    except FineZoneTooLateError as late:
         return _restart_with_earlier_zones(model, options, request, late)
 
 
 def _restart_with_earlier_zones(
-    model: Model, options: Options, request: RunRequest, late_zone_error: LateZoneError
+    model: Model, options: Options, request: RunRequest, fine_zone_too_late: FineZoneTooLateError
 ) -> Results:
     """Results of a run whose fine cells came too late: it goes back as often as they do."""
     while True:
-        wider, earlier_refinements = late_zones.plan_zone_restart(model, request.earlier_refinements, late_zone_error)
-        step = late_zones.find_restart_checkpoint_step(request.output, earlier_refinements)
-        late_zones.warn_of_zone_restart(model, late_zone_error, wider, earlier_refinements, step)
+        wider, earlier_refinements = zone_restarts.plan_zone_restart(
+            model, request.earlier_refinements, fine_zone_too_late
+        )
+        step = zone_restarts.find_restart_checkpoint_step(request.output, earlier_refinements)
+        zone_restarts.warn_of_zone_restart(model, fine_zone_too_late, wider, earlier_refinements, step)
         model, request = wider, request._replace(earlier_refinements=earlier_refinements, thread_count=options.threads)
         try:
             if step and request.output is not None:
                 return _resume_from_checkpoint(request.output, request)
             return _solve_new_run(*_prepare_new_recorder(model, options, request))
-        except LateZoneError as again:
-            late_zone_error = again
+        except FineZoneTooLateError as again:
+            fine_zone_too_late = again
 
 
 def _prepare_new_recorder(model: Model, options: Options, request: RunRequest) -> tuple[Recorder, RunRequest]:
@@ -196,7 +198,7 @@ def _solve_new_run(recorder: Recorder, request: RunRequest) -> Results:
     def make_new_writer() -> Writer:
         metadata = run_metadata(recorder, request.provenance)
         if request.earlier_refinements:
-            metadata |= late_zones.earlier_refinement_metadata(request.earlier_refinements)
+            metadata |= zone_restarts.earlier_refinement_metadata(request.earlier_refinements)
         writer = recorder.make_database_writer(start[0], request.output, metadata)
         start.clear()
         return writer
@@ -269,7 +271,7 @@ def _resume_unless_finished(output: Path, request: RunRequest) -> Results:
             if not _run_is_finished(output):
                 try:
                     return _resume_from_checkpoint(output, request)
-                except LateZoneError as late:
+                except FineZoneTooLateError as late:
                     return _resume_with_earlier_zones(output, request, late)
     put_away(output)
     return Results.open(output)
@@ -288,14 +290,14 @@ def options_from_metadata(model: Model, metadata: Mapping[str, Any], thread_coun
     )
 
 
-def _resume_with_earlier_zones(output: Path, request: RunRequest, late_zone_error: LateZoneError) -> Results:
+def _resume_with_earlier_zones(output: Path, request: RunRequest, fine_zone_too_late: FineZoneTooLateError) -> Results:
     """Results of a continued run whose fine cells came too late, as they would have been without the stop."""
     with Results.open(output) as results:
         model, meta = model_of(results.model(), str(output)), results.meta()
-    earlier_refinements = late_zones.read_earlier_refinements(meta, output)
+    earlier_refinements = zone_restarts.read_earlier_refinements(meta, output)
     request = request._replace(output=output, provenance=meta["provenance"], earlier_refinements=earlier_refinements)
     return _restart_with_earlier_zones(
-        model, options_from_metadata(model, meta, request.thread_count), request, late_zone_error
+        model, options_from_metadata(model, meta, request.thread_count), request, fine_zone_too_late
     )
 
 
@@ -306,7 +308,7 @@ def _resume_from_checkpoint(output: Path, request: RunRequest) -> Results:
         model = model if request.device is None else on_device(model, request.device)
         options = options_from_metadata(model, meta, request.thread_count)._replace(team=request.team)
         resuming.warn_of_other_processor(output, meta)
-        earlier_refinements = request.earlier_refinements or late_zones.read_earlier_refinements(meta, output)
+        earlier_refinements = request.earlier_refinements or zone_restarts.read_earlier_refinements(meta, output)
         request = request._replace(
             output=output, provenance=meta["provenance"], earlier_refinements=earlier_refinements
         )
@@ -363,7 +365,7 @@ def _resume_from_checkpoint(output: Path, request: RunRequest) -> Results:
 def _reopen_writer_at_checkpoint(output: Path, earlier_refinements: tuple[EarlierRefinement, ...]) -> Writer:
     """The writer of a run that is continued."""
     writer = Writer.reopen(output)
-    writer.write_meta(late_zones.earlier_refinement_metadata(earlier_refinements) | {"processor": processor_kind()})
+    writer.write_meta(zone_restarts.earlier_refinement_metadata(earlier_refinements) | {"processor": processor_kind()})
     return writer
 
 
@@ -379,8 +381,8 @@ def _advance_to_end_and_close_results(
                 writer.write(partial(recorder.make_frame, recorder.step, with_fields=True, with_checkpoint=True))
             status = _advance_to_end(recorder, writer, request)
         except BaseException as reason:
-            error = explain_late_zone_error(reason, recorder.system.time_step, recorder.system.stable_time_step)
-            ends = {UnstableError: "unstable", UnsettledError: "unsettled", KeyboardInterrupt: "interrupted"}
+            error = explain_fine_zone_too_late(reason, recorder.system.time_step, recorder.system.stable_time_step)
+            ends = {UnstableError: "unstable", NotConvergedError: "unsettled", KeyboardInterrupt: "interrupted"}
             writer.abandon(ends.get(type(error), "failed"))
             raise error from error.__cause__
         last = writer.done()
@@ -414,7 +416,7 @@ def _advance_to_end(recorder: Recorder, writer: Behind, request: RunRequest) -> 
         looks = run.steps if adapt is None else change_nodes_if_due_and_find_next_step(recorder, adapt, step)
         looks = min(looks, grow_cracks_if_due_and_find_next_step(recorder, step, run.steps))
         if request.earlier_refinements:
-            next_kappa_step = late_zones.set_due_kappa_and_find_next_change(
+            next_kappa_step = zone_restarts.set_due_kappa_and_find_next_change(
                 recorder.system, request.earlier_refinements, step, run.steps
             )
             looks = min(looks, next_kappa_step)
@@ -460,13 +462,13 @@ def _make_progress(recorder: Recorder, step: int, load_step_progress: LoadStepPr
     return Progress(step, steps, broken, records.balance_error, words, recorder.system.zone_summary, load_step_progress)
 
 
-def _can_stop_without_record(system: System, step: int, ledger_row_is_soon: bool) -> bool:
+def _can_stop_without_record(system: System, step: int, balance_row_is_soon: bool) -> bool:
     """Whether a run can stop after a step without a record.
 
     A moving fine zone is followed from one ledger entry to the next: raises KeyboardInterrupt unless the next one comes
-    `ledger_row_is_soon`.
+    `balance_row_is_soon`.
     """
-    if system.moving_zone_operator is not None and not ledger_row_is_soon:
+    if system.moving_zone_operator is not None and not balance_row_is_soon:
         raise KeyboardInterrupt(f"at step {step}; steps since the last checkpoint are lost")
     return system.moving_zone_operator is None
 
@@ -484,4 +486,4 @@ def _stop_criterion_is_met(recorder: Recorder, step: int) -> bool:
     return False
 
 
-__all__ = ["Options", "Progress", "UnsettledError", "UnstableError", "prepare", "resume", "simulate"]
+__all__ = ["NotConvergedError", "Options", "Progress", "UnstableError", "prepare", "resume", "simulate"]

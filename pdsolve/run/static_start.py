@@ -27,7 +27,7 @@ def start_in_static_equilibrium(prepared: PreparedRun) -> PreparedRun:
     rest = prepare_static_equilibrium_at_start(model, system.options, system.scheme)
     stepper, operator, drive = rest.system.stepper, rest.system.operator, rest.system.drive
     assert isinstance(stepper, LoadSteps)
-    stepper.settle_at_time_zero(rest.state)
+    stepper.solve_equilibrium_at_time_zero(rest.state)
     state.value[:] = rest.state.value
     system.drive.held_force[:] = drive.held_force
     acceleration = (force_densities(operator, rest.state) + drive.force) / model.rho[:, None]

@@ -53,7 +53,7 @@ class SwellingStepperWithFineZone(Swelling):
         self._operator = self._bonds = operator
         return self
 
-    def clamped_energy_density(self, state: State) -> NDArray[np.float64]:
+    def energy_density_at_zero_displacement(self, state: State) -> NDArray[np.float64]:
         """The energy densities (n,) of the current nodes at no displacement, J/m^3, inside of one material."""
         hybrid, rows = self._operator.engine, self._operator.grid_rows
         lattice, plate = hybrid.lattice, hybrid.plate

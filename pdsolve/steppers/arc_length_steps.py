@@ -25,7 +25,7 @@ from pdsolve.conditions import Drive, put_loads
 from pdsolve.model import Model
 from pdsolve.operators.protocol import Operator
 from pdsolve.state import State
-from pdsolve.steppers.equilibrium import UnsettledError, area_weighted_tangent, force_densities, norm
+from pdsolve.steppers.equilibrium import NotConvergedError, area_weighted_tangent, force_densities, norm
 from pdsolve.steppers.factors import factorize
 from pdsolve.steppers.load_steps import LoadStepProgress
 from pdsolve.steppers.path_following import PathPoint, PathSolution
@@ -109,9 +109,9 @@ class ArcLengthSteps(PathStepper):
 
     def _take_path_step(self, state: State, step: int) -> None:
         try:
-            new, iterations, residual = self._find_next_equilibrium(state, step)
-        except UnsettledError as error:
-            raise UnsettledError(f"{self._model.name}: path step {step}: {error}") from None
+            new, iterations, residual = self._advance_to_next_equilibrium(state, step)
+        except NotConvergedError as error:
+            raise NotConvergedError(f"{self._model.name}: path step {step}: {error}") from None
         put_loads(self._drive, new.load_factor)
         inside = self._area[:, None] * force_densities(self._operator, state)
         after = np.where(self._held, -inside, self._start + new.load_factor * self._growth)  # loads and reactions, N/m
@@ -130,7 +130,7 @@ class ArcLengthSteps(PathStepper):
         if self._largest_overload_or_zero(state) > 0:
             self.ended, self.end_reason = True, "a bond has reached its limit"
 
-    def _find_next_equilibrium(self, state: State, step: int) -> PathSolution:
+    def _advance_to_next_equilibrium(self, state: State, step: int) -> PathSolution:
         """The next equilibrium, as far along the path as it converges; the state is there then."""
         last, largest, begins = self._last, self._largest, len(self.step_results) <= bool(self._start.any())
         if not self.step_results and self._start.any():
@@ -157,14 +157,14 @@ class ArcLengthSteps(PathStepper):
             try:
                 new, count, residual = self._solve_in_normal_plane_or_at_load_factor(state, guess, 1 / size * way, step)
                 if not norm(new.displacement - guess.displacement) < BENT * self._more:
-                    raise UnsettledError("the path bends within the shortest step")
+                    raise NotConvergedError("the path bends within the shortest step")
                 if new.load_factor >= 1:
                     new, more, residual = self._find_equilibrium_at_full_loads(state, new, step)
                     count += more
                 if self._largest_overload_or_zero(state) > 1 + PAST:
-                    raise UnsettledError("a bond passes its limit within the shortest step")
+                    raise NotConvergedError("a bond passes its limit within the shortest step")
                 break
-            except UnsettledError:
+            except NotConvergedError:
                 state.value[:], self._largest, self._more = last.displacement, largest, self._more / 2
                 if self._more < LEAST * self._most:
                     raise
@@ -182,7 +182,7 @@ class ArcLengthSteps(PathStepper):
         near = last.displacement + share * (beyond.displacement - last.displacement)
         new, count, residual = self._find_equilibrium_at_load_factor(state, near, 1.0, step)
         if not norm(new.displacement - near) < BENT * self._more:
-            raise UnsettledError("the path bends within the shortest step")
+            raise NotConvergedError("the path bends within the shortest step")
         return new, count, residual
 
     def _largest_overload_or_zero(self, state: State) -> float:
@@ -236,7 +236,7 @@ class ArcLengthSteps(PathStepper):
                 )
                 move += turn * b
             value, factor = value + move, factor + turn
-        raise UnsettledError(
+        raise NotConvergedError(
             f"no equilibrium on the path after {iteration} iterations (residual {residual:.2g}; tolerance"
             f" {self._tolerance:g} of the external forces)"
         )
@@ -255,4 +255,4 @@ class ArcLengthSteps(PathStepper):
         try:
             return matrix, factorize(matrix[free][:, free], self._operator.symmetric)
         except RuntimeError:
-            raise UnsettledError("the tangent is singular") from None
+            raise NotConvergedError("the tangent is singular") from None

@@ -14,8 +14,8 @@ from pdsolve.steppers.equilibrium import (
     Equilibrium,
     EquilibriumConditions,
     EquilibriumMethod,
+    NotConvergedError,
     ProgressReport,
-    UnsettledError,
     force_densities,
     relative_residual,
 )
@@ -47,14 +47,14 @@ class EquilibriumMethodWithContact:
             done += equilibrium.iterations
             if contact.moved(state.value) > FAR:
                 state.value[:] = start
-                raise UnsettledError(f"bodies in contact move by more than {FAR:g} spacings")
+                raise NotConvergedError(f"bodies in contact move by more than {FAR:g} spacings")
             before = contact.seen
             contact.see(state.value.copy())
             if relative_residual(state, conditions, force_densities(self._operator, state), 0.0) < STAYS:
                 contact.see(before)
                 return Equilibrium(done, equilibrium.residual)
         state.value[:] = start
-        raise UnsettledError(
+        raise NotConvergedError(
             f"no place in which bodies stay that touch, after {LOOKS} looks at their faces; add supports or"
             " friction for what can slide"
         )
@@ -89,7 +89,7 @@ def solve_until_contact_converges(
     for _ in range(LOOKS if contact is not None else 0):
         assert contact is not None
         if contact.moved(new.displacement) > FAR:
-            raise UnsettledError(f"bodies in contact move by more than {FAR:g} spacings")
+            raise NotConvergedError(f"bodies in contact move by more than {FAR:g} spacings")
         before = contact.seen
         contact.see(new.displacement)
         if measure_residual(new) < STAYS:
@@ -98,5 +98,5 @@ def solve_until_contact_converges(
         new, more, residual = solve()
         count += more
     if contact is not None:
-        raise UnsettledError(f"no place in which bodies stay that touch, after {LOOKS} looks at their faces")
+        raise NotConvergedError(f"no place in which bodies stay that touch, after {LOOKS} looks at their faces")
     return new, count, residual

@@ -24,7 +24,7 @@ from pdsolve.conditions import Drive, put_loads
 from pdsolve.model import Model
 from pdsolve.operators.protocol import Operator
 from pdsolve.state import State
-from pdsolve.steppers.equilibrium import Equilibrium, UnsettledError, force_densities
+from pdsolve.steppers.equilibrium import Equilibrium, NotConvergedError, force_densities
 from pdsolve.steppers.growing_cracks import CrackedBodySnapshot, CrackGrowth, JudgedTip, stress_intensities_of_tips
 from pdsolve.steppers.load_steps import LoadSteps, LoadStepStatistics
 from pdsolve.steppers.path_stepper import REACHED, PathStepper
@@ -39,7 +39,7 @@ TRIES = 12  # factors that are tried in a step
 STEP_BACK = 0.99  # of a factor: the second one tried where loads do not grow in proportion
 
 
-class NoGrowingTipError(UnsettledError):
+class NoGrowingTipError(NotConvergedError):
     """No crack can go on: the path ends there."""
 
 
@@ -75,8 +75,8 @@ class CrackLengthSteps(PathStepper):
                 if self.step_results
                 else self._load_until_first_tip_grows(state, step)
             )
-        except UnsettledError as error:
-            raise UnsettledError(f"{self._model.name}: path step {step}: {error}") from None
+        except NotConvergedError as error:
+            raise NotConvergedError(f"{self._model.name}: path step {step}: {error}") from None
         if path_point is None:
             return
         equilibrium, factor, cost = path_point
@@ -88,23 +88,25 @@ class CrackLengthSteps(PathStepper):
         """Loads up to the first tip that grows; books their work."""
         load = np.zeros(self._drive.force.shape)
 
-        def settle_at_load_factor(factor: float) -> Equilibrium:
-            equilibrium = self._motion.settle_at_time_and_book_work(state, load.copy(), step, factor)
+        def solve_equilibrium_at_load_factor(factor: float) -> Equilibrium:
+            equilibrium = self._motion.solve_equilibrium_at_time_and_add_work(state, load.copy(), step, factor)
             load[:] = self._drive.force
             return equilibrium
 
         first = 0.0
         if self._start.any():
-            settle_at_load_factor(0.0)
+            solve_equilibrium_at_load_factor(0.0)
             first = self._largest_intensity_to_toughness_ratio(state)
             if first >= 1:
-                raise UnsettledError(f"a tip has {first:.3g} of what lets it grow under what does not change")
+                raise NotConvergedError(f"a tip has {first:.3g} of what lets it grow under what does not change")
         previous_point, factor = (0.0, first), SMALL
-        iterations = settle_at_load_factor(factor).iterations
+        iterations = solve_equilibrium_at_load_factor(factor).iterations
         while factor < 1 and (share := self._largest_intensity_to_toughness_ratio(state)) < CLOSED:
             previous_point, factor = (factor, share), min(2 * factor, 1.0)
-            iterations += settle_at_load_factor(factor).iterations
-        equilibrium, factor = self._find_load_factor_of_tip_growth(state, previous_point, factor, settle_at_load_factor)
+            iterations += solve_equilibrium_at_load_factor(factor).iterations
+        equilibrium, factor = self._find_load_factor_of_tip_growth(
+            state, previous_point, factor, solve_equilibrium_at_load_factor
+        )
         return equilibrium._replace(iterations=iterations + equilibrium.iterations), factor, 0.0
 
     def _grow_critical_tips_and_rescale_loads(self, state: State, step: int) -> tuple[Equilibrium, float, float] | None:
@@ -134,13 +136,13 @@ class CrackLengthSteps(PathStepper):
             motion.raise_if_a_body_lacks_supports()
             previous_point = (0.0, 0.0)
             if self._start.any():
-                motion.settle_at_time_without_booking(state, step, start)
+                motion.solve_equilibrium_at_time(state, step, start)
                 previous_point = start, self._largest_intensity_to_toughness_ratio_or_raise(state)
             equilibrium, factor = self._find_load_factor_of_tip_growth(
                 state,
                 previous_point,
                 last.load_factor,
-                lambda at: motion.settle_at_time_without_booking(state, step, at),
+                lambda at: motion.solve_equilibrium_at_time(state, step, at),
             )
         except NoGrowingTipError as error:
             checkpoint.restore(state, operator, growth)
@@ -158,13 +160,13 @@ class CrackLengthSteps(PathStepper):
         state: State,
         previous_factor_and_ratio: tuple[float, float],
         load_factor: float,
-        settle_at_load_factor: Callable[[float], Equilibrium],
+        solve_equilibrium_at_load_factor: Callable[[float], Equilibrium],
     ) -> tuple[Equilibrium, float]:
         """Bring the body to rest where the largest share is 1, or at the end of the loads; from a factor and the share
         there, and the next factor to try. Returns how it settled, and the factor."""
         iterations = 0
         for _ in range(TRIES):
-            equilibrium = settle_at_load_factor(load_factor)
+            equilibrium = solve_equilibrium_at_load_factor(load_factor)
             iterations += equilibrium.iterations
             share = self._largest_intensity_to_toughness_ratio_or_raise(state)
             if abs(share - 1) < NEAR or (load_factor == 1 and share < 1):
@@ -173,9 +175,9 @@ class CrackLengthSteps(PathStepper):
                 return Equilibrium(iterations, equilibrium.residual), load_factor
             slope = (share - previous_factor_and_ratio[1]) / (load_factor - previous_factor_and_ratio[0])
             if not slope > 0:
-                raise UnsettledError(f"a tip has {share:.3g} of what lets it grow, and no more under larger loads")
+                raise NotConvergedError(f"a tip has {share:.3g} of what lets it grow, and no more under larger loads")
             previous_factor_and_ratio, load_factor = (load_factor, share), min(load_factor + (1 - share) / slope, 1.0)
-        raise UnsettledError(f"no loads let a tip grow after {TRIES} tries")
+        raise NotConvergedError(f"no loads let a tip grow after {TRIES} tries")
 
     def _intensity_to_toughness_ratios(self, judged_tips: list[JudgedTip]) -> Array:
         """Shares (k,) of what lets tips grow; 0 of those that stay, or go straight on to what is ahead of them."""

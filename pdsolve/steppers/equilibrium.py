@@ -23,7 +23,7 @@ ROUND = 3e-16  # of a force: what its sum over neighbours is known to
 ProgressReport = Callable[[int, float], None]  # iterations so far in this go, and what is left
 
 
-class UnsettledError(ArithmeticError):
+class NotConvergedError(ArithmeticError):
     """A plate that does not come to rest; the message says how far it came and what to check."""
 
 

@@ -23,7 +23,7 @@ from pdsolve.model import Model, ModelError
 from pdsolve.operators.protocol import Operator
 from pdsolve.state import State
 from pdsolve.steppers.cycle_steps import CycleSteps
-from pdsolve.steppers.equilibrium import Equilibrium, UnsettledError
+from pdsolve.steppers.equilibrium import Equilibrium, NotConvergedError
 from pdsolve.steppers.load_steps import LoadSteps
 
 JUMPS = 10  # to a step
@@ -96,10 +96,10 @@ class BondFatigueSteps(CycleSteps):
         values, broken, intact = [part.copy() for part in state], self._operator.broken(), bonds.intact.copy()
         try:
             bonds.part(self._operator, state, step, which, stretches)
-            equilibrium = motion.settle_after_breakage(state, step, previous_equilibrium.iterations)
+            equilibrium = motion.solve_equilibrium_after_breakage(state, step, previous_equilibrium.iterations)
             total = Equilibrium(previous_equilibrium.iterations + equilibrium.iterations, equilibrium.residual)
-            return motion.break_overstretched_bonds_and_settle(state, step, total)[0]
-        except UnsettledError:
+            return motion.break_overstretched_bonds_and_solve_equilibrium(state, step, total)[0]
+        except NotConvergedError:
             for part, value in zip(state, values, strict=True):
                 part[:] = value
             bonds.intact[:] = intact

@@ -39,7 +39,7 @@ class CrackGrowth(Protocol):
     def restore(self, checkpoint: Mapping[str, NDArray[Any]], broken: Broken) -> None:
         """Restore a checkpoint with these broken bonds."""
 
-    def add_remark_once(self, key: str, text: str) -> None:
+    def add_warning_once(self, key: str, text: str) -> None:
         """Add a remark to be read together with the crack paths, once for a key."""
 
 

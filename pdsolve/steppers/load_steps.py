@@ -29,8 +29,8 @@ from pdsolve.steppers.equilibrium import (
     Equilibrium,
     EquilibriumConditions,
     EquilibriumMethod,
+    NotConvergedError,
     ProgressReport,
-    UnsettledError,
     force_densities,
     norm,
 )
@@ -102,7 +102,7 @@ class LoadSteps:
             put_loads(drive, step * self._dt)
             try:
                 self._raise_if_loads_on_loose_bodies_unbalanced("")
-            except UnsettledError as error:
+            except NotConvergedError as error:
                 raise ModelError(f"{model.name}: $.conditions: {error}") from None
         drive.force[:] = 0
 
@@ -121,21 +121,23 @@ class LoadSteps:
             self._breaking.swell(strain)
         self._inner = norm(force_densities(self._operator, state._replace(value=np.zeros(state.value.shape))))
 
-    def settle_at_time_zero(self, state: State) -> Equilibrium:
+    def solve_equilibrium_at_time_zero(self, state: State) -> Equilibrium:
         """Bring the plate to rest under the conditions of time 0, without breaking bonds. Raises UnsettledError."""
         put_loads(self._drive, 0.0)
-        return self._settle_in_parts_and_book_work(state, np.zeros(self._drive.force.shape), 0, 0.0)
+        return self._solve_in_parts_and_add_work(state, np.zeros(self._drive.force.shape), 0, 0.0)
 
-    def settle_at_time_and_book_work(self, state: State, previous_load: Array, step: int, time: float) -> Equilibrium:
+    def solve_equilibrium_at_time_and_add_work(
+        self, state: State, previous_load: Array, step: int, time: float
+    ) -> Equilibrium:
         """Bring the plate from rest under the loads `previous_load` (n, w) to rest under the conditions of `time`, s.
 
         Books the work. Raises UnsettledError.
         """
         put_loads(self._drive, time)
         self._raise_if_loads_on_loose_bodies_unbalanced("")
-        return self._settle_in_parts_and_book_work(state, previous_load, step, time)
+        return self._solve_in_parts_and_add_work(state, previous_load, step, time)
 
-    def settle_at_time_without_booking(self, state: State, step: int, time: float) -> Equilibrium:
+    def solve_equilibrium_at_time(self, state: State, step: int, time: float) -> Equilibrium:
         """Bring the plate to rest under the conditions of `time`, s; books nothing. Raises UnsettledError."""
         put_loads(self._drive, time)
         self._raise_if_loads_on_loose_bodies_unbalanced("")
@@ -172,13 +174,13 @@ class LoadSteps:
         spent = self._dissipated_and_released_energy(state)
         try:
             self._raise_if_loads_on_loose_bodies_unbalanced("")
-            equilibrium = self._settle_in_parts_and_book_work(state, before, step, step * self._dt)
+            equilibrium = self._solve_in_parts_and_add_work(state, before, step, step * self._dt)
             self._on_next_equilibrium(state)
-            equilibrium, breaks, least = self.break_overstretched_bonds_and_settle(state, step, equilibrium)
-            equilibrium, growth_count = self._grow_cracks_and_settle(state, step, equilibrium)
+            equilibrium, breaks, least = self.break_overstretched_bonds_and_solve_equilibrium(state, step, equilibrium)
+            equilibrium, growth_count = self._grow_cracks_and_solve_equilibrium(state, step, equilibrium)
             self._raise_if_unstable(state)
-        except UnsettledError as error:
-            raise UnsettledError(f"{self._model.name}: load step {step}, {step * self._dt:.4g} s: {error}") from None
+        except NotConvergedError as error:
+            raise NotConvergedError(f"{self._model.name}: load step {step}, {step * self._dt:.4g} s: {error}") from None
         self.step_results.append(
             LoadStepStatistics(step, equilibrium.iterations, equilibrium.residual, breaks + growth_count, least)
         )
@@ -196,7 +198,7 @@ class LoadSteps:
             return
         ways = self.method.count_unstable_modes(state, self.held)
         if ways:
-            raise UnsettledError(
+            raise NotConvergedError(
                 f"the equilibrium is not stable, as energy falls in {ways} independent ways: a body under dead"
                 " loads leaves it; use smaller loads, prescribed displacements, or motion (run.solver)"
             )
@@ -228,7 +230,7 @@ class LoadSteps:
         size = norm(load)
         return size if size > 0 else norm(state.value[self.held])
 
-    def _settle_in_parts_and_book_work(self, state: State, previous_load: Array, step: int, time: float) -> Equilibrium:
+    def _solve_in_parts_and_add_work(self, state: State, previous_load: Array, step: int, time: float) -> Equilibrium:
         """Find equilibrium under the loads and holds of `time`, s, starting from those before; books the work.
 
         A part of the way that does not come to rest is halved, and the next part grows if few iterations were enough.
@@ -243,10 +245,10 @@ class LoadSteps:
             places = [np.where(self.held, start + share * (at - start), 0.0) for share in ((done + end) / 2, end)]
             value, operator_arrays = state.value.copy(), self._operator.checkpoint_arrays()
             try:
-                equilibrium = self._settle_halfway_and_at_end_of_part(
+                equilibrium = self._solve_equilibrium_halfway_and_at_end_of_part(
                     state, loads, places, self._make_progress_callback(step, iterations)
                 )
-            except UnsettledError as error:
+            except NotConvergedError as error:
                 state.value[:], part = value, part / 2
                 self._operator.restore(operator_arrays, self._operator.broken())
                 if part < self.method.smallest_load_step_part:
@@ -258,20 +260,20 @@ class LoadSteps:
         return Equilibrium(iterations, equilibrium.residual)
 
     def _limit_load_error_if_nodes_flow(
-        self, error: UnsettledError, state: State, settled_share: float
-    ) -> UnsettledError:
+        self, error: NotConvergedError, state: State, settled_share: float
+    ) -> NotConvergedError:
         """The error of a load step that comes to rest up to the share `settled_share` only: a limit load, where nodes
         flow."""
         plastic = self._operator.fields(state).get("plastic")
         flowing = 0 if plastic is None else int((plastic > 0).sum())
         if not flowing or not self._drive.force[~self.held].any():
             return error
-        return UnsettledError(
+        return NotConvergedError(
             f"limit load: no equilibrium above {settled_share:.3g} of this load step, as {flowing} of {len(self._area)}"
             " nodes flow; use smaller loads, prescribed displacements, or material.hardening"
         )
 
-    def _settle_halfway_and_at_end_of_part(
+    def _solve_equilibrium_halfway_and_at_end_of_part(
         self,
         state: State,
         loads_at_start_middle_and_end: list[Array],
@@ -296,7 +298,7 @@ class LoadSteps:
         state.work[:] += work.sum(axis=1)
         return Equilibrium(iterations, equilibrium.residual)
 
-    def break_overstretched_bonds_and_settle(
+    def break_overstretched_bonds_and_solve_equilibrium(
         self, state: State, step: int, equilibrium: Equilibrium
     ) -> tuple[Equilibrium, int, float]:
         """Break bonds and settle until no bond is above its limit.
@@ -311,24 +313,26 @@ class LoadSteps:
             if most and breaks:
                 least = min(least, 1 / most)
             roughly = most > 0
-            equilibrium = self.settle_after_breakage(state, step, iterations, BETWEEN if roughly else 0.0)
+            equilibrium = self.solve_equilibrium_after_breakage(state, step, iterations, BETWEEN if roughly else 0.0)
             iterations += equilibrium.iterations
             breaks += roughly
         return Equilibrium(iterations, equilibrium.residual), breaks, least
 
-    def settle_after_breakage(
+    def solve_equilibrium_after_breakage(
         self, state: State, step: int, iterations_before: int = 0, sufficient_residual: float = 0.0
     ) -> Equilibrium:
         """Settle again after bonds broke, at least to a residual of `sufficient_residual`. Raises UnsettledError."""
         self.raise_if_a_body_lacks_supports()
         try:
-            return self._settle_at_constant_load(state, step, iterations_before, sufficient_residual)
-        except UnsettledError as error:
-            raise UnsettledError(
+            return self._solve_equilibrium_at_constant_load(state, step, iterations_before, sufficient_residual)
+        except NotConvergedError as error:
+            raise NotConvergedError(
                 f"after {pair_count(len(self._operator.broken().step))} bonds broke: {error}"
             ) from None
 
-    def _grow_cracks_and_settle(self, state: State, step: int, equilibrium: Equilibrium) -> tuple[Equilibrium, int]:
+    def _grow_cracks_and_solve_equilibrium(
+        self, state: State, step: int, equilibrium: Equilibrium
+    ) -> tuple[Equilibrium, int]:
         """Let cracks grow and settle until none grows; returns how it settled, and how often."""
         times, iterations = 0, equilibrium.iterations
         while self._grow is not None and self._grow(state, step):
@@ -336,12 +340,12 @@ class LoadSteps:
             self._check_supports_and_restrain_loose_bodies(
                 broken, f"after {pair_count(len(broken.step))} bonds were cut: "
             )
-            equilibrium = self._settle_at_constant_load(state, step, iterations)
+            equilibrium = self._solve_equilibrium_at_constant_load(state, step, iterations)
             iterations += equilibrium.iterations
             times += 1
         return Equilibrium(iterations, equilibrium.residual), times
 
-    def _settle_at_constant_load(
+    def _solve_equilibrium_at_constant_load(
         self, state: State, step: int, iterations_before: int, sufficient_residual: float = 0.0
     ) -> Equilibrium:
         """Find equilibrium under the same loads; books their work, and the energy that the plate releases."""
@@ -433,7 +437,7 @@ class LoadSteps:
                 self._model.grid.position, self._drive.force * self._area[:, None], self._loose
             )
             if said:
-                raise UnsettledError(f"{message_prefix}loads of {said} do not balance; add supports")
+                raise NotConvergedError(f"{message_prefix}loads of {said} do not balance; add supports")
 
 
 def prescribed_displacements(drive: Drive, time: float) -> Array:

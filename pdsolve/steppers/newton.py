@@ -23,8 +23,8 @@ from pdsolve.steppers.downdated_tangent import DowndatedTangent
 from pdsolve.steppers.equilibrium import (
     Equilibrium,
     EquilibriumConditions,
+    NotConvergedError,
     ProgressReport,
-    UnsettledError,
     area_weighted_tangent,
     force_densities,
     least_reference_stiffness_for_tolerance,
@@ -137,7 +137,7 @@ class Newton:
         state.value[:] = start
         self.discard_reused_tangent()
         loose = "" if self._floating is None else "support the bodies that nothing but contact or --float holds, or "
-        raise UnsettledError(
+        raise NotConvergedError(
             f"no equilibrium after {done} iterations of {self.description} (tolerance {self._tolerance:g} of the"
             f" external forces); {loose}take smaller load steps (run.static.load_steps)"
         )
@@ -266,7 +266,7 @@ class Newton:
         try:
             return factorize(matrix, self._operator.symmetric)
         except RuntimeError:
-            raise UnsettledError(
+            raise NotConvergedError(
                 "a body is free to move in its own plane without a force; add supports, or use run.static.floating"
                 " (--float)"
             ) from None

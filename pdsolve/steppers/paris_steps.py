@@ -29,7 +29,7 @@ from pdsolve.checkpoint_validation import entry
 from pdsolve.operators.protocol import Operator
 from pdsolve.state import State
 from pdsolve.steppers.cycle_steps import CycleSteps
-from pdsolve.steppers.equilibrium import Equilibrium, UnsettledError
+from pdsolve.steppers.equilibrium import Equilibrium, NotConvergedError
 from pdsolve.steppers.growing_cracks import (
     CrackedBodySnapshot,
     CrackGrowth,
@@ -109,7 +109,7 @@ class ParisSteps(CycleSteps):
         self.cycle_error_of_K += abs(cycles) * law.m * self._apart
         if steepest > STEEPEST:
             message = f"growth is {steepest:.3g} times as fast as before this step, more than {STEEPEST:g} times"
-            growth.add_remark_once("outruns", f"step {step}: {message}, of particles as short as the spacing")
+            growth.add_warning_once("outruns", f"step {step}: {message}, of particles as short as the spacing")
         return equilibrium
 
     def _advance_cycles_to_next_particle(
@@ -172,8 +172,8 @@ class ParisSteps(CycleSteps):
         }
         self._tips |= {number: of[above] for number, above in enumerate(parent) if above in of}
         try:
-            return self._motion.settle_after_breakage(state, step)
-        except UnsettledError:
+            return self._motion.solve_equilibrium_after_breakage(state, step)
+        except NotConvergedError:
             self._restore_snapshot(state, before)
             self._record_end_of_life("what was left could not bear the largest loads")
             return None

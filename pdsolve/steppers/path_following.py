@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pdsolve.operators.softening_bonds import Response, SofteningBonds
-from pdsolve.steppers.equilibrium import ProgressReport, UnsettledError, norm
+from pdsolve.steppers.equilibrium import NotConvergedError, ProgressReport, norm
 from pdsolve.steppers.path_control import PathControl
 from pdsolve.steppers.reused_factors import ReusedFactorSolver
 
@@ -129,7 +129,7 @@ class PathFollower:
                     break
                 size /= 2
             value = tried
-        raise UnsettledError(f"no equilibrium at {load_factor:.4g} of the loads after {2 * MOST} iterations")
+        raise NotConvergedError(f"no equilibrium at {load_factor:.4g} of the loads after {2 * MOST} iterations")
 
     def solve_at_control_increment(
         self,
@@ -187,7 +187,7 @@ class PathFollower:
             size = min(1.0, reach / max(float(np.abs(move).max()), 1e-300))
             value, factor = value + size * move, factor + size * turn
             response = self.bonds.respond(value)
-        raise UnsettledError(
+        raise NotConvergedError(
             f"no equilibrium where {self.control.description} {control_increment:.3g} {self.control.unit} more after"
             f" {iteration} iterations (residual {residual:.2g}; tolerance {self._tolerance:g} of the external forces)"
         )

@@ -27,7 +27,7 @@ from pdsolve.operators.softening_bonds import Response, SofteningBonds
 from pdsolve.state import Broken, State
 from pdsolve.steppers.contact_method import append_contact_pairs, solve_until_contact_converges
 from pdsolve.steppers.cracks_at_no_fail_bonds import describe_crack_at_no_fail_bonds
-from pdsolve.steppers.equilibrium import UnsettledError
+from pdsolve.steppers.equilibrium import NotConvergedError
 from pdsolve.steppers.load_steps import LoadStepProgress
 from pdsolve.steppers.path_control import DissipationControl, OpeningControl, PathControl
 from pdsolve.steppers.path_following import (
@@ -131,10 +131,10 @@ class SofteningPathSteps(PathStepper):
             self._contact.begin(state)
         try:
             new, iterations, residual = (
-                self._solve_first_path_step(state) if not self.step_results else self._find_next_equilibrium(step)
+                self._solve_first_path_step(state) if not self.step_results else self._advance_to_next_equilibrium(step)
             )
-        except UnsettledError as error:
-            raise UnsettledError(f"{self._model.name}: path step {step}: {error}") from None
+        except NotConvergedError as error:
+            raise NotConvergedError(f"{self._model.name}: path step {step}: {error}") from None
         response = self._bonds.respond(new.displacement)
         after = self._loads_and_reactions(new, response)
         work = work_of_last_path_step((self._before, self._last, new), (*self._pushed, after)).sum(axis=1)
@@ -158,7 +158,7 @@ class SofteningPathSteps(PathStepper):
         start, bonds, k = self._last, self._bonds, self._bonds.breaks
         if not self._follower.drive.values_at_zero_factor.any():
             return self._load_until_first_bond_peaks(start)
-        with suppress(UnsettledError):
+        with suppress(NotConvergedError):
             path_point = self._find_equilibrium_at_load_factor(start, 0.0)
             if not (bonds.stretches(path_point[0].displacement)[k] >= bonds.peak[k]).any():
                 return self._load_until_first_bond_peaks(path_point[0])
@@ -184,8 +184,8 @@ class SofteningPathSteps(PathStepper):
                     axis=1
                 ) / self._area
                 self._pushed, self._bonds.kappa[:], self._last = (self._pushed[1], after), response.kappa, new
-        except UnsettledError as error:
-            raise UnsettledError(f"under {share:.0%} of what does not grow: {error}") from None
+        except NotConvergedError as error:
+            raise NotConvergedError(f"under {share:.0%} of what does not grow: {error}") from None
         finally:
             self._follower.drive = full_drive
         self._before = self._last
@@ -220,7 +220,7 @@ class SofteningPathSteps(PathStepper):
         opened = self._control_value(elastic_point) - self._control_value(start_point)
         if not opened > 0:
             said = f"{self._follower.control.description} {opened:.3g} m under growing loads"
-            raise UnsettledError(f"{said}; use a gap that grows")
+            raise NotConvergedError(f"{said}; use a gap that grows")
         return (
             (self._opening - self._control_value(start_point))
             / opened
@@ -236,7 +236,7 @@ class SofteningPathSteps(PathStepper):
             self._follower.relative_residual,
         )
 
-    def _find_next_equilibrium(self, step: int) -> PathSolution:
+    def _advance_to_next_equilibrium(self, step: int) -> PathSolution:
         """A step of dissipation, as large as it converges."""
         iterations, last, secants = 0, self._last, 0
         self._more = min(self._more, max(self._opening - self._control_value(last), LEAST * self._most))
@@ -261,7 +261,7 @@ class SofteningPathSteps(PathStepper):
                     self._contact, follow, self._follower.relative_residual
                 )
                 break
-            except UnsettledError as error:
+            except NotConvergedError as error:
                 secants = self._choose_secant_iterations_and_increment_of_next_try(secants, error)
         if count <= FEW:
             self._more = min(self._more * GROWTH, self._most)
@@ -269,13 +269,15 @@ class SofteningPathSteps(PathStepper):
             try:
                 new, more, residual = self._find_equilibrium_at_load_factor(last, 1.0)
                 count += more
-            except UnsettledError:  # the path turns round beyond
+            except NotConvergedError:  # the path turns round beyond
                 pass
             self.ended = True
         self.ended |= self._is_final_opening_reached(new)
         return new, iterations + count, residual
 
-    def _choose_secant_iterations_and_increment_of_next_try(self, secant_iterations: int, error: UnsettledError) -> int:
+    def _choose_secant_iterations_and_increment_of_next_try(
+        self, secant_iterations: int, error: NotConvergedError
+    ) -> int:
         """Secants to begin the step again with, after it did not converge with so many; sets how much more is spent.
 
         Raises the error where nothing is left to try.
@@ -284,7 +286,7 @@ class SofteningPathSteps(PathStepper):
             self._more, secant_iterations = (self._more, SECANTS) if not secant_iterations else (self._more / 2, 0)
         elif np.isfinite(self._opening):
             said = f"the gap '{self._model.settings.run.static.control}' does not grow along the path"
-            raise UnsettledError(f"{said}; use one that does, or no run.static.control") from None
+            raise NotConvergedError(f"{said}; use one that does, or no run.static.control") from None
         elif secant_iterations < PATIENT:
             self._more, secant_iterations = self._most, PATIENT
         elif self._more > self._most / COARSER**3:

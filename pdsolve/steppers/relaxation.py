@@ -21,8 +21,8 @@ from pdsolve.steppers.equilibrium import (
     Equilibrium,
     EquilibriumConditions,
     EquilibriumMethod,
+    NotConvergedError,
     ProgressReport,
-    UnsettledError,
     force_densities,
     least_reference_stiffness_for_tolerance,
     relative_residual,
@@ -71,7 +71,7 @@ class DynamicRelaxation(EquilibriumMethod):
             if equilibrium is not None:
                 return equilibrium
             if last >= self._most or not mass.max() < 100 * self._mass.max():
-                raise UnsettledError(
+                raise NotConvergedError(
                     f"no equilibrium after {last} iterations of {self.description} (tolerance {self._tolerance:g} of"
                     " the external forces); allow more iterations (run.static.iterations), or a larger tolerance"
                 )

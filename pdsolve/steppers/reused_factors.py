@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from pdsolve.steppers.equilibrium import UnsettledError
+from pdsolve.steppers.equilibrium import NotConvergedError
 from pdsolve.steppers.factors import factorize
 
 if TYPE_CHECKING:
@@ -113,4 +113,4 @@ def _factorize_without_warnings(matrix: csr_array, symmetric: bool) -> Callable[
         try:
             return factorize(matrix, symmetric)
         except RuntimeError:
-            raise UnsettledError("the tangent is singular") from None
+            raise NotConvergedError("the tangent is singular") from None

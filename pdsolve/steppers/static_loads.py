@@ -95,7 +95,7 @@ def _model_with_path_steps(model: Model) -> Model:
     return stepped_model
 
 
-def model_at_rest_after_each_content_step(model: Model, precision: str) -> Model:
+def quasi_static_model_after_each_content_step(model: Model, precision: str) -> Model:
     """The model at rest after each time step of a content that swells it. Raises ModelError for an unsupported one."""
     run = model.settings.run
     if precision != "float64":

@@ -7,7 +7,7 @@ from concurrent.futures import CancelledError
 from typing import Any
 
 from pdsolve.study.description import StudyError
-from pdsolve.study.one_run import LOST, Outcome, Task, solved
+from pdsolve.study.one_run import LOST, Outcome, Task, solve_and_measure
 
 MISSING = "--scheduler needs the package distributed; install it: pip install 'pdsuite[study]'"
 PATIENCE = 10.0  # s until a scheduler has answered
@@ -23,7 +23,7 @@ def solved_by(tasks: Sequence[Task], scheduler: str) -> Iterator[Outcome]:
     with _client(scheduler) as client:
         from distributed import KilledWorker, as_completed
 
-        futures = dict(zip(client.map(solved, tasks, pure=False), tasks, strict=True))
+        futures = dict(zip(client.map(solve_and_measure, tasks, pure=False), tasks, strict=True))
         for future in as_completed(futures):
             try:
                 error = future.exception()

@@ -96,7 +96,7 @@ class Case:
             disturbed = msgspec.to_builtins(self.repeat)
             del disturbed["times"]
             parts |= {"repetition": self.repetition, "repeat": disturbed}
-        return json.dumps(_plain(parts), sort_keys=True)
+        return json.dumps(_with_equal_numbers(parts), sort_keys=True)
 
     @property
     def names(self) -> list[tuple[str, str, str]]:
@@ -112,7 +112,7 @@ class Case:
     def assignments(self, kind: str) -> list[tuple[str, str]]:
         """Parameters of the "drawing", or settings of the "model", in the form of ``--set``."""
         parameters: Mapping[str, Any] = getattr(self, kind)
-        return [(name, word(value, toml=kind == "model")) for name, value in parameters.items()]
+        return [(name, format_value(value, toml=kind == "model")) for name, value in parameters.items()]
 
 
 @dataclass(frozen=True)
@@ -138,7 +138,11 @@ class Study:
         """Names of the parameters that differ between runs, in the order of the file."""
         cases = self.cases()
         names = dict.fromkeys(name for case in cases for name in case.values)
-        return [name for name in names if len({json.dumps(_plain(case.values.get(name))) for case in cases}) > 1]
+        return [
+            name
+            for name in names
+            if len({json.dumps(_with_equal_numbers(case.values.get(name))) for case in cases}) > 1
+        ]
 
     def cases(self) -> list[Case]:
         """All runs: each of `runs` combined with all combinations of `vary`, and repeated. Raises StudyError."""
@@ -150,8 +154,8 @@ class Study:
         for listed in about.runs or (Set(),):
             for chosen in itertools.product(*(values for _, _, values in ranges)):
                 parts: dict[str, dict[str, Any]] = {"drawing": {}, "model": {}, "options": {}}
-                _lay(parts, about.set)
-                _lay(parts, listed)
+                _override_parts(parts, about.set)
+                _override_parts(parts, listed)
                 for (kind, name, _), value in zip(ranges, chosen, strict=True):
                     parts[kind][name] = value
                 for repetition in range(about.repeat.times):
@@ -169,7 +173,7 @@ def read_study(path: FilePath) -> Study:
         text = read_bytes(path).decode("utf-8")
         content = tomllib.loads(text)
         about = msgspec.convert(content, Description)
-        _refuse_odd(msgspec.to_builtins(about, builtin_types=(date, time)), "$")
+        _raise_for_no_parameter_value(msgspec.to_builtins(about, builtin_types=(date, time)), "$")
     except OSError as error:
         raise StudyError(f"{path}: cannot be read: {error.strerror}") from None
     except (msgspec.ValidationError, tomllib.TOMLDecodeError) as error:
@@ -189,7 +193,7 @@ def read_study(path: FilePath) -> Study:
     return study
 
 
-def _refuse_odd(value: Any, place: str) -> None:
+def _raise_for_no_parameter_value(value: Any, place: str) -> None:
     """Raise ValueError for TOML values that are no parameters: dates and times, and numbers that no double holds."""
     if isinstance(value, int) and abs(value) > sys.float_info.max:
         raise ValueError(f"{place} is an integer of {value.bit_length()} bits; use one below 1.8e308")
@@ -197,10 +201,10 @@ def _refuse_odd(value: Any, place: str) -> None:
         raise ValueError(f"{place} is {value}; use a number, a word, a list or a table")
     parts = value.items() if isinstance(value, dict) else enumerate(value) if isinstance(value, list | tuple) else ()
     for name, part in parts:
-        _refuse_odd(part, f"{place}[{name}]" if isinstance(name, int) else f"{place}.{name}")
+        _raise_for_no_parameter_value(part, f"{place}[{name}]" if isinstance(name, int) else f"{place}.{name}")
 
 
-def word(value: Any, toml: bool = False) -> str:
+def format_value(value: Any, toml: bool = False) -> str:
     """A value in the form of ``--set``."""
     if isinstance(value, bool):
         return ("true" if value else "false") if toml else str(int(value))
@@ -212,7 +216,7 @@ def word(value: Any, toml: bool = False) -> str:
 def _ranges(vary: Vary, name: str) -> Iterator[tuple[str, str, Sequence[Any]]]:
     """Kind, name and values of each varied parameter. Raises StudyError for an empty list or another type."""
     parameters = [("drawing", *item) for item in vary.drawing.items()]
-    parameters += [("model", *item) for item in _flat(vary.model).items()]
+    parameters += [("model", *item) for item in _flatten_to_dotted_names(vary.model).items()]
     parameters += [
         ("options", option, getattr(vary, option)) for option in OPTIONS if getattr(vary, option) is not None
     ]
@@ -223,25 +227,29 @@ def _ranges(vary: Vary, name: str) -> Iterator[tuple[str, str, Sequence[Any]]]:
         yield kind, parameter, values
 
 
-def _lay(parts: dict[str, dict[str, Any]], above: Set) -> None:
+def _override_parts(parts: dict[str, dict[str, Any]], above: Set) -> None:
     """Override `parts` by the values of `above`, in place."""
     parts["drawing"].update(above.drawing)
-    parts["model"].update(_flat(above.model))
+    parts["model"].update(_flatten_to_dotted_names(above.model))
     parts["options"].update({name: getattr(above, name) for name in OPTIONS if getattr(above, name) is not None})
 
 
-def _flat(nested: Mapping[str, Any], before: str = "") -> dict[str, Any]:
+def _flatten_to_dotted_names(nested: Mapping[str, Any], before: str = "") -> dict[str, Any]:
     """Nested tables as dotted names."""
     flat: dict[str, Any] = {}
     for name, value in nested.items():
-        flat |= _flat(value, f"{before}{name}.") if isinstance(value, dict) else {f"{before}{name}": value}
+        flat |= (
+            _flatten_to_dotted_names(value, f"{before}{name}.")
+            if isinstance(value, dict)
+            else {f"{before}{name}": value}
+        )
     return flat
 
 
-def _plain(value: Any) -> Any:
+def _with_equal_numbers(value: Any) -> Any:
     """A value in which 1 and 1.0 are equal."""
     if isinstance(value, Mapping):
-        return {str(key): _plain(item) for key, item in value.items()}
+        return {str(key): _with_equal_numbers(item) for key, item in value.items()}
     if isinstance(value, list | tuple):
-        return [_plain(item) for item in value]
+        return [_with_equal_numbers(item) for item in value]
     return float(value) if isinstance(value, int) and not isinstance(value, bool) else value

@@ -18,8 +18,8 @@ from pdsolve.study.description import Study, StudyError
 from pdsolve.study.measure_columns import measures_of
 from pdsolve.study.one_run import Outcome, Task
 from pdsolve.study.recovered_runs import kept, own_runs
-from pdsolve.study.run_model import NAMED, check
-from pdsolve.study.table import FAILED, FINISHED, Row, Table, runs_of
+from pdsolve.study.run_model import NAMED, check_study_and_return_dimension
+from pdsolve.study.table import FAILED, FINISHED, Row, Table, run_folder
 from pdsolve.study.workers import solved_here
 
 
@@ -60,14 +60,14 @@ def solve_study(
     """
     output = Path(output)
     with writing_to(output):
-        dimension = check(study, crew.trust)
+        dimension = check_study_and_return_dimension(study, crew.trust)
         if force:
             if crew.scheduler is not None:
                 expect_scheduler(crew.scheduler)
             _clear(study, output)
-        with _table(study, output) as table:
-            runs = {} if table.rows() else kept(runs_of(table.path), study)
-            numbers = table.add(study.cases(), _described(study, crew.trust), measures_of(dimension), runs)
+        with _create_table_and_run_folder(study, output) as table:
+            runs = {} if table.rows() else kept(run_folder(table.path), study)
+            numbers = table.add(study.cases(), _describe_parameters(study, crew.trust), measures_of(dimension), runs)
             rows = table.rows(numbers.values())
             over = (FINISHED,) if again else (FINISHED, FAILED)
             waiting = {row.number for row in rows if row.status not in over}
@@ -81,7 +81,7 @@ def solve_study(
             holders = {task.number: name for task in tasks if (name := holder(task.output)) is not None}
             progress = StudyProgress(len(rows), len(rows) - len(tasks) - failed, failed, None, holders)
             _report_progress(watch, progress)
-            for outcome in _solved(tasks, crew):
+            for outcome in _solve_tasks(tasks, crew):
                 table.finish(*outcome)
                 ended = outcome.error is not None
                 progress = StudyProgress(
@@ -96,9 +96,9 @@ def _report_progress(watch: Callable[[StudyProgress], None] | None, progress: St
         watch(progress)
 
 
-def _table(study: Study, output: Path) -> Table:
+def _create_table_and_run_folder(study: Study, output: Path) -> Table:
     """The study's table and a folder for its runs. Raises StudyError, ResultsError."""
-    runs = runs_of(output)
+    runs = run_folder(output)
     if not output.exists():
         kept(runs, study)
     table = Table.create(output, study, f"pdsolve {VERSION}")
@@ -111,7 +111,7 @@ def _clear(study: Study, output: Path) -> None:
 
     Raises StudyError if it is no study's table, or if anything else is in the folder of its runs; BusyError.
     """
-    runs = runs_of(output)
+    runs = run_folder(output)
     if runs.is_symlink():
         raise StudyError(f"{runs} is a link; remove its runs where it leads to")
     if output.exists() and output.stat().st_size:
@@ -129,7 +129,7 @@ def _clear(study: Study, output: Path) -> None:
         remove(file, of_ranks=False)
 
 
-def _described(study: Study, trust: bool) -> dict[str, tuple[str, str]]:
+def _describe_parameters(study: Study, trust: bool) -> dict[str, tuple[str, str]]:
     """Units and meanings of the drawing's parameters, as far as it gives them."""
     if study.drawing.suffix.lower() not in NAMED:
         return {}
@@ -140,7 +140,7 @@ def _described(study: Study, trust: bool) -> dict[str, tuple[str, str]]:
     return {entry.name.removeprefix("Peridynamics/"): (entry.unit, entry.meaning) for entry in parameters}
 
 
-def _solved(tasks: Sequence[Task], crew: Crew) -> Iterator[Outcome]:
+def _solve_tasks(tasks: Sequence[Task], crew: Crew) -> Iterator[Outcome]:
     """Outcomes of tasks as they finish. Raises StudyError."""
     if crew.scheduler is not None:
         return solved_by(tasks, crew.scheduler)

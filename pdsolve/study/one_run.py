@@ -12,7 +12,7 @@ from pdsolve.results import BusyError, Results, ResultsError, StateKind, WriteEr
 from pdsolve.run.simulation import resume, simulate
 from pdsolve.study.description import Case
 from pdsolve.study.recovered_runs import provenance
-from pdsolve.study.run_measures import measured
+from pdsolve.study.run_measures import compute_run_measures
 from pdsolve.study.run_model import model_of_run, options
 
 ALONE = threading.Lock()  # a process solves one run at a time
@@ -42,31 +42,31 @@ class Outcome(NamedTuple):
     error: str | None = None
 
 
-def solved(task: Task) -> Outcome:
+def solve_and_measure(task: Task) -> Outcome:
     """Solve a run, or continue an interrupted one, and measure it. Errors are part of the outcome."""
     with ALONE, warnings.catch_warnings():
         warnings.simplefilter("ignore")
         try:
-            with _results(task) as results:
-                return Outcome(task.number, measured(results))
+            with _open_results_when_free(task) as results:
+                return Outcome(task.number, compute_run_measures(results))
         except Exception as error:  # of any kind: it is this run's, the others go on
             said = str(error) if isinstance(error, ValueError | OSError) else f"{type(error).__name__}: {error}"
             return Outcome(task.number, None, " ".join(said.split()))
 
 
-def _results(task: Task) -> Results:
+def _open_results_when_free(task: Task) -> Results:
     """Results of a run; waits for another writer of its database, such as a killed study's worker."""
     until = time.monotonic() + PATIENCE
     while True:
         try:
-            return _gone_on(task)
+            return _resume_or_restart(task)
         except BusyError as error:
             if time.monotonic() > until:
                 raise ResultsError(f"{error}; waited {PATIENCE:g} s (--again: goes on with it)") from None
         time.sleep(PAUSE)
 
 
-def _gone_on(task: Task) -> Results:
+def _resume_or_restart(task: Task) -> Results:
     """Results of a run, continued if possible, else restarted. Raises BusyError, and others."""
     own_provenance = provenance(task.case.key, task.digest)
     if task.output.is_symlink():

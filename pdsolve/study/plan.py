@@ -29,7 +29,7 @@ def plan_study(path: FilePath, trust: bool = False) -> dict[str, Any]:
     Raises StudyError, SceneError, GridError, ModelError.
     """
     study = read_study(path)
-    planned = run_model.planned(study, trust)
+    planned = run_model.plan_distinct_runs(study, trust)
     seconds = sum(number * plan.wall_time for _, number, plan in planned)
     rate, run_plans = measure_machine_slowdown(), [plan for _, number, plan in planned for _ in range(number)]
     workers, compiling = min(cores(), len(run_plans)), 0.0 if jit_cache.is_kept() else rate * COMPILE
@@ -40,7 +40,7 @@ def plan_study(path: FilePath, trust: bool = False) -> dict[str, Any]:
         "solve_seconds": seconds,  # one after the other, on one thread each
         "workers": workers,
         "compile_seconds": compiling,  # of that, once for these sources
-        "study_seconds": rate * START + compiling + by_processes(runs, workers),
+        "study_seconds": rate * START + compiling + wall_time_of_processes(runs, workers),
         "memory_bytes": max(plan.memory for _, _, plan in planned),  # of the largest
         "different": [
             {"values": {name: case.values.get(name) for name in study.varied}, "times": number}
@@ -51,7 +51,7 @@ def plan_study(path: FilePath, trust: bool = False) -> dict[str, Any]:
     }
 
 
-def by_processes(runs: Sequence[float], workers: int) -> float:
+def wall_time_of_processes(runs: Sequence[float], workers: int) -> float:
     """Total time, s, of runs of these durations, s, started in order on the next free of several processes."""
     busy = [0.0] * workers
     for seconds in runs:

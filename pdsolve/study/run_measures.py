@@ -12,21 +12,21 @@ from pdsolve.results import Results
 from pdsolve.study.measure_columns import measures_of
 
 
-def measured(results: Results) -> dict[str, float | None]:
+def compute_run_measures(results: Results) -> dict[str, float | None]:
     """Measures of a finished run; None for events that did not happen. Raises ResultsError."""
     summary, names = results.summary(), measures_of(results.dimension)
     measures: dict[str, Any] = {name: summary.get(name) for name in names}
     measures |= summary["energy"]
     measures |= {"largest_displacement": largest_displacement(results), "largest_stretch": largest_stretch(results)}
     if results.dimension == 2:
-        measures |= _cracked(crack(results))
+        measures |= _crack_measures(crack(results))
     elif len(steps := results.breaks().step):
         measures["first_break"] = int(steps.min()) * summary["time_step"]
     values = {name: measures.get(name) for name in names}
     return {name: None if value is None or not math.isfinite(value) else value for name, value in values.items()}
 
 
-def _cracked(summary: CrackPathSummary) -> dict[str, Any]:
+def _crack_measures(summary: CrackPathSummary) -> dict[str, Any]:
     events = {name: getattr(summary.events, name) for name in ("first_break", "start", "branching", "split")}
     times = {name: None if event is None else event.time for name, event in events.items()}
     branching, spent = (

@@ -52,12 +52,12 @@ def options(case: Case, threads: int = 1) -> Options:
     return Options(**settings, threads=threads)
 
 
-def planned(study: Study, trust: bool = False) -> list[tuple[Case, int, Plan]]:
+def plan_distinct_runs(study: Study, trust: bool = False) -> list[tuple[Case, int, Plan]]:
     """The first case of each distinct run (disturbances aside), how many cases share it, and its plan.
 
     Raises StudyError, SceneError, GridError, ModelError.
     """
-    check(study, trust)
+    check_study_and_return_dimension(study, trust)
     alike: dict[str, list[Case]] = {}
     for case in study.cases():
         alike.setdefault(dataclasses.replace(case, repetition=0).key, []).append(case)
@@ -69,7 +69,7 @@ def planned(study: Study, trust: bool = False) -> list[tuple[Case, int, Plan]]:
         ]
 
 
-def check(study: Study, trust: bool = False) -> int:
+def check_study_and_return_dimension(study: Study, trust: bool = False) -> int:
     """The dimension, 2 or 3, of the study's plates or bodies.
 
     Raises StudyError for a parameter that neither drawing nor model uses, and for a program as drawing without `trust`.

@@ -74,7 +74,7 @@ class Table:
         if not new and not is_study(path):
             raise StudyError(
                 f"{path} is no table of a study and is not overwritten; name another with -o (if it was a table"
-                f" that was damaged: remove it, and it is made anew from the runs in {runs_of(path).name})"
+                f" that was damaged: remove it, and it is made anew from the runs in {run_folder(path).name})"
             )
         with _explained(path):
             table = cls(for_writing(path, isolation_level=None), path)
@@ -171,7 +171,7 @@ class Table:
                     last = max(last, number)
                     numbers[case.key] = number
                     first = {"number": number, "key": case.key, "status": WAITING, "repetition": case.repetition}
-                    row = first | {"file": f"{runs_of(self.path).name}/{number:04}.sqlite"} | case.values
+                    row = first | {"file": f"{run_folder(self.path).name}/{number:04}.sqlite"} | case.values
                     names, marks = ", ".join(map(quoted, row)), ", ".join("?" * len(row))
                     stored = [_stored(value) for value in row.values()]
                     self.connection.execute(f"INSERT INTO run ({names}) VALUES ({marks})", stored)
@@ -214,7 +214,7 @@ class Table:
         return rows
 
 
-def runs_of(path: Path) -> Path:
+def run_folder(path: Path) -> Path:
     """The folder with the databases of the study whose table is at `path`."""
     return path.with_suffix(".runs")
 
@@ -231,7 +231,7 @@ def _explained(path: Path) -> Iterator[None]:
             written = code in (sqlite3.SQLITE_FULL, sqlite3.SQLITE_IOERR, sqlite3.SQLITE_READONLY)
             raise (WriteError if written else StudyError)(f"{path}: {said}") from None
         raise StudyError(
-            f"{path}: {said}; remove it, and pdsolve study makes it anew from the runs in {runs_of(path).name}"
+            f"{path}: {said}; remove it, and pdsolve study makes it anew from the runs in {run_folder(path).name}"
             " (without that folder, it solves them all anew)"
         ) from None
 

@@ -52,11 +52,11 @@ def _stop_when_closed(parent_pipe: Connection) -> None:
 
 def solve(task: Task) -> Outcome:
     """Solve a run and measure it."""
-    from pdsolve.study.one_run import solved
+    from pdsolve.study.one_run import solve_and_measure
 
     _solves.set()
     try:
-        return solved(task)
+        return solve_and_measure(task)
     finally:
         _solves.clear()
         if _stops.is_set():

@@ -261,7 +261,9 @@ def test_a_study_of_bodies_has_the_measures_that_they_have(
 ) -> None:
     monkeypatch.chdir(solved)
     Path("study.toml").write_text('drawing = "body.py"\n[set.model]\nrun.steps = 20\nrun.every = 10\n')
-    monkeypatch.setattr(dispatch, "_solved", lambda tasks, how: [one_run.solved(task) for task in tasks])
+    monkeypatch.setattr(
+        dispatch, "_solve_tasks", lambda tasks, how: [one_run.solve_and_measure(task) for task in tasks]
+    )
     assert pdmesh(["plan", "study.toml", "-q", "--trust"]) == 0
     assert pdsolve(["study", "study.toml", "-q", "--trust"]) == 0
     with Table.open(Path("study.sqlite")) as table, Results.open(solved / "body.sqlite") as results:

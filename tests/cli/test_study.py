@@ -67,7 +67,7 @@ def once(tmp_path_factory: pytest.TempPathFactory) -> Path:
     small(folder)
     (folder / "study.toml").write_text(STUDY)
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(dispatch, "_solved", in_this_process)
+        patch.setattr(dispatch, "_solve_tasks", in_this_process)
         assert main(["study", str(folder / "study.toml"), "-o", str(folder / "study.sqlite"), "-q"]) == 1  # some failed
     return folder
 
@@ -81,7 +81,7 @@ def solved(once: Path, here: Path) -> Path:
 
 def in_this_process(tasks: list[Task], how: dispatch.Crew) -> list[Outcome]:
     """What workers would say of these tasks."""
-    return [one_run.solved(task) for task in tasks]
+    return [one_run.solve_and_measure(task) for task in tasks]
 
 
 def rows(folder: Path) -> list[sqlite3.Row]:
@@ -141,7 +141,7 @@ def test_it_goes_on_where_it_was_stopped_and_grows(solved: Path, monkeypatch: py
         asked.extend(task.number for task in tasks)
         return in_this_process(tasks, how)
 
-    monkeypatch.setattr(dispatch, "_solved", here)
+    monkeypatch.setattr(dispatch, "_solve_tasks", here)
     assert main(["study", "study.toml", "-q"]) == 0
     assert asked == [1, 2, 5, 9, 10]
     after = rows(solved)
@@ -193,7 +193,7 @@ def test_a_damaged_table_is_refused_and_made_anew_from_its_runs(
     Path("study.sqlite").unlink()
     Path("study.toml").write_text(STUDY.replace("[204, 100]", "[100]").replace("[3, 1]", "[3]"))
     began = {path.name: path.stat().st_mtime_ns for path in Path("study.runs").glob("*.sqlite")}
-    monkeypatch.setattr(dispatch, "_solved", in_this_process)
+    monkeypatch.setattr(dispatch, "_solve_tasks", in_this_process)
     assert main(["study", "study.toml", "-q"]) == 0
     after = rows(solved)
     assert [row["number"] for row in after] == [5, 6]
@@ -208,7 +208,7 @@ def tree(folder: Path) -> dict[str, bytes]:
 
 def test_force_begins_anew(solved: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     asked = []
-    monkeypatch.setattr(dispatch, "_solved", lambda tasks, how: asked.extend(task.number for task in tasks) or [])
+    monkeypatch.setattr(dispatch, "_solve_tasks", lambda tasks, how: asked.extend(task.number for task in tasks) or [])
     Path("study.runs/0003.sqlite").write_bytes(b"")  # killed before its first frame
     main(["study", "study.toml", "--force"])
     assert asked == [1, 2, 3, 4, 5, 6, 7, 8]
@@ -285,7 +285,7 @@ def test_a_run_stays_until_the_one_in_its_place_is_prepared(solved: Path, monkey
     before = task.output.read_bytes()
     monkeypatch.setattr(one_run, "resume", Mock(side_effect=ResultsError("of another version")))
     monkeypatch.setattr(one_run, "model_of_run", Mock(side_effect=ModelError("plate.json is gone")))
-    assert one_run.solved(task).error == "plate.json is gone"
+    assert one_run.solve_and_measure(task).error == "plate.json is gone"
     assert task.output.read_bytes() == before
 
 
@@ -293,7 +293,7 @@ def test_a_run_is_not_written_through_a_link(solved: Path, monkeypatch: pytest.M
     edit("UPDATE run SET status = 'waiting' WHERE number = 1")
     run_that_is_a_link(Path("study.runs"))
     Path("mine.sqlite").write_bytes(b"")
-    monkeypatch.setattr(dispatch, "_solved", in_this_process)
+    monkeypatch.setattr(dispatch, "_solve_tasks", in_this_process)
     assert main(["study", "study.toml", "-q"]) == 1
     assert Path("mine.sqlite").read_bytes() == b""
 
@@ -302,7 +302,7 @@ def test_a_run_that_is_held_is_said_and_waited_for(
     solved: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     edit("UPDATE run SET status = 'waiting' WHERE number = 5")
-    monkeypatch.setattr(dispatch, "_solved", in_this_process)
+    monkeypatch.setattr(dispatch, "_solve_tasks", in_this_process)
     Path("study.runs/0005.sqlite").unlink()
     with writing_to(Path("study.runs/0005.sqlite")), monkeypatch.context() as patch:
         patch.setattr(one_run, "PATIENCE", 0.0)

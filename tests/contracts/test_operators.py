@@ -34,7 +34,7 @@ from pdsolve.operators.bond_list import BondList
 from pdsolve.operators.protocol import Operator
 from pdsolve.operators.together import Together
 from pdsolve.options import Options
-from pdsolve.run.measures import compute_ledger_row
+from pdsolve.run.measures import compute_energy_balance_row
 from pdsolve.run.prepare import prepare
 from pdsolve.run.system import PreparedRun
 from pdsolve.schemes import average_horizon
@@ -307,13 +307,13 @@ def test_verlet_marches_it_as_its_own_stepper_does(name: str) -> None:
     """Twenty steps of a plate that is thrown; measured 3e-14 and less, 2e-5 in single precision."""
     system, state = fresh(name)
     other = marched(system, copied(state), 20)
-    found = compute_ledger_row(system, other, 20)
+    found = compute_energy_balance_row(system, other, 20)
     again, start = fresh(name)
     again.stepper.advance(start, 1, 21)
     for field in ("value", "rate", "second"):
         assert getattr(other, field) == nearly(CASES[name].digits, getattr(start, field))
     assert found.kinetic + found.strain == pytest.approx(
-        sum(compute_ledger_row(again, start, 20)[2:4]), rel=CASES[name].digits
+        sum(compute_energy_balance_row(again, start, 20)[2:4]), rel=CASES[name].digits
     )
 
 

@@ -17,7 +17,7 @@ from pdsolve.conditions import drive_of, entries
 from pdsolve.operators.protocol import CheckpointArrays
 from pdsolve.operators.together import Together
 from pdsolve.options import Options
-from pdsolve.run.measures import compute_ledger_row, compute_node_damage, count_pieces
+from pdsolve.run.measures import compute_energy_balance_row, compute_node_damage, count_pieces
 from pdsolve.run.prepare import prepare
 from pdsolve.run.system import PreparedRun
 from pdsolve.state import Broken, State, Unknown
@@ -186,9 +186,9 @@ def test_measures_take_two_operators_for_one(kernel: str) -> None:
     """Energy is kept by both together; tangent, bound and bonds are those of the sum."""
     prepared = on_the_ground(kernel, 0.3)
     system, state = prepared
-    start = compute_ledger_row(system, state, 0)
+    start = compute_energy_balance_row(system, state, 0)
     prepared.advance(1, 401)
-    end = compute_ledger_row(system, state, 400)
+    end = compute_energy_balance_row(system, state, 400)
     assert end.kinetic < 0.9 * start.kinetic  # measured 0.67
     assert end.kinetic + end.strain + end.dissipated == pytest.approx(
         start.kinetic, rel=0.02

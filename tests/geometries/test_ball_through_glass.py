@@ -8,7 +8,7 @@ from plates import shipped
 
 from pdsolve.model import Model
 from pdsolve.options import Options
-from pdsolve.run.measures import compute_ledger_row
+from pdsolve.run.measures import compute_energy_balance_row
 from pdsolve.run.prepare import prepare
 
 
@@ -24,7 +24,9 @@ def test_a_ball_goes_through_a_smaller_plate() -> None:
     both.advance(1, steps + 1)
     assert state.rate[ball, 2].mean() == pytest.approx(-22.6, abs=0.7)  # measured 22.58; 10 us later 22.48
     assert mass @ state.rate[:, 2] == pytest.approx(before, rel=1e-9)
-    assert abs(compute_ledger_row(system, state, steps).balance_error(system.initial_energy)) < 0.03  # measured 0.011
+    assert (
+        abs(compute_energy_balance_row(system, state, steps).balance_error(system.initial_energy)) < 0.03
+    )  # measured 0.011
     source, _ = system.operator.bonds()
     dust = ~ball & (np.bincount(source, minlength=len(ball)) == 0)
     assert 400 < dust.sum() < 1200  # measured 640

@@ -11,7 +11,7 @@ from scipy.sparse.csgraph import connected_components
 
 from pdsolve.model import Model
 from pdsolve.options import Options
-from pdsolve.run.measures import compute_ledger_row
+from pdsolve.run.measures import compute_energy_balance_row
 from pdsolve.run.prepare import prepare
 
 
@@ -48,5 +48,5 @@ def test_fragments_of_a_branched_crack_push_each_other_apart_as_mirror_images(
     assert speed[:, 0] == pytest.approx(along, abs=0.02)  # pushed apart
     assert speed[2] == pytest.approx(speed[0] * [1, -1], abs=1e-6)
     assert abs(momentum[:, 0].sum()) < 0.06 * momentum[1, 0]  # .022: the rest is with the rubble
-    entry = compute_ledger_row(system, state, last)
+    entry = compute_energy_balance_row(system, state, last)
     assert abs(entry.balance_error(system.initial_energy)) < most

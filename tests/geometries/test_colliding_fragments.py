@@ -8,7 +8,7 @@ from plates import GEOMETRIES, shipped
 
 from pdsolve.model import Model
 from pdsolve.options import Options
-from pdsolve.run.measures import compute_ledger_row
+from pdsolve.run.measures import compute_energy_balance_row
 from pdsolve.run.prepare import prepare
 
 SPEEDS = (0.8, 0.9, 1.0, 1.05, 1.1, 1.2)  # m/s: of each half; 1 m/s is the scene's own
@@ -34,9 +34,9 @@ def _collide(speed: float) -> tuple[float, float]:
         both.advance(step, last)
         momentum = (system.area * system.model.rho)[own] @ state.rate[own]
         left, right = (state.rate[own & side, 0].mean() / speed for side in (x < 0, x > 0))
-        assert np.abs(momentum).max() < 1e-6 * compute_ledger_row(system, state, last).kinetic
+        assert np.abs(momentum).max() < 1e-6 * compute_energy_balance_row(system, state, last).kinetic
         assert (left, right) == (pytest.approx(-right, rel=1e-6), pytest.approx(-left, rel=1e-6))
-        return left, compute_ledger_row(system, state, last).balance_error(system.initial_energy), last
+        return left, compute_energy_balance_row(system, state, last).balance_error(system.initial_energy), last
 
     bounced, balance, step = advance(1, 0.55e-3)
     assert bounced > 0

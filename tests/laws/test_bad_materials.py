@@ -16,7 +16,7 @@ from pdmesh.model.document import Run, Velocity, write_file
 from pdmesh.model.node_grid import document_of
 from pdsolve.__main__ import main
 from pdsolve.options import Options
-from pdsolve.run.measures import compute_ledger_row
+from pdsolve.run.measures import compute_energy_balance_row
 from pdsolve.run.prepare import prepare
 
 FAMILY = ["material.model=correspondence", "material.nu=0.2"]
@@ -79,5 +79,5 @@ def test_families_that_become_singular_hold_nothing(control: str) -> None:
     left = system.initial_bond_counts - np.bincount(system.operator.broken().source, minlength=len(grid))
     assert left.min() <= 2 < system.initial_bond_counts.min()
     assert all(np.isfinite(column).all() for column in state)
-    assert np.isfinite(compute_ledger_row(system, state, 299)).all()
+    assert np.isfinite(compute_energy_balance_row(system, state, 299)).all()
     assert all(np.isfinite(values).all() for values in system.operator.fields(state).values())

@@ -19,7 +19,7 @@ from pdsolve.laws import law_of
 from pdsolve.model import Model, ModelError
 from pdsolve.operators.softening_shear import SofteningShear
 from pdsolve.options import Options
-from pdsolve.run.measures import compute_ledger_row
+from pdsolve.run.measures import compute_energy_balance_row
 from pdsolve.run.prepare import prepare
 from pdsolve.run.simulation import resume, simulate
 from pdsolve.run.system import PreparedRun
@@ -148,7 +148,7 @@ def test_a_marching_plate_keeps_its_energy() -> None:
         state.rate[model.grid.position[:, 0] < 0.05, 0] = 0.01
         start = float(np.sum(model.rho / 2 * system.area * (state.rate**2).sum(axis=1)))
         system.stepper.advance(state, 1, steps)
-        lost.append(abs(compute_ledger_row(system, state, steps - 1).balance_error(start)))
+        lost.append(abs(compute_energy_balance_row(system, state, steps - 1).balance_error(start)))
     assert lost[0] <= 2e-2
     assert lost[1] <= lost[0] / 3
 

@@ -11,7 +11,7 @@ from plates import GLASS, plate, square_grid
 from pdmesh.model.document import InitialVelocity, Run
 from pdsolve.model import ModelError
 from pdsolve.options import Options
-from pdsolve.run.measures import compute_ledger_row
+from pdsolve.run.measures import compute_energy_balance_row
 from pdsolve.run.prepare import prepare
 from pdsolve.run.system import PreparedRun
 
@@ -61,7 +61,7 @@ def test_a_marching_plate_keeps_its_energy() -> None:
     for steps, dt in ((400, 1e-7), (800, 5e-8)):
         system, state = made(start, dt=dt)
         system.stepper.advance(state, 1, steps)
-        found = compute_ledger_row(system, state, steps - 1)
+        found = compute_energy_balance_row(system, state, steps - 1)
         lost.append(abs(found.balance_error(system.initial_energy)))
         assert found.strain > 0
     assert lost[0] <= 1e-2

@@ -16,7 +16,7 @@ from plates import plate, square_grid
 from pdmesh.model.document import Contact, Run, Velocity
 from pdsolve.model import Model
 from pdsolve.options import Options
-from pdsolve.run.measures import compute_ledger_row
+from pdsolve.run.measures import compute_energy_balance_row
 from pdsolve.run.prepare import prepare
 
 DELTA = 2.0**-10  # m: of a kind that sums without rounding
@@ -51,7 +51,7 @@ def test_velocities_that_crush(failure: Callable[..., None], pdsolve: Callable[.
     contact.advance(1, 61)
     touched = np.diff(contact.state.value.reshape(8, 12, 2)[..., 0].mean(axis=0)) / DELTA + 1
     assert touched.min() < 0  # -6.5: contact does not act where bonds are intact
-    energy = compute_ledger_row(*work, 60)
+    energy = compute_energy_balance_row(*work, 60)
     assert np.isfinite(energy.strain)
     gentle = pdsolve(pressed(5.0, steps=226, every=10))
     shorter = 2 * 5.0 * 226 * work.system.time_step / (11 * DELTA)

@@ -18,7 +18,7 @@ from pdmesh.model.document import Region, Run
 from pdsolve.model import Model
 from pdsolve.options import Options
 from pdsolve.run.estimate import estimate_run
-from pdsolve.run.measures import compute_ledger_row
+from pdsolve.run.measures import compute_energy_balance_row
 from pdsolve.run.prepare import prepare
 from pdsolve.run.system import PreparedRun
 
@@ -67,9 +67,9 @@ def growth(mode: str, contrast: float) -> float:
     share = 0.8 if mode == "thesis" else 0.8 / np.sqrt(2)
     problem = at_step(problem, share * problem.system.stable_time_step)
     problem.state.rate[:] = 1e-4 * np.random.default_rng(1).standard_normal(problem.state.rate.shape)
-    start = compute_ledger_row(*problem, 0).kinetic
+    start = compute_energy_balance_row(*problem, 0).kinetic
     problem.advance(1, 20_001)
-    found = compute_ledger_row(*problem, 20_000)
+    found = compute_energy_balance_row(*problem, 20_000)
     return (found.kinetic + found.strain) / start
 
 

@@ -13,7 +13,7 @@ from system_checks import matrix
 
 from pdmesh.model.document import InitialVelocity, Run
 from pdsolve.options import Options
-from pdsolve.run.measures import compute_ledger_row
+from pdsolve.run.measures import compute_energy_balance_row
 from pdsolve.run.prepare import prepare
 from pdsolve.run.simulation import UnstableError, simulate
 from pdsolve.run.system import PreparedRun
@@ -41,10 +41,10 @@ def frequencies(problem: PreparedRun) -> np.ndarray:
 
 def energies(problem: PreparedRun) -> list[float]:
     """Energy over that of the start, after each 10^4 of 10^5 steps."""
-    start, found = compute_ledger_row(*problem, 0), []
+    start, found = compute_energy_balance_row(*problem, 0), []
     for part in range(10):
         problem.advance(part * PART + 1, (part + 1) * PART + 1)
-        now = compute_ledger_row(*problem, (part + 1) * PART)
+        now = compute_energy_balance_row(*problem, (part + 1) * PART)
         found.append((now.kinetic + now.strain) / (start.kinetic + start.strain))
     return found
 

@@ -15,7 +15,7 @@ from pdmesh.model.bond_counts import pair_count
 from pdmesh.model.document import InitialVelocity, Load, Run
 from pdsolve.model import Model
 from pdsolve.options import Options
-from pdsolve.run.measures import compute_ledger_row, compute_node_damage
+from pdsolve.run.measures import compute_energy_balance_row, compute_node_damage
 from pdsolve.run.prepare import prepare
 from pdsolve.run.simulation import simulate
 from pdsolve.run.system import PreparedRun
@@ -137,7 +137,7 @@ def test_fragments_that_fly(failure: Callable[..., None]) -> None:
     """
     flying = spinning("float64")
     flying.advance(1, 100_001)
-    found = compute_ledger_row(*flying, 100_000)
+    found = compute_energy_balance_row(*flying, 100_000)
     assert found.broken == 0
     error, balance = shape_error(flying), abs(found.balance_error(flying.system.initial_energy))
     assert error < 0.003  # measured 0.0016: the plate breathes, being stretched by its turning

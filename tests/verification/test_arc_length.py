@@ -17,7 +17,7 @@ from pdmesh.model.node_grid import Grid
 from pdpost.measures.forces import read_reactions, select_reactions
 from pdsolve.model import Model
 from pdsolve.run.prepare import prepare
-from pdsolve.run.simulation import Options, UnsettledError, resume, simulate
+from pdsolve.run.simulation import NotConvergedError, Options, resume, simulate
 from pdsolve.steppers.arc_length_steps import ArcLengthSteps
 
 RAMP = ((0.0, 0.0), (1.0, 1.0))
@@ -145,7 +145,7 @@ def test_an_end_that_is_not_found_halves_the_step(monkeypatch: pytest.MonkeyPatc
     def once(*given: Any) -> Any:
         if given[-2] is None and not failed:
             failed.append(given[-1])
-            raise UnsettledError("no rest")
+            raise NotConvergedError("no rest")
         return found(*given)
 
     with simulate(two_bars(1e3), None, ONE) as results:

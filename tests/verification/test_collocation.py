@@ -28,7 +28,7 @@ from pdsolve.adaptivity.hybrid.springs import create_fine_springs
 from pdsolve.codegen.vector_code import ROW
 from pdsolve.errors import UnstableError
 from pdsolve.options import Options
-from pdsolve.run.measures import compute_ledger_row
+from pdsolve.run.measures import compute_energy_balance_row
 from pdsolve.run.prepare import prepare
 
 RUN = Run(adapt="collocation", collocation=Collocation(damped=True), steps=10)
@@ -51,11 +51,11 @@ def test_where_all_is_fine_it_is_the_uniform_run(profile: str) -> None:
     assert len(broken.step) > 500
     assert len(broken.step) == 2 * len(engine.break_events().step)
     ledger, shown = (
-        compute_ledger_row(uniform.system, uniform.state, 120),
+        compute_energy_balance_row(uniform.system, uniform.state, 120),
         type(problem.system.moving_zone_operator)(engine),
     )
     shown.energies(shown.state())
-    found = shown.ledger_totals()
+    found = shown.energy_balance_totals()
     for name in ("kinetic", "strain", "dissipated", "work"):
         assert getattr(found, name) == pytest.approx(getattr(ledger, name), rel=1e-11)
     assert found.damped == 0
@@ -175,7 +175,7 @@ def test_a_crack_takes_fine_nodes_with_it() -> None:
     assert len(engine.break_events().step) > 1000
     shown = type(problem.system.moving_zone_operator)(engine)
     shown.energies(shown.state())
-    found = shown.ledger_totals()
+    found = shown.energy_balance_totals()
     missing = found.kinetic + found.strain + found.dissipated - found.work - told.refinement
     assert abs(missing) < 0.02 * found.work  # measured 0.004
     assert found.damped == 0

@@ -19,7 +19,7 @@ from pdmesh.model.node_grid import Bodies, Grid
 from pdsolve import Results
 from pdsolve.model import Model, ModelError
 from pdsolve.operators.contact.at_rest import RestingContact
-from pdsolve.run.measures import LedgerRow, compute_ledger_row
+from pdsolve.run.measures import EnergyBalanceRow, compute_energy_balance_row
 from pdsolve.run.prepare import prepare
 from pdsolve.run.reactions import compute_reactions, list_acting_conditions
 from pdsolve.run.simulation import Options, resume, simulate
@@ -43,7 +43,7 @@ def at_rest(conditions: tuple[AnyCondition, ...], grid: Grid, friction: float, b
     return Model(grid, Settings(material=UNIT, conditions=conditions, contact=Contact(friction=friction), run=run))
 
 
-def taken(model: Model) -> tuple[PreparedRun, Array, LedgerRow]:
+def taken(model: Model) -> tuple[PreparedRun, Array, EnergyBalanceRow]:
     """A model after its load steps, the forces of its conditions (c, 3), N/m, in space N, and its ledger."""
     system, state = prepared = prepare(model, Options(threads=1))
     steps = system.model.settings.run.steps
@@ -52,7 +52,7 @@ def taken(model: Model) -> tuple[PreparedRun, Array, LedgerRow]:
     return (
         prepared,
         np.array([[one.force_x, one.force_y, one.force_z] for one in found]),
-        compute_ledger_row(system, state, steps),
+        compute_energy_balance_row(system, state, steps),
     )
 
 
@@ -168,7 +168,9 @@ def test_bodies_that_soften_rest_alike_before_they_do(friction: float) -> None:
         system, state = prepared = prepare(Model(grid, settings), Options(threads=1))
         prepared.advance(1, 2)
         pushed = compute_reactions(list_acting_conditions(system), system, state, 1, 1.0)[0].force_y
-        found.append((pushed, *state.value[32:40, 1].tolist(), compute_ledger_row(system, state, 1).balance_error(0.0)))
+        found.append(
+            (pushed, *state.value[32:40, 1].tolist(), compute_energy_balance_row(system, state, 1).balance_error(0.0))
+        )
     assert found[0][0] > 1e-4
     assert found[1][:-1] == pytest.approx(found[0][:-1], rel=2e-4)  # 2e-5
     assert abs(found[1][-1]) < 1e-3

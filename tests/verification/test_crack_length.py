@@ -19,7 +19,7 @@ from pdpost.measures.forces import read_reactions, select_reactions
 from pdpost.measures.gaps import force_over_gap_opening, read_named_gap
 from pdsolve.model import Model, ModelWarning
 from pdsolve.results import Results
-from pdsolve.run.simulation import Options, UnsettledError, resume, simulate
+from pdsolve.run.simulation import NotConvergedError, Options, resume, simulate
 from pdsolve.state import State
 from pdsolve.steppers.crack_length_steps import CrackLengthSteps
 from pdsolve.steppers.equilibrium import Equilibrium
@@ -179,15 +179,15 @@ def test_both_tips_of_a_crack_grow_until_they_have_no_room() -> None:
 @pytest.mark.filterwarnings("ignore::pdsolve.model.ModelWarning")
 def test_what_does_not_come_to_rest_is_an_error(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """And what was solved before is kept."""
-    rest_at = LoadSteps.settle_at_time_without_booking
+    rest_at = LoadSteps.solve_equilibrium_at_time
 
     def fails(motion: LoadSteps, state: State, step: int, time: float) -> Equilibrium:
         if step == 3:
-            raise UnsettledError("no rest")
+            raise NotConvergedError("no rest")
         return rest_at(motion, state, step, time)
 
-    monkeypatch.setattr(LoadSteps, "settle_at_time_without_booking", fails)
-    with pytest.raises(UnsettledError, match="path step 3: no rest"):
+    monkeypatch.setattr(LoadSteps, "solve_equilibrium_at_time", fails)
+    with pytest.raises(NotConvergedError, match="path step 3: no rest"):
         simulate(edge_crack(6), tmp_path / "a.sqlite", ONE)
     with Results.open(tmp_path / "a.sqlite") as results:
         assert results.meta()["status"] == "unsettled"

@@ -22,7 +22,7 @@ from pdmesh.model.document import (
     Velocity,
 )
 from pdsolve.options import Options
-from pdsolve.run.measures import compute_ledger_row
+from pdsolve.run.measures import compute_energy_balance_row
 from pdsolve.run.prepare import prepare
 from pdsolve.run.system import PreparedRun
 
@@ -79,7 +79,7 @@ def missing_of(problem: PreparedRun) -> tuple[float, int]:
     amiss = []
     for last, step in pairwise(looks.tolist()):
         problem.advance(last + 1, step + 1)
-        found = compute_ledger_row(*problem, step)
+        found = compute_energy_balance_row(*problem, step)
         amiss.append(found.kinetic + found.strain + found.dissipated - found.work - problem.system.initial_energy)
     return float(np.abs(amiss).max()) / max(abs(found.work), problem.system.initial_energy), found.broken
 
@@ -118,7 +118,7 @@ def test_a_slow_pull_stores_the_work_it_takes() -> None:
     problem = prepare(model, Options(threads=1))
     steps = round(120e-6 / problem.system.time_step)
     problem.advance(1, steps + 1)
-    found = compute_ledger_row(*problem, steps)
+    found = compute_energy_balance_row(*problem, steps)
     held, at = np.zeros((420, 2), dtype=bool), np.zeros((420, 2))
     for condition in pull:
         rows = model.selected(condition)
@@ -129,7 +129,7 @@ def test_a_slow_pull_stores_the_work_it_takes() -> None:
     assert found.broken == 0
     assert found.kinetic <= 1e-4 * found.strain  # measured 3e-7
     assert found.strain == pytest.approx(found.work, rel=1e-4)  # measured 2.7e-7
-    assert found.strain == pytest.approx(compute_ledger_row(*rest, 0).strain, rel=1e-3)  # measured 3.3e-5
+    assert found.strain == pytest.approx(compute_energy_balance_row(*rest, 0).strain, rel=1e-3)  # measured 3.3e-5
 
 
 def test_momentum_and_angular_momentum_of_a_free_plate() -> None:

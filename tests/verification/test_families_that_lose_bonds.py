@@ -13,7 +13,7 @@ from plates import GLASS, plate, square_grid
 from pdmesh.model.document import Load, Run
 from pdsolve.model import Model
 from pdsolve.options import Options
-from pdsolve.run.measures import compute_ledger_row
+from pdsolve.run.measures import compute_energy_balance_row
 from pdsolve.run.mechanics_records import instability_message
 from pdsolve.run.operator_factory import compute_stable_time_step_of_intact_bonds, unwrap_bond_operator
 from pdsolve.run.prepare import prepare
@@ -107,7 +107,7 @@ def test_a_step_that_became_too_long_is_said_to_be_the_cause() -> None:
     """With whole families the step is not; with stiffer ones it is."""
     system, state = prepare(torn(), Options(threads=1, kernel="listed"))
     operator, node = unwrap_bond_operator(system.operator), 200
-    entry = compute_ledger_row(system, state, 0)
+    entry = compute_energy_balance_row(system, state, 0)
     assert "not the cause" in instability_message(system, entry, 1.0, node)
     operator.columns.inverse[:] *= 3  # as of families that have lost bonds
     said = instability_message(system, entry, 1.0, node)

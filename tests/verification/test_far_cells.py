@@ -21,7 +21,7 @@ from pdsolve.model import Model
 from pdsolve.numerics.thread_team import cores
 from pdsolve.options import Options
 from pdsolve.results import Results
-from pdsolve.run.measures import compute_ledger_row
+from pdsolve.run.measures import compute_energy_balance_row
 from pdsolve.run.node_changes import find_zone_change_since_last_call
 from pdsolve.run.prepare import prepare
 from pdsolve.run.simulation import resume, simulate
@@ -165,7 +165,7 @@ def test_a_crack_runs_as_without_far_cells(monkeypatch: pytest.MonkeyPatch) -> N
         problem.advance(1, 281)
         change = find_zone_change_since_last_call(problem.system)
         assert change is not None
-        entry = compute_ledger_row(change.system, change.state, 280)
+        entry = compute_energy_balance_row(change.system, change.state, 280)
         found.append((nodes, change.system.operator.broken(), entry))
         assert max(abs(entry.momentum_x), abs(entry.momentum_y)) < 1e-12
         assert abs(entry.balance_error(0.0)) < 3e-3  # measured 2.3e-3 and less: bonds take a little less than they book

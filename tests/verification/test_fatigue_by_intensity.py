@@ -27,7 +27,7 @@ from pdsolve.model import Model, ModelError
 from pdsolve.results import Results
 from pdsolve.run.prepare import prepare
 from pdsolve.run.simulation import Options, resume, simulate
-from pdsolve.steppers.equilibrium import UnsettledError
+from pdsolve.steppers.equilibrium import NotConvergedError
 from pdsolve.steppers.load_steps import LoadSteps
 from pdsolve.steppers.paris_steps import ParisSteps, cycles_relative_to_constant_first_rate
 
@@ -166,9 +166,9 @@ def test_what_breaks_in_two_keeps_the_last_state_that_rested(monkeypatch: pytest
 
     def parted(*_: object) -> None:
         state.value[:] += 1.0
-        raise UnsettledError
+        raise NotConvergedError
 
-    monkeypatch.setattr(LoadSteps, "settle_after_breakage", parted)
+    monkeypatch.setattr(LoadSteps, "solve_equilibrium_after_breakage", parted)
     stepper.advance(state, 2, 4)
     assert stepper.ended
     assert len(stepper.step_results) == 2

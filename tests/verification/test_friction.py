@@ -10,7 +10,7 @@ from pdmesh.model.contact import Contact
 from pdmesh.model.document import Displacement, Load, Settings
 from pdsolve.model import Model
 from pdsolve.options import Options
-from pdsolve.run.measures import LedgerRow, compute_ledger_row
+from pdsolve.run.measures import EnergyBalanceRow, compute_energy_balance_row
 from pdsolve.run.prepare import prepare
 
 H, G, DURATION = 0.02, 1e-5, 60.0  # m, m/s^2, s
@@ -22,7 +22,7 @@ def cells(columns: int, rows: int, x: float, y: float) -> np.ndarray:
     return np.column_stack([along.ravel(), up.ravel()])
 
 
-def slid(mu: float, angle: float) -> tuple[float, float, LedgerRow]:
+def slid(mu: float, angle: float) -> tuple[float, float, EnergyBalanceRow]:
     """How far a block of 15 x 6 nodes has come along a held one, m, the heat, J/m, and the ledger.
 
     It falls onto the held one, and would rattle there without a loss: friction makes 6 % less heat then.
@@ -36,7 +36,11 @@ def slid(mu: float, angle: float) -> tuple[float, float, LedgerRow]:
     steps = int(DURATION / system.time_step)
     prepared.advance(1, steps + 1)
     assert system.contact is not None
-    return float(state.value[240:, 0].mean()), system.contact.friction(state), compute_ledger_row(system, state, steps)
+    return (
+        float(state.value[240:, 0].mean()),
+        system.contact.friction(state),
+        compute_energy_balance_row(system, state, steps),
+    )
 
 
 @pytest.mark.slow

@@ -185,7 +185,7 @@ def test_blocks_and_the_list_swell_alike(name: str, G0: float) -> None:
         system.coupled_runs[0].state.value[100:220] -= 120.0
         assert isinstance(system.stepper, Swelling)
         system.stepper.swell()
-        held = system.stepper.clamped_energy_density(state)
+        held = system.stepper.energy_density_at_zero_displacement(state)
         run.advance(1, 201)
         assert system.kernel_name == kernel
         found.append((held, state.value, *system.operator.energies(state), state.work, state.dissipated))

@@ -17,7 +17,7 @@ from pdsolve.model import Model, ModelWarning
 from pdsolve.options import Options
 from pdsolve.results import Results
 from pdsolve.run.estimate import estimate_run
-from pdsolve.run.measures import compute_ledger_row, compute_output_fields
+from pdsolve.run.measures import compute_energy_balance_row, compute_output_fields
 from pdsolve.run.node_changes import find_zone_change_since_last_call
 from pdsolve.run.prepare import prepare
 from pdsolve.run.simulation import resume, simulate
@@ -118,7 +118,7 @@ def test_a_cell_that_becomes_fine_has_its_temperature_at_once() -> None:
     assert len(change.state.value) > len(free) + 500
     force = change.system.moving_zone_operator.accelerations() * change.system.model.rho[:, None]  # type: ignore[union-attr]
     assert np.abs(force).max() < 1e-4 * E * ALPHA * np.hypot(*slope)
-    held = float((change.system.area * change.system.stepper.clamped_energy_density(change.state)).sum())  # type: ignore[attr-defined]
+    held = float((change.system.area * change.system.stepper.energy_density_at_zero_displacement(change.state)).sum())  # type: ignore[attr-defined]
     assert abs(zone.totals.refinement_energy - before) < 1e-9 * held
 
 
@@ -197,7 +197,7 @@ def test_threads_do_not_show_and_broken_bonds_are_known(small: Model) -> None:
     assert compute_output_fields(one.system, one.state, ("c",))["c"].tolist() == pytest.approx(
         one.system.coupled_runs[0].state.value[operator.grid_rows, 0].tolist()  # type: ignore[union-attr]
     )
-    ledger = compute_ledger_row(one.system, one.state, 280)
+    ledger = compute_energy_balance_row(one.system, one.state, 280)
     assert abs(ledger.balance_error(one.system.initial_energy)) < 0.05
 
 

@@ -18,7 +18,7 @@ from pdsolve.conditions import initial_velocity
 from pdsolve.model import Model
 from pdsolve.numerics.thread_team import cores
 from pdsolve.options import Options
-from pdsolve.run.measures import LedgerRow, compute_ledger_row
+from pdsolve.run.measures import EnergyBalanceRow, compute_energy_balance_row
 from pdsolve.run.node_changes import find_zone_change_since_last_call
 from pdsolve.run.prepare import prepare
 from pdsolve.run.system import PreparedRun
@@ -42,13 +42,13 @@ def hybrid(problem: PreparedRun) -> HybridEngine:
     return found.engine
 
 
-def ledger(problem: PreparedRun, step: int) -> LedgerRow:
+def ledger(problem: PreparedRun, step: int) -> EnergyBalanceRow:
     """The books of the nodes there are now."""
     change = (
         find_zone_change_since_last_call(problem.system) if problem.system.moving_zone_operator is not None else None
     )
     system, state = problem if change is None else (change.system, change.state)
-    return compute_ledger_row(system, state, step)
+    return compute_energy_balance_row(system, state, step)
 
 
 @pytest.mark.slow

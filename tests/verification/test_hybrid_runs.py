@@ -15,7 +15,7 @@ from pdsolve.conditions import initial_velocity
 from pdsolve.model import Model
 from pdsolve.numerics.thread_team import cores
 from pdsolve.options import Options
-from pdsolve.run.measures import LedgerRow, compute_ledger_row
+from pdsolve.run.measures import EnergyBalanceRow, compute_energy_balance_row
 from pdsolve.run.node_changes import find_zone_change_since_last_call
 from pdsolve.run.prepare import prepare
 from pdsolve.run.system import PreparedRun
@@ -47,9 +47,9 @@ def followed(problem: PreparedRun) -> PreparedRun:
     return problem if change is None else PreparedRun(change.system, change.state)
 
 
-def ledger(problem: PreparedRun, step: int) -> LedgerRow:
+def ledger(problem: PreparedRun, step: int) -> EnergyBalanceRow:
     """The books of the nodes there are now."""
-    return compute_ledger_row(*followed(problem), step)
+    return compute_energy_balance_row(*followed(problem), step)
 
 
 @pytest.mark.slow
@@ -124,7 +124,7 @@ def test_a_struck_plate_breaks_as_the_uniform_one() -> None:
                 assert seen is None or not (seen & ~lost).any()
                 seen = lost
         system, state = followed(problem)
-        found[adapt], broken = compute_ledger_row(system, state, 170), system.operator.broken()
+        found[adapt], broken = compute_energy_balance_row(system, state, 170), system.operator.broken()
         first[adapt] = int(broken.step.min())
         y = np.sort(system.model.grid.position[broken.source, 1])
         assert np.abs(y + y[::-1] - 0.2).max() < 1e-12

@@ -17,7 +17,7 @@ from plates import GLASS, plate, square_grid
 
 from pdmesh.model.document import Displacement, Load, Run
 from pdsolve.options import Options
-from pdsolve.run.measures import compute_ledger_row
+from pdsolve.run.measures import compute_energy_balance_row
 from pdsolve.run.prepare import prepare
 
 CONDITIONS = (
@@ -37,11 +37,11 @@ def missed(material: dict[str, object], share: float, steps: int = 1500) -> tupl
     whole, half = [], []
     for step in range(5, steps + 1, 5):
         system.stepper.advance(state, step - 4, step + 1)
-        now = compute_ledger_row(system, state, step)
+        now = compute_energy_balance_row(system, state, step)
         less = system.model.rho * system.area * ((share * bound / 2 * state.second) ** 2).sum(axis=1) / 2
         whole.append(now.kinetic + now.strain - now.work)
         half.append(whole[-1] - float(less.sum()))
-    work, third = max(abs(compute_ledger_row(system, state, steps).work), 1e-300), len(whole) // 3
+    work, third = max(abs(compute_energy_balance_row(system, state, steps).work), 1e-300), len(whole) // 3
     most = float(np.ptp(half))  # what they begin with, of the load alone, stays
     return float(np.mean(whole[:third])) / work, float(np.mean(whole[-third:])) / work, most / work
 

@@ -18,7 +18,7 @@ from pdsolve.laws.bond_limits import Sizes
 from pdsolve.laws.pair_laws import brittle
 from pdsolve.model import Model
 from pdsolve.options import Options
-from pdsolve.run.measures import compute_ledger_row
+from pdsolve.run.measures import compute_energy_balance_row
 from pdsolve.run.prepare import prepare
 from pdsolve.schemes import average_horizon
 
@@ -46,8 +46,8 @@ def test_density_is_that_of_the_region() -> None:
     assert np.array_equal(problem.system.model.rho, np.where(left, 2235.0, 1200.0))
     problem.state.rate[:, 0] = 2.0
     mass = 1e-6 * 12 * HALF * (2235 + 1200)
-    assert compute_ledger_row(*problem, 0).kinetic == pytest.approx(mass / 2 * 4, rel=1e-14)
-    assert compute_ledger_row(*problem, 0).momentum_x == pytest.approx(mass * 2, rel=1e-14)
+    assert compute_energy_balance_row(*problem, 0).kinetic == pytest.approx(mass / 2 * 4, rel=1e-14)
+    assert compute_energy_balance_row(*problem, 0).momentum_x == pytest.approx(mass * 2, rel=1e-14)
 
 
 def test_the_conservative_rule_at_an_interface() -> None:

@@ -12,7 +12,7 @@ from system_checks import bonds_of, broken, forces, worst
 
 from pdmesh.model.document import Displacement, Material, Run
 from pdsolve.options import Options
-from pdsolve.run.measures import compute_ledger_row
+from pdsolve.run.measures import compute_energy_balance_row
 from pdsolve.run.prepare import prepare
 from pdsolve.run.system import PreparedRun
 
@@ -85,7 +85,7 @@ def test_unloading_goes_to_the_origin_and_on_into_compression() -> None:
 def test_below_the_peak_nothing_is_spent() -> None:
     problem = led(BILINEAR, "conservative", (0.0, 0.6, -3.0, 0.6, 0.0))
     problem.advance(1, 4001)
-    found = compute_ledger_row(*problem, 4000)
+    found = compute_energy_balance_row(*problem, 4000)
     assert found.dissipated == 0
     assert not worst(problem).any()
     assert found.work == pytest.approx(found.kinetic, rel=1e-9)  # measured 2e-10
@@ -105,7 +105,7 @@ def test_a_bond_spends_half_c_xi_peak_limit(mode: str, keep: bool) -> None:
     spent = []
     for first, last in pairwise(range(0, 5001, 50)):
         problem.advance(first + 1, last + 1)
-        spent.append(compute_ledger_row(*problem, last).dissipated)
+        spent.append(compute_energy_balance_row(*problem, last).dissipated)
     assert len(broken(problem).step) == problem.system.directed_bond_count == 2
     assert spent[-1] == pytest.approx(expected, rel=1e-12)  # measured 2e-16
     assert (np.diff(spent) >= -1e-14 * expected).all()  # nothing is given back
@@ -121,12 +121,12 @@ def test_the_work_of_the_hold_is_what_the_bond_took(law: str) -> None:
     problem.advance(1, 1001)
     bonds, area, u = bonds_of(problem), problem.system.area, problem.state.value
     mass, stretch = GLASS.rho * area[1], (u[1, 0] - u[0, 0]) / DELTA
-    found = compute_ledger_row(*problem, 1000)
+    found = compute_energy_balance_row(*problem, 1000)
     held = float(np.sum(area * bonds.stiffness * DELTA / 4 * stretch**2))
     assert found.strain == pytest.approx(held, rel=1e-12)  # measured 4e-16
     assert found.work == pytest.approx(found.strain + found.dissipated + found.kinetic, rel=1e-9)  # measured 6e-16
     problem.advance(1001, 2001)
-    found = compute_ledger_row(*problem, 2000)
+    found = compute_energy_balance_row(*problem, 2000)
     kinetic = mass / 2 * problem.state.rate[1, 0] ** 2
     assert found.kinetic == pytest.approx(kinetic, rel=1e-12)
     assert found.work == pytest.approx(found.dissipated + kinetic, rel=1e-6)  # measured 5e-7

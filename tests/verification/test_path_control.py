@@ -23,7 +23,7 @@ from pdsolve.model import Model, ModelWarning
 from pdsolve.results import Results
 from pdsolve.run.estimate import estimate_run
 from pdsolve.run.simulation import Options, resume, simulate
-from pdsolve.steppers.equilibrium import UnsettledError
+from pdsolve.steppers.equilibrium import NotConvergedError
 from pdsolve.steppers.path_control import OpeningControl
 
 RAMP = ((0.0, 0.0), (1.0, 1.0))
@@ -96,7 +96,7 @@ def test_an_opening_that_closes_ends_with_its_own_exit_code(tmp_path: Path, caps
 
 def test_an_opening_that_closes_is_refused_and_the_start_is_kept(tmp_path: Path) -> None:
     path = tmp_path / "beam.sqlite"
-    with pytest.raises(UnsettledError, match=naming("path step 1", found="'top'", expected="grows")):
+    with pytest.raises(NotConvergedError, match=naming("path step 1", found="'top'", expected="grows")):
         simulate(beam(Static(control="top", opening=1e-4)), path, Options(threads=1))
     with Results.open(path) as results:
         assert results.meta()["status"] == "unsettled"

@@ -18,11 +18,11 @@ from pdmesh.model.document import Displacement, Load, Run, Static
 from pdmesh.model.node_grid import Grid
 from pdsolve.model import Model
 from pdsolve.options import Options
-from pdsolve.run.measures import compute_ledger_row
+from pdsolve.run.measures import compute_energy_balance_row
 from pdsolve.run.prepare import prepare
 from pdsolve.run.simulation import resume, simulate
 from pdsolve.run.system import PreparedRun
-from pdsolve.steppers.equilibrium import UnsettledError, force_densities
+from pdsolve.steppers.equilibrium import NotConvergedError, force_densities
 from pdsolve.steppers.static_loads import model_with_load_steps
 
 STEEL = msgspec.structs.replace(
@@ -53,7 +53,7 @@ def moments(layers: int, most: int) -> tuple[list[float], float]:
         if step % 4 == 0:
             stress = system.operator.fields(state)["sxx"]
             found.append(float((stress * y)[middle].sum() * delta / 2 / MOMENT))
-    return found, compute_ledger_row(system, state, 4 * most).balance_error(0.0)
+    return found, compute_energy_balance_row(system, state, 4 * most).balance_error(0.0)
 
 
 @pytest.mark.slow
@@ -120,9 +120,9 @@ def pulled_bar(strain: float, steps: int, **settings: object) -> tuple[float, fl
     model = plate(grid, 3, material=msgspec.structs.replace(STEEL, **settings), conditions=conditions, run=run)
     system, state = prepare(model_with_load_steps(model, "float64"), Options(threads=1))
     system.stepper.advance(state, 1, steps)
-    before = compute_ledger_row(system, state, steps - 1)
+    before = compute_energy_balance_row(system, state, steps - 1)
     system.stepper.advance(state, steps, steps + 1)
-    after = compute_ledger_row(system, state, steps)
+    after = compute_energy_balance_row(system, state, steps)
     force = -force_densities(system.operator, state)[np.array(right) - 1, 0].sum() * 1e-6
     booked = after.strain + after.dissipated - before.strain - before.dissipated
     return float(force / (0.011 * PERFECT)), 1 - booked / (after.work - before.work)
@@ -176,7 +176,7 @@ def test_a_ring_flows_as_far_as_a_thick_tube_and_collapses_as_one() -> None:
     flowed = (system.operator.fields(state)["plastic"] > 0).sum() * 1e-6
     assert np.sqrt(1 + flowed / (np.pi * inner**2)) == pytest.approx(1.4987, rel=0.03)
     (system, state), _ = ring(1.1, 2)
-    with pytest.raises(UnsettledError, match=naming(found="limit load", expected="hardening")) as error:
+    with pytest.raises(NotConvergedError, match=naming(found="limit load", expected="hardening")) as error:
         system.stepper.advance(state, 1, 3)
     assert "supports" not in str(error.value)
     share = float(re.search(r"above ([\d.]+) of this load step", str(error.value))[1])  # type: ignore[index]

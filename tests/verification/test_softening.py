@@ -18,7 +18,7 @@ from pdmesh.model.node_grid import Grid
 from pdpost.reading.stored_fields import vector
 from pdsolve.model import Model
 from pdsolve.options import Options
-from pdsolve.run.measures import compute_ledger_row
+from pdsolve.run.measures import compute_energy_balance_row
 from pdsolve.run.prepare import prepare
 from pdsolve.run.simulation import simulate
 
@@ -71,7 +71,7 @@ def pulled(h: float, m: float, shape: str, plane: str = "stress") -> Curve:
         out = np.zeros(state.value.shape)
         system.operator.accumulate_force(state, out, step - 1, 0.0)
         stress.append(-float((system.area[right] * out[right, 0]).sum()) / HEIGHT ** (grid.dimension - 1) / F_T)
-        found = compute_ledger_row(system, state, step - 1)
+        found = compute_energy_balance_row(system, state, step - 1)
         missing.append(found.balance_error(0.0) * found.energy_scale(0.0))
         work = found.work
     return Curve(np.array(stress), np.array(missing) / work)

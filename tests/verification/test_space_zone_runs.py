@@ -17,7 +17,7 @@ from pdsolve.__main__ import main as pdsolve
 from pdsolve.model import Model
 from pdsolve.options import Options
 from pdsolve.results import Results
-from pdsolve.run.measures import compute_ledger_row
+from pdsolve.run.measures import compute_energy_balance_row
 from pdsolve.run.prepare import prepare
 from pdsolve.run.simulation import simulate
 
@@ -45,7 +45,7 @@ def test_motion_may_be_prescribed_anywhere(name: str) -> None:
         system, state = prepare(model, Options(threads=1))
         momentum.append(float((state.rate[:, 2] * system.model.rho * system.area).sum()))
         system.stepper.advance(state, 1, 61)
-        found = compute_ledger_row(system, state, 60)
+        found = compute_energy_balance_row(system, state, 60)
         end.append((found.work, found.momentum_z, found.kinetic))
     np.testing.assert_allclose(*momentum, rtol=1e-12)
     np.testing.assert_allclose(*np.array(end)[:, :2], rtol=0.02)  # 0.016 at most

@@ -15,7 +15,7 @@ from pdmesh.model.node_grid import document_of
 from pdsolve.model import Model, read_model
 from pdsolve.results import Results
 from pdsolve.run.cell_splitting import CellSplitting, expect_quadtree_operator
-from pdsolve.run.measures import LedgerRow, compute_ledger_row
+from pdsolve.run.measures import EnergyBalanceRow, compute_energy_balance_row
 from pdsolve.run.prepare import prepare
 from pdsolve.run.simulation import Options, Progress, resume, simulate
 from pdsolve.run.system import System
@@ -32,7 +32,7 @@ def flung(levels: int = 1, damping: float = 0.0) -> Model:
     return plate(square_grid(28, 10), 3, conditions=(end,), run=run)
 
 
-def kept(system: System, state: State, found: LedgerRow, initial: float) -> float:
+def kept(system: System, state: State, found: EnergyBalanceRow, initial: float) -> float:
     """What Verlet keeps, over the energy at the start: the ledger's balance with velocities of half steps."""
     mass = system.model.rho * system.area
     swing = float((mass * (state.second**2).sum(axis=1)).sum()) * system.time_step**2 / 8
@@ -45,20 +45,20 @@ def test_momentum_and_energy_are_booked_to_the_last(levels: int) -> None:
     """A wave goes up and down a plate, cells split and merge: momentum to round-off, energy to what is nonlinear."""
     system, state = prepare(flung(levels), Options(threads=1))
     adapt, initial, counts = CellSplitting(system), system.initial_energy, []
-    momentum = np.array(compute_ledger_row(system, state, 0)[6:8])
+    momentum = np.array(compute_energy_balance_row(system, state, 0)[6:8])
     for step in range(0, 120, adapt.steps_between_checks):
-        before = compute_ledger_row(system, state, step)
+        before = compute_energy_balance_row(system, state, step)
         change = adapt.change_nodes(system, state, step)
         if change is not None:
             system, state, _ = change
-            after = compute_ledger_row(system, state, step)
+            after = compute_energy_balance_row(system, state, step)
             assert after[6:8] == pytest.approx(before[6:8], abs=1e-15)
             assert system.area.sum() == pytest.approx(280e-6, rel=1e-13)
         counts.append(len(system.model.grid))
         system.stepper.advance(state, step + 1, step + adapt.steps_between_checks + 1)
         level = expect_quadtree_operator(system).cells.level
         assert np.array_equal(system.model.horizons, 3 * 1e-3 / 2.0**level)
-    found = compute_ledger_row(system, state, 120)
+    found = compute_energy_balance_row(system, state, 120)
     assert min(np.diff(counts)) < 0 < max(np.diff(counts))
     assert found[6:8] == pytest.approx(momentum, abs=1e-14 * np.abs(momentum).max())
     assert found.refinement / initial > 0.003  # measured 0.03 of it
@@ -76,7 +76,7 @@ def test_what_damping_takes_is_not_what_splitting_loses() -> None:
         if change is not None:
             system, state, _ = change
         system.stepper.advance(state, step + 1, step + adapt.steps_between_checks + 1)
-    found = compute_ledger_row(system, state, 120)
+    found = compute_energy_balance_row(system, state, 120)
     assert found.damped > 0.2 * initial
     assert found.dissipated == 0
     assert abs(kept(system, state, found, initial)) < 2e-5

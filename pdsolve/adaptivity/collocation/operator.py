@@ -17,7 +17,7 @@ from pdsolve.adaptivity.collocation.engine import CollocationEngine
 from pdsolve.adaptivity.collocation.layout import is_bond_cut
 from pdsolve.adaptivity.collocation.zone import COARSE, FINE, BreakEvents
 from pdsolve.adaptivity.hybrid.irregular_bonds import select_part_of_model
-from pdsolve.adaptivity.two_lattice_operator import LedgerTotals, TwoLatticeOperator
+from pdsolve.adaptivity.two_lattice_operator import EnergyBalanceTotals, TwoLatticeOperator
 from pdsolve.codegen.jit_cache import cached_njit
 from pdsolve.model import Model
 from pdsolve.state import Broken, State
@@ -131,10 +131,10 @@ class CollocationOperator(TwoLatticeOperator[CollocationEngine]):
         self._strain = float((densities * self.area).sum())
         return densities, np.zeros_like(densities)
 
-    def ledger_totals(self) -> LedgerTotals:
+    def energy_balance_totals(self) -> EnergyBalanceTotals:
         """Energies, work and momentum at the state of the last call of `energies`."""
         kinetic, x, y = self.engine.kinetic_energy_and_momentum()
-        return LedgerTotals(
+        return EnergyBalanceTotals(
             kinetic, self._strain, *self.engine.dissipated_and_damped_energy_and_work, x, y, len(self.broken().step)
         )
 

@@ -27,7 +27,7 @@ from pdmesh.model.values_of_place import Value, is_of_place
 from pdsolve.adaptivity.hybrid.coarse_cells import create_hybrid_plate, initial_cell_kinds, precrack_tips
 from pdsolve.adaptivity.hybrid.lattice import COARSE, FINE
 from pdsolve.adaptivity.hybrid.springs import create_springs_of_materials
-from pdsolve.errors import LateZoneError, UnstableError
+from pdsolve.errors import FineZoneTooLateError, UnstableError
 from pdsolve.model import Model, ModelError, ModelNote
 from pdsolve.options import Options
 
@@ -169,10 +169,10 @@ def _largest_absolute_components(
     return np.array([largest(value, position) for value in vector])
 
 
-def explain_late_zone_error(error: BaseException, time_step: float, stable_time_step: float) -> BaseException:
+def explain_fine_zone_too_late(error: BaseException, time_step: float, stable_time_step: float) -> BaseException:
     """The error; UnstableError for a zone that was late in time steps, s, longer than the stable one, as no wider zone
     cures that."""
-    if not isinstance(error, LateZoneError) or time_step <= UNSURE * stable_time_step:
+    if not isinstance(error, FineZoneTooLateError) or time_step <= UNSURE * stable_time_step:
         return error
     return UnstableError(
         f"{error}; the time step {time_step:.3g} s exceeds the stable time step {stable_time_step:.3g} s;"

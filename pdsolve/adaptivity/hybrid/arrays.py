@@ -119,7 +119,7 @@ class BorderNodes(NamedTuple):
         )
 
 
-class LoadOrHold(Record):
+class LoadOrPrescribedMotion(Record):
     """A load on a component of a fine node, or a component whose motion is prescribed."""
 
     fine_place: int  # fine
@@ -143,7 +143,7 @@ HOLD_COLUMNS = (
 class LoadsOrHolds(NamedTuple):
     """Loads, or held components: entries of all fine nodes, and of the nodes that move."""
 
-    entries: NDArray[LoadOrHold]  # (e,)
+    entries: NDArray[LoadOrPrescribedMotion]  # (e,)
     node_and_entry: NDArray[np.int64]  # (., 2) fine place, or -1 - coarse place; and entry
     node_share: NDArray[np.float64]  # (.,) of the entry's value that this node has
 
@@ -294,7 +294,7 @@ def create_plate_zone(
 ) -> PlateZone:
     """A plate with these cells (c,) and idle nodes of precision `dtype`; it has room for `row_count` fine rows."""
     piece = ROW * row_count * spring_count // 4
-    nothing = LoadsOrHolds(np.zeros(0, LoadOrHold.fields()), np.zeros((0, 2), np.int64), np.zeros(0))
+    nothing = LoadsOrHolds(np.zeros(0, LoadOrPrescribedMotion.fields()), np.zeros((0, 2), np.int64), np.zeros(0))
 
     def pieces() -> ClippedPieces:
         ends = np.zeros((piece, 4), np.int64)

@@ -26,7 +26,7 @@ from pdsolve.adaptivity.hybrid.swelling import (
 from pdsolve.checkpoint_validation import entry, like, pulls_to_arrays, read_pulls
 from pdsolve.codegen.vector_code import ROW
 from pdsolve.conditions import Drive
-from pdsolve.errors import CheckpointError, LateZoneError
+from pdsolve.errors import CheckpointError, FineZoneTooLateError
 from pdsolve.numerics.thread_team import gate_of, side_by_side
 from pdsolve.operators.protocol import CheckpointArrays
 
@@ -142,7 +142,7 @@ class HybridEngine:
             if how == DONE:
                 return
             if how == CLIP:
-                raise LateZoneError(
+                raise FineZoneTooLateError(
                     f"step {step}: the fine zone was refined too late (stretch at its border:"
                     f" {self.zone_summary().clipped_stretch:.2f} of critical)",
                     step,

@@ -147,10 +147,10 @@ def divide_far_cells(lattice, zone, buffer):  # type: ignore[no-untyped-def]
     for c in new:
         zone.cell_kinds[c] = COARSE
     _list_nodes_of_far_cells(numbering, zone, zone.affected_fine_nodes[:count])
-    before = _strain_and_kinetic_energy_of_affected_nodes(lattice, zone, buffer)
+    before = _total_energy_of_affected_nodes(lattice, zone, buffer)
     _interpolate_new_coarse_nodes(lattice, zone, buffer)
     set_affected_coarse_and_far_node_properties(lattice, zone)
-    zone.totals.refinement_energy += _strain_and_kinetic_energy_of_affected_nodes(lattice, zone, buffer) - before
+    zone.totals.refinement_energy += _total_energy_of_affected_nodes(lattice, zone, buffer) - before
     return True
 
 
@@ -177,7 +177,7 @@ def _list_nodes_of_far_cells(numbering, zone, blocks):  # type: ignore[no-untype
 
 
 @njit(**INNER)
-def _strain_and_kinetic_energy_of_affected_nodes(lattice, zone, buffer):  # type: ignore[no-untyped-def]
+def _total_energy_of_affected_nodes(lattice, zone, buffer):  # type: ignore[no-untyped-def]
     """Energy, J/m, of the listed nodes."""
     coarse, far, energy = zone.coarse, zone.far, 0.0
     for q in zone.affected_coarse_nodes[: zone.counts.affected_coarse_nodes]:

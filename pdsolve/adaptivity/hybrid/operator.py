@@ -29,7 +29,7 @@ from pdsolve.adaptivity.hybrid.node_lists import (
     scatter_far_and_tied_motion,
     scatter_node_motion,
 )
-from pdsolve.adaptivity.two_lattice_operator import LedgerTotals, TwoLatticeOperator
+from pdsolve.adaptivity.two_lattice_operator import EnergyBalanceTotals, TwoLatticeOperator
 from pdsolve.codegen.vector_code import ROW
 from pdsolve.model import Model
 from pdsolve.operators.protocol import CheckpointArrays
@@ -319,11 +319,11 @@ class HybridOperator(TwoLatticeOperator[HybridEngine]):
         energy /= self.area
         return energy, np.zeros_like(energy)
 
-    def ledger_totals(self) -> LedgerTotals:
+    def energy_balance_totals(self) -> EnergyBalanceTotals:
         """Energies, work and momentum at the state of the last call of `energies`."""
         kinetic, x, y = self.engine.kinetic_energy_and_momentum().tolist()
         dissipated, work, _ = self.engine.dissipation_work_and_refinement_energy
-        return LedgerTotals(
+        return EnergyBalanceTotals(
             kinetic,
             self._strain,
             dissipated,

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from pdmesh.model.document import Concentration, Exchange, InitialVelocity, Source, Velocity
 from pdsolve import conditions
-from pdsolve.adaptivity.hybrid.arrays import LatticeConstants, LoadOrHold, LoadsOrHolds, create_plate_zone
+from pdsolve.adaptivity.hybrid.arrays import LatticeConstants, LoadOrPrescribedMotion, LoadsOrHolds, create_plate_zone
 from pdsolve.adaptivity.hybrid.coarse_cells import CellAreas, HybridPlate, create_hybrid_plate, initial_cell_kinds
 from pdsolve.adaptivity.hybrid.engine import HybridEngine
 from pdsolve.adaptivity.hybrid.far_cells import coarsen_cells_away_from_features
@@ -215,7 +215,7 @@ def _create_loads_or_holds(
 ) -> LoadsOrHolds:
     """Entries with room for at most `nodes_per_entry` nodes each."""
     entries, room = (
-        np.zeros(len(condition_entries.node), LoadOrHold.fields()),
+        np.zeros(len(condition_entries.node), LoadOrPrescribedMotion.fields()),
         nodes_per_entry * len(condition_entries.node),
     )
     entries["fine_place"], entries["axis"] = plate.places_of_grid_rows(condition_entries.node), condition_entries.axis

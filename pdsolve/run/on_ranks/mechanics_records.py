@@ -15,10 +15,10 @@ from pdsolve.ranks.part import Part, broken
 from pdsolve.results import Results
 from pdsolve.run.inversion_checks import DisplacementRange, MotionChecks, compute_displacement_range
 from pdsolve.run.measures import (
-    LedgerRow,
+    EnergyBalanceRow,
     NodeEnergiesAndBreaks,
     compute_node_energies_and_breaks,
-    per_node_ledger_functions,
+    node_energy_functions,
 )
 from pdsolve.run.mechanics_records import (
     MechanicsRecords,
@@ -35,7 +35,7 @@ Array = NDArray[np.float64]
 class RankReport(NamedTuple):
     """What a rank says of a step."""
 
-    ledger_sums: dict[str, Branches]  # of the ledger
+    energy_balance_sums: dict[str, Branches]  # of the ledger
     broken_directed_bond_count: int  # directed bonds so far
     last_break_step: int  # step of the last one
     values_are_finite: bool  # whether all displacements of own nodes are finite
@@ -45,7 +45,7 @@ class RankReport(NamedTuple):
 class GatheredReports(NamedTuple):
     """What all ranks say of a step."""
 
-    ledger_row: LedgerRow
+    balance_row: EnergyBalanceRow
     last_break_step: int  # step of the last broken bond, 0 without any
     values_are_finite: bool
     displacement_range: DisplacementRange
@@ -69,13 +69,13 @@ class MechanicsRecordsOnRanks(MechanicsRecords):
         lengths_of_all = self._team.everywhere(own_smallest_spacing_and_breaking_elongation)
         self._team.everywhere(set_lengths_from_all_ranks, lengths_of_all)
         self.known = self._gather_reports(resumed_step)
-        self.last, self._heat_energy = self.known.ledger_row, 0.0
+        self.last, self._heat_energy = self.known.balance_row, 0.0
 
     def evaluate_balance(self, state: State, step: int, bond_state: NodeEnergiesAndBreaks | None) -> None:
         """Evaluate the balance at this step, unless it is the last entry."""
         if self.last.step != step:
             self.known = self._gather_reports(step)
-            self.last = self.known.ledger_row
+            self.last = self.known.balance_row
 
     def record_step(self, state: State, step: int, bond_state: NodeEnergiesAndBreaks | None) -> None:
         """Record the ledger, the probes and the reactions of this step. Raises UnstableError."""
@@ -96,7 +96,7 @@ class MechanicsRecordsOnRanks(MechanicsRecords):
             if words is not None:
                 self._checks.warn_of_inverted_triangle(words, step)
         self._checks.warn_of_imprecise_displacements(extent, step)
-        self._ledgers.append(self.last)
+        self._balance_rows.append(self.last)
         time = self.last.time
         if self._order:
             probe_values = [
@@ -113,8 +113,11 @@ class MechanicsRecordsOnRanks(MechanicsRecords):
         """The ledger entry after a step, from all ranks."""
         said: list[RankReport] = self._team.everywhere(make_rank_report, step)
         count = len(self._whole.model.grid)
-        sums = {name: total([report.ledger_sums[name] for report in said], count) for name in said[0].ledger_sums}
-        ledger = LedgerRow(
+        sums = {
+            name: total([report.energy_balance_sums[name] for report in said], count)
+            for name in said[0].energy_balance_sums
+        }
+        ledger = EnergyBalanceRow(
             step, step * self._whole.time_step, broken=sum(report.broken_directed_bond_count for report in said), **sums
         )
         least, most = (
@@ -148,7 +151,7 @@ def make_rank_report(team: Team, step: int) -> RankReport:
     subdomain: RankSystem = part.now
     bond_state, slab = compute_rank_bond_state_once(team, step), part.slab
     with np.errstate(over="ignore", invalid="ignore"):  # of a run that becomes unstable
-        values = per_node_ledger_functions(
+        values = node_energy_functions(
             subdomain.system, subdomain.state, bond_state.strain_energy_density, bond_state.softening_energy_density
         )
         sums = {name: branches(of()[part.own], slab.first, slab.nodes) for name, of in values.items()}

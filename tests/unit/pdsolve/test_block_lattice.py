@@ -21,7 +21,7 @@ from pdsolve.lattice.blocks import Blocks
 from pdsolve.lattice.operator import BlockLattice
 from pdsolve.model import ModelError
 from pdsolve.options import Options
-from pdsolve.run.measures import compute_ledger_row
+from pdsolve.run.measures import compute_energy_balance_row
 from pdsolve.run.prepare import prepare
 from pdsolve.run.recorder import list_breaks_since, restore_state
 from pdsolve.run.simulation import simulate
@@ -70,8 +70,8 @@ def test_a_whole_run(name: str, mode: str, law: str) -> None:
     assert all(map(np.array_equal, broken(fast), broken(listed)))
     for field in ("value", "rate", "work"):
         assert nearly(getattr(fast.state, field), getattr(listed.state, field), 1e-10), field
-    assert compute_ledger_row(*fast, 120)[2:] == pytest.approx(
-        compute_ledger_row(*listed, 120)[2:], rel=1e-10, abs=1e-9
+    assert compute_energy_balance_row(*fast, 120)[2:] == pytest.approx(
+        compute_energy_balance_row(*listed, 120)[2:], rel=1e-10, abs=1e-9
     )
 
 

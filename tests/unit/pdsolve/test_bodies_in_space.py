@@ -18,7 +18,7 @@ from pdmesh.model.node_grid import grid_of
 from pdsolve.model import Model
 from pdsolve.operators.contact.operator import pair_stiffness
 from pdsolve.options import Options
-from pdsolve.run.measures import compute_ledger_row, compute_node_damage
+from pdsolve.run.measures import compute_energy_balance_row, compute_node_damage
 from pdsolve.run.prepare import prepare
 from pdsolve.run.reactions import compute_reactions, list_acting_conditions
 from pdsolve.run.system import PreparedRun
@@ -167,7 +167,7 @@ def test_a_rigid_ball_bounces_from_a_plate() -> None:
     momentum = ((system.area * system.model.rho)[rows] * state.rate[rows, 2]).sum()
     assert pushed == pytest.approx(momentum + 0.05 * 1e-3, rel=1e-6)  # 2.4e-7
     assert state.rate[rows, 2].mean() > 0
-    entry = compute_ledger_row(system, state, steps)
+    entry = compute_energy_balance_row(system, state, steps)
     assert entry.momentum_z == pytest.approx(-0.05 * 1e-3, rel=1e-12)
     assert abs(entry.balance_error(system.initial_energy)) < 5e-3
     x = system.model.grid.position[rows]
@@ -188,7 +188,7 @@ def test_a_box_that_tumbles_keeps_its_angular_momentum_and_its_energy() -> None:
     before = angular()
     PreparedRun(system, state).advance(1, steps + 1)
     assert angular() == pytest.approx(before, rel=2e-3)  # of steps that turn it by .05
-    assert abs(compute_ledger_row(system, state, steps).balance_error(system.initial_energy)) < 2e-3
+    assert abs(compute_energy_balance_row(system, state, steps).balance_error(system.initial_energy)) < 2e-3
     turned = state.value[rows] - state.value[rows].mean(axis=0)
     assert np.abs(turned).max() > 0.3
 

@@ -16,7 +16,7 @@ from pdsolve.conditions import ABSORBED, apply_loads, damping, drive, put_loads,
 from pdsolve.model import ModelError
 from pdsolve.options import Options
 from pdsolve.run.estimate import estimate_run as planned
-from pdsolve.run.measures import compute_ledger_row
+from pdsolve.run.measures import compute_energy_balance_row
 from pdsolve.run.prepare import prepare
 from pdsolve.run.system import PreparedRun
 
@@ -90,7 +90,7 @@ def test_momentum_is_the_impulse_of_the_loads() -> None:
     """A free plate pushed by a profile: momentum = area * force * integral of the factor, to second order."""
     problem = driven(Load(box=LEFT, body_force=(1e9, -2e9), profile=RAMP))
     problem.advance(1, 101)
-    found = compute_ledger_row(*problem, 100)
+    found = compute_energy_balance_row(*problem, 100)
     time = np.linspace(0, 100 * DT, 20001)
     impulse = np.trapezoid(np.interp(time, *np.array(RAMP).T), time) * problem.system.area[left(problem)].sum()
     assert found.momentum_x == pytest.approx(1e9 * impulse, rel=1e-12)  # measured 2e-16
@@ -114,7 +114,7 @@ def test_the_books_balance_whatever_is_held(conditions: tuple[AnyCondition, ...]
     for parts in (1, 2):
         problem = driven(*conditions, time_step=DT / parts)
         problem.advance(1, 300 * parts + 1)
-        found = compute_ledger_row(*problem, 300 * parts)
+        found = compute_energy_balance_row(*problem, 300 * parts)
         assert found.broken == 0
         assert found.strain > 0
         missing.append(abs(found.balance_error(problem.system.initial_energy)))

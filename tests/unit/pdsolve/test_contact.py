@@ -21,7 +21,7 @@ from pdsolve.model import Model, ModelError, read_model
 from pdsolve.operators.contact.kernel import ease
 from pdsolve.operators.contact.operator import pair_stiffness, touch_bound
 from pdsolve.options import Options
-from pdsolve.run.measures import compute_ledger_row, compute_node_damage
+from pdsolve.run.measures import compute_energy_balance_row, compute_node_damage
 from pdsolve.run.prepare import prepare
 from pdsolve.run.reactions import compute_reactions, list_acting_conditions
 from pdsolve.run.simulation import resume
@@ -135,7 +135,7 @@ def test_a_crack_closes_under_compression() -> None:
     assert system.contact is not None
     pairs = system.contact._pressed(state.value)[2]
     assert 0 < pairs[:, 1].max() < 0.05 / 40  # .002 of a spacing
-    last = compute_ledger_row(system, state, 1)
+    last = compute_energy_balance_row(system, state, 1)
     assert abs(last.balance_error(0.0)) < 1e-5  # 3e-8
 
 

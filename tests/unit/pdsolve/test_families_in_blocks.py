@@ -15,7 +15,7 @@ from pdmesh.model.document import Material
 from pdsolve.lattice.family_operator import FamilyLattice
 from pdsolve.laws.bond_arrays import Now
 from pdsolve.options import Options
-from pdsolve.run.measures import compute_ledger_row
+from pdsolve.run.measures import compute_energy_balance_row
 from pdsolve.run.prepare import prepare
 from pdsolve.run.system import PreparedRun
 
@@ -84,7 +84,9 @@ def test_a_whole_run(law: str) -> None:
     assert gone(fast) == gone(listed)
     for field in ("value", "rate", "work"):
         assert nearly(getattr(fast.state, field), getattr(listed.state, field), 1e-9), field
-    assert compute_ledger_row(*fast, 120)[2:] == pytest.approx(compute_ledger_row(*listed, 120)[2:], rel=1e-9, abs=1e-9)
+    assert compute_energy_balance_row(*fast, 120)[2:] == pytest.approx(
+        compute_energy_balance_row(*listed, 120)[2:], rel=1e-9, abs=1e-9
+    )
 
 
 @pytest.mark.slow

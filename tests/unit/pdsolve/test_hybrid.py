@@ -44,7 +44,7 @@ from pdsolve.adaptivity.hybrid.springs import coarse_springs, create_fine_spring
 from pdsolve.checks import warn_of_created_energy
 from pdsolve.model import Model, ModelError, ModelWarning
 from pdsolve.options import Options
-from pdsolve.run.measures import compute_ledger_row
+from pdsolve.run.measures import compute_energy_balance_row
 from pdsolve.run.prepare import prepare, select_scheme
 from pdsolve.run.simulation import simulate
 
@@ -264,7 +264,7 @@ def test_motion_may_be_prescribed_anywhere(condition: Velocity | InitialVelocity
         system, state = prepare(model, Options())
         momentum.append(float((state.rate[:, 1] * system.model.rho * system.area).sum()))
         system.stepper.advance(state, 1, 41)
-        work.append(compute_ledger_row(system, state, 40).work)
+        work.append(compute_energy_balance_row(system, state, 40).work)
     np.testing.assert_allclose(*momentum, rtol=1e-12)
     np.testing.assert_allclose(*work, rtol=0.02)  # 0.009 at most
 

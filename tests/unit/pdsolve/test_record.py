@@ -72,5 +72,5 @@ def test_checkpoints_have_the_order_that_they_had() -> None:
 
 
 def test_no_field_is_hidden_by_an_attribute_of_numpy() -> None:
-    for kind in (arrays.Counts, arrays.Totals, arrays.LoadOrHold, zone.Counts, zone.Totals):
+    for kind in (arrays.Counts, arrays.Totals, arrays.LoadOrPrescribedMotion, zone.Counts, zone.Totals):
         assert not set(kind.__annotations__) & set(dir(np.record)), kind

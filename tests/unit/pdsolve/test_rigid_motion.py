@@ -18,7 +18,7 @@ from pdmesh.model.document import Displacement, Load, RigidBody, Run, Velocity
 from pdsolve import Results, simulate
 from pdsolve.model import Model, ModelError
 from pdsolve.options import Options
-from pdsolve.run.measures import compute_ledger_row
+from pdsolve.run.measures import compute_energy_balance_row
 from pdsolve.run.prepare import prepare
 from pdsolve.run.reactions import compute_reactions, list_acting_conditions
 from pdsolve.run.simulation import resume
@@ -57,7 +57,7 @@ def test_a_rigid_block_that_turns_and_hits_a_beam_conserves_momentum_and_energy(
     assert state.rate[rows, 1].mean() > 0
     assert np.abs(momentum(prepared) - before)[:2].max() < 1e-13 * MASS * V
     assert abs(momentum(prepared) - before)[2] < 2e-3 * MASS * V  # .0012: friction acts across the gap
-    assert abs(compute_ledger_row(system, state, 500).balance_error(system.initial_energy)) < 5e-3  # .002
+    assert abs(compute_energy_balance_row(system, state, 500).balance_error(system.initial_energy)) < 5e-3  # .002
     x = system.model.grid.position[rows]
     assert np.abs(pdist(x + state.value[rows]) - pdist(x)).max() < 1e-15
 
@@ -74,7 +74,7 @@ def test_a_rigid_body_alone_flies_on_and_turns_about_its_centre() -> None:
     turn = np.array([[np.cos(w * t), -np.sin(w * t)], [np.sin(w * t), np.cos(w * t)]])
     assert state.value[rows] == pytest.approx(np.array(v) * t + arm @ turn.T - arm, abs=1e-14)
     assert state.rate[rows] == pytest.approx(np.array(v) + w * (arm @ turn.T)[:, ::-1] * [-1, 1], abs=1e-6)
-    assert compute_ledger_row(system, state, steps).balance_error(system.initial_energy) == pytest.approx(
+    assert compute_energy_balance_row(system, state, steps).balance_error(system.initial_energy) == pytest.approx(
         0, abs=2e-5
     )  # (w dt)^2 / 4
 
@@ -96,7 +96,7 @@ def test_a_rigid_body_falls_and_turns_under_loads() -> None:
     spin = np.linalg.lstsq(np.concatenate([-arm[:, 1], arm[:, 0]])[:, None], (speed - speed.mean(axis=0)).T.ravel())[0]
     inertia = MASS * (2 * 0.1**2 / 12) * (1 - 1 / 10**2)  # of its 10 by 10 nodes
     assert spin[0] == pytest.approx(-MASS * g / 2 * 0.025 * t / inertia, rel=0.01)  # while it has turned by .1
-    found = compute_ledger_row(system, state, 200)
+    found = compute_energy_balance_row(system, state, 200)
     assert found.kinetic == pytest.approx(found.work, rel=1e-5)
 
 
@@ -110,7 +110,7 @@ def test_a_held_body_keeps_its_velocity_and_its_work_is_booked() -> None:
     rows = system.model.grid.bodies.number == 1  # type: ignore[union-attr]
     assert state.value[rows, 1] == pytest.approx(-3 * V, rel=1e-3)
     assert state.value[rows, 0] == pytest.approx(0, abs=1e-15)
-    entry = compute_ledger_row(system, state, last - 1)
+    entry = compute_energy_balance_row(system, state, last - 1)
     assert entry.work > 1e-7
     assert abs(entry.balance_error(system.initial_energy)) < 5e-3
 

@@ -17,7 +17,7 @@ from pdmesh.model.document import Run
 from pdsolve import Results, simulate
 from pdsolve.model import Model, ModelError
 from pdsolve.options import Options
-from pdsolve.run.measures import LedgerRow, compute_ledger_row
+from pdsolve.run.measures import EnergyBalanceRow, compute_energy_balance_row
 from pdsolve.run.prepare import prepare
 from pdsolve.run.simulation import resume
 
@@ -34,7 +34,7 @@ def struck(radius: float | None = R, run: Run | None = None, x: float = 0.3, sin
     return Model(built.grid, built.settings)
 
 
-def bounced(model: Model, steps: int) -> tuple[np.ndarray, float, LedgerRow, float]:
+def bounced(model: Model, steps: int) -> tuple[np.ndarray, float, EnergyBalanceRow, float]:
     """Velocity of the last body, m/s, its spin, rad/s, the ledger, and the energy at the start; of a plate."""
     system, state = prepared = prepare(model, Options(threads=1))
     prepared.advance(1, steps + 1)
@@ -43,7 +43,7 @@ def bounced(model: Model, steps: int) -> tuple[np.ndarray, float, LedgerRow, flo
     arm, way = (model.grid.position + state.value)[own], state.rate[own]
     speed, arm = way.mean(axis=0), arm - arm.mean(axis=0)
     spin = float((arm[:, 0] @ way[:, 1] - arm[:, 1] @ way[:, 0]) / (arm**2).sum())
-    return speed, spin, compute_ledger_row(system, state, steps), system.initial_energy
+    return speed, spin, compute_energy_balance_row(system, state, steps), system.initial_energy
 
 
 @pytest.mark.slow
@@ -102,7 +102,7 @@ def test_a_ball_keeps_its_spin_on_a_block_in_space() -> None:
     assert rigid.motion.momentum[0] == pytest.approx(rigid.bodies[0].inertia @ np.array(spin), rel=1e-12)
     own = system.model.grid.rigid
     assert state.rate[own].mean(axis=0)[2] > 2e-3
-    assert abs(compute_ledger_row(system, state, steps).balance_error(system.initial_energy)) < 5e-3
+    assert abs(compute_energy_balance_row(system, state, steps).balance_error(system.initial_energy)) < 5e-3
 
 
 @pytest.mark.slow

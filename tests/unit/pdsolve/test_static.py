@@ -18,7 +18,7 @@ from pdmesh.model.document import AnyCondition, Displacement, Load, Run, Static,
 from pdsolve.model import Model, ModelError
 from pdsolve.results import Results
 from pdsolve.run.estimate import estimate_run
-from pdsolve.run.simulation import Options, Progress, UnsettledError, resume, simulate
+from pdsolve.run.simulation import NotConvergedError, Options, Progress, resume, simulate
 
 OPEN = 1e-4  # m
 
@@ -271,7 +271,7 @@ def test_a_pull_until_a_piece_is_cut_free_ends_without_force(floating: bool) -> 
 def test_a_piece_that_is_cut_free_under_loads_is_named_and_the_frames_before_are_kept(tmp_path: Path) -> None:
     path, model = tmp_path / "torn.sqlite", halves()
     weight = Load(box=(-1.0, 5e-3, 1.0, 1.0), body_force=(1e3, 0.0))
-    with pytest.raises(UnsettledError, match=naming(re.compile(r"load step \d"), "broke", "balance")):
+    with pytest.raises(NotConvergedError, match=naming(re.compile(r"load step \d"), "broke", "balance")):
         simulate(conditions_of(model, *model.settings.conditions, weight), path, Options(threads=1))
     with Results.open(path) as results:
         assert results.meta()["status"] == "unsettled"
@@ -281,7 +281,7 @@ def test_a_piece_that_is_cut_free_under_loads_is_named_and_the_frames_before_are
 def test_relaxation_that_does_not_settle_says_after_how_many_iterations(tmp_path: Path) -> None:
     path = tmp_path / "unsettled.sqlite"
     static = Static(load_steps=3, method="relaxation", iterations=40)
-    with pytest.raises(UnsettledError, match=naming("load step 1", found="40 iterations")):
+    with pytest.raises(NotConvergedError, match=naming("load step 1", found="40 iterations")):
         simulate(cantilever(static), path, Options(threads=1))
     with Results.open(path) as results:
         assert results.frames()[0].tolist() == [0]
@@ -369,7 +369,7 @@ def test_iterations_are_those_that_were_allowed() -> None:
         seen.extend([] if now.load_step_progress is None else [now.load_step_progress.iterations])
         return False
 
-    with pytest.raises(UnsettledError, match=naming("1 iterations", "Newton", expected="load steps")) as error:
+    with pytest.raises(NotConvergedError, match=naming("1 iterations", "Newton", expected="load steps")) as error:
         simulate(model, None, Options(threads=1), look)
     assert max(seen) == 1
     assert "support" not in str(error.value)  # which were looked at before
@@ -383,5 +383,5 @@ def test_supports_are_named_where_bodies_are_held_softly() -> None:
         Load(box=(-1.0, -1.0, 5e-4, 1.0), body_force=(-1e11, 0.0)),
     )
     model = cantilever(Static(iterations=1, floating=True), conditions=ends)
-    with pytest.raises(UnsettledError, match=naming("1 iterations", "Newton", expected="--float")):
+    with pytest.raises(NotConvergedError, match=naming("1 iterations", "Newton", expected="--float")):
         simulate(model, None, Options(threads=1))

@@ -36,7 +36,7 @@ from pdsolve.adaptivity.hybrid.springs import double_green_strain_from_stretch
 from pdsolve.bonds.assembly import Counted
 from pdsolve.checkpoint_validation import PendingPulls, entry, like, pending_to_arrays, read_pending_pulls
 from pdsolve.codegen.vector_code import ROW
-from pdsolve.errors import CheckpointError, LateZoneError
+from pdsolve.errors import CheckpointError, FineZoneTooLateError
 from pdsolve.lattice import tile_bonds
 from pdsolve.lattice.operator import ROOM
 from pdsolve.lattice.sites import Sites
@@ -179,7 +179,7 @@ class HybridBodyOperator:
         out += density[:nodes] + force / self.volume[:, None]
         self.history = self.history._replace(largest_clipped_strain=max(self.history.largest_clipped_strain, largest))
         if step > 0 and largest > self._least_peak_strain:
-            raise LateZoneError(
+            raise FineZoneTooLateError(
                 f"step {step}: the fine zone was refined too late (stretch at its border:"
                 f" {self.zone_summary().clipped_stretch:.2f} of critical)",
                 step,

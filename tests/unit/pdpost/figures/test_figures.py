@@ -37,7 +37,7 @@ from pdpost.measures.cracked_nodes import damage_without_pre_cracks_at
 from pdpost.measures.fields import FIELDS, FieldError
 from pdpost.measures.tips import crack_branches
 from pdsolve.results import Breaks, Families, FrameRecord, Results, ResultsError, Writer
-from pdsolve.run.measures import LedgerRow
+from pdsolve.run.measures import EnergyBalanceRow
 
 DRAW: dict[str, Callable[[Results], Figure]] = {
     "damage": lambda results: field_figure.field(results, "damage", 60),
@@ -194,7 +194,7 @@ def torn_plate() -> tuple[Results, NDArray[np.float64]]:
     u = 1e-4 * nodes.position[:, 0]
     u[np.array(torn) - 1] += [-1e-4, 1e-4]
     fields = {"ux": u, "uy": 0 * u}
-    ledger = [LedgerRow(1, 1e-6, *[0.0] * 6, len(breaks))]
+    ledger = [EnergyBalanceRow(1, 1e-6, *[0.0] * 6, len(breaks))]
     writer.write(FrameRecord(1, 1e-6, fields, Breaks(*np.array(breaks).T), ledger, [], {}))
     return Results(writer.connection, "memory"), np.array(torn)
 

@@ -18,7 +18,7 @@ from pdpost.measures.cracked_nodes import (
     first_cracked_step_of_nodes,
 )
 from pdsolve.results import Breaks, Epoch, FrameRecord, Nodes, Results, Writer
-from pdsolve.run.measures import LedgerRow
+from pdsolve.run.measures import EnergyBalanceRow
 
 NO_BREAKS = Breaks(*np.zeros((3, 0), dtype=np.int64))
 
@@ -121,7 +121,7 @@ def split(path: Path, at: int, side: int = 8) -> Results:
         new = step - 10 <= at < step
         changes = [epoch(at + 1, count, later, list(range(count)), 4 * count)] if new else []
         rows = None if whole else count + np.arange(4 * count)
-        books = [LedgerRow(step, 1e-7 * step, *[0.0] * 6, 0)]
+        books = [EnergyBalanceRow(step, 1e-7 * step, *[0.0] * 6, 0)]
         writer.write(FrameRecord(step, 1e-7 * step, fields, NO_BREAKS, books, [], {}, epochs=changes, rows=rows))
     writer.write_meta({"summary": json.dumps({"wall_time": 1.0, "steps": 40})})
     writer.close("finished")

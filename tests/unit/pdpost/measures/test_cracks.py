@@ -24,7 +24,7 @@ from pdpost.measures.fragments import PlateFragment, PlateFragments
 from pdpost.measures.release import EnergyRelease
 from pdpost.reading.tables import queries
 from pdsolve.results import Breaks, FrameRecord, Results, Writer
-from pdsolve.study.run_measures import _cracked
+from pdsolve.study.run_measures import _crack_measures
 
 PLATE = json.dumps({"material": {"E": 65e9, "rho": 2235.0, "G0": 204.0}})
 
@@ -74,7 +74,7 @@ def test_it_branches_once_at_the_place_and_time_of_its_first_fork() -> None:
 @pytest.mark.parametrize("arms", [ARMS, ARMS[:6], []])
 def test_studies_measure_branching_and_its_angle_of_one_fork(arms: list[tuple[int, int, int]]) -> None:
     """Both or neither, of arms that are long enough to be some, of shorter ones and of none."""
-    measured = _cracked(crack(run(lattice(40, 41), TRUNK + arms, model=PLATE), along="right"))
+    measured = _crack_measures(crack(run(lattice(40, 41), TRUNK + arms, model=PLATE), along="right"))
     names = "branching", "branching_at", "fork_angle"
     assert [measured[name] is not None for name in names] == [arms is ARMS] * 3
     assert measured["branching_at"] == measured["fork_x"]

@@ -15,7 +15,7 @@ from pdpost.__main__ import main
 from pdpost.measures.tradeoff import cheapest_point, pareto_front, read_run_cost, relative_run_errors
 from pdsolve.model import ModelWarning
 from pdsolve.results import Breaks, Families, FrameRecord, Nodes, Results, ResultsError, Writer
-from pdsolve.run.measures import LedgerRow
+from pdsolve.run.measures import EnergyBalanceRow
 from pdsolve.run.simulation import simulate
 
 
@@ -63,7 +63,7 @@ def run(
         u = at / 100 * stretch * x
         breaks = Breaks(*np.array(sorted(rows), dtype=np.int64).reshape(-1, 3).T)
         fields = {"ux": u, "uy": 0 * u}
-        books = [LedgerRow(at, at * time_step, energy * at / steps, *[0.0] * 5, 0)]
+        books = [EnergyBalanceRow(at, at * time_step, energy * at / steps, *[0.0] * 5, 0)]
         writer.write(FrameRecord(at, at * time_step, fields, breaks, books, [], {}))
     writer.write_meta({"summary": json.dumps({"wall_time": 2.0, "bonds": 10 * count, "steps": steps})})
     writer.close("finished")
@@ -97,7 +97,7 @@ def test_large_cells_weigh_more(tmp_path: Path) -> None:
         u = np.where(left, 1 + off, 1.0) * 1e-6
         no_breaks = Breaks(*np.zeros((3, 0), dtype=np.int64))
         writer.write(
-            FrameRecord(1, 1e-7, {"ux": u, "uy": 0 * u}, no_breaks, [LedgerRow(1, 1e-7, *[0.0] * 6, 0)], [], {})
+            FrameRecord(1, 1e-7, {"ux": u, "uy": 0 * u}, no_breaks, [EnergyBalanceRow(1, 1e-7, *[0.0] * 6, 0)], [], {})
         )
         writer.close("finished")
     with Results.open(tmp_path / "a") as one, Results.open(tmp_path / "b") as other:

@@ -17,7 +17,7 @@ from pdsolve.study import plan
     [([4.0], 1, 4.0), ([1.0] * 5, 2, 3.0), ([1.0, 1.0, 9.0], 2, 10.0), ([9.0, 1.0, 1.0], 2, 9.0), ([2.0] * 6, 3, 4.0)],
 )
 def test_a_run_is_taken_by_the_process_that_is_free_first(runs: list[float], workers: int, seconds: float) -> None:
-    assert plan.by_processes(runs, workers) == seconds
+    assert plan.wall_time_of_processes(runs, workers) == seconds
 
 
 def promised(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, times: int, kept: bool = True) -> dict[str, float]:

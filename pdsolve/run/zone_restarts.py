@@ -19,7 +19,7 @@ from pdsolve.adaptivity.hybrid.adaptivity_choice import (
 )
 from pdsolve.adaptivity.hybrid.arrays import EVERY
 from pdsolve.adaptivity.hybrid.operator import HybridOperator
-from pdsolve.errors import LateZoneError
+from pdsolve.errors import FineZoneTooLateError
 from pdsolve.model import Model, ModelWarning
 from pdsolve.results import Results, ResultsError
 from pdsolve.run.system import System
@@ -35,7 +35,7 @@ class EarlierRefinement(NamedTuple):
 
 
 def plan_zone_restart(
-    model: Model, earlier_refinements: tuple[EarlierRefinement, ...], late_zone_error: LateZoneError
+    model: Model, earlier_refinements: tuple[EarlierRefinement, ...], fine_zone_too_late: FineZoneTooLateError
 ) -> tuple[Model, tuple[EarlierRefinement, ...]]:
     """The model to solve after fine cells came too late, and from when on they are to come sooner.
 
@@ -45,7 +45,7 @@ def plan_zone_restart(
     run = model.settings.run
     now = with_refinement_kappa(model, earlier_refinements[-1].kappa_threshold) if earlier_refinements else model
     wider = widen_zone_or_refine_everywhere(now)
-    step = max(late_zone_error.step - EVERY - 1, 0) // run.every * run.every
+    step = max(fine_zone_too_late.step - EVERY - 1, 0) // run.every * run.every
     if wider.settings.run.adapt == "none":
         return (now if earlier_refinements else wider), ()
     if step == 0 or model.grid.dimension == 3:
@@ -58,7 +58,7 @@ def plan_zone_restart(
 
 def warn_of_zone_restart(
     model: Model,
-    late_zone_error: LateZoneError,
+    fine_zone_too_late: FineZoneTooLateError,
     model_with_wider_zone: Model,
     earlier_refinements: tuple[EarlierRefinement, ...],
     checkpoint_step: int,
@@ -74,7 +74,7 @@ def warn_of_zone_restart(
         words = (
             f"goes back to step {checkpoint_step}, and on with {how} from step {earlier_refinements[-1].first_step} on"
         )
-    warnings.warn(f"{model.name}: {late_zone_error}; {words}", ModelWarning, stacklevel=4)
+    warnings.warn(f"{model.name}: {fine_zone_too_late}; {words}", ModelWarning, stacklevel=4)
 
 
 def find_restart_checkpoint_step(output: Path | None, earlier_refinements: tuple[EarlierRefinement, ...]) -> int:
