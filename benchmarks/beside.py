@@ -1,7 +1,8 @@
 """This checkout and another one side by side: how much longer the other takes, each a ratio of one interleaved run.
 
-`python -m benchmarks.beside DIR` measures intact steps, whole runs, runs with twenty frames, first and later starts.
-DIR has the other checkout. Each has a process of its own, and they take turns.
+`python -m benchmarks.beside DIR` measures intact steps, whole runs, runs with twenty frames, first and later starts,
+and the bytes of bonds. DIR has the other checkout. Each has a process of its own, and they take turns. Steps and whole
+runs are measured by user time, as they take one thread.
 """
 
 from __future__ import annotations
@@ -9,6 +10,8 @@ from __future__ import annotations
 import argparse
 import dataclasses
 import json
+import re
+import resource
 import subprocess
 import sys
 import tempfile
@@ -32,7 +35,7 @@ class Job(NamedTuple):
     mode: str = "conservative"
     precision: str = "float64"
     threads: int = 1
-    kind: str = "steps"  # intact steps, a whole run, one written with frames, or its start
+    kind: str = "steps"  # intact steps, a whole run, one written with frames, its start, or the bytes of its bonds
 
 
 # ---- in a process of its own, with a checkout of its own
@@ -40,7 +43,7 @@ class Job(NamedTuple):
 
 def serve(job: Job) -> None:
     """Measure once for each line of stdin; write seconds a step."""
-    measured = {"steps": _steps, "whole": _whole, "frames": _frames}[job.kind](job)
+    measured = {"steps": _steps, "whole": _whole, "frames": _frames, "bytes": _bytes}[job.kind](job)
     for _ in sys.stdin:
         print(measured(), flush=True)
 
@@ -54,27 +57,46 @@ def _steps(job: Job) -> Callable[[], float]:
     u[:] = 1e-9 * np.random.default_rng(0).standard_normal(u.shape)
     at = 1
 
+    advance = _march_of(problem)
+
     def take(steps: int) -> float:
         nonlocal at
-        began = time.perf_counter()
-        problem.advance(at, at + steps)
+        began = _user_time()
+        advance(at, at + steps)
         at += steps
-        return (time.perf_counter() - began) / steps
+        return (_user_time() - began) / steps
 
     take(2)
-    steps = max(1, int(SAMPLE / take(3)))
+    steps = max(1, int(SAMPLE / max(take(3), 1e-6)))
     return lambda: take(steps)
 
 
 def _whole(job: Job) -> Callable[[], float]:
     def run() -> float:
         problem, steps = _prepared(job), _model(job).settings.run.steps
-        began = time.perf_counter()
-        problem.advance(1, steps + 1)
-        return (time.perf_counter() - began) / steps
+        began = _user_time()
+        _march_of(problem)(1, steps + 1)
+        return (_user_time() - began) / steps
 
     run()
     return run
+
+
+def _bytes(job: Job) -> Callable[[], float]:
+    system = _prepared(job).system
+    bonds = getattr(system, "directed_bond_count", None) or system.bonds  # as older checkouts name them
+    size = system.operator.bytes() / bonds
+    return lambda: size
+
+
+def _march_of(problem: Any) -> Callable[[int, int], object]:
+    """What takes the steps of a prepared run, which older checkouts name otherwise."""
+    march: Callable[[int, int], object] = problem.advance if hasattr(problem, "advance") else problem.march
+    return march
+
+
+def _user_time() -> float:
+    return resource.getrusage(resource.RUSAGE_SELF).ru_utime
 
 
 def _frames(job: Job) -> Callable[[], float]:
@@ -105,7 +127,7 @@ def _model(job: Job) -> Any:
 def _options(job: Job) -> Any:
     from pdsolve.run.simulation import Options
 
-    return Options(job.mode, job.precision, job.threads, "blocks")
+    return Options(job.mode, job.precision, job.threads)
 
 
 # ---- in this process
@@ -209,15 +231,34 @@ def jobs(folder: Path) -> Iterator[Job]:
     model = written(Model(square(*PLATES["64k"]), settings), "64k-frames")
     yield Job("64k, 1000 steps, the march", model, kind="whole")
     yield Job(f"64k, 1000 steps, with {FRAMES} frames", model, kind="frames")
+    yield from _jobs_of_lattices(folder)
 
 
-def compared(other: Path, rounds: int = ROUNDS) -> Iterator[dict[str, Any]]:
-    """A row for each job."""
+def _jobs_of_lattices(folder: Path) -> Iterator[Job]:
+    """Intact steps of plates and bodies of one spacing and of several, and the bytes of their bonds."""
+    from benchmarks.lattices import models
+
+    for name, (model, kernel) in models(folder).items():
+        if kernel is not None:
+            continue
+        path = folder / f"{name.replace(' ', '_').replace('`', '')}.json"
+        path.write_text(model.to_json())
+        yield Job(f"intact, {name}", str(path))
+        yield Job(f"bytes, {name}", str(path), kind="bytes")
+
+
+def compared(other: Path, rounds: int = ROUNDS, only: str = "") -> Iterator[dict[str, Any]]:
+    """A row for each job, or for those alone whose names have a match of a pattern."""
     with tempfile.TemporaryDirectory() as folder:
         for job in jobs(Path(folder)):
+            if not re.search(only, job.name):
+                continue
             turns = Turns(job, other.resolve())
-            yield row(job.name, *turns.measure(rounds if job.kind == "steps" else WHOLE))
+            measured = turns.measure({"steps": rounds, "bytes": 1}.get(job.kind, WHOLE))
+            yield row(job.name, *measured, **({"unit": "B a bond"} if job.kind == "bytes" else {}))
             turns.close()
+        if only:
+            return
         yield from started(str(Path(folder) / "duran50-brittle.json"), other.resolve(), 5)
 
 
@@ -231,12 +272,13 @@ def main() -> int:
     """Measure, or serve who measures; returns the exit code."""
     parser = argparse.ArgumentParser(prog="benchmarks.beside", description=__doc__)
     parser.add_argument("other", type=Path, nargs="?", help="the other checkout")
+    parser.add_argument("--only", default="", help="a pattern: measure what has a match of it in its name alone")
     parser.add_argument("--serve", help=argparse.SUPPRESS)
     args = parser.parse_args()
     if args.serve:
         serve(Job(*json.loads(args.serve)))
         return 0
-    for found in compared(args.other):
+    for found in compared(args.other, only=args.only):
         tell(found)
     return 0
 

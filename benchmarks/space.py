@@ -170,16 +170,6 @@ def section(found: dict[str, Any]) -> str:
     ]
     peaks = ", ".join(f"{value:.0f} bytes a node in {name}" for name, value in found["peak"].items())
     lines += [f"{peaks}, of a million nodes.", ""]
-    if "lammps" in found:
-        of = found["lammps"]
-        lines += [
-            "Whole steps of a cube of 46³ nodes, interleaved, by CPU time, measured with version 1.0.0: LAMMPS PERI/PMB"
-            " (a horizon of 3.015 spacings, no partial cells)",
-            f"takes {of['LAMMPS']:.1f} ns a directed bond, the tiles {of['tiles, float64']:.2f} ns in float64 and"
-            f" {of['tiles, float32']:.2f} in float32: they are {of['LAMMPS'] / of['tiles, float64']:.1f} and"
-            f" {of['LAMMPS'] / of['tiles, float32']:.0f} times as fast.",
-            "",
-        ]
     for key, nodes in (("whole", "a million nodes"), ("largest", "eight million nodes")):
         if key in found:
             lines += [
