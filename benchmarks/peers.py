@@ -376,10 +376,10 @@ def section(found: dict[str, Any]) -> str:
         "## Beside pypd and LAMMPS",
         "",
         f"A plate of {plate} nodes and a body of {body} nodes, 1 mm apart, of glass with a constant micromodulus and a",
-        "horizon of three spacings, in whole steps on one thread. The codes take turns in one run of",
-        "`python -m benchmarks.peers`. Times are the least user time of a code's turns, over its own directed bonds or",
-        "over the nodes. Memory is the peak of the process beyond that of one with a small model, what it needs to",
-        f"prepare included. Processor: {found['processor']}.",
+        "horizon of three spacings, in whole steps on one thread. On a machine with other work, the codes take",
+        "turns in one run of `python -m benchmarks.peers`. Times are the least user time of a code's turns, over its",
+        "own directed bonds or over the nodes. Memory is the peak of the process beyond that of one with a small",
+        f"model, what it needs to prepare included. Processor: {found['processor']}.",
     ]
     for kind, rows in found["measured"].items():
         lines += ["", f"The {kind}:", "", HEAD, "|" + 10 * "---|"]

@@ -8,6 +8,7 @@ the process of a large body has at its peak beyond that of a small one.
 from __future__ import annotations
 
 import argparse
+import importlib.metadata
 import json
 import os
 import resource
@@ -44,7 +45,8 @@ WHOLE = {
     "pdsolve, 100 steps, 3 frames": "pdsolve cube.json -o cube.sqlite --threads 1",
     "pdpost damage": "pdpost damage cube.sqlite -o cube.png",
 }
-ROUNDS, SMALL, LARGE, TINY, LARGEST = 7, 46, 100, 16, 200  # repeats; nodes a side
+ROUNDS, PREPARED, STEPS = 7, 3, 10  # repeats of steps and of preparing; steps at once, as marches fuse them
+SMALL, LARGE, TINY, LARGEST = 46, 100, 16, 200  # nodes a side
 VARIANTS = {
     "list, float64": Options(kernel="listed", threads=1),
     "tiles, float64": Options(threads=1),
@@ -70,10 +72,10 @@ def shaken(model: Model, options: Options) -> PreparedRun:
     return problem
 
 
-def least(takes: dict[str, Callable[[], Any]]) -> dict[str, float]:
+def least(takes: dict[str, Callable[[], Any]], rounds: int = ROUNDS) -> dict[str, float]:
     """Seconds that each takes, the least of interleaved repeats."""
     best = dict.fromkeys(takes, np.inf)
-    for _ in range(ROUNDS):
+    for _ in range(rounds):
         for name, take in takes.items():
             clock = time.perf_counter if "threads" in name else time.process_time
             began = clock()
@@ -88,17 +90,17 @@ def measured(side: int, names: list[str]) -> dict[str, Any]:
     problems = {name: shaken(model, VARIANTS[name]) for name in names}
     clocked = {"tiles, float64, 1 of 2 threads": "tiles, float64"} if "tiles, float64, 2 threads" in names else {}
     takes = {name: problems[clocked.get(name, name)] for name in (*names, *clocked)}
-    step = least({name: lambda problem=problem: problem.advance(1, 2) for name, problem in takes.items()})
+    step = least({name: lambda problem=problem: problem.advance(1, 1 + STEPS) for name, problem in takes.items()})
     assert not any(len(problem.system.operator.broken().step) for problem in problems.values())
     operators = {name: problem.system.operator.bytes() / nodes for name, problem in problems.items()}  # type: ignore[attr-defined]
     bonds = problems["tiles, float64"].system.directed_bond_count / nodes
     del problems, takes
     options = {name: VARIANTS[name] for name in names if "threads" not in name}
-    preparing = least({name: lambda of=of: prepare(model, of) for name, of in options.items()})
+    preparing = least({name: lambda of=of: prepare(model, of) for name, of in options.items()}, PREPARED)
     return {
         "nodes": nodes,
         "bonds a node": bonds,
-        "step": {name: 1e6 * seconds / nodes for name, seconds in step.items()},
+        "step": {name: 1e6 * seconds / nodes / STEPS for name, seconds in step.items()},
         "preparing": {name: 1e6 * seconds / nodes for name, seconds in preparing.items()},
         "operator": operators,
     }
@@ -109,13 +111,13 @@ def ordinary(side: int) -> dict[str, Any]:
     model, problems = cube(side, msgspec.structs.replace(GLASS, model="ordinary", nu=0.25)), {}
     for name in ("list, float64", "tiles, float64", "tiles, float32"):
         problems[name] = shaken(model, VARIANTS[name])
-    step = least({name: lambda problem=problem: problem.advance(1, 2) for name, problem in problems.items()})
+    step = least({name: lambda problem=problem: problem.advance(1, 1 + STEPS) for name, problem in problems.items()})
     assert not any(len(problem.system.operator.broken().step) for problem in problems.values())
     bonds = problems["tiles, float64"].system.directed_bond_count / side**3
     return {
         "nodes": side**3,
         "bonds a node": bonds,
-        "step": {name: 1e6 * seconds / side**3 for name, seconds in step.items()},
+        "step": {name: 1e6 * seconds / side**3 / STEPS for name, seconds in step.items()},
     }
 
 
@@ -141,11 +143,14 @@ def whole(side: int) -> dict[str, dict[str, float]]:
 
 def section(found: dict[str, Any]) -> str:
     """The section of the page."""
+    clocked = ", two by the clock" if any("2 threads" in name for name in found["bodies"][0]["step"]) else ""
+    versions = found.get("versions", {})
     lines = [
         "## Bodies in space",
         "",
-        "Cubes of glass, constant micromodulus, m = 3, whole steps. `python -m benchmarks.space` measures them: one",
-        "thread by CPU time, two by the clock, each the least of interleaved repeats.",
+        f"Cubes of glass, constant micromodulus, m = 3, {STEPS} whole steps at once. `python -m benchmarks.space`",
+        f"measures them on a machine with other work: one thread by CPU time{clocked}, each the least of",
+        "interleaved repeats.",
         "",
         "| nodes | bonds a node | kernel | us a node and step | ns a bond | times the list |"
         " preparing, us a node | operator, B a node |",
@@ -163,7 +168,7 @@ def section(found: dict[str, Any]) -> str:
                 f" {preparing} | {operator} |"
             )
     if "ordinary" in found:
-        lines += _of_ordinary(found["ordinary"])
+        lines += _of_ordinary(found["ordinary"], _measured(versions.get("ordinary")))
     lines += [
         "",
         "All in all, with the grid, the state and what preparing takes for a while, a process has at its peak",
@@ -173,7 +178,7 @@ def section(found: dict[str, Any]) -> str:
     for key, nodes in (("whole", "a million nodes"), ("largest", "eight million nodes")):
         if key in found:
             lines += [
-                f"From a script to a picture, {nodes} in float64:",
+                f"From a script to a picture, {nodes} in float64, {_measured(versions.get(key))}:",
                 "",
                 "| | CPU time, s | peak, MB |",
                 "|---|---|---|",
@@ -183,12 +188,17 @@ def section(found: dict[str, Any]) -> str:
     return "\n".join(lines)
 
 
-def _of_ordinary(of: dict[str, Any]) -> list[str]:
+def _measured(version: str | None) -> str:
+    """With which version: older numbers do not tell theirs."""
+    return f"measured with version {version}" if version else "measured before version 1.1.0"
+
+
+def _of_ordinary(of: dict[str, Any], measured_with: str) -> list[str]:
     """Lines of the section on ordinary families."""
     lines = [
         "",
         f"The same for `ordinary` families that may break, of {of['nodes']} nodes"
-        " (`python -m benchmarks.space --ordinary`):",
+        f" (`python -m benchmarks.space --ordinary`), {measured_with}:",
         "",
         "| kernel | us a node and step | ns a bond | times the list |",
         "|---|---|---|---|",
@@ -211,6 +221,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--two-threads", action="store_true", help="too; it wants two quiet cores")
     parser.add_argument("--ordinary", action="store_true", help="ordinary families alone")
+    parser.add_argument("--largest", action="store_true", help="eight million nodes alone; they take 4 GB")
     parser.add_argument("--peak", type=int, help=argparse.SUPPRESS)
     parser.add_argument("--precision", default="float64", help=argparse.SUPPRESS)
     asked = parser.parse_args()
@@ -219,16 +230,20 @@ def main() -> None:
         prepare(cube(asked.peak), Options(precision=asked.precision, threads=1)).advance(1, 11)
         print(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024)
         return
+    stored = json.loads(STORED.read_text(encoding="utf-8"))
+    versions, version = stored.get("versions", {}), importlib.metadata.version("pdsuite")
     if asked.ordinary:
-        told(json.loads(STORED.read_text(encoding="utf-8")) | {"ordinary": ordinary(SMALL)})
+        told(stored | {"ordinary": ordinary(SMALL), "versions": versions | {"ordinary": version}})
+        return
+    if asked.largest:
+        told(stored | {"largest": whole(LARGEST), "versions": versions | {"largest": version}})
         return
     more = LARGE**3 - TINY**3  # first, as a process is said to have had what the one that starts it has
     peaks = {kind: (peak(LARGE, kind) - peak(TINY, kind)) / more for kind in ("float64", "float32")}
-    ended, largest = whole(LARGE), whole(LARGEST)
+    ended = whole(LARGE)
     names = [name for name in VARIANTS if asked.two_threads or "threads" not in name]
     bodies = [measured(SMALL, names), measured(LARGE, [name for name in names if "list" not in name])]
-    stored = json.loads(STORED.read_text(encoding="utf-8"))
-    told(stored | {"bodies": bodies, "peak": peaks, "whole": ended, "largest": largest})
+    told(stored | {"bodies": bodies, "peak": peaks, "whole": ended, "versions": versions | {"whole": version}})
 
 
 if __name__ == "__main__":
