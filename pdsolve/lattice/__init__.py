@@ -8,10 +8,11 @@ bond               how far a bond is stretched, and what it pulls with, in some 
 force_polynomials  the force of a bond without a root and a division
 layout             where bonds are in lanes: in blocks and in tiles
 sums               the force densities on nodes under a pair law: the loop over bonds, for both layouts
+energies           what bonds store and have dissipated under a pair law, on the loop of their forces
 families           two passes over families of nodes, for both layouts
 fluxes             what diffuses along the bonds of nodes, in tiles
 rows               the forces on rows of a moving zone, whose nodes' neighbours lie alike
-blocks, tiles      arrays of each layout; how its bonds soften and break; their energies
+blocks, tiles      arrays of each layout; how its bonds soften and break
 sites              where nodes are in a box
 block_bonds        bonds of a list in blocks, and their numbers
 tile_bonds         bonds of sites in tiles, and what their bits stand for

@@ -28,7 +28,6 @@ from numba.extending import overload, register_jitable
 from numpy.typing import NDArray
 
 from pdsolve.codegen.inner_functions import INNER
-from pdsolve.codegen.jit_cache import cached_njit
 from pdsolve.codegen.lanes import beside, keep, trailing_zeros, which_above
 from pdsolve.codegen.vector_code import ROW
 from pdsolve.lattice.bond import displaced_along, entries, sums_in, where_inverse
@@ -36,7 +35,6 @@ from pdsolve.lattice.force_polynomials import NARROW
 from pdsolve.lattice.layout import FAR, LANES, ONE, VECTOR, pair_law_of
 from pdsolve.laws.calls import (
     added_force,
-    bond_strain_energy,
     broken_energy,
     dissipated_energy,
     pair_of,
@@ -290,61 +288,9 @@ def neighbour(blocks, slot, i, lane):  # type: ignore[no-untyped-def]
     return i + way if way < FAR else blocks.ids[way - FAR, lane % ROW]
 
 
-@cached_njit(error_model="numpy")
-def energy_densities(blocks, worst, u, shrink, strain_energy, dissipated):  # type: ignore[no-untyped-def]
-    """Add stored energy and energy dissipated by softening, J/m^3, of the nodes' intact bonds to arrays (m,).
-
-    On one thread, as it is needed only once in many steps.
-    """
-    for b in range(len(blocks.start) - 1):
-        for slot in range(blocks.start[b], blocks.start[b + 1]):
-            _energies_of(blocks, worst, u, shrink, b, slot, strain_energy)
-            if blocks.softened[b]:
-                _sum_dissipated(blocks, worst, b, slot, dissipated)
-
-
 @njit(**INNER)
-def _energies_of(blocks, worst, u, shrink, b, slot, out):  # type: ignore[no-untyped-def]
-    xi, inverse = entries(blocks.vectors[blocks.slots[slot, VECTOR]], blocks.axes), inverse_of(blocks, slot)
-    stiffness = blocks.stiffness[blocks.slots[slot, PULL]]
-    for row in range(LANES // ROW):
-        first, way = b * LANES + row * ROW, blocks.slots[slot, row]
-        for k in range(ROW):
-            i = np.uint64(first + k)
-            j = np.uint64(first + way + k) if way < FAR else np.uint64(blocks.ids[way - FAR, k])
-            stretch, lane = _stretch(xi, displaced_along(u, shrink, xi, i, j), inverse), row * ROW + k
-            out[i] += strain_energy_of(blocks.law, blocks, worst, slot, lane, stiffness[lane] / inverse / 4, stretch)
-
-
-def strain_energy_of(law: Any, blocks: Any, worst: Any, slot: Any, lane: Any, c: Any, stretch: Any) -> Any:
-    """Stored energy of the bond in a lane, J/m^3; c as in `pdsolve.laws.law.Pair`, with the secant for straight
-    lines."""
-
-
-@overload(strain_energy_of, jit_options=INNER)
-def _strain_energy_of(law, blocks, worst, slot, lane, c, stretch):  # type: ignore[no-untyped-def]
-    pair = pair_of(law)
-    if pair.is_curved:
-        return _strain_energy_curved
-    if pair.elastic_in_compression:
-        return _strain_energy_one_sided
-    return lambda law, blocks, worst, slot, lane, c, stretch: c * stretch * stretch
-
-
-def _strain_energy_one_sided(law, blocks, worst, slot, lane, c, stretch):  # type: ignore[no-untyped-def]
-    if stretch < 0 and c > 0:
-        c = blocks.stiffness[blocks.whole[slot], lane] / inverse_of(blocks, slot) / 4
-    return c * stretch * stretch
-
-
-def _strain_energy_curved(law, blocks, worst, slot, lane, c, stretch):  # type: ignore[no-untyped-def]
-    kind = blocks.slots[slot, LIMITS]
-    peak, limit = blocks.peak[kind, lane], blocks.limit[kind, lane]
-    return bond_strain_energy(law, c, stretch, worst_of(law, worst, slot, lane), peak, limit)
-
-
-@njit(**INNER)
-def _sum_dissipated(blocks, worst, b, slot, out):  # type: ignore[no-untyped-def]
+def dissipated_in_slot(blocks, worst, b, slot, out):  # type: ignore[no-untyped-def]
+    """Add what softening has dissipated in the intact bonds of a slot, J/m^3, to `out` (m,)."""
     law, inverse = blocks.slots[slot, LIMITS], inverse_of(blocks, slot)
     for lane in range(LANES):
         largest = worst[slot, lane]

@@ -13,7 +13,8 @@ from numpy.typing import NDArray
 from pdsolve.checkpoint_validation import PendingPulls, entry, last_breaks, pending_to_arrays, read_pending_pulls
 from pdsolve.codegen.vector_code import ROW
 from pdsolve.lattice import block_bonds, tile_bonds
-from pdsolve.lattice.blocks import BOUND, LIMITS, PENDING, PENDING_SHORT, Blocks, Tracks, energy_densities
+from pdsolve.lattice.blocks import BOUND, LIMITS, PENDING, PENDING_SHORT, Blocks, Tracks
+from pdsolve.lattice.energies import sum_energies
 from pdsolve.lattice.layout import LANES
 from pdsolve.lattice.sites import Sites
 from pdsolve.lattice.sums import sum_blocks, sum_tiles
@@ -27,7 +28,6 @@ from pdsolve.lattice.tiles import (
     recall,
     room_for,
     select_breaks,
-    sum_energies_of_tiles,
 )
 from pdsolve.laws.calls import bind
 from pdsolve.laws.law import Law
@@ -163,7 +163,12 @@ class BlockLattice(LatticeOperator):
         """Energy densities (n,), J/m^3: stored, and dissipated by softening so far."""
         self.to_own_layout(state)
         strain_energy, spent = np.zeros_like(self.tracks.work), np.zeros_like(self.tracks.work)
-        energy_densities(self.blocks, self.tracks.worst, self.tracks.u[0], self.tracks.shrink, strain_energy, spent)
+        arrays = self.blocks, self.tracks, self.tracks.u[0], strain_energy, spent
+        share(
+            lambda first, last: sum_energies(*arrays, first, last, None),
+            len(self.blocks.softened),
+            len(self.blocks.scratch),
+        )
         return strain_energy[: len(self._stiffness_bound)], spent[: len(self._stiffness_bound)]
 
     def _intact_bonds(self) -> IntactBonds:
@@ -343,7 +348,7 @@ class TileLattice(LatticeOperator):
         self._place(state.value)
         strain_energy, spent = np.zeros((2, len(self._stiffness_bound)))
         tiles, u = self.tiles, self.u
-        self._share(lambda first, last: sum_energies_of_tiles(tiles, u, strain_energy, spent, first, last))
+        self._share(lambda first, last: sum_energies(tiles, tiles, u, strain_energy, spent, first, last, None))
         return strain_energy, spent
 
     def _intact_bonds(self) -> IntactBonds:

@@ -94,11 +94,7 @@ def _add(bonds, history, u, group, lane, first, last, updated, f):  # type: igno
             continue
         if updated is None and are_listed(bonds, slot, lane):
             return turn, same(u, 0.0), f
-        row = bonds.vectors[vector_number(bonds, slot)]
-        w = weight(bonds, common, u, row, slot, lane)  # before eta takes registers
-        eta = difference(neighbours(bonds, u, axes, own, slot, lane), here)
-        eta = relieve(eta, relief, neighbour_shrinkage(bonds, history, own, slot, lane), row)
-        e = elongation_of_bonds(bonds, group, slot, lane, elongation(eta, row))
+        row, w, eta, e = weigh_and_stretch(bonds, history, u, common, here, relief, group, own, slot, lane)
         g, near = factor_near(e), in_lanes(bonds, u, bonds.near, slot, lane)
         if any_beyond(magnitude(e), near):
             if updated is None:
@@ -110,6 +106,17 @@ def _add(bonds, history, u, group, lane, first, last, updated, f):  # type: igno
         w = secant_weight(bonds, history, common, w, e, g, slot, lane)
         f = pulled(f, multiply(bonds, w, e, g), eta, row)
     return last, same(u, 0.0), f
+
+
+@njit(**IN_PLACE)
+def weigh_and_stretch(bonds, history, u, common, here, relief, group, own, slot, lane):  # type: ignore[no-untyped-def]
+    """Row of `vectors`, stiffness over length, eta and e of the bonds of some lanes of a slot, whose nodes are at the
+    place `own` and have the displacements `here`."""
+    row = bonds.vectors[vector_number(bonds, slot)]
+    w = weight(bonds, common, u, row, slot, lane)  # before eta takes registers
+    eta = difference(neighbours(bonds, u, bonds.axes, own, slot, lane), here)
+    eta = relieve(eta, relief, neighbour_shrinkage(bonds, history, own, slot, lane), row)
+    return row, w, eta, elongation_of_bonds(bonds, group, slot, lane, elongation(eta, row))
 
 
 def own_shrinkage(history: Any, at: Any) -> Any:
@@ -221,13 +228,18 @@ def secant_weight(bonds: Any, history: Any, common: Any, w: Any, e: Any, g: Any,
 @overload(secant_weight, jit_options=IN_PLACE)
 def _secant_weight(bonds, history, common, w, e, g, slot, lane):  # type: ignore[no-untyped-def]
     pair = pair_law_of(bonds)
-    if is_in_tiles(bonds):
-        return _curve_in_tile if pair.is_curved else _line_in_tile
     if pair.is_curved:
-        return _curve_in_block
+        return _curve
+    if is_in_tiles(bonds):
+        return _line_in_tile
     if pair.elastic_in_compression:
         return _one_sided_line_in_block
     return lambda bonds, history, common, w, e, g, slot, lane: w  # whose rows hold what is left
+
+
+def _curve(bonds, history, common, w, e, g, slot, lane):  # type: ignore[no-untyped-def]
+    e = unless_none(w, e, w)  # in blocks, lanes without a bond have any
+    return w * secant(bonds.law, e * g * np.sqrt(1.0 + e), *history_of_lanes(bonds, history, common, slot, lane))
 
 
 def _one_sided_line_in_block(bonds, history, common, w, e, g, slot, lane):  # type: ignore[no-untyped-def]
@@ -235,13 +247,6 @@ def _one_sided_line_in_block(bonds, history, common, w, e, g, slot, lane):  # ty
         full = unless_none(w, row_of(bonds.stiffness, bonds.whole[slot], lane), w)  # of bonds that have not broken
         w = where_above(e, same(bonds.stiffness, 0.0), w, full)
     return w
-
-
-def _curve_in_block(bonds, history, common, w, e, g, slot, lane):  # type: ignore[no-untyped-def]
-    kind, none, e = bonds.slots[slot, LIMITS], same(bonds.stiffness, 0.0), unless_none(w, e, w)
-    peak, limit = row_of(bonds.peak, kind, lane), row_of(bonds.limit, kind, lane)
-    worst = worst_lanes(bonds.law, history.worst, slot, lane, none)
-    return w * secant(bonds.law, e * g * np.sqrt(1.0 + e), worst, peak, limit)
 
 
 def _line_in_tile(bonds, history, common, w, e, g, slot, lane):  # type: ignore[no-untyped-def]
@@ -252,14 +257,29 @@ def _line_in_tile(bonds, history, common, w, e, g, slot, lane):  # type: ignore[
     return w
 
 
-def _curve_in_tile(bonds, history, common, w, e, g, slot, lane):  # type: ignore[no-untyped-def]
+def history_of_lanes(bonds: Any, history: Any, common: Any, slot: Any, lane: Any) -> tuple[Any, Any, Any]:
+    """Largest stretches above their peaks, peaks and limits of some lanes, under a curved law."""
+    raise NotImplementedError("compiled for each layout")
+
+
+@overload(history_of_lanes, jit_options=IN_PLACE)
+def _history_of_lanes(bonds, history, common, slot, lane):  # type: ignore[no-untyped-def]
+    return _history_in_tile if is_in_tiles(bonds) else _history_in_block
+
+
+def _history_in_block(bonds, history, common, slot, lane):  # type: ignore[no-untyped-def]
+    kind, none = bonds.slots[slot, LIMITS], same(bonds.stiffness, 0.0)
+    worst = worst_lanes(bonds.law, history.worst, slot, lane, none)
+    return worst, row_of(bonds.peak, kind, lane), row_of(bonds.limit, kind, lane)
+
+
+def _history_in_tile(bonds, history, common, slot, lane):  # type: ignore[no-untyped-def]
     (_, row_of_memory, _, _, own), worst = common, same(bonds.share, 0.0)
     if row_of_memory >= 0:
         (worst,) = beside(bonds.share[row_of_memory, slot : slot + np.uint64(1)], ONE, lane)
     (beyond,) = beside(bonds.cells[UNBREAKABLE:], ONE, own)
     beyond = beyond + beside(bonds.cells[UNBREAKABLE:], ONE, own + bonds.offsets[slot])[0]
-    peak, limit = beyond + bonds.peak[0, slot], beyond + bonds.limit[0, slot]
-    return w * secant(bonds.law, e * g * np.sqrt(1.0 + e), worst, peak, limit)
+    return worst, beyond + bonds.peak[0, slot], beyond + bonds.limit[0, slot]
 
 
 def update_lanes(

@@ -32,7 +32,6 @@ from pdsolve.lattice.bond import corrected_weight, where_inverse, where_weight
 from pdsolve.lattice.layout import pair_law_of
 from pdsolve.laws.calls import (
     added_force,
-    bond_strain_energy,
     broken_energy,
     dissipated_energy,
     secant,
@@ -328,47 +327,15 @@ def stiffness(tiles, row, t, place, offset):  # type: ignore[no-untyped-def]
     return w
 
 
-@cached_njit(nogil=True, error_model="numpy")
-def sum_energies_of_tiles(tiles, u, own_strain_energy, own_dissipated, first, last):  # type: ignore[no-untyped-def]
-    """Add the energy densities, J/m^3, that the bonds of nodes in the tiles `first` to `last` - 1 hold and that their
-    softening has spent, to arrays (n,)."""
-    for t in range(first, last):
-        _sum_energies_of_tile(tiles, u, own_strain_energy, own_dissipated, t, np.uint16(EVERY))
-
-
-@cached_njit(nogil=True, error_model="numpy")
-def sum_some_energies(tiles, u, own_strain_energy, own_dissipated, site_mask):  # type: ignore[no-untyped-def]
-    """`sum_energies_of_tiles` of the nodes at `site_mask` sites (16 t,) alone."""
-    for t in range(len(tiles.kind)):
-        lanes = np.uint16(0)
-        for k in range(ROW):
-            if site_mask[t * ROW + k]:
-                lanes |= np.uint16(1) << np.uint16(k)
-        if lanes != 0:
-            _sum_energies_of_tile(tiles, u, own_strain_energy, own_dissipated, t, lanes)
-
-
 @njit(**INNER)
-def _sum_energies_of_tile(tiles, u, own_strain_energy, own_dissipated, t, lanes):  # type: ignore[no-untyped-def]
-    """Add the energy densities that the bonds of some lanes of a tile hold and have spent."""
-    row = tiles.memory[t]
-    for slot in range(len(tiles.offsets)):
-        field, offset, word = tiles.vectors[slot], tiles.offsets[slot], tiles.bits[t, slot] & lanes
-        if word == 0:
-            continue
-        for k in range(ROW):
-            if (word >> np.uint16(k)) & np.uint16(1):
-                place, i, j = tiles.margin + t * ROW + k, tiles.node[t * ROW + k], tiles.node[t * ROW + k + offset]
-                pair, worst = pair_number(tiles, i, j), tiles.worst[row, slot, k] if row >= 0 else 0.0
-                peak, limit = tiles.peak[pair, slot], tiles.limit[pair, slot]
-                if tiles.unbreakable[i] or tiles.unbreakable[j]:
-                    peak = limit = np.inf
-                c = stiffness(tiles, field, t, place, offset) / field[where_inverse(len(u))] / 4
-                own_strain_energy[i] += bond_strain_energy(
-                    tiles.law, c, _stretch(field, u, place, offset), worst, peak, limit
-                )
-                if worst > 0:
-                    own_dissipated[i] += dissipated_energy(tiles.law, c, worst, peak, limit)
+def dissipated_in_tile(tiles, t, slot, lane, out):  # type: ignore[no-untyped-def]
+    """Add what softening has dissipated in a lane's intact bond, J/m^3, to `out` (n,); the tile has a memory."""
+    site, worst = t * ROW + lane, tiles.worst[tiles.memory[t], slot, lane]
+    if worst > 0 and (tiles.bits[t, slot] >> np.uint16(lane)) & np.uint16(1):
+        i, row = tiles.node[site], tiles.vectors[slot]
+        pair = pair_number(tiles, i, tiles.node[site + tiles.offsets[slot]])
+        c = stiffness(tiles, row, t, tiles.margin + site, tiles.offsets[slot]) / row[where_inverse(len(tiles.axes))] / 4
+        out[i] += dissipated_energy(tiles.law, c, worst, tiles.peak[pair, slot], tiles.limit[pair, slot])
 
 
 @cached_njit(error_model="numpy")

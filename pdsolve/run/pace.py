@@ -6,6 +6,7 @@ from pdsolve.run.node_changes import NodeAdaptation, find_zone_change_since_last
 from pdsolve.run.recorder import Recorder
 
 PIECE, SLOW = 0.25, 1e7  # s that a piece is to take; bonds or links a second, as is supposed until it is measured
+FEW, LONGEST = 4, 1.0  # steps that a piece has at least, as what begins one costs a part of a step; s of such a piece
 
 
 class StepBatchTimer:
@@ -17,7 +18,8 @@ class StepBatchTimer:
 
     def choose_batch_step_count(self, least: int, most: int) -> int:
         """Number of steps to take at once, from `least` to `most`."""
-        return max(least, min(most, int(PIECE / max(self._each, 1e-9))))
+        each = max(self._each, 1e-9)
+        return max(least, min(most, max(int(PIECE / each), min(FEW, int(LONGEST / each)))))
 
     def record_duration(self, step_count: int, seconds: float) -> None:
         """Record the duration of some steps."""

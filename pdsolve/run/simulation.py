@@ -41,6 +41,7 @@ from pdsolve.run.on_ranks import resuming
 from pdsolve.run.on_ranks import start as on_ranks
 from pdsolve.run.on_ranks.recorder import RecorderOnRanks
 from pdsolve.run.pace import (
+    FEW,
     StepBatchTimer,
     change_nodes_if_due_and_find_next_step,
     grow_cracks_if_due_and_find_next_step,
@@ -422,7 +423,7 @@ def _advance_to_end(recorder: Recorder, writer: Behind, request: RunRequest) -> 
             looks = min(looks, next_kappa_step)
         chunk = pace.choose_batch_step_count(
             EVERY if recorder.system.moving_zone_operator else 1,
-            int(PATIENCE / max(recorder.system.directed_bond_count, 1)),
+            max(FEW, int(PATIENCE / max(recorder.system.directed_bond_count, 1))),
         )
         records = next_multiple(step, run.every), next_multiple(step, run.ledger or run.every), run.steps
         ends = (step + chunk, looks, *records)

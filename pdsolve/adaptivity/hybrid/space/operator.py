@@ -38,6 +38,7 @@ from pdsolve.checkpoint_validation import PendingPulls, entry, like, pending_to_
 from pdsolve.codegen.vector_code import ROW
 from pdsolve.errors import CheckpointError, FineZoneTooLateError
 from pdsolve.lattice import tile_bonds
+from pdsolve.lattice.energies import sum_energies
 from pdsolve.lattice.operator import ROOM
 from pdsolve.lattice.sites import Sites
 from pdsolve.lattice.sums import sum_some, sum_tiles
@@ -50,7 +51,6 @@ from pdsolve.lattice.tiles import (
     join_breaks,
     pull_all_again,
     room_for,
-    sum_some_energies,
 )
 from pdsolve.model import Model
 from pdsolve.numerics.thread_team import share
@@ -288,7 +288,8 @@ class HybridBodyOperator:
         self._set_displacements(state.value)
         zone, nodes, node_energy = self._zone, len(self.sites), np.zeros(len(self.sites))
         bond_density, nothing = np.zeros((2, len(self._density)))
-        sum_some_energies(zone.fine_tiles, zone.fine_u, bond_density, nothing, site_mask)
+        tiles = zone.fine_tiles
+        sum_energies(tiles, tiles, zone.fine_u, bond_density, nothing, 0, len(tiles.kind), site_mask)
         coarse_springs.add_spring_energies(
             zone.coarse_springs,
             zone.coarse_u,
