@@ -1,4 +1,4 @@
-"""Families of nodes on a lattice on a device: two passes of a state-based law.
+"""Families of nodes on lattices on a device: two passes of a state-based law.
 
 Where bonds may fail in a step, the processor looks at the nodes that the device names, and breaks them.
 """
@@ -15,23 +15,27 @@ from pdsolve.bonds.assembly import Bonds
 from pdsolve.device.nodes import NodesOnDevice
 from pdsolve.device.runtime import Session
 from pdsolve.device.source import text_of
-from pdsolve.device.tracing import Code
-from pdsolve.lattice.families import SAFE
+from pdsolve.device.tracing import Code, Traced
+from pdsolve.lattice.families import SAFE, FamilySlots, FamilyTiles
 from pdsolve.lattice.family_blocks import FamilyBlocks
 from pdsolve.lattice.family_operator import FamilyLattice
+from pdsolve.lattice.family_tiles import FamilySites
+from pdsolve.lattice.fluxes import FluxTiles
 from pdsolve.lattice.layout import LANES
-from pdsolve.laws.bond_arrays import Bond, Now, Tabled
-from pdsolve.laws.calls import functions_of
+from pdsolve.laws.bond_arrays import Bond, Ends, Now, Tabled
+from pdsolve.laws.calls import initial_sums
 from pdsolve.laws.law import Law
 from pdsolve.model import Model
 from pdsolve.operators import bond_list_loops as loops
 from pdsolve.state import State
 
+Layout = FamilySlots | FamilyTiles | FluxTiles
+
 
 class FamiliesOnDevice(NodesOnDevice, FamilyLattice):
-    """The families of n nodes whose steps a device takes; see `pdsolve.steppers.verlet_on_device`."""
+    """The families of n nodes whose steps a device takes; see `pdsolve.steppers.steps_on_device`."""
 
-    layout: FamilyBlocks
+    layout: FamilyBlocks | FamilySites
 
     def __init__(
         self,
@@ -40,58 +44,36 @@ class FamiliesOnDevice(NodesOnDevice, FamilyLattice):
         exact: Bonds,
         symmetric: bool,
         precision: str,
-        make_layout: Callable[[Tabled, np.dtype[Any]], FamilyBlocks],
+        make_layout: Callable[[Tabled, np.dtype[Any]], FamilyBlocks | FamilySites],
         session: Session,
     ) -> None:
         """Arguments are those of `FamilyLattice`. Raises ModelError if the device has too little memory."""
         super().__init__(law, model, exact, symmetric, precision, 1, make_layout)
         self.dimension, self.room = self._u.shape
-        self.place, self._fresh = slice(0, len(model.grid)), [np.zeros(0, dtype=np.int64)]
-        bonds = self.layout.bonds
-        arrays: dict[str, NDArray[Any]] = {
-            "start": bonds.start.astype(np.int32),
-            "slots": bonds.slots,
-            "ids": bonds.ids,
-        }
-        arrays |= {"vectors": bonds.vectors, "kinds": bonds.kinds, "rows": bonds.rows, "own": self._own}
-        arrays |= {"nodal": self._m, "given": np.zeros((self.dimension, self.room)), "flags": np.zeros(2, np.int32)}
+        self.place, self._fresh = self.layout.places(self._every), [np.zeros(0, dtype=np.int64)]
+        arrays = {**arrays_of(self.layout.bonds), "own": self._own, "nodal": self._m}
+        arrays |= {"given": np.zeros((self.dimension, self.room)), "flags": np.zeros(2, np.int32)}
         arrays |= {"near": np.zeros(self.room, np.uint8), "dissipated": np.zeros(self.room)}
+        if isinstance(self.layout, FamilySites):
+            arrays["node"] = self.spread(self._every.astype(np.int32), -1)
         self.upload(session, arrays)
 
     def source(self) -> str:
         """What the bonds are in OpenCL C. Raises ModelError for a law that no device computes to the same bits."""
-        said, law, code, numbers = functions_of(self.law), self.columns, Code(), self._tabled.nodal_count
-        count = len(said["initial_sums"](law, (0.0,) * self.dimension, 0.0))  # of the first pass
-        sums, constants = code.named("s[{}]", count), code.named("own[{} * m + i]", len(self._own))
+        law, code, numbers = self.columns, Code(), self._tabled.nodal_count
         xi, eta = code.named("bond.xi[{}]", self.dimension), code.named("bond.eta[{}]", self.dimension)
         rest = (code.named(f"bond.{name}", 1)[0] for name in ("length", "q", "stretch", "elongation", "inverse"))
-        bond = Bond(xi, eta, *rest), code.named("c[{}]", len(self._tabled.columns))
+        bond, c = Bond(xi, eta, *rest), code.named("c[{}]", len(self._tabled.columns))
         ends = code.named("nodal[{} * m + i]", numbers), code.named("nodal[{} * m + j]", numbers)
-        called: dict[
-            str, tuple[str, tuple[Any, ...], str]
-        ] = {  # macro, function, arguments, and what is done with each
-            "ACCUMULATE": ("accumulate", (*bond, sums), "s[{0}] = {1};"),
-            "FINISH": ("finish_sums", (sums, constants), "nodal[{0} * m + i] = {1};"),
-            "BOND_FORCE": ("bond_force", (*bond, *ends), "f[{0}] = f[{0}] + {1};"),
-        }
-        defined = {
-            "C": len(bond[1]),
-            "FIELDS": self.layout.bonds.vectors.shape[1],
-            "SUMS": count,
-            "WIDTH": len(self._m),
-        }
-        defined["MARGIN"] = ""
-        for name, (function, arguments, form) in called.items():
-            outputs = code.call(said[function], law, *arguments)
-            last = [form.format(k, output.text) for k, output in enumerate(outputs)]
-            defined[name] = " ".join(code.lines + last)
+        defined = first_pass_of(law, code, bond, len(c), code.named("own[{} * m + i]", len(self._own)))
+        forces = code.call("bond_force", law, bond, c, *ends)
+        defined |= {"BOND_FORCE": code.statements("f[{0}] = f[{0}] + {1};", forces), "MARGIN": ""}
+        defined |= {"FIELDS": self.layout.bonds.vectors.shape[1], "WIDTH": len(self._m)}
         if self._tabled.watched:
-            value, limit = code.call(said["margin"], law, *bond, *ends)
-            most = limit * (1.0 - SAFE)
-            last = [f"if ({value.text} > {most.text}) flags[1] = near[i] = 1;"]
-            defined["MARGIN"] = " ".join(code.lines + last)
-        lines = [f"#define {name} {value}" for name, value in defined.items()]
-        return "\n".join([self.declarations, *lines, text_of("families.cl")])
+            value, limit = code.call("margin", law, bond, c, *ends)
+            over = f"if ({value.text} > {{1}}) flags[1] = near[i] = 1;"
+            defined["MARGIN"] = code.statements(over, (limit * (1.0 - SAFE),))
+        return self.declarations + "\n" + family_source(self.layout.bonds, defined)
 
     def take_passes(self, program: Any) -> None:
         """Keep the kernels of the passes."""
@@ -110,23 +92,23 @@ class FamiliesOnDevice(NodesOnDevice, FamilyLattice):
     def fail(self, u: Any, state: State, step: int, dt: float) -> None:
         """Let the bonds that are over their limit fail; `state` is that of the device, with these displacements u."""
         nodes = len(state.value)
-        now, near, torn = Now(state.value, state.rate, step, dt), np.zeros(self.room, np.uint8), np.zeros(nodes, bool)
-        self.read("near", near)
-        self.read("nodal", self._m)
-        between = self._m[:, :nodes].T
-        self._share(loops.fail_rows, now, between, near[:nodes] > 0, self._failing, torn)
+        now, torn = Now(state.value, state.rate, step, dt), np.zeros(nodes, bool)
+        near = self.read("near", np.zeros(self.room, np.uint8))[self.place]
+        between = self.layout.collect(self.read("nodal", self._m))
+        self._share(loops.fail_rows, now, between, near > 0, self._failing, torn)
         again = np.zeros(state.value.shape)
         self._pull_again(now, again)
         if not torn.any():
             if again.any():
-                self._write_forces(self._bond_forces(u, nodes) + again)
+                self._write_forces(self._bond_forces(u) + again)
             return
-        before, rows, released = self._bond_forces(u, nodes), np.flatnonzero(torn), np.zeros(nodes)
+        before, rows, released = self._bond_forces(u), np.flatnonzero(torn), np.zeros(nodes)
         matched, spent = self._match_work(now, between, rows)
         self._fail(now, between, rows, released)
         self._write_torn()
+        self.layout.place(between, self._m)
         self.write("nodal", self._m)
-        pulls = self._bond_forces(u, nodes)
+        pulls = self._bond_forces(u)
         self._book(state, dt, before - pulls, matched, released, spent)
         self._write_forces(again + (pulls + matched))
         self.write("dissipated", self.spread(state.dissipated))
@@ -136,34 +118,61 @@ class FamiliesOnDevice(NodesOnDevice, FamilyLattice):
         self.write("given", self.spread(forces))
         self.write("flags", np.array([1, 0], dtype=np.int32))
 
-    def _bond_forces(self, u: Any, nodes: int) -> NDArray[np.float64]:
+    def _bond_forces(self, u: Any) -> NDArray[np.float64]:
         """Force densities (n, d), N/m^3, from what nodes have between the passes; the next step has them."""
         self._launch(self._last_pass, u)
-        return self.read("given", np.empty((self.dimension, self.room)))[:, :nodes].T
+        return self.read("given", np.empty((self.dimension, self.room)))[:, self.place].T
 
     def _launch(self, kernel: Any, u: Any) -> None:
         self.session.launch(kernel, (self.room, LANES), [*self.buffers.values(), u, np.int32(self.room)])
 
     def _lose(self, bonds: NDArray[np.int64], rows: NDArray[np.int64]) -> None:
         super()._lose(bonds, rows)
-        self._fresh.append(np.unique(self.layout.lane_of[bonds] // LANES))
+        if isinstance(self.layout, FamilyBlocks):
+            self._fresh.append(np.unique(self.layout.lane_of[bonds] // LANES))
 
     def _write_torn(self) -> None:
-        """Give the slots of which a bond has broken to the device."""
+        """Give what the loss of bonds has changed to the device: bits, or the rows of slots."""
+        self.write("own", self._own)
+        if isinstance(self.layout, FamilySites):
+            self.write("bits", self.layout.bonds.bits)
+            return
+        self.write("slots", self.layout.bonds.slots)
         torn, rows = np.unique(np.concatenate(self._fresh)), self.layout.bonds.rows
         self._fresh = self._fresh[:1]
-        if len(torn):
-            self.write("slots", self.layout.bonds.slots)
-            self.write("own", self._own)
         for row in (self.layout.shared_rows + torn).tolist():
             self.write("rows", rows[row], row * rows[row].nbytes)
 
     def hand_over(self) -> None:
         """Give the history of bonds to the device, if it is another than the device's."""
         if self.needs_upload:
-            self.write("slots", self.layout.bonds.slots)
             self._write_torn()
             self.needs_upload = False
 
-    def fetch(self, step: int) -> None:
-        """Nothing: what bonds remember is the processor's."""
+
+def arrays_of(bonds: Layout) -> dict[str, NDArray[Any]]:
+    """The arrays of a layout for a device, by name."""
+    arrays = {name: array for name, array in bonds._asdict().items() if isinstance(array, np.ndarray)}
+    return {name: array.view(np.uint8) if array.dtype == np.bool_ else array for name, array in arrays.items()}
+
+
+def first_pass_of(law: Any, code: Code, bond: Bond | Ends, count: int, constants: tuple[Traced, ...]) -> dict[str, Any]:
+    """Macros of the first pass of a law over bonds with so many numbers, and nodes with these constants."""
+    sums = code.named("s[{}]", len(initial_sums(law, (0.0,) * len(getattr(bond, "xi", ())), 0.0)))
+    accumulated = code.call("accumulate", law, bond, code.named("c[{}]", count), sums)
+    defined = {"C": count, "SUMS": len(sums), "ACCUMULATE": code.statements("s[{0}] = {1};", accumulated)}
+    finished = code.call("finish_sums", law, sums, constants)
+    return defined | {"FINISH": code.statements("between[{0}] = {1};", finished)}
+
+
+def family_source(bonds: Layout, defined: dict[str, Any]) -> str:
+    """The OpenCL C of a layout, given the macros of a law."""
+    numbers: dict[str, Any] = {
+        f"OF_{name.upper()}": number for name, number in bonds._asdict().items() if isinstance(number, int)
+    }
+    if not isinstance(bonds, FamilySlots):
+        numbers |= {"SITES": "", "SLOTS": len(bonds.offsets)}
+    if isinstance(bonds, FamilyTiles):
+        numbers["NUMBERS"] = f"{bonds.numbers.shape[1]}L"
+    lines = [f"#define {name} {value}" for name, value in {**defined, **numbers}.items()]
+    return "\n".join([*lines, text_of("families.cl")])

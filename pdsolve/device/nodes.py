@@ -20,8 +20,8 @@ class NodesOnDevice:
     session: Session
     dimension: int
     room: int
-    place: slice | NDArray[np.int32]  # of nodes among the places
-    scheme: tuple[str, ...] = ()  # of steps, see verlet.cl
+    place: slice | NDArray[np.integer]  # of nodes among the places
+    scheme: tuple[str, ...] = ()  # of steps, see steps.cl
     together = 1  # nodes that a work item sums
     needs_upload = True  # the history of bonds is another than the device's
 
@@ -34,6 +34,16 @@ class NodesOnDevice:
         """Restore the history of bonds and the broken bonds of a checkpoint."""
         super().restore(checkpoint, broken)  # type: ignore[misc]
         self.needs_upload = True
+
+    def source(self) -> str:
+        """What the bonds are in OpenCL C. Raises ModelError for a law that no device computes to the same bits."""
+        raise NotImplementedError("written for each law")
+
+    def hand_over(self) -> None:
+        """Give the history of bonds, if they have one, to the device, unless it has it."""
+
+    def fetch(self, step: int) -> None:
+        """Bring the history of bonds, where it is the device's, up to that of a step."""
 
     def write(self, name: str, values: NDArray[Any], at: int = 0) -> None:
         """Copy values into the buffer of this name, from the byte `at` on."""

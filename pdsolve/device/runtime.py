@@ -168,9 +168,10 @@ class Session:
                 _library().enqueue_copy(self._queue, values, buffer, src_offset=at)
 
     def launch(self, kernel: Any, size: tuple[int, int], arguments: Sequence[Any]) -> None:
-        """Queue a kernel over so many work items, and so many a group."""
+        """Queue a kernel over so many work items at least, in groups of so many."""
+        items, group = size
         with self._said():
-            kernel(self._queue, size[:1], size[1:], *arguments)
+            kernel(self._queue, (-(-items // group) * group,), (group,), *arguments)
 
     def finish(self) -> None:
         """Wait until all that is queued is done."""

@@ -15,7 +15,8 @@ from pdsolve.lattice.layout import FAR
 from pdsolve.laws.calls import added_force, broken_energy, functions_of, second_force
 from pdsolve.laws.law import Function, Law
 
-KINDS = {"float64": "double", "float32": "float", "int32": "int", "uint32": "uint", "uint8": "uchar"}  # in OpenCL C
+KINDS = {"float64": "double", "float32": "float", "int64": "long", "int32": "int"}  # in OpenCL C
+KINDS |= {"uint32": "uint", "uint16": "ushort", "uint8": "uchar"}
 
 
 def text_of(name: str) -> str:

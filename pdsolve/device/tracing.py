@@ -11,6 +11,8 @@ from collections.abc import Callable
 from types import FunctionType
 from typing import Any
 
+from pdsolve.codegen.fused import fused
+from pdsolve.laws.calls import bound_functions
 from pdsolve.laws.law import Function
 from pdsolve.model import ModelError
 
@@ -19,7 +21,7 @@ class Code:
     """Statements in OpenCL C, one for each result."""
 
     def __init__(self) -> None:
-        self.lines: list[str] = []  # of the last call
+        self.lines: list[str] = []  # that `statements` has not returned yet
 
     def named(self, pattern: str, count: int) -> tuple[Traced, ...]:
         """So many numbers, whose names in C are a pattern with their number in it."""
@@ -31,11 +33,17 @@ class Code:
         self.lines.append(f"REAL {name} = {expression};")
         return Traced(self, name)
 
-    def call(self, function: Function, *values: Any) -> tuple[Any, ...]:
-        """What a function returns, given traced numbers and constants. Raises ModelError for what it cannot write."""
-        self.lines = []
+    def statements(self, form: str, values: tuple[Traced, ...]) -> str:
+        """What is written since the last time, and a statement of this form for each value: its number, what it is."""
+        lines, self.lines = self.lines, []
+        return " ".join([*lines, *(form.format(k, value.text) for k, value in enumerate(values))])
+
+    def call(self, name: str, law: Any, *values: Any) -> tuple[Any, ...]:
+        """What a law's function of this name returns, given traced numbers. Raises ModelError for what it cannot
+        write."""
+        function = bound_functions(law)[name]
         try:
-            outputs: tuple[Any, ...] = plain(function)(*values)
+            outputs: tuple[Any, ...] = plain(function)(law, *values)
         except TypeError:
             raise ModelError(
                 f"device: the law's {function.__name__} does more than add, multiply and divide; use one that a"
@@ -49,6 +57,10 @@ class Traced:
 
     def __init__(self, code: Code, text: str) -> None:
         self._code, self.text = code, text
+
+    def fused(self, factor: Traced, summand: Traced) -> Traced:
+        """This number times a factor and a summand more, in one rounding."""
+        return self._code.write(f"fma({self.text}, {factor.text}, {summand.text})")
 
     def __bool__(self) -> bool:
         raise TypeError("a choice between numbers of a device")
@@ -73,7 +85,9 @@ def plain(function: Function) -> Function:
     python_function: Any = getattr(function, "py_func", function)
     scope = dict(python_function.__globals__)
     for name in python_function.__code__.co_names:
-        if getattr(scope.get(name), "py_func", None) is not None:
+        if scope.get(name) is fused:
+            scope[name] = Traced.fused
+        elif getattr(scope.get(name), "py_func", None) is not None:
             scope[name] = plain(scope[name])
     return FunctionType(
         python_function.__code__,

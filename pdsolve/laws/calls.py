@@ -289,6 +289,11 @@ def bind_functions(kind: type[Any], functions: dict[str, Function]) -> None:
                 _overload(function, options, kind, functions[function.__name__])
 
 
+def bound_functions(columns: Any) -> dict[str, Function]:
+    """The functions that are bound to the type of columns, by the names of this file."""
+    return _bound[type(columns)]
+
+
 def functions_of(law: Law) -> dict[str, Function]:
     """The functions of a law by the names of this file, with defaults for those it does not have."""
     passes = law.passes

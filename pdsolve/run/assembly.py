@@ -20,8 +20,9 @@ from pdsolve.conditions import (
     initial_velocity,
     widened,
 )
+from pdsolve.device.nodes import NodesOnDevice
 from pdsolve.device.runtime import Session
-from pdsolve.diffusion.euler_on_device import EulerOnDevice
+from pdsolve.diffusion.on_device import FluxesOnDevice
 from pdsolve.diffusion.system import Transport
 from pdsolve.lattice.march import LatticeMarch
 from pdsolve.model import Model, ModelError, ModelWarning
@@ -41,8 +42,8 @@ from pdsolve.run.system import PreparedRun, System
 from pdsolve.schemes.scheme import Scheme
 from pdsolve.state import State
 from pdsolve.steppers.protocol import Stepper
+from pdsolve.steppers.steps_on_device import StepsOnDevice
 from pdsolve.steppers.verlet import Verlet
-from pdsolve.steppers.verlet_on_device import OnDevice, VerletOnDevice
 
 if TYPE_CHECKING:
     from pdsolve.crack_growth.growth import Growth
@@ -147,8 +148,8 @@ def make_stepper(
 
     `ghosts` are a window's nodes of other ranks.
     """
-    if isinstance(operator, OnDevice):
-        return VerletOnDevice((operator, state, drive), rho, time_step, damping_rates)
+    if isinstance(operator, NodesOnDevice):
+        return StepsOnDevice((operator, state, drive), rho, time_step, damping_rates)
     bonds, contact = split_into_marched_bonds_and_contact(operator)
     if bonds is not None:
         return LatticeMarch(bonds, drive, rho, time_step, damping_rates, contact, ghosts)
@@ -159,7 +160,8 @@ def make_diffusion_stepper(model: Model, transport: Transport, state: State, tea
     """What takes the steps of a transport through a model, on the ranks of a team if there is one."""
     device = model.settings.run.device
     if device != "cpu":
-        return EulerOnDevice(transport.operator, state, transport.drive, transport.time_step, Session(device))
+        fluxes, volume = FluxesOnDevice(transport.operator, Session(device)), transport.operator.volume
+        return StepsOnDevice((fluxes, state, transport.drive), volume, transport.time_step, np.zeros(len(volume)))
     if team is None:
         return transport.stepper
     return EulerOnRanks(model, team, transport.operator, transport.drive, transport.time_step)

@@ -2,23 +2,27 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import partial
-from typing import Literal
+from typing import Any, Literal
 
 import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from pdsolve.bonds.assembly import BondSource, BondStatistics, Counted, listed
+from pdsolve.bonds.assembly import Bonds, BondSource, BondStatistics, Counted, listed
 from pdsolve.device.families import FamiliesOnDevice
 from pdsolve.device.runtime import Session
 from pdsolve.device.tiles import BlocksOnDevice, SpaceOnDevice
 from pdsolve.lattice import family_blocks, family_tiles
 from pdsolve.lattice.block_bonds import blocks_of, can_be_in_blocks
+from pdsolve.lattice.family_blocks import FamilyBlocks
 from pdsolve.lattice.family_operator import FamilyLattice
+from pdsolve.lattice.family_tiles import FamilySites
 from pdsolve.lattice.marched_bonds import MarchedBlocks, MarchedBonds, MarchedTiles
 from pdsolve.lattice.operator import BlockLattice, TileLattice
 from pdsolve.laws import law_of
+from pdsolve.laws.bond_arrays import Tabled
 from pdsolve.laws.law import Law
 from pdsolve.model import Model, ModelError
 from pdsolve.operators.bond_list import BondList
@@ -64,18 +68,26 @@ def make_operator(
     bonds = listed(statistics.parts(), bond_source.area).bonds
     counted = statistics.counted(bond_source.area)
     of = law, model, bonds, scheme.symmetric, options.precision, threads
-    in_space = family_tiles.placed(law, model, bonds, bond_source.area) if blocked else None
-    if in_space is not None:
-        return FamilyLattice(*of, partial(family_tiles.FamilySites, in_space, bonds, threads)), counted
-    where = family_blocks.placed(law, bonds) if blocked else None
-    if where is not None:
-        return FamilyLattice(*of, partial(family_blocks.FamilyBlocks, *where, nodes)), counted
+    layout = _make_family_layout(law, model, bonds, bond_source.area, threads) if blocked else None
+    if layout is not None:
+        return FamilyLattice(*of, layout), counted
     if options.kernel == "blocks":
         raise ModelError(
             "kernel is blocks; use listed: blocks need nodes on a lattice, a law that is written for them, and"
             " compiled code"
         )
     return BondList(law, model, bonds, scheme.symmetric, options.precision, threads), counted
+
+
+def _make_family_layout(
+    law: Law, model: Model, bonds: Bonds, volume: NDArray[np.float64], threads: int
+) -> Callable[[Tabled, np.dtype[Any]], FamilyBlocks | FamilySites] | None:
+    """What lays out families in tiles, else in blocks; None for a law without tuples, or nodes on no lattice."""
+    in_space = family_tiles.placed(law, model, bonds, volume)
+    if in_space is not None:
+        return partial(FamilySites, in_space, bonds, threads)
+    where = family_blocks.placed(law, bonds)
+    return None if where is None else partial(FamilyBlocks, *where, len(model.grid))
 
 
 def make_tiled_operator(
@@ -101,11 +113,10 @@ def _make_device_operator(
     """The operator of bonds that are in no tiles on a device. Raises ModelError."""
     if law.lanes is not None:  # a law of families
         bonds = listed(statistics.parts(), bond_source.area).bonds
-        where = family_blocks.placed(law, bonds)
-        if where is None:
+        layout = _make_family_layout(law, model, bonds, bond_source.area, 1)
+        if layout is None:
             raise ModelError(f"{model.name}: $.run.device: nodes are on no lattice; use cpu, or nodes on one")
-        layout = family_blocks.FamilyBlocks
-        of = law, model, bonds, scheme.symmetric, options.precision, partial(layout, *where, len(model.grid))
+        of = law, model, bonds, scheme.symmetric, options.precision, layout
         return FamiliesOnDevice(*of, Session(model.settings.run.device)), statistics.counted(bond_source.area)
     if law.pair is None or law.pair.is_curved:
         raise ModelError(f"{model.name}: $.run.device: the law is no straight line; use cpu for such a law")

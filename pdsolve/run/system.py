@@ -16,7 +16,6 @@ from pdsolve.adaptivity.two_lattice_operator import FusedMarch, TwoLatticeOperat
 from pdsolve.conditions import (
     Drive,
 )
-from pdsolve.diffusion.euler_on_device import EulerOnDevice
 from pdsolve.diffusion.swelling import Swelling
 from pdsolve.diffusion.system import Transport
 from pdsolve.lattice.operator import BlockLattice
@@ -31,14 +30,13 @@ from pdsolve.state import State
 from pdsolve.steppers.cycle_or_path_steps import CycleOrPathSteps
 from pdsolve.steppers.load_steps import LoadSteps
 from pdsolve.steppers.protocol import Stepper
-from pdsolve.steppers.verlet_on_device import VerletOnDevice
+from pdsolve.steppers.steps_on_device import StepsOnDevice
 
 if TYPE_CHECKING:
     from pdsolve.adaptivity.factory import Moving
     from pdsolve.crack_growth.growth import Growth
 
 WithZone = QuadtreeOperator | HybridBodyOperator  # operators with finer nodes that come, and their own summary
-OnDevice = VerletOnDevice | EulerOnDevice  # what takes steps on a device, of a motion or of a content
 
 
 @dataclass(frozen=True)
@@ -79,7 +77,7 @@ class System:
     @property
     def device_name(self) -> str:
         """What sums bonds: cpu, or the name of a device."""
-        return self.stepper.session.about.name.strip() if isinstance(self.stepper, OnDevice) else "cpu"
+        return self.stepper.session.about.name.strip() if isinstance(self.stepper, StepsOnDevice) else "cpu"
 
     @property
     def moving_zone_operator(self) -> Moving | None:
@@ -106,7 +104,7 @@ class System:
 
     def fetch_state_from_device(self) -> None:
         """Bring the state up to the steps taken, if a device takes them."""
-        if isinstance(self.stepper, OnDevice):
+        if isinstance(self.stepper, StepsOnDevice):
             self.stepper.download_state()
 
     def profile_time_or_load_factor(self, step_number: int) -> float:

@@ -1,5 +1,6 @@
-"""Velocity Verlet on a device, to the same bits as on the processor: state and conditions stay there between records.
+"""Velocity Verlet, or forward Euler of a content, on a device, to the same bits as on the processor.
 
+State and conditions stay there between records.
 The host computes the factors of profiles of some steps at a time, and reads the state only in `download_state`.
 """
 
@@ -13,28 +14,27 @@ from numpy.typing import NDArray
 from pdsolve.conditions import Drive, Entries, put_loads
 from pdsolve.device.factors import AT_ONCE, Factors
 from pdsolve.device.families import FamiliesOnDevice
+from pdsolve.device.nodes import NodesOnDevice
 from pdsolve.device.source import declare, preamble, text_of
-from pdsolve.device.tiles import BlocksOnDevice, SpaceOnDevice
 from pdsolve.lattice.layout import LANES
 from pdsolve.state import State
 
-OnDevice = BlocksOnDevice | SpaceOnDevice | FamiliesOnDevice
 STARTS, ENDS = 1, 2  # phases of the kernel
 MOTION_ARRAYS = "before", "u", "after", "rate", "rate_after", "a"
 
 
-class VerletOnDevice:
+class StepsOnDevice:
     """Takes steps on a device; the state on the host is that of the last `download_state`; it may be changed then."""
 
     def __init__(
         self,
-        bonds_state_drive: tuple[OnDevice, State, Drive],
+        bonds_state_drive: tuple[NodesOnDevice, State, Drive],
         rho: NDArray[np.floating],
         dt: float,
         damping: NDArray[np.float64],
     ) -> None:
-        """`bonds_state_drive` are bonds, the placed state, and conditions; `rho` (n,) is the density, kg/m^3, `dt` the
-        step, s, and `damping` (n,) that of free components, 1/s.
+        """`bonds_state_drive` are bonds, the placed state, and conditions; `rho` (n,) is the density, kg/m^3, or the
+        volume of nodes with a content, `dt` the step, s, and `damping` (n,) that of free components, 1/s.
 
         Raises ModelError for a device with too little memory, or whose compiler refuses the kernel.
         """
@@ -43,7 +43,8 @@ class VerletOnDevice:
         self.session, self._ahead, self._last, self._dt = operator.session, False, 0, dt
         self.session.expect_countable(operator.dimension * operator.room)
         self._nodes = np.union1d(drive.loads.node, drive.holds.node)
-        self._hold_order, holds = _columns_by_node(drive.holds, self._nodes)
+        hold_order, holds = _columns_by_node(drive.holds, self._nodes)
+        self._motion_holds = hold_order[: len(drive.held_force)]  # none of a content
         weights = np.concatenate([operator.spread(1 / rho, 1.0), operator.spread(rho, 1.0)])
         arrays = {
             **{name: np.zeros((operator.dimension, operator.room), rho.dtype) for name in MOTION_ARRAYS},
@@ -54,18 +55,20 @@ class VerletOnDevice:
             **{name: drive.force[self._nodes] for name in ("now", "ago_force")},
             **{f"load_{name}": column for name, column in _columns_by_node(drive.loads, self._nodes)[1].items()},
             **{f"hold_{name}": column for name, column in holds.items()},
-            "held_speed": drive.held_speed[self._hold_order],
-            "held_force": drive.held_force[self._hold_order],
+            **{name: getattr(drive, name)[self._motion_holds] for name in ("held_speed", "held_force")},
         }
         arrays["acts"][operator.rows(self._nodes)] = np.arange(len(self._nodes))
         self._buffers = self.session.upload(arrays)
         defines = [f"#define {name}" for name in (*operator.scheme, *(("DAMPED",) if damping.any() else ()))]
         lines = [preamble(rho.dtype.name, operator.dimension, operator.together), *defines, operator.source()]
-        program = self.session.build("\n".join([*lines, declare("MOTION", arrays), text_of("verlet.cl")]))
+        program = self.session.build("\n".join([*lines, declare("MOTION", arrays), text_of("steps.cl")]))
         self._kernel = program.advance
         if isinstance(operator, FamiliesOnDevice):
             operator.take_passes(program)
-        self._factors = Factors(self.session, drive.profiles, dt, ((0, 0.0), (1, 0.0), (1, dt / 2)))
+        is_first_order = "FIRST_ORDER" in operator.scheme
+        self._load_moment, self._value_buffer = (-1, "a") if is_first_order else (0, "u")
+        moments = ((-1, 0.0), (0, 0.0), (0, 0.0)) if is_first_order else ((0, 0.0), (1, 0.0), (1, dt / 2))
+        self._factors = Factors(self.session, drive.profiles, dt, moments)
 
     def advance(self, state: State, first_step: int, end_step: int) -> None:
         """Take the steps `first_step` to `end_step` - 1. Raises DeviceLostError."""
@@ -79,7 +82,7 @@ class VerletOnDevice:
                 write(buffer, operator.spread(values))
             for name in ("now", "ago_force"):
                 write(buffers[name], self._drive.force[self._nodes])
-            write(buffers["held_force"], self._drive.held_force[self._hold_order])
+            write(buffers["held_force"], self._drive.held_force[self._motion_holds])
         self._ahead, steps, self._last = True, end_step - first_step, end_step - 1
         for sweep in range(steps + 1):
             if sweep % AT_ONCE == 0:
@@ -118,8 +121,8 @@ class VerletOnDevice:
     def _buffers_with_host_arrays(self) -> list[tuple[Any, NDArray[Any]]]:
         """Buffers, and the arrays of the state that they are."""
         state, buffers = self._state, self._buffers | {"dissipated": self._operator.buffers["dissipated"]}
-        names = {"u": state.value, "rate": state.rate, "a": state.second, "dissipated": state.dissipated}
-        names |= {"work": state.work, "damped": state.damped}
+        names = {"a": state.second, self._value_buffer: state.value, "rate": state.rate}
+        names |= {"dissipated": state.dissipated, "work": state.work, "damped": state.damped}
         return [(buffers[name], values) for name, values in names.items()]
 
     def download_state(self) -> None:
@@ -131,9 +134,9 @@ class VerletOnDevice:
             self._download_buffer(buffer, values)
         forces = np.empty(len(drive.held_force))
         self.session.read(self._buffers["held_force"], forces)
-        drive.held_force[self._hold_order] = forces
+        drive.held_force[self._motion_holds] = forces
         if drive.varies:
-            put_loads(drive, self._last * self._dt)
+            put_loads(drive, (self._last + self._load_moment) * self._dt)
         self._operator.fetch(self._last)
         self._ahead = False
 

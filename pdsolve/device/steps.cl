@@ -1,12 +1,13 @@
-/* One step of velocity Verlet for all nodes, TOGETHER of them a work item: it ends `step` and begins the next one.
+/* One step of all nodes, TOGETHER of them a work item: velocity Verlet ends `step` and begins the next one.
 
-The scheme is that of pdsolve/lattice/march.py where FUSED is defined, whose numbers are of the run's precision and which
-divides by rho where DIVIDES is, else of pdsolve/steppers/verlet.py, which computes in double precision; with damping
-where DAMPED is. Nodes on which more than bonds acts have a row of `acts`, else -1:
+The scheme is that of pdsolve/steppers/euler.py where FIRST_ORDER is defined, of pdsolve/lattice/march.py where FUSED is,
+whose numbers are of the run's precision and which divides by rho where DIVIDES is, else of pdsolve/steppers/verlet.py,
+which computes in double precision; with damping where DAMPED is. Nodes on which more than bonds acts have a row of `acts`, else -1:
 
     now, ago_force   (rows, DIM) load now and one step ago, N/m^3       load_first, hold_first   (rows + 1,) entries
     load_, hold_     columns of `Entries`                                held_speed, held_force   (holds,) of `Drive`
-    factors          3 p of a step: at its end, at the end of the next one, and half a step before that
+    factors          3 p of a step: at its end, at the end of the next one, and half a step before that; of Euler at
+                     its beginning, where loads act, and twice at its end
 */
 
 #define STARTS 1
@@ -25,14 +26,51 @@ where DAMPED is. Nodes on which more than bonds acts have a row of `acts`, else 
 #define MOVED_BY(u, v) ((REAL)((double)(u) + dt * (double)(v)))
 #endif
 
-/* Node i, with the force density f of its bonds, N/m^3, but where a march starts */
-inline void take(MOTION_PARAMETERS, MOMENT, int i, SUM *f) {
+/* The load on the node with the row k of `acts`, at these factors */
+inline void load(MOTION_PARAMETERS, __global const double *end, int k) {
+  for (int axis = 0; axis < DIM; ++axis) {
+    ago_force[DIM * k + axis] = now[DIM * k + axis];
+    now[DIM * k + axis] = 0;
+  }
+  for (int e = load_first[k]; e < load_first[k + 1]; ++e) {
+    double share = load_value[e] * end[load_profile[e]];
+    now[DIM * k + load_axis[e]] = (REAL)((double)now[DIM * k + load_axis[e]] + share);
+  }
+}
+
+/* Node i, with what bonds do to it, but where a march starts: the force density f, N/m^3, or the rate of a content */
+inline void take(FORCE_PARAMETERS, MOTION_PARAMETERS, MOMENT, int i, SUM *f) {
   int k = acts[i];
-  REAL v[DIM], acc[DIM];
   __global const double *end = factors + 3 * profiles * at, *next = end + profiles, *middle = next + profiles;
-  REAL half_dt = (REAL)(dt / 2.0);
   int loads = k >= 0 ? load_first[k] : 0, end_loads = k >= 0 ? load_first[k + 1] : 0;
   int holds = k >= 0 ? hold_first[k] : 0, end_holds = k >= 0 ? hold_first[k + 1] : 0;
+  if (!(phase & STARTS) && varies && loads < end_loads)
+    load(MOTION_ARGUMENTS, end, k);
+#ifdef FIRST_ORDER
+  double content = a[i];
+  if (!(phase & STARTS)) {
+    double potential = POTENTIAL(content), out = rate_of(FORCE_ARGUMENTS, u, i, potential, f[0]);
+    double inflow = -outside[i] * potential, booked = dt * inflow;
+    work[i] += booked;
+    out += inflow;
+    if (holds < end_holds) {
+      double brought = dt * out;
+      dissipated[i] += brought;
+    }
+    double source = k >= 0 ? now[k] : 0, supplied = dt * source;
+    work[i] += supplied;
+    out += source;
+    double change = out * dt;
+    content += change;
+    for (int e = holds; e < end_holds; ++e)
+      content = hold_value[e] * next[hold_profile[e]];
+    a[i] = content;
+    rate_after[i] = out;
+  }
+  after[i] = POTENTIAL(content) * weight[m + i];
+#else
+  REAL v[DIM], acc[DIM];
+  REAL half_dt = (REAL)(dt / 2.0);
   for (int axis = 0; axis < DIM; ++axis) {
     v[axis] = rate[axis * m + i];
     acc[axis] = a[axis * m + i];
@@ -41,16 +79,6 @@ inline void take(MOTION_PARAMETERS, MOMENT, int i, SUM *f) {
     REAL was[DIM];
     for (int axis = 0; axis < DIM; ++axis)
       was[axis] = v[axis] - half_dt * acc[axis];
-    if (varies && loads < end_loads) {
-      for (int axis = 0; axis < DIM; ++axis) {
-        ago_force[DIM * k + axis] = now[DIM * k + axis];
-        now[DIM * k + axis] = 0;
-      }
-      for (int e = loads; e < end_loads; ++e) {
-        double share = load_value[e] * end[load_profile[e]];
-        now[DIM * k + load_axis[e]] = (REAL)((double)now[DIM * k + load_axis[e]] + share);
-      }
-    }
     for (int axis = 0; axis < DIM; ++axis) {
       REAL load = k >= 0 ? now[DIM * k + axis] : (REAL)0;
 #ifdef FUSED
@@ -125,6 +153,7 @@ inline void take(MOTION_PARAMETERS, MOMENT, int i, SUM *f) {
   }
   for (int axis = 0; axis < DIM; ++axis)
     rate_after[axis * m + i] = v[axis];
+#endif
 }
 
 __kernel __attribute__((reqd_work_group_size(64 / TOGETHER, 1, 1)))
@@ -138,6 +167,6 @@ void advance(FORCE_PARAMETERS, MOTION_PARAMETERS, MOMENT) {
       continue;
     for (int axis = 0; axis < DIM; ++axis)
       f[axis] = sums[TOGETHER * axis + i - first];
-    take(MOTION_ARGUMENTS, factors, profiles, varies, dt, m, step, phase, at, i, f);
+    take(FORCE_ARGUMENTS, MOTION_ARGUMENTS, factors, profiles, varies, dt, m, step, phase, at, i, f);
   }
 }
