@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pdsolve.diffusion.families import DiffusionFamilies
-from pdsolve.diffusion.listed import BondList, links_between
+from pdsolve.diffusion.fluxes import FluxesInList, links_between
 from pdsolve.diffusion.system import Transport
 from pdsolve.state import Broken
 from pdsolve.steppers.theta import ThetaSteps
@@ -37,7 +37,7 @@ class BrokenBonds:
         lost = (self._share - 1) * self._conductance(source, target)
         is_reduced, operator = lost < 0, self._transport.operator
         links = links_between(source[is_reduced], target[is_reduced], len(operator.volume))
-        operator.torn = BondList(links, lost[is_reduced], operator.volume, self._transport.threads)
+        operator.torn = FluxesInList(links, lost[is_reduced], operator.volume, self._transport.threads)
         if isinstance(stepper, ThetaSteps):
             stepper.discard_factors()
 

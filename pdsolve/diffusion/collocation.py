@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from pdmesh.model.neighbours import ON_LATTICE, Pairs, chosen, lengths
 from pdsolve.diffusion.families import DiffusionFamilies
-from pdsolve.diffusion.lattice import OnLattice, family, place_bonds
+from pdsolve.diffusion.fluxes import FluxesInTiles, full_family, place_bonds
 from pdsolve.diffusion.walls import Array, parts_of
 from pdsolve.lattice.tile_bonds import bits_of_pairs
 from pdsolve.model import ModelError
@@ -51,7 +51,7 @@ class Collocated:
         near, far = (
             np.rint((grid.position[rows] - grid.position[fine[0]]) / h * 2).astype(np.int64) for rows in (fine, coarse)
         )  # in halves of the fine spacing
-        steps, conductance = family(families, h, D)
+        steps, conductance = full_family(families, h, D)
         stencil = stencil_of(3.0, diffusion(D, d), d)
         self._look_whole(stencil, far, free[coarse], near)
         self._inner = _between(_lacking(far, 4 * stencil.xi, near), near, 2)
@@ -217,10 +217,10 @@ def _between(at: NDArray[np.int64], lattice: NDArray[np.int64], apart: int) -> B
 
 def _lattice(
     places: Array, real: int, spacing: float, steps: NDArray[np.int64], conductance: Array, threads: int
-) -> OnLattice:
+) -> FluxesInTiles:
     """Exchange on a lattice of nodes at `places` (n, d), in units of spacing, m, the first `real` of which are real."""
     placed = place_bonds(places * spacing, spacing, steps, conductance)
     assert placed is not None
     sites, conductance = placed
     volume = np.full(len(places), spacing ** places.shape[1])
-    return OnLattice(sites, bits_of_pairs(sites), conductance, volume, threads, wanted=real)
+    return FluxesInTiles(sites, bits_of_pairs(sites), conductance, volume, threads, wanted=real)

@@ -8,7 +8,7 @@ from pdsolve.device.families import arrays_of, family_source, first_pass_of
 from pdsolve.device.nodes import NodesOnDevice
 from pdsolve.device.runtime import Session
 from pdsolve.device.tracing import Code
-from pdsolve.diffusion.lattice import OnLattice
+from pdsolve.diffusion.fluxes import FluxesInTiles
 from pdsolve.diffusion.operator import Fick
 from pdsolve.lattice.fluxes import share_of
 from pdsolve.laws.bond_arrays import Ends
@@ -24,7 +24,7 @@ class FluxesOnDevice(NodesOnDevice):
     def __init__(self, operator: Fick, session: Session) -> None:
         """Raises ModelError for nodes on no lattice, or a device with too little memory."""
         lattice, change, nodes = operator.exchange, operator.change, len(operator.volume)
-        if not isinstance(lattice, OnLattice):
+        if not isinstance(lattice, FluxesInTiles):
             raise ModelError("$.run.device: nodes are on no lattice; use cpu, or nodes on one")
         self._tiles, self._C_sat = lattice.tiles, operator.medium.C_sat
         self.dimension, self.room, self.place = 1, lattice.sites.size, lattice.sites.site

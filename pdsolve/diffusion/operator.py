@@ -12,8 +12,7 @@ from pdmesh.model.medium import Medium
 from pdsolve.checkpoint_validation import entry
 from pdsolve.diffusion.collocation import Collocated
 from pdsolve.diffusion.dissolution import potential, solid_share
-from pdsolve.diffusion.lattice import OnLattice
-from pdsolve.diffusion.listed import BondList
+from pdsolve.diffusion.fluxes import FluxesInList, FluxesInTiles
 from pdsolve.diffusion.walls import Array, Bonds
 from pdsolve.laws.fluxes import Dissolution
 from pdsolve.model import ModelError
@@ -24,7 +23,7 @@ if TYPE_CHECKING:
     from scipy.sparse import csr_array
 
 
-BondStorage = BondList | OnLattice | Collocated
+BondStorage = FluxesInList | FluxesInTiles | Collocated
 
 
 class Fick:
@@ -42,7 +41,7 @@ class Fick:
         families: Callable[[], Bonds],
         medium: Medium,
         outside: Array | None = None,
-        change: BondList | None = None,
+        change: FluxesInList | None = None,
     ) -> None:
         """`change` is what a surface correction adds to the fluxes of `exchange`.
 
@@ -50,7 +49,7 @@ class Fick:
         """
         self.exchange, self.medium, self._families = exchange, medium, families
         self.change = change
-        self.torn: BondList | None = None  # what is added to the fluxes of bonds that broke
+        self.torn: FluxesInList | None = None  # what is added to the fluxes of bonds that broke
         self.total = sum((part.total for part in self._parts), np.zeros(len(exchange.volume)))  # (n,) 1/s, inside
         self.outside = np.zeros(len(exchange.volume)) if outside is None else outside
         self._open = bool(self.outside.any())
@@ -66,7 +65,7 @@ class Fick:
         """The operator of the rows `begin` to `end` - 1, of which `first` to `last` - 1 have bonds, all of them among
         these nodes."""
         rows, change = (first, last, begin, end), self.change
-        assert isinstance(self.exchange, BondList | OnLattice)
+        assert isinstance(self.exchange, FluxesInList | FluxesInTiles)
         outside = np.zeros(end - begin)
         outside[first - begin : last - begin] = self.outside[first:last]
         bonds = self.exchange.part(*rows)
@@ -86,7 +85,7 @@ class Fick:
             self.solid = self._solid(content)
             C_sat = (self.medium.C_sat or 0.0) if self.medium.capped else np.inf
             for part in self._parts:
-                assert isinstance(part, BondList)  # as `system` has it
+                assert isinstance(part, FluxesInList)  # as `system` has it
                 law = Dissolution(part.conductance, C_sat, self.medium.k_diss)
                 part.add(law, out[:, 0], self.volume, content, self.solid)
         else:

@@ -17,8 +17,7 @@ from pdsolve.diffusion.conditions import BoundaryConditions, begin
 from pdsolve.diffusion.dissolution import crossing
 from pdsolve.diffusion.edges import Cloud
 from pdsolve.diffusion.families import DiffusionFamilies
-from pdsolve.diffusion.lattice import on_lattice
-from pdsolve.diffusion.listed import BondList, links_between
+from pdsolve.diffusion.fluxes import FluxesInList, links_between, make_tiles
 from pdsolve.diffusion.operator import BondStorage, Fick
 from pdsolve.diffusion.surfaces import Surfaces
 from pdsolve.diffusion.walls import Bonds
@@ -65,7 +64,7 @@ def prepare(model: Model, threads: int | None = None, listed: bool = False) -> t
         correction = Surfaces(stored.bonds, volume, free, conditions.edges).correction(stored.lacking)
         conditions.add_edges(correction.to_edge, correction.edge)
         links = links_between(correction.source, correction.target, len(volume))
-        change = BondList(links, correction.conductance, volume, threads)
+        change = FluxesInList(links, correction.conductance, volume, threads)
     bonds = (lambda: stored.bonds) if run.adapt == "collocation" else partial(DiffusionFamilies, model)
     if conditions.fluxes:
         inside = Fick(stored.exchange, bonds, medium, None, change)
@@ -118,12 +117,12 @@ def _stored(model: Model, volume: NDArray[np.float64], free: NDArray[np.bool_], 
         exchange = Collocated(families, volume, free, threads)
         return Stored(exchange, exchange, ~every, none)
     if not (listed or medium.dissolution == "kinetic"):  # of which a bond asks both of its ends
-        placed = on_lattice(families, volume, threads)
+        placed = make_tiles(families, volume, threads)
         if placed is not None:
             tiles, blocked = placed
             return Stored(tiles, families, tiles.lacking(float(model.grid.delta[0]) ** model.grid.dimension), blocked)
     links, conductance, blocked = families.listed()
-    return Stored(BondList(links, conductance, volume, threads), families, every, blocked)
+    return Stored(FluxesInList(links, conductance, volume, threads), families, every, blocked)
 
 
 def _step(model: Model, most: float) -> float:

@@ -15,9 +15,10 @@ from pdmesh.model.document import MediumRegion
 from pdmesh.model.medium import Medium
 from pdmesh.model.neighbours import Pairs, chosen
 from pdsolve.diffusion.families import DiffusionFamilies, lattice_diffusivity
-from pdsolve.diffusion.listed import BondList, Values, links_between
+from pdsolve.diffusion.fluxes import FluxesInList, links_between
 from pdsolve.diffusion.operator import Fick
 from pdsolve.diffusion.system import prepare
+from pdsolve.laws.bond_arrays import Now
 from pdsolve.laws.fluxes import Dissolution
 from pdsolve.operators.bond_list_loops import first_pass_rows_of_sums
 from pdsolve.operators.together import Together
@@ -144,7 +145,7 @@ def test_bonds_in_two_operators_are_those_of_one() -> None:
     for odd in (0, 1):
         own = chosen(pairs, (i + j) % 2 == odd)
         links = links_between(own.source, own.target, len(position))
-        exchange = BondList(links, families.conductance(own), system.operator.volume, 1)
+        exchange = FluxesInList(links, families.conductance(own), system.operator.volume, 1)
         parts.append(Fick(exchange, partial(DiffusionFamilies, base), system.operator.medium))
     both = Together(*parts)
     state.value[:, 0] = np.random.default_rng(4).uniform(0, 1, len(position))
@@ -224,5 +225,5 @@ def test_a_bond_dissolves_into_liquid_below_saturation() -> None:
     expected = [3 * 5 * 2 * -0.9, 3 * 5 * 1 * 0.9 + 3 * 1 * 0.2, 3 * 2 * -0.2, 0.0, 0.0]
     for loop in (first_pass_rows_of_sums, first_pass_rows_of_sums.py_func):
         sums = np.empty((5, 2))
-        loop(links, law, Values((volume, concentration, solid)), sums, np.arange(5), 0, 5)
+        loop(links, law, Now((volume, concentration, solid), volume, 0, 0.0), sums, np.arange(5), 0, 5)
         assert sums[:, 0] == pytest.approx(expected, rel=1e-14)
