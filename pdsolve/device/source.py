@@ -9,11 +9,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pdsolve.device.translation import DOUBLE, Translation
+from pdsolve.device.tracing import Functions
 from pdsolve.lattice.force_polynomials import NARROW, WIDE, coefficients, stretch_coefficients
 from pdsolve.lattice.layout import FAR
-from pdsolve.laws.calls import added_force, broken_energy, functions_of, second_force
+from pdsolve.laws.calls import added_force, broken_energy, secant, second_force
 from pdsolve.laws.law import Function, Law
+from pdsolve.laws.pair import no_bonds
 
 KINDS = {"float64": "double", "float32": "float", "int64": "long", "int32": "int"}  # in OpenCL C
 KINDS |= {"uint32": "uint", "uint16": "ushort", "uint8": "uchar"}
@@ -29,12 +30,14 @@ def pair_functions(law: Law, remembers: bool, **numbers: Any) -> str:
 
     Raises ModelError.
     """
-    written = Translation(functions_of(law), matches_work=law.matches_work)
-    calls: list[tuple[Function, int]] = [(added_force, 5), (second_force, 6), (broken_energy, 5)]
-    defined = {function.__name__.upper(): written.called(function, (DOUBLE,) * count)[0] for function, count in calls}
+    columns = no_bonds(law)
+    written = Functions(columns)
+    functions: list[tuple[Function, int]] = [(added_force, 5), (second_force, 6), (broken_energy, 5)]
     if remembers:
-        defined |= {"SOFTENS": "", "SECANT": written.add("secant", (DOUBLE,) * 4)}
-    lines = [f"#define {name} {value}" for name, value in {**defined, **numbers}.items()]
+        functions.append((secant, 4))
+        numbers["SOFTENS"] = ""
+    named = {each.__name__.upper(): written.write(each, columns, *(0.0,) * count) for each, count in functions}
+    lines = [f"#define {name} {value}" for name, value in {**named, **numbers}.items()]
     return "\n".join([written.source, *lines, text_of("tiles.cl")])
 
 

@@ -30,7 +30,7 @@ site (symbols as in `Tiles`); else a block of 64 nodes (symbols as in `Blocks`).
 #ifdef SITES
 #define HISTORY double
 #define IN_ORDER false /* whether a pull is added in the turn of its slot, or behind all */
-#define ABSENT(i) (node[i] < 0)
+#define ABSENT(i) ((i) >= m || node[i] < 0)
 #define GROUP(i) (((i) - MARGIN) / 16)
 #define FIRST_SLOT(i) 0
 #define FIRST_TURN(i) 0
@@ -328,12 +328,12 @@ inline bool sum_slots(FORCE_PARAMETERS, STEP_PARAMETERS, bool care, const int *p
 /* The same, with care where a bond needs it; a work item of one node takes it at once */
 inline void sum_bonds(FORCE_PARAMETERS, STEP_PARAMETERS, int i, REAL *force) {
   int pending[TOGETHER], absent = 1, care = TOGETHER == 1;
-  for (int k = 0; k < TOGETHER; ++k) {
+  for (int k = 0; k < TOGETHER; ++k)
     absent &= ABSENT(i + k);
-    care |= pending[k] = first_pending(FORCE_ARGUMENTS, step, i + k);
-  }
   if (absent)
     return;
+  for (int k = 0; k < TOGETHER; ++k)
+    care |= pending[k] = first_pending(FORCE_ARGUMENTS, step, i + k);
 #ifdef SOFTENS
   care |= memory[GROUP(i)];
 #endif

@@ -22,7 +22,7 @@ from pdsolve.lattice.sites import Sites
 from pdsolve.lattice.tiles import Breaks, Tiles, recall
 from pdsolve.laws.law import Law
 
-WORD, GROUP = 32, 64  # bits; work items
+WORD = 32  # bits
 FEWEST, EACH = 1 << 24, 32  # bonds that may break between two looks, and for each node; in small bodies all
 SOFTENED, CHANGED = 1, 2  # of a group's memory: a bond has softened; since the host looked
 
@@ -162,15 +162,15 @@ class SpaceOnDevice(BondsOnDevice, TileLattice):
     ) -> None:
         """Arguments are those of `TileLattice`. Raises ModelError if the device has too little memory."""
         super().__init__(law, tiles, sites, bound, symmetric, 1)
-        self.dimension, self.room, self.place = 3, -(-sites.size // GROUP) * GROUP, sites.site
+        self.dimension, self.room, self.place = 3, sites.size, sites.site
         self._remembers, count, groups = self._softens, len(tiles.offsets), len(tiles.kind)
         self._first_place, self._starts, self._lanes = tiles.margin, count * np.arange(groups + 1), ROW
-        node = np.full(self.room, -1, dtype=np.int32)
-        node[sites.site] = np.arange(len(sites.site))
-        c, cells = (np.pad(array, ((0, 0), (0, self.room - array.shape[1]))) for array in (tiles.c, tiles.cells))
-        tables = {"offsets": tiles.offsets, "vectors": tiles.vectors, "c": c, "cells": cells, "kind": tiles.kind}
-        tables |= {"node": node, "unbreakable": self.spread(tiles.unbreakable.astype(np.uint8))}
-        tables |= {"material": self.spread(tiles.material), "peak": tiles.peak, "limit": tiles.limit}
+        tables = {name: getattr(tiles, name) for name in ("offsets", "vectors", "c", "cells", "kind", "peak", "limit")}
+        tables |= {"node": self.spread(np.arange(len(sites.site), dtype=np.int32), -1)}
+        tables |= {
+            "unbreakable": self.spread(tiles.unbreakable.view(np.uint8)),
+            "material": self.spread(tiles.material),
+        }
         numbers = {"SITES": "", "MARGIN": tiles.margin, "COUNT": count, "PAIRS": len(tiles.peak)}
         numbers |= {"MATERIALS": round(len(tiles.peak) ** 0.5), "NEAR": float(tiles.near).hex()}
         bonds = int(tile_bonds.count_bonds(tiles.bits, sites).sum())

@@ -1,17 +1,22 @@
-"""Functions of a law on lanes as OpenCL C: they are run on expressions, and what they compute is written down.
+"""Functions of a law as OpenCL C: they are run on expressions, and what they compute is written down.
 
-Such a function assigns, adds, subtracts, multiplies and divides numbers of a bond or a node, of the run's precision,
-and may ask what the law's constants are. Each result is rounded, as that of lanes is (see
-`pdsolve.codegen.lanes`).
+Such a function assigns, adds, subtracts, multiplies, divides, takes roots, and may ask what the law's constants are.
+Each result is rounded, unless `fused` says otherwise. Functions of many bonds (`Code`) are of the run's precision, as
+lanes are (see `pdsolve.codegen.lanes`), and are written where they are called. Those of one bond (`Functions`) are of
+double precision, compare numbers too, and become functions of C, which are run once for each way through them.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 from types import FunctionType
 from typing import Any
 
+import numpy as np
+
 from pdsolve.codegen.fused import fused
+from pdsolve.laws import calls
 from pdsolve.laws.calls import bound_functions
 from pdsolve.laws.law import Function
 from pdsolve.model import ModelError
@@ -20,7 +25,9 @@ from pdsolve.model import ModelError
 class Code:
     """Statements in OpenCL C, one for each result."""
 
-    def __init__(self) -> None:
+    def __init__(self, kind: str = "REAL", decisions: list[bool] | None = None) -> None:
+        """Numbers are of this kind; None: what is run may not compare them."""
+        self.kind, self._decisions = kind, decisions
         self.lines: list[str] = []  # that `statements` has not returned yet
 
     def named(self, pattern: str, count: int) -> tuple[Traced, ...]:
@@ -30,8 +37,22 @@ class Code:
     def write(self, expression: str) -> Traced:
         """The number that an expression is."""
         name = f"t{len(self.lines)}"
-        self.lines.append(f"REAL {name} = {expression};")
+        self.lines.append(f"{self.kind} {name} = {expression};")
         return Traced(self, name)
+
+    def text(self, number: Any) -> str:
+        """A number in C."""
+        if isinstance(number, Traced):
+            return number.text
+        return f"({self.kind}){float(number).hex() if np.isfinite(number) else 'INFINITY'}"
+
+    def decide(self, comparison: str) -> bool:
+        """What a comparison is taken to be."""
+        if self._decisions is None:
+            raise TypeError("a choice between numbers of many bonds")
+        if not self._decisions:
+            raise UndecidedError(comparison)
+        return self._decisions.pop(0)
 
     def statements(self, form: str, values: tuple[Traced, ...]) -> str:
         """What is written since the last time, and a statement of this form for each value: its number, what it is."""
@@ -41,15 +62,12 @@ class Code:
     def call(self, name: str, law: Any, *values: Any) -> tuple[Any, ...]:
         """What a law's function of this name returns, given traced numbers. Raises ModelError for what it cannot
         write."""
-        function = bound_functions(law)[name]
-        try:
-            outputs: tuple[Any, ...] = plain(function)(law, *values)
-        except TypeError:
-            raise ModelError(
-                f"device: the law's {function.__name__} does more than add, multiply and divide; use one that a"
-                " device computes to the same bits (--device cpu)"
-            ) from None
+        outputs: tuple[Any, ...] = run(in_line(bound_functions(law)[name]), law, *values)
         return outputs
+
+
+class UndecidedError(Exception):
+    """A comparison of numbers of a device, by its text, of which it is not said how it is taken."""
 
 
 class Traced:
@@ -58,37 +76,111 @@ class Traced:
     def __init__(self, code: Code, text: str) -> None:
         self._code, self.text = code, text
 
+    def sqrt(self) -> Traced:
+        """The root, which numpy asks for."""
+        return self._code.write(f"sqrt({self.text})")
+
     def fused(self, factor: Traced, summand: Traced) -> Traced:
         """This number times a factor and a summand more, in one rounding."""
         return self._code.write(f"fma({self.text}, {factor.text}, {summand.text})")
 
+    def __neg__(self) -> Traced:
+        return self._code.write(f"-{self.text}")
+
     def __bool__(self) -> bool:
-        raise TypeError("a choice between numbers of a device")
+        return self._code.decide(self.text)
 
 
 def _binary(sign: str, swapped: bool) -> Callable[[Traced, Any], Traced]:
     def both(self: Traced, operand: Any) -> Traced:
-        text = operand.text if isinstance(operand, Traced) else f"(REAL){float(operand).hex()}"
-        left_side, right_side = (text, self.text) if swapped else (self.text, text)
+        sides = self.text, self._code.text(operand)
+        left_side, right_side = sides[::-1] if swapped else sides
         return self._code.write(f"{left_side} {sign} {right_side}")
 
     return both
 
 
+def _comparison(sign: str) -> Callable[[Traced, Any], Traced]:
+    return lambda self, operand: Traced(self._code, f"{self.text} {sign} {self._code.text(operand)}")
+
+
 for _name, _sign in (("add", "+"), ("sub", "-"), ("mul", "*"), ("truediv", "/")):
     setattr(Traced, f"__{_name}__", _binary(_sign, False))
     setattr(Traced, f"__r{_name}__", _binary(_sign, True))
+for _name, _sign in (("lt", "<"), ("le", "<="), ("gt", ">"), ("ge", ">=")):
+    setattr(Traced, f"__{_name}__", _comparison(_sign))
 
 
-def plain(function: Function) -> Function:
-    """A function, and those of its file that it calls, as Python has them and not as compiled."""
+class Functions:
+    """Functions of one bond in OpenCL C, each once."""
+
+    def __init__(self, columns: Any = None) -> None:
+        """`columns` are those of the law whose functions they are."""
+        self._bound = {} if columns is None else bound_functions(columns)
+        self._names: dict[Function, str] = {}
+        self._texts: list[str] = []
+
+    @property
+    def source(self) -> str:
+        """All that is written."""
+        return "\n".join(self._texts)
+
+    def write(self, function: Function, *arguments: Any) -> str:
+        """Write a function of such arguments, of which numbers are its parameters in C; returns its name there."""
+        if function.__module__ == calls.__name__:  # where the law's own may be called by the same name
+            function = self._bound.get(function.__name__, function)
+        if function not in self._names:
+            body = "\n".join(self._statements(function, arguments, []))
+            name = f"{function.__name__}_{len(self._texts)}"
+            parameters = ", ".join(f"double p{k}" for k in range(sum(map(_is_number, arguments))))
+            self._texts.append(f"inline double {name}({parameters}) {{\n{body}\n}}")
+            self._names[function] = name
+        return self._names[function]
+
+    def _statements(self, function: Function, arguments: tuple[Any, ...], decisions: list[bool]) -> list[str]:
+        """What a function computes where its comparisons have turned out so, and what it asks then."""
+        code = Code("double", list(decisions))
+        parameters = iter(code.named("p{}", len(arguments)))
+        values = [next(parameters) if _is_number(argument) else argument for argument in arguments]
+        try:
+            output = run(plain(function, partial(partial, self._call, code)), *values)
+        except UndecidedError as question:
+            either = (self._statements(function, arguments, [*decisions, answer]) for answer in (True, False))
+            yes, no = (lines[len(code.lines) :] for lines in either)
+            return [*code.lines, f"if ({question}) {{", *yes, "}", *no]
+        return [*code.lines, f"return {code.text(output)};"]
+
+    def _call(self, code: Code, function: Function, *arguments: Any) -> Traced:
+        """Write a call of a function."""
+        numbers = ", ".join(code.text(argument) for argument in arguments if _is_number(argument))
+        return code.write(f"{self.write(function, *arguments)}({numbers})")
+
+
+def _is_number(value: Any) -> bool:
+    return isinstance(value, int | float | Traced)
+
+
+def run(function: Function, *values: Any) -> Any:
+    """What a plain function returns, given traced numbers. Raises ModelError for what cannot be written."""
+    try:
+        return function(*values)
+    except (AttributeError, TypeError):
+        raise ModelError(
+            f"device: the law's {function.__name__} does more than add, multiply, divide and compare; use one that a"
+            " device computes to the same bits (--device cpu)"
+        ) from None
+
+
+def plain(function: Function, replace: Callable[[Any], Function]) -> Function:
+    """A function as Python has it and not as compiled, in which others of this package are replaced."""
     python_function: Any = getattr(function, "py_func", function)
     scope = dict(python_function.__globals__)
     for name in python_function.__code__.co_names:
-        if scope.get(name) is fused:
+        value = scope.get(name)
+        if value is fused:
             scope[name] = Traced.fused
-        elif getattr(scope.get(name), "py_func", None) is not None:
-            scope[name] = plain(scope[name])
+        elif isinstance(value, FunctionType) or hasattr(value, "py_func"):
+            scope[name] = replace(value)
     return FunctionType(
         python_function.__code__,
         scope,
@@ -96,3 +188,8 @@ def plain(function: Function) -> Function:
         python_function.__defaults__,
         python_function.__closure__,
     )
+
+
+def in_line(function: Function) -> Function:
+    """A function, and all that it calls, as Python has them."""
+    return plain(function, in_line)

@@ -11,7 +11,7 @@ from devices import needs_opencl
 
 from pdsolve.device.runtime import Session
 from pdsolve.device.source import preamble
-from pdsolve.device.translation import DOUBLE, Translation
+from pdsolve.device.tracing import Functions
 from pdsolve.numerics.exponential import exponential
 
 X = np.linspace(-8.0, 0.0, 2049)
@@ -39,8 +39,8 @@ def test_compiled_code_has_the_same_bits() -> None:
 @pytest.mark.slow
 @needs_opencl
 def test_a_device_has_the_same_bits() -> None:
-    session, written = Session("opencl"), Translation({"exponential": exponential})
-    name = written.add("exponential", (DOUBLE,))
+    session, written = Session("opencl"), Functions()
+    name = written.write(exponential, 0.0)
     kernel = f"__kernel void each(__global double *x) {{ x[get_global_id(0)] = {name}(x[get_global_id(0)]); }}"
     program, x = session.build("\n".join([preamble("float64", 2), written.source, kernel])), session.put(X)
     session.launch(program.each, (len(X), 1), [x])
