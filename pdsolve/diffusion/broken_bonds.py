@@ -12,8 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pdsolve.diffusion.families import DiffusionFamilies
-from pdsolve.diffusion.fluxes import FluxesInList, links_between
 from pdsolve.diffusion.system import Transport
+from pdsolve.operators.fluxes import FluxesInList, links_between
 from pdsolve.state import Broken
 from pdsolve.steppers.theta import ThetaSteps
 

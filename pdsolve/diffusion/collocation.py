@@ -18,11 +18,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pdmesh.model.neighbours import ON_LATTICE, Pairs, chosen, lengths
-from pdsolve.diffusion.families import DiffusionFamilies
-from pdsolve.diffusion.fluxes import FluxesInTiles, full_family, place_bonds
+from pdsolve.diffusion.families import DiffusionFamilies, place_bonds
 from pdsolve.diffusion.walls import Array, parts_of
 from pdsolve.lattice.tile_bonds import bits_of_pairs
 from pdsolve.model import ModelError
+from pdsolve.operators.fluxes import FluxesInTiles
 from pdsolve.operators.stencils import Stencil, diffusion, stencil_of
 
 if TYPE_CHECKING:
@@ -51,7 +51,7 @@ class Collocated:
         near, far = (
             np.rint((grid.position[rows] - grid.position[fine[0]]) / h * 2).astype(np.int64) for rows in (fine, coarse)
         )  # in halves of the fine spacing
-        steps, conductance = full_family(families, h, D)
+        steps, conductance = families.full_family(h, D)
         stencil = stencil_of(3.0, diffusion(D, d), d)
         self._look_whole(stencil, far, free[coarse], near)
         self._inner = _between(_lacking(far, 4 * stencil.xi, near), near, 2)

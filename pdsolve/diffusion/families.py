@@ -17,13 +17,17 @@ from itertools import product
 import numpy as np
 from numpy.typing import NDArray
 
-from pdmesh.model.lattice_calibration import hu_beta
-from pdmesh.model.neighbours import ROUND_OFF, Neighbours, Pairs, chosen, row_chunks
+from pdmesh.model.lattice_calibration import hu_beta, offsets
+from pdmesh.model.neighbours import ROUND_OFF, Neighbours, Pairs, chosen, lengths, row_chunks
 from pdmesh.model.visibility import sight_of
 from pdsolve.diffusion.walls import Array
+from pdsolve.lattice.sites import Sites, place_nodes
+from pdsolve.lattice.tile_bonds import bits_of_pairs, remove_separated_bonds
 from pdsolve.laws.bond_arrays import Links
 from pdsolve.model import Model
+from pdsolve.operators.fluxes import FluxesInList, FluxesInTiles
 
+SHORT = 8  # ways to the farthest neighbour: rows shorter than that lie along the longest axis
 CONSTANTS = {1: (3.0, 2.0, 1.0), 2: (8 / np.pi, 6 / np.pi, 4 / np.pi), 3: (7.5 / np.pi, 6 / np.pi, 4.5 / np.pi)}
 
 
@@ -108,8 +112,9 @@ class DiffusionFamilies:
         """Bonds (b,) of some increasing rows, and their conductances (b,)."""
         return self.part(rows)[:2]
 
-    def listed(self) -> tuple[Links, Array, NDArray[np.int64]]:
-        """All bonds (b,), their conductances (b,), and the number (n,) of bonds of each node that a crack blocks."""
+    def in_list(self, volume: Array, threads: int) -> tuple[FluxesInList, NDArray[np.int64]]:
+        """Fluxes along listed bonds between nodes with the `volume` (n,), m^d, and the number (n,) of bonds of each
+        node that a crack blocks."""
         nodes = len(self.delta)
         counts, blocked = np.zeros((2, nodes), dtype=np.int64)
         neighbours, conductances = [], []
@@ -118,5 +123,40 @@ class DiffusionFamilies:
             blocked += np.bincount(hidden, minlength=nodes)
             neighbours.append(pairs.target.astype(np.int32))
             conductances.append(conductance)
-        start = np.concatenate([[0], np.cumsum(counts)])
-        return Links(start, np.concatenate(neighbours)), np.concatenate(conductances), blocked
+        links = Links(np.concatenate([[0], np.cumsum(counts)]), np.concatenate(neighbours))
+        return FluxesInList(links, np.concatenate(conductances), volume, threads), blocked
+
+    def in_tiles(self, volume: Array, threads: int) -> tuple[FluxesInTiles, NDArray[np.int64]] | None:
+        """The same fluxes in tiles; None unless the nodes are on one lattice."""
+        spacing, D = float(self.delta[0]), self.diffusivity
+        if (self.delta != spacing).any():
+            return None
+        placed = place_bonds(self.position, spacing, *self.full_family(spacing, float(D[0])))
+        if placed is None:
+            return None
+        sites, conductance = placed
+        bits = bits_of_pairs(sites)
+        blocked = remove_separated_bonds(sites, bits, self.sight)
+        return FluxesInTiles(sites, bits, conductance, volume, threads, D / D[0]), blocked
+
+    def full_family(self, spacing: float, D: float) -> tuple[NDArray[np.int64], Array]:
+        """Offsets (k, d) and conductances (k,) of the bonds of a node with a full family."""
+        ratio = self.model.settings.horizon.ratio
+        steps = offsets(ratio + 0.5, self.dimension)
+        reach, delta = np.full((2, len(steps)), spacing)
+        conductance = shape(lengths(steps * spacing), ratio * reach, delta, self.dimension, self.power)
+        conductance *= D / self.lattice_share / spacing ** (self.model.grid.dimension - self.dimension)
+        within_horizon = conductance > ROUND_OFF * conductance.max()
+        return np.rint(steps[within_horizon]).astype(np.int64), conductance[within_horizon]
+
+
+def place_bonds(
+    position: Array, spacing: float, ways: NDArray[np.int64], conductance: Array
+) -> tuple[Sites, Array] | None:
+    """Sites of nodes (n, d), and the conductance of their `ways` in the order of sites; None if they are no lattice."""
+    cells, axes = np.rint(np.ptp(position, axis=0) / spacing) + 1, np.arange(position.shape[1])
+    if cells[0] < SHORT * np.abs(ways).max():
+        axes = np.argsort(-cells, kind="stable")
+    ways = ways[:, axes]
+    sites = place_nodes(position[:, axes], spacing, ways, separate_rows=True)
+    return None if sites is None else (sites, conductance[np.lexsort(ways.T)])

@@ -12,10 +12,10 @@ from pdmesh.model.medium import Medium
 from pdsolve.checkpoint_validation import entry
 from pdsolve.diffusion.collocation import Collocated
 from pdsolve.diffusion.dissolution import potential, solid_share
-from pdsolve.diffusion.fluxes import FluxesInList, FluxesInTiles
 from pdsolve.diffusion.walls import Array, Bonds
 from pdsolve.laws.fluxes import Dissolution
 from pdsolve.model import ModelError
+from pdsolve.operators.fluxes import FluxesInList, FluxesInTiles
 from pdsolve.operators.protocol import CheckpointArrays
 from pdsolve.state import Broken, State, Unknown
 

@@ -17,12 +17,12 @@ from pdsolve.diffusion.conditions import BoundaryConditions, begin
 from pdsolve.diffusion.dissolution import crossing
 from pdsolve.diffusion.edges import Cloud
 from pdsolve.diffusion.families import DiffusionFamilies
-from pdsolve.diffusion.fluxes import FluxesInList, links_between, make_tiles
 from pdsolve.diffusion.operator import BondStorage, Fick
 from pdsolve.diffusion.surfaces import Surfaces
 from pdsolve.diffusion.walls import Bonds
 from pdsolve.model import Model, ModelError, counted
 from pdsolve.numerics.thread_team import useful_threads
+from pdsolve.operators.fluxes import FluxesInList, links_between
 from pdsolve.options import Options
 from pdsolve.state import State, zero_state
 from pdsolve.steppers.euler import ForwardEuler, stable_time_step
@@ -110,19 +110,15 @@ class Stored(NamedTuple):
 
 def _stored(model: Model, volume: NDArray[np.float64], free: NDArray[np.bool_], threads: int, listed: bool) -> Stored:
     """Bonds of a model whose `free` nodes (n,) have no prescribed content; `listed` excludes tiles."""
-    medium, families, every = model.settings.medium, DiffusionFamilies(model), np.ones(len(volume), dtype=bool)
+    medium, families = model.settings.medium, DiffusionFamilies(model)
     assert medium is not None
-    none = np.zeros(len(volume), dtype=np.int64)
     if model.settings.run.adapt == "collocation":
-        exchange = Collocated(families, volume, free, threads)
-        return Stored(exchange, exchange, ~every, none)
-    if not (listed or medium.dissolution == "kinetic"):  # of which a bond asks both of its ends
-        placed = make_tiles(families, volume, threads)
-        if placed is not None:
-            tiles, blocked = placed
-            return Stored(tiles, families, tiles.lacking(float(model.grid.delta[0]) ** model.grid.dimension), blocked)
-    links, conductance, blocked = families.listed()
-    return Stored(FluxesInList(links, conductance, volume, threads), families, every, blocked)
+        exchange, none = Collocated(families, volume, free, threads), np.zeros(len(volume), dtype=np.int64)
+        return Stored(exchange, exchange, none > 0, none)
+    asks_both_ends = medium.dissolution == "kinetic"
+    placed = None if listed or asks_both_ends else families.in_tiles(volume, threads)
+    fluxes, blocked = placed or families.in_list(volume, threads)
+    return Stored(fluxes, families, fluxes.lacking(float(model.grid.delta[0]) ** model.grid.dimension), blocked)
 
 
 def _step(model: Model, most: float) -> float:

@@ -20,13 +20,14 @@ from pdsolve.conditions import (
     initial_velocity,
     widened,
 )
+from pdsolve.device.fluxes import FluxesOnDevice
 from pdsolve.device.nodes import NodesOnDevice
 from pdsolve.device.runtime import Session
-from pdsolve.diffusion.on_device import FluxesOnDevice
 from pdsolve.diffusion.system import Transport
 from pdsolve.lattice.march import LatticeMarch
 from pdsolve.model import Model, ModelError, ModelWarning
 from pdsolve.numerics.team import Team
+from pdsolve.operators.fluxes import FluxesInTiles
 from pdsolve.operators.ghosts import Ghosts
 from pdsolve.operators.protocol import Operator
 from pdsolve.options import Options
@@ -160,8 +161,12 @@ def make_diffusion_stepper(model: Model, transport: Transport, state: State, tea
     """What takes the steps of a transport through a model, on the ranks of a team if there is one."""
     device = model.settings.run.device
     if device != "cpu":
-        fluxes, volume = FluxesOnDevice(transport.operator, Session(device)), transport.operator.volume
-        return StepsOnDevice((fluxes, state, transport.drive), volume, transport.time_step, np.zeros(len(volume)))
+        operator, volume = transport.operator, transport.operator.volume
+        if not isinstance(operator.exchange, FluxesInTiles):
+            raise ModelError(f"{model.name}: $.run.device: nodes are on no lattice; use cpu, or nodes on one")
+        of = operator.exchange, operator.change, operator.outside, operator.medium.C_sat
+        bonds = FluxesOnDevice(*of, Session(device))
+        return StepsOnDevice((bonds, state, transport.drive), volume, transport.time_step, np.zeros(len(volume)))
     if team is None:
         return transport.stepper
     return EulerOnRanks(model, team, transport.operator, transport.drive, transport.time_step)

@@ -1,4 +1,4 @@
-"""Fluxes between nodes, in the layouts of mechanics: tiles of the sites of a lattice, or a list for any nodes."""
+"""Fluxes between nodes along bonds: in tiles of the sites of a lattice, or along a list for any nodes."""
 
 from __future__ import annotations
 
@@ -8,15 +8,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pdmesh.model.lattice_calibration import offsets
-from pdmesh.model.neighbours import ROUND_OFF, lengths, row_chunks
+from pdmesh.model.neighbours import ROUND_OFF, row_chunks
 from pdsolve.codegen.vector_code import ROW
-from pdsolve.diffusion.families import DiffusionFamilies, shape
-from pdsolve.diffusion.walls import Array
 from pdsolve.lattice.families import sum_first_pass
 from pdsolve.lattice.fluxes import FluxTiles, collect_rates, place_amounts, share_of, sort_tiles
-from pdsolve.lattice.sites import Sites, place_nodes
-from pdsolve.lattice.tile_bonds import bits_of_pairs, count_bonds, list_bonds, remove_separated_bonds
+from pdsolve.lattice.sites import Sites
+from pdsolve.lattice.tile_bonds import counts, intact
 from pdsolve.laws.bond_arrays import Links, Now
 from pdsolve.laws.fluxes import Conduction, Contrast, Dissolution
 from pdsolve.numerics.memory import aligned
@@ -26,7 +23,7 @@ from pdsolve.operators.bond_list_loops import first_pass_rows_of_sums
 if TYPE_CHECKING:
     from scipy.sparse import csr_array
 
-SHORT = 8  # ways to the farthest neighbour: rows shorter than that lie along the longest axis
+Array = NDArray[np.float64]
 FluxLaw = Conduction | Contrast | Dissolution
 
 
@@ -46,6 +43,10 @@ class Fluxes:
     def listed(self) -> tuple[Links, Array]:
         """The bonds (b,) in a list, and their conductances (b,)."""
         raise NotImplementedError("written for each layout")
+
+    def lacking(self, cell: float) -> NDArray[np.bool_]:
+        """Mask (n,) of nodes whose total conductance may differ from that of a full family of whole cells, m^d."""
+        return np.ones(len(self.volume), dtype=np.bool_)
 
     def tangent(self) -> csr_array:
         """Derivative (n, n) of the rates by the potentials, 1/s."""
@@ -126,7 +127,7 @@ class FluxesInTiles(Fluxes):
         self.tiles = FluxTiles(sites.steps, conductance, bits, filled, general, D_of_sites, sites.margin)
         self._rows, self._amount, self._sums = slice(0, wanted or len(volume)), *_zeros_at_sites(self.tiles)
         sort_tiles(self.tiles, np.where(sites.node < self._rows.stop, sites.node, -1))
-        self.count, self.total, outflow = count_bonds(bits, sites), np.zeros(len(volume)), np.zeros(len(volume))
+        self.count, self.total, outflow = counts(bits, sites), np.zeros(len(volume)), np.zeros(len(volume))
         self.rates(np.ones(len(volume)), outflow)
         self.total = outflow
 
@@ -184,7 +185,7 @@ class FluxesInTiles(Fluxes):
 
     def of(self, rows: NDArray[np.int64]) -> tuple[NDArray[np.int64], NDArray[np.int64], Array]:
         """Sources, targets and conductances (b,) of the bonds of some rows, in order."""
-        source, target, slot = list_bonds(self.sites, self.tiles.bits, rows)
+        source, target, slot = intact(self.sites, self.tiles.bits, rows)
         D, neighbour_D = (self.tiles.D[0, self.sites.site[end]] for end in (source, target))
         return source, target, D * self.conductance[slot] * share_of(D, neighbour_D)
 
@@ -203,44 +204,3 @@ def _zeros_at_sites(tiles: FluxTiles) -> tuple[Array, Array]:
 def links_between(source: NDArray[np.int64], target: NDArray[np.int64], nodes: int) -> Links:
     """Bonds (b,) between so many nodes, which are sorted by source."""
     return Links(np.searchsorted(source, np.arange(nodes + 1)), target.astype(np.int32))
-
-
-def full_family(families: DiffusionFamilies, spacing: float, D: float) -> tuple[NDArray[np.int64], Array]:
-    """Offsets (k, d) and conductances (k,) of the bonds of a node with a full family."""
-    ratio, dimension = families.model.settings.horizon.ratio, families.dimension
-    steps = offsets(ratio + 0.5, dimension)
-    reach, delta = np.full((2, len(steps)), spacing)
-    conductance = shape(lengths(steps * spacing), ratio * reach, delta, dimension, families.power)
-    conductance *= D / families.lattice_share / spacing ** (families.model.grid.dimension - dimension)
-    within_horizon = conductance > ROUND_OFF * conductance.max()
-    return np.rint(steps[within_horizon]).astype(np.int64), conductance[within_horizon]
-
-
-def make_tiles(
-    families: DiffusionFamilies, volume: Array, threads: int
-) -> tuple[FluxesInTiles, NDArray[np.int64]] | None:
-    """Fluxes of a model in tiles, and the number (n,) of each node's bonds that cracks block; None unless its nodes are
-    on one lattice."""
-    grid, D = families.model.grid, families.diffusivity
-    spacing = float(grid.delta[0])
-    if (grid.delta != spacing).any():
-        return None
-    placed = place_bonds(families.position, spacing, *full_family(families, spacing, float(D[0])))
-    if placed is None:
-        return None
-    sites, conductance = placed
-    bits = bits_of_pairs(sites)
-    blocked = remove_separated_bonds(sites, bits, families.sight)
-    return FluxesInTiles(sites, bits, conductance, volume, threads, D / D[0]), blocked
-
-
-def place_bonds(
-    position: Array, spacing: float, ways: NDArray[np.int64], conductance: Array
-) -> tuple[Sites, Array] | None:
-    """Sites of nodes (n, d), and the conductance of their `ways` in the order of sites; None if they are no lattice."""
-    cells, axes = np.rint(np.ptp(position, axis=0) / spacing) + 1, np.arange(position.shape[1])
-    if cells[0] < SHORT * np.abs(ways).max():
-        axes = np.argsort(-cells, kind="stable")
-    ways = ways[:, axes]
-    sites = place_nodes(position[:, axes], spacing, ways, separate_rows=True)
-    return None if sites is None else (sites, conductance[np.lexsort(ways.T)])

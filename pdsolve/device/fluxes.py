@@ -8,12 +8,10 @@ from pdsolve.device.families import arrays_of, family_source, first_pass_of
 from pdsolve.device.nodes import NodesOnDevice
 from pdsolve.device.runtime import Session
 from pdsolve.device.tracing import Code
-from pdsolve.diffusion.fluxes import FluxesInTiles
-from pdsolve.diffusion.operator import Fick
 from pdsolve.lattice.fluxes import share_of
 from pdsolve.laws.bond_arrays import Ends
 from pdsolve.laws.fluxes import Conduction
-from pdsolve.model import ModelError
+from pdsolve.operators.fluxes import Array, FluxesInList, FluxesInTiles
 
 
 class FluxesOnDevice(NodesOnDevice):
@@ -21,15 +19,16 @@ class FluxesOnDevice(NodesOnDevice):
 
     scheme = ("FIRST_ORDER", "FLUXES")
 
-    def __init__(self, operator: Fick, session: Session) -> None:
-        """Raises ModelError for nodes on no lattice, or a device with too little memory."""
-        lattice, change, nodes = operator.exchange, operator.change, len(operator.volume)
-        if not isinstance(lattice, FluxesInTiles):
-            raise ModelError("$.run.device: nodes are on no lattice; use cpu, or nodes on one")
-        self._tiles, self._C_sat = lattice.tiles, operator.medium.C_sat
-        self.dimension, self.room, self.place = 1, lattice.sites.size, lattice.sites.site
-        arrays = arrays_of(lattice.tiles) | {"node": self.spread(np.arange(nodes, dtype=np.int32), -1)}
-        arrays |= {"total": self.spread(lattice.total), "outside": self.spread(operator.outside)}
+    def __init__(
+        self, fluxes: FluxesInTiles, change: FluxesInList | None, outside: Array, C_sat: float | None, session: Session
+    ) -> None:
+        """Arguments are those of `pdsolve.diffusion.operator.Fick`; potentials are at most `C_sat`, mol/m^3, if it is
+        given. Raises ModelError for a device with too little memory."""
+        nodes = len(fluxes.volume)
+        self._tiles, self._C_sat = fluxes.tiles, C_sat
+        self.dimension, self.room, self.place = 1, fluxes.sites.size, fluxes.sites.site
+        arrays = arrays_of(fluxes.tiles) | {"node": self.spread(np.arange(nodes, dtype=np.int32), -1)}
+        arrays |= {"total": self.spread(fluxes.total), "outside": self.spread(outside)}
         arrays |= {"more_start": np.zeros(nodes + 1, np.int64), "more_site": self.place[:0], "more": np.zeros(0)}
         arrays |= {"more_total": np.zeros(self.room), "dissipated": np.zeros(self.room)}
         if change is not None:
