@@ -22,6 +22,7 @@ from pdmesh.drawing.solids import meshed
 from pdmesh.grid.building import build
 from pdmesh.model.document import Horizon, InitialVelocity, Lattice, Material, Run, Settings
 from pdmesh.model.node_grid import whole_lattice
+from pdsolve.device import tiles
 from pdsolve.device.runtime import Session
 from pdsolve.device.source import preamble
 from pdsolve.model import Model, on_device
@@ -105,7 +106,7 @@ def roofline(session: Session, precision: str, clock: Callable[[], float]) -> tu
     wide = "double8" if precision == "float64" else "float8"
     source = f"{preamble(precision, 2)}\n#define WIDE_REAL {wide}\n#define CHAIN {CHAINS}\n{SIMPLE}"
     program, kind = session.build(source), np.dtype(precision).type
-    a, b = session.put(np.full(COPIED, 1e-3, dtype=kind)), session.zeros(COPIED * np.dtype(precision).itemsize)
+    a, b = (session.put(np.full(COPIED, 1e-3, dtype=kind)) for _ in range(2))
     copied, summed, items = program.copied, program.summed, COPIED >> 8
     moved = least(lambda: session.launch(copied, (COPIED, 64), [a, b]), session, clock)
     added = least(lambda: session.launch(summed, (items, 64), [a]), session, clock)
@@ -170,9 +171,12 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--device", default="opencl")
     parser.add_argument("--models", nargs="+", choices=[*SIDES, "body"], default=[*SIDES, "body"])
+    parser.add_argument("--lanes", action="store_true", help="a node a work item, as on a GPU, on any device")
     parser.add_argument("--chart", type=Path)
     parser.add_argument("-o", "--output", type=Path)
     given = parser.parse_args()
+    if given.lanes:
+        tiles.together = lambda kind, precision: 1
     rows = [row for name in given.models for row in measured(name, given.device)]
     for row in rows:
         speeds = {name: value for name, value in row.items() if name in ("processor", "on the device")}

@@ -143,13 +143,6 @@ class Session:
         self.room_for(*(array.nbytes for array in arrays.values()))
         return {name: self.put(array) for name, array in arrays.items()}
 
-    def zeros(self, size: int) -> Any:
-        """A buffer of so many bytes, all 0."""
-        with self._said():
-            buffer = _library().Buffer(self._context, _library().mem_flags.READ_WRITE, max(size, 8))
-        self.clear(buffer)
-        return buffer
-
     def clear(self, buffer: Any) -> None:
         """Set all bytes of a buffer to 0."""
         with self._said():

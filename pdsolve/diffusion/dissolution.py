@@ -12,8 +12,6 @@ dissolves into liquid at C_sat; otherwise the liquid at the front exceeds satura
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 
 from pdmesh.model.medium import Medium
@@ -26,12 +24,7 @@ def potential(medium: Medium, content: Array) -> Array:
     """Potential (n,), mol/m^3, whose differences drive the bonds."""
     if medium.C_sat is None or medium.dissolution == "kinetic":
         return content
-    return np.asarray(saturated(content, medium.C_sat))
-
-
-def saturated(h: Any, C_sat: float) -> Any:
-    """Potential of a content that dissolves up to C_sat; for a device, too."""
-    return np.minimum(h, C_sat)
+    return np.minimum(content, medium.C_sat)
 
 
 def solid_share(medium: Medium, content: Array) -> Array:
