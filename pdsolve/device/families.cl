@@ -28,24 +28,26 @@ typedef struct {
 #define FIRST_SLOT(i) 0
 #define END_SLOT(i) SLOTS
 #define VECTOR(slot) (slot)
+#define HAS_BOND(tile, slot, lane) (bits[(long)(tile) * SLOTS + (slot)] >> (lane) & 1)
 inline bool numbers_of(FORCE_PARAMETERS, int m, int i, int slot, REAL *c, int *j) {
   int tile = (i - OF_MARGIN) / 16, lane = (i - OF_MARGIN) % 16;
-  bool there = bits[(long)tile * SLOTS + slot] >> lane & 1;
   *j = i + (int)offsets[slot];
 #ifdef FLUXES
   c[0] = g[slot];
   if (general[tile]) {
     SHARE
-    c[0] = there ? c[0] : 0;
+    c[0] = HAS_BOND(tile, slot, lane) ? c[0] : 0;
   }
   return true; /* sums are two in turn; a site without a node has nothing */
 #else
+  if (!HAS_BOND(tile, slot, lane))
+    return false;
   int row = OF_BEYOND + tile / OF_ACROSS, x = OF_PAD + tile % OF_ACROSS * 16 + lane;
   long place = ((long)lines[row] * SLOTS + slot) * OF_WIDE + x;
   long reverse = ((long)lines[row + rows[slot]] * SLOTS + SLOTS - 1 - slot) * OF_WIDE + x + ahead[slot];
-  for (int k = 0; there && k < C; ++k)
+  for (int k = 0; k < C; ++k)
     c[k] = numbers[NUMBERS * (k / 2) + (k % 2 ? reverse : place)] * volume[*j];
-  return there;
+  return true;
 #endif
 }
 #else
@@ -125,10 +127,9 @@ inline void sum_bonds(FORCE_PARAMETERS, __global const REAL *before, __global co
    bonds of a surface correction add */
 inline double rate_of(FORCE_PARAMETERS, __global const REAL *u, int i, double potential, double brought) {
   double rate = brought - total[i] * potential, added[2] = {0, 0};
-  for (long k = more_start[node[i]]; k < more_start[node[i] + 1]; ++k) {
-    int number = (k - more_start[node[i]]) % 2;
-    added[number] = fma(more[k], u[more_site[k]], added[number]);
-  }
+  long first = more_start[node[i]], last = more_start[node[i] + 1];
+  for (long k = first; k < last; ++k)
+    added[(k - first) % 2] = fma(more[k], u[more_site[k]], added[(k - first) % 2]);
   rate += added[0] + added[1];
   rate -= more_total[i] * potential;
   return rate;

@@ -50,16 +50,20 @@ inline void take(FORCE_PARAMETERS, MOTION_PARAMETERS, MOMENT, int i, SUM *f) {
   double content = a[i];
   if (!(phase & STARTS)) {
     double potential = POTENTIAL(content), out = rate_of(FORCE_ARGUMENTS, u, i, potential, f[0]);
-    double inflow = -outside[i] * potential, booked = dt * inflow;
-    work[i] += booked;
-    out += inflow;
+    if (outside[i] != 0) {
+      double inflow = -outside[i] * potential, supplied = dt * inflow;
+      work[i] += supplied;
+      out += inflow;
+    }
     if (holds < end_holds) {
       double brought = dt * out;
       dissipated[i] += brought;
     }
-    double source = k >= 0 ? now[k] : 0, supplied = dt * source;
-    work[i] += supplied;
-    out += source;
+    if (loads < end_loads) {
+      double supplied = dt * now[k];
+      work[i] += supplied;
+      out += now[k];
+    }
     double change = out * dt;
     content += change;
     for (int e = holds; e < end_holds; ++e)
