@@ -8,10 +8,10 @@ from pdsolve.device.families import arrays_of, family_source, first_pass_of
 from pdsolve.device.nodes import NodesOnDevice
 from pdsolve.device.runtime import Session
 from pdsolve.device.tracing import Code
+from pdsolve.lattice.flux_operator import Array, FluxesInList, FluxesInTiles
 from pdsolve.lattice.fluxes import share_of
 from pdsolve.laws.bond_arrays import Ends
 from pdsolve.laws.fluxes import Conduction
-from pdsolve.operators.fluxes import Array, FluxesInList, FluxesInTiles
 
 
 class FluxesOnDevice(NodesOnDevice):

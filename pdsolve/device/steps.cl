@@ -2,7 +2,8 @@
 
 The scheme is that of pdsolve/steppers/euler.py where FIRST_ORDER is defined, of pdsolve/lattice/march.py where FUSED is,
 whose numbers are of the run's precision and which divides by rho where DIVIDES is, else of pdsolve/steppers/verlet.py,
-which computes in double precision; with damping where DAMPED is. Nodes on which more than bonds acts have a row of `acts`, else -1:
+which computes in double precision; with damping where DAMPED is. Nodes on which more than bonds acts have a row of
+`acts`, else -1:
 
     now, ago_force   (rows, DIM) load now and one step ago, N/m^3       load_first, hold_first   (rows + 1,) entries
     load_, hold_     columns of `Entries`                                held_speed, held_force   (holds,) of `Drive`

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from pdsolve.diffusion.families import DiffusionFamilies
 from pdsolve.diffusion.system import Transport
-from pdsolve.operators.fluxes import FluxesInList, links_between
+from pdsolve.lattice.flux_operator import FluxesInList, links_between
 from pdsolve.state import Broken
 from pdsolve.steppers.theta import ThetaSteps
 

@@ -20,9 +20,9 @@ from numpy.typing import NDArray
 from pdmesh.model.neighbours import ON_LATTICE, Pairs, chosen, lengths
 from pdsolve.diffusion.families import DiffusionFamilies, place_bonds
 from pdsolve.diffusion.walls import Array, parts_of
+from pdsolve.lattice.flux_operator import FluxesInTiles
 from pdsolve.lattice.tile_bonds import bits_of_pairs
 from pdsolve.model import ModelError
-from pdsolve.operators.fluxes import FluxesInTiles
 from pdsolve.operators.stencils import Stencil, diffusion, stencil_of
 
 if TYPE_CHECKING:

@@ -21,11 +21,11 @@ from pdmesh.model.lattice_calibration import hu_beta, offsets
 from pdmesh.model.neighbours import ROUND_OFF, Neighbours, Pairs, chosen, lengths, row_chunks
 from pdmesh.model.visibility import sight_of
 from pdsolve.diffusion.walls import Array
+from pdsolve.lattice.flux_operator import FluxesInList, FluxesInTiles
 from pdsolve.lattice.sites import Sites, place_nodes
 from pdsolve.lattice.tile_bonds import bits_of_pairs, remove_separated_bonds
 from pdsolve.laws.bond_arrays import Links
 from pdsolve.model import Model
-from pdsolve.operators.fluxes import FluxesInList, FluxesInTiles
 
 SHORT = 8  # ways to the farthest neighbour: rows shorter than that lie along the longest axis
 CONSTANTS = {1: (3.0, 2.0, 1.0), 2: (8 / np.pi, 6 / np.pi, 4 / np.pi), 3: (7.5 / np.pi, 6 / np.pi, 4.5 / np.pi)}
@@ -127,7 +127,7 @@ class DiffusionFamilies:
         return FluxesInList(links, np.concatenate(conductances), volume, threads), blocked
 
     def in_tiles(self, volume: Array, threads: int) -> tuple[FluxesInTiles, NDArray[np.int64]] | None:
-        """The same fluxes in tiles; None unless the nodes are on one lattice."""
+        """Fluxes in tiles, and the blocked bonds of each node (n,); None unless the nodes are on one lattice."""
         spacing, D = float(self.delta[0]), self.diffusivity
         if (self.delta != spacing).any():
             return None

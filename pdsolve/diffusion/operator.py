@@ -13,9 +13,9 @@ from pdsolve.checkpoint_validation import entry
 from pdsolve.diffusion.collocation import Collocated
 from pdsolve.diffusion.dissolution import potential, solid_share
 from pdsolve.diffusion.walls import Array, Bonds
+from pdsolve.lattice.flux_operator import FluxesInList, FluxesInTiles
 from pdsolve.laws.fluxes import Dissolution
 from pdsolve.model import ModelError
-from pdsolve.operators.fluxes import FluxesInList, FluxesInTiles
 from pdsolve.operators.protocol import CheckpointArrays
 from pdsolve.state import Broken, State, Unknown
 

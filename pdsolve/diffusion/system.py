@@ -20,9 +20,9 @@ from pdsolve.diffusion.families import DiffusionFamilies
 from pdsolve.diffusion.operator import BondStorage, Fick
 from pdsolve.diffusion.surfaces import Surfaces
 from pdsolve.diffusion.walls import Bonds
+from pdsolve.lattice.flux_operator import FluxesInList, links_between
 from pdsolve.model import Model, ModelError, counted
 from pdsolve.numerics.thread_team import useful_threads
-from pdsolve.operators.fluxes import FluxesInList, links_between
 from pdsolve.options import Options
 from pdsolve.state import State, zero_state
 from pdsolve.steppers.euler import ForwardEuler, stable_time_step

@@ -19,6 +19,7 @@ tile_bonds         bonds of sites in tiles, and what their bits stand for
 operator           pair laws on lattices as operators
 family_blocks      families in blocks
 family_tiles       families in tiles
+flux_operator      what flows along bonds, listed or in tiles
 family_operator    laws of families on lattices as operators
 marched_bonds      what a march asks of bonds in either layout
 march              one sweep a step: forces, loads, prescribed motion, damping, contact and ghosts

@@ -24,10 +24,10 @@ from pdsolve.device.fluxes import FluxesOnDevice
 from pdsolve.device.nodes import NodesOnDevice
 from pdsolve.device.runtime import Session
 from pdsolve.diffusion.system import Transport
+from pdsolve.lattice.flux_operator import FluxesInTiles
 from pdsolve.lattice.march import LatticeMarch
 from pdsolve.model import Model, ModelError, ModelWarning
 from pdsolve.numerics.team import Team
-from pdsolve.operators.fluxes import FluxesInTiles
 from pdsolve.operators.ghosts import Ghosts
 from pdsolve.operators.protocol import Operator
 from pdsolve.options import Options

@@ -17,10 +17,10 @@ from pdmesh.model.neighbours import Pairs, chosen
 from pdsolve.diffusion.families import DiffusionFamilies, lattice_diffusivity
 from pdsolve.diffusion.operator import Fick
 from pdsolve.diffusion.system import prepare
+from pdsolve.lattice.flux_operator import FluxesInList, links_between
 from pdsolve.laws.bond_arrays import Now
 from pdsolve.laws.fluxes import Dissolution
 from pdsolve.operators.bond_list_loops import first_pass_rows_of_sums
-from pdsolve.operators.fluxes import FluxesInList, links_between
 from pdsolve.operators.together import Together
 
 

@@ -13,7 +13,7 @@ from pdsolve.codegen.vector_code import ROW
 from pdsolve.lattice.families import sum_first_pass
 from pdsolve.lattice.fluxes import FluxTiles, collect_rates, place_amounts, share_of, sort_tiles
 from pdsolve.lattice.sites import Sites
-from pdsolve.lattice.tile_bonds import counts, intact
+from pdsolve.lattice.tile_bonds import count_bonds, list_bonds
 from pdsolve.laws.bond_arrays import Links, Now
 from pdsolve.laws.fluxes import Conduction, Contrast, Dissolution
 from pdsolve.numerics.memory import aligned
@@ -127,7 +127,7 @@ class FluxesInTiles(Fluxes):
         self.tiles = FluxTiles(sites.steps, conductance, bits, filled, general, D_of_sites, sites.margin)
         self._rows, self._amount, self._sums = slice(0, wanted or len(volume)), *_zeros_at_sites(self.tiles)
         sort_tiles(self.tiles, np.where(sites.node < self._rows.stop, sites.node, -1))
-        self.count, self.total, outflow = counts(bits, sites), np.zeros(len(volume)), np.zeros(len(volume))
+        self.count, self.total, outflow = count_bonds(bits, sites), np.zeros(len(volume)), np.zeros(len(volume))
         self.rates(np.ones(len(volume)), outflow)
         self.total = outflow
 
@@ -185,7 +185,7 @@ class FluxesInTiles(Fluxes):
 
     def of(self, rows: NDArray[np.int64]) -> tuple[NDArray[np.int64], NDArray[np.int64], Array]:
         """Sources, targets and conductances (b,) of the bonds of some rows, in order."""
-        source, target, slot = intact(self.sites, self.tiles.bits, rows)
+        source, target, slot = list_bonds(self.sites, self.tiles.bits, rows)
         D, neighbour_D = (self.tiles.D[0, self.sites.site[end]] for end in (source, target))
         return source, target, D * self.conductance[slot] * share_of(D, neighbour_D)
 
