@@ -59,7 +59,7 @@ class Deck(NamedTuple):
         assert built.settings.material is not None
         material = msgspec.structs.replace(built.settings.material, micromodulus="constant")
         model = Model(built.grid, msgspec.structs.replace(built.settings, material=material))
-        return with_run(model, steps=round(DURATION / STEP), collocation=self.how)
+        return with_run(model, adapt="collocation", steps=round(DURATION / STEP), collocation=self.how)
 
 
 class Found(NamedTuple):

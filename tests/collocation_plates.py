@@ -7,12 +7,10 @@ from typing import Any
 
 import msgspec
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 from plates import plate, square_grid
 
 from pdmesh.model.document import Collocation, Material, Run, Settings, Velocity
-from pdsolve.adaptivity.collocation import march as steps
 from pdsolve.adaptivity.collocation.engine import CollocationEngine
 from pdsolve.adaptivity.collocation.operator import CollocationOperator
 from pdsolve.adaptivity.collocation.zone import areas_of_active_nodes, zone_with_active_coarse_nodes
@@ -67,18 +65,8 @@ def places(engine: CollocationEngine) -> NDArray[np.float64]:
 
 def accelerations(engine: CollocationEngine) -> NDArray[np.float64]:
     """Those (2, places) of active nodes at the displacements they have, loads left out."""
-    return np.asarray(_accelerations(engine.lattice, engine.zone))
-
-
-@njit
-def _accelerations(lattice, zone):  # type: ignore[no-untyped-def]
-    steps.interpolate_fictitious_nodes(zone, zone.u)
-    steps.sum_forces_of_fine_rows(lattice, zone, 0, len(zone.rows_with_fine_nodes))
-    found = zone.f / (lattice.rho * lattice.spacing**2)
-    steps.sum_coarse_accelerations(lattice, zone)
-    for q in zone.active_coarse_places:
-        found[:, q] = zone.f[:, q]
-    return found
+    engine.sum_forces_and_break_bonds(0, 0.0)
+    return np.asarray(engine.zone.f / engine.lattice.rho)
 
 
 def with_material(model: Model, **changes: Any) -> Model:

@@ -20,7 +20,17 @@ if TYPE_CHECKING:
 CheckpointArrays = Mapping[str, NDArray[Any]]  # what an operator puts into a checkpoint
 
 
-class Operator(Protocol):
+class Forces(Protocol):
+    """What steppers in time ask of an operator."""
+
+    def accumulate_force(self, state: State, out: NDArray[Any], step: int, dt: float) -> None:
+        """Add the force densities (n, w) at a state, N/m^3, to `out`; bonds over their limit break in this `step`.
+
+        `dt` is the time since the last step, s, 0 at rest. Dissipated energy is booked in the state.
+        """
+
+
+class Operator(Forces, Protocol):
     """The forces of neighbours on n nodes; rows are those of the nodes."""
 
     name: str  # of the kernel, for the record
@@ -29,12 +39,6 @@ class Operator(Protocol):
 
     def to_own_layout(self, state: State) -> State:
         """The state in the operator's own array layout."""
-
-    def accumulate_force(self, state: State, out: NDArray[Any], step: int, dt: float) -> None:
-        """Add the force densities (n, w) at a state, N/m^3, to `out`; bonds over their limit break in this `step`.
-
-        `dt` is the time since the last step, s, 0 at rest. Dissipated energy is booked in the state.
-        """
 
     def energies(self, state: State) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Energy densities (n,), J/m^3: stored, and dissipated by softening so far."""

@@ -20,7 +20,7 @@ from pdsolve.conditions import (
     prescribe_held_u_and_v,
 )
 from pdsolve.operators.ghosts import Ghosts
-from pdsolve.operators.protocol import Operator
+from pdsolve.operators.protocol import Forces
 from pdsolve.state import State
 
 
@@ -29,7 +29,7 @@ class Verlet:
 
     def __init__(
         self,
-        operator: Operator,
+        operator: Forces,
         drive: Drive,
         rho: NDArray[np.floating],
         dt: float,
@@ -48,21 +48,21 @@ class Verlet:
     def advance(self, state: State, first_step: int, end_step: int) -> None:
         """Take the steps `first_step` to `end_step` - 1, in place."""
         drive, dt = self._drive, self._dt
-        # forces take the place of the accelerations that they become, where those are as precise
-        out = state.second if state.second.dtype == np.float64 else np.zeros(state.value.shape)
+        # forces take the place of the accelerations that they become, where those are as precise and damping does not
+        # ask for what they were
+        in_place = self._damping is None and state.second.dtype == np.float64
+        out = state.second if in_place else np.zeros(state.value.shape)
         for step in range(first_step, end_step):
             _kick_drift_and_apply_conditions(state, drive, dt, step * dt)
             if self._ghosts is not None:
                 self._ghosts.receive_values(state.value.T)
                 self._ghosts.receive_values(state.rate.T)  # with which some operators know where nodes were a step ago
-            before = None if self._damping is None else state.rate - dt / 2 * state.second
             out[:] = 0
             self._operator.accumulate_force(state, out, step, dt)
+            before = None if self._damping is None else state.rate - dt / 2 * state.second
+            _accelerate_kick_and_book_work(state, drive, out, self._rho, dt, step * dt)
             if before is not None:
-                _accelerate_kick_and_book_work(state, drive, out, self._rho, dt, step * dt)
                 _damp_step_and_book_energy(state, before, self._rho, self._held, self._damping, dt)
-            else:
-                _accelerate_kick_and_book_work(state, drive, out, self._rho, dt, step * dt)
 
 
 @cached_njit(error_model="numpy")

@@ -7,8 +7,16 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from pdsolve.adaptivity.collocation.forces import (
+    add_force_densities,
+    break_stretched_bonds,
+    interpolate_fictitious_nodes,
+    mark_stretched_coarse_pairs,
+    store_strain_energy_densities,
+    sum_coarse_forces,
+    sum_forces_of_fine_rows,
+)
 from pdsolve.adaptivity.collocation.layout import CollocationPlate, LatticeConstants
-from pdsolve.adaptivity.collocation.march import BEGIN, DONE, FORCES, ROOM, SUM, advance, store_strain_energy_densities
 from pdsolve.adaptivity.collocation.zone import (
     COARSE,
     FINE,
@@ -26,8 +34,10 @@ from pdsolve.checkpoint_validation import entry, like, pulls_to_arrays, read_pul
 from pdsolve.codegen.vector_code import ROW
 from pdsolve.conditions import Drive
 from pdsolve.errors import CheckpointError, UnstableError
-from pdsolve.numerics.thread_team import gate_of, side_by_side
+from pdsolve.numerics.thread_team import side_by_side
 from pdsolve.operators.protocol import CheckpointArrays
+from pdsolve.state import State
+from pdsolve.steppers.verlet import Verlet
 
 
 class CollocationSettings(NamedTuple):
@@ -52,10 +62,16 @@ class CollocationEngine:
     ) -> None:
         """`zone` is the initial zone; entries of `drive` refer to places."""
         self.plate, self.lattice, self.zone, self.drive, self.settings = plate, lattice, zone, drive, settings
-        self.work = np.zeros(lattice.numbering.place_count)  # J/m^3
-        self._rho = np.full(lattice.numbering.place_count, lattice.rho)
-        self.area = areas_of_active_nodes(lattice, plate, zone.node_kinds)
-        self.advance(1, 1)  # compiles before the clock runs
+        self.area, rho = areas_of_active_nodes(lattice, plate, zone.node_kinds), np.full(len(zone.damping), lattice.rho)
+        dissipated, work = np.zeros((2, len(rho)))
+        self._state = State(zone.u.T, zone.v.T, zone.a.T, dissipated, work, zone.damped_energy)  # by places
+        self._verlet = Verlet(self, drive, rho, lattice.dt, zone.damping)
+        self.sum_forces_and_break_bonds(0, 0.0)  # compiles before the clock runs
+
+    @property
+    def work(self) -> NDArray[np.float64]:
+        """Work (places,) done on nodes so far, J/m^3."""
+        return self._state.work
 
     def set_initial_motion(self, velocity: NDArray[np.float64]) -> None:
         """Set the velocities (n, 2), m/s, of all nodes, and the accelerations of an undeformed plate."""
@@ -68,22 +84,22 @@ class CollocationEngine:
 
     def advance(self, first_step: int, end_step: int) -> None:
         """Take the steps `first_step` to `end_step` - 1. Raises UnstableError if a coarse pair exceeds its limit."""
-        where = BEGIN
-        while True:
-            how, step = self._advance_on_threads(first_step, end_step, where)
-            if how == DONE:
-                return
-            if how == ROOM:
-                self._enlarge_break_arrays()
-            else:
-                largest = self.zone_summary().clipped_stretch
-                if largest > 1:
-                    raise UnstableError(
-                        f"step {step}: the fine zone was refined too late (stretch of coarse pairs: {largest:.2f} of"
-                        " critical); use a smaller run.collocation.kappa or time step"
-                    )
-                self._refine_marked_nodes()
-            first_step, where = step, FORCES
+        self._verlet.advance(self._state, first_step, end_step)
+
+    def accumulate_force(self, state: State, out: NDArray[Any], step: int, dt: float) -> None:
+        """Add the force densities (places, 2), N/m^3, to `out`; bonds over their limit break, and nodes become fine
+        where this is due.
+
+        Raises UnstableError if a coarse pair exceeds its limit.
+        """
+        if step % self.settings.steps_between_checks == 0:
+            interpolate_fictitious_nodes(self.zone)
+            if mark_stretched_coarse_pairs(self.lattice, self.zone, self.settings.refinement_kappa):
+                self._refine_in_time(step)
+        while self._sum_forces_and_break_bonds(step, dt):
+            self._refine_in_time(step)
+        sum_coarse_forces(self.lattice, self.zone)
+        add_force_densities(self.zone, out)
 
     def sum_forces_and_break_bonds(self, step: int, dt: float) -> None:
         """Sum the forces at the current displacements, without loads; bonds over their limit break in this step.
@@ -91,45 +107,42 @@ class CollocationEngine:
         `dt` is the time since the last step, s, 0 at rest. Nodes to refine are only noted; `refine_nodes_if_any_marked`
         refines them.
         """
-        lattice, self.lattice = self.lattice, self.lattice._replace(dt=dt)
-        try:
-            while self._advance_on_threads(step, step + 1, SUM)[0] != DONE:
-                self._enlarge_break_arrays()
-        finally:
-            self.lattice = lattice
+        self._sum_forces_and_break_bonds(step, dt)
+        sum_coarse_forces(self.lattice, self.zone)
+
+    def _sum_forces_and_break_bonds(self, step: int, dt: float) -> bool:
+        """Sum the forces of bonds; those over their limit break. Whether fine nodes are needed at their ends."""
+        lattice, zone, threads = self.lattice, self.zone, self.settings.threads
+        interpolate_fictitious_nodes(zone)
+        rows = len(zone.rows_with_fine_nodes)
+
+        def work(thread: int) -> None:
+            sum_forces_of_fine_rows(lattice, zone, rows * thread // threads, rows * (thread + 1) // threads)
+
+        side_by_side(work, threads)
+        may_break = int(np.count_nonzero(zone.bond_over_bound_bits)) * ROW * len(lattice.neighbour_offsets)
+        if zone.counts.broken_bonds + may_break > len(zone.break_events.step):
+            self._enlarge_break_arrays(may_break)
+        return bool(break_stretched_bonds(lattice, self.zone, step, dt))
 
     def refine_nodes_if_any_marked(self) -> None:
         """Refine the nodes noted as wanted."""
         if self.zone.is_to_refine.any():
             self._refine_marked_nodes()
 
-    def _advance_on_threads(self, first_step: int, end_step: int, stage: int) -> tuple[int, int]:
-        """Run the compiled march on all threads until it ends; returns its end code and step."""
-        end, gate = (DONE, 0), gate_of(self.settings.threads)
-        how = (
-            self.drive,
-            self.work,
-            self._rho,
-            self.settings.refinement_kappa,
-            self.settings.steps_between_checks,
-            first_step,
-            end_step,
-            stage,
-        )
+    def _refine_in_time(self, step: int) -> None:
+        """Refine the nodes noted as wanted, unless a coarse pair has exceeded its limit already."""
+        largest = self.zone_summary().clipped_stretch
+        if largest > 1:
+            raise UnstableError(
+                f"step {step}: the fine zone was refined too late (stretch of coarse pairs: {largest:.2f} of"
+                " critical); use a smaller run.collocation.kappa or time step"
+            )
+        self._refine_marked_nodes()
 
-        def work(thread: int) -> None:
-            nonlocal end
-            end = advance(self.lattice, self.zone, *how, thread, gate)
-
-        side_by_side(work, self.settings.threads)
-        return end
-
-    def _enlarge_break_arrays(self) -> None:
-        """Enlarge the arrays of broken bonds."""
-        more = max(
-            len(self.zone.break_events.step),
-            int(np.count_nonzero(self.zone.bond_over_bound_bits)) * ROW * len(self.lattice.neighbour_offsets),
-        )
+    def _enlarge_break_arrays(self, bonds: int) -> None:
+        """Enlarge the arrays of broken bonds, for so many at least."""
+        more = max(len(self.zone.break_events.step), bonds)
         longer = (np.concatenate([column, np.zeros(more, dtype=column.dtype)]) for column in self.zone.break_events)
         self.zone = self.zone._replace(break_events=BreakEvents(*longer))
 
@@ -244,7 +257,7 @@ class CollocationEngine:
         if not np.array_equal(entry(checkpoint, "places", places.shape, np.int64), places):
             raise CheckpointError("places are not those of active nodes")
         while len(self.zone.break_events.step) < len(node):
-            self._enlarge_break_arrays()
+            self._enlarge_break_arrays(0)
         for name, values in breaks._asdict().items():
             getattr(self.zone.break_events, name)[: len(node)] = values
         for name, field in (("fine_u", self.zone.u), ("fine_v", self.zone.v), ("fine_a", self.zone.a)):

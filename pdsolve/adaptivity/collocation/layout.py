@@ -23,7 +23,7 @@ from pdmesh.model.neighbours import Pairs
 from pdmesh.model.visibility import Sight
 from pdsolve.adaptivity.hybrid.coarse_cells import check_no_precrack_on_node, count_full_squares_around_places
 from pdsolve.adaptivity.hybrid.precracks import is_visible, lengthen_cracks
-from pdsolve.adaptivity.hybrid.springs import Springs, double_green_strain_from_stretch
+from pdsolve.adaptivity.hybrid.springs import STIFFNESS, Springs, double_green_strain_from_stretch
 from pdsolve.codegen.jit_cache import cached_njit
 from pdsolve.codegen.vector_code import ROW
 from pdsolve.conditions import unbreakable
@@ -59,7 +59,7 @@ class LatticeConstants(NamedTuple):
     spacing: float  # m
     rho: float  # kg/m^3
     dt: float  # s
-    spring_table: NDArray[np.float64]  # (k, 8) springs, as in `family.Springs`
+    spring_table: NDArray[np.float64]  # (k, 8) springs, as in `Springs`, but stiffnesses over the area of a cell, N/m^4
     squared_direction_components: NDArray[np.float64]  # (k, 2) n_x^2 and n_y^2
     neighbour_offsets: NDArray[np.int64]  # (k,) places to the neighbour
     cell_area_share: NDArray[np.float64]  # (1, places) area of a node's cell over h^2, 0 without one
@@ -67,11 +67,11 @@ class LatticeConstants(NamedTuple):
     edge_row_stiffness_index: NDArray[
         np.int64
     ]  # (places / 16,) of rows at edges whose stiffnesses are kept: which; -1 of others
-    edge_row_stiffness: NDArray[np.float64]  # (patterns * k, 1, 16) these, N/m
+    edge_row_stiffness: NDArray[np.float64]  # (patterns * k, 1, 16) these, N/m^4
     no_fail: NDArray[np.bool_]  # (places,) nodes whose bonds do not break
     limit_double_green_strain: float  # e above which a bond breaks
     coarse_stencil_place_offsets: NDArray[np.int64]  # (s,) places from a coarse node to those of its stencil
-    stencil_stiffness: NDArray[np.float64]  # (s, 3) xx, xy and yy, 1/s^2: accelerations
+    stencil_stiffness: NDArray[np.float64]  # (s, 3) xx, xy and yy, N/m^4
     stencil_vector_constants: NDArray[np.float64]  # (s, 3) 2 xi / |xi|^2 and 1 / |xi|^2 of the stencil's nodes
 
 
@@ -119,7 +119,9 @@ def create_constants_and_plate(
     no_fail[place_of_grid_row] = unbreakable(model)
     xi = 2 * h * stencil.xi.astype(float)
     square = np.maximum((xi**2).sum(axis=1), h**2)
-    theta = stencil.theta / (4 * h**2 * material.rho)
+    table = springs.spring_table.copy()
+    table[:, STIFFNESS] /= h**2
+    theta = stencil.theta / (4 * h**2)
     bind(brittle.LAW)
     lattice = LatticeConstants(
         bond_law=no_bonds(brittle.LAW),
@@ -127,7 +129,7 @@ def create_constants_and_plate(
         spacing=h,
         rho=material.rho,
         dt=0.0,
-        spring_table=np.ascontiguousarray(springs.spring_table),
+        spring_table=table,
         squared_direction_components=np.ascontiguousarray(n**2),
         neighbour_offsets=ways,
         cell_area_share=area_share,

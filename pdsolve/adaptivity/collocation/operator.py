@@ -108,11 +108,7 @@ class CollocationOperator(TwoLatticeOperator[CollocationEngine]):
 
     def accelerations(self) -> NDArray[np.float64]:
         """Accelerations (n, 2), m/s^2, from the most recent sum of forces."""
-        acceleration, lattice = self.engine.zone.f[:, self.places].T.copy(), self.engine.lattice
-        acceleration[self._kind[self.places] == FINE] /= (
-            lattice.rho * lattice.spacing**2
-        )  # coarse ones have accelerations
-        return acceleration
+        return np.asarray(self.engine.zone.f[:, self.places].T / self.engine.lattice.rho)
 
     def dissipated_energy(self) -> NDArray[np.float64]:
         """Energy density (n,), J/m^3, dissipated so far by the nodes' broken bonds."""

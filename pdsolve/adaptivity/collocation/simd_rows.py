@@ -78,7 +78,8 @@ def _relative_displacement_and_double_green_strain(lattice, u, displacement, p, 
 
 @njit(**INNER)
 def store_row_forces(lattice, cut_bond_bits, row_kind, e_bounds, u, f, row):  # type: ignore[no-untyped-def]
-    """Forces (2, places), N/m, on the nodes of a row; returns a bit for each with a bond over its limit, and exactness.
+    """Force densities (2, places), N/m^3, on the nodes of a row; returns a bit for each node with a bond over its
+    limit, and exactness.
 
     `e_bounds` (2, places) are the e beyond which a bond breaks and the e^2 beyond which the polynomial is not exact.
     """
@@ -109,7 +110,7 @@ def store_row_forces(lattice, cut_bond_bits, row_kind, e_bounds, u, f, row):  # 
 
 @njit(**INNER)
 def store_row_forces_by_square_roots(lattice, cut_bond_bits, row_kind, u, f, row):  # type: ignore[no-untyped-def]
-    """Forces (2, places), N/m, on the nodes of a row by square roots, exact for any stretch."""
+    """Force densities (2, places), N/m^3, on the nodes of a row by square roots, exact for any stretch."""
     none = same(u, 0.0)
     for lane in range(0, ROW, across(u)):
         p = row * ROW + lane
@@ -132,7 +133,7 @@ def store_row_forces_by_square_roots(lattice, cut_bond_bits, row_kind, u, f, row
 @njit(**INNER)
 def store_row_energy_densities(lattice, cut_bond_bits, row_kind, u, densities, row):  # type: ignore[no-untyped-def]
     """Energy densities (1, places), J/m^3, of the nodes of a row: half of each bond's."""
-    none, part = same(u, 0.0), 0.25 / lattice.spacing**2
+    none = same(u, 0.0)
     for lane in range(0, ROW, across(u)):
         p = row * ROW + lane
         displacement, surface_correction, energy = (
@@ -145,7 +146,7 @@ def store_row_energy_densities(lattice, cut_bond_bits, row_kind, u, densities, r
             w = _lane_stiffness(lattice, cut_bond_bits, u, row_kind, p, row, k, lane, surface_correction)
             e = unless_none(w, e, none)
             stretch = e / (np.sqrt(e + 1.0) + 1.0)
-            energy = energy + w * (stretch * stretch) * (part / lattice.spring_table[k, 4])
+            energy = energy + w * (stretch * stretch) * (0.25 / lattice.spring_table[k, 4])
         keep((energy,), densities, p)
 
 
@@ -177,9 +178,9 @@ def double_green_strain_of_bond(lattice, u, p, k):  # type: ignore[no-untyped-de
 
 
 @njit(**INNER)
-def double_green_strain_one_step_ago(lattice, u, v, p, k):  # type: ignore[no-untyped-def]
-    """e of bond k of node p one time step ago."""
-    j, dt = p + lattice.neighbour_offsets[k], lattice.dt
+def double_green_strain_one_step_ago(lattice, u, v, dt, p, k):  # type: ignore[no-untyped-def]
+    """e of bond k of node p one time step of `dt` ago."""
+    j = p + lattice.neighbour_offsets[k]
     x, y = u[0, j] - dt * v[0, j] - (u[0, p] - dt * v[0, p]), u[1, j] - dt * v[1, j] - (u[1, p] - dt * v[1, p])
     inverse = lattice.spring_table[k, 4]
     return (x * inverse + lattice.spring_table[k, 2]) * x + (y * inverse + lattice.spring_table[k, 3]) * y
@@ -220,7 +221,7 @@ def largest_stiffness_bound(lattice, cut_bond_bits, places):  # type: ignore[no-
         for k in range(len(lattice.neighbour_offsets)):
             if lattice.cell_area_share[0, p + lattice.neighbour_offsets[k]] == 0 or is_bond_cut(cut_bond_bits, p, k):
                 continue
-            pull = bond_stiffness_over_own_cell_share(lattice, p, k) * lattice.spring_table[k, 4] / lattice.spacing**2
+            pull = bond_stiffness_over_own_cell_share(lattice, p, k) * lattice.spring_table[k, 4]
             x, y = lattice.spring_table[k, 0], lattice.spring_table[k, 1]
             xx, yy, xy = xx + pull * x * x, yy + pull * y * y, xy + pull * x * y
         most = max(most, (xx + yy) / 2 + np.hypot((xx - yy) / 2, xy))

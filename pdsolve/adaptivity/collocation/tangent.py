@@ -40,12 +40,12 @@ def assemble_tangent(
     count = _list_fine_bonds(lattice, zone.cut_bond_bits, fine, node, k, pull)
     node, k, pull = node[:count], k[:count], pull[:count]
     xi = lattice.spring_table[k, :2]
-    pull *= np.sqrt((xi**2).sum(axis=1)) / lattice.spacing**2
+    pull *= np.sqrt((xi**2).sum(axis=1))
     source, target = point[fine[node]], point[fine[node] + lattice.neighbour_offsets[k]]
     matrix = of_springs(source, target, xi, pull, points @ value)
 
     coarse = active[node_kinds[active] == COARSE]
-    xx, xy, yy = (-lattice.rho * lattice.stencil_stiffness).T
+    xx, xy, yy = (-lattice.stencil_stiffness).T
     theta = np.stack([np.stack([xx, xy], axis=1), np.stack([xy, yy], axis=1)], axis=1)  # (s, 2, 2)
     centre_points = np.repeat(point[coarse], len(theta))
     stencil_points = point[(coarse[:, None] + lattice.coarse_stencil_place_offsets).ravel()]

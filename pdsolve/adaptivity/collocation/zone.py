@@ -66,7 +66,7 @@ class CollocationZone(NamedTuple):
     u: NDArray[np.float64]  # (2, places) m
     v: NDArray[np.float64]  # (2, places) m/s; within a step the mean since the last one
     a: NDArray[np.float64]  # (2, places) m/s^2
-    f: NDArray[np.float64]  # (2, places) N/m
+    f: NDArray[np.float64]  # (2, places) N/m^3
     cut_bond_bits: NDArray[np.uint16]  # (places / 16, k) a bit for each bond that is cut or broken
     simd_row_kinds: NDArray[np.uint8]  # (places / 16,) of rows
     node_kinds: NDArray[np.uint8]  # (places,) NONE, FINE, COARSE or BETWEEN
@@ -203,20 +203,19 @@ def zone_with_active_coarse_nodes(
     rows = np.flatnonzero(fine.reshape(-1, ROW).any(axis=1))
     reached = np.flatnonzero((node == BETWEEN) & dilate_mask(fine, numbering, numbering.row_margin))
     between = np.column_stack([reached, parent_places(numbering, reached)])
-    damping = np.zeros(numbering.place_count)
+    zone.damping[:] = 0.0
     if seam_damping > 0:
         coarse = node == COARSE
-        damping[
+        zone.damping[
             (fine & dilate_mask(coarse, numbering, numbering.row_margin))
             | (coarse & dilate_mask(fine, numbering, numbering.row_margin))
         ] = seam_damping
-        damping[plate.has_condition] = 0.0
+        zone.damping[plate.has_condition] = 0.0
     return zone._replace(
         node_kinds=node,
         rows_with_fine_nodes=rows,
         active_coarse_places=np.flatnonzero(node == COARSE),
         fictitious_nodes=between,
-        damping=damping,
         break_and_accuracy_bounds=np.where(
             [fine & ~lattice.no_fail, fine], [[lattice.limit_double_green_strain], [WIDE**2]], np.inf
         ),

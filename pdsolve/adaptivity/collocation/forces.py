@@ -1,9 +1,4 @@
-"""Time steps by velocity Verlet (as in `pdsolve.steppers.verlet`) of active fine and coarse nodes.
-
-After each drift, fictitious nodes are interpolated. Every few steps, pairs of coarse nodes are checked. If one is
-stretched so far that fine nodes are needed, or if a bond to a fictitious node breaks, the march ends so that they can
-be made.
-"""
+"""Force densities of active fine and coarse nodes, bonds that break, and where fine nodes are needed."""
 
 from __future__ import annotations
 
@@ -24,44 +19,20 @@ from pdsolve.adaptivity.collocation.zone import COARSE, FINE
 from pdsolve.codegen.inner_functions import INNER
 from pdsolve.codegen.jit_cache import cached_njit
 from pdsolve.codegen.vector_code import ROW
-from pdsolve.conditions import accelerate_held_component_and_book_work, apply_loads, prescribe_held_u_and_v
 from pdsolve.laws.calls import added_force, broken_energy, second_share
-from pdsolve.numerics.thread_team import meet
-
-DONE, SWITCH, ROOM = range(3)  # how a march ends: at its last step; as nodes are to be made fine; for want of room
-BEGIN, FORCES, SUM = range(3)  # where in a step it goes on; with `SUM` it ends once forces are summed
 
 
-@njit(**INNER)
-def _kick_and_drift(lattice, zone, drive, time):  # type: ignore[no-untyped-def]
-    """Half a kick and the drift to the displacements at `time`, s."""
-    dt, u, v, a = lattice.dt, zone.u, zone.v, zone.a
-    for row in zone.rows_with_fine_nodes:
-        for p in range(row * ROW, row * ROW + ROW):
-            if zone.node_kinds[p] == FINE:
-                for axis in range(2):
-                    v[axis, p] += dt / 2 * a[axis, p]
-                    u[axis, p] += dt * v[axis, p]
-    for p in zone.active_coarse_places:
-        for axis in range(2):
-            v[axis, p] += dt / 2 * a[axis, p]
-            u[axis, p] += dt * v[axis, p]
-    for e in range(len(drive.holds.node)):
-        prescribe_held_u_and_v(u.T, v.T, a.T, drive.holds, drive.profiles, drive.held_speed, e, dt, time)
-    if drive.varies:
-        apply_loads(drive, time)
-
-
-@njit(**INNER)
-def interpolate_fictitious_nodes(zone, field):  # type: ignore[no-untyped-def]
-    """Interpolate a field at the fictitious nodes."""
+@cached_njit(error_model="numpy")
+def interpolate_fictitious_nodes(zone):  # type: ignore[no-untyped-def]
+    """Interpolate the displacements of the fictitious nodes."""
+    field = zone.u
     for n in range(len(zone.fictitious_nodes)):
         p, i, j, k, m = zone.fictitious_nodes[n]
         for axis in range(2):
             field[axis, p] = 0.25 * ((field[axis, i] + field[axis, j]) + (field[axis, k] + field[axis, m]))
 
 
-@njit(**INNER)
+@cached_njit(error_model="numpy")
 def mark_stretched_coarse_pairs(lattice, zone, kappa):  # type: ignore[no-untyped-def]
     """Mark both nodes of each coarse pair stretched beyond `kappa` times the critical stretch."""
     stretch = np.sqrt(1 + lattice.limit_double_green_strain) - 1
@@ -82,9 +53,9 @@ def mark_stretched_coarse_pairs(lattice, zone, kappa):  # type: ignore[no-untype
     return any_hot
 
 
-@njit(**INNER)
-def sum_coarse_accelerations(lattice, zone):  # type: ignore[no-untyped-def]
-    """Accelerations of active coarse nodes from their stencils."""
+@cached_njit(error_model="numpy")
+def sum_coarse_forces(lattice, zone):  # type: ignore[no-untyped-def]
+    """Force densities of active coarse nodes from their stencils."""
     u = zone.u
     for q in zone.active_coarse_places:
         x, y = 0.0, 0.0
@@ -95,16 +66,16 @@ def sum_coarse_accelerations(lattice, zone):  # type: ignore[no-untyped-def]
         zone.f[0, q], zone.f[1, q] = x, y
 
 
-@njit(**INNER)
+@cached_njit(nogil=True, error_model="numpy")
 def sum_forces_of_fine_rows(lattice, zone, first, last):  # type: ignore[no-untyped-def]
-    """Add the forces on the nodes of active rows."""
+    """Sum the force densities on the nodes of the rows `first` to `last` - 1 with fine nodes."""
     for n in range(first, last):
         zone.bond_over_bound_bits[n] = _sum_forces_of_row(lattice, zone, zone.rows_with_fine_nodes[n])
 
 
 @njit(**INNER)
 def _sum_forces_of_row(lattice, zone, row):  # type: ignore[no-untyped-def]
-    """Add the forces on the nodes of one row; returns a bit for each node with a bond over its bound."""
+    """Sum the force densities on the nodes of one row; returns a bit for each node with a bond over its bound."""
     over, exact = store_row_forces(
         lattice, zone.cut_bond_bits, zone.simd_row_kinds[row], zone.break_and_accuracy_bounds, zone.u, zone.f, row
     )
@@ -113,17 +84,8 @@ def _sum_forces_of_row(lattice, zone, row):  # type: ignore[no-untyped-def]
     return over
 
 
-@njit(**INNER)
-def _break_arrays_have_room(lattice, zone):  # type: ignore[no-untyped-def]
-    """Whether the arrays have room for all bonds of the flagged rows to break."""
-    flagged = 0
-    for n in range(len(zone.rows_with_fine_nodes)):
-        flagged += zone.bond_over_bound_bits[n] != 0
-    return zone.counts.broken_bonds + flagged * ROW * len(lattice.neighbour_offsets) <= len(zone.break_events.step)
-
-
-@njit(**INNER)
-def _break_stretched_bonds(lattice, zone, step):  # type: ignore[no-untyped-def]
+@cached_njit(error_model="numpy")
+def break_stretched_bonds(lattice, zone, step, dt):  # type: ignore[no-untyped-def]
     """Break bonds over their limit, book their energy, and recompute forces there; returns whether fine nodes are
     needed."""
     any_broken = False
@@ -138,34 +100,34 @@ def _break_stretched_bonds(lattice, zone, step):  # type: ignore[no-untyped-def]
                 if not is_bond_over_limit(lattice, zone, zone.u, p, k):
                     continue
                 any_broken = True
-                _break_bond_and_book_energy(lattice, zone, step, p, k)
+                _break_bond_and_book_energy(lattice, zone, step, dt, p, k)
     if any_broken:
         for row in zone.rows_with_fine_nodes:
             if zone.has_new_breaks[row]:
                 _sum_forces_of_row(lattice, zone, row)
         zone.has_new_breaks[:] = 0
-    _add_forces_of_newly_broken_bonds(lattice, zone, step)
+    _add_forces_of_newly_broken_bonds(lattice, zone, step, dt)
     return zone.counts.refinement_due != 0
 
 
 @njit(**INNER)
-def _add_forces_of_newly_broken_bonds(lattice, zone, step):  # type: ignore[no-untyped-def]
+def _add_forces_of_newly_broken_bonds(lattice, zone, step, dt):  # type: ignore[no-untyped-def]
     """Let the bonds that broke in this step pull once, and those of the last step a second time."""
     breaks, n = zone.break_events, zone.counts.broken_bonds
     while n > 0 and breaks.step[n - 1] >= step - 1:
         n -= 1
         p, k = breaks.node[n], breaks.bond_number[n]
-        stretch, before, _ = _stretch_now_before_and_limit(lattice, zone, p, k)
+        stretch, before, _ = _stretch_now_before_and_limit(lattice, zone, dt, p, k)
         share = 1.0 if breaks.step[n] == step else second_share(breaks.stretch_growth_at_break[n], stretch - before)
         _add_force_of_broken_bond(lattice, zone, p, k, breaks.force_at_break[n] * share / (1 + stretch))
 
 
 @njit(**INNER)
-def _stretch_now_before_and_limit(lattice, zone, p, k):  # type: ignore[no-untyped-def]
+def _stretch_now_before_and_limit(lattice, zone, dt, p, k):  # type: ignore[no-untyped-def]
     """The stretch of bond k of node p now and one step ago, and its limit."""
     e, e0 = (
         double_green_strain_of_bond(lattice, zone.u, p, k),
-        double_green_strain_one_step_ago(lattice, zone.u, zone.v, p, k),
+        double_green_strain_one_step_ago(lattice, zone.u, zone.v, dt, p, k),
     )
     return (
         e / (1 + np.sqrt(1 + e)),
@@ -185,13 +147,12 @@ def _add_force_of_broken_bond(lattice, zone, p, k, pull):  # type: ignore[no-unt
 
 
 @njit(**INNER)
-def _break_bond_and_book_energy(lattice, zone, step, p, k):  # type: ignore[no-untyped-def]
+def _break_bond_and_book_energy(lattice, zone, step, dt, p, k):  # type: ignore[no-untyped-def]
     """Break bond k of node p, and book the energy it has dissipated."""
     j, half, count = p + lattice.neighbour_offsets[k], len(lattice.neighbour_offsets) // 2, zone.counts.broken_bonds
-    stretch, before, limit = _stretch_now_before_and_limit(lattice, zone, p, k)
-    spring = (
-        bond_stiffness_over_own_cell_share(lattice, p, k) * lattice.cell_area_share[0, p] / lattice.spring_table[k, 4]
-    )
+    stretch, before, limit = _stretch_now_before_and_limit(lattice, zone, dt, p, k)
+    area = lattice.cell_area_share[0, p] * lattice.spacing**2
+    spring = bond_stiffness_over_own_cell_share(lattice, p, k) * area / lattice.spring_table[k, 4]
     energy = broken_energy(lattice.bond_law, spring / 4, stretch, before, limit, limit)
     zone.totals.dissipated_energy += 2 * energy
     for node in (p, j) if zone.node_kinds[j] == FINE else (p, p):
@@ -222,87 +183,17 @@ def _mark_coarse_nodes_around_to_refine(lattice, zone, p):  # type: ignore[no-un
             zone.is_to_refine[corner + 2 * x + 2 * y * numbering.row_stride] = True
 
 
-@njit(**INNER)
-def _finish_kicks(lattice, zone, drive, work):  # type: ignore[no-untyped-def]
-    """Turn forces into accelerations and apply the second half of the kick; books work and damping."""
-    v, a, dt, light = zone.v, zone.a, lattice.dt, 1 / (lattice.rho * lattice.spacing**2)
+@cached_njit(error_model="numpy")
+def add_force_densities(zone, out):  # type: ignore[no-untyped-def]
+    """Add the force densities of active nodes to `out` (places, 2)."""
     for row in zone.rows_with_fine_nodes:
         for p in range(row * ROW, row * ROW + ROW):
             if zone.node_kinds[p] == FINE:
                 for axis in range(2):
-                    load, before = drive.force[p, axis], drive.before[p, axis]
-                    _kick_component(lattice, zone, p, axis, zone.f[axis, p] * light + load / lattice.rho, dt)
-                    work[p] += (before + load) / 2 * (dt * (v[axis, p] - dt / 2 * a[axis, p]))
+                    out[p, axis] += zone.f[axis, p]
     for p in zone.active_coarse_places:
         for axis in range(2):
-            _kick_component(lattice, zone, p, axis, zone.f[axis, p], dt)
-
-
-@njit(forceinline=True, **INNER)
-def _kick_component(lattice, zone, p, axis, undamped_acceleration, dt):  # type: ignore[no-untyped-def]
-    """Kick one component of the velocity of a node, damped; held components are overwritten afterwards."""
-    v, a, c = zone.v, zone.a, zone.damping[p]
-    middle = v[axis, p]
-    speed = (middle + dt / 2 * undamped_acceleration) / (1 + c * dt / 2)
-    if c > 0:
-        before = middle - dt / 2 * a[axis, p]
-        zone.damped_energy[p] += lattice.rho * c * (before + speed) / 2 * (dt * middle)
-    a[axis, p] = undamped_acceleration - c * speed
-    v[axis, p] = middle + dt / 2 * a[axis, p]
-
-
-@njit(**INNER)
-def _move_held_components(lattice, zone, drive, work, rho, time):  # type: ignore[no-untyped-def]
-    """Give held components their prescribed motion."""
-    v, a, dt = zone.v, zone.a, lattice.dt
-    for e in range(len(drive.holds.node)):
-        p, axis = drive.holds.node[e], drive.holds.axis[e]
-        v[axis, p] -= dt / 2 * a[axis, p]
-        accelerate_held_component_and_book_work(
-            v.T, a.T, rho, work, drive.holds, drive.profiles, drive.held_speed, drive.held_force, e, dt, time
-        )
-        v[axis, p] += dt / 2 * a[axis, p]
-
-
-@cached_njit(nogil=True, error_model="numpy")
-def advance(  # type: ignore[no-untyped-def]
-    lattice, zone, drive, work, rho, refinement_kappa, steps_between_checks, first_step, end_step, stage, thread, gate
-):
-    """Take the steps `first_step` to `end_step` - 1, from `stage` of the first one; returns the end code and the step.
-
-    All threads call this together.
-    """
-    threads, rows = gate.threads, len(zone.rows_with_fine_nodes)
-    for step in range(first_step, end_step):
-        if thread == 0:
-            zone.counts.refinement_due = 0
-            if step > first_step or stage == BEGIN:
-                _kick_and_drift(lattice, zone, drive, step * lattice.dt)
-                interpolate_fictitious_nodes(zone, zone.u)
-                zone.counts.refinement_due = step % steps_between_checks == 0 and mark_stretched_coarse_pairs(
-                    lattice, zone, refinement_kappa
-                )
-            else:
-                interpolate_fictitious_nodes(zone, zone.u)
-        meet(gate)
-        if zone.counts.refinement_due != 0:
-            return SWITCH, step
-        sum_forces_of_fine_rows(lattice, zone, rows * thread // threads, rows * (thread + 1) // threads)
-        meet(gate)
-        if not _break_arrays_have_room(lattice, zone):
-            return ROOM, step
-        meet(gate)
-        if thread == 0 and (not _break_stretched_bonds(lattice, zone, step) or stage == SUM):
-            sum_coarse_accelerations(lattice, zone)
-            if stage != SUM:
-                _finish_kicks(lattice, zone, drive, work)
-                _move_held_components(lattice, zone, drive, work, rho, step * lattice.dt)
-        meet(gate)
-        hot = zone.counts.refinement_due != 0 and stage != SUM
-        meet(gate)
-        if hot:
-            return SWITCH, step
-    return DONE, end_step - 1
+            out[p, axis] += zone.f[axis, p]
 
 
 @cached_njit(error_model="numpy")
@@ -311,7 +202,7 @@ def store_strain_energy_densities(lattice, zone, rows, densities):  # type: igno
 
     Those of coarse nodes are also half of each pair's, with the stencil as springs: the energy that motion conserves.
     """
-    interpolate_fictitious_nodes(zone, zone.u)
+    interpolate_fictitious_nodes(zone)
     for row in rows:
         store_row_energy_densities(lattice, zone.cut_bond_bits, zone.simd_row_kinds[row], zone.u, densities, row)
     u = zone.u
@@ -325,4 +216,4 @@ def store_strain_energy_densities(lattice, zone, rows, densities):  # type: igno
                 + 2 * lattice.stencil_stiffness[s, 1] * x * y
                 + lattice.stencil_stiffness[s, 2] * y * y
             )
-        densities[0, q] = lattice.rho / 4 * energy
+        densities[0, q] = energy / 4
