@@ -4,7 +4,8 @@ u        (d, m) displacements of all places, m
 table    (k, .) rows of springs, see `bond`
 ways     (k,) places from a node to its neighbours
 weights  stiffnesses of the lanes' own: None, those of the table; (., 2, k) uint16, a bit for each lane with a bond and
-         for each with half a bond; or (., k, 16), 0 without a bond; those of `entry`
+         for each with half a bond; or (., k, 16), 0 without a bond; those of `entry`; or a tuple of one such (k, 16)
+         and bits (., k) uint16 of the lanes whose bond is cut, of which `entry` is one
 edges    (., k, 16) e up to which nothing happens to a bond, or None: 0
 shrink   (m,) minus half the strain of a free node: a bond is relieved of that of both ends; or None
 lane, p  the first lane, and its place
@@ -19,7 +20,7 @@ import numpy as np
 from numba import njit, types
 from numba.extending import overload
 
-from pdsolve.codegen.lanes import beside, bonded, keep, larger, magnitude, same, unless_none
+from pdsolve.codegen.lanes import beside, bonded, intact, keep, larger, magnitude, same, unless_none
 from pdsolve.codegen.vector_code import ROW
 from pdsolve.lattice.bond import (
     IN_PLACE,
@@ -46,6 +47,8 @@ def own_weight(weights: Any, w: Any, e: Any, entry: Any, slot: Any, lane: Any) -
 def _own_weight(weights, w, e, entry, slot, lane):  # type: ignore[no-untyped-def]
     if isinstance(weights, types.NoneType):
         return lambda weights, w, e, entry, slot, lane: (w, e)
+    if isinstance(weights, types.BaseTuple):
+        return _listed_weight_unless_cut
     return _masked_weight if isinstance(weights.dtype, types.Integer) else _listed_weight
 
 
@@ -57,6 +60,13 @@ def _masked_weight(weights, w, e, entry, slot, lane):  # type: ignore[no-untyped
 
 def _listed_weight(weights, w, e, entry, slot, lane):  # type: ignore[no-untyped-def]
     (own,) = beside(weights[np.uint64(entry)], ONE, slot * ROW + lane)
+    return own, unless_none(own, e, own)
+
+
+def _listed_weight_unless_cut(weights, w, e, entry, slot, lane):  # type: ignore[no-untyped-def]
+    listed, cut = weights
+    (own,) = beside(listed, ONE, slot * ROW + lane)
+    own = own * intact(cut, listed, entry, slot, lane)
     return own, unless_none(own, e, own)
 
 
@@ -132,5 +142,12 @@ def _factor_of_green(e):  # type: ignore[no-untyped-def]
     return 0.5
 
 
+@njit(**IN_PLACE)
+def _factor_by_root(e):  # type: ignore[no-untyped-def]
+    q2 = 1.0 + e
+    return 1.0 / (q2 + np.sqrt(q2))
+
+
 sum_narrow, sum_wide = _make_row_sum(factor_near, NARROW), _make_row_sum(factor_wide, WIDE)
+sum_by_roots = _make_row_sum(_factor_by_root, np.inf)  # exact at any e
 sum_green = _make_row_sum(_factor_of_green, np.inf)  # by Green's strain, force w e / 2 (xi + eta)

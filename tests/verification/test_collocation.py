@@ -22,7 +22,8 @@ from messages import naming
 
 from pdmesh.model.document import Collocation, Run
 from pdsolve.adaptivity.collocation.engine import CollocationEngine
-from pdsolve.adaptivity.collocation.layout import EDGE, KNOWN, WHOLE, dilate_mask
+from pdsolve.adaptivity.collocation.layout import dilate_mask
+from pdsolve.adaptivity.collocation.row_stiffness import COMPUTED, WHOLE
 from pdsolve.adaptivity.collocation.zone import BETWEEN, COARSE, FINE
 from pdsolve.adaptivity.hybrid.springs import create_fine_springs
 from pdsolve.codegen.vector_code import ROW
@@ -197,12 +198,11 @@ def test_rows_along_edges_that_are_alike_share_their_stiffnesses() -> None:
     engine = ragged(4.0)
     lattice, zone = engine.lattice, engine.zone
     zone.u[:] = 1e-7 * H * np.random.default_rng(1).standard_normal(zone.u.shape)
-    assert set(zone.simd_row_kinds[zone.rows_with_fine_nodes]) == {WHOLE, EDGE, KNOWN}
-    assert np.count_nonzero(zone.simd_row_kinds[zone.rows_with_fine_nodes] == KNOWN) > 3 * len(
-        lattice.edge_row_stiffness
-    ) // len(lattice.neighbour_offsets)
+    index = zone.stiffness_index_of_row[zone.rows_with_fine_nodes]
+    assert set(index[index <= 0]) == {WHOLE, COMPUTED}
+    assert np.count_nonzero(index > 0) > 3 * (len(lattice.row_stiffness) - 1)
     found = accelerations(engine)
-    zone.simd_row_kinds[zone.simd_row_kinds == KNOWN] = EDGE
+    zone.stiffness_index_of_row[zone.stiffness_index_of_row > 0] = COMPUTED
     assert np.array_equal(accelerations(engine), found)
     idle = np.ones(lattice.numbering.place_count, dtype=bool)
     for nodes in (zone.node_kinds == FINE, zone.node_kinds == COARSE):
@@ -214,4 +214,4 @@ def test_rows_along_edges_that_are_alike_share_their_stiffnesses() -> None:
     zone.u[:, idle] = 1.0
     assert idle.reshape(-1, ROW)[zone.rows_with_fine_nodes].any()
     assert np.array_equal(accelerations(engine)[:, own], found[:, own])
-    assert not zone.bond_over_bound_bits.any()
+    assert not zone.has_bond_over_limit.any()

@@ -16,7 +16,8 @@ from pdsolve.adaptivity.collocation.forces import (
     sum_coarse_forces,
     sum_forces_of_fine_rows,
 )
-from pdsolve.adaptivity.collocation.layout import CollocationPlate, LatticeConstants
+from pdsolve.adaptivity.collocation.layout import CollocationPlate, LatticeConstants, mark_bonds_cut
+from pdsolve.adaptivity.collocation.row_stiffness import UNCORRECTED, WHOLE
 from pdsolve.adaptivity.collocation.zone import (
     COARSE,
     FINE,
@@ -120,7 +121,7 @@ class CollocationEngine:
             sum_forces_of_fine_rows(lattice, zone, rows * thread // threads, rows * (thread + 1) // threads)
 
         side_by_side(work, threads)
-        may_break = int(np.count_nonzero(zone.bond_over_bound_bits)) * ROW * len(lattice.neighbour_offsets)
+        may_break = int(np.count_nonzero(zone.has_bond_over_limit)) * ROW * len(lattice.neighbour_offsets)
         if zone.counts.broken_bonds + may_break > len(zone.break_events.step):
             self._enlarge_break_arrays(may_break)
         return bool(break_stretched_bonds(lattice, self.zone, step, dt))
@@ -152,7 +153,7 @@ class CollocationEngine:
         zone.totals.damped_energy += self._damped_energy_since_refinement()
         zone.damped_energy[:] = 0.0
         before, coarse = self._strain_and_kinetic_energy_of_coarse_nodes(), zone.node_kinds == COARSE
-        active = mask_coarse_nodes_left_active(lattice, plate, coarse, zone.is_to_refine)
+        active = mask_coarse_nodes_left_active(lattice, coarse, zone.is_to_refine)
         new = zone_with_active_coarse_nodes(lattice, plate, zone, active, self.settings.seam_damping)
         born = np.flatnonzero((new.node_kinds == FINE) & (zone.node_kinds != FINE))
         interpolate_motion(zone, lattice.numbering, born[zone.node_kinds[born] != COARSE])
@@ -249,9 +250,9 @@ class CollocationEngine:
         node, spring = breaks.node.astype(np.int64), breaks.bond_number.astype(np.int64)
         half = len(lattice.neighbour_offsets) // 2
         for ends, k in ((node, spring), (node + lattice.neighbour_offsets[spring], spring + half)):
-            np.bitwise_or.at(self.zone.cut_bond_bits, (ends // ROW, k), (1 << (ends % ROW)).astype(np.uint16))
-            kinds = self.zone.simd_row_kinds
-            kinds[ends // ROW] = np.maximum(kinds[ends // ROW], 1)
+            mark_bonds_cut(self.zone.cut_bond_bits, ends, k)
+            index = self.zone.stiffness_index_of_row
+            index[ends // ROW] = np.where(index[ends // ROW] == WHOLE, UNCORRECTED, index[ends // ROW])
         self.zone = zone_with_active_coarse_nodes(lattice, self.plate, self.zone, active, self.settings.seam_damping)
         self.area, places = areas_of_active_nodes(lattice, self.plate, self.zone.node_kinds), self.active_places()
         if not np.array_equal(entry(checkpoint, "places", places.shape, np.int64), places):

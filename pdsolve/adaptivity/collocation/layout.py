@@ -34,8 +34,6 @@ from pdsolve.model import Model, ModelError
 from pdsolve.numerics.dilation import in_square
 from pdsolve.operators.stencils import Stencil
 
-WHOLE, CUT, EDGE, KNOWN = range(4)  # rows: of full families, of those with cut bonds, of those at edges; the last ones
-# with stiffnesses that are kept, as many rows have the same
 SAME = 1e-12  # relative: areas this near to a whole cell are one
 OFF = 1e-6  # spacings: nodes this far from the lattice are not on it
 
@@ -64,10 +62,7 @@ class LatticeConstants(NamedTuple):
     neighbour_offsets: NDArray[np.int64]  # (k,) places to the neighbour
     cell_area_share: NDArray[np.float64]  # (1, places) area of a node's cell over h^2, 0 without one
     surface_correction: NDArray[np.float64]  # (2, places) of energy in uniform stretch along x and y, as in the scheme
-    edge_row_stiffness_index: NDArray[
-        np.int64
-    ]  # (places / 16,) of rows at edges whose stiffnesses are kept: which; -1 of others
-    edge_row_stiffness: NDArray[np.float64]  # (patterns * k, 1, 16) these, N/m^4
+    row_stiffness: NDArray[np.float64]  # (r, k, 16) stiffnesses of rows, see `row_stiffness`, N/m^4
     no_fail: NDArray[np.bool_]  # (places,) nodes whose bonds do not break
     limit_double_green_strain: float  # e above which a bond breaks
     coarse_stencil_place_offsets: NDArray[np.int64]  # (s,) places from a coarse node to those of its stencil
@@ -82,10 +77,12 @@ class CollocationPlate(NamedTuple):
     place_of_grid_row: NDArray[np.int64]  # (n,) of each row of the grid
     grid_row_at_place: NDArray[np.int32]  # (places,) of the grid, -1 without a node
     node_areas: NDArray[np.float64]  # (n,) of nodes, m^2
-    cut_bond_bits: NDArray[np.uint16]  # (places / 16, k) a bit for each bond that is cut or broken
+    cut_bond_bits: NDArray[np.uint16]  # (places / 16, k) a bit for each bond of a row with nodes that is cut, broken or
+    # without a node at either end
     precrack_cut_counts_of_places: NDArray[np.int64]  # (places,) bonds that pre-cracks cut
     has_full_family: NDArray[np.bool_]  # (places,) nodes whose family is whole and uncut
     has_condition: NDArray[np.bool_]  # (places,) nodes that are loaded, held or do not break
+    stiffness_index_of_row: NDArray[np.int32]  # (places / 16,) which of `row_stiffness` a row has, see there
 
 
 def create_numbering_and_places(model: Model, reach: int, error_hint: str) -> tuple[Numbering, NDArray[np.int64]]:
@@ -134,34 +131,50 @@ def create_constants_and_plate(
         neighbour_offsets=ways,
         cell_area_share=area_share,
         surface_correction=np.ones((2, numbering.place_count)),
-        edge_row_stiffness_index=np.full(numbering.place_count // ROW, -1),
-        edge_row_stiffness=np.zeros((0, 1, ROW)),
+        row_stiffness=np.zeros((0, len(ways), ROW)),
         no_fail=no_fail,
         limit_double_green_strain=float(double_green_strain_from_stretch(springs.limit_stretch)),
         coarse_stencil_place_offsets=2 * (stencil.xi[:, 1] * numbering.row_stride + stencil.xi[:, 0]),
         stencil_stiffness=np.column_stack([theta[:, 0, 0], theta[:, 0, 1], theta[:, 1, 1]]),
         stencil_vector_constants=np.column_stack([2 * xi / square[:, None], 1 / square]),
     )
-    cut = np.zeros((numbering.place_count // ROW, len(ways)), dtype=np.uint16)
-    hidden = _cut_bonds_across_holes(model, lattice, springs, row, cut)
-    cracks = (model.grid.cracks - np.tile(model.grid.position.min(axis=0), 2)) / h
+    return lattice, _create_plate(model, lattice, place_of_grid_row, row, area)
+
+
+def _create_plate(
+    model: Model,
+    lattice: LatticeConstants,
+    place_of_grid_row: NDArray[np.int64],
+    grid_row_at_place: NDArray[np.int32],
+    node_areas: NDArray[np.float64],
+) -> CollocationPlate:
+    """The plate of a lattice, whose corrections at edges it stores. Raises GridError, ModelError."""
+    numbering, has_node = lattice.numbering, grid_row_at_place >= 0
+    cut = np.zeros((numbering.place_count // ROW, len(lattice.neighbour_offsets)), dtype=np.uint16)
+    beside_missing = dilate_mask(lattice.cell_area_share[0] == 0, numbering, numbering.row_margin) & has_node
+    _cut_bonds_of_missing_nodes(lattice, cut, np.flatnonzero(beside_missing.reshape(-1, ROW).any(axis=1)))
+    _cut_bonds_across_holes(model, lattice, grid_row_at_place, cut)
+    cracks = (model.grid.cracks - np.tile(model.grid.position.min(axis=0), 2)) / lattice.spacing
     check_no_precrack_on_node(model, cracks, numbering.nx - 1, numbering.ny - 1)
     cracks = lengthen_cracks(cracks)
-    near = _mask_near_edges_and_cracks(area_share[0], numbering, cracks) & (row >= 0)
-    near |= hidden
-    full_family = (row >= 0) & ~near
-    near_places, precrack_cut_counts_of_places, has_condition = (
-        np.flatnonzero(near),
-        np.zeros(numbering.place_count, dtype=np.int64),
-        no_fail.copy(),
-    )
-    _cut_bonds_across_precracks(lattice, cut, near_places, cracks, precrack_cut_counts_of_places)
+    near = _mask_near_edges_and_cracks(lattice.cell_area_share[0], numbering, cracks) & has_node
+    near_places, cut_counts = np.flatnonzero(near), np.zeros(numbering.place_count, dtype=np.int64)
+    full_family, has_condition = has_node & ~near, lattice.no_fail.copy()
+    _cut_bonds_across_precracks(lattice, cut, near_places, cracks, cut_counts)
     _store_surface_correction_and_full_families(lattice, cut, near_places, full_family)
     for condition in model.settings.conditions:
         if not isinstance(condition, InitialVelocity):
             has_condition[place_of_grid_row[model.selected(condition)]] = True
-    return lattice, CollocationPlate(
-        model, place_of_grid_row, row, area, cut, precrack_cut_counts_of_places, full_family, has_condition
+    return CollocationPlate(
+        model=model,
+        place_of_grid_row=place_of_grid_row,
+        grid_row_at_place=grid_row_at_place,
+        node_areas=node_areas,
+        cut_bond_bits=cut,
+        precrack_cut_counts_of_places=cut_counts,
+        has_full_family=full_family,
+        has_condition=has_condition,
+        stiffness_index_of_row=np.zeros(0, dtype=np.int32),
     )
 
 
@@ -183,12 +196,6 @@ def dilate_mask(marked: NDArray[np.bool_], numbering: Numbering, reach: int) -> 
     near = np.zeros(numbering.place_count, dtype=np.bool_)
     near[: field.size] = in_square(field, reach).ravel()
     return near
-
-
-def classify_rows(lattice: LatticeConstants, cut_bond_bits: NDArray[np.uint16]) -> NDArray[np.uint8]:
-    """Kind of each row of 16 places."""
-    at_edge = np.where(lattice.edge_row_stiffness_index >= 0, KNOWN, EDGE)
-    return np.where(mask_edge_rows(lattice), at_edge, np.where(cut_bond_bits.any(axis=1), CUT, WHOLE)).astype(np.uint8)
 
 
 def mask_edge_rows(lattice: LatticeConstants) -> NDArray[np.bool_]:
@@ -215,14 +222,10 @@ def _mask_near_edges_and_cracks(
 
 
 def _cut_bonds_across_holes(
-    model: Model,
-    lattice: LatticeConstants,
-    springs: Springs,
-    grid_row_at_place: NDArray[np.int32],
-    cut_bond_bits: NDArray[np.uint16],
-) -> NDArray[np.bool_]:
-    """Remove the bonds that a hole or the outline separates; returns a mask (places,) of their nodes."""
-    numbering, hidden = lattice.numbering, np.zeros(lattice.numbering.place_count, dtype=np.bool_)
+    model: Model, lattice: LatticeConstants, grid_row_at_place: NDArray[np.int32], cut_bond_bits: NDArray[np.uint16]
+) -> None:
+    """Cut the bonds that a hole or the outline separates."""
+    numbering, ways = lattice.numbering, lattice.neighbour_offsets
     inner = np.zeros(numbering.place_count, dtype=np.bool_)
     field = inner[: numbering.place_count - 2 * ROW].reshape(-1, numbering.row_stride)
     field[
@@ -231,26 +234,38 @@ def _cut_bonds_across_holes(
     ] = True
     missing = inner & (grid_row_at_place < 0)
     if not missing.any():
-        return hidden  # a rectangle, which no bond leaves
+        return  # a rectangle, which no bond leaves
     around = np.flatnonzero(dilate_mask(missing, numbering, numbering.row_margin) & (grid_row_at_place >= 0))
     around = around[np.argsort(grid_row_at_place[around])]
-    sight = Sight(model.grid, model.name)
-    for k in range(len(lattice.neighbour_offsets) // 2):
-        neighbours = around + lattice.neighbour_offsets[k]
-        in_plate = grid_row_at_place[neighbours] >= 0
-        i, j = (
-            grid_row_at_place[around[in_plate]].astype(np.int64),
-            grid_row_at_place[neighbours[in_plate]].astype(np.int64),
-        )
-        length = np.full(len(i), float(np.hypot(*springs.spring_table[k, :2])))
-        parted = ~sight.inside(Pairs(i, j, length))
-        for ends, spring in (
-            (around[in_plate][parted], k),
-            (neighbours[in_plate][parted], k + len(lattice.neighbour_offsets) // 2),
-        ):
-            np.bitwise_or.at(cut_bond_bits, (ends // ROW, spring), (1 << (ends % ROW)).astype(np.uint16))
-            hidden[ends] = True
-    return hidden
+    sight, half = Sight(model.grid, model.name), len(ways) // 2
+    for k in range(half):
+        near = around[grid_row_at_place[around + ways[k]] >= 0]
+        i, j = (grid_row_at_place[ends].astype(np.int64) for ends in (near, near + ways[k]))
+        length = np.full(len(i), float(np.hypot(*lattice.spring_table[k, :2])))
+        parted = near[~sight.inside(Pairs(i, j, length))]
+        mark_bonds_cut(cut_bond_bits, parted, np.full(len(parted), k))
+        mark_bonds_cut(cut_bond_bits, parted + ways[k], np.full(len(parted), k + half))
+
+
+def mark_bonds_cut(cut_bond_bits: NDArray[np.uint16], places: NDArray[np.int64], k: NDArray[np.integer]) -> None:
+    """Mark bonds `k` (b,) of nodes at `places` (b,) as cut."""
+    np.bitwise_or.at(cut_bond_bits, (places // ROW, k), (1 << (places % ROW)).astype(np.uint16))
+
+
+@cached_njit(error_model="numpy")
+def _cut_bonds_of_missing_nodes(lattice, cut_bond_bits, rows):  # type: ignore[no-untyped-def]
+    """Cut the bonds of these rows without a node at either end."""
+    for row in rows:
+        for k in range(len(lattice.neighbour_offsets)):
+            bits = 0
+            for lane in range(ROW):
+                p = row * ROW + lane
+                if (
+                    lattice.cell_area_share[0, p] == 0
+                    or lattice.cell_area_share[0, p + lattice.neighbour_offsets[k]] == 0
+                ):
+                    bits |= 1 << lane
+            cut_bond_bits[row, k] |= np.uint16(bits)
 
 
 @cached_njit(error_model="numpy")
@@ -260,7 +275,7 @@ def _cut_bonds_across_precracks(lattice, cut_bond_bits, places, cracks, precrack
     for p in places:
         ix, iy = p % numbering.row_stride - numbering.left_margin, p // numbering.row_stride - numbering.row_margin
         for k in range(len(lattice.neighbour_offsets)):
-            if lattice.cell_area_share[0, p + lattice.neighbour_offsets[k]] == 0 or is_bond_cut(cut_bond_bits, p, k):
+            if is_bond_cut(cut_bond_bits, p, k):
                 continue
             x, y = (
                 ix + np.round(lattice.spring_table[k, 0] / lattice.spacing),
@@ -283,7 +298,7 @@ def _store_surface_correction_and_full_families(lattice, cut_bond_bits, places, 
         held_x, held_y, is_full = 0.0, 0.0, lattice.cell_area_share[0, p] == 1
         for k in range(len(lattice.neighbour_offsets)):
             share = lattice.cell_area_share[0, p + lattice.neighbour_offsets[k]]
-            if share == 0 or is_bond_cut(cut_bond_bits, p, k):
+            if is_bond_cut(cut_bond_bits, p, k):
                 is_full = False
                 continue
             is_full &= share == 1
@@ -306,3 +321,40 @@ def is_bond_cut(cut_bond_bits, p, k):  # type: ignore[no-untyped-def]
 def mark_bond_cut(cut_bond_bits, p, k):  # type: ignore[no-untyped-def]
     """Mark bond k of node p as cut."""
     cut_bond_bits[p // 16, k] = np.uint16(np.int64(cut_bond_bits[p // 16, k]) | (1 << (p % 16)))
+
+
+def list_bonds(
+    lattice: LatticeConstants,
+    cut: NDArray[np.uint16],
+    is_target: NDArray[np.bool_],
+    places: NDArray[np.int64],
+) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Intact bonds (b,) of some places to the places that are a target: index of the place, and bond number."""
+    node, k = np.zeros((2, count_bonds(lattice, cut, is_target, places).sum()), dtype=np.int64)
+    _count_and_list_bonds(lattice, cut, is_target, places, node, k)
+    return node, k
+
+
+def count_bonds(
+    lattice: LatticeConstants,
+    cut: NDArray[np.uint16],
+    is_target: NDArray[np.bool_],
+    places: NDArray[np.int64],
+) -> NDArray[np.int64]:
+    """Numbers (n,) of such bonds of some places."""
+    nothing = np.zeros(0, dtype=np.int64)
+    return np.asarray(_count_and_list_bonds(lattice, cut, is_target, places, nothing, nothing))
+
+
+@cached_njit(error_model="numpy")
+def _count_and_list_bonds(lattice, cut_bond_bits, is_target, places, node, bond_number):  # type: ignore[no-untyped-def]
+    """Count such bonds of each of some places (n,), and list them as far as there is room."""
+    counts, count = np.zeros(len(places), dtype=np.int64), 0
+    for n in range(len(places)):
+        for k in range(len(lattice.neighbour_offsets)):
+            if is_target[places[n] + lattice.neighbour_offsets[k]] and not is_bond_cut(cut_bond_bits, places[n], k):
+                if count < len(node):
+                    node[count], bond_number[count] = n, k
+                counts[n] += 1
+                count += 1
+    return counts

@@ -14,11 +14,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pdsolve.adaptivity.collocation.engine import CollocationEngine
-from pdsolve.adaptivity.collocation.layout import is_bond_cut
+from pdsolve.adaptivity.collocation.layout import count_bonds, list_bonds
 from pdsolve.adaptivity.collocation.zone import COARSE, FINE, BreakEvents
 from pdsolve.adaptivity.hybrid.irregular_bonds import select_part_of_model
 from pdsolve.adaptivity.two_lattice_operator import EnergyBalanceTotals, TwoLatticeOperator
-from pdsolve.codegen.jit_cache import cached_njit
 from pdsolve.model import Model
 from pdsolve.state import Broken, State
 
@@ -36,6 +35,7 @@ class CollocationOperator(TwoLatticeOperator[CollocationEngine]):
         """An operator on the currently active nodes."""
         self.engine, self._strain = engine, 0.0
         self.places, self._kind = engine.active_places(), engine.zone.node_kinds.copy()
+        self._is_active = (self._kind == FINE) | (self._kind == COARSE)
         self._row_of = np.full(engine.lattice.numbering.place_count, -1, dtype=np.int64)
         self._row_of[self.places] = np.arange(len(self.places))
         self.area = engine.area[self.places]
@@ -62,11 +62,8 @@ class CollocationOperator(TwoLatticeOperator[CollocationEngine]):
         """Bonds (n,) of each node at the start, and their number including those cut by pre-cracks."""
         lattice, plate, fine = self.engine.lattice, self.engine.plate, self._kind[self.places] == FINE
         fine_places, count = self.places[fine], np.full(len(self.places), len(lattice.coarse_stencil_place_offsets) - 1)
-        _, node, spring, *_ = self._before
-        lost = np.bincount(
-            np.concatenate([node, node + lattice.neighbour_offsets[spring]]), minlength=lattice.numbering.place_count
-        )
-        count[fine] = _count_intact_bonds(lattice, self._cut, self._kind, fine_places) + lost[fine_places]
+        lost = np.bincount(self._ends_of_breaks(self._before)[0], minlength=lattice.numbering.place_count)
+        count[fine] = count_bonds(lattice, self._cut, self._is_active, fine_places) + lost[fine_places]
         family = count.copy()
         family[fine] += plate.precrack_cut_counts_of_places[fine_places]
         return count, family
@@ -153,62 +150,28 @@ class CollocationOperator(TwoLatticeOperator[CollocationEngine]):
         """Source and target rows (k,) of the intact bonds of nodes `first` to `last` - 1, or of those at the
         `start`."""
         lattice, places = self.engine.lattice, self.places[first:last]
-        sources, targets = [], []
-        places_of_kind = places[self._kind[places] == FINE]
-        node, k = _list_intact_bonds(
-            lattice, self._cut if start else self.engine.zone.cut_bond_bits, self._kind, places_of_kind
-        )
-        sources.append(places_of_kind[node])
-        targets.append(places_of_kind[node] + lattice.neighbour_offsets[k])
-        if start:
-            _, node, k, *_ = self._before
-            neighbour = node + lattice.neighbour_offsets[k]
-            for near, far in ((node, neighbour), (neighbour, node)):
-                in_range = (self._row_of[near] >= first) & (self._row_of[near] < first + len(places))
-                sources.append(near[in_range])
-                targets.append(far[in_range])
-        places_of_kind = places[self._kind[places] == COARSE]
+        fine, coarse = (places[self._kind[places] == kind] for kind in (FINE, COARSE))
+        node, k = list_bonds(lattice, self._cut if start else self.engine.zone.cut_bond_bits, self._is_active, fine)
         ways = lattice.coarse_stencil_place_offsets[lattice.coarse_stencil_place_offsets != 0]
-        sources.append(np.repeat(places_of_kind, len(ways)))
-        targets.append((places_of_kind[:, None] + ways).ravel())
+        sources = [fine[node], np.repeat(coarse, len(ways))]
+        targets = [fine[node] + lattice.neighbour_offsets[k], (coarse[:, None] + ways).ravel()]
+        if start:
+            near, far = self._ends_of_breaks(self._before)
+            in_range = (self._row_of[near] >= first) & (self._row_of[near] < first + len(places))
+            sources.append(near[in_range])
+            targets.append(far[in_range])
         source, target = (self._row_of[np.concatenate(ends)] for ends in (sources, targets))
         order = np.lexsort((target, source))
         return source[order], target[order]
 
+    def _ends_of_breaks(self, breaks: BreakEvents) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+        """Places (2 b,) of both ends of broken bonds, both ways."""
+        ends = breaks.node, breaks.node + self.engine.lattice.neighbour_offsets[breaks.bond_number]
+        return np.concatenate(ends), np.concatenate(ends[::-1])
+
     def broken(self, after: int = 0) -> Broken:
         """Bonds broken after a step: step, source row and target row of each."""
-        step, node, spring, *_ = self.engine.break_events()
-        new = np.flatnonzero(step > after)
-        ends = (
-            self._row_of[source]
-            for source in (node[new], node[new] + self.engine.lattice.neighbour_offsets[spring[new]])
-        )
-        source, target = ends
-        steps = np.tile(step[new].astype(np.int64), 2)
-        return Broken(steps, np.concatenate([source, target]), np.concatenate([target, source]))
-
-
-@cached_njit(error_model="numpy")
-def _count_intact_bonds(lattice, cut_bond_bits, node_kinds, places):  # type: ignore[no-untyped-def]
-    """Number of bonds of each place to active nodes that are neither cut nor broken."""
-    counts = np.zeros(len(places), dtype=np.int64)
-    for n in range(len(places)):
-        for k in range(len(lattice.neighbour_offsets)):
-            neighbour_kind = node_kinds[places[n] + lattice.neighbour_offsets[k]]
-            if neighbour_kind in (FINE, COARSE) and not is_bond_cut(cut_bond_bits, places[n], k):
-                counts[n] += 1
-    return counts
-
-
-@cached_njit(error_model="numpy")
-def _list_intact_bonds(lattice, cut_bond_bits, node_kinds, places):  # type: ignore[no-untyped-def]
-    """Intact bonds of some places to active nodes: the place of each bond and its index in the family."""
-    count = _count_intact_bonds(lattice, cut_bond_bits, node_kinds, places).sum()
-    node, spring, at = np.zeros(count, dtype=np.int64), np.zeros(count, dtype=np.int64), 0
-    for n in range(len(places)):
-        for k in range(len(lattice.neighbour_offsets)):
-            neighbour_kind = node_kinds[places[n] + lattice.neighbour_offsets[k]]
-            if neighbour_kind in (FINE, COARSE) and not is_bond_cut(cut_bond_bits, places[n], k):
-                node[at], spring[at] = n, k
-                at += 1
-    return node, spring
+        breaks = self.engine.break_events()
+        new = BreakEvents._make(column[breaks.step > after] for column in breaks)
+        source, target = (self._row_of[ends] for ends in self._ends_of_breaks(new))
+        return Broken(np.tile(new.step.astype(np.int64), 2), source, target)

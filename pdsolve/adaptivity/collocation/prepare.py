@@ -8,11 +8,10 @@ import numpy as np
 
 from pdmesh.model.document import Collocation
 from pdmesh.model.material_constants import pressure_speed
-from pdsolve.adaptivity.collocation.edge_row_patterns import share_stiffness_of_equal_edge_rows
 from pdsolve.adaptivity.collocation.engine import CollocationEngine, CollocationSettings
 from pdsolve.adaptivity.collocation.layout import create_constants_and_plate, create_numbering_and_places
 from pdsolve.adaptivity.collocation.operator import CollocationOperator
-from pdsolve.adaptivity.collocation.simd_rows import largest_stiffness_bound
+from pdsolve.adaptivity.collocation.row_stiffness import largest_stiffness_bound, share_stiffness_of_equal_rows
 from pdsolve.adaptivity.collocation.zone import create_collocation_zone, mask_eligible_coarse
 from pdsolve.adaptivity.hybrid.coarse_cells import check_model_supported, create_unsupported_error
 from pdsolve.adaptivity.hybrid.springs import create_fine_springs
@@ -52,7 +51,7 @@ def create_collocation_operator_and_stable_step(
         model, int(np.abs(springs.family_dx).max()), f"as run.adapt is {model.settings.run.adapt}"
     )
     lattice, plate = create_constants_and_plate(model, springs, at, place, stencil)
-    lattice = share_stiffness_of_equal_edge_rows(lattice)
+    lattice, plate = share_stiffness_of_equal_rows(lattice, plate)
     # of fine nodes: those at edges, and one full family for all others
     odd = np.flatnonzero((plate.grid_row_at_place >= 0) & ~plate.has_full_family)
     stiffness = largest_stiffness_bound(

@@ -7,10 +7,9 @@ from numpy.typing import NDArray
 from scipy.sparse import coo_array, csr_array, eye_array, kron
 
 from pdsolve.adaptivity.collocation.engine import CollocationEngine
-from pdsolve.adaptivity.collocation.layout import is_bond_cut
-from pdsolve.adaptivity.collocation.simd_rows import bond_stiffness_over_own_cell_share
+from pdsolve.adaptivity.collocation.layout import list_bonds
+from pdsolve.adaptivity.collocation.row_stiffness import stiffness_of_bonds
 from pdsolve.adaptivity.collocation.zone import COARSE, FINE
-from pdsolve.codegen.jit_cache import cached_njit
 from pdsolve.operators.tangent import of_springs
 
 
@@ -35,12 +34,9 @@ def assemble_tangent(
     points = coo_array((weights, (follows, parents)), (nodes + len(between), nodes)).tocsr()
 
     fine = active[node_kinds[active] == FINE]
-    room = len(fine) * len(lattice.neighbour_offsets)
-    node, k, pull = np.zeros(room, dtype=np.int64), np.zeros(room, dtype=np.int64), np.zeros(room)
-    count = _list_fine_bonds(lattice, zone.cut_bond_bits, fine, node, k, pull)
-    node, k, pull = node[:count], k[:count], pull[:count]
+    node, k = list_bonds(lattice, zone.cut_bond_bits, np.ones(len(row_at_place), dtype=np.bool_), fine)
     xi = lattice.spring_table[k, :2]
-    pull *= np.sqrt((xi**2).sum(axis=1))
+    pull = stiffness_of_bonds(lattice, fine[node], k) * np.sqrt((xi**2).sum(axis=1))
     source, target = point[fine[node]], point[fine[node] + lattice.neighbour_offsets[k]]
     matrix = of_springs(source, target, xi, pull, points @ value)
 
@@ -53,17 +49,3 @@ def assemble_tangent(
     rows, columns = (2 * centre_points[:, None] + a).ravel(), (2 * stencil_points[:, None] + b).ravel()
     matrix += coo_array((np.tile(theta.ravel(), len(coarse)), (rows, columns)), matrix.shape).tocsr()
     return (matrix[: 2 * nodes] @ kron(points, eye_array(2)).tocsr()).tocsr()
-
-
-@cached_njit(error_model="numpy")
-def _list_fine_bonds(lattice, cut_bond_bits, places, node, spring, stiffness):  # type: ignore[no-untyped-def]
-    """Fill the list of bonds; returns how many there are."""
-    count = 0
-    for n in range(len(places)):
-        p = places[n]
-        for k in range(len(lattice.neighbour_offsets)):
-            if lattice.cell_area_share[0, p + lattice.neighbour_offsets[k]] == 0 or is_bond_cut(cut_bond_bits, p, k):
-                continue
-            node[count], spring[count], stiffness[count] = n, k, bond_stiffness_over_own_cell_share(lattice, p, k)
-            count += 1
-    return count

@@ -19,13 +19,10 @@ from pdsolve.adaptivity.collocation.layout import (
     CollocationPlate,
     LatticeConstants,
     Numbering,
-    classify_rows,
     dilate_mask,
 )
-from pdsolve.codegen.jit_cache import cached_njit
 from pdsolve.codegen.record import Record
 from pdsolve.codegen.vector_code import ROW
-from pdsolve.lattice.force_polynomials import WIDE
 from pdsolve.numerics.memory import aligned
 from pdsolve.operators.stencils import ball
 
@@ -68,7 +65,7 @@ class CollocationZone(NamedTuple):
     a: NDArray[np.float64]  # (2, places) m/s^2
     f: NDArray[np.float64]  # (2, places) N/m^3
     cut_bond_bits: NDArray[np.uint16]  # (places / 16, k) a bit for each bond that is cut or broken
-    simd_row_kinds: NDArray[np.uint8]  # (places / 16,) of rows
+    stiffness_index_of_row: NDArray[np.int32]  # (places / 16,) which of `row_stiffness` a row has, see there
     node_kinds: NDArray[np.uint8]  # (places,) NONE, FINE, COARSE or BETWEEN
     rows_with_fine_nodes: NDArray[np.int64]  # (r,) rows of 16 places with active fine nodes
     active_coarse_places: NDArray[np.int64]  # (c,) places of active coarse nodes
@@ -78,12 +75,9 @@ class CollocationZone(NamedTuple):
     node_dissipation: NDArray[np.float64]  # (places,) J/m, by a node's bonds so far
     damping: NDArray[np.float64]  # (places,) 1/s
     damped_energy: NDArray[np.float64]  # (places,) J/m^3
-    break_and_accuracy_bounds: NDArray[
-        np.float64
-    ]  # (2, places) of e, beyond which bonds break, of e^2, beyond which forces are inexact
-    bond_over_bound_bits: NDArray[np.uint16]  # (r,) of rows, a bit for each node that has a bond over its bound
-    has_new_breaks: NDArray[np.uint8]  # (places / 16,) rows whose bonds broke in this step
-    is_to_refine: NDArray[np.bool_]  # (places,) coarse nodes around which fine ones are wanted
+    has_bond_over_limit: NDArray[np.bool_]  # (r,) of rows
+    has_new_breaks: NDArray[np.bool_]  # (places / 16,) rows whose bonds broke in this step
+    is_to_refine: NDArray[np.bool_]  # (places,) nodes around which fine ones are wanted
     totals: Totals
     counts: Counts
     break_events: BreakEvents
@@ -171,7 +165,7 @@ def create_collocation_zone(
         a=a,
         f=f,
         cut_bond_bits=plate.cut_bond_bits,
-        simd_row_kinds=classify_rows(lattice, plate.cut_bond_bits),
+        stiffness_index_of_row=plate.stiffness_index_of_row,
         node_kinds=np.zeros(places, dtype=np.uint8),
         rows_with_fine_nodes=nothing,
         active_coarse_places=nothing,
@@ -179,9 +173,8 @@ def create_collocation_zone(
         node_dissipation=spent,
         damping=damping,
         damped_energy=damped,
-        break_and_accuracy_bounds=np.full((2, places), np.inf),
-        bond_over_bound_bits=np.zeros(0, dtype=np.uint16),
-        has_new_breaks=np.zeros(places // ROW, dtype=np.uint8),
+        has_bond_over_limit=np.zeros(0, dtype=np.bool_),
+        has_new_breaks=np.zeros(places // ROW, dtype=np.bool_),
         is_to_refine=np.zeros(places, dtype=np.bool_),
         totals=Totals.of(),
         counts=Counts.of(),
@@ -200,8 +193,9 @@ def zone_with_active_coarse_nodes(
     """The zone with these coarse nodes active; nodes within a horizon of the seam are damped by `seam_damping`, 1/s."""
     numbering, node = lattice.numbering, node_kinds_at_places(lattice, plate, is_active)
     fine = node == FINE
-    rows = np.flatnonzero(fine.reshape(-1, ROW).any(axis=1))
-    reached = np.flatnonzero((node == BETWEEN) & dilate_mask(fine, numbering, numbering.row_margin))
+    has_fine = fine.reshape(-1, ROW).any(axis=1)
+    rows, in_rows = np.flatnonzero(has_fine), np.repeat(has_fine, ROW)  # whose sums are all formed
+    reached = np.flatnonzero((node == BETWEEN) & dilate_mask(in_rows, numbering, numbering.row_margin))
     between = np.column_stack([reached, parent_places(numbering, reached)])
     zone.damping[:] = 0.0
     if seam_damping > 0:
@@ -216,10 +210,7 @@ def zone_with_active_coarse_nodes(
         rows_with_fine_nodes=rows,
         active_coarse_places=np.flatnonzero(node == COARSE),
         fictitious_nodes=between,
-        break_and_accuracy_bounds=np.where(
-            [fine & ~lattice.no_fail, fine], [[lattice.limit_double_green_strain], [WIDE**2]], np.inf
-        ),
-        bond_over_bound_bits=np.zeros(len(rows), dtype=np.uint16),
+        has_bond_over_limit=np.zeros(len(rows), dtype=np.bool_),
     )
 
 
@@ -231,23 +222,12 @@ def interpolate_motion(zone: CollocationZone, numbering: Numbering, places: NDAr
 
 
 def mask_coarse_nodes_left_active(
-    lattice: LatticeConstants,
-    plate: CollocationPlate,
-    coarse_active: NDArray[np.bool_],
-    is_stretched: NDArray[np.bool_],
+    lattice: LatticeConstants, coarse_active: NDArray[np.bool_], is_to_refine: NDArray[np.bool_]
 ) -> NDArray[np.bool_]:
-    """The coarse nodes that stay active when the neighbourhoods of the `is_stretched` ones are refined."""
+    """The coarse nodes that stay active when the neighbourhoods of the `is_to_refine` nodes are refined."""
     numbering, stays_active = lattice.numbering, coarse_active.copy()
-    reach = ball(numbering.row_margin // 2, 2)
-    _deactivate_at_offsets(
-        np.flatnonzero(is_stretched), 2 * (reach[:, 1] * numbering.row_stride + reach[:, 0]), stays_active
-    )
+    ways = 2 * ball(numbering.row_margin // 2, 2)
+    centres = np.unique(parent_places(numbering, np.flatnonzero(is_to_refine)))
+    around = (centres[:, None] + ways[:, 1] * numbering.row_stride + ways[:, 0]).ravel()
+    stays_active[around[(around >= 0) & (around < len(stays_active))]] = False
     return stays_active
-
-
-@cached_njit(error_model="numpy")
-def _deactivate_at_offsets(places, offsets, active):  # type: ignore[no-untyped-def]
-    for q in places:
-        for way in offsets:
-            if 0 <= q + way < len(active):
-                active[q + way] = False

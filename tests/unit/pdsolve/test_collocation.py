@@ -44,7 +44,7 @@ REGION = Region(box=(0.0, 0.0, 0.01, 0.01), material=msgspec.structs.replace(PLA
 def test_bonds_of_the_start_stay_as_they_are_while_others_march(monkeypatch: pytest.MonkeyPatch) -> None:
     """A writer asks for them in a thread of its own: here bonds break amid the answer."""
     problem = prepare(torn("collocation"), Options(threads=1))
-    operator, listed = problem.system.operator, operator_module._list_intact_bonds
+    operator, listed = problem.system.operator, operator_module.list_bonds
     expected = operator.bonds(start=True)
 
     def listed_while_bonds_break(*arguments: Any) -> Any:
@@ -52,7 +52,7 @@ def test_bonds_of_the_start_stay_as_they_are_while_others_march(monkeypatch: pyt
         problem.advance(1, 91)
         return found
 
-    monkeypatch.setattr(operator_module, "_list_intact_bonds", listed_while_bonds_break)
+    monkeypatch.setattr(operator_module, "list_bonds", listed_while_bonds_break)
     for found, before in zip(operator.bonds(start=True), expected, strict=True):
         assert np.array_equal(found, before)
     assert len(operator.broken().step) > 100
