@@ -13,7 +13,6 @@ from plates import plate, square_grid
 from pdmesh.model.document import Collocation, Material, Run, Settings, Velocity
 from pdsolve.adaptivity.collocation.engine import CollocationEngine
 from pdsolve.adaptivity.collocation.operator import CollocationOperator
-from pdsolve.adaptivity.collocation.zone import areas_of_active_nodes, zone_with_active_coarse_nodes
 from pdsolve.model import Model
 from pdsolve.options import Options
 from pdsolve.run.prepare import prepare
@@ -45,14 +44,6 @@ def prepared(model: Model) -> tuple[PreparedRun, CollocationEngine]:
     problem = prepare(model, Options(threads=1))
     assert isinstance(problem.system.moving_zone_operator, CollocationOperator)
     return problem, problem.system.moving_zone_operator.engine
-
-
-def activate(engine: CollocationEngine, coarse: NDArray[np.bool_]) -> None:
-    """Let these coarse places, of those that may be, be the active ones."""
-    engine.zone = zone_with_active_coarse_nodes(
-        engine.lattice, engine.plate, engine.zone, coarse, engine.settings.seam_damping
-    )
-    engine.area = areas_of_active_nodes(engine.lattice, engine.plate, engine.zone.node_kinds)
 
 
 def places(engine: CollocationEngine) -> NDArray[np.float64]:

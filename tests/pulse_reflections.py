@@ -23,7 +23,6 @@ from pdsolve.adaptivity.collocation.engine import CollocationEngine
 from pdsolve.adaptivity.collocation.operator import CollocationOperator
 from pdsolve.adaptivity.collocation.zone import COARSE as ACTIVE
 from pdsolve.adaptivity.collocation.zone import FINE as BONDED
-from pdsolve.adaptivity.collocation.zone import areas_of_active_nodes, zone_with_active_coarse_nodes
 from pdsolve.adaptivity.hybrid.engine import HybridEngine
 from pdsolve.adaptivity.hybrid.lattice import AROUND, COARSE, FINE, FREE, VOID
 from pdsolve.adaptivity.hybrid.operator import HybridOperator
@@ -133,10 +132,7 @@ def _collocation(engine: CollocationEngine, seam: float) -> Marching:
     x = lattice.spacing * (
         np.arange(lattice.numbering.place_count) % lattice.numbering.row_stride - lattice.numbering.left_margin
     )
-    engine.zone = zone_with_active_coarse_nodes(
-        lattice, plate, zone, (zone.node_kinds == ACTIVE) & (x > seam), engine.settings.seam_damping
-    )
-    engine.area = areas_of_active_nodes(lattice, plate, engine.zone.node_kinds)
+    engine.activate_coarse_nodes((zone.node_kinds == ACTIVE) & (x > seam))
     place = plate.model.grid.position
 
     def put(shape: Field, _: Field, rate: Field) -> None:

@@ -40,6 +40,8 @@ from pdsolve.operators.protocol import CheckpointArrays
 from pdsolve.state import State
 from pdsolve.steppers.verlet import Verlet
 
+BREAK_COLUMNS = "break_step", "break_node", "break_spring"  # of checkpoints
+
 
 class CollocationSettings(NamedTuple):
     """Settings of the collocation method: where it refines, how it damps, and its number of threads."""
@@ -65,27 +67,21 @@ class CollocationEngine:
         self.plate, self.lattice, self.zone, self.drive, self.settings = plate, lattice, zone, drive, settings
         self.area, rho = areas_of_active_nodes(lattice, plate, zone.node_kinds), np.full(len(zone.damping), lattice.rho)
         dissipated, work = np.zeros((2, len(rho)))
-        self._state = State(zone.u.T, zone.v.T, zone.a.T, dissipated, work, zone.damped_energy)  # by places
+        self.state = State(zone.u.T, zone.v.T, zone.a.T, dissipated, work, zone.damped_energy)  # by places
         self._verlet = Verlet(self, drive, rho, lattice.dt, zone.damping)
         self.sum_forces_and_break_bonds(0, 0.0)  # compiles before the clock runs
 
-    @property
-    def work(self) -> NDArray[np.float64]:
-        """Work (places,) done on nodes so far, J/m^3."""
-        return self._state.work
-
     def set_initial_motion(self, velocity: NDArray[np.float64]) -> None:
         """Set the velocities (n, 2), m/s, of all nodes, and the accelerations of an undeformed plate."""
-        active = (self.zone.node_kinds == FINE) | (self.zone.node_kinds == COARSE)
-        is_active = active[self.plate.place_of_grid_row]
-        self.zone.v[:, self.plate.place_of_grid_row[is_active]] = velocity[is_active].T
+        places = self.active_places()
+        self.zone.v[:, places] = velocity[self.plate.grid_row_at_place[places]].T
         self.zone.a[:] = self.drive.force.T / self.lattice.rho - self.zone.damping * self.zone.v
         holds = self.drive.holds
         self.zone.a[holds.axis, holds.node] = 0.0
 
     def advance(self, first_step: int, end_step: int) -> None:
         """Take the steps `first_step` to `end_step` - 1. Raises UnstableError if a coarse pair exceeds its limit."""
-        self._verlet.advance(self._state, first_step, end_step)
+        self._verlet.advance(self.state, first_step, end_step)
 
     def accumulate_force(self, state: State, out: NDArray[Any], step: int, dt: float) -> None:
         """Add the force densities (places, 2), N/m^3, to `out`; bonds over their limit break, and nodes become fine
@@ -122,8 +118,7 @@ class CollocationEngine:
 
         side_by_side(work, threads)
         may_break = int(np.count_nonzero(zone.has_bond_over_limit)) * ROW * len(lattice.neighbour_offsets)
-        if zone.counts.broken_bonds + may_break > len(zone.break_events.step):
-            self._enlarge_break_arrays(may_break)
+        self._enlarge_break_arrays(zone.counts.broken_bonds + may_break)
         return bool(break_stretched_bonds(lattice, self.zone, step, dt))
 
     def refine_nodes_if_any_marked(self) -> None:
@@ -142,28 +137,32 @@ class CollocationEngine:
         self._refine_marked_nodes()
 
     def _enlarge_break_arrays(self, bonds: int) -> None:
-        """Enlarge the arrays of broken bonds, for so many at least."""
-        more = max(len(self.zone.break_events.step), bonds)
-        longer = (np.concatenate([column, np.zeros(more, dtype=column.dtype)]) for column in self.zone.break_events)
-        self.zone = self.zone._replace(break_events=BreakEvents(*longer))
+        """Enlarge the arrays of broken bonds if they have no room for so many."""
+        events, room = self.zone.break_events, len(self.zone.break_events.step)
+        if bonds > room:
+            more = max(room, bonds - room)
+            longer = (np.concatenate([column, np.zeros(more, dtype=column.dtype)]) for column in events)
+            self.zone = self.zone._replace(break_events=BreakEvents(*longer))
 
     def _refine_marked_nodes(self) -> None:
         """Refine where wanted: switch coarse nodes to fine ones."""
-        zone, lattice, plate = self.zone, self.lattice, self.plate
-        zone.totals.damped_energy += self._damped_energy_since_refinement()
+        zone, kinds = self.zone, self.zone.node_kinds
+        zone.totals.damped_energy += (zone.damped_energy * self.area).sum()
         zone.damped_energy[:] = 0.0
-        before, coarse = self._strain_and_kinetic_energy_of_coarse_nodes(), zone.node_kinds == COARSE
-        active = mask_coarse_nodes_left_active(lattice, coarse, zone.is_to_refine)
-        new = zone_with_active_coarse_nodes(lattice, plate, zone, active, self.settings.seam_damping)
-        born = np.flatnonzero((new.node_kinds == FINE) & (zone.node_kinds != FINE))
-        interpolate_motion(zone, lattice.numbering, born[zone.node_kinds[born] != COARSE])
+        before = self._energy_of_coarse_nodes_and(np.zeros(0, dtype=np.int64))
+        self.activate_coarse_nodes(mask_coarse_nodes_left_active(self.lattice, kinds == COARSE, zone.is_to_refine))
         zone.is_to_refine[:] = False
-        self.zone, self.area = new, areas_of_active_nodes(lattice, plate, new.node_kinds)
-        after = self._strain_and_kinetic_energy_of_coarse_nodes() + self._strain_and_kinetic_energy_at_places(
-            born, self.energy_densities(np.unique(born // ROW))
+        born = np.flatnonzero((self.zone.node_kinds == FINE) & (kinds != FINE))
+        interpolate_motion(zone, self.lattice.numbering, born[kinds[born] != COARSE])
+        zone.totals.refinement_energy += self._energy_of_coarse_nodes_and(born) - before
+        zone.counts.refinements += 1
+
+    def activate_coarse_nodes(self, is_active: NDArray[np.bool_]) -> None:
+        """Let these coarse places, of those that may be, be the active nodes."""
+        self.zone = zone_with_active_coarse_nodes(
+            self.lattice, self.plate, self.zone, is_active, self.settings.seam_damping
         )
-        self.zone.totals.refinement_energy += after - before
-        self.zone.counts.refinements += 1
+        self.area = areas_of_active_nodes(self.lattice, self.plate, self.zone.node_kinds)
 
     def energy_densities(self, fine_rows: NDArray[np.int64] | None = None) -> NDArray[np.float64]:
         """Energy densities (places,), J/m^3, of active coarse nodes and of fine nodes, of all or in `fine_rows`."""
@@ -172,16 +171,13 @@ class CollocationEngine:
         store_strain_energy_densities(self.lattice, self.zone, fine_rows, densities)
         return np.asarray(densities[0])
 
-    def _strain_and_kinetic_energy_at_places(self, places: NDArray[np.int64], densities: NDArray[np.float64]) -> float:
-        """Kinetic plus strain energy of nodes, J/m."""
-        moving = self.lattice.rho / 2 * (self.zone.v[:, places] ** 2).sum(axis=0)
-        return float(((moving + densities[places]) * self.area[places]).sum())
-
-    def _strain_and_kinetic_energy_of_coarse_nodes(self) -> float:
-        return self._strain_and_kinetic_energy_at_places(
-            self.zone.active_coarse_places,
-            self.energy_densities(self.zone.rows_with_fine_nodes[:0]),
-        )
+    def _energy_of_coarse_nodes_and(self, fine_places: NDArray[np.int64]) -> float:
+        """Kinetic plus strain energy of the active coarse nodes and of some fine ones, J/m."""
+        densities, energy = self.energy_densities(np.unique(fine_places // ROW)), 0.0
+        for places in (self.zone.active_coarse_places, fine_places):
+            moving = self.lattice.rho / 2 * (self.zone.v[:, places] ** 2).sum(axis=0)
+            energy += float(((moving + densities[places]) * self.area[places]).sum())
+        return energy
 
     def active_places(self) -> NDArray[np.int64]:
         """Places of active nodes."""
@@ -202,104 +198,85 @@ class CollocationEngine:
         )
         return ZoneSummary(float(self.zone.totals.refinement_energy), float(fine), float(largest / limit))
 
-    def kinetic_energy_and_momentum(self) -> tuple[float, float, float]:
-        """Kinetic energy, J/m, and momentum, N s/m."""
-        places = self.active_places()
-        mass, v = self.lattice.rho * self.area[places], self.zone.v[:, places]
-        return (float((mass / 2 * (v**2).sum(axis=0)).sum()), *(mass * v).sum(axis=1).tolist())
+    @property
+    def damped_energy_and_work(self) -> tuple[float, float]:
+        """Energy taken by damping, and work done, J/m."""
+        damped, work = (float((density * self.area).sum()) for density in (self.state.damped, self.state.work))
+        return float(self.zone.totals.damped_energy) + damped, work
 
     @property
-    def dissipated_and_damped_energy_and_work(self) -> tuple[float, float, float]:
-        """Energy dissipated by bonds and taken by damping, and work done, J/m."""
-        totals = self.zone.totals
-        damped = float(totals.damped_energy) + self._damped_energy_since_refinement()
-        return float(totals.dissipated_energy), damped, float((self.work * self.area).sum())
-
-    def _damped_energy_since_refinement(self) -> float:
-        """Energy taken by damping since the last switch of nodes, J/m."""
-        return float((self.zone.damped_energy * self.area).sum())
+    def _checkpoint_fields(self) -> dict[str, NDArray[np.float64]]:
+        """Fields (..., places) of active nodes, by their names in checkpoints."""
+        zone, work = self.zone, self.state.work
+        fields = {"fine_u": zone.u, "fine_v": zone.v, "fine_a": zone.a, "own_work": work, "damped": zone.damped_energy}
+        return fields | {"spent": zone.node_dissipation}
 
     def checkpoint_arrays(self) -> CheckpointArrays:
         """Arrays for a checkpoint, from which a run continues bit by bit."""
-        zone, places = self.zone, self.active_places()
-        broken = self.break_events()
-        columns = ("break_step", broken.step), ("break_node", broken.node), ("break_spring", broken.bond_number)
-        checkpoint: dict[str, NDArray[Any]] = {name: column.copy() for name, column in columns}
-        checkpoint |= pulls_to_arrays(broken.step, broken.force_at_break, broken.stretch_growth_at_break)
-        checkpoint |= {
-            name: field[:, places].copy()
-            for name, field in (("fine_u", zone.u), ("fine_v", zone.v), ("fine_a", zone.a))
-        }
-        checkpoint |= {"held_speed": self.drive.held_speed.copy(), "drive_force": self.drive.held_force.copy()}
-        checkpoint |= {
+        zone, places, broken, drive = self.zone, self.active_places(), self.break_events(), self.drive
+        return {
+            **{name: column.copy() for name, column in zip(BREAK_COLUMNS, broken[:3], strict=True)},
+            **pulls_to_arrays(broken.step, broken.force_at_break, broken.stretch_growth_at_break),
+            **{name: field[..., places] for name, field in self._checkpoint_fields.items()},
+            "held_speed": drive.held_speed.copy(),
+            "drive_force": drive.held_force.copy(),
             "total": zone.totals.values(),
             "number": zone.counts.values(),
             "coarse": zone.active_coarse_places.copy(),
+            "places": places,
         }
-        checkpoint |= {"spent": zone.node_dissipation[places].copy(), "damped": zone.damped_energy[places].copy()}
-        return checkpoint | {"places": places, "own_work": self.work[places].copy()}
 
     def restore(self, checkpoint: CheckpointArrays) -> None:
         """Restore a checkpoint, beginning with the initial state. Raises CheckpointError."""
-        lattice, active = self.lattice, np.zeros(self.lattice.numbering.place_count, dtype=np.bool_)
-        coarse = entry(checkpoint, "coarse", (None,), np.int64)
+        is_active, coarse = np.zeros(len(self.area), dtype=np.bool_), entry(checkpoint, "coarse", (None,), np.int64)
         if not np.isin(coarse, self.zone.active_coarse_places).all():
             raise CheckpointError("coarse nodes are none at the start; they must be some of those")
-        active[coarse] = True
-        breaks = self._read_checkpoint_breaks(checkpoint)
-        node, spring = breaks.node.astype(np.int64), breaks.bond_number.astype(np.int64)
-        half = len(lattice.neighbour_offsets) // 2
-        for ends, k in ((node, spring), (node + lattice.neighbour_offsets[spring], spring + half)):
-            mark_bonds_cut(self.zone.cut_bond_bits, ends, k)
-            index = self.zone.stiffness_index_of_row
-            index[ends // ROW] = np.where(index[ends // ROW] == WHOLE, UNCORRECTED, index[ends // ROW])
-        self.zone = zone_with_active_coarse_nodes(lattice, self.plate, self.zone, active, self.settings.seam_damping)
-        self.area, places = areas_of_active_nodes(lattice, self.plate, self.zone.node_kinds), self.active_places()
+        is_active[coarse] = True
+        self._restore_breaks(self._read_checkpoint_breaks(checkpoint))
+        self.activate_coarse_nodes(is_active)
+        places, drive, zone = self.active_places(), self.drive, self.zone
         if not np.array_equal(entry(checkpoint, "places", places.shape, np.int64), places):
             raise CheckpointError("places are not those of active nodes")
-        while len(self.zone.break_events.step) < len(node):
-            self._enlarge_break_arrays(0)
-        for name, values in breaks._asdict().items():
-            getattr(self.zone.break_events, name)[: len(node)] = values
-        for name, field in (("fine_u", self.zone.u), ("fine_v", self.zone.v), ("fine_a", self.zone.a)):
-            field[:] = 0.0
-            field[:, places] = entry(checkpoint, name, (2, len(places)), float)
-        drive, numbers = self.drive, like(checkpoint, "number", self.zone.counts.values())
-        counts, totals = Counts.of(numbers), like(checkpoint, "total", self.zone.totals.values())
-        if counts.broken_bonds != len(node) or (numbers < 0).any():
-            raise CheckpointError(f"'number' has {counts.broken_bonds} broken bonds; {len(node)} broke")
+        for name, field in self._checkpoint_fields.items():
+            field[...] = 0.0
+            field[..., places] = entry(checkpoint, name, (*field.shape[:-1], len(places)), float)
+        counts = Counts.of(like(checkpoint, "number", zone.counts.values()))
+        totals = Totals.of(like(checkpoint, "total", zone.totals.values()))
+        if counts.broken_bonds != zone.counts.broken_bonds or (counts.values() < 0).any():
+            raise CheckpointError(f"'number' has {counts.broken_bonds} broken bonds; {zone.counts.broken_bonds} broke")
         drive.held_speed[:] = like(checkpoint, "held_speed", drive.held_speed)
         drive.held_force[:] = like(checkpoint, "drive_force", drive.held_force)
-        self.zone = self.zone._replace(totals=Totals.of(totals), counts=counts)
-        for name, field in (
-            ("own_work", self.work),
-            ("damped", self.zone.damped_energy),
-            ("spent", self.zone.node_dissipation),
-        ):
-            field[places] = entry(checkpoint, name, places.shape, float)
+        self.zone = zone._replace(totals=totals, counts=counts)
 
     def _read_checkpoint_breaks(self, checkpoint: CheckpointArrays) -> BreakEvents:
         """Broken bonds of a checkpoint, checked to exist at the start and to have broken once.
 
         Raises CheckpointError.
         """
-        lattice, half = self.lattice, len(self.lattice.neighbour_offsets) // 2
-        step = entry(checkpoint, "break_step", (None,), np.int32, 1)
-        breaks = BreakEvents(
-            step,
-            entry(checkpoint, "break_node", step.shape, np.int32, 0, lattice.numbering.place_count - 1),
-            entry(checkpoint, "break_spring", step.shape, np.int32, 0, half - 1),
-            *read_pulls(checkpoint, len(step)),
+        half, step = len(self.lattice.neighbour_offsets) // 2, entry(checkpoint, "break_step", (None,), np.int32, 1)
+        node, number = (
+            entry(checkpoint, name, step.shape, np.int32, 0, count - 1)
+            for name, count in zip(BREAK_COLUMNS[1:], (len(self.area), half), strict=True)
         )
-        node, spring = breaks.node.astype(np.int64), breaks.bond_number.astype(np.int64)
-        target = node + lattice.neighbour_offsets[spring]
-        has_node = np.zeros(lattice.numbering.place_count, dtype=np.bool_)
-        has_node[self.plate.place_of_grid_row] = True
-        inside = has_node[node] & (target >= 0) & (target < len(has_node)) & has_node[target.clip(0, len(has_node) - 1)]
-        intact = self.zone.cut_bond_bits[node // ROW, spring] >> (node % ROW).astype(np.uint16) & 1 == 0
-        if not (inside & intact).all() or len(np.unique(node * half + spring)) < len(node):
+        lanes = (node % ROW).astype(np.uint16)
+        intact = self.zone.cut_bond_bits[node // ROW, number] >> lanes & 1 == 0  # as no bond to where no node is
+        exists = (self.plate.grid_row_at_place[node] >= 0) & intact
+        if not exists.all() or len(np.unique(node.astype(np.int64) * half + number)) < len(node):
             raise CheckpointError("a broken bond is none of the plate, or there twice")
-        return breaks
+        return BreakEvents(step, node, number, *read_pulls(checkpoint, len(step)))
+
+    def _restore_breaks(self, breaks: BreakEvents) -> None:
+        """Break these bonds, none of which is broken."""
+        zone, node, number = self.zone, breaks.node.astype(np.int64), breaks.bond_number.astype(np.int64)
+        ways = self.lattice.neighbour_offsets
+        for places, k in ((node, number), (node + ways[number], number + len(ways) // 2)):
+            mark_bonds_cut(zone.cut_bond_bits, places, k)
+            index = zone.stiffness_index_of_row[places // ROW]
+            zone.stiffness_index_of_row[places // ROW] = np.where(index == WHOLE, UNCORRECTED, index)
+        self._enlarge_break_arrays(len(node))
+        for name, values in breaks._asdict().items():
+            getattr(self.zone.break_events, name)[: len(node)] = values
+        zone.counts.broken_bonds = len(node)
 
     def bytes(self) -> int:
         """Memory of all arrays, bytes; untouched parts take none in practice."""

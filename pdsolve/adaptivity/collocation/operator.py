@@ -93,15 +93,9 @@ class CollocationOperator(TwoLatticeOperator[CollocationEngine]):
 
     def copy_to_state(self, state: State) -> None:
         """Update a state from the active nodes."""
-        engine, places = self.engine, self.places
-        zone = engine.zone
-        for field, out in ((zone.u, state.value), (zone.v, state.rate), (zone.a, state.second)):
-            out[:] = field[:, places].T
-        state.dissipated[:], state.work[:], state.damped[:] = (
-            self.dissipated_energy(),
-            engine.work[places],
-            zone.damped_energy[places],
-        )
+        for values, values_at_places in zip(state, self.engine.state, strict=True):
+            values[:] = values_at_places[self.places]
+        state.dissipated[:] = self.dissipated_energy()
 
     def accelerations(self) -> NDArray[np.float64]:
         """Accelerations (n, 2), m/s^2, from the most recent sum of forces."""
@@ -126,10 +120,11 @@ class CollocationOperator(TwoLatticeOperator[CollocationEngine]):
 
     def energy_balance_totals(self) -> EnergyBalanceTotals:
         """Energies, work and momentum at the state of the last call of `energies`."""
-        kinetic, x, y = self.engine.kinetic_energy_and_momentum()
-        return EnergyBalanceTotals(
-            kinetic, self._strain, *self.engine.dissipated_and_damped_energy_and_work, x, y, len(self.broken().step)
-        )
+        engine, v = self.engine, self.engine.zone.v[:, self.places]
+        mass, (damped, work) = engine.lattice.rho * self.area, engine.damped_energy_and_work
+        kinetic, (x, y) = float((mass / 2 * (v**2).sum(axis=0)).sum()), (mass * v).sum(axis=1).tolist()
+        dissipated = float(engine.zone.totals.dissipated_energy)
+        return EnergyBalanceTotals(kinetic, self._strain, dissipated, damped, work, x, y, len(self.broken().step))
 
     def load_forces(self, profile_count: int) -> NDArray[np.float64]:
         """Forces (profiles, 2), N/m, of the loads at factor 1."""
