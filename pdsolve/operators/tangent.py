@@ -90,6 +90,19 @@ def of_curves(
     return of_pairs(bonds, columns, Now(complex_value, complex_value, 0, 0.0))
 
 
+def of_followers(parents: NDArray[np.integer], weights: NDArray[np.float64], nodes: int) -> csr_array:
+    """Weights (k, nodes) by which k points move with their `parents` (k, m), rows of nodes, by `weights` (k, m)."""
+    followers = np.repeat(np.arange(len(parents)), parents.shape[1])
+    return coo_array((weights.ravel(), (followers, parents.ravel())), (len(parents), nodes)).tocsr()
+
+
+def of_blocks(
+    source: NDArray[np.int64], target: NDArray[np.int64], blocks: NDArray[np.float64], nodes: int
+) -> csr_array:
+    """Minus the derivative (n w, n w) of forces linear in values: those of `target` (b,) times `blocks` (b, w, w)."""
+    return _matrix(nodes, source, target, np.zeros_like(blocks), blocks)
+
+
 def _matrix(
     nodes: int,
     source: NDArray[np.int64],

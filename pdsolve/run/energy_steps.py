@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from pdsolve.adaptivity.quadtree.interpolation import kinetic_energy
 from pdsolve.run.system import System
 from pdsolve.state import State
 
@@ -36,3 +35,8 @@ def half_kick_work_of_acceleration_error(
         excess[~included_nodes] = 0.0
     way = dt * (state.rate + dt / 2 * state.second)
     return float(np.sum(system.area[:, None] * excess / 2 * way))
+
+
+def kinetic_energy(mass: NDArray[np.float64], rate: NDArray[np.float64]) -> float:
+    """Kinetic energy, J/m, of nodes with masses (n,), kg/m, and velocities (n, 2)."""
+    return float((mass / 2 * (rate**2).sum(axis=1)).sum())

@@ -216,9 +216,7 @@ def alone(system: Any) -> NDArray[np.bool_]:
 def marched(system: Any, state: State, steps: int) -> State:
     """The state after so many steps of Verlet, by what the operator adds alone."""
     operator, (nodes, width) = system.operator, state.value.shape
-    damping = (
-        operator.engine.zone.damping[operator.places] if isinstance(operator, CollocationOperator) else np.zeros(nodes)
-    )
+    damping = operator.engine.damping[operator.places] if isinstance(operator, CollocationOperator) else np.zeros(nodes)
     kind = state.value.dtype.type
     drive = idle(nodes, width)
     drive = drive._replace(force=drive.force.astype(kind), before=drive.before.astype(kind))

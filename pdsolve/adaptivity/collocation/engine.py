@@ -22,12 +22,13 @@ from pdsolve.adaptivity.collocation.zone import (
     COARSE,
     FINE,
     BreakEvents,
-    CollocationZone,
     Counts,
     Totals,
     areas_of_active_nodes,
+    create_collocation_zone,
     interpolate_motion,
     mask_coarse_nodes_left_active,
+    mask_nodes_near_seam,
     zone_with_active_coarse_nodes,
 )
 from pdsolve.adaptivity.hybrid.engine import ZoneSummary
@@ -35,6 +36,7 @@ from pdsolve.checkpoint_validation import entry, like, pulls_to_arrays, read_pul
 from pdsolve.codegen.vector_code import ROW
 from pdsolve.conditions import Drive
 from pdsolve.errors import CheckpointError, UnstableError
+from pdsolve.numerics.memory import aligned
 from pdsolve.numerics.thread_team import side_by_side
 from pdsolve.operators.protocol import CheckpointArrays
 from pdsolve.state import State
@@ -59,25 +61,25 @@ class CollocationEngine:
         self,
         plate: CollocationPlate,
         lattice: LatticeConstants,
-        zone: CollocationZone,
+        is_active: NDArray[np.bool_],
         drive: Drive,
         settings: CollocationSettings,
     ) -> None:
-        """`zone` is the initial zone; entries of `drive` refer to places."""
-        self.plate, self.lattice, self.zone, self.drive, self.settings = plate, lattice, zone, drive, settings
-        self.area, rho = areas_of_active_nodes(lattice, plate, zone.node_kinds), np.full(len(zone.damping), lattice.rho)
-        dissipated, work = np.zeros((2, len(rho)))
-        self.state = State(zone.u.T, zone.v.T, zone.a.T, dissipated, work, zone.damped_energy)  # by places
-        self._verlet = Verlet(self, drive, rho, lattice.dt, zone.damping)
+        """`is_active` (places,) are the active coarse nodes at the start; entries of `drive` refer to places."""
+        self.plate, self.lattice, self.drive, self.settings = plate, lattice, drive, settings
+        motion, rho = aligned(np.zeros((3, 2, len(is_active)))), np.full(len(is_active), lattice.rho)
+        self.state = State(*(field.T for field in motion), *np.zeros((3, len(rho))))  # by places
+        self.zone, self.damping = create_collocation_zone(plate, self.state), np.zeros(len(rho))
+        self.activate_coarse_nodes(is_active)
+        self._verlet = Verlet(self, drive, rho, lattice.dt, self.damping)
         self.sum_forces_and_break_bonds(0, 0.0)  # compiles before the clock runs
 
     def set_initial_motion(self, velocity: NDArray[np.float64]) -> None:
         """Set the velocities (n, 2), m/s, of all nodes, and the accelerations of an undeformed plate."""
         places = self.active_places()
-        self.zone.v[:, places] = velocity[self.plate.grid_row_at_place[places]].T
-        self.zone.a[:] = self.drive.force.T / self.lattice.rho - self.zone.damping * self.zone.v
-        holds = self.drive.holds
-        self.zone.a[holds.axis, holds.node] = 0.0
+        self.state.rate[places] = velocity[self.plate.grid_row_at_place[places]]
+        self.state.second[:] = self.drive.force / self.lattice.rho - self.damping[:, None] * self.state.rate
+        self.state.second[self.drive.holds.node, self.drive.holds.axis] = 0.0
 
     def advance(self, first_step: int, end_step: int) -> None:
         """Take the steps `first_step` to `end_step` - 1. Raises UnstableError if a coarse pair exceeds its limit."""
@@ -147,22 +149,22 @@ class CollocationEngine:
     def _refine_marked_nodes(self) -> None:
         """Refine where wanted: switch coarse nodes to fine ones."""
         zone, kinds = self.zone, self.zone.node_kinds
-        zone.totals.damped_energy += (zone.damped_energy * self.area).sum()
-        zone.damped_energy[:] = 0.0
+        zone.totals.damped_energy += (self.state.damped * self.area).sum()
+        self.state.damped[:] = 0.0
         before = self._energy_of_coarse_nodes_and(np.zeros(0, dtype=np.int64))
         self.activate_coarse_nodes(mask_coarse_nodes_left_active(self.lattice, kinds == COARSE, zone.is_to_refine))
         zone.is_to_refine[:] = False
         born = np.flatnonzero((self.zone.node_kinds == FINE) & (kinds != FINE))
-        interpolate_motion(zone, self.lattice.numbering, born[kinds[born] != COARSE])
+        interpolate_motion(self.state, self.lattice.numbering, born[kinds[born] != COARSE])
         zone.totals.refinement_energy += self._energy_of_coarse_nodes_and(born) - before
         zone.counts.refinements += 1
 
     def activate_coarse_nodes(self, is_active: NDArray[np.bool_]) -> None:
         """Let these coarse places, of those that may be, be the active nodes."""
-        self.zone = zone_with_active_coarse_nodes(
-            self.lattice, self.plate, self.zone, is_active, self.settings.seam_damping
-        )
+        self.zone = zone_with_active_coarse_nodes(self.lattice, self.plate, self.zone, is_active)
         self.area = areas_of_active_nodes(self.lattice, self.plate, self.zone.node_kinds)
+        near_seam = mask_nodes_near_seam(self.lattice, self.plate, self.zone.node_kinds)
+        self.damping[:] = np.where(near_seam, self.settings.seam_damping, 0.0)
 
     def energy_densities(self, fine_rows: NDArray[np.int64] | None = None) -> NDArray[np.float64]:
         """Energy densities (places,), J/m^3, of active coarse nodes and of fine nodes, of all or in `fine_rows`."""
@@ -207,9 +209,9 @@ class CollocationEngine:
     @property
     def _checkpoint_fields(self) -> dict[str, NDArray[np.float64]]:
         """Fields (..., places) of active nodes, by their names in checkpoints."""
-        zone, work = self.zone, self.state.work
-        fields = {"fine_u": zone.u, "fine_v": zone.v, "fine_a": zone.a, "own_work": work, "damped": zone.damped_energy}
-        return fields | {"spent": zone.node_dissipation}
+        u, v, a, _, work, damped = self.state
+        fields = {"fine_u": u.T, "fine_v": v.T, "fine_a": a.T, "own_work": work, "damped": damped}
+        return fields | {"spent": self.zone.node_dissipation}
 
     def checkpoint_arrays(self) -> CheckpointArrays:
         """Arrays for a checkpoint, from which a run continues bit by bit."""

@@ -34,6 +34,7 @@ from pdsolve.model import Model, ModelError
 from pdsolve.numerics.dilation import in_square
 from pdsolve.operators.stencils import Stencil
 
+ALONG_X, ALONG_Y = 6, 7  # columns of `spring_table`
 SAME = 1e-12  # relative: areas this near to a whole cell are one
 OFF = 1e-6  # spacings: nodes this far from the lattice are not on it
 
@@ -57,8 +58,10 @@ class LatticeConstants(NamedTuple):
     spacing: float  # m
     rho: float  # kg/m^3
     dt: float  # s
-    spring_table: NDArray[np.float64]  # (k, 8) springs, as in `Springs`, but stiffnesses over the area of a cell, N/m^4
-    squared_direction_components: NDArray[np.float64]  # (k, 2) n_x^2 and n_y^2
+    spring_table: NDArray[
+        np.float64
+    ]  # (k, 8) springs, as in `Springs`, but stiffnesses over the area of a cell, N/m^4;
+    # then n_x^2 and n_y^2 of their directions
     neighbour_offsets: NDArray[np.int64]  # (k,) places to the neighbour
     cell_area_share: NDArray[np.float64]  # (1, places) area of a node's cell over h^2, 0 without one
     surface_correction: NDArray[np.float64]  # (2, places) of energy in uniform stretch along x and y, as in the scheme
@@ -105,7 +108,6 @@ def create_constants_and_plate(
 ) -> tuple[LatticeConstants, CollocationPlate]:
     """Constant arrays of a plate, before its time step is chosen. Raises GridError, ModelError."""
     h, material = float(model.grid.delta[0]), model.materials[0]
-    n = springs.spring_table[:, :2] * np.sqrt(springs.spring_table[:, 4:5])
     ways = springs.family_dy * numbering.row_stride + springs.family_dx
     row = np.full(numbering.place_count, -1, dtype=np.int32)
     row[place_of_grid_row] = np.arange(len(place_of_grid_row))
@@ -118,6 +120,7 @@ def create_constants_and_plate(
     square = np.maximum((xi**2).sum(axis=1), h**2)
     table = springs.spring_table.copy()
     table[:, STIFFNESS] /= h**2
+    table[:, ALONG_X : ALONG_Y + 1] = (table[:, :2] * np.sqrt(table[:, 4:5])) ** 2
     theta = stencil.theta / (4 * h**2)
     bind(brittle.LAW)
     lattice = LatticeConstants(
@@ -127,7 +130,6 @@ def create_constants_and_plate(
         rho=material.rho,
         dt=0.0,
         spring_table=table,
-        squared_direction_components=np.ascontiguousarray(n**2),
         neighbour_offsets=ways,
         cell_area_share=area_share,
         surface_correction=np.ones((2, numbering.place_count)),
@@ -190,6 +192,13 @@ def _node_areas(
     return np.asarray(float(model.grid.delta[0]) ** 2 / 4 * around)
 
 
+def view_of_lattice(values: NDArray[Any], numbering: Numbering) -> NDArray[Any]:
+    """View (ny, nx) of values (places,) at the places of the lattice."""
+    rows = values[: numbering.place_count - 2 * ROW].reshape(-1, numbering.row_stride)
+    rows = rows[numbering.row_margin : numbering.row_margin + numbering.ny]
+    return rows[:, numbering.left_margin : numbering.left_margin + numbering.nx]
+
+
 def dilate_mask(marked: NDArray[np.bool_], numbering: Numbering, reach: int) -> NDArray[np.bool_]:
     """Mask (places,) of places at most `reach` columns and rows from a marked one."""
     field = marked[: numbering.place_count - 2 * ROW].reshape(-1, numbering.row_stride)
@@ -226,13 +235,8 @@ def _cut_bonds_across_holes(
 ) -> None:
     """Cut the bonds that a hole or the outline separates."""
     numbering, ways = lattice.numbering, lattice.neighbour_offsets
-    inner = np.zeros(numbering.place_count, dtype=np.bool_)
-    field = inner[: numbering.place_count - 2 * ROW].reshape(-1, numbering.row_stride)
-    field[
-        numbering.row_margin : numbering.row_margin + numbering.ny,
-        numbering.left_margin : numbering.left_margin + numbering.nx,
-    ] = True
-    missing = inner & (grid_row_at_place < 0)
+    missing = np.zeros(numbering.place_count, dtype=np.bool_)
+    view_of_lattice(missing, numbering)[:] = view_of_lattice(grid_row_at_place, numbering) < 0
     if not missing.any():
         return  # a rectangle, which no bond leaves
     around = np.flatnonzero(dilate_mask(missing, numbering, numbering.row_margin) & (grid_row_at_place >= 0))
@@ -292,8 +296,8 @@ def _store_surface_correction_and_full_families(lattice, cut_bond_bits, places, 
     full_x, full_y = 0.0, 0.0
     for k in range(len(lattice.neighbour_offsets)):
         energy = lattice.spring_table[k, 5] / lattice.spring_table[k, 4]
-        full_x += energy * lattice.squared_direction_components[k, 0] ** 2
-        full_y += energy * lattice.squared_direction_components[k, 1] ** 2
+        full_x += energy * lattice.spring_table[k, ALONG_X] ** 2
+        full_y += energy * lattice.spring_table[k, ALONG_Y] ** 2
     for p in places:
         held_x, held_y, is_full = 0.0, 0.0, lattice.cell_area_share[0, p] == 1
         for k in range(len(lattice.neighbour_offsets)):
@@ -303,8 +307,8 @@ def _store_surface_correction_and_full_families(lattice, cut_bond_bits, places, 
                 continue
             is_full &= share == 1
             energy = share * lattice.spring_table[k, 5] / lattice.spring_table[k, 4]
-            held_x += energy * lattice.squared_direction_components[k, 0] ** 2
-            held_y += energy * lattice.squared_direction_components[k, 1] ** 2
+            held_x += energy * lattice.spring_table[k, ALONG_X] ** 2
+            held_y += energy * lattice.spring_table[k, ALONG_Y] ** 2
         full_family[p] = is_full
         if not is_full:
             lattice.surface_correction[0, p] = full_x / held_x if held_x > 0 else 1.0

@@ -12,7 +12,7 @@ from pdsolve.adaptivity.collocation.engine import CollocationEngine, Collocation
 from pdsolve.adaptivity.collocation.layout import create_constants_and_plate, create_numbering_and_places
 from pdsolve.adaptivity.collocation.operator import CollocationOperator
 from pdsolve.adaptivity.collocation.row_stiffness import largest_stiffness_bound, share_stiffness_of_equal_rows
-from pdsolve.adaptivity.collocation.zone import create_collocation_zone, mask_eligible_coarse
+from pdsolve.adaptivity.collocation.zone import mask_eligible_coarse
 from pdsolve.adaptivity.hybrid.coarse_cells import check_model_supported, create_unsupported_error
 from pdsolve.adaptivity.hybrid.springs import create_fine_springs
 from pdsolve.conditions import drive, initial_velocity
@@ -64,12 +64,7 @@ def create_collocation_operator_and_stable_step(
     settings = CollocationSettings(
         run_settings.kappa, compute_seam_damping(run_settings, model), max(1, min(OFTEN, every)), threads
     )
-    zone = create_collocation_zone(
-        lattice,
-        plate,
-        mask_eligible_coarse(lattice, plate, round(min(run_settings.margin * ratio, at.nx + at.ny))),
-        settings.seam_damping,
-    )
+    margin = round(min(run_settings.margin * ratio, at.nx + at.ny))
     drive_of_places = drive(model, plate.node_areas, True, np.float64)
     force, before = np.zeros((2, at.place_count, 2))
     force[place], before[place] = drive_of_places.force, drive_of_places.before
@@ -79,7 +74,7 @@ def create_collocation_operator_and_stable_step(
     drive_of_places = drive_of_places._replace(
         force=force, before=before, loads=loads, holds=holds
     )  # by places in place of rows
-    engine = CollocationEngine(plate, lattice, zone, drive_of_places, settings)
+    engine = CollocationEngine(plate, lattice, mask_eligible_coarse(lattice, plate, margin), drive_of_places, settings)
     engine.set_initial_motion(initial_velocity(model))
     return CollocationOperator(engine), bound
 

@@ -11,7 +11,14 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from pdsolve.adaptivity.collocation.layout import CollocationPlate, LatticeConstants, is_bond_cut, mask_edge_rows
+from pdsolve.adaptivity.collocation.layout import (
+    ALONG_X,
+    ALONG_Y,
+    CollocationPlate,
+    LatticeConstants,
+    is_bond_cut,
+    mask_edge_rows,
+)
 from pdsolve.codegen.inner_functions import INNER
 from pdsolve.codegen.jit_cache import cached_njit
 from pdsolve.codegen.lanes import across, beside, keep
@@ -91,9 +98,7 @@ def store_row_stiffness(lattice, row, stiffness):  # type: ignore[no-untyped-def
 @njit(forceinline=True, **INNER)
 def _correction(lattice, k, x, y):  # type: ignore[no-untyped-def]
     """The correction of bond k whose ends have the mean corrections x and y along the axes."""
-    x2, y2 = x * x, y * y
-    along = y2 * lattice.squared_direction_components[k, 0] + x2 * lattice.squared_direction_components[k, 1]
-    return x * y / np.sqrt(along)
+    return x * y / np.sqrt(y * y * lattice.spring_table[k, ALONG_X] + x * x * lattice.spring_table[k, ALONG_Y])
 
 
 @njit(**INNER)

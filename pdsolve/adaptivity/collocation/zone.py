@@ -20,11 +20,13 @@ from pdsolve.adaptivity.collocation.layout import (
     LatticeConstants,
     Numbering,
     dilate_mask,
+    view_of_lattice,
 )
 from pdsolve.codegen.record import Record
 from pdsolve.codegen.vector_code import ROW
 from pdsolve.numerics.memory import aligned
 from pdsolve.operators.stencils import ball
+from pdsolve.state import State
 
 NONE, FINE, COARSE, BETWEEN = range(4)  # places: without a node; active ones; those that are interpolated
 EVENTS = 4096  # room for so many breaks at first
@@ -62,36 +64,23 @@ class CollocationZone(NamedTuple):
 
     u: NDArray[np.float64]  # (2, places) m
     v: NDArray[np.float64]  # (2, places) m/s; within a step the mean since the last one
-    a: NDArray[np.float64]  # (2, places) m/s^2
     f: NDArray[np.float64]  # (2, places) N/m^3
     cut_bond_bits: NDArray[np.uint16]  # (places / 16, k) a bit for each bond that is cut or broken
     stiffness_index_of_row: NDArray[np.int32]  # (places / 16,) which of `row_stiffness` a row has, see there
     node_kinds: NDArray[np.uint8]  # (places,) NONE, FINE, COARSE or BETWEEN
     rows_with_fine_nodes: NDArray[np.int64]  # (r,) rows of 16 places with active fine nodes
+    rows_with_coarse_nodes: NDArray[np.int64]  # (q,) rows of 16 places with active coarse nodes
     active_coarse_places: NDArray[np.int64]  # (c,) places of active coarse nodes
     fictitious_nodes: NDArray[
         np.int64
     ]  # (b, 5) places of fictitious nodes that bonds reach, and of those they are between
     node_dissipation: NDArray[np.float64]  # (places,) J/m, by a node's bonds so far
-    damping: NDArray[np.float64]  # (places,) 1/s
-    damped_energy: NDArray[np.float64]  # (places,) J/m^3
     has_bond_over_limit: NDArray[np.bool_]  # (r,) of rows
     has_new_breaks: NDArray[np.bool_]  # (places / 16,) rows whose bonds broke in this step
     is_to_refine: NDArray[np.bool_]  # (places,) nodes around which fine ones are wanted
     totals: Totals
     counts: Counts
     break_events: BreakEvents
-
-
-def mask_coarse_places(numbering: Numbering) -> NDArray[np.bool_]:
-    """Mask (places,) of the places that are coarse nodes too."""
-    is_even = np.zeros(numbering.place_count, dtype=np.bool_)
-    field = is_even[: numbering.place_count - 2 * ROW].reshape(-1, numbering.row_stride)
-    field[
-        numbering.row_margin : numbering.row_margin + numbering.ny : 2,
-        numbering.left_margin : numbering.left_margin + numbering.nx : 2,
-    ] = True
-    return is_even
 
 
 def parent_places(numbering: Numbering, places: NDArray[np.int64]) -> NDArray[np.int64]:
@@ -120,7 +109,9 @@ def mask_eligible_coarse(lattice: LatticeConstants, plate: CollocationPlate, mar
     odd = (plate.grid_row_at_place >= 0) & ~plate.has_full_family
     odd = (dilate_mask(odd, lattice.numbering, margin) if margin else odd) | plate.has_condition
     fine = np.flatnonzero((plate.grid_row_at_place >= 0) & odd)
-    may_be_active = mask_coarse_places(lattice.numbering) & plate.has_full_family & ~odd
+    may_be_active = np.zeros(len(odd), dtype=np.bool_)
+    view_of_lattice(may_be_active, lattice.numbering)[::2, ::2] = True
+    may_be_active &= plate.has_full_family & ~odd
     may_be_active[parent_places(lattice.numbering, fine).ravel()] = False
     return may_be_active
 
@@ -151,28 +142,21 @@ def areas_of_active_nodes(
     return areas
 
 
-def create_collocation_zone(
-    lattice: LatticeConstants, plate: CollocationPlate, is_active: NDArray[np.bool_], seam_damping: float
-) -> CollocationZone:
-    """The initial zone at rest; nodes within a horizon of the seam are damped by `seam_damping`, 1/s."""
-    places = lattice.numbering.place_count
-    nothing = np.zeros(0, dtype=np.int64)
-    u, v, a, f = (aligned(np.zeros((2, places))) for _ in range(4))
-    spent, damping, damped = np.zeros((3, places))
-    zone = CollocationZone(
-        u=u,
-        v=v,
-        a=a,
-        f=f,
+def create_collocation_zone(plate: CollocationPlate, state: State) -> CollocationZone:
+    """The zone with this `state` by places, without any active nodes."""
+    places, nothing = len(state.value), np.zeros(0, dtype=np.int64)
+    return CollocationZone(
+        u=state.value.T,
+        v=state.rate.T,
+        f=aligned(np.zeros((2, places))),
         cut_bond_bits=plate.cut_bond_bits,
         stiffness_index_of_row=plate.stiffness_index_of_row,
         node_kinds=np.zeros(places, dtype=np.uint8),
         rows_with_fine_nodes=nothing,
+        rows_with_coarse_nodes=nothing,
         active_coarse_places=nothing,
         fictitious_nodes=nothing.reshape(0, 5),
-        node_dissipation=spent,
-        damping=damping,
-        damped_energy=damped,
+        node_dissipation=np.zeros(places),
         has_bond_over_limit=np.zeros(0, dtype=np.bool_),
         has_new_breaks=np.zeros(places // ROW, dtype=np.bool_),
         is_to_refine=np.zeros(places, dtype=np.bool_),
@@ -180,45 +164,40 @@ def create_collocation_zone(
         counts=Counts.of(),
         break_events=BreakEvents(*np.zeros((3, EVENTS), dtype=np.int32), *np.zeros((2, EVENTS))),
     )
-    return zone_with_active_coarse_nodes(lattice, plate, zone, is_active, seam_damping)
 
 
 def zone_with_active_coarse_nodes(
-    lattice: LatticeConstants,
-    plate: CollocationPlate,
-    zone: CollocationZone,
-    is_active: NDArray[np.bool_],
-    seam_damping: float,
+    lattice: LatticeConstants, plate: CollocationPlate, zone: CollocationZone, is_active: NDArray[np.bool_]
 ) -> CollocationZone:
-    """The zone with these coarse nodes active; nodes within a horizon of the seam are damped by `seam_damping`, 1/s."""
-    numbering, node = lattice.numbering, node_kinds_at_places(lattice, plate, is_active)
-    fine = node == FINE
-    has_fine = fine.reshape(-1, ROW).any(axis=1)
-    rows, in_rows = np.flatnonzero(has_fine), np.repeat(has_fine, ROW)  # whose sums are all formed
-    reached = np.flatnonzero((node == BETWEEN) & dilate_mask(in_rows, numbering, numbering.row_margin))
-    between = np.column_stack([reached, parent_places(numbering, reached)])
-    zone.damping[:] = 0.0
-    if seam_damping > 0:
-        coarse = node == COARSE
-        zone.damping[
-            (fine & dilate_mask(coarse, numbering, numbering.row_margin))
-            | (coarse & dilate_mask(fine, numbering, numbering.row_margin))
-        ] = seam_damping
-        zone.damping[plate.has_condition] = 0.0
+    """The zone with these coarse nodes active."""
+    numbering, kinds = lattice.numbering, node_kinds_at_places(lattice, plate, is_active)
+    has_fine = (kinds == FINE).reshape(-1, ROW).any(axis=1)
+    in_rows = np.repeat(has_fine, ROW)  # whose sums are all formed
+    reached = np.flatnonzero((kinds == BETWEEN) & dilate_mask(in_rows, numbering, numbering.row_margin))
     return zone._replace(
-        node_kinds=node,
-        rows_with_fine_nodes=rows,
-        active_coarse_places=np.flatnonzero(node == COARSE),
-        fictitious_nodes=between,
-        has_bond_over_limit=np.zeros(len(rows), dtype=np.bool_),
+        node_kinds=kinds,
+        rows_with_fine_nodes=np.flatnonzero(has_fine),
+        rows_with_coarse_nodes=np.flatnonzero((kinds == COARSE).reshape(-1, ROW).any(axis=1)),
+        active_coarse_places=np.flatnonzero(kinds == COARSE),
+        fictitious_nodes=np.column_stack([reached, parent_places(numbering, reached)]),
+        has_bond_over_limit=np.zeros(np.count_nonzero(has_fine), dtype=np.bool_),
     )
 
 
-def interpolate_motion(zone: CollocationZone, numbering: Numbering, places: NDArray[np.int64]) -> None:
+def mask_nodes_near_seam(
+    lattice: LatticeConstants, plate: CollocationPlate, node_kinds: NDArray[np.uint8]
+) -> NDArray[np.bool_]:
+    """Mask (places,) of fine nodes within a horizon of coarse ones and of coarse ones likewise, without conditions."""
+    numbering, fine, coarse = lattice.numbering, node_kinds == FINE, node_kinds == COARSE
+    near = fine & dilate_mask(coarse, numbering, numbering.row_margin)
+    near |= coarse & dilate_mask(fine, numbering, numbering.row_margin)
+    return np.asarray(near & ~plate.has_condition)
+
+
+def interpolate_motion(state: State, numbering: Numbering, places: NDArray[np.int64]) -> None:
     """Interpolate the motion of nodes between coarse ones."""
-    four = parent_places(numbering, places)
-    for field in (zone.u, zone.v, zone.a):
-        field[:, places] = field[:, four].mean(axis=2)
+    for field in state[:3]:
+        field[places] = field[parent_places(numbering, places)].mean(axis=1)
 
 
 def mask_coarse_nodes_left_active(

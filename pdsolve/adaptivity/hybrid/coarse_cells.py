@@ -374,5 +374,5 @@ def adaptivity_name(model: Model) -> str:
 
 def create_unsupported_error(model: Model, setting: str, actual: str, expected: str) -> ModelError:
     """A ModelError that names the adaptivity and what it does not support."""
-    name = setting if setting in ("mode", "precision") else f"{model.name}: {setting}"
+    name = setting if setting in ("mode", "precision", "kernel") else f"{model.name}: {setting}"
     return ModelError(unfit(name, actual, f"{expected}, as run.adapt is {adaptivity_name(model)}"))

@@ -102,23 +102,3 @@ def inherit_break_steps(old_bonds: PastBonds, new_bonds: Bonds, origins: LeafOri
         when[unknown] = old_bonds.crack_separation_steps(source_origin[unknown, 0], target_origin[unknown, 0], xi)
     steps[changed_bonds] = when
     return steps
-
-
-def count_healed_bonds(old_bonds: PastBonds, new_bonds: Bonds, origins: LeafOrigins, broken: NDArray[np.int32]) -> int:
-    """Number of new bonds that are intact although a bond between their parent nodes was broken."""
-    child, part = np.nonzero(origins.mass_shares > 0)
-    old = origins.origin_rows[child, part]
-    order = np.argsort(old, kind="stable")
-    child, begin = child[order], np.searchsorted(old[order], np.arange(len(old_bonds.has_broken_bond) + 1))
-    which = np.flatnonzero(old_bonds.break_steps)
-    old_source, old_target = old_bonds.source[which], old_bonds.bonds.neighbour[which].astype(np.int64)
-    counts = np.diff(begin)
-    pairs = counts[old_source] * counts[old_target]
-    row, number = np.repeat(np.arange(len(which)), pairs), np.arange(pairs.sum())
-    number -= np.repeat(np.cumsum(pairs) - pairs, pairs)
-    wide = counts[old_target[row]]
-    source = child[begin[old_source[row]] + number // np.maximum(wide, 1)]
-    target = child[begin[old_target[row]] + number % np.maximum(wide, 1)]
-    now = PastBonds(new_bonds, broken)
-    has_bond, when = now.find_bonds(source, target)
-    return int(np.count_nonzero(has_bond & (when == 0)))

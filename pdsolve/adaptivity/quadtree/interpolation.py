@@ -79,8 +79,3 @@ def interpolate_state(state: State, origins: LeafOrigins, bonds: Bonds, intact: 
     )
     u, v, a = means
     return State(u, v, a, *sums)
-
-
-def kinetic_energy(mass: NDArray[np.float64], rate: NDArray[np.float64]) -> float:
-    """Kinetic energy, J/m, of nodes with masses (n,), kg/m, and velocities (n, 2)."""
-    return float((mass / 2 * (rate**2).sum(axis=1)).sum())

@@ -8,14 +8,14 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from pdmesh.messages import unfit
+from pdsolve.adaptivity.hybrid.coarse_cells import create_unsupported_error
 from pdsolve.adaptivity.hybrid.engine import ZoneSummary
 from pdsolve.adaptivity.quadtree.incremental_bonds import LeafBonds
 from pdsolve.adaptivity.quadtree.tree import Cells, Tree
 from pdsolve.bonds.assembly import Bonds
 from pdsolve.checkpoint_validation import entry
 from pdsolve.laws import law_of
-from pdsolve.model import Model, ModelError
+from pdsolve.model import Model
 from pdsolve.operators.bond_list import BondList
 from pdsolve.operators.protocol import CheckpointArrays
 from pdsolve.schemes.scheme import Scheme
@@ -85,9 +85,9 @@ def create_tree(model: Model, mode: str, precision: str, kernel: str | None) -> 
     grid = model.grid
     for place, actual, expected in (("precision", precision, "float64"), ("kernel", kernel or "listed", "listed")):
         if actual != expected:
-            raise _create_unsupported_error(model, place, actual, expected)
+            raise create_unsupported_error(model, place, actual, expected)
     if (grid.delta != grid.delta[0]).any():
-        raise _create_unsupported_error(
+        raise create_unsupported_error(
             model, "$.nodes", "several spacings", "one, the coarsest, as pdmesh build --adapt split makes it"
         )
     tree = Tree(replace_boxes_by_node_ids(model))
@@ -128,14 +128,9 @@ def _check_precracks(tree: Tree) -> None:
             hit = shapely.dwithin(place, line, ON * tree.spacing)
             if hit.any():
                 x, y = tree.centres(cells.select(hit))[0]
-                raise _create_unsupported_error(
+                raise create_unsupported_error(
                     tree.model,
                     f"$.notch[{number}]",
                     f"at ({x:.6g}, {y:.6g}) m, where splitting makes a node",
                     "a place between all nodes, as in the middle between two rows",
                 )
-
-
-def _create_unsupported_error(model: Model, place: str, actual: str, expected: str) -> ModelError:
-    name = place if place in ("precision", "kernel") else f"{model.name}: {place}"
-    return ModelError(unfit(name, actual, f"{expected}, as run.adapt is split"))

@@ -14,12 +14,14 @@ from plates import GLASS, plate, square_grid
 from pdmesh.model.document import Load, Region, Run, Split
 from pdsolve.adaptivity.quadtree import criteria
 from pdsolve.adaptivity.quadtree.incremental_bonds import create_leaf_bonds, update_leaf_bonds
-from pdsolve.adaptivity.quadtree.inherited_cracks import PastBonds, count_healed_bonds, inherit_break_steps
-from pdsolve.adaptivity.quadtree.interpolation import interpolate_state, kinetic_energy
+from pdsolve.adaptivity.quadtree.inherited_cracks import PastBonds, inherit_break_steps
+from pdsolve.adaptivity.quadtree.interpolation import interpolate_state
 from pdsolve.adaptivity.quadtree.leaf_mapping import LeafOrigins, map_leaves
 from pdsolve.adaptivity.quadtree.operator import replace_boxes_by_node_ids
 from pdsolve.adaptivity.quadtree.tree import Cells, Tree
+from pdsolve.bonds.assembly import Bonds
 from pdsolve.model import Model
+from pdsolve.run.energy_steps import kinetic_energy
 from pdsolve.schemes import SCHEMES
 from pdsolve.state import State
 
@@ -259,3 +261,23 @@ def crossing(of: Tree, cells: Cells, bonds: Any) -> NDArray[np.int32]:
     upper = of.centres(cells)[:, 1] > 9.5e-3
     source = np.repeat(np.arange(len(upper)), np.diff(bonds.start))
     return np.where(upper[source] != upper[bonds.neighbour], 7, 0).astype(np.int32)
+
+
+def count_healed_bonds(old_bonds: PastBonds, new_bonds: Bonds, origins: LeafOrigins, broken: NDArray[np.int32]) -> int:
+    """Number of new bonds that are intact although a bond between their parent nodes was broken."""
+    child, part = np.nonzero(origins.mass_shares > 0)
+    old = origins.origin_rows[child, part]
+    order = np.argsort(old, kind="stable")
+    child, begin = child[order], np.searchsorted(old[order], np.arange(len(old_bonds.has_broken_bond) + 1))
+    which = np.flatnonzero(old_bonds.break_steps)
+    old_source, old_target = old_bonds.source[which], old_bonds.bonds.neighbour[which].astype(np.int64)
+    counts = np.diff(begin)
+    pairs = counts[old_source] * counts[old_target]
+    row, number = np.repeat(np.arange(len(which)), pairs), np.arange(pairs.sum())
+    number -= np.repeat(np.cumsum(pairs) - pairs, pairs)
+    wide = counts[old_target[row]]
+    source = child[begin[old_source[row]] + number // np.maximum(wide, 1)]
+    target = child[begin[old_target[row]] + number % np.maximum(wide, 1)]
+    now = PastBonds(new_bonds, broken)
+    has_bond, when = now.find_bonds(source, target)
+    return int(np.count_nonzero(has_bond & (when == 0)))

@@ -10,12 +10,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import coo_array, csr_array, diags_array, eye_array, kron, vstack
+from scipy.sparse import csr_array, diags_array, eye_array, kron, vstack
 
 from pdsolve.lattice import tile_bonds
 from pdsolve.lattice.sites import Sites
 from pdsolve.lattice.tiles import Tiles
-from pdsolve.operators.tangent import of_springs
+from pdsolve.operators.tangent import of_followers, of_springs
 
 if TYPE_CHECKING:
     from pdsolve.adaptivity.hybrid.space.layout import SpringNetwork
@@ -27,7 +27,7 @@ def assemble_tangent(network: SpringNetwork, value: NDArray[np.float64]) -> csr_
     points = vstack(
         [
             eye_array(nodes),
-            *(_weight_matrix(rows, w, nodes) for rows, w in (network.border_carriers, network.point_carriers)),
+            *(of_followers(rows, w, nodes) for rows, w in (network.border_carriers, network.point_carriers)),
         ]
     ).tocsr()
     u, last = points @ value, points.shape[0]
@@ -40,12 +40,6 @@ def assemble_tangent(network: SpringNetwork, value: NDArray[np.float64]) -> csr_
         matrix += of_springs(first, second, sign * network.piece_xi, pull, u)
     tied, density = kron(points, eye_array(3)).tocsr(), diags_array(np.repeat(1 / network.node_volume, 3))
     return (density @ (tied.T @ matrix @ tied)).tocsr()
-
-
-def _weight_matrix(rows: NDArray[np.int32], w: NDArray[np.float64], nodes: int) -> csr_array:
-    """Weights (k, nodes) of points that move with nodes `rows` (k, 4)."""
-    where = np.repeat(np.arange(len(rows)), rows.shape[1]), rows.ravel()
-    return coo_array((w.ravel(), where), (len(rows), nodes)).tocsr()
 
 
 def _tile_tangent(
