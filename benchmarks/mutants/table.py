@@ -247,6 +247,12 @@ MUTANTS = (
     ),
     Mutant(
         "pdsolve/steppers/verlet.py",
+        "in_place = self._damping is None and ",
+        "in_place = ",
+        f"{UNIT}/test_damped.py::test_a_node_that_is_born_amid_a_step_is_damped_as_its_twin",
+    ),
+    Mutant(
+        "pdsolve/steppers/verlet.py",
         "work[i] += (before[i, axis] + load[i, axis]) / 2 * (dt * v[i, axis])",
         "work[i] += load[i, axis] * (dt * v[i, axis])",
         f"{UNIT}/test_block_lattice.py::test_a_whole_run",

@@ -25,6 +25,17 @@ class Bonds(NamedTuple):
     limit: NDArray[np.floating]  # (b,) stretch at which the bond is gone; both infinite where it must not break
     weight: NDArray[np.floating]  # (b,) of the neighbour's cell, as far as it counts, m^2
 
+    @property
+    def source(self) -> NDArray[np.int64]:
+        """Row (b,) of the node of each bond."""
+        return np.repeat(np.arange(len(self.start) - 1), np.diff(self.start))
+
+    def of_rows(self, rows: NDArray[np.int64]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+        """The k bonds of some rows: which of these each has, and the indices of bonds."""
+        begin, count = self.start[rows], np.diff(self.start)[rows]
+        indices = np.arange(count.sum()) + np.repeat(begin - np.cumsum(count) + count, count)
+        return np.repeat(np.arange(len(rows)), count), indices
+
 
 class Counted(NamedTuple):
     """Data of n nodes besides their bonds."""
@@ -160,7 +171,7 @@ def ends(bonds: Bonds, numbers: NDArray[np.int64]) -> tuple[NDArray[np.int64], N
 def find(bonds: Bonds, source: NDArray[np.int64], target: NDArray[np.int64]) -> NDArray[np.int64]:
     """Indices (k,) of the bonds from `source` (k,) to `target` (k,). Raises CheckpointError for a missing bond."""
     nodes = len(bonds.start) - 1
-    key = np.repeat(np.arange(nodes), np.diff(bonds.start)) * nodes + bonds.neighbour
+    key = bonds.source * nodes + bonds.neighbour
     wanted = source * nodes + target
     bond_numbers = np.searchsorted(key, wanted)
     expect_found(np.append(key, -1)[bond_numbers] == wanted, source, target)

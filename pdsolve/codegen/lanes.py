@@ -298,34 +298,29 @@ def _lane_bits(context: Any, builder: Any, bits: Any, arguments: Any, count: int
     return builder.trunc(lane_bits, ir.IntType(count)) if count < word.type.width else lane_bits
 
 
-@intrinsic
-def bonded(typingctx, values, bits, tile, slot, lane):  # type: ignore[no-untyped-def]
-    """A tuple of lanes, 0 in those without a bond; `bits` (tiles, k) are uint16, `lane` is the first of the lanes."""
+def _masked(inverted: bool) -> Any:
+    """A tuple of lanes, 0 in those whose bit is not set, or is if `inverted`."""
 
-    def generate(context, builder, signature, arguments):  # type: ignore[no-untyped-def]
-        count = values.dtype.count
-        lane_bits = _lane_bits(context, builder, bits, arguments[1:], count)
-        which = builder.bitcast(lane_bits, ir.VectorType(ir.IntType(1), count))
-        masked_values = []
-        for number in range(len(values)):
-            value = builder.extract_value(arguments[0], number)
-            masked_values.append(builder.select(which, value, ir.Constant(value.type, [0.0] * count)))
-        return context.make_tuple(builder, signature.return_type, masked_values)
+    @intrinsic
+    def masked(typingctx, values, bits, tile, slot, lane):  # type: ignore[no-untyped-def]
+        def generate(context, builder, signature, arguments):  # type: ignore[no-untyped-def]
+            count = values.dtype.count
+            lane_bits = _lane_bits(context, builder, bits, arguments[1:], count)
+            lane_bits = builder.not_(lane_bits) if inverted else lane_bits
+            which = builder.bitcast(lane_bits, ir.VectorType(ir.IntType(1), count))
+            masked_values = []
+            for number in range(len(values)):
+                value = builder.extract_value(arguments[0], number)
+                masked_values.append(builder.select(which, value, ir.Constant(value.type, [0.0] * count)))
+            return context.make_tuple(builder, signature.return_type, masked_values)
 
-    return values(values, bits, types.int64, types.int64, types.int64), generate
+        return values(values, bits, types.int64, types.int64, types.int64), generate
+
+    return masked
 
 
-@intrinsic
-def intact(typingctx, cut, like, row, k, lane):  # type: ignore[no-untyped-def]
-    """1 in the lanes from `lane` on whose bond k is intact, 0 in the others; `cut` (., k) is that of a row."""
-    lanes = Lanes(like.dtype)
-
-    def generate(context, builder, signature, values):  # type: ignore[no-untyped-def]
-        lane_bits = _lane_bits(context, builder, cut, (values[0], *values[2:]), lanes.count)
-        which = builder.bitcast(builder.not_(lane_bits), ir.VectorType(ir.IntType(1), lanes.count))
-        return builder.uitofp(which, context.get_value_type(lanes))
-
-    return lanes(cut, like, types.int64, types.int64, types.int64), generate
+# 0 in lanes without a bond, and in those whose bond is cut; `bits` (tiles, k) are uint16, `lane` is the first lane
+bonded, uncut = _masked(False), _masked(True)
 
 
 @njit(**INNER)

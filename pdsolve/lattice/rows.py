@@ -20,7 +20,7 @@ import numpy as np
 from numba import njit, types
 from numba.extending import overload
 
-from pdsolve.codegen.lanes import beside, bonded, intact, keep, larger, magnitude, same, unless_none
+from pdsolve.codegen.lanes import beside, bonded, keep, larger, magnitude, same, uncut, unless_none
 from pdsolve.codegen.vector_code import ROW
 from pdsolve.lattice.bond import (
     IN_PLACE,
@@ -66,8 +66,7 @@ def _listed_weight(weights, w, e, entry, slot, lane):  # type: ignore[no-untyped
 def _listed_weight_unless_cut(weights, w, e, entry, slot, lane):  # type: ignore[no-untyped-def]
     listed, cut = weights
     (own,) = beside(listed, ONE, slot * ROW + lane)
-    own = own * intact(cut, listed, entry, slot, lane)
-    return own, unless_none(own, e, own)
+    return uncut((own, e), cut, entry, slot, lane)
 
 
 def beyond_edge(edges: Any, e: Any, entry: Any, slot: Any, lane: Any) -> Any:

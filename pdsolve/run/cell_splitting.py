@@ -12,7 +12,6 @@ from pdsolve.adaptivity.quadtree.incremental_bonds import create_leaf_bonds, upd
 from pdsolve.adaptivity.quadtree.inherited_cracks import (
     PastBonds,
     inherit_break_steps,
-    source_rows_of_bonds,
 )
 from pdsolve.adaptivity.quadtree.interpolation import interpolate_state
 from pdsolve.adaptivity.quadtree.leaf_mapping import LeafOrigins, map_leaves
@@ -135,9 +134,9 @@ class CellSplitting:
         removed = np.ones(len(before.start) - 1, dtype=bool)
         removed[origin[origins.is_unchanged]] = False
         changed = np.zeros(len(origin), dtype=bool)
-        changed[source_rows_of_bonds(now)[~origins.is_unchanged[now.neighbour]]] = True
+        changed[now.source[~origins.is_unchanged[now.neighbour]]] = True
         lost = np.zeros(len(removed), dtype=bool)
-        lost[source_rows_of_bonds(before)[removed[before.neighbour]]] = True
+        lost[before.source[removed[before.neighbour]]] = True
         same = (
             origins.is_unchanged
             & ~changed

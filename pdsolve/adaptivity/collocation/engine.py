@@ -21,7 +21,6 @@ from pdsolve.adaptivity.collocation.row_stiffness import UNCORRECTED, WHOLE
 from pdsolve.adaptivity.collocation.zone import (
     COARSE,
     FINE,
-    BreakEvents,
     Counts,
     Totals,
     areas_of_active_nodes,
@@ -31,6 +30,7 @@ from pdsolve.adaptivity.collocation.zone import (
     mask_nodes_near_seam,
     zone_with_active_coarse_nodes,
 )
+from pdsolve.adaptivity.hybrid.arrays import BreakEvents
 from pdsolve.adaptivity.hybrid.engine import ZoneSummary
 from pdsolve.checkpoint_validation import entry, like, pulls_to_arrays, read_pulls
 from pdsolve.codegen.vector_code import ROW
@@ -41,8 +41,6 @@ from pdsolve.numerics.thread_team import side_by_side
 from pdsolve.operators.protocol import CheckpointArrays
 from pdsolve.state import State
 from pdsolve.steppers.verlet import Verlet
-
-BREAK_COLUMNS = "break_step", "break_node", "break_spring"  # of checkpoints
 
 
 class CollocationSettings(NamedTuple):
@@ -217,7 +215,9 @@ class CollocationEngine:
         """Arrays for a checkpoint, from which a run continues bit by bit."""
         zone, places, broken, drive = self.zone, self.active_places(), self.break_events(), self.drive
         return {
-            **{name: column.copy() for name, column in zip(BREAK_COLUMNS, broken[:3], strict=True)},
+            "break_step": broken.step.copy(),
+            "break_node": broken.node.astype(np.int32),
+            "break_spring": broken.bond_number.copy(),
             **pulls_to_arrays(broken.step, broken.force_at_break, broken.stretch_growth_at_break),
             **{name: field[..., places] for name, field in self._checkpoint_fields.items()},
             "held_speed": drive.held_speed.copy(),
@@ -258,19 +258,19 @@ class CollocationEngine:
         half, step = len(self.lattice.neighbour_offsets) // 2, entry(checkpoint, "break_step", (None,), np.int32, 1)
         node, number = (
             entry(checkpoint, name, step.shape, np.int32, 0, count - 1)
-            for name, count in zip(BREAK_COLUMNS[1:], (len(self.area), half), strict=True)
+            for name, count in (("break_node", len(self.area)), ("break_spring", half))
         )
         lanes = (node % ROW).astype(np.uint16)
         intact = self.zone.cut_bond_bits[node // ROW, number] >> lanes & 1 == 0  # as no bond to where no node is
         exists = (self.plate.grid_row_at_place[node] >= 0) & intact
-        if not exists.all() or len(np.unique(node.astype(np.int64) * half + number)) < len(node):
+        places = node.astype(np.int64)
+        if not exists.all() or len(np.unique(places * half + number)) < len(node):
             raise CheckpointError("a broken bond is none of the plate, or there twice")
-        return BreakEvents(step, node, number, *read_pulls(checkpoint, len(step)))
+        return BreakEvents(step, places, number, *read_pulls(checkpoint, len(step)))
 
     def _restore_breaks(self, breaks: BreakEvents) -> None:
         """Break these bonds, none of which is broken."""
-        zone, node, number = self.zone, breaks.node.astype(np.int64), breaks.bond_number.astype(np.int64)
-        ways = self.lattice.neighbour_offsets
+        zone, node, number, ways = self.zone, breaks.node, breaks.bond_number, self.lattice.neighbour_offsets
         for places, k in ((node, number), (node + ways[number], number + len(ways) // 2)):
             mark_bonds_cut(zone.cut_bond_bits, places, k)
             index = zone.stiffness_index_of_row[places // ROW]

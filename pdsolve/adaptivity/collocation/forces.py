@@ -111,9 +111,8 @@ def _sum_forces_of_row(lattice, zone, row, scratch, lane_sums):  # type: ignore[
 def sum_forces_of_fine_rows(lattice, zone, first, last):  # type: ignore[no-untyped-def]
     """Sum the force densities on the nodes of the rows `first` to `last` - 1 with fine nodes."""
     scratch, lane_sums = np.empty(lattice.row_stiffness.shape[1:]), np.empty(2 * ROW)
-    for n in range(first, last):
-        row = zone.rows_with_fine_nodes[n]
-        zone.has_bond_over_limit[n] = _sum_forces_of_row(lattice, zone, row, scratch, lane_sums)
+    for row in zone.rows_with_fine_nodes[first:last]:
+        zone.has_bond_over_limit[row] = _sum_forces_of_row(lattice, zone, row, scratch, lane_sums)
 
 
 @cached_njit(error_model="numpy")
@@ -121,9 +120,9 @@ def break_stretched_bonds(lattice, zone, step, dt):  # type: ignore[no-untyped-d
     """Break bonds over their limit, book their energy, and recompute forces there; returns whether fine nodes are
     needed."""
     broken_before, zone.counts.refinement_due = zone.counts.broken_bonds, 0
-    for n in range(len(zone.rows_with_fine_nodes)):
-        if zone.has_bond_over_limit[n]:
-            break_bonds_of_row(lattice, zone, step, dt, zone.rows_with_fine_nodes[n])
+    for row in zone.rows_with_fine_nodes:
+        if zone.has_bond_over_limit[row]:
+            break_bonds_of_row(lattice, zone, step, dt, row)
     if zone.counts.broken_bonds > broken_before:
         scratch, lane_sums = np.empty(lattice.row_stiffness.shape[1:]), np.empty(2 * ROW)
         for row in zone.rows_with_fine_nodes:

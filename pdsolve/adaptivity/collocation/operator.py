@@ -6,7 +6,6 @@ fictitious nodes.
 
 from __future__ import annotations
 
-import dataclasses
 from functools import cached_property
 from typing import TYPE_CHECKING
 
@@ -15,8 +14,9 @@ from numpy.typing import NDArray
 
 from pdsolve.adaptivity.collocation.engine import CollocationEngine
 from pdsolve.adaptivity.collocation.layout import count_bonds, list_bonds
-from pdsolve.adaptivity.collocation.zone import COARSE, FINE, BreakEvents
-from pdsolve.adaptivity.hybrid.irregular_bonds import select_part_of_model
+from pdsolve.adaptivity.collocation.zone import COARSE, FINE
+from pdsolve.adaptivity.hybrid.arrays import BreakEvents
+from pdsolve.adaptivity.hybrid.irregular_bonds import model_of_nodes
 from pdsolve.adaptivity.two_lattice_operator import EnergyBalanceTotals, TwoLatticeOperator
 from pdsolve.model import Model
 from pdsolve.state import Broken, State
@@ -49,13 +49,9 @@ class CollocationOperator(TwoLatticeOperator[CollocationEngine]):
     @cached_property
     def current_nodes_model(self) -> Model:
         """The model of the n current nodes, without conditions."""
-        active_model = select_part_of_model(
-            self.engine.plate.model, self.engine.plate.grid_row_at_place[self.places].astype(np.int64)
-        )
-        delta = np.where(self._kind[self.places] == COARSE, 2.0, 1.0) * active_model.grid.delta
-        return dataclasses.replace(
-            active_model, grid=dataclasses.replace(active_model.grid, delta=delta, areas=self.area)
-        )
+        rows = self.engine.plate.grid_row_at_place[self.places].astype(np.int64)
+        widths = np.where(self._kind[self.places] == COARSE, 2.0, 1.0)
+        return model_of_nodes(self.engine.plate.model, rows, widths, self.area)
 
     @cached_property
     def initial_bond_counts_and_family_sizes(self) -> tuple[NDArray[np.int64], NDArray[np.int64]]:

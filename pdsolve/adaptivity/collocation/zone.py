@@ -22,6 +22,7 @@ from pdsolve.adaptivity.collocation.layout import (
     dilate_mask,
     view_of_lattice,
 )
+from pdsolve.adaptivity.hybrid.arrays import BreakEvents
 from pdsolve.codegen.record import Record
 from pdsolve.codegen.vector_code import ROW
 from pdsolve.numerics.memory import aligned
@@ -30,16 +31,6 @@ from pdsolve.state import State
 
 NONE, FINE, COARSE, BETWEEN = range(4)  # places: without a node; active ones; those that are interpolated
 EVENTS = 4096  # room for so many breaks at first
-
-
-class BreakEvents(NamedTuple):
-    """The b broken bonds, in arrays with room for more."""
-
-    step: NDArray[np.int32]
-    node: NDArray[np.int32]  # place of one of both nodes
-    bond_number: NDArray[np.int32]  # its number among those of that node
-    force_at_break: NDArray[np.float64]  # force over stiffness with which it broke
-    stretch_growth_at_break: NDArray[np.float64]  # of its stretch in that step
 
 
 class Totals(Record):
@@ -75,7 +66,7 @@ class CollocationZone(NamedTuple):
         np.int64
     ]  # (b, 5) places of fictitious nodes that bonds reach, and of those they are between
     node_dissipation: NDArray[np.float64]  # (places,) J/m, by a node's bonds so far
-    has_bond_over_limit: NDArray[np.bool_]  # (r,) of rows
+    has_bond_over_limit: NDArray[np.bool_]  # (places / 16,) of rows with fine nodes
     has_new_breaks: NDArray[np.bool_]  # (places / 16,) rows whose bonds broke in this step
     is_to_refine: NDArray[np.bool_]  # (places,) nodes around which fine ones are wanted
     totals: Totals
@@ -145,6 +136,7 @@ def areas_of_active_nodes(
 def create_collocation_zone(plate: CollocationPlate, state: State) -> CollocationZone:
     """The zone with this `state` by places, without any active nodes."""
     places, nothing = len(state.value), np.zeros(0, dtype=np.int64)
+    step, number = np.zeros((2, EVENTS), dtype=np.int32)
     return CollocationZone(
         u=state.value.T,
         v=state.rate.T,
@@ -157,12 +149,12 @@ def create_collocation_zone(plate: CollocationPlate, state: State) -> Collocatio
         active_coarse_places=nothing,
         fictitious_nodes=nothing.reshape(0, 5),
         node_dissipation=np.zeros(places),
-        has_bond_over_limit=np.zeros(0, dtype=np.bool_),
+        has_bond_over_limit=np.zeros(places // ROW, dtype=np.bool_),
         has_new_breaks=np.zeros(places // ROW, dtype=np.bool_),
         is_to_refine=np.zeros(places, dtype=np.bool_),
         totals=Totals.of(),
         counts=Counts.of(),
-        break_events=BreakEvents(*np.zeros((3, EVENTS), dtype=np.int32), *np.zeros((2, EVENTS))),
+        break_events=BreakEvents(step, np.zeros(EVENTS, dtype=np.int64), number, *np.zeros((2, EVENTS))),
     )
 
 
@@ -180,7 +172,6 @@ def zone_with_active_coarse_nodes(
         rows_with_coarse_nodes=np.flatnonzero((kinds == COARSE).reshape(-1, ROW).any(axis=1)),
         active_coarse_places=np.flatnonzero(kinds == COARSE),
         fictitious_nodes=np.column_stack([reached, parent_places(numbering, reached)]),
-        has_bond_over_limit=np.zeros(np.count_nonzero(has_fine), dtype=np.bool_),
     )
 
 

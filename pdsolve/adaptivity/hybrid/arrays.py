@@ -149,12 +149,14 @@ class LoadsOrHolds(NamedTuple):
 
 
 class BreakEvents(NamedTuple):
-    """Broken directed bonds, in order."""
+    """Broken bonds, in order: directed ones; with collocation one of each two."""
 
     step: NDArray[np.int32]
     node: NDArray[np.int64]
     bond_number: NDArray[np.int32]
-    force_at_break: NDArray[np.float64]  # force with which it broke over |xi|, N/m^2
+    force_at_break: NDArray[
+        np.float64
+    ]  # force with which it broke over |xi|, N/m^2; with collocation over its stiffness
     stretch_growth_at_break: NDArray[np.float64]  # of its stretch in that step
 
 

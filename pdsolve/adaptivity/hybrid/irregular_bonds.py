@@ -6,6 +6,7 @@ rectangle that lie in the same way to all edges and pre-cracks that are near sha
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Iterable, Iterator
 from typing import NamedTuple
 
@@ -120,6 +121,14 @@ def select_part_of_model(model: Model, rows: NDArray[np.int64]) -> Model:
             regions.append(msgspec.structs.replace(region, nodes=tuple(region_ids.tolist()), box=None))
     settings = msgspec.structs.replace(model.settings, conditions=(), regions=tuple(regions))
     return Model(part, settings, model.name)
+
+
+def model_of_nodes(
+    model: Model, rows: NDArray[np.int64], widths: NDArray[np.float64], areas: NDArray[np.float64]
+) -> Model:
+    """The model of the nodes in `rows`, without conditions: `widths` (n,) times as far apart, with `areas` (n,)."""
+    part = select_part_of_model(model, rows)
+    return dataclasses.replace(part, grid=dataclasses.replace(part.grid, delta=widths * part.grid.delta, areas=areas))
 
 
 def _create_bonds_in_chunks(

@@ -6,7 +6,6 @@ those of fine nodes and the springs of the coarse lattices, without pieces of cl
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Iterator
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
@@ -16,7 +15,7 @@ from numpy.typing import NDArray
 
 from pdsolve.adaptivity.hybrid.arrays import LatticeNodes
 from pdsolve.adaptivity.hybrid.engine import HybridEngine
-from pdsolve.adaptivity.hybrid.irregular_bonds import select_part_of_model
+from pdsolve.adaptivity.hybrid.irregular_bonds import model_of_nodes
 from pdsolve.adaptivity.hybrid.lattice import AROUND, BELOW, BELOW_COARSE, COARSE, FAR, IDLE, LEFT
 from pdsolve.adaptivity.hybrid.node_constants import are_bonds_intact, values_at_nodes
 from pdsolve.adaptivity.hybrid.node_lists import (
@@ -137,13 +136,9 @@ class HybridOperator(TwoLatticeOperator[HybridEngine]):
     @cached_property
     def current_nodes_model(self) -> Model:
         """The model of the n current nodes, without conditions."""
-        active_model = select_part_of_model(self.engine.plate.model, self.grid_rows)
-        delta = active_model.grid.delta.copy()
-        delta[self._coarse_rows] *= 2
-        delta[self._far_rows] = 4 * self.engine.plate.spacing
-        return dataclasses.replace(
-            active_model, grid=dataclasses.replace(active_model.grid, delta=delta, areas=self.area)
-        )
+        widths = np.ones(len(self.grid_rows))
+        widths[self._coarse_rows], widths[self._far_rows] = 2.0, 4.0
+        return model_of_nodes(self.engine.plate.model, self.grid_rows, widths, self.area)
 
     @cached_property
     def area(self) -> NDArray[np.float64]:

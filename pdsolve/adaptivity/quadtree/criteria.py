@@ -66,7 +66,7 @@ def largest_relative_stretches(
 
     Unbreakable bonds count as unstretched.
     """
-    source = np.repeat(np.arange(len(cells.root_row)), np.diff(bonds.start))
+    source = bonds.source
     y = bonds.xi + u[bonds.neighbour] - u[source]
     stretch = np.hypot(*y.T) / np.hypot(*bonds.xi.T) - 1
     largest = np.zeros(len(cells.root_row))

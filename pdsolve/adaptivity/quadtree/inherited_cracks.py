@@ -17,23 +17,14 @@ from pdsolve.bonds.assembly import Bonds, ends
 Rows = NDArray[np.int64]
 
 
-def source_rows_of_bonds(bonds: Bonds) -> Rows:
-    """Source row (b,) of each bond."""
-    return np.repeat(np.arange(len(bonds.start) - 1), np.diff(bonds.start))
-
-
 class PastBonds:
     """The bonds of n nodes before a change, and the steps (b,) in which they broke; 0 while intact."""
 
     def __init__(self, bonds: Bonds, broken: NDArray[np.int32]) -> None:
         self.bonds, self.break_steps, self._nodes = bonds, broken, len(bonds.start) - 1
+        self.source = bonds.source
         self.has_broken_bond = np.zeros(self._nodes, dtype=bool)  # which nodes have a broken bond
         self.has_broken_bond[ends(bonds, np.flatnonzero(broken))[0]] = True
-
-    @cached_property
-    def source(self) -> Rows:
-        """Source row (b,) of each bond."""
-        return source_rows_of_bonds(self.bonds)
 
     @cached_property
     def _key(self) -> Rows:
@@ -51,9 +42,7 @@ class PastBonds:
 
         A crack separates them if exactly one of the two has lost its bond to a node halfway.
         """
-        begin, count = self.bonds.start[source], np.diff(self.bonds.start)[source]
-        pair = np.repeat(np.arange(len(source)), count)
-        number = np.arange(count.sum()) + np.repeat(begin - np.cumsum(count) + count, count)
+        pair, number = self.bonds.of_rows(source)
         had_bond, when = self.find_bonds(self.bonds.neighbour[number].astype(np.int64), target[pair])
         pair, number, when = pair[had_bond], number[had_bond], when[had_bond]
         away = np.hypot(*(self.bonds.xi[number] - xi[pair] / 2).T)
@@ -67,7 +56,7 @@ class PastBonds:
 
 def inherit_break_steps(old_bonds: PastBonds, new_bonds: Bonds, origins: LeafOrigins) -> NDArray[np.int32]:
     """Steps (b,) in which the new bonds broke; 0 for intact ones."""
-    source, target = source_rows_of_bonds(new_bonds), new_bonds.neighbour.astype(np.int64)
+    source, target = new_bonds.source, new_bonds.neighbour.astype(np.int64)
     steps = np.zeros(len(source), dtype=np.int32)
     stays, removed = origins.is_unchanged, np.ones(len(old_bonds.has_broken_bond), dtype=bool)
     removed[origins.origin_rows[stays, 0]] = False

@@ -27,9 +27,7 @@ def field_gradients(
     bonds: Bonds, intact: NDArray[np.bool_], rows: NDArray[np.int64], *fields: NDArray[np.float64]
 ) -> list[NDArray[np.float64]]:
     """Gradient (k, w, 2) of each field (n, w) at these rows (k,); 0 if a node has too few neighbours."""
-    count = np.diff(bonds.start)[rows]
-    row_number = np.repeat(np.arange(len(rows)), count)
-    number = np.arange(count.sum()) + np.repeat(bonds.start[rows] - np.cumsum(count) + count, count)
+    row_number, number = bonds.of_rows(rows)
     row_number, number = row_number[intact[number]], number[intact[number]]
     xi, neighbour = bonds.xi[number], bonds.neighbour[number]
     weight = bonds.weight[number] / (xi**2).sum(axis=1) ** 2

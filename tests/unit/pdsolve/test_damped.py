@@ -8,12 +8,16 @@ from typing import Any
 import numpy as np
 import pytest
 from database_contents import contents
+from node_clouds import idle
+from numpy.typing import NDArray
 from plates import plate, square_grid
 
 from pdmesh.model.document import Absorb, InitialVelocity, Run, Velocity
 from pdsolve.model import Model
 from pdsolve.results import Results
 from pdsolve.run.simulation import Options, resume, simulate
+from pdsolve.state import State, zero_state
+from pdsolve.steppers.verlet import Verlet
 
 pytestmark = pytest.mark.filterwarnings("ignore:.*which no crack dissipated")
 RATE = 3e5  # 1/s
@@ -86,3 +90,23 @@ def test_an_interrupted_run_books_the_same(tmp_path: Path, monkeypatch: pytest.M
     resume(stopped, 1).close()
     simulate(model, whole, Options(threads=1)).close()
     assert contents(stopped) == contents(whole)
+
+
+class Joining:
+    """Two nodes without forces, the second of which is given the motion of the first amid a step."""
+
+    def accumulate_force(self, state: State, out: NDArray[Any], step: int, dt: float) -> None:
+        """Give it."""
+        for field in state[:3]:
+            field[1] = field[0]
+
+
+def test_a_node_that_is_born_amid_a_step_is_damped_as_its_twin() -> None:
+    """By the velocities of both ends of the step, of which it had none at the beginning."""
+    state, rho, damping = zero_state(2, 2), np.full(2, 1e3), np.full(2, RATE)
+    state.rate[0] = 3.0, -4.0
+    state.second[0] = -RATE * state.rate[0]
+    Verlet(Joining(), idle(2, 2), rho, 1e-7, damping).advance(state, 1, 2)
+    assert state.damped[0] > 0
+    for field in (*state[:3], state.damped):
+        assert np.array_equal(field[1], field[0])

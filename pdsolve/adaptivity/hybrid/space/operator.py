@@ -7,7 +7,6 @@ nodes, and the springs of coarse cells; pieces of clipped bonds never break.
 
 from __future__ import annotations
 
-import dataclasses
 from functools import cached_property
 from threading import RLock
 from typing import TYPE_CHECKING, Any
@@ -17,7 +16,7 @@ from numpy.typing import NDArray
 
 from pdsolve.adaptivity.hybrid.arrays import AHEAD
 from pdsolve.adaptivity.hybrid.engine import ZoneSummary
-from pdsolve.adaptivity.hybrid.irregular_bonds import select_part_of_model
+from pdsolve.adaptivity.hybrid.irregular_bonds import model_of_nodes
 from pdsolve.adaptivity.hybrid.space import arrangement, coarse_springs, pieces
 from pdsolve.adaptivity.hybrid.space.box import BORDER, COARSE, FINE, FREE
 from pdsolve.adaptivity.hybrid.space.history import ZoneHistory
@@ -135,12 +134,9 @@ class HybridBodyOperator:
     def current_nodes_model(self) -> Model:
         """The model of the n current nodes, without conditions."""
         assert self.full_body.model is not None
-        active_model = select_part_of_model(self.full_body.model, self.rows)
-        delta = active_model.grid.delta.copy()
-        delta[self._coarse] *= 2
-        active_model = dataclasses.replace(
-            active_model, grid=dataclasses.replace(active_model.grid, delta=delta, areas=self.volume)
-        )
+        widths = np.ones(len(self.rows))
+        widths[self._coarse] = 2.0
+        active_model = model_of_nodes(self.full_body.model, self.rows, widths, self.volume)
         if not active_model.settings.regions:
             return active_model
         mass = self._gather_to_nodes(
