@@ -73,6 +73,8 @@ class UndecidedError(Exception):
 class Traced:
     """A number whose value is known on the device."""
 
+    __hash__ = object.__hash__  # as equality is a comparison on the device
+
     def __init__(self, code: Code, text: str) -> None:
         self._code, self.text = code, text
 
@@ -107,7 +109,7 @@ def _comparison(sign: str) -> Callable[[Traced, Any], Traced]:
 for _name, _sign in (("add", "+"), ("sub", "-"), ("mul", "*"), ("truediv", "/")):
     setattr(Traced, f"__{_name}__", _binary(_sign, False))
     setattr(Traced, f"__r{_name}__", _binary(_sign, True))
-for _name, _sign in (("lt", "<"), ("le", "<="), ("gt", ">"), ("ge", ">=")):
+for _name, _sign in (("lt", "<"), ("le", "<="), ("gt", ">"), ("ge", ">="), ("eq", "=="), ("ne", "!=")):
     setattr(Traced, f"__{_name}__", _comparison(_sign))
 
 
@@ -148,6 +150,8 @@ class Functions:
             either = (self._statements(function, arguments, [*decisions, answer]) for answer in (True, False))
             yes, no = (lines[len(code.lines) :] for lines in either)
             return [*code.lines, f"if ({question}) {{", *yes, "}", *no]
+        if not _is_number(output):
+            raise _untraceable(function)
         return [*code.lines, f"return {code.text(output)};"]
 
     def _call(self, code: Code, function: Function, *arguments: Any) -> Traced:
@@ -165,10 +169,14 @@ def run(function: Function, *values: Any) -> Any:
     try:
         return function(*values)
     except (AttributeError, TypeError):
-        raise ModelError(
-            f"device: the law's {function.__name__} does more than add, multiply, divide and compare; use one that a"
-            " device computes to the same bits (--device cpu)"
-        ) from None
+        raise _untraceable(function) from None
+
+
+def _untraceable(function: Function) -> ModelError:
+    return ModelError(
+        f"device: the law's {function.__name__} does more than add, multiply, divide and compare; use one that a"
+        " device computes to the same bits (--device cpu)"
+    )
 
 
 def plain(function: Function, replace: Callable[[Any], Function]) -> Function:

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from pdmesh.model.neighbours import lengths
 from pdsolve.checkpoint_validation import expect_found
 from pdsolve.codegen.vector_code import ROW
-from pdsolve.lattice.blocks import BOUND, LIMITS, PULL, Blocks, scratch_size
+from pdsolve.lattice.blocks import BOUND, LIMITS, PULL, Blocks
 from pdsolve.lattice.bond import where_inverse
 from pdsolve.lattice.force_polynomials import NARROW
 from pdsolve.lattice.layout import FAR, LANES, VECTOR, VECTOR_WIDTH
@@ -156,7 +156,7 @@ def join_parts(law: Law, tables: Tables, slots: list[Slots], kind: type[np.float
         whole=pull,
         mask=mask,
         softened=np.zeros(len(counts), dtype=np.bool_),
-        scratch=aligned(np.zeros((threads, scratch_size(tables.dimension)), dtype=kind)),
+        scratch=aligned(np.zeros((threads, (tables.dimension + 1) * ROW), dtype=kind)),
     )
 
 

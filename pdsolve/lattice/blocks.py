@@ -48,11 +48,6 @@ PULL, BOUND, LIMITS = 5, 6, 7  # of a slot: row of `stiffness`, of `near` and `e
 PENDING, PENDING_SHORT = -np.inf, -1e30
 
 
-def scratch_size(dimension: int) -> int:
-    """Numbers that a thread's scratch has room for: sums of a row along each axis, and its e."""
-    return (dimension + 1) * ROW
-
-
 class Blocks(NamedTuple):
     """Bonds in blocks: s slots, in d dimensions."""
 
@@ -74,7 +69,7 @@ class Blocks(NamedTuple):
     whole: NDArray[np.int32]  # (s,) row of `stiffness` while no bond is broken or softened
     mask: NDArray[np.uint64]  # (s,) lanes with an intact bond
     softened: NDArray[np.bool_]  # (blocks,) whether a bond has been above its peak
-    scratch: NDArray[np.floating]  # (threads, .) room for the sums of a block
+    scratch: NDArray[np.floating]  # (threads, 16 (d + 1)) room for the sums of a row along each axis, and its e
 
 
 class Tracks(NamedTuple):

@@ -26,7 +26,7 @@ def sum_energies(bonds, history, u, strain_energy, dissipated, first, last, mask
     """Add the energy densities, J/m^3, that the bonds of the groups `first` to `last` - 1 store and that their
     softening has dissipated, to arrays of nodes, in blocks of places.
 
-    With a `mask` of all lanes of all groups, those of its lanes alone; None: of all.
+    With a `mask` of all lanes of tiles, those of its lanes alone; None: of all, as in blocks.
     """
     s = np.empty((1, ROW), u.dtype)
     for group in range(first, last):
@@ -67,8 +67,7 @@ def _stretch(bonds, e):  # type: ignore[no-untyped-def]
 
 
 def stored(bonds: Any, history: Any, common: Any, w: Any, quarter: Any, e: Any, slot: Any, lane: Any) -> Any:
-    """Stored energies of the bonds of some lanes, J/m^3, whose stiffness over length is w before they soften;
-    `quarter` is |xi|^2 / 4."""
+    """Stored energies of the bonds of some lanes, J/m^3; w is what `weight` gives of them, `quarter` |xi|^2 / 4."""
     raise NotImplementedError("compiled for each law")
 
 
@@ -120,7 +119,9 @@ def sum_dissipated(bonds: Any, history: Any, dissipated: Any, group: Any, mask: 
 def _sum_dissipated(bonds, history, dissipated, group, mask):  # type: ignore[no-untyped-def]
     if pair_law_of(bonds).softening is None:
         return lambda bonds, history, dissipated, group, mask: None
-    return _in_tile if is_in_tiles(bonds) else _in_block
+    if is_in_tiles(bonds):
+        return _in_tile
+    return _in_block if isinstance(mask, types.NoneType) else None
 
 
 def _in_tile(bonds, history, dissipated, group, mask):  # type: ignore[no-untyped-def]

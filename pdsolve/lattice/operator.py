@@ -164,11 +164,8 @@ class BlockLattice(LatticeOperator):
         self.to_own_layout(state)
         strain_energy, spent = np.zeros_like(self.tracks.work), np.zeros_like(self.tracks.work)
         arrays = self.blocks, self.tracks, self.tracks.u[0], strain_energy, spent
-        share(
-            lambda first, last: sum_energies(*arrays, first, last, None),
-            len(self.blocks.softened),
-            len(self.blocks.scratch),
-        )
+        rows, threads = LANES * len(self.blocks.softened), len(self.blocks.scratch)
+        share(lambda first, last: sum_energies(*arrays, first // LANES, last // LANES, None), rows, threads)
         return strain_energy[: len(self._stiffness_bound)], spent[: len(self._stiffness_bound)]
 
     def _intact_bonds(self) -> IntactBonds:
@@ -179,6 +176,8 @@ class BlockLattice(LatticeOperator):
         return block_bonds.springs_of_bonds(self.blocks, bonds.number, initial=True)
 
     def _softened_stiffness(self, bonds: IntactBonds, stiffness: NDArray[np.float64]) -> NDArray[np.float64]:
+        if self._pair.softening is None:
+            return stiffness
         return block_bonds.springs_of_bonds(self.blocks, bonds.number)[1]
 
     def _history(self, bonds: IntactBonds) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
@@ -452,4 +451,5 @@ class TileLattice(LatticeOperator):
 
     def _share(self, work: Callable[[int, int], None]) -> None:
         begin, end = self.summed_tiles
-        share(lambda first, last: work(begin + first, begin + last), end - begin, self.threads)
+        rows = ROW * (end - begin)
+        share(lambda first, last: work(begin + first // ROW, begin + last // ROW), rows, self.threads)

@@ -42,7 +42,6 @@ from pdsolve.laws.calls import (
 EMPTY, ALIKE, CORRECTED, GENERAL, SOFT_ALIKE, SOFT_CORRECTED, SOFT_GENERAL = range(7)
 SOFTENED = SOFT_ALIKE - ALIKE  # added to a tile's kind as it gets a memory
 VOLUME, MODULUS, UNBREAKABLE = range(3)  # rows of `cells`
-EVERY = 2**ROW - 1  # bits of all lanes
 CELL = (0, 0)  # of as many rows
 
 

@@ -5,8 +5,9 @@ from __future__ import annotations
 from pdsolve.run.node_changes import NodeAdaptation, find_zone_change_since_last_call
 from pdsolve.run.recorder import Recorder
 
-PIECE, SLOW = 0.25, 1e7  # s that a piece is to take; bonds or links a second, as is supposed until it is measured
-FEW, LONGEST = 4, 1.0  # steps that a piece has at least, as what begins one costs a part of a step; s of such a piece
+BATCH_TIME, SLOW = 0.25, 1e7  # s that a batch is to take; bonds or links a second, as is supposed until it is measured
+# Steps that a batch has at least, as what begins one costs a part of a step, where it takes no longer than so many s
+LEAST_STEPS, LONGEST_BATCH = 4, 1.0
 
 
 class StepBatchTimer:
@@ -19,15 +20,15 @@ class StepBatchTimer:
     def choose_batch_step_count(self, least: int, most: int) -> int:
         """Number of steps to take at once, from `least` to `most`."""
         each = max(self._each, 1e-9)
-        return max(least, min(most, max(int(PIECE / each), min(FEW, int(LONGEST / each)))))
+        return max(least, min(most, max(int(BATCH_TIME / each), min(LEAST_STEPS, int(LONGEST_BATCH / each)))))
 
     def record_duration(self, step_count: int, seconds: float) -> None:
         """Record the duration of some steps."""
         self._each = seconds / max(step_count, 1)
 
     def will_finish_soon(self, step_count: int) -> bool:
-        """Whether so many steps take at most as long as three batches."""
-        return step_count * self._each < 3 * PIECE
+        """Whether so many steps take less than three times `BATCH_TIME`."""
+        return step_count * self._each < 3 * BATCH_TIME
 
 
 def change_nodes_if_due_and_find_next_step(recorder: Recorder, adaptation: NodeAdaptation, step: int) -> int:

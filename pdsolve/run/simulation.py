@@ -41,7 +41,7 @@ from pdsolve.run.on_ranks import resuming
 from pdsolve.run.on_ranks import start as on_ranks
 from pdsolve.run.on_ranks.recorder import RecorderOnRanks
 from pdsolve.run.pace import (
-    FEW,
+    LEAST_STEPS,
     StepBatchTimer,
     change_nodes_if_due_and_find_next_step,
     grow_cracks_if_due_and_find_next_step,
@@ -59,7 +59,7 @@ from pdsolve.steppers.cycle_or_path_steps import CycleOrPathSteps
 from pdsolve.steppers.equilibrium import NotConvergedError
 from pdsolve.steppers.load_steps import LoadStepProgress
 
-PATIENCE = 5e7  # bond updates between two looks at the watcher, some 20 ms; fewer where they take longer
+PATIENCE = 5e7  # bond updates between two looks at the watcher, some 20 ms, but LEAST_STEPS steps at least
 DEFAULT = Options()
 
 
@@ -102,9 +102,9 @@ def simulate(
 ) -> Results:
     """Solve a model; the results are in the file `output`, or in memory if None.
 
-    `watch` is called many times a second and stops the run by returning True; `provenance` describes the origin of the
-    run; `adapt` may change the nodes during the run. No other run may be writing to that file. Raises ModelError,
-    UnstableError (frames so far are kept), ResultsError.
+    `watch` is called at least about once a second, unless one step takes longer, and stops the run by returning True;
+    `provenance` describes the origin of the run; `adapt` may change the nodes during the run. No other run may be
+    writing to that file. Raises ModelError, UnstableError (frames so far are kept), ResultsError.
     """
     output = None if output is None else Path(output)
     with _lock_output(output):
@@ -423,7 +423,7 @@ def _advance_to_end(recorder: Recorder, writer: Behind, request: RunRequest) -> 
             looks = min(looks, next_kappa_step)
         chunk = pace.choose_batch_step_count(
             EVERY if recorder.system.moving_zone_operator else 1,
-            max(FEW, int(PATIENCE / max(recorder.system.directed_bond_count, 1))),
+            max(LEAST_STEPS, int(PATIENCE / max(recorder.system.directed_bond_count, 1))),
         )
         records = next_multiple(step, run.every), next_multiple(step, run.ledger or run.every), run.steps
         ends = (step + chunk, looks, *records)

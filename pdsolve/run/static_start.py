@@ -20,7 +20,7 @@ def start_in_static_equilibrium(prepared: PreparedRun) -> PreparedRun:
     """A prepared run at rest under what acts at time 0; no bond breaks on the way.
 
     Components with a prescribed velocity or acceleration are held still meanwhile. Energies are relative to the
-    unloaded plate. Raises ModelError, UnsettledError.
+    unloaded plate. Raises ModelError, NotConvergedError.
     """
     system, state = prepared
     model = system.model

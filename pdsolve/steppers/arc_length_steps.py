@@ -209,7 +209,7 @@ class ArcLengthSteps(PathStepper):
     ) -> PathSolution:
         """The equilibrium in the plane through a guess with a unit normal (n, w), or at its factor.
 
-        The state is there then. Raises UnsettledError.
+        The state is there then. Raises NotConvergedError.
         """
         value, factor, constrained = guess.displacement.copy(), guess.load_factor, self._held
         for iteration in range(MOST + 1):

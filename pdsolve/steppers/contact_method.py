@@ -39,7 +39,7 @@ class EquilibriumMethodWithContact:
     def solve_equilibrium(
         self, state: State, conditions: EquilibriumConditions, report_progress: ProgressReport
     ) -> Equilibrium:
-        """Move the values of the state to equilibrium, in place. Raises UnsettledError."""
+        """Move the values of the state to equilibrium, in place. Raises NotConvergedError."""
         start, contact, done = state.value.copy(), self.contact, 0
         contact.begin(state)
         for _ in range(LOOKS):
@@ -83,7 +83,7 @@ def solve_until_contact_converges(
 ) -> PathSolution:
     """The place on a path that `solve` finds, its iterations and residual, with normals and weights that stay there.
 
-    `measure_residual` is the residual of a place. Raises UnsettledError.
+    `measure_residual` is the residual of a place. Raises NotConvergedError.
     """
     new, count, residual = solve()
     for _ in range(LOOKS if contact is not None else 0):

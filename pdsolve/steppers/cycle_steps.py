@@ -40,7 +40,7 @@ class CycleSteps:
         self._motion.on_progress = on_progress
 
     def advance(self, state: State, first_step: int, end_step: int) -> None:
-        """Take the steps `first_step` to `end_step` - 1, in place, unless life has ended. Raises UnsettledError."""
+        """Take the steps `first_step` to `end_step` - 1, in place, unless life has ended. Raises NotConvergedError."""
         for step in range(first_step, end_step):
             if self.ended:
                 return

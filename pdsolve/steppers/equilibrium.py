@@ -53,7 +53,7 @@ class EquilibriumMethod(Protocol):
     def solve_equilibrium(
         self, state: State, conditions: EquilibriumConditions, report_progress: ProgressReport
     ) -> Equilibrium:
-        """Move the values of the state to equilibrium, in place. Raises UnsettledError."""
+        """Move the values of the state to equilibrium, in place. Raises NotConvergedError."""
 
     def discard_reused_tangent(self) -> None:
         """Discard the tangent and its factors, where there are any: what follows depends on the state alone."""

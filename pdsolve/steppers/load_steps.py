@@ -107,7 +107,7 @@ class LoadSteps:
         drive.force[:] = 0
 
     def advance(self, state: State, first_step: int, end_step: int) -> None:
-        """Take the load steps `first_step` to `end_step` - 1, in place. Raises UnsettledError."""
+        """Take the load steps `first_step` to `end_step` - 1, in place. Raises NotConvergedError."""
         for step in range(first_step, end_step):
             self._take_load_step(state, step)
 
@@ -122,7 +122,7 @@ class LoadSteps:
         self._inner = norm(force_densities(self._operator, state._replace(value=np.zeros(state.value.shape))))
 
     def solve_equilibrium_at_time_zero(self, state: State) -> Equilibrium:
-        """Bring the plate to rest under the conditions of time 0, without breaking bonds. Raises UnsettledError."""
+        """Bring the plate to rest under the conditions of time 0, without breaking bonds. Raises NotConvergedError."""
         put_loads(self._drive, 0.0)
         return self._solve_in_parts_and_add_work(state, np.zeros(self._drive.force.shape), 0, 0.0)
 
@@ -131,14 +131,14 @@ class LoadSteps:
     ) -> Equilibrium:
         """Bring the plate from rest under the loads `previous_load` (n, w) to rest under the conditions of `time`, s.
 
-        Books the work. Raises UnsettledError.
+        Books the work. Raises NotConvergedError.
         """
         put_loads(self._drive, time)
         self._raise_if_loads_on_loose_bodies_unbalanced("")
         return self._solve_in_parts_and_add_work(state, previous_load, step, time)
 
     def solve_equilibrium_at_time(self, state: State, step: int, time: float) -> Equilibrium:
-        """Bring the plate to rest under the conditions of `time`, s; books nothing. Raises UnsettledError."""
+        """Bring the plate to rest under the conditions of `time`, s; books nothing. Raises NotConvergedError."""
         put_loads(self._drive, time)
         self._raise_if_loads_on_loose_bodies_unbalanced("")
         at = np.where(self.held, prescribed_displacements(self._drive, time), 0.0)
@@ -148,7 +148,7 @@ class LoadSteps:
         return equilibrium
 
     def raise_if_a_body_lacks_supports(self) -> None:
-        """Raise UnsettledError where broken bonds leave a body without supports."""
+        """Raise NotConvergedError where broken bonds leave a body without supports."""
         broken = self._operator.broken()
         self._check_supports_and_restrain_loose_bodies(broken, f"after {pair_count(len(broken.step))} bonds broke: ")
 
@@ -193,7 +193,7 @@ class LoadSteps:
         )
 
     def _raise_if_unstable(self, state: State) -> None:
-        """Raise UnsettledError under dead loads where the body would not stay."""
+        """Raise NotConvergedError under dead loads where the body would not stay."""
         if not self._drive.force[~self.held].any():
             return
         ways = self.method.count_unstable_modes(state, self.held)
@@ -321,7 +321,7 @@ class LoadSteps:
     def solve_equilibrium_after_breakage(
         self, state: State, step: int, iterations_before: int = 0, sufficient_residual: float = 0.0
     ) -> Equilibrium:
-        """Settle again after bonds broke, at least to a residual of `sufficient_residual`. Raises UnsettledError."""
+        """Settle again after bonds broke, at least to a residual of `sufficient_residual`. Raises NotConvergedError."""
         self.raise_if_a_body_lacks_supports()
         try:
             return self._solve_equilibrium_at_constant_load(state, step, iterations_before, sufficient_residual)
@@ -392,7 +392,7 @@ class LoadSteps:
     def _check_supports_and_restrain_loose_bodies(self, broken: Broken, message_prefix: str) -> None:
         """Check for unsupported bodies, and hold softly what breaking bonds cut free.
 
-        Raises ModelError at the start, UnsettledError for loads on what is cut free.
+        Raises ModelError at the start, NotConvergedError for loads on what is cut free.
         """
         model, nodes = self._model, len(self._area)
         intact = np.ones(len(self._bonds), dtype=bool)
@@ -431,7 +431,7 @@ class LoadSteps:
         self.method.restrain_by_weak_springs(loose_bodies.is_loose_node)
 
     def _raise_if_loads_on_loose_bodies_unbalanced(self, message_prefix: str) -> None:
-        """Check that loads on unsupported bodies balance. Raises UnsettledError."""
+        """Check that loads on unsupported bodies balance. Raises NotConvergedError."""
         if self._loose is not None:
             said = describe_unbalanced_body(
                 self._model.grid.position, self._drive.force * self._area[:, None], self._loose

@@ -117,7 +117,7 @@ class Newton:
     def solve_equilibrium(
         self, state: State, conditions: EquilibriumConditions, report_progress: ProgressReport
     ) -> Equilibrium:
-        """Move the values of the state to equilibrium by Newton's method, in place; raises UnsettledError.
+        """Move the values of the state to equilibrium by Newton's method, in place; raises NotConvergedError.
 
         The values are those of the start then.
         """

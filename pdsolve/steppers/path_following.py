@@ -102,7 +102,7 @@ class PathFollower:
     ) -> PathSolution:
         """Equilibrium at this lambda by Newton's method with a line search, its iterations and residual.
 
-        Raises UnsettledError.
+        Raises NotConvergedError.
         """
         drive, free = self.drive, self._free
         at = drive.loads_and_displacements_at(load_factor)
@@ -144,7 +144,7 @@ class PathFollower:
 
         `guess` is a place to begin with; None: along the last direction of the secants. The first `secant_iterations`
         take secants for tangents, which leads from further away; they end sooner if no more than
-        `most_reversals_for_tangents` bonds turn in one. Raises UnsettledError.
+        `most_reversals_for_tangents` bonds turn in one. Raises NotConvergedError.
         """
         free = self._free
         if guess is None:

@@ -65,7 +65,10 @@ class PathStepper:
         return self.step_results[-1].load_factor if self.step_results else 0.0
 
     def advance(self, state: State, first_step: int, end_step: int) -> None:
-        """Take the steps `first_step` to `end_step` - 1, in place, unless the path has ended. Raises UnsettledError."""
+        """Take the steps `first_step` to `end_step` - 1, in place, unless the path has ended.
+
+        Raises NotConvergedError.
+        """
         self._began = self._began or (clock.monotonic(), self._finished_path_share())
         for step in range(first_step, end_step):
             if not self.ended:
@@ -103,7 +106,7 @@ class PathStepper:
         raise NotImplementedError
 
     def _take_path_step(self, state: State, step: int) -> None:
-        """Take a step, in place. Raises UnsettledError."""
+        """Take a step, in place. Raises NotConvergedError."""
         raise NotImplementedError
 
     def _record_step(

@@ -61,7 +61,7 @@ class DynamicRelaxation(EquilibriumMethod):
     def solve_equilibrium(
         self, state: State, conditions: EquilibriumConditions, report_progress: ProgressReport
     ) -> Equilibrium:
-        """Move the values of the state to equilibrium by dynamic relaxation, in place. Raises UnsettledError."""
+        """Move the values of the state to equilibrium by dynamic relaxation, in place. Raises NotConvergedError."""
         start, mass = state.value.copy(), np.broadcast_to(self._mass, state.value.shape).copy()
         mass[mass == 0] = 1.0  # of a node without a bond
         free, done = ~conditions.constrained, 0

@@ -42,7 +42,10 @@ class ReusedFactorSolver:
         self._columns = np.zeros((0, 0))  # (k, p) of the old matrix's inverse
 
     def solve(self, matrix: csr_array, right_side: Array, force_new_factors: bool) -> Array:
-        """The solutions for right sides (k,) or (k, r); `force_new_factors`: use no old ones. Raises UnsettledError."""
+        """The solutions for right sides (k,) or (k, r); `force_new_factors`: use no old ones.
+
+        Raises NotConvergedError.
+        """
         rights = right_side.reshape(len(right_side), -1)
         solution = (
             None if force_new_factors or self._old is None else self._solve_with_old_factors_if_fast(matrix, rights)
@@ -107,7 +110,7 @@ def solve_right_sides_in_blocks(solve: Callable[[Array], Array], right_sides: Ar
 
 
 def _factorize_without_warnings(matrix: csr_array, symmetric: bool) -> Callable[[Array], Array]:
-    """The function that solves with a matrix; SuperLU's warnings are left out. Raises UnsettledError."""
+    """The function that solves with a matrix; SuperLU's warnings are left out. Raises NotConvergedError."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         try:

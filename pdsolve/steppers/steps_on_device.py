@@ -91,7 +91,7 @@ class StepsOnDevice:
                 self._factors.write(first_step + sweep - 1, min(AT_ONCE, steps + 1 - sweep))
             phase = STARTS * (sweep == 0) + ENDS * (sweep == steps)
             self._launch_step(first_step + sweep - 1, phase, sweep % AT_ONCE)
-        self._rename("before", "u", "after")  # the last sweep wrote no displacements
+        self._rename("before", "u", "after")  # the last sweep wrote none, or amounts that the next start writes anew
         self.session.finish()
 
     def _launch_step(self, step: int, phase: int, profile_factor_row: int) -> None:

@@ -109,14 +109,18 @@ class HybridEngine:
         return np.asarray((4 * (y - BELOW_COARSE) + BELOW) * numbering.fine_row_stride + LEFT + 4 * (x - LEFT))
 
     def advance(self, first_step: int, end_step: int) -> None:
-        """Take the steps `first_step` to `end_step` - 1. Raises LateZoneError if a clipped bond exceeds its limit."""
+        """Take the steps `first_step` to `end_step` - 1.
+
+        Raises FineZoneTooLateError if a clipped bond exceeds its limit.
+        """
         if first_step < end_step:
             self._advance(first_step, end_step)
 
     def sum_forces_and_break_bonds(self, step: int, dt: float) -> None:
         """Sum the forces at the current displacements, of bonds alone; bonds over their limit break in this step.
 
-        `dt` is the time since the last step, s, 0 at rest. Raises LateZoneError if a clipped bond exceeds its limit.
+        `dt` is the time since the last step, s, 0 at rest. Raises FineZoneTooLateError if a clipped bond exceeds its
+        limit.
         """
         lattice, counts = self.lattice, self.zone.counts
         loads, holds, lattices = counts.load_shares, counts.held_components, (self.zone.fine, self.zone.coarse)

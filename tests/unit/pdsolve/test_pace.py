@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from pdsolve.run.pace import FEW, LONGEST, PIECE, StepBatchTimer
+from pdsolve.run.pace import BATCH_TIME, LEAST_STEPS, LONGEST_BATCH, StepBatchTimer
 
 
 def test_a_piece_takes_no_longer_than_it_should() -> None:
@@ -12,8 +12,9 @@ def test_a_piece_takes_no_longer_than_it_should() -> None:
         steps = pace.choose_batch_step_count(1, 1000)
         pace.record_duration(steps, steps * each)
         assert 1 <= pace.choose_batch_step_count(1, 1000) <= 1000
-        assert pace.choose_batch_step_count(1, 1000) * each <= max(PIECE, min(FEW * each, LONGEST), each) * (1 + 1e-9)
-        assert pace.choose_batch_step_count(1, 1000) >= min(FEW, int(LONGEST / each))
+        longest = max(BATCH_TIME, min(LEAST_STEPS * each, LONGEST_BATCH), each)
+        assert pace.choose_batch_step_count(1, 1000) * each <= longest * (1 + 1e-9)
+        assert pace.choose_batch_step_count(1, 1000) >= min(LEAST_STEPS, int(LONGEST_BATCH / each))
         assert pace.choose_batch_step_count(8, 1000) >= 8
     assert pace.will_finish_soon(70)
     assert not pace.will_finish_soon(80)
