@@ -11,7 +11,7 @@
 # make sources the same, and a page for each of the other sources
 # make failures  where methods fail, measured anew on one page
 # make handbook  stress intensities of cracked plates beside the handbook's, measured anew on one page
-# make materials  what materials go with and their settings, what bodies do not have: sections of pages
+# make materials  what can be combined, settings of materials, what bodies do not have: a page and sections of pages
 # make forks   where a crack of particles forks, over time steps and grids: a section of a page
 # make split   what cells that split cost against threshold and interval: docs/verification/split.png and a section of a page
 # make bench    check what plans promise: benchmarks/planning.json

@@ -25,7 +25,7 @@ from benchmarks import pages, split
 from benchmarks.runs import PLATES
 from pdmesh.drawing.additions import ADAPT
 from pdmesh.drawing.file_reading import build_file
-from pdmesh.model.refused_settings import impossible
+from pdmesh.model.possible import impossible
 from pdmesh.scene.shapes import SceneError
 from pdsolve.model import Model, ModelWarning
 from pdsolve.options import Options

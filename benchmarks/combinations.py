@@ -1,89 +1,125 @@
-"""What materials go with and their settings, from what they say of themselves: python -m benchmarks.combinations.
+"""What can be combined, and the settings of materials: python -m benchmarks.combinations.
 
-Writes sections of docs/guide/materials.md. A row of a table is a material that solvers are asked for.
+From the table that messages come from (`pdmesh.model.possible`). Writes docs/guide/combinations.md and sections of
+docs/guide/materials.md.
 """
 
 from __future__ import annotations
 
-import re
 import sys
-from collections.abc import Iterator
+from functools import cache
 from pathlib import Path
-from typing import Any
 
 import msgspec
 
+from benchmarks.features import GROUPS, MATERIALS, SAMPLES, Changes, places_of, refused, together
 from benchmarks.pages import put_section
-from pdmesh.model.document import Collocation, Material, Run, Settings
-from pdmesh.model.material import DECLARED, switch_of
+from pdmesh.model.material import DECLARED, Material, switch_of
 from pdmesh.model.materials import KINDS
-from pdmesh.model.refusals import Impossible
-from pdmesh.model.refused_settings import impossible, on_ranks
+from pdmesh.model.possible import TABLE
 
-PAGE = Path(__file__).parents[1] / "docs" / "guide" / "materials.md"
-SOLID: dict[str, Any] = {"model": "correspondence", "nu": 0.2}
-MATERIALS: dict[str, dict[str, Any]] = {
-    "bond, brittle": {},
-    "bond, bilinear": {"law": "bilinear", "kr": 2.0},
-    "bond, cohesive": {"law": "cohesive", "f_t": 1e6},
-    "bond, your own law": {"law": "own"},
-    "bond, sight diffraction": {"sight": "diffraction"},
-    "ordinary": {"model": "ordinary", "nu": 0.2},
-    "correspondence, linear": SOLID,
-    "correspondence, svk": SOLID | {"solid": "svk"},
-    "correspondence, neo hooke": SOLID | {"solid": "neo hooke"},
-    "correspondence, j2": SOLID | {"solid": "j2", "yield_stress": 1e8},
-    "correspondence, rate": SOLID | {"form": "rate"},
-    "micropolar": {"model": "micropolar", "nu": 0.2},
-    "micropolar, cohesive": {"model": "micropolar", "nu": 0.2, "law": "cohesive", "f_t": 1e6},
-}
-RUNS = {
-    "load steps": Run(solver="static"),
-    "static start": Run(start="static"),
-    "hybrid": Run(adapt="hybrid"),
-    "collocation": Run(adapt="collocation", collocation=Collocation(damped=True)),
-    "split": Run(adapt="split"),
-    "particles": Run(cracks="particles"),
-    "OpenCL": Run(device="opencl"),
-}
+GUIDE = Path(__file__).parents[1] / "docs" / "guide"
+PAGE, ALL = GUIDE / "materials.md", GUIDE / "combinations.md"
+COLUMNS = ("3D", "load steps", "fatigue of bonds", "static start", "contact", "thermal stress", "hybrid", "collocation")
+COLUMNS += ("split", "crack particles", "OpenCL", "thesis mode", "MPI ranks")
+HEAD = """# Combinations of features
 
+Features that exclude each other are refused before a run begins, in a sentence that names the setting:
 
-def refusals(material: Material) -> Iterator[str]:
-    """What is refused of a material in 3D, in each run, in the thesis mode and on ranks; "" where nothing is."""
-    for dimension, run in ((3, Run()), *((2, run) for run in RUNS.values())):
-        yield note_of(next(impossible(Settings(material=material, run=run), dimension), None))
-    wrong_name = next(KINDS[material.model].one_sided(material), None)
-    yield "" if wrong_name is None else f"`material.{wrong_name.name}` must be {wrong_name.expected}"
-    yield note_of(next(on_ranks(Settings(material=material)), None))
+```bash
+pdmesh build geometries/duran50.geo
+pdmesh info duran50.json                                           # lists what the model excludes
+pdsolve duran50.json --set run.solver=static --set run.damping=1   # $.run.damping (1) cannot be used, ...
+```
 
+`make materials` writes this page from the table that these programs use, `pdmesh/model/possible.py`. A test tries every
+pair of the features below: it runs to finite numbers, or is refused with its sentence.
 
-def note_of(wrong: Impossible | None) -> str:
-    """The note on a refusal, "" for none: the words of its message, as a condition."""
-    if wrong is None:
-        return ""
-    use = re.sub(r", as (run\.\w+) is", r" when `\1` is", str(wrong.use))
-    use = use.replace(", as the solver is", " when the solver is")
-    return f"`{wrong.place.removeprefix('$.')}` must be {use}"
+The last column leaves out two values of one setting, such as two kinds of `run.adapt`, and what a feature named there
+implies: what is not possible with *load steps* is not possible with *fatigue of bonds* either.
+"""
 
 
 def combinations() -> str:
-    """The section on what goes with what."""
+    """The section on what materials go with."""
     lines = [
         "## What goes with what",
         "",
         "A number after *no* points to the list below the table: the setting that is refused, and the value that it"
-        " must have.\n`make materials` writes this section and the one above from the declarations of the materials"
-        " (`pdmesh/model/materials`).",
+        " must have.\n[Combinations of features](combinations.md) has all other features.",
         "",
-        "| | " + " | ".join(("3D", *RUNS, "thesis mode", "MPI ranks")) + " |",
-        "|---|" + "---|" * (len(RUNS) + 3),
+        "| | " + " | ".join(COLUMNS) + " |",
+        "|---|" + "---|" * len(COLUMNS),
     ]
     known: dict[str, int] = {}
-    for name, changes in MATERIALS.items():
-        found = list(refusals(Material(E=1.0, rho=1.0, G0=1.0, **changes)))
-        cells = [f"no ({known.setdefault(said, len(known) + 1)})" if said else "yes" for said in found]
+    for name in MATERIALS:
+        said = [_refused_pair(name, column) for column in COLUMNS]
+        cells = [f"no ({known.setdefault(text, len(known) + 1)})" if text else "yes" for text in said]
         lines.append(f"| {name} | " + " | ".join(cells) + " |")
-    return "\n".join([*lines, "", *(f"{number}. {said}" for said, number in known.items())]) + "\n"
+    return "\n".join([*lines, "", *(f"{number}. {text}" for text, number in known.items())]) + "\n"
+
+
+def every_feature() -> str:
+    """The page of all features."""
+    parts = [HEAD]
+    for group, samples in GROUPS.items():
+        lines = [f"## {group}", "", "| feature | settings | not with |", "|---|---|---|"]
+        for name, changes in samples.items():
+            alone = [] if not refused(changes) else ["mechanics"]  # it needs a medium
+            others = [other for other in SAMPLES if other != name and _refused_pair(name, other)]
+            others = [other for other in others if not alone or "physics" in SAMPLES[other]]
+            listed = alone + [other for other in others if not any(_implies(other, more) for more in others)]
+            lines.append(f"| {name} | {settings_of(changes)} | {', '.join(listed)} |")
+        parts.append("\n".join(lines) + "\n")
+    reasons = {f"| {one.name} | {by.name} | {reason(use, by.why, because)} |" for one, by, use, because in TABLE}
+    lines = ["## What to use instead", "", "| feature | not with | what to use, and why |", "|---|---|---|"]
+    return "\n".join([*parts, *lines, *sorted(reasons)]) + "\n"
+
+
+def _implies(one: str, other: str) -> bool:
+    """Whether a model with one feature has the other too."""
+    return SAMPLES[other].items() < SAMPLES[one].items()
+
+
+@cache
+def _refused_pair(one: str, other: str) -> str:
+    """The sentence that refuses two features together, "" for none."""
+    if one > other:
+        return _refused_pair(other, one)
+    changes = together(one, other)
+    return "" if changes is None else refused(changes)
+
+
+def settings_of(changes: Changes) -> str:
+    """The settings of a feature, as a reader would write them."""
+    words = []
+    for name, value in changes.items():
+        if name == "conditions":
+            words += [f"condition `{make(places_of(2)).__struct_config__.tag}`" for make in value]
+        elif name in OPTIONS:
+            words.append(OPTIONS[name])
+        else:
+            plain = isinstance(value, str | bool | float | int)
+            words.append(f"`{name} = {msgspec.json.encode(value).decode()}`" if plain else f"`{name}`")
+    return ", ".join(words)
+
+
+OPTIONS = {
+    "mode": "`--mode thesis`",
+    "precision": "`--precision float32`",
+    "ranks": "`mpiexec`",
+    "dimension": "a body in space",
+    "rigid": "condition `rigid`",
+    "regions": "`regions`",
+    "gap": "`run.gaps`",
+    "profile": "`profile` of a load",
+}
+
+
+def reason(use: str, why: str, because: str) -> str:
+    """What to use instead of a feature, and why, in words."""
+    instead = "leave it out" if use == "none" else f"use {use}"
+    return instead + ("" if "{}" in why else why) + because
 
 
 def bounds(name: str) -> str:
@@ -123,7 +159,8 @@ def parameters() -> str:
 
 
 def main() -> int:
-    """Write the sections; returns the exit code."""
+    """Write the page and the sections; returns the exit code."""
+    ALL.write_text(every_feature(), encoding="utf-8")
     for section in (parameters(), combinations()):
         put_section(PAGE, section)
     return 0

@@ -133,7 +133,7 @@ def _build(args: argparse.Namespace) -> int:
     from pdmesh.drawing.file_reading import build_file
     from pdmesh.model import unused_settings, zone_strengths
     from pdmesh.model.document import write_file
-    from pdmesh.model.refused_settings import refuse
+    from pdmesh.model.possible import refuse
     from pdmesh.reports.report import nodes_by_spacing
 
     path = commandline.output_path(args.output, args.drawing, ".json", args.force or args.dry_run)

@@ -20,11 +20,12 @@ from pdmesh.model.lattice_calibration import along_axes, lattice_ratios
 from pdmesh.model.neighbours import ROUND_OFF, Neighbours, row_chunks
 from pdmesh.model.node_grid import Grid
 from pdmesh.model.output_fields import usual
-from pdmesh.model.refused_settings import impossible, on_ranks
+from pdmesh.model.possible import impossible
 from pdmesh.model.triangulated_surface import distances
 from pdsolve.laws import law_named, material_checks, micropolar
 from pdsolve.model import Model, ModelError, ModelWarning
 from pdsolve.operators.protocol import Operator
+from pdsolve.options import Options
 from pdsolve.state import State
 
 POINT = 2  # nodes of a support that is a point
@@ -67,13 +68,18 @@ def nearest(model: Model) -> Nearest:
     return nearest_nodes
 
 
-def refuse(model: Model, partial_cells: bool) -> None:
-    """Raise ModelError for contradictory settings, a model without stiffness, or numbers out of range.
+def refuse_combinations(model: Model, options: Options) -> None:
+    """Raise ModelError for features of a model and of its run that exclude each other."""
+    ranks = options.team is not None
+    for wrong in impossible(model.settings, model.grid.dimension, options.mode, options.precision, ranks):
+        raise ModelError(f"{model.name}: {wrong}")
+
+
+def refuse_numbers(model: Model, partial_cells: bool) -> None:
+    """Raise ModelError for a model without stiffness, or numbers out of range.
 
     `partial_cells` tells whether the family extends half a spacing beyond the horizon.
     """
-    for wrong in impossible(model.settings, model.grid.dimension):
-        raise ModelError(f"{model.name}: {wrong}")
     for number, material in enumerate(model.materials):
         place = model.place_of(number)
         law_named(material, place)
@@ -95,12 +101,6 @@ def refuse(model: Model, partial_cells: bool) -> None:
             )
 
 
-def refuse_on_ranks(model: Model) -> None:
-    """Raise ModelError for what a run on many ranks does not support."""
-    for wrong in on_ranks(model.settings):
-        raise ModelError(f"{model.name}: {wrong}")
-
-
 def refuse_fields(model: Model, operator: Operator, state: State) -> None:
     """Raise ModelError for a requested field that the model does not have."""
     usual_fields = usual(model.grid.dimension)
@@ -115,8 +115,8 @@ def refuse_fields(model: Model, operator: Operator, state: State) -> None:
 def warn_of_model(model: Model, unbonded: NDArray[np.int64], partial_cells: bool, symmetric: bool) -> None:
     """Warn of models that can be solved but are probably not intended.
 
-    `unbonded` (k,) are the rows of nodes without bonds, the other two arguments are as in `refuse` and `closing`.
-    Raises ModelError for coincident nodes.
+    `unbonded` (k,) are the rows of nodes without bonds, `partial_cells` is as in `refuse_numbers`, `symmetric` as in
+    `closing`. Raises ModelError for coincident nodes.
     """
     stiffest, softest = (extreme(material.E for material in model.materials) for extreme in (max, min))
     if stiffest > softest and not symmetric:

@@ -146,7 +146,7 @@ def zoned(
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", ModelWarning)
         shown, _ = create_hybrid_operator_and_stable_step(
-            plate(grid, ratio, material=material, run=run, regions=regions), "conservative", "float64", choose_time_step
+            plate(grid, ratio, material=material, run=run, regions=regions), "float64", choose_time_step
         )
     hybrid = shown.engine
     numbering = hybrid.plate.numbering

@@ -81,10 +81,10 @@ RIGHT_ANSWERS = (
         "tests/verification/test_zone_strength.py::test_building_warns_of_loads_on_coarse_zones",
     ),
     Mutant(
-        "pdmesh/model/refused_settings.py",
-        '        *((f"{place}.coarse", material.coarse, "own") for place, material in every),\n',
-        "",
-        "tests/unit/pdmesh/model/test_refused_settings.py::test_what_cannot_be_is_found",
+        "pdmesh/model/possible.py",
+        "STATIC, START, COARSE, ACCELERATION",
+        "STATIC, START, ACCELERATION",
+        "tests/unit/pdmesh/model/test_possible.py::test_what_cannot_be_is_found",
     ),
     Mutant(
         "pdsolve/model.py",
@@ -410,15 +410,15 @@ RIGHT_ANSWERS = (
         "tests/unit/pdsolve/test_material_checks.py::test_fields_along_z_may_be_asked_of_a_body",
     ),
     Mutant(
-        "pdmesh/model/refused_settings.py",
-        "mechanics{why}: contact is that of mechanics alone, and no heat passes from body to body",
-        "mechanics{why}",
+        "pdmesh/model/possible.py",
+        "excluded(CONTACT, HEAT, because=NO_HEAT)",
+        "excluded(CONTACT, HEAT)",
         "tests/unit/pdmesh/scene/test_separate_bodies.py::test_what_bodies_in_contact_do_not_take_is_refused_for_its_reason",
     ),
     Mutant(
-        "pdmesh/model/refused_settings.py",
-        "none{why}: adaptive cells are those of one body alone, and coarse ones would miss contact",
-        "none{why}",
+        "pdmesh/model/possible.py",
+        "excluded(CONTACT, ADAPTIVE, because=ONE_BODY)",
+        "excluded(CONTACT, ADAPTIVE)",
         "tests/unit/pdmesh/scene/test_separate_bodies.py::test_what_bodies_in_contact_do_not_take_is_refused_for_its_reason",
     ),
 )

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from typing import Annotated, Literal
 
 import msgspec
@@ -53,14 +52,6 @@ def contradiction(medium: Medium) -> tuple[str, str, str] | None:
     if medium.dissolution == "kinetic" and C_solid is None:
         return "C_solid", "none", "one, as the dissolution is kinetic"
     return None
-
-
-def of_motion(medium: Medium) -> Iterator[tuple[str, str, str]]:
-    """What only a body that moves too has: key, what was found, what was expected of diffusion alone."""
-    if medium.broken != 1:
-        yield "broken", f"{medium.broken:g}", "1 of diffusion, in which no bond breaks"
-    if medium.deformation:
-        yield "deformation", "true", "false of diffusion, in which nothing deforms"
 
 
 def amount_of(medium: Medium, dimension: int) -> tuple[float, str]:

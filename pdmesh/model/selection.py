@@ -19,7 +19,6 @@ from pdmesh.model.document import (
     InitialDisplacement,
     InitialVelocity,
     Load,
-    Pin,
     Selection,
     Settings,
     Source,
@@ -197,8 +196,6 @@ def _check_components(condition: AnyCondition, dimension: int, place: str) -> No
         raise GridError(f"{place}.{wrong}")
     elif dimension == 3 and getattr(condition, "corrected", False):
         raise GridError(f"{place}.corrected is true; use false in {WHOLES[3]}")
-    elif isinstance(condition, Pin) and dimension == 3:
-        raise GridError(f"{place}: a pin cannot be used in {WHOLES[3]}; leave it out")
     elif dimension == 2 and getattr(condition, "z", None) not in (None, 0.0):
         raise GridError(f"{place}.z cannot be used in {WHOLES[2]}; leave it out")
 

@@ -134,7 +134,7 @@ def _said(settings: Settings, place: str) -> Iterator[str]:
         mentioned.update(said)
         if said:
             named = ", ".join(f"{place}.{name}" for name in said)
-            values = ", ".join(_word(value_of(settings, name)) for name in said)
+            values = ", ".join(word(value_of(settings, name)) for name in said)
             yield f"{named} ({values}) not used with {row.switch} {row.actual}; use {row.expected}"
 
 
@@ -165,5 +165,6 @@ def _leaves(name: str) -> Iterator[str]:
         yield name
 
 
-def _word(value: Any) -> str:
+def word(value: Any) -> str:
+    """A value as messages show it."""
     return f"{value:g}" if isinstance(value, float) else str(value).lower() if isinstance(value, bool) else str(value)

@@ -16,12 +16,13 @@ from pdmesh.grid.lattice import grid_of_nodes, place_nodes
 from pdmesh.model import selection, zone_strengths
 from pdmesh.model.bond_counts import pair_count
 from pdmesh.model.consistency import examine
+from pdmesh.model.contradictions import Case
 from pdmesh.model.document import ON_ONE_LATTICE, Document, GridError, Material, Settings, settings_of
 from pdmesh.model.fracture_energy import with_fracture_energy
 from pdmesh.model.lattice_calibration import along_axes, has_partial_cells, lattice_ratios
 from pdmesh.model.load_resultants import resultants
 from pdmesh.model.node_grid import Grid, grid_of
-from pdmesh.model.refused_settings import refuse
+from pdmesh.model.possible import excluded_from, refuse
 from pdmesh.model.suggestions import called
 from pdmesh.model.triangulated_surface import volume
 from pdmesh.model.visibility import plate_of
@@ -82,6 +83,7 @@ def info(document: Document, name: str, mode: str = DEFAULT_MODE) -> dict[str, A
         "crack_segments": len(grid.cracks),
         "horizon_ratio": ratio,
         "refused": refused,
+        "excluded": excluded_from(Case(settings_of(document), grid.dimension, mode)),
         "time_step": run.time_step if run and run.steps_are_load_steps else document.run.time_step,
         "steps": run.steps if run else document.run.steps,
         "area_rule": document.area_rule,
@@ -167,6 +169,7 @@ def info_lines(result: dict[str, Any]) -> list[str]:
         lines.append(f"about {memory:.3g} MB of memory and {seconds:.3g} s to solve{rests}")
     if result["most_nodes"] is not None:
         lines.append(_start_line(result["most_nodes"]))
+    lines += ["cannot be combined with: " + ", ".join(result["excluded"])] if result["excluded"] else []
     if result["physics"] != "mechanics":
         lines.append(f"physics: {result['physics']}")
     if result["material"]:

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 
 def create_zone_operator_and_stable_step(
-    model: Model, mode: str, precision: str, choose_step: Callable[[Model, float], float], threads: int
+    model: Model, precision: str, choose_step: Callable[[Model, float], float], threads: int
 ) -> tuple[Moving, float]:
     """The operator at the start that `run.adapt` selects, and the surely stable step, s; `choose_step` takes it.
 
@@ -27,5 +27,5 @@ def create_zone_operator_and_stable_step(
             create_collocation_operator_and_stable_step,
         )  # few runs need it
 
-        return create_collocation_operator_and_stable_step(model, mode, precision, choose_step, threads)
-    return create_hybrid_operator_and_stable_step(model, mode, precision, choose_step, threads)
+        return create_collocation_operator_and_stable_step(model, choose_step, threads)
+    return create_hybrid_operator_and_stable_step(model, precision, choose_step, threads)

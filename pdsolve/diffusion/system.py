@@ -9,7 +9,6 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from pdmesh.model.refused_settings import impossible
 from pdsolve.bonds.assembly import areas
 from pdsolve.conditions import Drive
 from pdsolve.diffusion.collocation import Collocated
@@ -51,8 +50,6 @@ class Transport:
 
 def prepare(model: Model, threads: int | None = None, listed: bool = False) -> tuple[Transport, State]:
     """A model's bonds and conditions, and its state at time 0. Raises ModelError for an unsupported model."""
-    for wrong in impossible(model.settings, model.grid.dimension):
-        raise ModelError(f"{model.name}: {wrong}")
     medium, run = model.settings.medium, model.settings.run
     assert medium is not None
     threads = threads or useful_threads(len(model.grid))
@@ -89,14 +86,10 @@ def prepare(model: Model, threads: int | None = None, listed: bool = False) -> t
     return transport, state._replace(value=content[:, None], second=np.zeros((len(content), 0)))
 
 
-def expect_usual(model: Model, options: Options) -> None:
-    """Raise ModelError for options that diffusion does not use."""
-    rest = options._replace(threads=None, kernel=None, team=None)
-    if rest != Options() or options.kernel not in (None, "listed"):
-        unusual = ", ".join(str(value) for value in rest._replace(kernel=options.kernel) if value is not None)
-        raise ModelError(
-            f"{model.name}: {unusual} cannot be used for diffusion; use the usual mode, precision and kernel, or listed"
-        )
+def refuse_kernel(model: Model, options: Options) -> None:
+    """Raise ModelError for a kernel that diffusion does not use."""
+    if options.kernel not in (None, "listed"):
+        raise ModelError(f"{model.name}: kernel is {options.kernel}; leave it out, or use listed for diffusion")
 
 
 class Stored(NamedTuple):

@@ -5,9 +5,9 @@ from __future__ import annotations
 import warnings
 from dataclasses import replace
 
+from pdmesh.model.contradictions import of_material
 from pdmesh.model.material import Material
 from pdmesh.model.material_constants import BONDS_NU
-from pdmesh.model.refused_settings import of_material
 from pdmesh.spelling import meant
 from pdsolve.laws import (
     breitzman_dayal,

@@ -95,8 +95,6 @@ def prepare_quasi_static_run(
 
 def _prepare_softening_equilibrium_path(model: Model, options: Options, scheme: Scheme) -> PreparedRun:
     """A model whose bonds soften, to be followed along its equilibrium path. Raises ModelError."""
-    if not scheme.symmetric:
-        raise ModelError(f"mode is {scheme.name}; use conservative, as bonds soften in quasi-static analysis")
     filling = scheme.fill(model)
     bonded, filled = make_operator(model, options._replace(kernel="listed"), scheme, filling)
     area = filling.area

@@ -15,7 +15,7 @@ from pdsolve.adaptivity.hybrid.space.prepare import create_body_operator, create
 from pdsolve.adaptivity.quadtree.incremental_bonds import create_leaf_bonds
 from pdsolve.adaptivity.quadtree.operator import SURE, QuadtreeOperator, create_tree
 from pdsolve.adaptivity.two_lattice_operator import FusedMarch
-from pdsolve.checks import refuse, refuse_on_ranks
+from pdsolve.checks import refuse_combinations, refuse_numbers
 from pdsolve.conditions import (
     constrained_components,
     damping,
@@ -67,8 +67,6 @@ def prepare(model: Model, options: Options) -> PreparedRun:
 
 
 def _prepare_by_physics_and_adaptivity(model: Model, options: Options) -> PreparedRun:
-    if options.team is not None:
-        refuse_on_ranks(model)
     if model.diffuses:
         return _prepare_diffusion(model, options)
     scheme = select_scheme(model, options)
@@ -83,7 +81,7 @@ def _prepare_by_physics_and_adaptivity(model: Model, options: Options) -> Prepar
             model, options, scheme
         )
     if model.settings.run.solver == "static":
-        return prepare_quasi_static_run(model_with_load_steps(model, options.precision), options, scheme)
+        return prepare_quasi_static_run(model_with_load_steps(model), options, scheme)
     return prepare_explicit_motion(model, options, scheme)
 
 
@@ -98,16 +96,16 @@ def select_scheme(model: Model, options: Options) -> Scheme:
     if options.threads is not None and not 1 <= options.threads <= cores():
         raise ModelError(f"threads is {options.threads}; use 1 to {cores()}")
     scheme = SCHEMES[options.mode]
-    refuse(model, scheme.partial_cells)
-    if model.settings.run.cracks != "bonds" and not scheme.symmetric:
-        raise ModelError(f"{model.name}: mode is {scheme.name}; use conservative with cracks of particles")
+    refuse_combinations(model, options)
+    refuse_numbers(model, scheme.partial_cells)
     refuse_layers(model)
     return scheme
 
 
 def _prepare_diffusion(model: Model, options: Options) -> PreparedRun:
     """A prepared model of diffusion. Raises ModelError for an unsupported one."""
-    diffusion.expect_usual(model, options)
+    refuse_combinations(model, options)
+    diffusion.refuse_kernel(model, options)
     transport, state = diffusion.prepare(model, options.threads, options.kernel == "listed")
     operator, volume = transport.operator, transport.operator.volume
     system = System(
@@ -130,14 +128,11 @@ def _prepare_diffusion(model: Model, options: Options) -> PreparedRun:
 
 def _prepare_swelling_motion(model: Model, options: Options, scheme: Scheme) -> PreparedRun:
     """A model of a motion that a content swells. Raises ModelError for what cannot be solved so."""
-    if not scheme.symmetric:
-        expected = "conservative, as $.physics is thermoelastic"
-        raise ModelError(f"{model.name}: mode is {scheme.name}; use {expected}")
     if model.settings.run.adapt == "hybrid":
         return _prepare_swelling_plate_with_zone(model, options, scheme)
     options, rests = choose_kernel_for_swelling(model, options), model.settings.run.solver == "static"
     if rests:
-        model = quasi_static_model_after_each_content_step(model, options.precision)
+        model = quasi_static_model_after_each_content_step(model)
         system, state = prepare_quasi_static_run(model.moving_part(), options, scheme)
     else:
         system, state = prepare_explicit_motion(model.moving_part(), options, scheme, bonds_swell=True)
@@ -188,9 +183,7 @@ def _prepare_swelling_plate_with_zone(model: Model, options: Options, scheme: Sc
 def _prepare_plate_with_moving_zone(model: Model, options: Options, scheme: Scheme) -> PreparedRun:
     """A prepared model with a moving fine zone. Raises ModelError for an unsupported one."""
     threads = options.threads or useful_threads(len(model.grid), WORTH_HYBRID)
-    shown, bound = create_zone_operator_and_stable_step(
-        model, options.mode, options.precision, choose_time_step, threads
-    )
+    shown, bound = create_zone_operator_and_stable_step(model, options.precision, choose_time_step, threads)
     state = shown.state()
     system = System(
         model=shown.current_nodes_model,
@@ -212,7 +205,7 @@ def _prepare_plate_with_moving_zone(model: Model, options: Options, scheme: Sche
 
 def _prepare_cell_splitting(model: Model, options: Options, scheme: Scheme) -> PreparedRun:
     """A prepared model whose cells can split; none has yet. Raises ModelError for an unsupported one."""
-    tree = create_tree(model, scheme.name, options.precision, options.kernel)
+    tree = create_tree(model, options.kernel)
     cells = tree.roots()
     now = tree.model_of_leaves(cells)
     bonds, threads = create_leaf_bonds(scheme.by_pairs(now)), threads_of(options, len(model.grid), False)
@@ -228,7 +221,7 @@ def _prepare_cell_splitting(model: Model, options: Options, scheme: Scheme) -> P
 def _prepare_body_with_moving_zone(model: Model, options: Options, scheme: Scheme) -> PreparedRun:
     """A prepared body with a moving fine zone. Raises ModelError for an unsupported one."""
     threads = threads_of(options, len(model.grid), True)
-    operator = create_body_operator(model, options, threads)
+    operator = create_body_operator(model, threads)
     options = options._replace(threads=threads)
     now = operator.current_nodes_model
     bound = stable_time_step_from_stiffness_bound(operator.stiffness_bound(), now.rho)

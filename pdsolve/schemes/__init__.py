@@ -7,40 +7,11 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
-from pdmesh.model.materials import KINDS
 from pdsolve.bonds.assembly import BondSource, Paired
-from pdsolve.model import Model, ModelError
+from pdsolve.model import Model
 from pdsolve.schemes import average_horizon, families, one_sided
 from pdsolve.schemes.gripped_edges import gripped
 from pdsolve.schemes.scheme import Scheme
-
-
-def _bonds_of_their_own(model: Model) -> BondSource:
-    """The thesis's bonds. Raises ModelError for a model of another law."""
-    _refuse_others(model)
-    return one_sided.fill(model)
-
-
-def _pairs_of_their_own(model: Model) -> one_sided.Rule:
-    """The thesis's bonds, pair by pair. Raises ModelError for a model of another law."""
-    _refuse_others(model)
-    return one_sided.Rule(model)
-
-
-def _refuse_others(model: Model) -> None:
-    if model.grid.dimension == 3:
-        raise ModelError(f"{model.name} is a body in space in the thesis mode; use the conservative one")
-    if model.settings.contact is not None:
-        raise ModelError(f"{model.name}: $.contact cannot be used in the thesis mode; use the conservative one")
-    first = model.materials[0]
-    for number, material in enumerate(model.materials):
-        for name, usual in (("calibration", "mean"), ("coarse", "own")):
-            if getattr(material, name) != usual:
-                raise ModelError(
-                    f"{model.place_of(number)}.{name} is '{getattr(material, name)}'; use '{usual}' in the thesis mode"
-                )
-    for name, expected in KINDS[first.model].one_sided(first):
-        raise ModelError(f"{model.place_of(0)}.{name} is '{getattr(first, name)}'; use {expected}")
 
 
 def _symmetric(model: Model) -> BondSource:
@@ -55,8 +26,8 @@ SCHEMES: dict[str, Scheme] = {
     for scheme in (
         Scheme(
             "thesis",
-            _bonds_of_their_own,
-            _pairs_of_their_own,
+            one_sided.fill,
+            one_sided.Rule,
             symmetric=False,
             partial_cells=False,
             matches_work=False,

@@ -119,8 +119,6 @@ def make_bond_fatigue_steps(
     """Steps of jumps of a model with fatigue; arguments are those of `BondFatigueSteps`. Raises ModelError."""
     law = model.settings.run.fatigue
     assert law is not None
-    if not operator.symmetric:
-        raise ModelError(f"{model.name}: mode has forces that do not cancel; use conservative, as bonds tire")
     if breakable is None:
         raise ModelError(f"{model.name}: $.run.fatigue: no bond may break; let some tire")
     return BondFatigueSteps(law, operator, load_steps, breakable, family_size, uncut_bond_count)

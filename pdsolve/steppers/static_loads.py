@@ -20,14 +20,12 @@ STEPS = 10  # load steps where something varies
 PATH_STEPS = 10  # times those of a crack through the smallest extent: the path is given up
 
 
-def model_with_load_steps(model: Model, precision: str) -> Model:
+def model_with_load_steps(model: Model) -> Model:
     """The model in load steps: steps and frames are load steps from time 0 to the end of its profiles.
 
     Without a varying profile there is one load step, at 1 s. Raises ModelError for an unsupported model.
     """
     run = model.settings.run
-    if precision != "float64":
-        raise ModelError(f"precision is {precision}; use float64, as the solver is static")
     if follows_softening_path(model) or follows_crack_length(model) or follows_arc_length(model):
         return _model_with_path_steps(model)
     if run.fatigue is not None:
@@ -95,11 +93,9 @@ def _model_with_path_steps(model: Model) -> Model:
     return stepped_model
 
 
-def quasi_static_model_after_each_content_step(model: Model, precision: str) -> Model:
+def quasi_static_model_after_each_content_step(model: Model) -> Model:
     """The model at rest after each time step of a content that swells it. Raises ModelError for an unsupported one."""
     run = model.settings.run
-    if precision != "float64":
-        raise ModelError(f"precision is {precision}; use float64, as the solver is static")
     assert run.time_step is not None
     moves = msgspec.structs.replace(model.settings, run=msgspec.structs.replace(run, solver="explicit"))
     timed = counted(dataclasses.replace(model, settings=moves), run.time_step).settings

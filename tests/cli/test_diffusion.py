@@ -147,7 +147,7 @@ def test_exports_hold_what_there_is(results: Path, tmp_path: Path) -> None:
         ("run.theta=0.3", re.escape("$.run.theta")),
         ("physics=mechanics", naming("$.material", found="missing", expected=("E", "G0"))),
         ("run.adapt=split", naming("$.run.adapt", found="split", expected=("collocation", "diffusion"))),
-        ("run.cracks=particles", naming("$.run.cracks", found="'particles'", expected="'bonds'")),
+        ("run.cracks=particles", naming("$.run.cracks", found="particles", expected="bonds")),
         ("run.particles.strength=1", naming("run.particles.strength", found="run.cracks bonds")),
         ("area_rule=eq19", naming("$.area_rule", found="eq19", expected=("square", "diffusion"))),
         ("run.theta=0.6", naming("run.theta", found="run.solver explicit", expected="run.solver implicit")),

@@ -262,7 +262,7 @@ REFUSED = {
         naming("medium.deformation", found="true", expected="false"),
     ),
     "no medium": ({"medium": None}, {}, naming("$.medium", found="missing", expected="D")),
-    "the thesis mode": ({}, {"mode": "thesis"}, naming("mode", found="thesis", expected=("conservative", "$.physics"))),
+    "the thesis mode": ({}, {"mode": "thesis"}, naming("mode", found="thesis", expected=("conservative", "physics"))),
     "blocks": ({"material": LAWS["ordinary"][0]}, {"kernel": "blocks"}, naming(found="blocks", expected="listed")),
     "blocks at rest": (
         {"run": Run(solver="static", time_step=1.0, steps=1)},

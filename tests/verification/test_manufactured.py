@@ -37,9 +37,7 @@ def error(side: int, order: int, ratio: float, degrees: float = 0.0) -> float:
     X, Y = grid.position.T
     outer: NDArray[np.bool_] = np.min([X, 1 - X, Y, 1 - Y], axis=0) < 2 * ratio * delta
     held = Displacement(nodes=tuple((np.flatnonzero(outer) + 1).tolist()), x=1.0, y=1.0)
-    model = model_with_load_steps(
-        plate(grid, ratio, material=rubber, conditions=(held,), run=Run(solver="static")), "float64"
-    )
+    model = model_with_load_steps(plate(grid, ratio, material=rubber, conditions=(held,), run=Run(solver="static")))
     system, state = prepare_quasi_static_run(model, ONE, select_scheme(model, ONE))
     r, along = 0.5 + Y, np.column_stack([np.sin(X), np.cos(X)]) @ turn.T
     first, shear = lame(1.0, 0.3)

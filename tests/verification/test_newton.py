@@ -49,7 +49,7 @@ def pulled(law: dict[str, Any]) -> tuple[PreparedRun, EquilibriumConditions]:
     )
     grid = square_grid(12, 9, 1.0)
     model = plate(grid, 3, material=material, conditions=conditions, run=Run(solver="static"))
-    problem = prepare(model_with_load_steps(model, "float64"), Options(threads=1))
+    problem = prepare(model_with_load_steps(model), Options(threads=1))
     put_loads(problem.system.drive, 0.0)
     stepper = problem.system.stepper
     assert isinstance(stepper, LoadSteps)

@@ -46,7 +46,7 @@ def moments(layers: int, most: int) -> tuple[list[float], float]:
     still = Displacement(nodes=(int(np.hypot(x, y).argmin()) + 1,), y=0.0)
     run = Run(solver="static", static=Static(load_steps=4 * most), steps=4 * most)
     model = plate(grid, 3, material=material, conditions=(*bends, still), run=run)
-    system, state = prepare(model_with_load_steps(model, "float64"), Options(threads=1))
+    system, state = prepare(model_with_load_steps(model), Options(threads=1))
     found: list[float] = []
     for step in range(1, 4 * most + 1):
         system.stepper.advance(state, step, step + 1)
@@ -118,7 +118,7 @@ def pulled_bar(strain: float, steps: int, **settings: object) -> tuple[float, fl
     conditions = Displacement(nodes=left, x=0.0), Displacement(nodes=middle, y=0.0), pull
     run = Run(solver="static", static=Static(load_steps=steps), steps=steps)
     model = plate(grid, 3, material=msgspec.structs.replace(STEEL, **settings), conditions=conditions, run=run)
-    system, state = prepare(model_with_load_steps(model, "float64"), Options(threads=1))
+    system, state = prepare(model_with_load_steps(model), Options(threads=1))
     system.stepper.advance(state, 1, steps)
     before = compute_energy_balance_row(system, state, steps - 1)
     system.stepper.advance(state, steps, steps + 1)
@@ -162,7 +162,7 @@ def ring(shares: float, steps: int) -> tuple[PreparedRun, float]:
     still = tuple(Displacement(nodes=(node,), **{axis: 0.0}) for node, axis in zip(ends, ("x", "x", "y"), strict=True))
     run = Run(solver="static", static=Static(load_steps=steps), steps=steps)
     model = plate(grid, 3, material=STEEL, conditions=(*pushes, *still), run=run)
-    return prepare(model_with_load_steps(model, "float64"), Options(threads=1)), inner
+    return prepare(model_with_load_steps(model), Options(threads=1)), inner
 
 
 @pytest.mark.slow

@@ -56,7 +56,7 @@ def pulled(delta: float) -> tuple[PreparedRun, EquilibriumConditions]:
         Load(box=((columns - 1.1) * delta, -1.0, 2.0, 1.0), body_force=(1e-6, 0.0)),
     )
     model = plate(square_grid(columns, rows, delta), 3, material=UNIT, conditions=conditions, run=Run(solver="static"))
-    problem = prepare_quasi_static_run(model_with_load_steps(model, "float64"), ONE, BARE)
+    problem = prepare_quasi_static_run(model_with_load_steps(model), ONE, BARE)
     put_loads(problem.system.drive, 0.0)
     stepper = problem.system.stepper
     assert isinstance(stepper, LoadSteps)
@@ -163,7 +163,7 @@ def bent(rows: int, m: float, scheme: Scheme) -> float:
     )
     run = Run(solver="static", static=Static())
     model = plate(grid, m, material=UNIT, conditions=conditions, run=run)
-    problem = prepare_quasi_static_run(model_with_load_steps(model, "float64"), ONE, scheme)
+    problem = prepare_quasi_static_run(model_with_load_steps(model), ONE, scheme)
     problem.advance(1, 2)
     inertia, shear = 0.1**3 / 12, 1 / (2 * (1 + 1 / 3))
     return float(-problem.state.value[middle, 1] / (force / (48 * inertia) + force / (4 * 5 / 6 * shear * 0.1)))

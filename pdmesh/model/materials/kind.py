@@ -1,4 +1,4 @@
-"""What a kind of material says of itself: its settings, what it fails by, where it is possible and what it refuses."""
+"""What a kind of material says of itself: its settings, what it fails by and what it cannot be."""
 
 from __future__ import annotations
 
@@ -34,38 +34,14 @@ def nothing(material: Material) -> Refusals:
     yield from ()
 
 
-def nothing_at_rest(material: Material, breaks: bool) -> Refusals:
-    """Refuses nothing under load steps."""
-    yield from ()
-
-
-def bonds_alone(material: Material, first: Material, adapt: str) -> Refusals:
-    """Refuses a kind that no cells that split and no fine zones take."""
-    in_space = material.plane == "space"
-    zones_removed = material.model == "ordinary" and adapt == "hybrid" and not in_space
-    last = "; version 1.0.0 was the last with zones of ordinary solids" if zones_removed else ""
-    yield Refusal("model", f"bond (or --adapt none{last}), as run.adapt is {adapt}{' in space' if in_space else ''}")
-
-
-def symmetric_alone(material: Material) -> Refusals:
-    """Refuses a kind that one-sided bonds do not make."""
-    yield Refusal("model", "'bond' in the thesis mode")
-
-
 @dataclass(frozen=True, kw_only=True)
 class MaterialKind:
-    """A kind of material, `Material.model`; each rule yields what is refused of one."""
+    """A kind of material, `Material.model`; `wrong` yields what is refused of one."""
 
     name: str
     structs: tuple[type[msgspec.Struct], ...]  # of parameters of its own, or shared with some others
     failures: tuple[str, ...]  # `Material.failure`
     wrong: Callable[[Material], Refusals] = nothing  # in itself
-    in_space: Callable[[Material], Refusals] = nothing
-    at_rest: Callable[[Material, bool], Refusals] = nothing_at_rest  # load steps, in which bonds break or not
-    from_rest: Callable[[Material], Refusals] = nothing  # a run that begins there remembers nothing of it
-    with_particles: Callable[[Material], Refusals] = nothing  # cracks that are particles
-    one_sided: Callable[[Material], Refusals]  # the thesis mode
-    adaptive: Callable[[Material, Material, str], Refusals]  # by the plate's own material and `Run.adapt`
 
     @cached_property
     def parameters(self) -> tuple[str, ...]:

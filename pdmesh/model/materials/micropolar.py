@@ -4,19 +4,9 @@ from __future__ import annotations
 
 from pdmesh.model.material import USUAL_LAW, BondLaw, Cohesive, Material
 from pdmesh.model.material_constants import BONDS_NU
-from pdmesh.model.materials.kind import (
-    MaterialKind,
-    Refusal,
-    Refusals,
-    bonds_alone,
-    compressible,
-    softens,
-    symmetric_alone,
-)
+from pdmesh.model.materials.kind import MaterialKind, Refusal, Refusals, compressible, softens
 
 SAME = 1e-12  # of Poisson's ratios: nearer than round-off
-OTHERS = "'bond', 'ordinary' or 'correspondence'"
-NO_ROTATIONS = "load steps solve for displacements, not for the rotations that nodes of 'micropolar' have too"
 NEAR = 1e-3  # of Poisson's ratios: bonds whose shear is this soft are springs
 
 
@@ -35,32 +25,9 @@ def wrong(material: Material) -> Refusals:
         yield Refusal("nu", f"less than {most - NEAR:.4g} with cohesive bonds that shear, or model 'bond'")
 
 
-def in_space(material: Material) -> Refusals:
-    """A beam's rotation is one number."""
-    yield Refusal("model", f"{OTHERS} in 3D")
-
-
-def from_rest(material: Material) -> Refusals:
-    """Load steps, by which a start at rest is solved, know displacements alone."""
-    yield Refusal("model", f"{OTHERS}, as run.start is static: {NO_ROTATIONS}")
-
-
-def at_rest(material: Material, breaks: bool) -> Refusals:
-    """Path steps follow bonds that soften; load steps know no rotations."""
-    if not softens(material):
-        yield Refusal("model", f"{OTHERS} (or law 'cohesive'), as the solver is static: {NO_ROTATIONS}")
-    elif not breaks:
-        yield Refusal("model", f"{OTHERS}, as the solver is static and cracks are particles: {NO_ROTATIONS}")
-
-
 MICROPOLAR = MaterialKind(
     name="micropolar",
     structs=(BondLaw, Cohesive),
     failures=("stretch", "none"),
     wrong=wrong,
-    in_space=in_space,
-    at_rest=at_rest,
-    from_rest=from_rest,
-    one_sided=symmetric_alone,
-    adaptive=bonds_alone,
 )

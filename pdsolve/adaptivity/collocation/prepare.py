@@ -27,15 +27,13 @@ DAMPED = ((6.0, 0.05), (16.0, 0.02))
 
 
 def create_collocation_operator_and_stable_step(
-    model: Model, mode: str, precision: str, choose_step: Callable[[Model, float], float], threads: int = 1
+    model: Model, choose_step: Callable[[Model, float], float], threads: int = 1
 ) -> tuple[CollocationOperator, float]:
     """The operator at the start, and the surely stable step, s; `choose_step` chooses the step.
 
     Raises ModelError for a model that this method does not support.
     """
-    check_model_supported(model, mode, MOST)
-    if precision != "float64":
-        raise create_unsupported_error(model, "precision", precision, "float64")
+    check_model_supported(model, MOST)
     ratio, material = model.settings.horizon.ratio, model.materials[0]
     if ratio < LEAST:
         raise create_unsupported_error(model, "$.horizon.ratio", f"{ratio:g}", f"at least {LEAST:g}")

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from pdmesh.model.document import Adapt, Displacement, Hybrid, InitialVelocity, Load, Selection, Velocity
 from pdmesh.model.material_constants import pressure_speed, rayleigh_speed
-from pdmesh.model.refused_settings import impossible
+from pdmesh.model.possible import impossible
 from pdmesh.model.selection import components, given_of
 from pdmesh.model.values_at_places import largest
 from pdmesh.model.values_of_place import Value, is_of_place
@@ -94,7 +94,7 @@ def _choose_with_reason(model: Model, options: Options) -> tuple[Adapt, str]:
     if model.swells:
         return "none", "its costs are known for mechanics only, and this plate swells by a content"
     hybrid = with_adaptivity(model, "hybrid")
-    refused = next(iter(impossible(hybrid.settings, 2)), None)
+    refused = next(iter(impossible(hybrid.settings, 2, options.mode, options.precision)), None)
     if refused is not None:
         return "none", f"hybrid does not support it, {refused}"
     try:
@@ -117,7 +117,7 @@ def _choose_with_reason(model: Model, options: Options) -> tuple[Adapt, str]:
 
 def predict_zone_size_and_cost(model: Model, options: Options) -> ZoneSizeAndCostPrediction:
     """Predicts what a moving fine zone will cost. Raises ModelError for a model that the method does not support."""
-    plate = create_hybrid_plate(model, options.mode)
+    plate = create_hybrid_plate(model)
     springs = create_springs_of_materials(model.materials, model.settings.horizon.ratio, plate.spacing)
     cells = initial_cell_kinds(plate, int(np.abs(springs[0].family_dx).max()))
     fine, coarse = (int(np.count_nonzero(cells == kind)) for kind in (FINE, COARSE))

@@ -181,21 +181,19 @@ def _cell_shares_along_side(count: int) -> NDArray[np.float64]:
     return shares
 
 
-def create_hybrid_plate(model: Model, mode: str) -> HybridPlate:
+def create_hybrid_plate(model: Model) -> HybridPlate:
     """The lattice of a model's nodes. Raises ModelError, in one sentence, for an unsupported model."""
     farther = any(has_partial_cells(material) for material in model.materials)
-    check_model_supported(model, mode, LARGEST - 0.5 if farther else LARGEST)
+    check_model_supported(model, LARGEST - 0.5 if farther else LARGEST)
     grid, h = model.grid, float(model.grid.delta[0])
     if isinstance(grid, WholeLattice):
         return _create_rectangular_plate(model, grid.lattice)
     return _create_listed_plate(model, h, grid.position.min(axis=0))
 
 
-def check_model_supported(model: Model, mode: str, largest_ratio: float) -> None:
+def check_model_supported(model: Model, largest_ratio: float) -> None:
     """Raise ModelError for a model that a moving fine zone does not support; horizons are at most `largest_ratio`."""
     grid, settings = model.grid, model.settings
-    if mode != "conservative":
-        raise create_unsupported_error(model, "mode", mode, "conservative")
     if settings.horizon.ratio > largest_ratio:
         raise create_unsupported_error(
             model, "$.horizon.ratio", f"{settings.horizon.ratio:g}", f"at most {largest_ratio:g}"
@@ -374,5 +372,5 @@ def adaptivity_name(model: Model) -> str:
 
 def create_unsupported_error(model: Model, setting: str, actual: str, expected: str) -> ModelError:
     """A ModelError that names the adaptivity and what it does not support."""
-    name = setting if setting in ("mode", "precision", "kernel") else f"{model.name}: {setting}"
+    name = setting if setting in ("precision", "kernel") else f"{model.name}: {setting}"
     return ModelError(unfit(name, actual, f"{expected}, as run.adapt is {adaptivity_name(model)}"))

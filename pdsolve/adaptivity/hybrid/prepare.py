@@ -37,7 +37,7 @@ ROOM = 64  # rows of fine nodes beyond those of the start, at least
 
 
 def create_hybrid_operator_and_stable_step(
-    model: Model, mode: str, precision: str, choose_step: Callable[[Model, float], float], threads: int = 1
+    model: Model, precision: str, choose_step: Callable[[Model, float], float], threads: int = 1
 ) -> tuple[HybridOperator, float]:
     """The operator at the start, and the surely stable step, s; `choose_step` chooses the step.
 
@@ -45,7 +45,7 @@ def create_hybrid_operator_and_stable_step(
     """
     swells, steep = model.swells, rows_of_steep_content(model)
     model = model.moving_part() if swells else model
-    plate = create_hybrid_plate(model, mode)
+    plate = create_hybrid_plate(model)
     springs = create_springs_of_materials(model.materials, model.settings.horizon.ratio, plate.spacing)
     irregular_bonds = find_irregular_bonds(plate, springs)
     give_back()

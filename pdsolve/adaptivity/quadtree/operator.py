@@ -80,12 +80,11 @@ def read_leaf_history(checkpoint: CheckpointArrays, leaves: int) -> LeafHistory:
     )
 
 
-def create_tree(model: Model, mode: str, precision: str, kernel: str | None) -> Tree:
+def create_tree(model: Model, kernel: str | None) -> Tree:
     """The cells of a model. Raises ModelError, in one sentence, for an unsupported model."""
     grid = model.grid
-    for place, actual, expected in (("precision", precision, "float64"), ("kernel", kernel or "listed", "listed")):
-        if actual != expected:
-            raise create_unsupported_error(model, place, actual, expected)
+    if kernel not in (None, "listed"):
+        raise create_unsupported_error(model, "kernel", kernel, "listed")
     if (grid.delta != grid.delta[0]).any():
         raise create_unsupported_error(
             model, "$.nodes", "several spacings", "one, the coarsest, as pdmesh build --adapt split makes it"

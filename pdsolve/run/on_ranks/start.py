@@ -10,7 +10,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pdmesh.model.document import Absorb
-from pdsolve.checks import refuse_on_ranks
 from pdsolve.conditions import Driving, damping, drive, initial_velocity
 from pdsolve.model import Model, counted
 from pdsolve.numerics.ordered_sums import Branches, branches, total
@@ -97,8 +96,7 @@ class RankStart(NamedTuple):
 
 def prepare_run_on_ranks(model: Model, options: Options, team: Team) -> PreparedRun:
     """A motion on all ranks of a team, and the state of rank 0's window. Raises ModelError."""
-    refuse_on_ranks(model)
-    select_scheme(model, options)
+    select_scheme(model, options._replace(team=team))
     slabs, parts = built(model, options, team, make_operator, make_tiled_operator)
     largest = np.array([max(report.resistance for report in parts)])
     bound = stable_time_step_from_stiffness_bound(largest, np.ones(1))

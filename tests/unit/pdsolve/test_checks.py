@@ -16,7 +16,7 @@ from plates import GLASS, plate, square_grid, two_scale_grid
 from pdmesh.model.contact import Contact
 from pdmesh.model.document import Lattice, Region, Run
 from pdmesh.model.node_grid import Grid, whole_lattice
-from pdsolve.checks import closing, nearest, refuse, warn_of_missing_dissipation, warn_of_model
+from pdsolve.checks import closing, nearest, refuse_numbers, warn_of_missing_dissipation, warn_of_model
 from pdsolve.model import Model, ModelError
 from pdsolve.options import Options
 from pdsolve.run.inversion_checks import MotionChecks
@@ -37,7 +37,7 @@ def bonds(model: Model) -> np.ndarray:
 def test_plates_that_are_plates_are_not_spoken_of(grid: object) -> None:
     model = plate(grid)  # type: ignore[arg-type]
     with saying() as lines:
-        refuse(model, True)
+        refuse_numbers(model, True)
         warn_of_model(model, np.flatnonzero(bonds(model) == 0), True, True)
     assert lines == []
 
@@ -85,7 +85,7 @@ def test_a_crack_between_nodes_is_not_spoken_of_and_one_through_them_is() -> Non
 def test_the_material_of_a_region_is_named() -> None:
     region = Region(box=(0.0, 0.0, 1.0, 1e-3), material=msgspec.structs.replace(GLASS, E=1e-40))
     with pytest.raises(ModelError, match=naming("$.regions[0].material.E", found="1e-40", expected=("1e-30", "1e+30"))):
-        refuse(plate(square_grid(9, 8), regions=(region,)), True)
+        refuse_numbers(plate(square_grid(9, 8), regions=(region,)), True)
 
 
 def test_a_probe_off_the_plate_is_refused() -> None:

@@ -21,7 +21,7 @@ from pdmesh.__main__ import main as build_command
 from pdmesh.drawing.parameters import Parameters, run
 from pdmesh.model.document import Collocation, Region, Run, write_file
 from pdmesh.model.node_grid import document_of
-from pdmesh.model.refused_settings import impossible
+from pdmesh.model.possible import impossible
 from pdmesh.quantities import UNITS
 from pdpost.__main__ import main as show_command
 from pdpost.figures.page import report
@@ -104,7 +104,7 @@ def test_the_commands_take_it(tmp_path: Path, capsys: pytest.CaptureFixture[str]
     assert solve_command([str(path), "--set", "run.collocation.kappa=1.5", "-o", str(tmp_path / "x.sqlite")]) == 2
     assert capsys.readouterr().err.count("\n") == 1
     assert solve_command([str(path), "--set", "material.law=bilinear", "-o", str(tmp_path / "x.sqlite")]) == 2
-    words = "$.material.law is bilinear; use brittle, as run.adapt is collocation"
+    words = "$.material.law is 'bilinear'; use brittle, as run.adapt is collocation"
     assert capsys.readouterr().err == f"pdsolve: {path}: {words}\n"
     assert sorted(file.name for file in tmp_path.glob("*.sqlite")) == []
 

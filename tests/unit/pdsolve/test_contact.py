@@ -229,7 +229,7 @@ def test_what_contact_does_not_go_with_is_refused(assigned: tuple[str, str], nam
 
 
 def test_the_thesis_mode_is_refused() -> None:
-    with pytest.raises(ModelError, match=naming("$.contact", "thesis", expected="conservative")):
+    with pytest.raises(ModelError, match=naming("mode", found="thesis", expected=("conservative", "bodies touch"))):
         prepare(two(Run()), Options(mode="thesis"))
 
 

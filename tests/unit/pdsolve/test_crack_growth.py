@@ -242,11 +242,11 @@ REFUSED = [
     ({"particles": ParticleRules(criterion="stress")}, {}, "strength is missing"),
     ({"particles": ParticleRules(strength=1.0)}, {}, r"strength \(1\)"),
     ({"particles": ParticleRules(direction="principal")}, {}, "direction is principal"),
-    ({"adapt": "hybrid"}, {}, r"run.adapt \(hybrid\)"),
+    ({"adapt": "hybrid"}, {}, r"run.adapt \('hybrid'\)"),
     (
         {},
         {"model": "correspondence", "nu": 0.3, "solid": "neo hooke"},
-        "solid is neo hooke",
+        "solid is 'neo hooke'",
     ),
 ]
 

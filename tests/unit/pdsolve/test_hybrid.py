@@ -34,7 +34,7 @@ from pdmesh.model.document import (
     write_file,
 )
 from pdmesh.model.node_grid import Grid, document_of, whole_lattice
-from pdmesh.model.refused_settings import impossible
+from pdmesh.model.possible import impossible
 from pdmesh.quantities import UNITS
 from pdsolve.__main__ import main as solve_command
 from pdsolve.adaptivity.hybrid.coarse_cells import create_hybrid_plate, initial_cell_kinds
@@ -94,7 +94,7 @@ def test_what_cannot_be_solved_so_is_refused(model: Model, words: str) -> None:
     run = msgspec.structs.replace(model.settings.run, adapt="hybrid")
     model = dataclasses.replace(model, settings=msgspec.structs.replace(model.settings, run=run))
     with pytest.raises(ModelError, match=words) as error:
-        _ = select_scheme(model, Options()), create_hybrid_plate(model, "conservative")
+        _ = select_scheme(model, Options()), create_hybrid_plate(model)
     assert str(error.value).endswith("as run.adapt is hybrid")
 
 
@@ -114,8 +114,8 @@ def test_materials_of_two_micromoduli_have_one_family_in_the_plane(adapt: str, p
 
 def test_the_mode_of_the_thesis_is_refused() -> None:
     """Its bonds are one-sided."""
-    with pytest.raises(ModelError, match=naming(found="thesis")):
-        create_hybrid_plate(plate(cracked(), 4), "thesis")
+    with pytest.raises(ModelError, match=naming("mode", found="thesis", expected="conservative")):
+        select_scheme(plate(cracked(), 4, run=Run(adapt="hybrid")), Options("thesis"))
 
 
 def test_the_compact_lattice_is_as_stiff_as_the_fine_one() -> None:
@@ -149,7 +149,7 @@ def test_cells_beside_an_edge_where_a_content_leaps_are_fine(how: str) -> None:
     steep = rows_of_steep_content(model)
     x = model.grid.position[:, 0]
     assert set(steep) == set(np.flatnonzero(x == x.min()))
-    whole = create_hybrid_plate(model.moving_part(), "conservative")
+    whole = create_hybrid_plate(model.moving_part())
     cells = initial_cell_kinds(whole, 4, steep).reshape(-1, whole.numbering.cell_row_stride)
     across = cells[len(cells) // 2]
     assert across[AROUND : AROUND + 20].tolist() == 5 * [FINE] + 15 * [COARSE]
@@ -189,7 +189,7 @@ def test_other_models_are_refused(
     path = tmp_path / "plate.json"
     write_file(whole, path)
     assert solve_command([str(path), "--adapt", "hybrid", "-o", str(tmp_path / "plate.sqlite")]) == 2
-    words = f"$.material.model is {model}"
+    words = f"$.material.model is '{model}'"
     said = capsys.readouterr().err
     assert said.startswith(f"pdsolve: {path}: {words}; use ")
     assert said.count("\n") == 1

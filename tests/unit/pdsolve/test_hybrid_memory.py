@@ -98,7 +98,7 @@ def test_nodes_that_lie_in_the_same_way_to_edges_and_cracks_share_their_bonds(mo
     cracks = 1e-3 * np.array([[0, 50.5, 60.5, 50.5], [90.5, 100, 90.5, 60.3], [110.2, 8.1, 170.3, 52.7]])
     ring = 1e-3 * np.array([[0, 0], [180, 0], [180, 100], [0, 100]])
     model = plate(whole_lattice(lattice, cracks=cracks, outline=(ring,)), 3.0, run=Run(adapt="hybrid", steps=1))
-    board = create_hybrid_plate(model, "conservative")
+    board = create_hybrid_plate(model)
     springs = (create_fine_springs(model.materials[0], 3.0, board.spacing),)
     found = find_irregular_bonds(board, springs)
     monkeypatch.setattr(irregular_bonds, "find_first_equivalent_rows", lambda plate, rows, reach: np.arange(len(rows)))

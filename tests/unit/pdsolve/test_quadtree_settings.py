@@ -62,7 +62,7 @@ def test_what_cannot_be_solved_so_is_refused(model: Model, words: str) -> None:
     run = msgspec.structs.replace(model.settings.run, adapt="split")
     model = dataclasses.replace(model, settings=msgspec.structs.replace(model.settings, run=run))
     with pytest.raises(ModelError, match=words) as error:
-        _ = select_scheme(model, Options()), create_tree(model, "conservative", "float64", None)
+        _ = select_scheme(model, Options()), create_tree(model, None)
     assert str(error.value).endswith("as run.adapt is split")
 
 
@@ -91,7 +91,7 @@ def test_what_cannot_be_solved_so_is_refused(model: Model, words: str) -> None:
         ),
         (
             ("--adapt", "split", "--mode", "thesis", "--set", "material.sight=diffraction"),
-            naming("$.material.sight", found="'diffraction'", expected="'visibility'"),
+            naming("$.material.sight", found="'diffraction'", expected="visibility"),
         ),
         (("--set", "run.split.levels=2"), naming("run.split.levels", found="run.adapt none", expected="run.adapt")),
     ],

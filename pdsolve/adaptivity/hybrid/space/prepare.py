@@ -31,7 +31,6 @@ from pdsolve.laws import law_of
 from pdsolve.laws.calls import bind
 from pdsolve.laws.law import Law
 from pdsolve.model import Model
-from pdsolve.options import Options
 from pdsolve.schemes.cubic_lattice_bonds import tiled
 
 SEAM = 0.9  # of the squared sure step of the fine lattice: what short, stiff pieces leave
@@ -39,12 +38,8 @@ SHEAR = 1e-6  # of the block in which tau is found
 CUBE = 8  # cells along the side of the block in which tau is found
 
 
-def create_body_operator(model: Model, options: Options, threads: int) -> HybridBodyOperator:
+def create_body_operator(model: Model, threads: int) -> HybridBodyOperator:
     """The operator at the start. Raises ModelError for a body that the method does not support."""
-    for place, expected in (("mode", "conservative"), ("precision", "float64")):
-        actual = getattr(options, place)
-        if actual != expected:
-            raise create_unsupported_error(model, place, actual, expected)
     tiling = tiled(model, np.float64)
     if tiling is None:
         raise create_unsupported_error(

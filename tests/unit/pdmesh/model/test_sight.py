@@ -20,6 +20,8 @@ from pdmesh.model.node_grid import Grid
 from pdmesh.model.visibility import Sight, SightInSpace
 from pdmesh.scene.solids import brick
 from pdsolve.model import Model, ModelError
+from pdsolve.options import Options
+from pdsolve.run.prepare import select_scheme
 from pdsolve.schemes import SCHEMES
 
 SOLID = Material(E=1.0, rho=1.0, G0=1.0, nu=0.3, model="correspondence")
@@ -210,7 +212,7 @@ def test_every_law_takes_the_way_round(law: str) -> None:
 def test_what_cannot_be_is_refused_in_one_line(change: dict[str, object], said: str) -> None:
     model = Model(lattice(STRAIGHT), Settings(material=msgspec.structs.replace(SOLID, **change), horizon=Horizon(3)))
     with pytest.raises(ModelError, match=re.escape(said)):
-        SCHEMES["conservative" if "gamma" in change else "thesis"].fill(model)
+        select_scheme(model, Options("conservative" if "gamma" in change else "thesis"))
 
 
 def test_gamma_is_one_or_more() -> None:

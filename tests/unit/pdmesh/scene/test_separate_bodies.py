@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Callable
 from pathlib import Path
+from unittest.mock import Mock
 
 import msgspec
 import numpy as np
@@ -17,11 +18,11 @@ from pdmesh.drawing.plate_places import Group
 from pdmesh.model.contact import Contact
 from pdmesh.model.document import InitialVelocity, Region, RigidBody, read_document
 from pdmesh.model.node_grid import grid_of
-from pdmesh.model.refused_settings import impossible
+from pdmesh.model.possible import impossible
 from pdmesh.model.selection import check
 from pdmesh.reports.report import info, info_lines
 from pdmesh.scene.solids import brick
-from pdsolve.checks import refuse_on_ranks
+from pdsolve.checks import refuse_combinations
 from pdsolve.model import Model, ModelError
 from pdsolve.options import Options
 from pdsolve.run.prepare import prepare
@@ -95,7 +96,11 @@ def prepared(model: Model) -> object:
     return prepare(model, Options(threads=1))
 
 
-@pytest.mark.parametrize(("adapt", "refuse"), [("split", prepared), ("none", refuse_on_ranks)])
+def on_ranks(model: Model) -> None:
+    refuse_combinations(model, Options(team=Mock()))
+
+
+@pytest.mark.parametrize(("adapt", "refuse"), [("split", prepared), ("none", on_ranks)])
 def test_a_spin_is_refused_where_not_the_whole_body_is_known(adapt: str, refuse: Callable[[Model], object]) -> None:
     built, start = build(Scene(box(0, 0, 9 * MM, 9 * MM), MM, STEEL)), InitialVelocity(box=(0, 0, 1, 1), spin=SPIN)
     run = msgspec.structs.replace(built.settings.run, adapt=adapt)
@@ -249,19 +254,19 @@ TOGETHER: dict[str, tuple[Callable[[], Scene | Body], str, str]] = {
             .body(box(21 * MM, 0, 26 * MM, 10 * MM), "striker")
             .temperature("left", 300.0)
         ),
-        "$.physics is thermoelastic",
+        "$.physics is 'thermoelastic'",
         "contact is that of mechanics alone",
     ),
     "heat in space": (
         lambda: Body(brick((0, 0, 0), (5 * MM, 5 * MM, 5 * MM)), MM, WARM, medium=Heat(k=1.0, c=800.0)).body(
             brick((6 * MM, 0, 0), (9 * MM, 5 * MM, 5 * MM)), "striker"
         ),
-        "$.physics is thermoelastic",
+        "$.physics is 'thermoelastic'",
         "contact is that of mechanics alone",
     ),
     "a fine zone": (
         lambda: scene().adapt("hybrid"),
-        "$.run.adapt (hybrid)",
+        "$.run.adapt ('hybrid')",
         "adaptive cells are those of one body alone",
     ),
 }

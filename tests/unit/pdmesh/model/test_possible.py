@@ -16,6 +16,7 @@ from pdmesh.model.contact import Contact
 from pdmesh.model.document import (
     Absorb,
     Collocation,
+    Fatigue,
     Gap,
     Material,
     ParticleRules,
@@ -26,7 +27,7 @@ from pdmesh.model.document import (
 )
 from pdmesh.model.medium import Medium
 from pdmesh.model.node_grid import document_of
-from pdmesh.model.refused_settings import impossible
+from pdmesh.model.possible import impossible
 from pdsolve.__main__ import main as solve_command
 
 GLASS = Material(E=65e9, rho=2235.0, G0=204.0)
@@ -129,7 +130,7 @@ def changed(**more: Any) -> Material:
             naming("$.run.solver", found="static", expected=("explicit", "run.adapt is hybrid")),
         ),
         (of_medium(Run(solver="static")), 2, naming("$.run.solver", found="static", expected="implicit")),
-        (of_medium(Run(damping=1.0)), 3, naming("$.run.damping", found="1.0", expected="diffusion")),
+        (of_medium(Run(damping=1.0)), 3, naming("$.run.damping", found="1", expected="diffusion")),
         (of(SOFT, COLLOCATED), 2, naming("$.material.law", found="bilinear", expected="run.adapt")),
         (of(OWN, Run(adapt="hybrid")), 2, naming("law", found="own", expected=("brittle", "bilinear"))),
         (
@@ -155,6 +156,16 @@ def changed(**more: Any) -> Material:
         ),
         (of(changed(nu=0.5), Run()), 2, re.escape("$.material.nu is 0.5")),
         (heated(GLASS, Run(solver="static")), 2, naming("$.run.time_step", found="missing", expected="one")),
+        (
+            of(GLASS, Run(solver="static", fatigue=Fatigue(A=1.0))),
+            2,
+            naming("run.fatigue.m", found="missing", expected=("a number", "A")),
+        ),
+        (
+            of(GLASS, Run(solver="static", fatigue=Fatigue())),
+            2,
+            naming("run.fatigue.A", found="missing", expected="A1"),
+        ),
         (
             heated(SOFT, Run(solver="static", time_step=1.0)),
             2,

@@ -1,0 +1,291 @@
+"""A small model of every feature, and of any two: what pages show, and what is tried of all pairs.
+
+A sample is what its feature changes in the plate or the body below, by dotted names of settings; `dimension`, `mode`,
+`precision` and `ranks` are those of `pdmesh.model.contradictions.Case`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+from itertools import combinations
+from math import prod
+from typing import Any, NamedTuple
+
+import msgspec
+import numpy as np
+
+from benchmarks.kinds_of_run import BOND, H, lattice
+from pdmesh.model.contact import Contact
+from pdmesh.model.contradictions import Case
+from pdmesh.model.document import (
+    Absorb,
+    Acceleration,
+    AnyCondition,
+    Concentration,
+    Displacement,
+    Fatigue,
+    Gap,
+    Horizon,
+    InitialDisplacement,
+    InitialVelocity,
+    Pin,
+    Region,
+    RigidBody,
+    Run,
+    Settings,
+    Spring,
+    Velocity,
+)
+from pdmesh.model.medium import Medium, Solid
+from pdmesh.model.node_grid import Bodies, Grid
+from pdmesh.model.possible import impossible
+
+Changes = dict[str, Any]
+COUNTS = {2: (36, 26), 3: (12, 12, 12)}  # nodes along each axis
+RISING = ((0.0, 0.0), (1.0, 1.0))
+
+
+class Places(NamedTuple):
+    """Boxes of nodes of a plate (2) or a body (3), m."""
+
+    dimension: int
+    everywhere: tuple[float, ...]
+    left: tuple[float, ...]  # half
+    right: tuple[float, ...]  # the last column
+    middle: tuple[float, ...]  # some nodes
+    low: tuple[float, ...]  # the first row
+    high: tuple[float, ...]  # the last row
+    mouth: tuple[tuple[float, ...], tuple[float, ...]]  # two places, on both sides of the crack
+
+
+SOLID: Changes = {"material.model": "correspondence", "material.nu": 0.22}
+ORDINARY: Changes = {"material.model": "ordinary", "material.nu": 0.22}
+STATIC: Changes = {"run.solver": "static"}
+SOFT: Changes = {"material.law": "bilinear", "material.kr": 2.0}
+GROWN: Changes = {"run.cracks": "particles"}
+HOT: Changes = {"physics": "thermoelastic"}
+HEAT, WET = Medium(D=1e-3, carries="heat", heat_capacity=2e6), Medium(D=1.0, C_solid=1.0, C_sat=0.2)
+
+ANALYSES: dict[str, Changes] = {
+    "explicit steps": {"run.solver": "explicit"},
+    "implicit steps": {"run.solver": "implicit"},
+    "static start": {"run.start": "static"},
+    "load steps": STATIC,
+    "dynamic relaxation": STATIC | {"run.static.method": "relaxation"},
+    "bodies without supports": STATIC | {"run.static.floating": True},
+    "softening path": STATIC | SOFT,
+    "opening control": STATIC | SOFT | {"gap": True, "run.static.control": "gap", "run.static.opening": 1e-6},
+    "motion after a path": STATIC | SOFT | {"run.after": "motion", "run.duration": 1e-6},
+    "arc length control": STATIC | {"run.cracks": "bonds", "run.static.control": "arc"},
+    "crack length control": STATIC | GROWN | {"run.static.control": "crack"},
+    "fatigue of bonds": STATIC | {"run.cracks": "bonds", "run.fatigue": Fatigue(A=1e9, m=3.0)},
+    "fatigue of crack particles": STATIC | GROWN | {"run.fatigue": Fatigue(C=1e-30, m=3.0)},
+}
+PHYSICS: dict[str, Changes] = {
+    "thermal stress": HOT | {"medium": HEAT},
+    "heat of deformation": HOT | {"medium": msgspec.structs.replace(HEAT, deformation=True)},
+    "diffusion": {"physics": "diffusion", "medium": Medium(D=1.0)},
+    "dissolution": {"physics": "diffusion", "medium": WET},
+    "kinetic dissolution": {"physics": "diffusion", "medium": msgspec.structs.replace(WET, dissolution="kinetic")},
+}
+DISCRETIZATION: dict[str, Changes] = {
+    "3D": {"dimension": 3},
+    "hybrid": {"run.adapt": "hybrid"},
+    "hybrid in 3D": {"dimension": 3, "run.adapt": "hybrid"},
+    "split": {"run.adapt": "split"},
+    "collocation": {"run.adapt": "collocation", "run.collocation.damped": True},
+    "crack particles": GROWN,
+    "several materials": {"regions": True},
+    "strengths of coarse bonds": {"material.coarse": "matched"},
+    "isotropic calibration": {"material.calibration": "isotropic"},
+}
+CONDITIONS: dict[str, Changes] = {
+    "contact": {"contact": Contact()},
+    "rigid bodies": {"contact": Contact(), "rigid": True},
+    "damping": {"run.damping": 1e3},
+    "absorbing layers": {"conditions": (lambda at: Absorb(box=at.right),)},
+    "springs": {"conditions": (lambda at: Spring(box=at.right, body_stiffness=(1e12,) * at.dimension),)},
+    "pins": {"conditions": (lambda at: Pin(box=at.middle, centre=(27 * H, 6.5 * H)),)},
+    "accelerations": {"conditions": (lambda at: Acceleration(box=at.middle, x=1e3),)},
+    "velocities": {"conditions": (lambda at: Velocity(box=at.middle, x=1e-3),)},
+    "initial velocities": {"conditions": (lambda at: InitialVelocity(box=at.everywhere, x=1e-3),)},
+    "initial spin": {"conditions": (lambda at: InitialVelocity(box=at.everywhere, spin=_spin(at)),)},
+    "initial displacements": {"conditions": (lambda at: InitialDisplacement(box=at.middle, x=1e-9),)},
+    "an early end": {"run.until": "split"},
+    "profiles of loads": {"profile": RISING},
+}
+EXECUTION: dict[str, Changes] = {
+    "thesis mode": {"mode": "thesis"},
+    "single precision": {"precision": "float32"},
+    "OpenCL": {"run.device": "opencl"},
+    "MPI ranks": {"ranks": True},
+}
+MATERIALS: dict[str, Changes] = {
+    "brittle bonds": {"material.model": "bond", "material.law": "brittle"},
+    "bilinear bonds": {"material.model": "bond"} | SOFT,
+    "cohesive bonds": {"material.model": "bond", "material.law": "cohesive", "material.f_t": 1e7},
+    "bonds of your own law": {"material.model": "bond", "material.law": "own"},
+    "bonds with diffraction": {"material.model": "bond", "material.sight": "diffraction"},
+    "ordinary": ORDINARY,
+    "ordinary with failure by energy": ORDINARY | {"material.failure": "energy"},
+    "correspondence": SOLID,
+    "correspondence with svk": SOLID | {"material.solid": "svk"},
+    "correspondence with neo hooke": SOLID | {"material.solid": "neo hooke"},
+    "correspondence with j2": SOLID | {"material.solid": "j2", "material.yield_stress": 1e8},
+    "correspondence in rate form": SOLID | {"material.form": "rate"},
+    "micropolar": {"material.model": "micropolar", "material.nu": 0.22},
+    "micropolar with cohesive bonds": {
+        "material.model": "micropolar",
+        "material.nu": 0.22,
+        "material.law": "cohesive",
+        "material.f_t": 1e7,
+    },
+}
+GROUPS = {
+    "Analysis": ANALYSES,
+    "Physics": PHYSICS,
+    "Discretization": DISCRETIZATION,
+    "Conditions": CONDITIONS,
+    "Materials": MATERIALS,
+    "Execution": EXECUTION,
+}
+SAMPLES: dict[str, Changes] = {name: changes for group in GROUPS.values() for name, changes in group.items()}
+OF_MOTION = ("material.", "conditions", "contact", "regions", "rigid", "profile", "run.static")
+
+
+class Sample(NamedTuple):
+    """The model of some features, before it is built."""
+
+    grid: Grid
+    case: Case
+
+
+def together(one: str, other: str) -> Changes | None:
+    """The changes of two features; None where both are values of one setting, or only one is of a motion."""
+    first, second = SAMPLES[one], SAMPLES[other]
+    if any(first[key] != second[key] for key in first.keys() & second.keys() if key != "conditions"):
+        return None
+    changes = first | second | {"conditions": (*first.get("conditions", ()), *second.get("conditions", ()))}
+    still = changes.get("physics") == "diffusion" and any(key.startswith(OF_MOTION) for key in first | second)
+    return None if still else changes
+
+
+def pairs() -> Iterator[tuple[str, str]]:
+    """Every two features that a model could be asked for together."""
+    return ((one, other) for one, other in combinations(SAMPLES, 2) if together(one, other) is not None)
+
+
+def sample(changes: Changes) -> Sample:
+    """The model with these changes."""
+    grid = lattice(*COUNTS[changes.get("dimension", 2)])
+    return Sample(_with_striker(grid) if changes.get("rigid") else grid, case_of(changes))
+
+
+def case_of(changes: Changes) -> Case:
+    """The settings and the options of the model with these changes."""
+    dimension = changes.get("dimension", 2)
+    at, settings = places_of(dimension), Settings(material=BOND, horizon=Horizon(3.0), run=Run(steps=4, every=2))
+    for name, value in changes.items():
+        if "." in name or name in ("physics", "medium", "contact"):
+            settings = _changed(settings, name.split("."), value)
+    if changes.get("gap"):
+        settings = _changed(settings, ["run", "gaps"], (Gap("gap", at.mouth),))
+    if settings.physics == "thermoelastic":
+        settings = _changed(_changed(settings, ["material", "alpha"], 1e-6), ["material", "T0"], 300.0)
+    if changes.get("regions"):
+        assert settings.material is not None
+        softer = msgspec.structs.replace(settings.material, E=settings.material.E / 2)
+        settings = msgspec.structs.replace(settings, regions=(Region(box=at.left, material=softer),))
+    if settings.physics == "diffusion":
+        settings = msgspec.structs.replace(settings, material=None)
+    conditions = (*_usual_conditions(settings, at, changes), *(make(at) for make in changes.get("conditions", ())))
+    if changes.get("rigid"):
+        first = prod(COUNTS[dimension]) + 1
+        striker = tuple(range(first, first + STRIKER[dimension]))
+        conditions = (*conditions, RigidBody(nodes=striker, mass=1.0, x=-1e-3))
+    settings = msgspec.structs.replace(settings, run=_steps(settings), conditions=conditions)
+    options = {name: changes[name] for name in ("mode", "precision", "ranks") if name in changes}
+    return Case(settings, dimension, **options)
+
+
+def refused(changes: Changes) -> str:
+    """The sentence with which the model of these changes is refused; "" if it is not."""
+    wrong = next(impossible(*case_of(changes)), None)
+    return "" if wrong is None else str(wrong)
+
+
+def _changed(part: Any, names: list[str], value: Any) -> Any:
+    """Settings with a value at a dotted name."""
+    name, *rest = names
+    return msgspec.structs.replace(part, **{name: _changed(getattr(part, name), rest, value) if rest else value})
+
+
+def places_of(dimension: int) -> Places:
+    """Boxes of the nodes of a plate (2) or a body (3)."""
+    (nx, ny), z = COUNTS[dimension][:2], 5 * H
+
+    def box(x0: float, y0: float, x1: float, y1: float) -> tuple[float, ...]:
+        corners = (x0 * H, y0 * H, -1.0, x1 * H, y1 * H, 1.0)
+        return corners if dimension == 3 else (*corners[:2], *corners[3:5])
+
+    return Places(
+        dimension,
+        everywhere=box(0, 0, nx, ny),
+        left=box(0, 0, nx / 2, ny),
+        right=box(nx - 1, 0, nx, ny),
+        middle=box(0.75 * nx - 2, ny / 4 - 2, 0.75 * nx + 2, ny / 4 + 2),
+        low=box(0, 0, nx, 1),
+        high=box(0, ny - 1, nx, ny),
+        mouth=((0.0, H * ny / 3, z)[:dimension], (0.0, H * ny * 2 / 3, z)[:dimension]),
+    )
+
+
+def _spin(at: Places) -> float | tuple[float, float, float]:
+    return 1.0 if at.dimension == 2 else (0.0, 0.0, 1.0)
+
+
+def _usual_conditions(settings: Settings, at: Places, changes: Changes) -> Iterator[AnyCondition]:
+    """The lowest row held and the highest moved; contents on the left and on the right."""
+    if settings.physics != "diffusion":
+        profile, held = changes.get("profile", ()), dict.fromkeys("xyz"[: at.dimension], 0.0)
+        yield Displacement(box=at.low, **held)
+        yield Displacement(box=at.high, y=1e-7, profile=profile)
+    if settings.physics != "mechanics":
+        yield Concentration(box=at.right, value=0.1 if settings.physics == "diffusion" else 290.0)
+    if settings.medium is not None and settings.medium.C_solid is not None:
+        yield Solid(box=at.left)
+
+
+def _steps(settings: Settings) -> Run:
+    """A few steps, of the kind that the run has."""
+    run = settings.run
+    if settings.physics == "thermoelastic" and run.solver == "static":
+        return msgspec.structs.replace(run, time_step=1e-7, steps=2)
+    if run.solver == "implicit":
+        return msgspec.structs.replace(run, time_step=1e-8)
+    if run.static.control is not None or run.after != "path":
+        return msgspec.structs.replace(run, static=msgspec.structs.replace(run.static, load_steps=2))
+    return run
+
+
+STRIKER = {2: 9, 3: 27}  # nodes
+
+
+def _with_striker(grid: Grid) -> Grid:
+    """The grid with a body beside it, on the right."""
+    axes = [np.arange(3)] * grid.dimension
+    cells = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, grid.dimension)
+    start = grid.position.max(axis=0) * np.where(np.arange(grid.dimension) == 0, 1.0, 0.5)
+    place = start + H * (cells + 1.5 * (np.arange(grid.dimension) == 0))
+    more, nodes = len(cells), len(grid) + len(cells)
+    return replace(
+        grid,
+        ids=np.arange(1, nodes + 1),
+        position=np.vstack([grid.position, place]),
+        delta=np.full(nodes, H),
+        border=np.zeros(nodes, dtype=bool),
+        hole_id=np.full(nodes, -1),
+        areas=np.full(nodes, H**grid.dimension),
+        bodies=Bodies(np.repeat([0, 1], [len(grid), more]), ("plate", "striker")),
+    )

@@ -1,0 +1,192 @@
+"""Settings that contradict each other in their numbers, or that are missing; see `possible` for what excludes what."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import NamedTuple
+
+import msgspec
+
+from pdmesh.messages import unfit
+from pdmesh.model.document import Fatigue, ParticleRules, Run, Settings
+from pdmesh.model.material import Expansion, Material, missing, switch_of
+from pdmesh.model.materials import KINDS, Refusal, Refusals, refused_by
+from pdmesh.model.materials.kind import softens
+from pdmesh.model.medium import Medium, contradiction
+from pdmesh.model.monitors import ARC, CRACK
+from pdmesh.model.output_fields import OF_CONTENT
+from pdmesh.model.output_fields import USUAL as USUAL_FIELDS
+
+FEWEST = 12.0  # spacings in the horizon with which collocation need not be asked to damp its seam
+# Measured in the plate of docs/verification/collocation.md
+LOSSY = "with fewer the seam is damped, which takes more than 60 % of the work from a struck plate with 4"
+USUAL = Material(E=1.0, rho=1.0, G0=1.0)
+
+
+class Impossible(NamedTuple):
+    """A setting that is refused: its place, its value, and what to use."""
+
+    place: str  # dotted, from $ on
+    value: str  # none: it is missing; some: it is not quoted
+    use: str  # none, and why: it cannot be there
+
+    def __str__(self) -> str:
+        return unfit(self.place, self.value, self.use)
+
+
+Places = list[tuple[str, Material]]
+
+
+class Case(NamedTuple):
+    """The settings of a model, and the options of its run that not every model takes."""
+
+    settings: Settings
+    dimension: int  # of a plate (2) or a body in space (3)
+    mode: str = "conservative"
+    precision: str = "float64"
+    ranks: bool = False  # whether the run is on MPI ranks
+
+    @property
+    def materials(self) -> Places:
+        """The materials of a model that moves, with their places."""
+        settings = self.settings
+        if settings.physics == "diffusion" or settings.material is None:
+            return []
+        every = [("$.material", settings.material)]
+        every += [(f"$.regions[{number}].material", region.material) for number, region in enumerate(settings.regions)]
+        if self.dimension == 2:
+            return every
+        return [(place, msgspec.structs.replace(material, plane="space")) for place, material in every]
+
+
+def contradictions(case: Case) -> Iterator[Impossible]:
+    """Settings that contradict each other, or are missing."""
+    settings, run = case.settings, case.settings.run
+    for place, material in case.materials:
+        yield from of_material(material, place)
+        if settings.physics == "thermoelastic":
+            for name, needed in missing(material, Expansion):
+                yield Impossible(f"{place}.{name}", "none", f"{needed}, as the physics is thermoelastic")
+    if settings.physics == "thermoelastic" and run.solver == "static" and run.time_step is None:
+        yield Impossible("$.run.time_step", "none", "one, after which the body is brought to rest")
+    if settings.physics == "diffusion" and settings.medium is not None:
+        yield from _of_content(run, settings.medium)
+    elif run.solver == "static" and case.materials:
+        yield from _of_control(case)
+        if run.fatigue is not None:
+            yield from _of_lines(run.fatigue) if run.cracks == "bonds" else _of_growth(run.fatigue, run.particles)
+    if case.materials and run.adapt != "none":
+        yield from _of_zones(case)
+    if case.materials and run.cracks == "particles":
+        yield from _of_particles(run.particles)
+
+
+def of_material(material: Material, place: str) -> Iterator[Impossible]:
+    """What a material cannot be, or says to a kind that it means nothing to."""
+    for refusals in (_unheard(material), KINDS[material.model].wrong(material), _missing(material)):
+        for name, expected in refusals:
+            value = getattr(material, name)
+            value_text = "none" if value is None else f"{value:g}" if isinstance(value, float) else f"'{value}'"
+            yield Impossible(f"{place}.{name}", value_text, expected)
+
+
+def _unheard(material: Material) -> Refusals:
+    """Settings that a material's kind does not use."""
+    kind = KINDS[material.model]
+    for name, usual in refused_by(kind.name):
+        if getattr(material, name) != usual:
+            yield Refusal(name, f"none with model '{kind.name}'")
+    if material.sight == "visibility" and material.gamma != USUAL.gamma:
+        yield Refusal("gamma", "none with sight 'visibility'")
+    if material.failure not in kind.failures:
+        yield Refusal("failure", f"one of {', '.join(kind.failures)} with model '{kind.name}'")
+
+
+def _missing(material: Material) -> Refusals:
+    """Parameters that a word of the material asks for and that are not given."""
+    for struct in KINDS[material.model].structs:
+        switch = switch_of(struct)
+        if switch is not None and getattr(material, switch[0]) == switch[1]:
+            for name, needed in missing(material, struct):
+                yield Refusal(name, f"{needed}, with {switch[0]} '{switch[1]}'")
+
+
+def _of_content(run: Run, medium: Medium) -> Iterator[Impossible]:
+    """Contradictions of diffusion."""
+    wrong = contradiction(medium)
+    if wrong is not None:
+        yield Impossible(f"$.medium.{wrong[0]}", *wrong[1:])
+    for name in run.fields if run.fields != USUAL_FIELDS else ():
+        if name not in OF_CONTENT:
+            yield Impossible("$.run.fields", f"'{name}'", f"one of {', '.join(OF_CONTENT)}")
+    if run.solver == "implicit" and run.time_step is None:
+        yield Impossible("$.run.time_step", "none", "one, as the solver is implicit")
+
+
+def _of_control(case: Case) -> Iterator[Impossible]:
+    """Controls of a path that has none, and motions without an end."""
+    run = case.settings.run
+    path = run.cracks == "bonds" and any(softens(material) for _, material in case.materials)
+    length = CRACK if run.cracks == "particles" else ARC
+    if run.static.control not in (None, length) and not path:
+        expected = f"{length} or none, as no bond softens, whose paths alone follow an opening"
+        yield Impossible("$.run.static.control", f"'{run.static.control}'", expected)
+    if run.after == "motion" and not path and run.static.control is None:
+        yield Impossible("$.run.after", "'motion'", "path, as no bond softens, whose paths alone end in a motion")
+    if run.after == "motion" and run.duration is None:
+        yield Impossible("$.run.duration", "none", "seconds, as run.after is motion")
+
+
+def _of_zones(case: Case) -> Iterator[Impossible]:
+    """Numbers of splitting cells and of moving fine zones that contradict each other."""
+    run, ratio, why = case.settings.run, case.settings.horizon.ratio, f", as run.adapt is {case.settings.run.adapt}"
+    if run.adapt == "collocation" and ratio < FEWEST and not run.collocation.damped:
+        value = f"false with {ratio:g} spacings in the horizon"
+        yield Impossible("$.run.collocation.damped", value, f"true, or at least {FEWEST:g} spacings: {LOSSY}")
+    if run.adapt == "split" and not run.split.merge < run.split.threshold:
+        less = f"less than the threshold, {run.split.threshold:g}{why}"
+        yield Impossible("$.run.split.merge", f"{run.split.merge:g}", less)
+    if run.adapt == "collocation" or (run.adapt == "hybrid" and case.dimension == 3):
+        first = case.materials[0][1].micromodulus
+        for place, material in case.materials:
+            if material.micromodulus != first:
+                yield Impossible(f"{place}.micromodulus", f"'{material.micromodulus}'", f"{first}, as elsewhere{why}")
+
+
+def _of_particles(rules: ParticleRules) -> Iterator[Impossible]:
+    """Rules of particles that contradict each other."""
+    for name, criterion in (("strength", "stress"), ("toughness", "intensity")):
+        value = getattr(rules, name)
+        if value is not None and rules.criterion != criterion:
+            yield Impossible(f"$.run.particles.{name}", f"{value:g}", f"none as the criterion is {rules.criterion}")
+    if rules.criterion == "stress" and rules.strength is None:
+        most = "the largest principal stress, Pa, as the criterion is stress"
+        yield Impossible("$.run.particles.strength", "none", most)
+    if rules.criterion == "intensity" and rules.direction != "hoop":
+        yield Impossible("$.run.particles.direction", rules.direction, "hoop as the criterion is intensity")
+
+
+def _of_growth(fatigue: Fatigue, rules: ParticleRules) -> Iterator[Impossible]:
+    """Settings with which cracks of particles do not grow by Paris's line."""
+    usual, words = Fatigue(), "with cracks that are particles"
+    for name in ("C", "m"):
+        if getattr(fatigue, name) is None:
+            yield Impossible(f"$.run.fatigue.{name}", "none", f"a number, {words}")
+    for name in ("A", "A1", "m1", "endurance", "threshold", "damaged", "blocks"):
+        if getattr(fatigue, name) != getattr(usual, name):
+            yield Impossible(f"$.run.fatigue.{name}", f"{getattr(fatigue, name)}", f"none {words}")
+    if rules.criterion != "intensity":
+        yield Impossible("$.run.particles.criterion", rules.criterion, "intensity, as cracks grow by it")
+
+
+def _of_lines(fatigue: Fatigue) -> Iterator[Impossible]:
+    """Halves of a line of growth or initiation, and what is of particles."""
+    for name in ("C", "threshold_K"):
+        if getattr(fatigue, name):
+            yield Impossible(f"$.run.fatigue.{name}", f"{getattr(fatigue, name):g}", "A in its place, as bonds tire")
+    if fatigue.A is None and fatigue.A1 is None:
+        yield Impossible("$.run.fatigue.A", "none", "a number, or A1")
+    for pair in (("A", "m"), ("A1", "m1")):
+        for name, partner in (pair, pair[::-1]):
+            if getattr(fatigue, name) is None and getattr(fatigue, partner) is not None:
+                yield Impossible(f"$.run.fatigue.{name}", "none", f"a number, with {partner}")

@@ -1,0 +1,339 @@
+"""What can be combined: one table of the features of a model and of the pairs that exclude each other.
+
+A feature is recognised by settings, at their places. An exclusion is about one feature, which its message names, and
+says by which other it is excluded, what to use in its place, and why. Messages, `pdmesh info` and the guide's page on
+combinations come from here. Numbers that contradict each other are in `contradictions`; what depends on nodes is
+refused where nodes are.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from itertools import islice
+from typing import Any, NamedTuple
+
+import msgspec
+import numpy as np
+
+from pdmesh.model.contact import RigidBody
+from pdmesh.model.contradictions import Case, Impossible, contradictions
+from pdmesh.model.document import (
+    Absorb,
+    Acceleration,
+    Condition,
+    GridError,
+    InitialDisplacement,
+    InitialVelocity,
+    Pin,
+    Settings,
+    Spring,
+    Velocity,
+)
+from pdmesh.model.material import USUAL_LAW, Material
+from pdmesh.model.materials.kind import softens
+from pdmesh.model.materials.solids import SOLIDS
+from pdmesh.model.monitors import ARC, CRACK
+from pdmesh.model.unused_settings import USUAL, value_of, word
+
+Found = Iterator[tuple[str, str]]  # places and values there
+Recognise = Callable[[Case], Found]
+
+
+class Feature(NamedTuple):
+    """Something that a model can have."""
+
+    name: str  # for users
+    found: Recognise
+    use: str = "none"  # what to use in its place
+    why: str = ""  # it excludes others; {} stands for its value
+
+
+class Exclusion(NamedTuple):
+    """Two features of which a model can have one."""
+
+    feature: Feature  # the one that a message is about
+    by: Feature
+    use: str  # in its place
+    because: str  # more of why
+
+
+def setting(name: str, *values: object) -> Recognise:
+    """A setting of this dotted name with one of these values, or, if there are none, with another than the usual."""
+    usual = value_of(USUAL, name)
+
+    def found(case: Case) -> Found:
+        value = value_of(case.settings, name)
+        if value in values if values else value is not None and value != usual:
+            text = "some" if isinstance(value, msgspec.Struct | tuple) else word(value)
+            yield f"$.{name}", f"'{value}'" if isinstance(value, str) else text
+
+    return found
+
+
+def option(name: str, value: object) -> Recognise:
+    """An option of a run with this value."""
+
+    def found(case: Case) -> Found:
+        if getattr(case, name) == value:
+            yield name, word(value)
+
+    return found
+
+
+def conditions(*kinds: type, key: str = "") -> Recognise:
+    """Conditions of these kinds; with a `key`, those that have more there than 0 or nothing."""
+
+    def found(case: Case) -> Found:
+        for number, condition in enumerate(case.settings.conditions):
+            if isinstance(condition, kinds) and (not key or np.any(getattr(condition, key))):
+                value: Any = getattr(condition, key) if key else condition.__struct_config__.tag
+                text = f"{len(value)} points" if key == "profile" else str(value)
+                yield f"$.conditions[{number}]{key and f'.{key}'}", text
+
+    return found
+
+
+def materials(key: str, which: Callable[[Material], bool]) -> Recognise:
+    """Materials with a property, which shows in this setting of theirs."""
+
+    def found(case: Case) -> Found:
+        for place, material in case.materials:
+            if which(material):
+                yield f"{place}.{key}", f"'{getattr(material, key)}'"
+
+    return found
+
+
+def models(*names: str) -> Recognise:
+    """Materials of these models."""
+    return materials("model", lambda material: material.model in names)
+
+
+def both(first: Recognise, *others: Recognise) -> Recognise:
+    """The places of the first, where the others are found too."""
+
+    def found(case: Case) -> Found:
+        if all(any(True for _ in other(case)) for other in others):
+            yield from first(case)
+
+    return found
+
+
+def regions(case: Case) -> Found:
+    """Regions of several materials."""
+    if len(case.materials) > 1:
+        yield "$.regions", f"{len(case.materials)} materials"
+
+
+AT_REST, BREAKING, GROWN = setting("run.solver", "static"), setting("run.cracks", "bonds"), setting("run.cracks")
+MOTION, ARC_LENGTH = setting("physics", "mechanics", "thermoelastic"), setting("run.static.control", ARC)
+LAWS = (USUAL_LAW, "bilinear", "cohesive")  # whose bonds break at rest
+OTHERS = "'bond', 'ordinary' or 'correspondence'"
+ROTATIONS = ": load steps solve for displacements, not for the rotations that nodes of 'micropolar' have too"
+CONSERVATIVE = "conservative"
+
+
+def adaptive(*names: str) -> Recognise:
+    """A motion with one of these adaptivities, or with any."""
+    return both(setting("run.adapt", *names), MOTION)
+
+
+# Physics
+DIFFUSION = Feature("diffusion", setting("physics", "diffusion"), "mechanics", ", as the physics is diffusion")
+HEAT = Feature("thermal stress", setting("physics", "thermoelastic"), "mechanics", ", as the physics is thermoelastic")
+MECHANICS = Feature("mechanics", setting("physics", "mechanics"), why=" of mechanics")
+SOLID = Feature("dissolution", setting("medium.C_solid"))
+KINETIC = Feature(
+    "kinetic dissolution", setting("medium.dissolution", "kinetic"), "enthalpy", ", as the dissolution is kinetic"
+)
+CONDUCTANCE = Feature("conductance of broken bonds", setting("medium.broken"), "1")
+HEATING = Feature("heat of deformation", setting("medium.deformation"), "false")
+# Analysis
+IMPLICIT = Feature("implicit steps", setting("run.solver", "implicit"), "explicit or static")
+STATIC = Feature("load steps", AT_REST, "explicit", ", as the solver is static")
+COUNT = Feature("a number of load steps", both(setting("run.static.load_steps"), AT_REST))
+RELAXATION = Feature(
+    "dynamic relaxation", both(setting("run.static.method"), AT_REST), "newton", ", as the method is relaxation"
+)
+FLOATING = Feature("bodies without supports", both(setting("run.static.floating"), AT_REST), "false")
+SOFT = both(materials("law", softens), AT_REST)
+SOFTENING = Feature("softening bonds in load steps", SOFT, USUAL_LAW)
+PATH = Feature("a softening path", both(SOFT, BREAKING), USUAL_LAW, ", as bonds soften")
+ARC_STEPS = Feature(
+    "arc length control", both(ARC_LENGTH, AT_REST, BREAKING), "a gap or none", ", as the arc length is the control"
+)
+CRACK_STEPS = Feature(
+    "crack length control",
+    both(setting("run.static.control", CRACK), AT_REST, GROWN),
+    why=", as the length of cracks is the control",
+)
+AFTER = Feature(
+    "motion after a path", both(setting("run.after", "motion"), AT_REST), "path or stop", ", as run.after is motion"
+)
+START = Feature("a static start", setting("run.start"), "unloaded", ", as run.start is static")
+FATIGUE = Feature("fatigue", both(setting("run.fatigue"), AT_REST), why=", as loads repeat")
+TIRING = Feature("fatigue of bonds", both(FATIGUE.found, BREAKING), why=", as loads repeat")
+PROFILE = Feature("profiles of loads", conditions(Condition, key="profile"))
+DAMPING = Feature("damping", setting("run.damping"))
+UNTIL = Feature("an early end", setting("run.until"))
+PROBES = Feature("probes", setting("run.probes"))
+# Discretization
+SPACE = Feature("3D", option("dimension", 3), why=" in a body in space")
+AREA_RULE = Feature("another area rule", setting("area_rule", "eq19", "square"), "cells")
+EQ19 = Feature("the area rule of eq. 19", setting("area_rule", "eq19"), "cells or square")
+ADAPTIVE = Feature("adaptivity", adaptive(), why=", as run.adapt is {}")
+ZONES = Feature("adaptivity of plates", adaptive("split", "collocation"), "none or hybrid")
+HYBRID = Feature("hybrid", adaptive("hybrid"), why=", as run.adapt is {}")
+PLATES = Feature("hybrid in 2D", both(HYBRID.found, option("dimension", 2)), why=", as run.adapt is {}")
+BODIES = Feature("hybrid in 3D", both(HYBRID.found, SPACE.found), why=", as run.adapt is {} in a body in space")
+SPLIT = Feature("split", adaptive("split"), why=", as run.adapt is {}")
+OTHER_ZONES = Feature("hybrid and split", setting("run.adapt", "hybrid", "split"), "none or collocation")
+COLLOCATION = Feature("collocation", setting("run.adapt", "collocation"), why=", as run.adapt is {}")
+BONDS_COLLOCATED = Feature("collocation of bonds", adaptive("collocation"), why=", as run.adapt is {}")
+PARTICLES = Feature("crack particles", GROWN, "bonds", " with cracks that are particles")
+PARTICLES_AT_REST = Feature(
+    "crack particles in load steps", both(GROWN, AT_REST), "bonds", ", as the solver is static and cracks are particles"
+)
+REGIONS = Feature("several materials", regions, "one")
+# Conditions
+CONTACT = Feature("contact", setting("contact"), why=", as bodies touch")
+RIGID = Feature("rigid bodies", conditions(RigidBody))
+SPRINGS = Feature("springs", conditions(Spring), "a load, a displacement or a velocity")
+PINS = Feature("pins", conditions(Pin), "a load, a displacement or a velocity")
+ACCELERATION = Feature("accelerations", conditions(Acceleration), "a load, a displacement or a velocity")
+VELOCITY = Feature("velocities", conditions(Velocity, InitialVelocity))
+SPIN = Feature("an initial spin", conditions(InitialVelocity, key="spin"), "0")
+ABSORB = Feature("absorbing layers", conditions(Absorb), "a load, a displacement or a velocity")
+DISPLACED = Feature("initial displacements", conditions(InitialDisplacement))
+# Materials
+STATE_BASED = Feature("state-based and micropolar models", models("ordinary", "correspondence", "micropolar"), "bond")
+ORDINARY = Feature("ordinary", models("ordinary"), "bond")
+CORRESPONDENCE = Feature("correspondence", models("correspondence"), "bond or ordinary")
+MICROPOLAR = Feature("micropolar", models("micropolar"), "bond or ordinary")
+BEAMS = Feature("micropolar beams", materials("model", lambda m: m.model == "micropolar" and not softens(m)), OTHERS)
+CURVED = Feature("cohesive or own laws", materials("law", lambda m: m.law not in LAWS[:2]), f"{USUAL_LAW} or bilinear")
+COHESIVE = Feature("cohesive bonds", materials("law", lambda m: m.law == "cohesive"), f"{USUAL_LAW} or bilinear")
+OWN = Feature(
+    "bonds of your own law", materials("law", lambda m: softens(m) and m.law not in LAWS), " or ".join(map(repr, LAWS))
+)
+LAW = Feature("laws other than brittle", materials("law", lambda m: m.law != USUAL_LAW), USUAL_LAW)
+DIFFRACTION = Feature("diffraction", materials("sight", lambda m: m.sight != "visibility"), "visibility")
+COARSE = Feature("strengths of coarse bonds", materials("coarse", lambda m: m.coarse != "own"), "own")
+CALIBRATION = Feature("isotropic calibration", materials("calibration", lambda m: m.calibration != "mean"), "mean")
+ENERGY = Feature("failure by energy", materials("failure", lambda m: m.failure == "energy"), "none or stretch")
+LARGE = Feature(
+    "neo hooke and plastic flow",
+    materials("solid", lambda m: m.model == "correspondence" and not SOLIDS[m.solid].particles),
+    "linear or svk",
+)
+FLOW = Feature(
+    "plastic flow",
+    materials("solid", lambda m: SOLIDS[m.solid].flows),
+    " or ".join(f"'{solid.name}'" for solid in SOLIDS.values() if not solid.flows),
+)
+RATE = Feature("rate form", materials("form", lambda m: m.form == "rate"), "total")
+HISTORY = Feature(
+    "failure of plastic flow or rate form",
+    both(materials("failure", lambda m: m.failure != "none" and (SOLIDS[m.solid].flows or m.form == "rate")), BREAKING),
+    "'none' with solid 'j2' or form 'rate'",
+)
+# Execution
+THESIS = Feature("thesis mode", option("mode", "thesis"), CONSERVATIVE, " in the thesis mode")
+SINGLE = Feature("single precision", option("precision", "float32"), "float64")
+DEVICE = Feature("OpenCL", setting("run.device"), "cpu", ", as run.device is {}")
+RANKS = Feature("MPI ranks", option("ranks", True), why=" on many ranks")
+
+
+def excluded(by: Feature, *features: Feature, use: str = "", because: str = "") -> Iterator[Exclusion]:
+    """Exclusions of these features by one, with what to use in their place if it is not the usual."""
+    return (Exclusion(feature, by, use or feature.use, because) for feature in features)
+
+
+ONE_BODY = ": adaptive cells are those of one body alone, and coarse ones would miss contact"
+NO_HEAT = ": contact is that of mechanics alone, and no heat passes from body to body"
+UNHELD = ": it has no way to tell a slow motion from one that nothing holds"
+LAST = "bond (or --adapt none; version 1.0.0 was the last with zones of ordinary solids)"
+TABLE: tuple[Exclusion, ...] = (
+    *excluded(DIFFUSION, UNTIL, START, DAMPING, PROBES, PARTICLES, CONDUCTANCE, HEATING, EQ19, THESIS, SINGLE),
+    *excluded(DIFFUSION, STATIC, use="explicit or implicit"),
+    *excluded(DIFFUSION, OTHER_ZONES),
+    *excluded(KINETIC, IMPLICIT, use="explicit"),
+    *excluded(KINETIC, COLLOCATION),
+    *excluded(COLLOCATION, IMPLICIT, use="explicit"),
+    *excluded(SPACE, ZONES, PARTICLES, EQ19, THESIS),
+    *excluded(SPACE, MICROPOLAR, use=OTHERS),
+    *excluded(SPACE, PINS, use="none"),
+    *excluded(BODIES, HEAT, LAW, ABSORB, SINGLE),
+    *excluded(HEAT, SOLID, IMPLICIT, SOFTENING, ZONES, PARTICLES, START, DISPLACED, THESIS),
+    *excluded(HEAT, COUNT, use="run.time_step and steps"),
+    *excluded(CONTACT, HEAT, because=NO_HEAT),
+    *excluded(CONTACT, ADAPTIVE, because=ONE_BODY),
+    *excluded(CONTACT, START, PARTICLES, FATIGUE, THESIS),
+    *excluded(CONTACT, MICROPOLAR, use="a model without rotations"),
+    *excluded(START, DISPLACED, FLOW, RATE),
+    *excluded(START, MICROPOLAR, use=OTHERS, because=ROTATIONS),
+    *excluded(MECHANICS, IMPLICIT),
+    *excluded(STATIC, DAMPING, UNTIL, OWN, HISTORY, SINGLE),
+    *excluded(STATIC, START, use="none"),
+    *excluded(STATIC, VELOCITY, ACCELERATION, DISPLACED, ABSORB, RIGID, use="a load or a displacement"),
+    *excluded(STATIC, BEAMS, use=f"{OTHERS} (or law 'cohesive')", because=ROTATIONS),
+    *excluded(PARTICLES_AT_REST, MICROPOLAR, use=OTHERS, because=ROTATIONS),
+    *excluded(RELAXATION, FLOATING, because=UNHELD),
+    *excluded(PATH, RELAXATION, FLOATING, ARC_STEPS, THESIS),
+    *excluded(AFTER, CONTACT),
+    *excluded(CRACK_STEPS, FATIGUE, AFTER, HEAT, RATE),
+    *excluded(ARC_STEPS, FATIGUE, RELAXATION, FLOATING, CONTACT, HEAT),
+    *excluded(FATIGUE, FLOATING, COUNT, HEAT, LAW),
+    *excluded(FATIGUE, PROFILE, because=": they are the largest of a cycle"),
+    *excluded(TIRING, STATE_BASED, THESIS),
+    *excluded(ADAPTIVE, AREA_RULE, STATIC, START, COARSE, ACCELERATION, SPRINGS, PINS, SPIN, DISPLACED),
+    *excluded(HYBRID, HEATING, because=": coarse nodes have no heat of deformation"),
+    *excluded(HYBRID, CURVED, DIFFRACTION, THESIS),
+    *excluded(PLATES, ORDINARY, use=LAST),
+    *excluded(ADAPTIVE, STATE_BASED, use="bond (or --adapt none)"),
+    *excluded(SPLIT, LAW, ABSORB, SINGLE),
+    *excluded(BODIES, DAMPING, use="0"),
+    *excluded(BONDS_COLLOCATED, DAMPING, use="0"),
+    *excluded(BONDS_COLLOCATED, REGIONS, LAW, ABSORB, DIFFRACTION, THESIS, SINGLE),
+    *excluded(PARTICLES, ADAPTIVE, LARGE, THESIS),
+    *excluded(DEVICE, STATIC, IMPLICIT, use="explicit"),
+    *excluded(DEVICE, HEAT, use="mechanics or diffusion"),
+    *excluded(DEVICE, ADAPTIVE, COLLOCATION, PARTICLES, KINETIC, CORRESPONDENCE, MICROPOLAR),
+    *excluded(DEVICE, CONTACT, RIGID, SPRINGS, PINS, use="none"),
+    *excluded(RANKS, STATIC, IMPLICIT, use="explicit"),
+    *excluded(RANKS, HEAT, use="mechanics or diffusion"),
+    *excluded(RANKS, START, ADAPTIVE, COLLOCATION, PARTICLES, DEVICE, SPIN, CORRESPONDENCE, MICROPOLAR, ENERGY),
+    *excluded(RANKS, CONTACT, RIGID, SPRINGS, PINS, DISPLACED, use="none"),
+    *excluded(THESIS, STATE_BASED, DIFFRACTION, CALIBRATION, COARSE),
+    *excluded(THESIS, COHESIVE, because=", whose lattice is not calibrated"),
+)
+
+
+def impossible(
+    settings: Settings, dimension: int, mode: str = CONSERVATIVE, precision: str = "float64", ranks: bool = False
+) -> Iterator[Impossible]:
+    """What cannot be combined, in a plate (2) or a body in space (3), with these options of a run."""
+    if settings.run.adapt == "auto" and not ranks:  # where hybrid is refused, that is none
+        settings = msgspec.structs.replace(settings, run=msgspec.structs.replace(settings.run, adapt="none"))
+    case = Case(settings, dimension, mode, precision, ranks)
+    for feature, by, use, because in TABLE:
+        for _, value in islice(by.found(case), 1):
+            why = by.why.format(value.strip("'")) + because
+            yield from (Impossible(*found, use + why) for found in feature.found(case))
+    yield from contradictions(case)
+
+
+def excluded_from(case: Case) -> list[str]:
+    """The names of the features that exclude, or are excluded by, those of a model."""
+    names = []
+    for feature, by, *_ in TABLE:
+        there = [next(each.found(case), None) is not None for each in (feature, by)]
+        if any(there) and not all(there):
+            names.append((by if there[0] else feature).name)
+    return sorted(set(names))
+
+
+def refuse(settings: Settings, dimension: int, name: str) -> None:
+    """Raise GridError for impossible settings of the file called `name`."""
+    for wrong in impossible(settings, dimension):
+        raise GridError(f"{name}: {wrong}")
