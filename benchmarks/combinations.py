@@ -56,7 +56,8 @@ def combinations() -> str:
         said = [_refused_pair(name, column) for column in COLUMNS]
         cells = [f"no ({known.setdefault(text, len(known) + 1)})" if text else "yes" for text in said]
         lines.append(f"| {name} | " + " | ".join(cells) + " |")
-    return "\n".join([*lines, "", *(f"{number}. {text}" for text, number in known.items())]) + "\n"
+    notes = ["", "### What is refused", "", *(f"{number}. {text}" for text, number in known.items())]
+    return "\n".join([*lines, *notes]) + "\n"
 
 
 def every_feature() -> str:
@@ -71,9 +72,11 @@ def every_feature() -> str:
             listed = alone + [other for other in others if not any(_implies(other, more) for more in others)]
             lines.append(f"| {name} | {settings_of(changes)} | {', '.join(listed)} |")
         parts.append("\n".join(lines) + "\n")
-    reasons = {f"| {one.name} | {by.name} | {reason(use, by.why, because)} |" for one, by, use, because in TABLE}
-    lines = ["## What to use instead", "", "| feature | not with | what to use, and why |", "|---|---|---|"]
-    return "\n".join([*parts, *lines, *sorted(reasons)]) + "\n"
+    parts.append("## What to use instead\n\nOf a feature below, with that of the heading.\n")
+    for by in dict.fromkeys(exclusion.by for exclusion in TABLE):
+        rows = (f"- {one.name}: {reason(use, because)}" for one, other, use, because in TABLE if other == by)
+        parts.append(f"### With {by.name}\n\n" + "\n".join(dict.fromkeys(rows)) + "\n")
+    return "\n".join(parts)
 
 
 def _implies(one: str, other: str) -> bool:
@@ -116,10 +119,9 @@ OPTIONS = {
 }
 
 
-def reason(use: str, why: str, because: str) -> str:
-    """What to use instead of a feature, and why, in words."""
-    instead = "leave it out" if use == "none" else f"use {use}"
-    return instead + ("" if "{}" in why else why) + because
+def reason(use: str, because: str) -> str:
+    """What to use instead of a feature, in words."""
+    return ("leave it out" if use == "none" else f"use {use}") + because
 
 
 def bounds(name: str) -> str:
