@@ -18,6 +18,7 @@ from pdmesh.model.document import (
     Collocation,
     Fatigue,
     Gap,
+    Load,
     Material,
     ParticleRules,
     Run,
@@ -28,6 +29,7 @@ from pdmesh.model.document import (
 from pdmesh.model.medium import Medium
 from pdmesh.model.node_grid import document_of
 from pdmesh.model.possible import impossible
+from pdmesh.reports.report import info, info_lines
 from pdsolve.__main__ import main as solve_command
 
 GLASS = Material(E=65e9, rho=2235.0, G0=204.0)
@@ -167,6 +169,16 @@ def changed(**more: Any) -> Material:
             naming("run.fatigue.A", found="missing", expected="A1"),
         ),
         (
+            of(GLASS, Run(solver="static", after="motion", duration=1e-3)),
+            2,
+            naming("$.run.after", found="motion", expected=("path", "softens")),
+        ),
+        (
+            of(changed(form="rate"), Run(solver="static", cracks="particles", static=Static(control="crack"))),
+            2,
+            naming("$.material.form", found="rate", expected=("total", "length of cracks")),
+        ),
+        (
             heated(SOFT, Run(solver="static", time_step=1.0)),
             2,
             naming("$.material.law", found="bilinear", expected="brittle"),
@@ -195,6 +207,20 @@ def test_what_cannot_be_is_found(settings: Settings, dimension: int, said: str) 
 )
 def test_what_can_be_is_not(settings: Settings) -> None:
     assert not list(impossible(settings, 2))
+
+
+def test_info_lists_what_a_model_excludes() -> None:
+    """And nothing that it goes with."""
+    grid = square_grid(9, 9)
+    for run, excluded, possible in (
+        (Run(solver="static"), {"damping", "OpenCL", "adaptivity", "micropolar beams"}, {"3D", "contact", "fatigue"}),
+        (Run(), set(), {"damping", "OpenCL", "adaptivity", "contact", "fatigue", "3D"}),
+    ):
+        document = document_of(grid, of(GLASS, run, conditions=(Load(box=BOX, force=(0.0, 1.0)),)))
+        found = info(document, "plate")
+        assert excluded <= set(found["excluded"])
+        assert not possible & set(found["excluded"])
+        assert any("cannot be combined with: " + ", ".join(found["excluded"]) in line for line in info_lines(found))
 
 
 @pytest.mark.slow
