@@ -65,8 +65,10 @@ def _explicit_model_with_constant_loads(model: Model, load_factor: float) -> Mod
     """The model in motion, whose loads and holds stay as they are at a factor of those prescribed."""
     conditions = []
     for condition in model.settings.conditions:
-        assert isinstance(condition, Condition)
-        conditions.append(msgspec.structs.replace(condition, profile=((0.0, factors(condition, [load_factor])[0]),)))
+        if isinstance(condition, Condition):  # springs and pins have no profile
+            profile = ((0.0, factors(condition, [load_factor])[0]),)
+            condition = msgspec.structs.replace(condition, profile=profile)
+        conditions.append(condition)
     settings = msgspec.structs.replace(model.settings, conditions=tuple(conditions))
     still = dataclasses.replace(model, settings=settings)
     return _model_with_run_settings(still, solver="explicit", after="path", time_step=None)

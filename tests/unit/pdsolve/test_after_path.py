@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from plates import plate, square_grid
 
-from pdmesh.model.document import Displacement, Load, Run
+from pdmesh.model.document import Displacement, Load, Run, Spring
 from pdsolve.model import Model
 from pdsolve.run import after_path
 from pdsolve.run.after_path import _explicit_model_with_constant_loads, prepare_motion_after_path
@@ -31,6 +31,10 @@ def path_model() -> Model:
 def test_loads_stay_at_what_they_are_at_a_factor(path_model: Model) -> None:
     model = _explicit_model_with_constant_loads(path_model, 0.25)
     assert [one.profile for one in model.settings.conditions] == [((0.0, 1.0),), ((0.0, 0.25),)]
+    bed = Spring(box=(-1.0, -1.0, 1.0, 1e-4), body_stiffness=(1.0, 1.0))
+    settings = msgspec.structs.replace(path_model.settings, conditions=(bed,))
+    on_springs = _explicit_model_with_constant_loads(dataclasses.replace(path_model, settings=settings), 0.25)
+    assert on_springs.settings.conditions == (bed,)
     run = model.settings.run
     assert (run.solver, run.after, run.time_step) == ("explicit", "path", None)
 
