@@ -108,7 +108,7 @@ CONDITIONS: dict[str, Changes] = {
     "springs": {"conditions": (lambda at: Spring(box=at.right, body_stiffness=(1e12,) * at.dimension),)},
     "pins": {"conditions": (lambda at: Pin(box=at.middle, centre=(27 * H, 6.5 * H)),)},
     "accelerations": {"conditions": (lambda at: Acceleration(box=at.middle, x=1e3),)},
-    "velocities": {"conditions": (lambda at: Velocity(box=at.middle, x=1e-3),)},
+    "velocities": {"conditions": (lambda at: Velocity(box=at.right, x=1e-3),)},
     "initial velocities": {"conditions": (lambda at: InitialVelocity(box=at.everywhere, x=1e-3),)},
     "initial spin": {"conditions": (lambda at: InitialVelocity(box=at.everywhere, spin=_spin(at)),)},
     "initial displacements": {"conditions": (lambda at: InitialDisplacement(box=at.middle, x=1e-9),)},

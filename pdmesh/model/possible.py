@@ -197,7 +197,7 @@ PARTICLES_AT_REST = Feature(
 REGIONS = Feature("several materials", regions, "one")
 # Conditions
 CONTACT = Feature("contact", setting("contact"), why=", as bodies touch")
-RIGID = Feature("rigid bodies", conditions(RigidBody))
+RIGID = Feature("rigid bodies", conditions(RigidBody), why=", as a body is rigid")
 SPRINGS = Feature("springs", conditions(Spring), "a load, a displacement or a velocity")
 PINS = Feature("pins", conditions(Pin), "a load, a displacement or a velocity")
 ACCELERATION = Feature("accelerations", conditions(Acceleration), "a load, a displacement or a velocity")
@@ -270,6 +270,7 @@ TABLE: tuple[Exclusion, ...] = (
     *excluded(CONTACT, ADAPTIVE, because=ONE_BODY),
     *excluded(CONTACT, START, PARTICLES, FATIGUE, THESIS),
     *excluded(CONTACT, MICROPOLAR, use="a model without rotations"),
+    *excluded(RIGID, DISPLACED),
     *excluded(START, DISPLACED, FLOW, RATE),
     *excluded(START, MICROPOLAR, use=OTHERS, because=ROTATIONS),
     *excluded(MECHANICS, IMPLICIT),
