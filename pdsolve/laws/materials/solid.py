@@ -16,7 +16,7 @@ from __future__ import annotations
 from typing import Any, NamedTuple
 
 import numpy as np
-from numba import njit
+from numba import literal_unroll, njit
 from numpy.typing import NDArray
 
 from pdmesh.model.material_constants import lame
@@ -199,8 +199,9 @@ def _turned(Q, sigma):  # type: ignore[no-untyped-def]
 
 @njit(**INNER)
 def _put(row, at, values):  # type: ignore[no-untyped-def]
-    for a in range(len(values)):
-        row[at + a] = values[a]
+    for value in literal_unroll(values):  # some of which are of double precision where others are not
+        row[at] = value
+        at += 1
 
 
 @njit(**INNER)
