@@ -230,6 +230,7 @@ FLOW = Feature(
     "plastic flow",
     materials("solid", lambda m: SOLIDS[m.solid].flows),
     " or ".join(f"'{solid.name}'" for solid in SOLIDS.values() if not solid.flows),
+    ", as the solid flows",
 )
 RATE = Feature("rate form", materials("form", lambda m: m.form == "rate"), "total")
 HISTORY = Feature(
@@ -275,6 +276,7 @@ TABLE: tuple[Exclusion, ...] = (
     *excluded(START, MICROPOLAR, use=OTHERS, because=ROTATIONS),
     *excluded(MECHANICS, IMPLICIT),
     *excluded(STATIC, DAMPING, UNTIL, OWN, HISTORY, SINGLE),
+    *excluded(FLOW, SINGLE),
     *excluded(STATIC, START, use="none"),
     *excluded(STATIC, VELOCITY, ACCELERATION, DISPLACED, ABSORB, RIGID, use="a load or a displacement"),
     *excluded(STATIC, BEAMS, use=f"{OTHERS} (or law 'cohesive')", because=ROTATIONS),
