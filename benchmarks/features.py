@@ -54,6 +54,7 @@ class Places(NamedTuple):
     left: tuple[float, ...]  # half
     right: tuple[float, ...]  # the last column
     middle: tuple[float, ...]  # some nodes
+    upper: tuple[float, ...]  # some others
     low: tuple[float, ...]  # the first row
     high: tuple[float, ...]  # the last row
     mouth: tuple[tuple[float, ...], tuple[float, ...]]  # two places, on both sides of the crack
@@ -107,8 +108,8 @@ CONDITIONS: dict[str, Changes] = {
     "absorbing layers": {"conditions": (lambda at: Absorb(box=at.right),)},
     "springs": {"conditions": (lambda at: Spring(box=at.right, body_stiffness=(1e12,) * at.dimension),)},
     "pins": {"conditions": (lambda at: Pin(box=at.middle, centre=(27 * H, 6.5 * H)),)},
-    "accelerations": {"conditions": (lambda at: Acceleration(box=at.middle, x=1e3),)},
-    "velocities": {"conditions": (lambda at: Velocity(box=at.right, x=1e-3),)},
+    "accelerations": {"conditions": (lambda at: Acceleration(box=at.upper, x=1e3),)},
+    "velocities": {"conditions": (lambda at: Velocity(box=at.middle, x=1e-3),)},
     "initial velocities": {"conditions": (lambda at: InitialVelocity(box=at.everywhere, x=1e-3),)},
     "initial spin": {"conditions": (lambda at: InitialVelocity(box=at.everywhere, spin=_spin(at)),)},
     "initial displacements": {"conditions": (lambda at: InitialDisplacement(box=at.middle, x=1e-9),)},
@@ -235,6 +236,7 @@ def places_of(dimension: int) -> Places:
         left=box(0, 0, nx / 2, ny),
         right=box(nx - 1, 0, nx, ny),
         middle=box(0.75 * nx - 2, ny / 4 - 2, 0.75 * nx + 2, ny / 4 + 2),
+        upper=box(0.75 * nx - 2, 0.75 * ny - 2, 0.75 * nx + 2, 0.75 * ny + 2),
         low=box(0, 0, nx, 1),
         high=box(0, ny - 1, nx, ny),
         mouth=((0.0, H * ny / 3, z)[:dimension], (0.0, H * ny * 2 / 3, z)[:dimension]),
