@@ -41,7 +41,6 @@ from pdsolve.run.on_ranks import resuming
 from pdsolve.run.on_ranks import start as on_ranks
 from pdsolve.run.on_ranks.recorder import RecorderOnRanks
 from pdsolve.run.pace import (
-    LEAST_STEPS,
     StepBatchTimer,
     change_nodes_if_due_and_find_next_step,
     grow_cracks_if_due_and_find_next_step,
@@ -59,7 +58,7 @@ from pdsolve.steppers.cycle_or_path_steps import CycleOrPathSteps
 from pdsolve.steppers.equilibrium import NotConvergedError
 from pdsolve.steppers.load_steps import LoadStepProgress
 
-PATIENCE = 5e7  # bond updates between two looks at the watcher, some 20 ms, but LEAST_STEPS steps at least
+PATIENCE = 4e8  # bond updates between two looks at the watcher, some 0.2 s; fewer where they take longer
 DEFAULT = Options()
 
 
@@ -423,7 +422,7 @@ def _advance_to_end(recorder: Recorder, writer: Behind, request: RunRequest) -> 
             looks = min(looks, next_kappa_step)
         chunk = pace.choose_batch_step_count(
             EVERY if recorder.system.moving_zone_operator else 1,
-            max(LEAST_STEPS, int(PATIENCE / max(recorder.system.directed_bond_count, 1))),
+            int(PATIENCE / max(recorder.system.directed_bond_count, 1)),
         )
         records = next_multiple(step, run.every), next_multiple(step, run.ledger or run.every), run.steps
         ends = (step + chunk, looks, *records)

@@ -93,7 +93,7 @@ def test_what_is_not_followed_at_rest_is_refused(material: dict[str, object], sa
 @pytest.mark.parametrize(
     ("material", "says"),
     [
-        ({"form": "rate"}, naming("form", found="'rate'", expected=("'total'", "static"))),
+        ({"form": "rate"}, naming("form", found="'rate'", expected=("total", "static"))),
         ({"solid": "j2", "yield_stress": 1e8}, naming("solid", found="'j2'", expected=("'linear'", "static"))),
     ],
 )
