@@ -44,6 +44,6 @@ class Broken(NamedTuple):
     target: NDArray[np.int64]  # (k,)
 
     def after(self, step: int) -> Broken:
-        """Those broken after a step."""
+        """Bonds broken after a step."""
         is_later = self.step > step
         return Broken(*(column[is_later] for column in self))

@@ -35,15 +35,15 @@ from pdmesh.model.materials.solids import SOLIDS
 from pdmesh.model.monitors import ARC, CRACK
 from pdmesh.model.unused_settings import USUAL, value_of, word
 
-Found = Iterator[tuple[str, str]]  # places and values there
-Recognise = Callable[[Case], Found]
+Occurrences = Iterator[tuple[str, str]]  # places and values there
+Recognise = Callable[[Case], Occurrences]
 
 
 class Feature(NamedTuple):
     """Something that a model can have."""
 
     name: str  # for users
-    found: Recognise
+    occurrences: Recognise
     use: str = "none"  # what to use in its place
     why: str = ""  # it excludes others; {} stands for its value
 
@@ -61,47 +61,47 @@ def setting(name: str, *values: object) -> Recognise:
     """A setting of this dotted name with one of these values, or, if there are none, with another than the usual."""
     usual = value_of(USUAL, name)
 
-    def found(case: Case) -> Found:
+    def occurrences(case: Case) -> Occurrences:
         value = value_of(case.settings, name)
         if value in values if values else value is not None and value != usual:
             text = "some" if isinstance(value, msgspec.Struct | tuple) else word(value)
             yield f"$.{name}", f"'{value}'" if isinstance(value, str) else text
 
-    return found
+    return occurrences
 
 
 def option(name: str, value: object) -> Recognise:
     """An option of a run with this value."""
 
-    def found(case: Case) -> Found:
+    def occurrences(case: Case) -> Occurrences:
         if getattr(case, name) == value:
             yield name, word(value)
 
-    return found
+    return occurrences
 
 
 def conditions(*kinds: type, key: str = "") -> Recognise:
     """Conditions of these kinds; with a `key`, those that have more there than 0 or nothing."""
 
-    def found(case: Case) -> Found:
+    def occurrences(case: Case) -> Occurrences:
         for number, condition in enumerate(case.settings.conditions):
             if isinstance(condition, kinds) and (not key or np.any(getattr(condition, key))):
                 value: Any = getattr(condition, key) if key else condition.__struct_config__.tag
                 text = f"{len(value)} points" if key == "profile" else str(value)
                 yield f"$.conditions[{number}]{key and f'.{key}'}", text
 
-    return found
+    return occurrences
 
 
 def materials(key: str, which: Callable[[Material], bool]) -> Recognise:
     """Materials with a property, which shows in this setting of theirs."""
 
-    def found(case: Case) -> Found:
+    def occurrences(case: Case) -> Occurrences:
         for place, material in case.materials:
             if which(material):
                 yield f"{place}.{key}", f"'{getattr(material, key)}'"
 
-    return found
+    return occurrences
 
 
 def models(*names: str) -> Recognise:
@@ -112,14 +112,14 @@ def models(*names: str) -> Recognise:
 def both(first: Recognise, *others: Recognise) -> Recognise:
     """The places of the first, where the others are found too."""
 
-    def found(case: Case) -> Found:
+    def occurrences(case: Case) -> Occurrences:
         if all(any(True for _ in other(case)) for other in others):
             yield from first(case)
 
-    return found
+    return occurrences
 
 
-def regions(case: Case) -> Found:
+def regions(case: Case) -> Occurrences:
     """Regions of several materials."""
     if len(case.materials) > 1:
         yield "$.regions", f"{len(case.materials)} materials"
@@ -172,7 +172,7 @@ AFTER = Feature(
 )
 START = Feature("a static start", setting("run.start"), "unloaded", ", as run.start is static")
 FATIGUE = Feature("fatigue", both(setting("run.fatigue"), AT_REST), why=", as loads repeat")
-TIRING = Feature("fatigue of bonds", both(FATIGUE.found, BREAKING), why=", as loads repeat")
+TIRING = Feature("fatigue of bonds", both(FATIGUE.occurrences, BREAKING), why=", as loads repeat")
 PROFILE = Feature("profiles of loads", conditions(Condition, key="profile"))
 DAMPING = Feature("damping", setting("run.damping"))
 UNTIL = Feature("an early end", setting("run.until"))
@@ -184,8 +184,10 @@ EQ19 = Feature("the area rule of eq. 19", setting("area_rule", "eq19"), "cells o
 ADAPTIVE = Feature("adaptivity", adaptive(), why=", as run.adapt is {}")
 ZONES = Feature("adaptivity of plates", adaptive("split", "collocation"), "none or hybrid")
 HYBRID = Feature("hybrid", adaptive("hybrid"), why=", as run.adapt is {}")
-PLATES = Feature("hybrid in 2D", both(HYBRID.found, option("dimension", 2)), why=", as run.adapt is {}")
-BODIES = Feature("hybrid in 3D", both(HYBRID.found, SPACE.found), why=", as run.adapt is {} in a body in space")
+PLATES = Feature("hybrid in 2D", both(HYBRID.occurrences, option("dimension", 2)), why=", as run.adapt is {}")
+BODIES = Feature(
+    "hybrid in 3D", both(HYBRID.occurrences, SPACE.occurrences), why=", as run.adapt is {} in a body in space"
+)
 SPLIT = Feature("split", adaptive("split"), why=", as run.adapt is {}")
 OTHER_ZONES = Feature("hybrid and split", setting("run.adapt", "hybrid", "split"), "none or collocation")
 COLLOCATION = Feature("collocation", setting("run.adapt", "collocation"), why=", as run.adapt is {}")
@@ -320,9 +322,9 @@ def impossible(
         settings = msgspec.structs.replace(settings, run=msgspec.structs.replace(settings.run, adapt="none"))
     case = Case(settings, dimension, mode, precision, ranks)
     for feature, by, use, because in TABLE:
-        for _, value in islice(by.found(case), 1):
+        for _, value in islice(by.occurrences(case), 1):
             why = by.why.format(value.strip("'")) + because
-            yield from (Impossible(*found, use + why) for found in feature.found(case))
+            yield from (Impossible(*occurrences, use + why) for occurrences in feature.occurrences(case))
     yield from contradictions(case)
 
 
@@ -330,7 +332,7 @@ def excluded_from(case: Case) -> list[str]:
     """The names of the features that exclude, or are excluded by, those of a model."""
     names = []
     for feature, by, *_ in TABLE:
-        there = [next(each.found(case), None) is not None for each in (feature, by)]
+        there = [next(each.occurrences(case), None) is not None for each in (feature, by)]
         if any(there) and not all(there):
             names.append((by if there[0] else feature).name)
     return sorted(set(names))

@@ -61,7 +61,7 @@ def test_every_row_of_the_table_is_met_by_a_pair() -> None:
     rows = [(feature, by) for feature, by, *_ in TABLE if not {feature.name, by.name} & OTHERS]
     for pair in pairs():
         case = case_of(together(*pair) or {})
-        rows = [row for row in rows if not all(any(True for _ in feature.found(case)) for feature in row)]
+        rows = [row for row in rows if not all(any(True for _ in feature.occurrences(case)) for feature in row)]
     assert {(feature.name, by.name) for feature, by in rows} == TWO_MEDIA
 
 
