@@ -74,7 +74,8 @@ def contradictions(case: Case) -> Iterator[Impossible]:
     elif run.solver == "static" and case.materials:
         yield from _of_control(case)
         if run.fatigue is not None:
-            yield from _of_lines(run.fatigue) if run.cracks == "bonds" else _of_growth(run.fatigue, run.particles)
+            by_bonds = run.cracks == "bonds"
+            yield from _of_bond_fatigue(run.fatigue) if by_bonds else _of_paris_growth(run.fatigue, run.particles)
     if case.materials and run.adapt != "none":
         yield from _of_zones(case)
     if case.materials and run.cracks == "particles":
@@ -83,14 +84,14 @@ def contradictions(case: Case) -> Iterator[Impossible]:
 
 def of_material(material: Material, place: str) -> Iterator[Impossible]:
     """What a material cannot be, or says to a kind that it means nothing to."""
-    for refusals in (_unheard(material), KINDS[material.model].wrong(material), _missing(material)):
+    for refusals in (_unused_by_kind(material), KINDS[material.model].wrong(material), _missing(material)):
         for name, expected in refusals:
             value = getattr(material, name)
             value_text = "none" if value is None else f"{value:g}" if isinstance(value, float) else f"'{value}'"
             yield Impossible(f"{place}.{name}", value_text, expected)
 
 
-def _unheard(material: Material) -> Refusals:
+def _unused_by_kind(material: Material) -> Refusals:
     """Settings that a material's kind does not use."""
     kind = KINDS[material.model]
     for name, usual in refused_by(kind.name):
@@ -166,7 +167,7 @@ def _of_particles(rules: ParticleRules) -> Iterator[Impossible]:
         yield Impossible("$.run.particles.direction", rules.direction, "hoop as the criterion is intensity")
 
 
-def _of_growth(fatigue: Fatigue, rules: ParticleRules) -> Iterator[Impossible]:
+def _of_paris_growth(fatigue: Fatigue, rules: ParticleRules) -> Iterator[Impossible]:
     """Settings with which cracks of particles do not grow by Paris's line."""
     usual, words = Fatigue(), "with cracks that are particles"
     for name in ("C", "m"):
@@ -179,7 +180,7 @@ def _of_growth(fatigue: Fatigue, rules: ParticleRules) -> Iterator[Impossible]:
         yield Impossible("$.run.particles.criterion", rules.criterion, "intensity, as cracks grow by it")
 
 
-def _of_lines(fatigue: Fatigue) -> Iterator[Impossible]:
+def _of_bond_fatigue(fatigue: Fatigue) -> Iterator[Impossible]:
     """Halves of a line of growth or initiation, and what is of particles."""
     for name in ("C", "threshold_K"):
         if getattr(fatigue, name):

@@ -172,7 +172,7 @@ AFTER = Feature(
 )
 START = Feature("a static start", setting("run.start"), "unloaded", ", as run.start is static")
 FATIGUE = Feature("fatigue", both(setting("run.fatigue"), AT_REST), why=", as loads repeat")
-TIRING = Feature("fatigue of bonds", both(FATIGUE.occurrences, BREAKING), why=", as loads repeat")
+BOND_FATIGUE = Feature("fatigue of bonds", both(FATIGUE.occurrences, BREAKING), why=", as loads repeat")
 PROFILE = Feature("profiles of loads", conditions(Condition, key="profile"))
 DAMPING = Feature("damping", setting("run.damping"))
 UNTIL = Feature("an early end", setting("run.until"))
@@ -290,7 +290,7 @@ TABLE: tuple[Exclusion, ...] = (
     *excluded(ARC_STEPS, FATIGUE, RELAXATION, FLOATING, CONTACT, HEAT),
     *excluded(FATIGUE, FLOATING, COUNT, HEAT, LAW),
     *excluded(FATIGUE, PROFILE, because=": they are the largest of a cycle"),
-    *excluded(TIRING, STATE_BASED, THESIS),
+    *excluded(BOND_FATIGUE, STATE_BASED, THESIS),
     *excluded(ADAPTIVE, AREA_RULE, STATIC, START, COARSE, ACCELERATION, SPRINGS, PINS, SPIN, DISPLACED),
     *excluded(HYBRID, HEATING, because=": coarse nodes have no heat of deformation"),
     *excluded(HYBRID, CURVED, DIFFRACTION, THESIS),

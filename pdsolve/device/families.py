@@ -17,9 +17,9 @@ from pdsolve.device.runtime import Session
 from pdsolve.device.source import text_of
 from pdsolve.device.tracing import Code, Traced
 from pdsolve.lattice.families import SAFE, FamilySlots, FamilyTiles
-from pdsolve.lattice.family_blocks import FamilyBlocks
+from pdsolve.lattice.family_blocks import FamiliesInBlocks
 from pdsolve.lattice.family_operator import FamilyLattice
-from pdsolve.lattice.family_tiles import FamilySites
+from pdsolve.lattice.family_tiles import FamiliesInTiles
 from pdsolve.lattice.fluxes import FluxTiles
 from pdsolve.lattice.layout import LANES
 from pdsolve.laws.bond_arrays import Bond, Ends, Now, Tabled
@@ -35,7 +35,7 @@ Layout = FamilySlots | FamilyTiles | FluxTiles
 class FamiliesOnDevice(NodesOnDevice, FamilyLattice):
     """The families of n nodes whose steps a device takes; see `pdsolve.steppers.steps_on_device`."""
 
-    layout: FamilyBlocks | FamilySites
+    layout: FamiliesInBlocks | FamiliesInTiles
 
     def __init__(
         self,
@@ -44,7 +44,7 @@ class FamiliesOnDevice(NodesOnDevice, FamilyLattice):
         exact: Bonds,
         symmetric: bool,
         precision: str,
-        make_layout: Callable[[Tabled, np.dtype[Any]], FamilyBlocks | FamilySites],
+        make_layout: Callable[[Tabled, np.dtype[Any]], FamiliesInBlocks | FamiliesInTiles],
         session: Session,
     ) -> None:
         """Arguments are those of `FamilyLattice`. Raises ModelError if the device has too little memory."""
@@ -54,7 +54,7 @@ class FamiliesOnDevice(NodesOnDevice, FamilyLattice):
         arrays = {**arrays_of(self.layout.bonds), "own": self._own, "nodal": self._m}
         arrays |= {"given": np.zeros((self.dimension, self.room)), "flags": np.zeros(2, np.int32)}
         arrays |= {"near": np.zeros(self.room, np.uint8), "dissipated": np.zeros(self.room)}
-        if isinstance(self.layout, FamilySites):
+        if isinstance(self.layout, FamiliesInTiles):
             arrays["node"] = self.spread(self._every.astype(np.int32), -1)
         self.upload(session, arrays)
 
@@ -75,11 +75,11 @@ class FamiliesOnDevice(NodesOnDevice, FamilyLattice):
             defined["MARGIN"] = code.statements(over, (limit * (1.0 - SAFE),))
         return self.declarations + "\n" + family_source(self.layout.bonds, defined)
 
-    def take_passes(self, program: Any) -> None:
+    def take_kernels(self, program: Any) -> None:
         """Keep the kernels of the passes."""
         self._first_pass, self._watch, self._last_pass = program.first_pass, program.watch, program.bond_forces
 
-    def may_change(self, u: Any, step: int) -> bool:
+    def needs_host(self, u: Any, step: int) -> bool:
         """Sum the first pass at these displacements of the device; whether a bond may fail or pulls once more."""
         self._launch(self._first_pass, u)
         flags = np.zeros(2, dtype=np.int32)
@@ -89,7 +89,7 @@ class FamiliesOnDevice(NodesOnDevice, FamilyLattice):
             self.read("flags", flags)
         return bool(flags[1]) or self._torn_in == step - 1
 
-    def fail(self, u: Any, state: State, step: int, dt: float) -> None:
+    def break_bonds_on_host(self, u: Any, state: State, step: int, dt: float) -> None:
         """Let the bonds that are over their limit fail; `state` is that of the device, with these displacements u."""
         nodes = len(state.value)
         now, torn = Now(state.value, state.rate, step, dt), np.zeros(nodes, bool)
@@ -128,13 +128,13 @@ class FamiliesOnDevice(NodesOnDevice, FamilyLattice):
 
     def _lose(self, bonds: NDArray[np.int64], rows: NDArray[np.int64]) -> None:
         super()._lose(bonds, rows)
-        if isinstance(self.layout, FamilyBlocks):
+        if isinstance(self.layout, FamiliesInBlocks):
             self._fresh.append(np.unique(self.layout.lane_of[bonds] // LANES))
 
     def _write_torn(self) -> None:
         """Give what the loss of bonds has changed to the device: bits, or the rows of slots."""
         self.write("own", self._own)
-        if isinstance(self.layout, FamilySites):
+        if isinstance(self.layout, FamiliesInTiles):
             self.write("bits", self.layout.bonds.bits)
             return
         self.write("slots", self.layout.bonds.slots)

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from pdsolve.device.runtime import Session
 from pdsolve.device.source import declare
 from pdsolve.operators.protocol import CheckpointArrays
-from pdsolve.state import Broken
+from pdsolve.state import Broken, State
 
 
 class NodesOnDevice:
@@ -38,6 +38,18 @@ class NodesOnDevice:
     def source(self) -> str:
         """What the bonds are in OpenCL C. Raises ModelError for a law that no device computes to the same bits."""
         raise NotImplementedError("written for each law")
+
+    def take_kernels(self, program: Any) -> None:
+        """Keep the kernels of a program besides that of a step, if bonds have any."""
+
+    def needs_host(self, u: Any, step: int) -> bool:
+        """Whether the host has to look at bonds at these displacements of the device; not where the device breaks
+        them."""
+        return False
+
+    def break_bonds_on_host(self, u: Any, state: State, step: int, dt: float) -> None:
+        """Break the bonds that `needs_host` has told of; `state` is that of the device."""
+        raise NotImplementedError("the device breaks these bonds")
 
     def hand_over(self) -> None:
         """Give the history of bonds, if they have one, to the device, unless it has it."""

@@ -154,7 +154,7 @@ class BondsOnDevice(NodesOnDevice, ABC):
         """Enter bonds that broke up to the step `last`: their places, slots and steps (k, 3), and their stretches."""
 
 
-class SpaceOnDevice(BondsOnDevice, TileLattice):
+class TilesOnDevice(BondsOnDevice, TileLattice):
     """The bonds of n nodes on a cubic lattice, in tiles of sites."""
 
     def __init__(

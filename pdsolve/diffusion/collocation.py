@@ -81,7 +81,7 @@ class Collocated:
         bonds = []
         for lattice, own in ((self._bonds, self._fine), (self._stencils, self._coarse)):
             which = np.searchsorted(own, rows[np.isin(rows, own)])
-            source, target, g = lattice.of(which)
+            source, target, g = lattice.bonds_of_rows(which)
             real = target < len(own)
             bonds.append((own[source[real]], own[target[real]], g[real]))
         source, target, g = (np.concatenate(column) for column in zip(*bonds, strict=True))

@@ -65,13 +65,14 @@ class Surfaces:
         self._I = np.eye(bonds.position.shape[1])
         self._M = np.tile(self._I, (len(volume), 1, 1))  # (n, d, d)
 
-    def correction(self, lacking: NDArray[np.bool_]) -> Change:
+    def correction(self, has_partial_family: NDArray[np.bool_]) -> Change:
         """The changes of conductances.
 
-        The bonds of nodes `lacking` (n,) may differ in energy from those of a full lattice; M of the others is I.
+        The bonds of nodes with `has_partial_family` (n,) may differ in energy from those of a full lattice; M of the
+        others is I.
         """
         bonds, free = self._bonds, self._free
-        for rows in parts_of(np.flatnonzero(free & lacking)):
+        for rows in parts_of(np.flatnonzero(free & has_partial_family)):
             self._M[rows] = self._tensors(rows)
         uneven = (np.abs(self._M - self._I) > FLAT).any(axis=(1, 2))
         enters = np.zeros((len(self._walls), len(free)))

@@ -58,7 +58,7 @@ def prepare(model: Model, threads: int | None = None, listed: bool = False) -> t
     free, stored = conditions.free, _stored(model, volume, conditions.free, threads, listed)
     change = None
     if medium.surface_correction:
-        correction = Surfaces(stored.bonds, volume, free, conditions.edges).correction(stored.lacking)
+        correction = Surfaces(stored.bonds, volume, free, conditions.edges).correction(stored.has_partial_family)
         conditions.add_edges(correction.to_edge, correction.edge)
         links = links_between(correction.source, correction.target, len(volume))
         change = FluxesInList(links, correction.conductance, volume, threads)
@@ -97,7 +97,7 @@ class Stored(NamedTuple):
 
     exchange: BondStorage
     bonds: Bonds
-    lacking: NDArray[np.bool_]  # (n,) nodes whose bonds may differ from those of a full lattice
+    has_partial_family: NDArray[np.bool_]  # (n,) nodes whose bonds may differ from those of a full lattice
     blocked: NDArray[np.int64]  # (n,) bonds that cracks block
 
 
@@ -111,7 +111,8 @@ def _stored(model: Model, volume: NDArray[np.float64], free: NDArray[np.bool_], 
     asks_both_ends = medium.dissolution == "kinetic"
     placed = None if listed or asks_both_ends else families.in_tiles(volume, threads)
     fluxes, blocked = placed or families.in_list(volume, threads)
-    return Stored(fluxes, families, fluxes.lacking(float(model.grid.delta[0]) ** model.grid.dimension), blocked)
+    cell = float(model.grid.delta[0]) ** model.grid.dimension
+    return Stored(fluxes, families, fluxes.mask_partial_families(cell), blocked)
 
 
 def _step(model: Model, most: float) -> float:

@@ -26,7 +26,7 @@ def placed(law: Law, bonds: Bonds) -> tuple[Placed, block_bonds.Tables] | None:
     return None if positions is None or block_bonds.are_sparse(positions, len(bonds.neighbour)) else (positions, tables)
 
 
-class FamilyBlocks:
+class FamiliesInBlocks:
     """Bonds of listed nodes in blocks; a node's place is its row."""
 
     def __init__(

@@ -47,7 +47,7 @@ def placed(law: Law, model: Model, bonds: Bonds, volume: NDArray[np.float64]) ->
     return Placed(sites, slot.astype(np.int16), volume / sites.spacing**3)
 
 
-class FamilySites:
+class FamiliesInTiles:
     """Bonds of listed nodes in tiles; a node's place is its site."""
 
     def __init__(self, placed: Placed, exact: Bonds, threads: int, tabled: Tabled, kind: np.dtype[Any]) -> None:

@@ -44,7 +44,7 @@ class Fluxes:
         """The bonds (b,) in a list, and their conductances (b,)."""
         raise NotImplementedError("written for each layout")
 
-    def lacking(self, cell: float) -> NDArray[np.bool_]:
+    def mask_partial_families(self, cell: float) -> NDArray[np.bool_]:
         """Mask (n,) of nodes whose total conductance may differ from that of a full family of whole cells, m^d."""
         return np.ones(len(self.volume), dtype=np.bool_)
 
@@ -178,20 +178,20 @@ class FluxesInTiles(Fluxes):
 
         share(collect, self._rows.stop - begin, self.threads)
 
-    def lacking(self, cell: float) -> NDArray[np.bool_]:
+    def mask_partial_families(self, cell: float) -> NDArray[np.bool_]:
         """Mask (n,) of nodes whose total conductance differs from that of a full family of whole cells, m^d."""
         full = self.tiles.D[0, self.sites.site] * self.conductance.sum() * cell
         return np.asarray(np.abs(self.total - full) > ROUND_OFF * full)
 
-    def of(self, rows: NDArray[np.int64]) -> tuple[NDArray[np.int64], NDArray[np.int64], Array]:
-        """Sources, targets and conductances (b,) of the bonds of some rows, in order."""
+    def bonds_of_rows(self, rows: NDArray[np.int64]) -> tuple[NDArray[np.int64], NDArray[np.int64], Array]:
+        """Sources, targets and conductances (b,) of the bonds of these rows, in order."""
         source, target, slot = list_bonds(self.sites, self.tiles.bits, rows)
         D, neighbour_D = (self.tiles.D[0, self.sites.site[end]] for end in (source, target))
         return source, target, D * self.conductance[slot] * share_of(D, neighbour_D)
 
     def listed(self) -> tuple[Links, Array]:
         """The bonds (b,) in a list, and their conductances (b,)."""
-        bonds = [self.of(rows) for rows in row_chunks(len(self.volume))]
+        bonds = [self.bonds_of_rows(rows) for rows in row_chunks(len(self.volume))]
         source, target, conductance = (np.concatenate(column) for column in zip(*bonds, strict=True))
         return links_between(source, target, len(self.volume)), conductance
 

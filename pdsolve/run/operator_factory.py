@@ -13,12 +13,12 @@ from numpy.typing import NDArray
 from pdsolve.bonds.assembly import Bonds, BondSource, BondStatistics, Counted, listed
 from pdsolve.device.families import FamiliesOnDevice
 from pdsolve.device.runtime import Session
-from pdsolve.device.tiles import BlocksOnDevice, SpaceOnDevice
+from pdsolve.device.tiles import BlocksOnDevice, TilesOnDevice
 from pdsolve.lattice import family_blocks, family_tiles
 from pdsolve.lattice.block_bonds import blocks_of, can_be_in_blocks
-from pdsolve.lattice.family_blocks import FamilyBlocks
+from pdsolve.lattice.family_blocks import FamiliesInBlocks
 from pdsolve.lattice.family_operator import FamilyLattice
-from pdsolve.lattice.family_tiles import FamilySites
+from pdsolve.lattice.family_tiles import FamiliesInTiles
 from pdsolve.lattice.marched_bonds import MarchedBlocks, MarchedBonds, MarchedTiles
 from pdsolve.lattice.operator import BlockLattice, TileLattice
 from pdsolve.laws import law_of
@@ -81,13 +81,13 @@ def make_operator(
 
 def _make_family_layout(
     law: Law, model: Model, bonds: Bonds, volume: NDArray[np.float64], threads: int
-) -> Callable[[Tabled, np.dtype[Any]], FamilyBlocks | FamilySites] | None:
+) -> Callable[[Tabled, np.dtype[Any]], FamiliesInBlocks | FamiliesInTiles] | None:
     """What lays out families in tiles, else in blocks; None for a law without tuples, or nodes on no lattice."""
     in_space = family_tiles.placed(law, model, bonds, volume)
     if in_space is not None:
-        return partial(FamilySites, in_space, bonds, threads)
+        return partial(FamiliesInTiles, in_space, bonds, threads)
     where = family_blocks.placed(law, bonds)
-    return None if where is None else partial(FamilyBlocks, *where, len(model.grid))
+    return None if where is None else partial(FamiliesInBlocks, *where, len(model.grid))
 
 
 def make_tiled_operator(
@@ -103,7 +103,7 @@ def make_tiled_operator(
         return None
     parts = law_of(model, scheme.matches_work), tiles.tiles, tiles.sites, tiles.stiffness_bound, scheme.symmetric
     if model.settings.run.device != "cpu":
-        return SpaceOnDevice(*parts, Session(model.settings.run.device)), tiles.counted
+        return TilesOnDevice(*parts, Session(model.settings.run.device)), tiles.counted
     return TileLattice(*parts, threads_of(options, len(model.grid), True)), tiles.counted
 
 

@@ -13,7 +13,6 @@ from numpy.typing import NDArray
 
 from pdsolve.conditions import Drive, Entries, put_loads
 from pdsolve.device.factors import AT_ONCE, Factors
-from pdsolve.device.families import FamiliesOnDevice
 from pdsolve.device.nodes import NodesOnDevice
 from pdsolve.device.source import declare, preamble, text_of
 from pdsolve.lattice.layout import LANES
@@ -63,8 +62,7 @@ class StepsOnDevice:
         lines = [preamble(rho.dtype.name, operator.dimension, operator.together), *defines, operator.source()]
         program = self.session.build("\n".join([*lines, declare("MOTION", arrays), text_of("steps.cl")]))
         self._kernel = program.advance
-        if isinstance(operator, FamiliesOnDevice):
-            operator.take_passes(program)
+        operator.take_kernels(program)
         is_first_order = "FIRST_ORDER" in operator.scheme
         self._load_moment, self._value_buffer = (-1, "a") if is_first_order else (0, "u")
         moments = ((-1, 0.0), (0, 0.0), (0, 0.0)) if is_first_order else ((0, 0.0), (1, 0.0), (1, dt / 2))
@@ -96,10 +94,10 @@ class StepsOnDevice:
 
     def _launch_step(self, step: int, phase: int, profile_factor_row: int) -> None:
         operator, buffers = self._operator, self._buffers
-        if isinstance(operator, FamiliesOnDevice) and not phase & STARTS and operator.may_change(buffers["u"], step):
+        if not phase & STARTS and operator.needs_host(buffers["u"], step):
             for name, values in (("u", self._state.value), ("rate", self._state.rate)):
                 self._download_buffer(buffers[name], values)
-            operator.fail(buffers["u"], self._state, step, self._dt)
+            operator.break_bonds_on_host(buffers["u"], self._state, step, self._dt)
         numbers = np.int32(self._factors.count), np.int32(self._drive.varies), np.float64(self._dt)
         last = (np.int32(number) for number in (operator.room, step, phase, profile_factor_row))
         arguments = [*operator.buffers.values(), *buffers.values(), self._factors.buffer, *numbers, *last]

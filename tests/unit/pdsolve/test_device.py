@@ -17,8 +17,8 @@ from pdmesh.model.document import Displacement, InitialVelocity, Run, Velocity
 from pdsolve.device import runtime, source
 from pdsolve.device.families import FamiliesOnDevice
 from pdsolve.device.tiles import BlocksOnDevice
-from pdsolve.lattice.family_blocks import FamilyBlocks
-from pdsolve.lattice.family_tiles import FamilySites
+from pdsolve.lattice.family_blocks import FamiliesInBlocks
+from pdsolve.lattice.family_tiles import FamiliesInTiles
 from pdsolve.model import Model, on_device
 from pdsolve.results import Results
 from pdsolve.run import operator_factory
@@ -278,11 +278,11 @@ def test_broken_families_and_softened_bonds_go_on_elsewhere(
 @pytest.mark.slow
 @precisions
 @pytest.mark.parametrize("how", BENT)
-@pytest.mark.parametrize("layout", [FamilySites, FamilyBlocks])
+@pytest.mark.parametrize("layout", [FamiliesInTiles, FamiliesInBlocks])
 def test_ordinary_bodies(layout: type, how: str, precision: str, monkeypatch: pytest.MonkeyPatch) -> None:
     """In tiles, and in blocks, where there are no tiles; some bonds break under loads."""
     model = bar({"model": "ordinary", "nu": 0.3}, **BENT[how])
-    if layout is FamilyBlocks:
+    if layout is FamiliesInBlocks:
         monkeypatch.setattr(operator_factory.family_tiles, "placed", lambda *of: None)
     problems = two(model, "conservative", precision)
     assert isinstance(problems[1].system.operator, FamiliesOnDevice)
