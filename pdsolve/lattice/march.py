@@ -38,7 +38,7 @@ from pdsolve.lattice.marched_bonds import (
     sum_group,
     sum_of_lanes,
 )
-from pdsolve.numerics.memory import aligned
+from pdsolve.numerics.memory import aligned, aligned_zeros
 from pdsolve.numerics.thread_team import gate_of, meet, side_by_side
 from pdsolve.operators.contact.kernel import Pushes, push_anew
 from pdsolve.operators.contact.operator import PenaltyContact
@@ -54,8 +54,9 @@ class MarchArrays(NamedTuple):
     node: NDArray[np.int32]  # (g lanes,) row of the node in a lane, or -1
     u: tuple[NDArray[np.floating], ...]  # (d, m) displacements of some steps in turn, m
     v: tuple[NDArray[np.floating], ...]  # (d, m) velocities of some steps in turn, m/s
-    rho: NDArray[np.floating]  # (m,) kg/m^3, 1 without a node
-    inverse_rho: NDArray[np.floating] | None  # (m,) its inverse, by which forces are multiplied; None: rho divides them
+    rho: NDArray[np.floating]  # (q lanes,) kg/m^3, of groups that differ
+    inverse_rho: NDArray[np.floating] | None  # (q lanes,) by which forces are multiplied; None: rho divides them
+    rho_place: NDArray[np.int32]  # (g,) of a group's first lane in both
     damping: NDArray[np.floating] | None  # (d, m) of components, 0 where they are prescribed, 1/s; None: all 0
     groups: NDArray[np.int64]  # (swept groups,) in the order in which they are shared out to threads
     has_only_bond_forces: NDArray[np.bool_]  # (g,) whether no load, hold or damping acts on the group
@@ -87,6 +88,7 @@ class Group(NamedTuple):
     number: int
     lanes: int
     place: int  # of its first lane
+    rho_place: int  # of its first lane in the densities
     f: NDArray[np.floating]  # (d, lanes) force densities, N/m^3
     a: NDArray[np.floating]  # (d, lanes) accelerations, m/s^2
     previous_v: NDArray[np.floating]  # (d, lanes) velocities one step ago, m/s
@@ -116,7 +118,7 @@ class LatticeMarch:
         self._bonds, self._dt, self._contact, self._ghosts = bonds, dt, contact, ghosts
         holds = drive.holds._replace(node=lane_of_node[drive.holds.node].astype(np.int64) % bonds.lanes)
         self._drive_of_lanes = drive._replace(holds=holds)
-        self._group_of_node = lane_of_node // bonds.lanes if contact is not None else lane_of_node[:0]
+        self._group_of_node = lane_of_node // bonds.lanes if contact is not None else np.zeros(0, dtype=np.int32)
         self._rows = np.zeros(0, dtype=np.int64)  # on which contact acted
         if ghosts is not None:
             ghosts.set_places(bonds.margin + lane_of_node.astype(np.int64))
@@ -130,7 +132,7 @@ class LatticeMarch:
         damping: NDArray[np.float64] | None,
     ) -> MarchArrays:
         """The arrays of kernels."""
-        bonds, group, places = self._bonds, lane_of_node // self._bonds.lanes, self._bonds.margin + lane_of_node
+        bonds, group = self._bonds, lane_of_node // self._bonds.lanes
         count, axes = bonds.group_count, len(bonds.axes)
         held_group, has_loads, acts = group[drive.holds.node], *np.zeros((2, count), dtype=np.bool_)
         has_loads[group[drive.loads.node]] = acts[held_group] = True
@@ -139,10 +141,10 @@ class LatticeMarch:
             acts[group[damping > 0]] = True
             rates = np.where(constrained_components(drive), 0.0, damping[:, None]).astype(rho.dtype)
 
-        def at_places(values: NDArray[Any], empty: float) -> NDArray[Any]:
-            wide = np.full((*values.shape[1:], bonds.u[0].shape[1]), empty, dtype=values.dtype)
-            wide[..., places] = values.T
-            return aligned(wide)
+            at_places = aligned_zeros((axes, bonds.u[0].shape[1]), rho.dtype)
+            at_places[:, bonds.margin + lane_of_node] = rates.T
+            rates = at_places
+        group_rho, rho_number = self._distinct_densities(rho)
 
         return MarchArrays(
             axes=bonds.axes,
@@ -150,9 +152,10 @@ class LatticeMarch:
             node=bonds.nodes(),
             u=bonds.u,
             v=bonds.v,
-            rho=at_places(rho, 1.0),
-            inverse_rho=None if bonds.divides_by_rho else at_places(1 / rho, 1.0),
-            damping=None if rates is None else at_places(rates, 0.0),
+            rho=group_rho,
+            inverse_rho=None if bonds.divides_by_rho else aligned(1 / group_rho),
+            rho_place=rho_number * np.int32(bonds.lanes),
+            damping=rates,
             groups=bonds.share_groups(None if self._ghosts is None else self._ghosts.own_block_range),
             has_only_bond_forces=~(has_loads | acts),
             has_loads=has_loads,
@@ -161,12 +164,23 @@ class LatticeMarch:
             contact_force=np.zeros((0 if self._contact is None else len(rho), axes)),
             adds_contact_force=np.zeros(count, dtype=np.bool_),
             has_failure_forces=np.zeros(count, dtype=np.bool_),
-            buffers=aligned(np.zeros((bonds.threads, 3, axes, bonds.lanes), dtype=rho.dtype)),
+            buffers=aligned_zeros((bonds.threads, 3, axes, bonds.lanes), rho.dtype),
             work=np.zeros((bonds.threads, bonds.lanes)),
             waiting_reason=np.zeros(count, dtype=np.uint8),
             next_sweep=np.zeros(1, dtype=np.int64),
             stalled_sweep=np.zeros(1, dtype=np.int64),
         )
+
+    def _distinct_densities(self, rho: NDArray[np.floating]) -> tuple[NDArray[np.floating], NDArray[np.int32]]:
+        """The densities of groups that differ, lane by lane, and which of these each group has.
+
+        A lane without a node has the density of another one, or 1, so that few groups differ.
+        """
+        rho_of_lanes = np.append(rho, rho.dtype.type(0))[self._bonds.nodes()].reshape(-1, self._bonds.lanes)
+        largest = rho_of_lanes.max(axis=1, keepdims=True)
+        rho_of_lanes = np.where(rho_of_lanes > 0, rho_of_lanes, np.where(largest > 0, largest, 1))
+        distinct, number = np.unique(rho_of_lanes, axis=0, return_inverse=True)
+        return aligned(distinct.ravel()), number.ravel().astype(np.int32)
 
     def advance(self, state: State, first_step: int, end_step: int) -> None:
         """Take the steps `first_step` to `end_step` - 1, in place."""
@@ -253,7 +267,8 @@ def sweep_groups_of_thread(bonds, history, arrays, drive, state, pushes, dt, swe
         for turn in range(count * thread // gate.threads, count * (thread + 1) // gate.threads):
             which = arrays.groups[turn]
             if not sweeps.only_waiting_groups or arrays.waiting_reason[which] != READY:
-                group = Group(which, lanes, arrays.margin + which * lanes, f, a, previous_v, arrays.work[thread])
+                place, rho_place = arrays.margin + which * lanes, arrays.rho_place[which]
+                group = Group(which, lanes, place, rho_place, f, a, previous_v, arrays.work[thread])
                 _sweep_group(bonds, history, arrays, drive, state, sweep, group)
         meet(gate)
         if arrays.stalled_sweep[0] == number:
@@ -291,7 +306,7 @@ def _sweep_group(bonds, history, arrays, drive, state, sweep, group):  # type: i
             for lane in range(0, group.lanes, across(sweep.u)):
                 f = sum_of_lanes(bonds, history, sweep, group.number, lane)
                 if is_free and not is_touched:  # while their forces are in registers
-                    _advance_lanes_without_loads(arrays, sweep, f, group.place + lane)
+                    _advance_lanes_without_loads(arrays, sweep, group, f, lane)
                 else:
                     keep(f, group.f, lane)
             if is_free and not is_touched:
@@ -306,7 +321,7 @@ def _sweep_group(bonds, history, arrays, drive, state, sweep, group):  # type: i
             _add_contact_forces(arrays, group)
     if is_free:
         for lane in range(0, group.lanes, across(sweep.u)):
-            _advance_lanes_without_loads(arrays, sweep, beside(group.f, arrays.axes, lane), group.place + lane)
+            _advance_lanes_without_loads(arrays, sweep, group, beside(group.f, arrays.axes, lane), lane)
     else:
         _advance_group_with_loads_and_holds(bonds, history, arrays, drive, state, sweep, group)
 
@@ -334,9 +349,9 @@ def _over_density(force, rho, inverse_rho, at):  # type: ignore[no-untyped-def]
 
 
 @njit(**IN_PLACE)
-def _advance_lanes_without_loads(arrays, sweep, f, at):  # type: ignore[no-untyped-def]
-    """End a step for the lanes at the places from `at` on, with their force densities, and begin the next one."""
-    a = over_density(f, arrays.rho, arrays.inverse_rho, at)
+def _advance_lanes_without_loads(arrays, sweep, group, f, lane):  # type: ignore[no-untyped-def]
+    """End a step for the lanes of a group from `lane` on, with their force densities, and begin the next one."""
+    a, at = over_density(f, arrays.rho, arrays.inverse_rho, group.rho_place + lane), group.place + lane
     kick_and_drift(sweep.u, sweep.next_u, sweep.v, sweep.next_v, a, sweep.dt, arrays.axes, at)
 
 
@@ -376,7 +391,7 @@ def _accelerate_and_half_kick_group(arrays, drive, state, sweep, group):  # type
         at = group.place + lane
         v = beside(sweep.v, axes, at)
         keep(advanced(v, beside(a, axes, lane), minus_half), group.previous_v, lane)
-        keep(over_density(beside(f, axes, lane), arrays.rho, arrays.inverse_rho, at), a, lane)
+        keep(over_density(beside(f, axes, lane), arrays.rho, arrays.inverse_rho, group.rho_place + lane), a, lane)
         keep(v, sweep.next_v, at)
     _accelerate_held_components(arrays, drive, state, sweep, group)
     for lane in range(0, group.lanes, across(f)):
@@ -401,7 +416,7 @@ def _add_loads_and_book_work(arrays, drive, state, sweep, group):  # type: ignor
 def _accelerate_held_components(arrays, drive, state, sweep, group):  # type: ignore[no-untyped-def]
     """Set the accelerations of the prescribed components of a group, and book the work of holding them."""
     end, time, work = group.place + group.lanes, sweep.step * sweep.dt, group.work
-    v, rho = sweep.next_v[:, group.place : end].T, arrays.rho[group.place : end]
+    v, rho = sweep.next_v[:, group.place : end].T, arrays.rho[group.rho_place : group.rho_place + group.lanes]
     of_holds = drive.holds, drive.profiles, drive.held_speed, drive.held_force
     for k in range(arrays.first_held_entry[group.number], arrays.first_held_entry[group.number + 1]):
         entry = arrays.held_entries[k]
@@ -431,7 +446,7 @@ def _damp(arrays, damping, state, sweep, group):  # type: ignore[no-untyped-def]
         for lane in range(0, group.lanes, across(energy)):
             at = group.place + lane
             (rho,), (c,), (v,) = (
-                beside(arrays.rho, ONE, at),
+                beside(arrays.rho, ONE, group.rho_place + lane),
                 beside(damping[row], ONE, at),
                 beside(sweep.next_v[row], ONE, at),
             )

@@ -18,7 +18,7 @@ from pdsolve.codegen.vector_code import ROW
 from pdsolve.lattice.blocks import BlockMotion
 from pdsolve.lattice.bond import IN_PLACE, zeros
 from pdsolve.lattice.layout import LANES, is_in_tiles
-from pdsolve.lattice.operator import BlockLattice, TileLattice
+from pdsolve.lattice.operator import BlockLattice, TileLattice, copy_state, rows_in
 from pdsolve.lattice.sums import UNAGED, UNDONE, sum_lanes
 from pdsolve.lattice.tiles import (
     EMPTY,
@@ -33,7 +33,6 @@ from pdsolve.lattice.tiles import (
     room_for,
     select_breaks,
 )
-from pdsolve.numerics.memory import aligned
 from pdsolve.state import State
 
 READY, NO_ROOM, NO_MEMORY = range(3)  # what a group waits for
@@ -168,9 +167,8 @@ class MarchedTiles:
         self._operator, self.threads, self.axes = operator, operator.threads, operator.tiles.axes
         self.margin, self.group_count = operator.sites.margin, operator.sites.tiles
         self.breaking: AbstractContextManager[Any] = operator.breaking
-        next_u, *v = (aligned(np.zeros_like(operator.u)) for _ in range(3))
-        self.u: tuple[NDArray[np.floating], ...] = (operator.u, next_u)
-        self.v: tuple[NDArray[np.floating], ...] = tuple(v)
+        self.u: tuple[NDArray[np.floating], ...] = tuple(operator.u)
+        self.v: tuple[NDArray[np.floating], ...] = tuple(operator.v)
         self._breaks = [self._room_for(0) for _ in range(operator.threads)]
         self._shared = [0] * operator.threads  # bonds at the beginning of these that the operator knows already
         self._new: list[Breaks] = []
@@ -192,17 +190,21 @@ class MarchedTiles:
 
     def collect_motion(self, state: State, sweep: int) -> State:
         """The state with the motion that a sweep begins with."""
-        return self._collect(state, self.u[sweep % len(self.u)], self.v[sweep % len(self.v)])
+        return self._collect(state, sweep, sweep)
 
     def finish(self, state: State, sweep: int, step: int) -> None:
         """Enter the motion behind the last sweep, which moves no node, in the state."""
-        self._collect(state, self.u[(sweep - 1) % len(self.u)], self.v[sweep % len(self.v)])
+        copy_state(self._collect(state, sweep - 1, sweep), state)
         self._operator.drop_pending_before(step)
 
-    def _collect(self, state: State, u: NDArray[np.floating], v: NDArray[np.floating]) -> State:
-        for values, places in ((state.value, u), (state.rate, v)):
-            collect_rows(self._operator.sites.site, places, values, 0, len(values))
-        return state
+    def _collect(self, state: State, u_number: int, v_number: int) -> State:
+        """The state with the motion at these numbers, in the arrays that are free meanwhile."""
+        rows = []
+        for arrays, number in ((self.u, u_number), (self.v, v_number)):
+            values = rows_in(arrays[(number + 1) % 2], len(state.value))
+            collect_rows(self._operator.sites.site, arrays[number % 2], values, 0, len(values))
+            rows.append(values)
+        return state._replace(value=rows[0], rate=rows[1])
 
     def of_thread(self, thread: int) -> tuple[Any, Any]:
         """The bonds, and room for those that break."""

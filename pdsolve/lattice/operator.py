@@ -31,7 +31,7 @@ from pdsolve.lattice.tiles import (
 )
 from pdsolve.laws.calls import bind
 from pdsolve.laws.law import Law
-from pdsolve.numerics.memory import aligned
+from pdsolve.numerics.memory import aligned_zeros
 from pdsolve.numerics.thread_team import share, side_by_side
 from pdsolve.operators.protocol import CheckpointArrays
 from pdsolve.state import Broken, State, Unknown
@@ -104,6 +104,19 @@ class LatticeOperator(ABC):
         return of_springs(bonds.source, bonds.target, xi, softened_stiffness, state.value)
 
 
+def copy_state(state: State, copy: State) -> State:
+    """The `copy`, with the values of the state; arrays that both share stay as they are."""
+    for values, copied in zip(state, copy, strict=True):
+        if values.ctypes.data != copied.ctypes.data:
+            copied[:] = values
+    return copy
+
+
+def rows_in(places: NDArray[np.floating], nodes: int) -> NDArray[np.floating]:
+    """Room for the vectors (n, d) of nodes in the memory of an array (d, m) of places, m >= n."""
+    return places.reshape(-1)[: nodes * len(places)].reshape(nodes, len(places))
+
+
 class BlockLattice(LatticeOperator):
     """The bonds of n nodes on lattices in blocks; see `Operator`."""
 
@@ -118,11 +131,11 @@ class BlockLattice(LatticeOperator):
         room, lanes = LANES * (len(blocks.start) - 1), (len(blocks.mask), LANES)
         kind = blocks.scratch.dtype
         self.tracks = Tracks(
-            u=aligned(np.zeros((3, d, room), dtype=kind)),
-            v=aligned(np.zeros((d, room), dtype=kind)),
-            a=aligned(np.zeros((d, room), dtype=kind)),
-            dissipated=aligned(np.zeros(room)),
-            work=aligned(np.zeros(room)),
+            u=aligned_zeros((3, d, room), kind),
+            v=aligned_zeros((d, room), kind),
+            a=aligned_zeros((d, room), kind),
+            dissipated=aligned_zeros((room,), np.float64),
+            work=aligned_zeros((room,), np.float64),
             broken=np.zeros(lanes, dtype=np.int32),
             worst=np.zeros(lanes if remembers else (0, LANES), dtype=kind),
         )
@@ -132,10 +145,7 @@ class BlockLattice(LatticeOperator):
         nodes, tracks = len(self._stiffness_bound), self.tracks
         u, v, a = (array[:, :nodes].T for array in (tracks.u[0], tracks.v, tracks.a))
         local_state = State(u, v, a, tracks.dissipated[:nodes], tracks.work[:nodes], state.damped)
-        for values, local_values in zip(state, local_state, strict=True):
-            if values.ctypes.data != local_values.ctypes.data:
-                local_values[:] = values
-        return local_state
+        return copy_state(state, local_state)
 
     def accumulate_force(self, state: State, out: NDArray[Any], step: int, dt: float) -> None:
         """Add the force densities (n, w), N/m^3, to `out`; bonds over their limit break in this `step`, `dt` s long."""
@@ -155,7 +165,7 @@ class BlockLattice(LatticeOperator):
 
     def swell(self, strain: NDArray[np.float64]) -> None:
         """Let bonds stretch from what they are long at these strains (n,) of free nodes; of straight lines."""
-        shrink = aligned(np.zeros_like(self.tracks.v[0])) if self.tracks.shrink is None else self.tracks.shrink
+        shrink = aligned_zeros(self.tracks.v[0].shape, self.tracks.v.dtype) if self.tracks.shrink is None else self.tracks.shrink
         shrink[: len(strain)] = -strain / 2
         self.tracks = self.tracks._replace(shrink=shrink)
 
@@ -280,15 +290,18 @@ class TileLattice(LatticeOperator):
         self._softens = self._pair.softening is not None
         self.tiles, self.sites, self.threads = tiles, sites, threads
         self.summed_tiles = 0, len(tiles.kind)  # tiles
-        self.u = aligned(np.zeros((3, tiles.cells.shape[1]), dtype=tiles.cells.dtype))
+        shape = (2, len(tiles.axes), tiles.cells.shape[1])
+        self.u = aligned_zeros(shape, tiles.cells.dtype)  # (2, d, m) displacements at sites of two steps in turn, m
+        self.v = aligned_zeros(shape, tiles.cells.dtype)  # velocities likewise, m/s
         self._broken = Broken(*(np.zeros(0, dtype=np.int64) for _ in Broken._fields))
         self._new: list[Broken] = []
         self.pending = room_for(0)  # bonds that broke in the last step in which any did
         self.breaking = RLock()  # held while bits and broken bonds disagree: results ask for both during a march
 
     def to_own_layout(self, state: State) -> State:
-        """The state itself: its arrays are those of all nodes."""
-        return state
+        """The state, whose displacements and velocities are in memory that is free between steps; see `rows_in`."""
+        nodes = len(self._stiffness_bound)
+        return copy_state(state, state._replace(value=rows_in(self.u[1], nodes), rate=rows_in(self.v[1], nodes)))
 
     def only(self, first: int, last: int) -> None:
         """Sum and break the bonds of the nodes `first` to `last` - 1 alone, and of those in their tiles."""
@@ -312,14 +325,14 @@ class TileLattice(LatticeOperator):
             of_state = state.rate, dt, step, out, state.dissipated
             while first < last:
                 begin, breaks.used[0] = first, 0
-                first = sum_tiles(self.tiles, self.u, *of_state, breaks, first, last)
+                first = sum_tiles(self.tiles, self.u[0], *of_state, breaks, first, last)
                 if breaks.used[0]:
                     broken_by_tile.append((begin, copy_breaks(breaks)))
                 elif first == begin:
                     waiting.append(first)
                     first += 1
 
-        pull_all_again(self.tiles, self.u, state.rate, dt, step, self.pending, out)
+        pull_all_again(self.tiles, self.u[0], state.rate, dt, step, self.pending, out)
         self._share(work)
         if waiting:
             self.extend(np.array(sorted(waiting)))
@@ -346,7 +359,7 @@ class TileLattice(LatticeOperator):
         """The energy densities (n,), J/m^3, that nodes hold, and that softening has spent so far."""
         self._place(state.value)
         strain_energy, spent = np.zeros((2, len(self._stiffness_bound)))
-        tiles, u = self.tiles, self.u
+        tiles, u = self.tiles, self.u[0]
         self._share(lambda first, last: sum_energies(tiles, tiles, u, strain_energy, spent, first, last, None))
         return strain_energy, spent
 
@@ -429,7 +442,7 @@ class TileLattice(LatticeOperator):
 
     def bytes(self) -> int:
         """The memory of all arrays, bytes."""
-        arrays = (*self.tiles, self.sites.site, self.sites.ways, self.u, self._stiffness_bound, *self.broken())
+        arrays = (*self.tiles, self.sites.site, self.sites.ways, self.u, self.v, self._stiffness_bound, *self.broken())
         return sum(getattr(array, "nbytes", 0) for array in arrays)
 
     def _whole(self, first: int, last: int) -> tuple[NDArray[np.uint16], int]:
@@ -447,7 +460,7 @@ class TileLattice(LatticeOperator):
 
     def _place(self, value: NDArray[Any]) -> None:
         nodes = len(self._stiffness_bound)
-        share(lambda first, last: place_rows(self.sites.site, value, self.u, first, last), nodes, self.threads)
+        share(lambda first, last: place_rows(self.sites.site, value, self.u[0], first, last), nodes, self.threads)
 
     def _share(self, work: Callable[[int, int], None]) -> None:
         begin, end = self.summed_tiles

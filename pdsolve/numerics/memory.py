@@ -7,7 +7,7 @@ import sys
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import DTypeLike, NDArray
 
 MMAP_THRESHOLD = -3  # as malloc.h numbers it
 LARGE = 2**22  # bytes of an array that has its own pages
@@ -25,6 +25,14 @@ def aligned(values: NDArray[Any], more: int = 0) -> NDArray[Any]:
     copy = room[at : at + wanted].view(values.dtype).reshape(shape)
     copy[: len(values)] = values
     return copy
+
+
+def aligned_zeros(shape: tuple[int, ...], dtype: DTypeLike) -> NDArray[Any]:
+    """Zeros aligned to 64 bytes, which take memory as they are written."""
+    count = np.dtype(dtype).itemsize * int(np.prod(shape))
+    room = np.zeros(count + 64, dtype=np.uint8)
+    at = -room.ctypes.data % 64
+    return room[at : at + count].view(dtype).reshape(shape)
 
 
 def large_arrays_apart() -> None:
