@@ -26,7 +26,7 @@ from pdmesh import Body, Box, Run, build
 from pdmesh.model.document import Horizon, Settings
 from pdsolve.model import Model
 from pdsolve.options import Options
-from pdsolve.run.operator_factory import unwrap_bond_operator, bond_storage_kind
+from pdsolve.run.operator_factory import bond_storage_kind, unwrap_bond_operator
 from pdsolve.run.prepare import prepare
 
 STORED = Path(__file__).with_suffix(".json")

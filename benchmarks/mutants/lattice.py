@@ -18,7 +18,7 @@ LATTICE = tuple(
             "        self._operator.extend",
         ),
         (BONDS, "        pull_again(bonds, motion, history, n)\n", "        pass\n"),
-        (BONDS, "self.v[sweep % len(self.v)])\n        self._operator", "self.v[0])\n        self._operator"),
+        (BONDS, "self._collect(state, sweep - 1, sweep)", "self._collect(state, sweep - 1, 0)"),
         (BOND, "advanced(advanced(beside(v, axes, at), a, half), a, half)", "beside(v, axes, at)"),
         (MARCH, "(drive.before[i, axis] + drive.force[i, axis]) / 2", "drive.force[i, axis]"),
         (MARCH, "np.where(constrained_components(drive), 0.0, damping[:, None])", "np.tile(damping[:, None], 3)"),

@@ -15,7 +15,7 @@ from pdsolve.codegen.vector_code import ROW
 from pdsolve.lattice.blocks import dissipated_in_slot
 from pdsolve.lattice.bond import IN_PLACE, any_beyond, stretched, where_inverse
 from pdsolve.lattice.force_polynomials import NARROW
-from pdsolve.lattice.layout import has_bonds, is_in_tiles, pair_law_of, places_of, slot_at, turns_of
+from pdsolve.lattice.layout import has_bonds, in_tiles, is_in_tiles, pair_law_of, places_of, slot_at, turns_of
 from pdsolve.lattice.sums import common_of_lanes, history_of_lanes, own_shrinkage, secant_weight, weigh_and_stretch
 from pdsolve.lattice.tiles import dissipated_in_tile
 from pdsolve.laws.calls import bond_strain_energy
@@ -99,15 +99,11 @@ def _has_lanes(mask, first, count):  # type: ignore[no-untyped-def]
     return lambda mask, first, count: mask[first : first + count].any()
 
 
-def node_of(bonds: Any, number: Any) -> Any:
+@in_tiles(lambda bonds, number: np.int64(bonds.node[number]))
+def node_of(bonds, number):  # type: ignore[no-untyped-def]
     """Where a lane's energy goes, the `number` of which counts those of all groups: in blocks its place, in tiles the
     row of its node, or -1 without one."""
-    raise NotImplementedError("compiled for each layout")
-
-
-@overload(node_of, jit_options=IN_PLACE)
-def _node_of(bonds, number):  # type: ignore[no-untyped-def]
-    return (lambda bonds, number: np.int64(bonds.node[number])) if is_in_tiles(bonds) else lambda bonds, number: number
+    return number
 
 
 def sum_dissipated(bonds: Any, history: Any, dissipated: Any, group: Any, mask: Any) -> None:

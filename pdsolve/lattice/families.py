@@ -46,7 +46,17 @@ from pdsolve.lattice.bond import (
 )
 from pdsolve.lattice.fluxes import FluxTiles, conductances
 from pdsolve.lattice.force_polynomials import NARROW
-from pdsolve.lattice.layout import ONE, VECTOR, has_bonds, is_in_tiles, neighbours, places_of, turns_of, vector_number
+from pdsolve.lattice.layout import (
+    ONE,
+    VECTOR,
+    has_bonds,
+    in_tiles,
+    is_in_tiles,
+    neighbours,
+    places_of,
+    turns_of,
+    vector_number,
+)
 from pdsolve.laws.bond_arrays import Bond, Ends
 from pdsolve.laws.calls import accumulate, bond_force, finish_sums, initial_sums, margin
 from pdsolve.laws.small_tensors import blank, summed
@@ -135,16 +145,10 @@ def _places(bonds, tile, slot, lane):  # type: ignore[no-untyped-def]
     return place, (neighbour_line * count + count - 1 - slot) * bonds.wide + x + bonds.ahead[slot]
 
 
-def intact(bonds: Any, tile: Any, slot: Any, lane: Any, c: Any, eta: Any) -> Any:
+@in_tiles(lambda bonds, tile, slot, lane, c, eta: bonded(eta, bonds.bits, tile, slot, lane))
+def intact(bonds, tile, slot, lane, c, eta):  # type: ignore[no-untyped-def]
     """eta, and 0 in lanes without a bond."""
-    raise NotImplementedError("compiled for each layout")
-
-
-@overload(intact, jit_options=IN_PLACE)
-def _intact(bonds, tile, slot, lane, c, eta):  # type: ignore[no-untyped-def]
-    if is_in_tiles(bonds):
-        return lambda bonds, tile, slot, lane, c, eta: bonded(eta, bonds.bits, tile, slot, lane)
-    return lambda bonds, tile, slot, lane, c, eta: where_nonzero(c[0], eta)
+    return where_nonzero(c[0], eta)
 
 
 def bonds_at(bonds: Any, tile: Any, slot: Any, lane: Any, at: Any, c: Any, u: Any, here: Any) -> Bond | Ends:

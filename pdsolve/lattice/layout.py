@@ -8,6 +8,8 @@ compiled for each layout: blocks are tuples of arrays with `ids`, tiles such wit
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from functools import wraps
 from typing import Any
 
 import numpy as np
@@ -41,16 +43,33 @@ def pair_law_of(bonds: Any) -> Pair:
     return pair_of(bonds.types[bonds.instance_class._fields.index("law")])
 
 
-def places_of(bonds: Any, group: Any) -> tuple[int, int]:
+def in_tiles(
+    for_tiles: Callable[..., Any], jit_options: dict[str, Any] = IN_PLACE
+) -> Callable[[Callable[..., Any]], Any]:
+    """Compile the decorated function for bonds in blocks, and another one in its place for bonds in tiles.
+
+    Bonds are the first argument of both.
+    """
+
+    def decorate(for_blocks: Callable[..., Any]) -> Any:
+        @wraps(for_blocks)
+        def for_any(*arguments: Any) -> Any:
+            raise NotImplementedError("compiled for blocks and tiles")
+
+        @wraps(for_blocks)
+        def choose(bonds: Any, *arguments: Any) -> Any:
+            return for_tiles if is_in_tiles(bonds) else for_blocks
+
+        overload(for_any, jit_options=jit_options)(choose)
+        return for_any
+
+    return decorate
+
+
+@in_tiles(lambda bonds, group: (bonds.margin + group * ROW, ROW))
+def places_of(bonds, group):  # type: ignore[no-untyped-def]
     """The first place of a group, and how many it has."""
-    raise NotImplementedError("compiled for each layout")
-
-
-@overload(places_of, jit_options=IN_PLACE)
-def _places_of(bonds, group):  # type: ignore[no-untyped-def]
-    if is_in_tiles(bonds):
-        return lambda bonds, group: (bonds.margin + group * ROW, ROW)
-    return lambda bonds, group: (group * LANES, LANES)
+    return group * LANES, LANES
 
 
 def turns_of(bonds: Any, group: Any, lane: Any) -> Any:
@@ -105,44 +124,22 @@ def _has_bonds(bonds, group, slot):  # type: ignore[no-untyped-def]
     return lambda bonds, group, slot: True
 
 
-def are_listed(bonds: Any, slot: Any, lane: Any) -> bool:
+@in_tiles(lambda bonds, slot, lane: False)
+def are_listed(bonds, slot, lane):  # type: ignore[no-untyped-def]
     """Whether the neighbours of some lanes are listed: they are not side by side."""
-    raise NotImplementedError("compiled for each layout")
+    return bonds.slots[slot, np.uint64(lane) // np.uint64(ROW)] >= FAR
 
 
-@overload(are_listed, jit_options=IN_PLACE)
-def _are_listed(bonds, slot, lane):  # type: ignore[no-untyped-def]
-    if is_in_tiles(bonds):
-        return lambda bonds, slot, lane: False
-    return lambda bonds, slot, lane: bonds.slots[slot, np.uint64(lane) // np.uint64(ROW)] >= FAR
-
-
-def neighbours(bonds: Any, array: Any, like: Any, at: Any, slot: Any, lane: Any) -> Any:
+@in_tiles(lambda bonds, array, like, at, slot, lane: beside(array, like, at + bonds.offsets[slot]))
+def neighbours(bonds, array, like, at, slot, lane):  # type: ignore[no-untyped-def]
     """Values of the neighbours of some lanes, the first of which is at the place `at`, in the rows of an array."""
-    raise NotImplementedError("compiled for each layout")
-
-
-@overload(neighbours, jit_options=IN_PLACE)
-def _neighbours(bonds, array, like, at, slot, lane):  # type: ignore[no-untyped-def]
-    if is_in_tiles(bonds):
-        return lambda bonds, array, like, at, slot, lane: beside(array, like, at + bonds.offsets[slot])
-    return _neighbours_in_block
-
-
-def _neighbours_in_block(bonds, array, like, at, slot, lane):  # type: ignore[no-untyped-def]
     way = np.int64(bonds.slots[slot, np.uint64(lane) // np.uint64(ROW)])
     if way < FAR:
         return beside(array, like, at + way)
     return listed(array, like, bonds.ids, (way - FAR) * ROW + lane % ROW)
 
 
-def vector_number(bonds: Any, slot: Any) -> int:
+@in_tiles(lambda bonds, slot: np.uint64(slot))
+def vector_number(bonds, slot):  # type: ignore[no-untyped-def]
     """The row of `vectors` that a slot has."""
-    raise NotImplementedError("compiled for each layout")
-
-
-@overload(vector_number, jit_options=IN_PLACE)
-def _vector_number(bonds, slot):  # type: ignore[no-untyped-def]
-    if is_in_tiles(bonds):
-        return lambda bonds, slot: np.uint64(slot)
-    return lambda bonds, slot: np.uint64(bonds.slots[slot, VECTOR])
+    return np.uint64(bonds.slots[slot, VECTOR])

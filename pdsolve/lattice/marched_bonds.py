@@ -9,15 +9,14 @@ from contextlib import AbstractContextManager, nullcontext
 from typing import Any, NamedTuple, Protocol
 
 import numpy as np
-from numba.extending import overload
 from numpy.typing import NDArray
 
 from pdsolve.codegen.inner_functions import INNER
 from pdsolve.codegen.lanes import across, beside, keep
 from pdsolve.codegen.vector_code import ROW
 from pdsolve.lattice.blocks import BlockMotion
-from pdsolve.lattice.bond import IN_PLACE, zeros
-from pdsolve.lattice.layout import LANES, is_in_tiles
+from pdsolve.lattice.bond import zeros
+from pdsolve.lattice.layout import LANES, in_tiles
 from pdsolve.lattice.operator import BlockLattice, TileLattice, copy_state, rows_in
 from pdsolve.lattice.sums import UNAGED, UNDONE, sum_lanes
 from pdsolve.lattice.tiles import (
@@ -248,16 +247,6 @@ class MarchedTiles:
             breaks.used[0] = shared
 
 
-def load_accelerations(bonds: Any, history: Any, state: Any, group: Any, a: Any) -> None:
-    """Copy the accelerations of a group's nodes from the state to a (d, lanes)."""
-    raise NotImplementedError("compiled for blocks and tiles")
-
-
-@overload(load_accelerations, jit_options=INNER)
-def _load_accelerations(bonds, history, state, group, a):  # type: ignore[no-untyped-def]
-    return _load_from_sites if is_in_tiles(bonds) else _load_from_lanes
-
-
 def _load_from_sites(bonds, history, state, group, a):  # type: ignore[no-untyped-def]
     for lane in range(ROW):
         i = bonds.node[group * ROW + lane]
@@ -265,19 +254,11 @@ def _load_from_sites(bonds, history, state, group, a):  # type: ignore[no-untype
             a[axis, lane] = state.second[i, axis] if i >= 0 else 0
 
 
-def _load_from_lanes(bonds, history, state, group, a):  # type: ignore[no-untyped-def]
+@in_tiles(_load_from_sites, INNER)
+def load_accelerations(bonds, history, state, group, a):  # type: ignore[no-untyped-def]
+    """Copy the accelerations of a group's nodes from the state to a (d, lanes)."""
     for lane in range(0, LANES, across(a)):
         keep(beside(history.a, bonds.axes, group * LANES + lane), a, lane)
-
-
-def store_accelerations(bonds: Any, history: Any, state: Any, group: Any, a: Any) -> None:
-    """Copy a (d, lanes) to the accelerations of a group's nodes in the state."""
-    raise NotImplementedError("compiled for blocks and tiles")
-
-
-@overload(store_accelerations, jit_options=INNER)
-def _store_accelerations(bonds, history, state, group, a):  # type: ignore[no-untyped-def]
-    return _store_at_sites if is_in_tiles(bonds) else _store_in_lanes
 
 
 def _store_at_sites(bonds, history, state, group, a):  # type: ignore[no-untyped-def]
@@ -288,24 +269,11 @@ def _store_at_sites(bonds, history, state, group, a):  # type: ignore[no-untyped
                 state.second[i, axis] = a[axis, lane]
 
 
-def _store_in_lanes(bonds, history, state, group, a):  # type: ignore[no-untyped-def]
+@in_tiles(_store_at_sites, INNER)
+def store_accelerations(bonds, history, state, group, a):  # type: ignore[no-untyped-def]
+    """Copy a (d, lanes) to the accelerations of a group's nodes in the state."""
     for lane in range(0, LANES, across(a)):
         keep(beside(a, bonds.axes, lane), history.a, group * LANES + lane)
-
-
-def sum_group(bonds: Any, history: Any, state: Any, sweep: Any, has_failure_forces: Any, group: Any, f: Any) -> Any:
-    """Fill the force densities f (d, lanes) on a group, N/m^3; bonds over their limit break.
-
-    Returns READY, or what the group waits for: nothing has changed then but what is done again.
-    """
-    raise NotImplementedError("compiled for blocks and tiles")
-
-
-@overload(sum_group, jit_options=IN_PLACE)
-def _sum_group(bonds, history, state, sweep, has_failure_forces, group, f):  # type: ignore[no-untyped-def]
-    if is_in_tiles(bonds):
-        return _sum_tile
-    return lambda bonds, history, state, sweep, has_failure_forces, group, f: READY  # never asked for
 
 
 def _sum_tile(bonds, history, state, sweep, has_failure_forces, group, f):  # type: ignore[no-untyped-def]
@@ -332,43 +300,26 @@ def _sum_tile(bonds, history, state, sweep, has_failure_forces, group, f):  # ty
     return READY
 
 
-def never_waits(bonds: Any) -> Any:
+@in_tiles(_sum_tile)
+def sum_group(bonds, history, state, sweep, has_failure_forces, group, f):  # type: ignore[no-untyped-def]
+    """Fill the force densities f (d, lanes) on a group, N/m^3; bonds over their limit break.
+
+    Returns READY, or what the group waits for: nothing has changed then but what is done again.
+    """
+    return READY  # never asked for
+
+
+@in_tiles(lambda bonds: False)
+def never_waits(bonds):  # type: ignore[no-untyped-def]
     """Whether no group waits, so that some lanes may move before others are summed."""
-    raise NotImplementedError("compiled for blocks and tiles")
+    return True
 
 
-@overload(never_waits, jit_options=IN_PLACE)
-def _never_waits(bonds):  # type: ignore[no-untyped-def]
-    return (lambda bonds: False) if is_in_tiles(bonds) else (lambda bonds: True)
-
-
-def sum_of_lanes(bonds: Any, history: Any, sweep: Any, group: Any, lane: Any) -> Any:
+@in_tiles(lambda bonds, history, sweep, group, lane: zeros(sweep.u, bonds.axes))  # never asked for
+def sum_of_lanes(bonds, history, sweep, group, lane):  # type: ignore[no-untyped-def]
     """The force densities on lanes of a group that never waits, from `lane` on, N/m^3; bonds over their limit break."""
-    raise NotImplementedError("compiled for blocks")
-
-
-@overload(sum_of_lanes, jit_options=IN_PLACE)
-def _sum_of_lanes(bonds, history, sweep, group, lane):  # type: ignore[no-untyped-def]
-    if is_in_tiles(bonds):
-        return lambda bonds, history, sweep, group, lane: zeros(sweep.u, bonds.axes)  # never asked for
-    return _sum_lanes_of_block
-
-
-def _sum_lanes_of_block(bonds, history, sweep, group, lane):  # type: ignore[no-untyped-def]
     motion = BlockMotion(sweep.u, sweep.previous_u, sweep.step, bonds.scratch[0])
     return sum_lanes(bonds, history, motion, group, lane)[1]
-
-
-def add_second_forces(bonds: Any, history: Any, state: Any, sweep: Any, has_failure_forces: Any) -> None:
-    """Begin the sums of the thread's groups with the second forces of bonds that broke one step ago."""
-    raise NotImplementedError("compiled for blocks and tiles")
-
-
-@overload(add_second_forces, jit_options=INNER)
-def _add_second_forces(bonds, history, state, sweep, has_failure_forces):  # type: ignore[no-untyped-def]
-    if is_in_tiles(bonds):
-        return _add_second_forces_to_tiles
-    return lambda bonds, history, state, sweep, has_failure_forces: None  # lanes look at their bonds
 
 
 def _add_second_forces_to_tiles(bonds, history, state, sweep, has_failure_forces):  # type: ignore[no-untyped-def]
@@ -383,3 +334,9 @@ def _add_second_forces_to_tiles(bonds, history, state, sweep, has_failure_forces
             place = bonds.margin + tile * ROW
             sweep.next_v[:, place : place + ROW] = 0
         pull_again(bonds, motion, history, n)
+
+
+@in_tiles(_add_second_forces_to_tiles, INNER)
+def add_second_forces(bonds, history, state, sweep, has_failure_forces):  # type: ignore[no-untyped-def]
+    """Begin the sums of the thread's groups with the second forces of bonds that broke one step ago."""
+    # in blocks, lanes look at their bonds

@@ -165,7 +165,11 @@ class BlockLattice(LatticeOperator):
 
     def swell(self, strain: NDArray[np.float64]) -> None:
         """Let bonds stretch from what they are long at these strains (n,) of free nodes; of straight lines."""
-        shrink = aligned_zeros(self.tracks.v[0].shape, self.tracks.v.dtype) if self.tracks.shrink is None else self.tracks.shrink
+        shrink = (
+            aligned_zeros(self.tracks.v[0].shape, self.tracks.v.dtype)
+            if self.tracks.shrink is None
+            else self.tracks.shrink
+        )
         shrink[: len(strain)] = -strain / 2
         self.tracks = self.tracks._replace(shrink=shrink)
 

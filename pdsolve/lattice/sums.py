@@ -34,6 +34,7 @@ from pdsolve.lattice.layout import (
     ONE,
     are_listed,
     has_bonds,
+    in_tiles,
     is_in_tiles,
     neighbours,
     pair_law_of,
@@ -149,75 +150,41 @@ def _swells(history: Any) -> bool:
     return "shrink" in fields and not isinstance(history.types[fields.index("shrink")], types.NoneType)
 
 
-def common_of_lanes(bonds: Any, group: Any, own: Any) -> Any:
+@in_tiles(common_of_tile)
+def common_of_lanes(bonds, group, own):  # type: ignore[no-untyped-def]
     """What all slots of some lanes share, the first of which is at the place `own`: of a block, whether a bond has
     softened; of a tile, what its stiffnesses are made of."""
-    raise NotImplementedError("compiled for each layout")
+    return bonds.softened[group]
 
 
-@overload(common_of_lanes, jit_options=IN_PLACE)
-def _common_of_lanes(bonds, group, own):  # type: ignore[no-untyped-def]
-    if is_in_tiles(bonds):
-        return common_of_tile
-    return lambda bonds, group, own: bonds.softened[group]
-
-
-def weight(bonds: Any, common: Any, u: Any, row: Any, slot: Any, lane: Any) -> Any:
+@in_tiles(weight_in_tile)
+def weight(bonds, common, u, row, slot, lane):  # type: ignore[no-untyped-def]
     """The stiffness over length of the bonds of some lanes."""
-    raise NotImplementedError("compiled for each layout")
+    return row_of(bonds.stiffness, bonds.slots[slot, PULL], lane)
 
 
-@overload(weight, jit_options=IN_PLACE)
-def _weight(bonds, common, u, row, slot, lane):  # type: ignore[no-untyped-def]
-    if is_in_tiles(bonds):
-        return weight_in_tile
-    return lambda bonds, common, u, row, slot, lane: row_of(bonds.stiffness, bonds.slots[slot, PULL], lane)
-
-
-def elongation_of_bonds(bonds: Any, group: Any, slot: Any, lane: Any, e: Any) -> Any:
+@in_tiles(lambda bonds, group, slot, lane, e: bonded((e,), bonds.bits, group, np.int64(slot), lane)[0])
+def elongation_of_bonds(bonds, group, slot, lane, e):  # type: ignore[no-untyped-def]
     """e, and in tiles 0 in lanes without a bond; in blocks, their stiffness is 0."""
-    raise NotImplementedError("compiled for each layout")
+    return e
 
 
-@overload(elongation_of_bonds, jit_options=IN_PLACE)
-def _elongation_of_bonds(bonds, group, slot, lane, e):  # type: ignore[no-untyped-def]
-    if is_in_tiles(bonds):
-        return lambda bonds, group, slot, lane, e: bonded((e,), bonds.bits, group, np.int64(slot), lane)[0]
-    return lambda bonds, group, slot, lane, e: e
-
-
-def in_lanes(bonds: Any, u: Any, limit: Any, slot: Any, lane: Any) -> Any:
+@in_tiles(lambda bonds, u, limit, slot, lane: same(u, limit))
+def in_lanes(bonds, u, limit, slot, lane):  # type: ignore[no-untyped-def]
     """A limit of e in some lanes: the one of all bonds in tiles, rows of limits in blocks."""
-    raise NotImplementedError("compiled for each layout")
+    return row_of(limit, bonds.slots[slot, BOUND], lane)
 
 
-@overload(in_lanes, jit_options=IN_PLACE)
-def _in_lanes(bonds, u, limit, slot, lane):  # type: ignore[no-untyped-def]
-    if is_in_tiles(bonds):
-        return lambda bonds, u, limit, slot, lane: same(u, limit)
-    return lambda bonds, u, limit, slot, lane: row_of(limit, bonds.slots[slot, BOUND], lane)
-
-
-def narrow_reach(bonds: Any, u: Any, near: Any) -> Any:
+@in_tiles(lambda bonds, u, near: near)
+def narrow_reach(bonds, u, near):  # type: ignore[no-untyped-def]
     """|e| up to which the narrow polynomial is used; in tiles that up to which lanes need no care."""
-    raise NotImplementedError("compiled for each layout")
+    return same(u, NARROW)
 
 
-@overload(narrow_reach, jit_options=IN_PLACE)
-def _narrow_reach(bonds, u, near):  # type: ignore[no-untyped-def]
-    if is_in_tiles(bonds):
-        return lambda bonds, u, near: near
-    return lambda bonds, u, near: same(u, NARROW)
-
-
-def multiply(bonds: Any, w: Any, e: Any, g: Any) -> Any:
+@in_tiles(lambda bonds, w, e, g: w * (e * g))
+def multiply(bonds, w, e, g):  # type: ignore[no-untyped-def]
     """w e g, in the order of each layout, so that results stay the same to the bit."""
-    raise NotImplementedError("compiled for each layout")
-
-
-@overload(multiply, jit_options=IN_PLACE)
-def _multiply(bonds, w, e, g):  # type: ignore[no-untyped-def]
-    return (lambda bonds, w, e, g: w * (e * g)) if is_in_tiles(bonds) else (lambda bonds, w, e, g: w * e * g)
+    return w * e * g
 
 
 def secant_weight(bonds: Any, history: Any, common: Any, w: Any, e: Any, g: Any, slot: Any, lane: Any) -> Any:
@@ -257,22 +224,6 @@ def _line_in_tile(bonds, history, common, w, e, g, slot, lane):  # type: ignore[
     return w
 
 
-def history_of_lanes(bonds: Any, history: Any, common: Any, slot: Any, lane: Any) -> tuple[Any, Any, Any]:
-    """Largest stretches above their peaks, peaks and limits of some lanes, under a curved law."""
-    raise NotImplementedError("compiled for each layout")
-
-
-@overload(history_of_lanes, jit_options=IN_PLACE)
-def _history_of_lanes(bonds, history, common, slot, lane):  # type: ignore[no-untyped-def]
-    return _history_in_tile if is_in_tiles(bonds) else _history_in_block
-
-
-def _history_in_block(bonds, history, common, slot, lane):  # type: ignore[no-untyped-def]
-    kind, none = bonds.slots[slot, LIMITS], same(bonds.stiffness, 0.0)
-    worst = worst_lanes(bonds.law, history.worst, slot, lane, none)
-    return worst, row_of(bonds.peak, kind, lane), row_of(bonds.limit, kind, lane)
-
-
 def _history_in_tile(bonds, history, common, slot, lane):  # type: ignore[no-untyped-def]
     (_, row_of_memory, _, _, own), worst = common, same(bonds.share, 0.0)
     if row_of_memory >= 0:
@@ -282,17 +233,17 @@ def _history_in_tile(bonds, history, common, slot, lane):  # type: ignore[no-unt
     return worst, beyond + bonds.peak[0, slot], beyond + bonds.limit[0, slot]
 
 
-def update_lanes(
-    bonds: Any, history: Any, motion: Any, group: Any, lane: Any, slot: Any, e: Any, f: Any
-) -> tuple[bool, Any]:
-    """Break and soften the bonds of some lanes of a slot with these e, and add to f the pulls that match their work;
-    False if there is no memory for it."""
-    raise NotImplementedError("compiled for each layout")
+@in_tiles(_history_in_tile)
+def history_of_lanes(bonds, history, common, slot, lane):  # type: ignore[no-untyped-def]
+    """Largest stretches above their peaks, peaks and limits of some lanes, under a curved law."""
+    kind, none = bonds.slots[slot, LIMITS], same(bonds.stiffness, 0.0)
+    worst = worst_lanes(bonds.law, history.worst, slot, lane, none)
+    return worst, row_of(bonds.peak, kind, lane), row_of(bonds.limit, kind, lane)
 
 
-@overload(update_lanes, jit_options=IN_PLACE)
-def _update_lanes(bonds, history, motion, group, lane, slot, e, f):  # type: ignore[no-untyped-def]
-    return update_lanes_of_tile if is_in_tiles(bonds) else update_lanes_of_block
+# Break and soften the bonds of some lanes of a slot with these e, and add to f the pulls that match their work;
+# False if there is no memory for it
+update_lanes = in_tiles(update_lanes_of_tile)(update_lanes_of_block)
 
 
 @cached_njit(nogil=True, error_model="numpy")
