@@ -73,25 +73,25 @@ class Growth:
 
     def look(self, state: State, step: int) -> bool:
         """Let cracks grow from a state, as of `step`; returns whether any did."""
-        judged = self.judge_tips(state)
+        judged = self.evaluate_tips(state)
         due = [(tip, verdict) for tip, verdict in judged if verdict.share >= 1]
         new = self.grow_tips_and_cut_bonds(due, state, step)
         if new and self.every is None:
             self._watch(max(verdict.share for _, verdict in judged), new, step)
         return new > 0
 
-    def judge_tips(self, state: State) -> list[tuple[Tip, Verdict]]:
+    def evaluate_tips(self, state: State) -> list[tuple[Tip, Verdict]]:
         """All tips, and what is decided about them in a state."""
         tips = tips_of(self.particles, self._ground)
         return [(tip, self.judge(tip, tips, state)) for tip in tips]
 
     def grow_tips_and_cut_bonds(
-        self, judged_tips: list[tuple[Tip, Verdict]], state: State, step: int, length_share: float = 1.0
+        self, evaluated_tips: list[tuple[Tip, Verdict]], state: State, step: int, length_share: float = 1.0
     ) -> int:
         """Let these tips grow by a particle each, of that share of its length, and cut the bonds; returns the number of
         new particles."""
         before = len(self.particles.place)
-        for tip, verdict in judged_tips:
+        for tip, verdict in evaluated_tips:
             self._grow(tip, verdict, step, length_share)
         new = len(self.particles.place) - before
         if new:

@@ -49,7 +49,7 @@ from pdsolve.schemes import SCHEMES
 from pdsolve.schemes.scheme import Scheme
 from pdsolve.steppers.equilibrium import force_densities
 from pdsolve.steppers.euler import ForwardEuler
-from pdsolve.steppers.static_loads import model_with_load_steps, quasi_static_model_after_each_content_step
+from pdsolve.steppers.static_loads import model_with_load_steps, quasi_static_swelling_model
 
 WORTH_HYBRID = 25_000  # nodes of a plate with a fine zone that moves, were they all there
 
@@ -132,7 +132,7 @@ def _prepare_swelling_motion(model: Model, options: Options, scheme: Scheme) -> 
         return _prepare_swelling_plate_with_zone(model, options, scheme)
     options, rests = choose_kernel_for_swelling(model, options), model.settings.run.solver == "static"
     if rests:
-        model = quasi_static_model_after_each_content_step(model)
+        model = quasi_static_swelling_model(model)
         system, state = prepare_quasi_static_run(model.moving_part(), options, scheme)
     else:
         system, state = prepare_explicit_motion(model.moving_part(), options, scheme, bonds_swell=True)

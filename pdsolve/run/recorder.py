@@ -101,7 +101,7 @@ def make_checkpoint(system: System, state: State) -> dict[str, NDArray[Any]]:
     if system.moving_zone_operator is None:  # whose operator has the state
         arrays |= state._asdict()
     if system.load_stepper is not None:
-        arrays["rested"] = system.load_stepper.checkpoint_rows()
+        arrays["rested"] = system.load_stepper.load_step_rows()
     if isinstance(system.stepper, CycleOrPathSteps):
         arrays |= system.stepper.checkpoint_arrays()
     crack_arrays = {} if system.crack_growth is None else system.crack_growth.checkpoint_arrays()

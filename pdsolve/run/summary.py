@@ -94,7 +94,7 @@ def _equilibrium_summary(load_stepper: LoadSteps | CycleOrPathSteps | None) -> d
             "first_range": load_stepper.range
             if isinstance(load_stepper, BondFatigueSteps) and load_stepper.step_results
             else None,
-            "cycles_error": load_stepper.cycle_error_of_steps_and_K if isinstance(load_stepper, ParisSteps) else None,
+            "cycles_error": load_stepper.estimated_cycle_error if isinstance(load_stepper, ParisSteps) else None,
             "cycles_error_of_jumps": load_stepper.cycle_error_of_steps
             if isinstance(load_stepper, ParisSteps)
             else None,

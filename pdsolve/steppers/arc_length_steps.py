@@ -49,7 +49,7 @@ BENT = 0.5  # of a step, by which the path leaves its tangent at most
 class ArcLengthSteps(PathStepper):
     """Takes steps of arc length with any operator whose bonds do not break."""
 
-    end = 0.0
+    end_load_share = 0.0
     description = "arc length as the control, Newton's method with factors"
 
     def __init__(
@@ -58,18 +58,18 @@ class ArcLengthSteps(PathStepper):
         operator: Operator,
         drive: Drive,
         area: Array,
-        breaking: Breaking | None,
+        bond_breaking: Breaking | None,
         on_equilibrium: Callable[[State], None] = lambda state: None,
         has_plastic_flow: bool = False,
     ) -> None:
-        """`breaking` knows the limits of bonds, None: there are none; `on_equilibrium` is called with each equilibrium.
+        """`bond_breaking` knows the limits of bonds, if there are any, `on_equilibrium` is called at each equilibrium.
 
         The tangent of a solid that flows is elastic at an equilibrium that it has reached. Its path goes on in the
         direction of its last step.
         """
         super().__init__(model, drive, area)
         self._operator = operator
-        self._breaking = breaking
+        self._breaking = bond_breaking
         self._remember = on_equilibrium
         self._flows = has_plastic_flow
         self._free = np.flatnonzero(~self._held.ravel())
@@ -127,7 +127,7 @@ class ArcLengthSteps(PathStepper):
         drive.before[:] = drive.force
         spent = float(self._area @ (state.dissipated + self._operator.energies(state)[1]))
         self._record_step(step, iterations, residual, new.load_factor, after, spent)
-        if self._largest_overload_or_zero(state) > 0:
+        if self._largest_bond_overload(state) > 0:
             self.ended, self.end_reason = True, "a bond has reached its limit"
 
     def _advance_to_next_equilibrium(self, state: State, step: int) -> PathSolution:
@@ -155,13 +155,13 @@ class ArcLengthSteps(PathStepper):
                 last.energy_or_arc_length + self._more,
             )
             try:
-                new, count, residual = self._solve_in_normal_plane_or_at_load_factor(state, guess, 1 / size * way, step)
+                new, count, residual = self._solve_from_guess(state, guess, 1 / size * way, step)
                 if not norm(new.displacement - guess.displacement) < BENT * self._more:
                     raise NotConvergedError("the path bends within the shortest step")
                 if new.load_factor >= 1:
                     new, more, residual = self._find_equilibrium_at_full_loads(state, new, step)
                     count += more
-                if self._largest_overload_or_zero(state) > 1 + PAST:
+                if self._largest_bond_overload(state) > 1 + PAST:
                     raise NotConvergedError("a bond passes its limit within the shortest step")
                 break
             except NotConvergedError:
@@ -185,7 +185,7 @@ class ArcLengthSteps(PathStepper):
             raise NotConvergedError("the path bends within the shortest step")
         return new, count, residual
 
-    def _largest_overload_or_zero(self, state: State) -> float:
+    def _largest_bond_overload(self, state: State) -> float:
         """How far over its limit a bond is: its load by that at which it breaks; 0 if none is."""
         return 0.0 if self._breaking is None else self._breaking.worst(state.value)
 
@@ -195,18 +195,14 @@ class ArcLengthSteps(PathStepper):
         """The equilibrium at a factor, from displacements (n, w) near it."""
         last = self._last.displacement
         value = np.where(self._held, self._start + load_factor * self._growth, start_displacement)
-        new, count, residual = self._solve_in_normal_plane_or_at_load_factor(
-            state, PathPoint(value, load_factor, 0.0), None, step
-        )
+        new, count, residual = self._solve_from_guess(state, PathPoint(value, load_factor, 0.0), None, step)
         return (
             new._replace(energy_or_arc_length=self._last.energy_or_arc_length + norm(new.displacement - last)),
             count,
             residual,
         )
 
-    def _solve_in_normal_plane_or_at_load_factor(
-        self, state: State, guess: PathPoint, plane_normal: Array | None, step: int
-    ) -> PathSolution:
+    def _solve_from_guess(self, state: State, guess: PathPoint, plane_normal: Array | None, step: int) -> PathSolution:
         """The equilibrium in the plane through a guess with a unit normal (n, w), or at its factor.
 
         The state is there then. Raises NotConvergedError.

@@ -34,7 +34,7 @@ class EquilibriumMethodWithContact:
     def __init__(self, method: EquilibriumMethod, operator: Operator, contact: RestingContact) -> None:
         self._method, self._operator, self.contact = method, operator, contact
         self.description = method.description
-        self.smallest_load_step_part = min(method.smallest_load_step_part, SMALLEST)
+        self.least_load_step_share = min(method.least_load_step_share, SMALLEST)
 
     def solve_equilibrium(
         self, state: State, conditions: EquilibriumConditions, report_progress: ProgressReport

@@ -25,7 +25,7 @@ from pdsolve.model import Model
 from pdsolve.operators.protocol import Operator
 from pdsolve.state import State
 from pdsolve.steppers.equilibrium import Equilibrium, NotConvergedError, force_densities
-from pdsolve.steppers.growing_cracks import CrackedBodySnapshot, CrackGrowth, JudgedTip, stress_intensities_of_tips
+from pdsolve.steppers.growing_cracks import CrackedBodySnapshot, CrackGrowth, EvaluatedTip, stress_intensities_of_tips
 from pdsolve.steppers.load_steps import LoadSteps, LoadStepStatistics
 from pdsolve.steppers.path_stepper import REACHED, PathStepper
 
@@ -71,7 +71,7 @@ class CrackLengthSteps(PathStepper):
         self._motion.method.discard_reused_tangent()
         try:
             path_point = (
-                self._grow_critical_tips_and_rescale_loads(state, step)
+                self._grow_tips_and_rescale_loads(state, step)
                 if self.step_results
                 else self._load_until_first_tip_grows(state, step)
             )
@@ -109,7 +109,7 @@ class CrackLengthSteps(PathStepper):
         )
         return equilibrium._replace(iterations=iterations + equilibrium.iterations), factor, 0.0
 
-    def _grow_critical_tips_and_rescale_loads(self, state: State, step: int) -> tuple[Equilibrium, float, float] | None:
+    def _grow_tips_and_rescale_loads(self, state: State, step: int) -> tuple[Equilibrium, float, float] | None:
         """Let the tips that are next grow, and find the factor that goes with it; books what they take, J/m.
 
         None: no crack can go on, and all is as before.
@@ -124,11 +124,11 @@ class CrackLengthSteps(PathStepper):
         held_force = self._drive.held_force.copy()
         start = last.load_factor if not self._start.any() else STEP_BACK * last.load_factor
         try:
-            judged = growth.judge_tips(state)
-            shares = self._intensity_to_toughness_ratios(judged)
+            evaluated_tips = growth.evaluate_tips(state)
+            shares = self._intensity_to_toughness_ratios(evaluated_tips)
             # Tips that go straight on to what is ahead of them; or else those with the largest share
-            tips = [tip for tip in judged if tip[1].straight] or [
-                tip for tip, share in zip(judged, shares, strict=True) if share > (1 - ALIKE) * shares.max()
+            tips = [tip for tip in evaluated_tips if tip[1].straight] or [
+                tip for tip, share in zip(evaluated_tips, shares, strict=True) if share > (1 - ALIKE) * shares.max()
             ]
             if not growth.grow_tips_and_cut_bonds(tips, state, step):
                 raise NoGrowingTipError("no crack goes on")
@@ -179,15 +179,15 @@ class CrackLengthSteps(PathStepper):
             previous_factor_and_ratio, load_factor = (load_factor, share), min(load_factor + (1 - share) / slope, 1.0)
         raise NotConvergedError(f"no loads let a tip grow after {TRIES} tries")
 
-    def _intensity_to_toughness_ratios(self, judged_tips: list[JudgedTip]) -> Array:
+    def _intensity_to_toughness_ratios(self, evaluated_tips: list[EvaluatedTip]) -> Array:
         """Shares (k,) of what lets tips grow; 0 of those that stay, or go straight on to what is ahead of them."""
-        toughness = np.array([self._cracks.toughness(tip) for tip, _ in judged_tips])
-        moves = np.array([bool(verdict.angles) and not verdict.straight for _, verdict in judged_tips])
-        return np.asarray(np.where(moves, stress_intensities_of_tips(self._cracks, judged_tips) / toughness, 0.0))
+        toughness = np.array([self._cracks.toughness(tip) for tip, _ in evaluated_tips])
+        moves = np.array([bool(verdict.angles) and not verdict.straight for _, verdict in evaluated_tips])
+        return np.asarray(np.where(moves, stress_intensities_of_tips(self._cracks, evaluated_tips) / toughness, 0.0))
 
     def _largest_intensity_to_toughness_ratio(self, state: State) -> float:
         """The largest share; 0 where no tip may go on."""
-        return float(self._intensity_to_toughness_ratios(self._cracks.judge_tips(state)).max(initial=0.0))
+        return float(self._intensity_to_toughness_ratios(self._cracks.evaluate_tips(state)).max(initial=0.0))
 
     def _largest_intensity_to_toughness_ratio_or_raise(self, state: State) -> float:
         """The largest share. Raises NoGrowingTipError where no tip may go on."""

@@ -61,7 +61,7 @@ class CycleSteps:
     def checkpoint_arrays(self) -> dict[str, NDArray[Any]]:
         """Steps so far, for a checkpoint."""
         steps = np.array(self.step_results, dtype=float).reshape(-1, len(Cycled._fields))
-        return {"cycled": steps, "rested": self._motion.checkpoint_rows()}
+        return {"cycled": steps, "rested": self._motion.load_step_rows()}
 
     def restore(self, checkpoint: Mapping[str, NDArray[Any]], step: int) -> None:
         """Restore a checkpoint after `step`. Raises CheckpointError."""

@@ -78,7 +78,7 @@ class DowndatedTangent:
 
     def solve(self, right_side: Array) -> Array:
         """The solution for a right side (k,)."""
-        solution = self._solve_with_original_tangent_or_last_columns(right_side)
+        solution = self._solve_with_original_tangent(right_side)
         if not len(self._ways):
             return solution
         try:
@@ -87,7 +87,7 @@ class DowndatedTangent:
             return solution
         return np.asarray(solution + share @ self._columns)
 
-    def _solve_with_original_tangent_or_last_columns(self, right_side: Array) -> Array:
+    def _solve_with_original_tangent(self, right_side: Array) -> Array:
         """The solution with all bonds, by the columns of those that broke last where the right side is of them."""
         if self._last:
             ways, columns = self._ways[-self._last :], self._columns[-self._last :]

@@ -48,7 +48,7 @@ class EquilibriumMethod(Protocol):
     """A method to find equilibrium; by default it has no tangent, and no equations."""
 
     description: str  # which it is, for the record
-    smallest_load_step_part: float  # share of a load step that is worth a try, where larger ones do not come to rest
+    least_load_step_share: float  # share of a load step that is worth a try, where larger ones do not come to rest
 
     def solve_equilibrium(
         self, state: State, conditions: EquilibriumConditions, report_progress: ProgressReport
@@ -103,7 +103,7 @@ def relative_residual(
     return imbalance / scale if scale > 0 else float(imbalance > 0)
 
 
-def least_reference_stiffness_for_tolerance(largest_stiffness: float, tolerance: float) -> float:
+def least_reference_stiffness(largest_stiffness: float, tolerance: float) -> float:
     """The smallest reference, N/m^4, for which a residual of `tolerance` exceeds round-off.
 
     Forces of a plate of stiffness `largest_stiffness` (N/m^4) are not known better.

@@ -12,7 +12,7 @@ from pdmesh.model.crack_particles import Particles
 from pdsolve.operators.protocol import Operator
 from pdsolve.state import Broken, State
 
-JudgedTip = tuple[Any, Any]  # a tip, and what is decided about it
+EvaluatedTip = tuple[Any, Any]  # a tip, and what is decided about it
 
 
 class CrackGrowth(Protocol):
@@ -20,10 +20,12 @@ class CrackGrowth(Protocol):
 
     particles: Particles
 
-    def judge_tips(self, state: State) -> list[JudgedTip]:
+    def evaluate_tips(self, state: State) -> list[EvaluatedTip]:
         """All tips, and what is decided about them in a state."""
 
-    def grow_tips_and_cut_bonds(self, tips: list[JudgedTip], state: State, step: int, length_share: float = 1.0) -> int:
+    def grow_tips_and_cut_bonds(
+        self, tips: list[EvaluatedTip], state: State, step: int, length_share: float = 1.0
+    ) -> int:
         """Let these tips grow by a particle each, of that share of its length, and cut the bonds; returns the number of
         new particles."""
 
@@ -63,20 +65,22 @@ class CrackedBodySnapshot(NamedTuple):
         growth.restore(self.crack_arrays, self.broken_bonds)
 
 
-def largest_K_difference_between_integrals(growth: CrackGrowth, judged_tips: list[JudgedTip]) -> float:
+def largest_relative_K_difference(growth: CrackGrowth, evaluated_tips: list[EvaluatedTip]) -> float:
     """How far K by interaction integrals and by J are apart, the most of all tips, over K; 0 where only J is known."""
     both = [
-        (v.share * growth.toughness(tip), v.released) for tip, v in judged_tips if np.isfinite(v.K1) and v.released > 0
+        (v.share * growth.toughness(tip), v.released)
+        for tip, v in evaluated_tips
+        if np.isfinite(v.K1) and v.released > 0
     ]
     return max((abs(stress_intensity / released - 1) for stress_intensity, released in both), default=0.0)
 
 
-def stress_intensities_of_tips(growth: CrackGrowth, judged_tips: list[JudgedTip]) -> NDArray[np.float64]:
+def stress_intensities_of_tips(growth: CrackGrowth, evaluated_tips: list[EvaluatedTip]) -> NDArray[np.float64]:
     """K (k,) of tips, Pa m^0.5, with the size of sqrt(J E') where they have J."""
-    stress_intensities = [verdict.share * growth.toughness(tip) for tip, verdict in judged_tips]
+    stress_intensities = [verdict.share * growth.toughness(tip) for tip, verdict in evaluated_tips]
     return np.array(
         [
             v.released if np.isfinite(v.released) else k
-            for (_, v), k in zip(judged_tips, stress_intensities, strict=True)
+            for (_, v), k in zip(evaluated_tips, stress_intensities, strict=True)
         ]
     )

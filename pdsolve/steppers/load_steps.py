@@ -51,7 +51,7 @@ class LoadStepStatistics(NamedTuple):
     iterations: int  # in all
     residual: float  # what is left of the forces over those from outside
     break_rounds: int  # times that bonds broke
-    smallest_sufficient_load_share: float  # of this step's loads, to break the next bond; 1 if none broke
+    least_breaking_load_share: float  # of this step's loads, to break the next bond; 1 if none broke
 
 
 class LoadStepProgress(NamedTuple):
@@ -73,17 +73,17 @@ class LoadSteps:
         drive: Drive,
         area: Array,
         method: EquilibriumMethod,
-        breaking: Breaking | None,
+        bond_breaking: Breaking | None,
         grow_cracks: Callable[[State, int], bool] | None = None,
         on_equilibrium: Callable[[State], None] = lambda state: None,
     ) -> None:
-        """`breaking` lets bonds break here; None: none does.
+        """`bond_breaking` lets bonds break here; None: none does.
 
         `grow_cracks` lets cracks grow from an equilibrium in a step, and returns whether any did. `on_equilibrium` is
         called with each equilibrium under load. Raises ModelError for a body without supports.
         """
         self._model, self._operator, self._drive, self._area = model, operator, drive, area
-        self.method, self._breaking, self._dt = method, breaking, model.settings.run.time_step or 0.0
+        self.method, self._breaking, self._dt = method, bond_breaking, model.settings.run.time_step or 0.0
         self.held = np.zeros(drive.force.shape, dtype=bool)
         self.held[drive.holds.node, drive.holds.axis] = True
         self._supported = self.held | grounded(model, drive.force.shape[1])
@@ -97,11 +97,11 @@ class LoadSteps:
         self._support_checker: SupportChecker | None = None  # of bodies that are supported
         source, target = operator.bonds(start=True)
         self._bonds = source * len(area) + target
-        self._check_supports_and_restrain_loose_bodies(operator.broken(), "")
+        self._restrain_loose_bodies(operator.broken(), "")
         for step in range(1, model.settings.run.steps + 1) if self._loose is not None else ():
             put_loads(drive, step * self._dt)
             try:
-                self._raise_if_loads_on_loose_bodies_unbalanced("")
+                self._check_balance_of_loose_bodies("")
             except NotConvergedError as error:
                 raise ModelError(f"{model.name}: $.conditions: {error}") from None
         drive.force[:] = 0
@@ -134,13 +134,13 @@ class LoadSteps:
         Books the work. Raises NotConvergedError.
         """
         put_loads(self._drive, time)
-        self._raise_if_loads_on_loose_bodies_unbalanced("")
+        self._check_balance_of_loose_bodies("")
         return self._solve_in_parts_and_add_work(state, previous_load, step, time)
 
     def solve_equilibrium_at_time(self, state: State, step: int, time: float) -> Equilibrium:
         """Bring the plate to rest under the conditions of `time`, s; books nothing. Raises NotConvergedError."""
         put_loads(self._drive, time)
-        self._raise_if_loads_on_loose_bodies_unbalanced("")
+        self._check_balance_of_loose_bodies("")
         at = np.where(self.held, prescribed_displacements(self._drive, time), 0.0)
         conditions = EquilibriumConditions(self._drive.force.astype(float), self.held, at, self._inner)
         equilibrium = self.method.solve_equilibrium(state, conditions, self._make_progress_callback(step, 0))
@@ -150,9 +150,9 @@ class LoadSteps:
     def raise_if_a_body_lacks_supports(self) -> None:
         """Raise NotConvergedError where broken bonds leave a body without supports."""
         broken = self._operator.broken()
-        self._check_supports_and_restrain_loose_bodies(broken, f"after {pair_count(len(broken.step))} bonds broke: ")
+        self._restrain_loose_bodies(broken, f"after {pair_count(len(broken.step))} bonds broke: ")
 
-    def checkpoint_rows(self) -> Array:
+    def load_step_rows(self) -> Array:
         """Convergence data (k, 5) of the load steps so far, for a checkpoint."""
         return np.array(self.step_results, dtype=float).reshape(-1, len(LoadStepStatistics._fields))
 
@@ -164,16 +164,16 @@ class LoadSteps:
         if self._breaking is not None:
             self._breaking.restore(broken)
         count = len(broken.step)
-        self._check_supports_and_restrain_loose_bodies(broken, f"after {count} directed bonds broke: " if count else "")
+        self._restrain_loose_bodies(broken, f"after {count} directed bonds broke: " if count else "")
 
     def _take_load_step(self, state: State, step: int) -> None:
         before = self._drive.force.astype(float) if self.step_results else np.zeros(self._drive.force.shape)
         put_loads(self._drive, step * self._dt)
         self.method.discard_reused_tangent()
-        start = self._norm_of_load_or_held_displacements(state, before)
+        start = self._loading_norm(state, before)
         spent = self._dissipated_and_released_energy(state)
         try:
-            self._raise_if_loads_on_loose_bodies_unbalanced("")
+            self._check_balance_of_loose_bodies("")
             equilibrium = self._solve_in_parts_and_add_work(state, before, step, step * self._dt)
             self._on_next_equilibrium(state)
             equilibrium, breaks, least = self.break_overstretched_bonds_and_solve_equilibrium(state, step, equilibrium)
@@ -186,7 +186,7 @@ class LoadSteps:
         )
         self._warn_of_unstable_crack_growth(
             step,
-            least * self._norm_of_load_or_held_displacements(state, self._drive.force.astype(float)) < start,
+            least * self._loading_norm(state, self._drive.force.astype(float)) < start,
             least,
             spent,
             state,
@@ -204,7 +204,7 @@ class LoadSteps:
             )
 
     def _warn_of_unstable_crack_growth(
-        self, step: int, load_is_smaller: bool, sufficient_load_share: float, dissipated_before: float, state: State
+        self, step: int, load_is_smaller: bool, breaking_load_share: float, dissipated_before: float, state: State
     ) -> None:
         """Report, once, a crack that grew a long way at a smaller load than that of the step before."""
         model = self._model
@@ -215,7 +215,7 @@ class LoadSteps:
             self._warned = True
             warnings.warn(
                 f"{model.name}: load step {step} ({step * self._dt:.4g} s): snap-back: the crack jumped at this"
-                f" load ({cost:.3g} J/m released), though {sufficient_load_share:.3g} of it was enough; the result is"
+                f" load ({cost:.3g} J/m released), though {breaking_load_share:.3g} of it was enough; the result is"
                 " that of a jump at this load",
                 ModelWarning,
                 stacklevel=2,
@@ -225,7 +225,7 @@ class LoadSteps:
         """Energy, J/m, dissipated by broken bonds and released by the plate on its way to rest."""
         return float(np.sum(self._area * (state.dissipated + state.damped)))
 
-    def _norm_of_load_or_held_displacements(self, state: State, load: Array) -> float:
+    def _loading_norm(self, state: State, load: Array) -> float:
         """Size of the loading: the norm of loads, or of held displacements without loads."""
         size = norm(load)
         return size if size > 0 else norm(state.value[self.held])
@@ -240,40 +240,37 @@ class LoadSteps:
         start = state.value.copy()
         done, part, iterations, equilibrium = 0.0, 1.0, 0, Equilibrium(0, 0.0)
         while done < 1:
-            end = 1.0 if done + part > 1 - self.method.smallest_load_step_part else done + part
+            end = 1.0 if done + part > 1 - self.method.least_load_step_share else done + part
             loads = [previous_load + share * (now - previous_load) for share in (done, (done + end) / 2, end)]
             places = [np.where(self.held, start + share * (at - start), 0.0) for share in ((done + end) / 2, end)]
             value, operator_arrays = state.value.copy(), self._operator.checkpoint_arrays()
             try:
-                equilibrium = self._solve_equilibrium_halfway_and_at_end_of_part(
+                equilibrium = self._solve_midpoint_and_end(
                     state, loads, places, self._make_progress_callback(step, iterations)
                 )
             except NotConvergedError as error:
                 state.value[:], part = value, part / 2
                 self._operator.restore(operator_arrays, self._operator.broken())
-                if part < self.method.smallest_load_step_part:
-                    raise self._limit_load_error_if_nodes_flow(error, state, done) from None
+                if part < self.method.least_load_step_share:
+                    raise self._limit_load_error(error, state, done) from None
                 continue
             done, iterations = end, iterations + equilibrium.iterations
             part *= GROWTH if equilibrium.iterations < 2 * FEW else 1.0
         self._store_reactions_and_stop_motion(state)
         return Equilibrium(iterations, equilibrium.residual)
 
-    def _limit_load_error_if_nodes_flow(
-        self, error: NotConvergedError, state: State, settled_share: float
-    ) -> NotConvergedError:
-        """The error of a load step that comes to rest up to the share `settled_share` only: a limit load, where nodes
-        flow."""
+    def _limit_load_error(self, error: NotConvergedError, state: State, converged_share: float) -> NotConvergedError:
+        """The error of a load step that converges up to `converged_share` only: a limit load, where nodes flow."""
         plastic = self._operator.fields(state).get("plastic")
         flowing = 0 if plastic is None else int((plastic > 0).sum())
         if not flowing or not self._drive.force[~self.held].any():
             return error
         return NotConvergedError(
-            f"limit load: no equilibrium above {settled_share:.3g} of this load step, as {flowing} of {len(self._area)}"
-            " nodes flow; use smaller loads, prescribed displacements, or material.hardening"
+            f"limit load: no equilibrium above {converged_share:.3g} of this load step, as {flowing} of"
+            f" {len(self._area)} nodes flow; use smaller loads, prescribed displacements, or material.hardening"
         )
 
-    def _solve_equilibrium_halfway_and_at_end_of_part(
+    def _solve_midpoint_and_end(
         self,
         state: State,
         loads_at_start_middle_and_end: list[Array],
@@ -337,9 +334,7 @@ class LoadSteps:
         times, iterations = 0, equilibrium.iterations
         while self._grow is not None and self._grow(state, step):
             broken = self._operator.broken()
-            self._check_supports_and_restrain_loose_bodies(
-                broken, f"after {pair_count(len(broken.step))} bonds were cut: "
-            )
+            self._restrain_loose_bodies(broken, f"after {pair_count(len(broken.step))} bonds were cut: ")
             equilibrium = self._solve_equilibrium_at_constant_load(state, step, iterations)
             iterations += equilibrium.iterations
             times += 1
@@ -389,7 +384,7 @@ class LoadSteps:
 
         return report_iteration
 
-    def _check_supports_and_restrain_loose_bodies(self, broken: Broken, message_prefix: str) -> None:
+    def _restrain_loose_bodies(self, broken: Broken, message_prefix: str) -> None:
         """Check for unsupported bodies, and hold softly what breaking bonds cut free.
 
         Raises ModelError at the start, NotConvergedError for loads on what is cut free.
@@ -397,7 +392,7 @@ class LoadSteps:
         model, nodes = self._model, len(self._area)
         intact = np.ones(len(self._bonds), dtype=bool)
         intact[np.searchsorted(self._bonds, broken.source * nodes + broken.target)] = False
-        if self._support_checker is not None and self._support_checker.accept_if_surely_supported(intact):
+        if self._support_checker is not None and self._support_checker.accept_if_supported(intact):
             return
         intact_bonds = self._bonds[intact]
         loose_bodies = find_loose_bodies(
@@ -423,14 +418,14 @@ class LoadSteps:
             )
             raise ModelError(f"{model.name}: $.conditions: {said}")
         self._loose = loose_bodies
-        self._raise_if_loads_on_loose_bodies_unbalanced(message_prefix)
+        self._check_balance_of_loose_bodies(message_prefix)
         if not model.settings.run.static.floating and not self._told_loose:
             self._told_loose = True
             said = f"{message_prefix}{loose_bodies.description}, without loads: it stays where it comes to rest"
             warnings.warn(f"{model.name}: {said}", ModelWarning, stacklevel=2)
         self.method.restrain_by_weak_springs(loose_bodies.is_loose_node)
 
-    def _raise_if_loads_on_loose_bodies_unbalanced(self, message_prefix: str) -> None:
+    def _check_balance_of_loose_bodies(self, message_prefix: str) -> None:
         """Check that loads on unsupported bodies balance. Raises NotConvergedError."""
         if self._loose is not None:
             said = describe_unbalanced_body(

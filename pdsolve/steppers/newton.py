@@ -27,7 +27,7 @@ from pdsolve.steppers.equilibrium import (
     ProgressReport,
     area_weighted_tangent,
     force_densities,
-    least_reference_stiffness_for_tolerance,
+    least_reference_stiffness,
     norm,
     relative_residual,
 )
@@ -60,7 +60,7 @@ SOFT = 1e-6  # of the stiffest component: what a body that nothing supports is h
 class Newton:
     """Solves with an operator's tangent; see `EquilibriumMethod`."""
 
-    smallest_load_step_part = 1 / 64
+    least_load_step_share = 1 / 64
 
     def __init__(
         self,
@@ -69,7 +69,7 @@ class Newton:
         tolerance: float,
         max_iterations: int | None = None,
         free_component_count: int = 0,
-        most_factorized_components: int = FACTORED,
+        max_factorized_components: int = FACTORED,
         forces_are_pairwise: bool = False,
         has_plastic_flow: bool = False,
     ) -> None:
@@ -78,11 +78,9 @@ class Newton:
         also good that does not lead far beyond its least."""
         self._operator, self._area, self._tolerance = operator, area, tolerance
         self._most, self._flows = max_iterations or (MOST_FLOWING if has_plastic_flow else MOST), has_plastic_flow
-        self._least = least_reference_stiffness_for_tolerance(
-            float(operator.stiffness_bound().max(initial=0.0)), tolerance
-        )
+        self._least = least_reference_stiffness(float(operator.stiffness_bound().max(initial=0.0)), tolerance)
         self._before = 0.0  # m, norm of the displacements that the last equilibrium began with
-        self._factored = free_component_count <= most_factorized_components
+        self._factored = free_component_count <= max_factorized_components
         way = "factors" if self._factored else "conjugate gradients" if operator.symmetric else "BiCGStab"
         self.description = f"Newton's method with {way}"
         self._floating: NDArray[np.bool_] | None = None  # (n,) nodes that are held softly
@@ -124,7 +122,7 @@ class Newton:
         start, free, done = state.value.copy(), ~conditions.constrained, 0
         self._before = norm(start)
         if (state.value != np.where(free, state.value, conditions.prescribed_displacement)).any():
-            self._prescribe_held_and_predict_free_components(state, conditions)
+            self._predict_displacements(state, conditions)
         if self._lost is not None and not self._lost.remove_bonds_if_few(self._operator.broken()):
             self.discard_reused_tangent()
         if self._inverse is not None and not self._fresh:
@@ -186,7 +184,7 @@ class Newton:
                 break
         return None, done
 
-    def _prescribe_held_and_predict_free_components(self, state: State, conditions: EquilibriumConditions) -> None:
+    def _predict_displacements(self, state: State, conditions: EquilibriumConditions) -> None:
         """Move held components to their prescribed positions, and the rest by the linear response."""
         free = ~conditions.constrained
         if self._matrix is None:
@@ -294,11 +292,11 @@ class _AndersonMixing:
         self._changes: list[Array] = []  # of the latter alone
         self._products = np.zeros((0, 0))  # of these changes with each other
 
-    def add_step(self, value_change: Array, proposal_change: Array) -> None:
+    def add_step(self, iterate_change: Array, proposed_step_change: Array) -> None:
         """Take another step, from the last value to this one."""
-        size = float(np.sqrt(proposal_change @ proposal_change)) or 1.0  # so that all are as large
-        self._moves = [*self._moves[1 - MIXED :], (value_change + proposal_change) / size]
-        self._changes = [*self._changes[1 - MIXED :], proposal_change / size]
+        size = float(np.sqrt(proposed_step_change @ proposed_step_change)) or 1.0  # so that all are as large
+        self._moves = [*self._moves[1 - MIXED :], (iterate_change + proposed_step_change) / size]
+        self._changes = [*self._changes[1 - MIXED :], proposed_step_change / size]
         last = np.array([self._changes[-1] @ earlier_change for earlier_change in self._changes])
         before = self._products[-(len(last) - 1) :, -(len(last) - 1) :] if len(last) > 1 else self._products[:0, :0]
         self._products = np.block([[before, last[:-1, None]], [last]])

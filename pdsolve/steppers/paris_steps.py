@@ -33,8 +33,8 @@ from pdsolve.steppers.equilibrium import Equilibrium, NotConvergedError
 from pdsolve.steppers.growing_cracks import (
     CrackedBodySnapshot,
     CrackGrowth,
-    JudgedTip,
-    largest_K_difference_between_integrals,
+    EvaluatedTip,
+    largest_relative_K_difference,
     stress_intensities_of_tips,
 )
 from pdsolve.steppers.load_steps import LoadSteps
@@ -46,7 +46,7 @@ STEEPEST = 2.0  # of r to that of the step before
 class _TipHistory(NamedTuple):
     """What a tip remembers."""
 
-    length_grown_of_next_particle: float  # m
+    grown_particle_length: float  # m
     previous_growth_rate: float  # r of the step before
     previous_particle_length: float  # m, of the particle before
 
@@ -77,34 +77,35 @@ class ParisSteps(CycleSteps):
     def _take_cycle_step(self, state: State, step: int, previous_equilibrium: Equilibrium) -> Equilibrium:
         """Let tips grow until the first has grown a particle, and settle; returns how."""
         law, growth = self._law, self._growth
-        judged = growth.judge_tips(state)
-        if any(verdict.share >= 1 and np.isfinite(verdict.K1) for _, verdict in judged):
+        evaluated_tips = growth.evaluate_tips(state)
+        if any(verdict.share >= 1 and np.isfinite(verdict.K1) for _, verdict in evaluated_tips):
             self._record_end_of_life("K of the largest loads reached the toughness")
             return previous_equilibrium
-        rate = crack_growth_per_cycle(law, stress_intensities_of_tips(growth, judged))
+        rate = crack_growth_per_cycle(law, stress_intensities_of_tips(growth, evaluated_tips))
         if not rate.any():
             self._record_end_of_life("no crack grows: the range of K is not above its threshold")
             return previous_equilibrium
         before = self._take_snapshot(state)
         while True:
-            equilibrium = self._advance_cycles_to_next_particle(state, step, judged, rate)
+            equilibrium = self._advance_cycles_to_next_particle(state, step, evaluated_tips, rate)
             if equilibrium is None:
                 return previous_equilibrium
-            steepest, ahead = self._largest_growth_rate_ratios_of_all_and_just_grown_tips(state)
+            steepest, ahead = self._largest_growth_rate_ratios(state)
             shorter = [
-                growth.growth_length(tip, self._share / 2) < growth.growth_length(tip, self._share) for tip, _ in judged
+                growth.growth_length(tip, self._share / 2) < growth.growth_length(tip, self._share)
+                for tip, _ in evaluated_tips
             ]
             if steepest <= STEEPEST or not any(shorter):
                 break
             self._restore_snapshot(state, before)
             self._share /= 2
         ahead = max(ahead, 1 / STEEPEST)  # of a tip that is stopped, as middles have it
-        cycles, mean = self._cycles - before.cycles, self._at_first * cycles_relative_to_constant_first_rate(ahead)
+        cycles, mean = self._cycles - before.cycles, self._at_first * cycles_over_constant_rate(ahead)
         if not before.tip_histories:  # no step before the first says how growth changes: the mean of both ends does
             cycles, mean = mean, self._at_first / float(np.sqrt(ahead))
             self._cycles = before.cycles + cycles
         self.cycle_error_of_steps += abs(cycles - mean)
-        self._apart = largest_K_difference_between_integrals(growth, judged) or self._apart
+        self._apart = largest_relative_K_difference(growth, evaluated_tips) or self._apart
         assert law.m is not None
         self.cycle_error_of_K += abs(cycles) * law.m * self._apart
         if steepest > STEEPEST:
@@ -113,12 +114,12 @@ class ParisSteps(CycleSteps):
         return equilibrium
 
     def _advance_cycles_to_next_particle(
-        self, state: State, step: int, judged_tips: list[JudgedTip], growth_rate: NDArray[np.float64]
+        self, state: State, step: int, evaluated_tips: list[EvaluatedTip], growth_rate: NDArray[np.float64]
     ) -> Equilibrium | None:
         """Let tips of these rates (k,) grow until the first has grown a particle, and settle; None where life ends."""
         law, growth = self._law, self._growth
-        length = np.array([growth.growth_length(tip, self._share) for tip, _ in judged_tips])
-        first = zip(judged_tips, growth_rate.tolist(), length.tolist(), strict=True)
+        length = np.array([growth.growth_length(tip, self._share) for tip, _ in evaluated_tips])
+        first = zip(evaluated_tips, growth_rate.tolist(), length.tolist(), strict=True)
         tip_histories = [self._tips.get(tip.particle, _TipHistory(0.0, r, way)) for (tip, _), r, way in first]
         grown_length, before, last = np.array(tip_histories).T
         steep = np.clip(
@@ -137,19 +138,19 @@ class ParisSteps(CycleSteps):
         grown_length = grown_length + cycles_to_growth * middle
         grows = grown_length > (1 - ALIKE) * length
         rows = zip(
-            judged_tips, grown_length.tolist(), growth_rate.tolist(), length.tolist(), grows.tolist(), strict=True
+            evaluated_tips, grown_length.tolist(), growth_rate.tolist(), length.tolist(), grows.tolist(), strict=True
         )
         self._tips = {tip.particle: _TipHistory(part, r, way) for (tip, _), part, r, way, due in rows if not due}
-        chosen = [judged_tip for judged_tip, due in zip(judged_tips, grows, strict=True) if due]
+        chosen = [evaluated_tip for evaluated_tip, due in zip(evaluated_tips, grows, strict=True) if due]
         return self._grow_tips_or_end_life(state, step, chosen, growth_rate[grows].tolist())
 
-    def _largest_growth_rate_ratios_of_all_and_just_grown_tips(self, state: State) -> tuple[float, float]:
+    def _largest_growth_rate_ratios(self, state: State) -> tuple[float, float]:
         """Growth of the tips over what it was in the step before, the largest: of all, and of those that have grown."""
-        judged = self._growth.judge_tips(state)
-        rate = crack_growth_per_cycle(self._law, stress_intensities_of_tips(self._growth, judged)).tolist()
-        tip_histories = [self._tips.get(tip.particle) for tip, _ in judged]
+        evaluated_tips = self._growth.evaluate_tips(state)
+        rate = crack_growth_per_cycle(self._law, stress_intensities_of_tips(self._growth, evaluated_tips)).tolist()
+        tip_histories = [self._tips.get(tip.particle) for tip, _ in evaluated_tips]
         more = [
-            (now / was.previous_growth_rate, was.length_grown_of_next_particle)
+            (now / was.previous_growth_rate, was.grown_particle_length)
             for now, was in zip(rate, tip_histories, strict=True)
             if was and was.previous_growth_rate > 0
         ]
@@ -157,18 +158,18 @@ class ParisSteps(CycleSteps):
         return max((ratio for ratio, _ in more), default=1.0), max(grown_ratios, default=1.0)
 
     def _grow_tips_or_end_life(
-        self, state: State, step: int, judged_tips: list[JudgedTip], growth_rate: list[float]
+        self, state: State, step: int, evaluated_tips: list[EvaluatedTip], growth_rate: list[float]
     ) -> Equilibrium | None:
         """Let these tips grow and settle; their children remember their `growth_rate`. Without rest, life ends before
         that."""
         growth, before = self._growth, self._take_snapshot(state)
-        if not growth.grow_tips_and_cut_bonds(judged_tips, state, step, self._share):
+        if not growth.grow_tips_and_cut_bonds(evaluated_tips, state, step, self._share):
             self._record_end_of_life("no crack goes on")
             return None
         parent = growth.particles.parent.tolist()
         of = {
             tip.particle: _TipHistory(0.0, r, growth.growth_length(tip, self._share))
-            for (tip, _), r in zip(judged_tips, growth_rate, strict=True)
+            for (tip, _), r in zip(evaluated_tips, growth_rate, strict=True)
         }
         self._tips |= {number: of[above] for number, above in enumerate(parent) if above in of}
         try:
@@ -189,7 +190,7 @@ class ParisSteps(CycleSteps):
         self._tips, self._cycles = dict(snapshot.tip_histories), snapshot.cycles
 
     @property
-    def cycle_error_of_steps_and_K(self) -> float:
+    def estimated_cycle_error(self) -> float:
         """The estimated error of the cycles, of particles and of K together."""
         return self.cycle_error_of_steps + self.cycle_error_of_K
 
@@ -208,7 +209,7 @@ class ParisSteps(CycleSteps):
         self._cycles, self._share, self.cycle_error_of_steps, self.cycle_error_of_K, self._apart = numbers
 
 
-def cycles_relative_to_constant_first_rate(rate_ratio: float) -> float:
+def cycles_over_constant_rate(rate_ratio: float) -> float:
     """Cycles of a length over those at its first rate, where the rate grows to `rate_ratio` times that
     geometrically."""
     return 1.0 if abs(rate_ratio - 1) < ALIKE else float(np.log(rate_ratio) / (rate_ratio - 1))

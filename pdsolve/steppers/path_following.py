@@ -57,12 +57,12 @@ class ProportionalLoads(NamedTuple):
     """Loads and prescribed displacements (n, d) that grow with one factor."""
 
     constrained: NDArray[np.bool_]
-    values_at_zero_factor: Array  # N/m, and m where held, at lambda = 0
-    growth_per_factor: Array  # of it, from lambda = 0 to 1
+    constant_part: Array  # N/m, and m where held, at lambda = 0
+    proportional_part: Array  # of it, from lambda = 0 to 1
 
     def loads_and_displacements_at(self, load_factor: float) -> Array:
         """Forces, N/m, and places, m."""
-        return self.values_at_zero_factor + load_factor * self.growth_per_factor
+        return self.constant_part + load_factor * self.proportional_part
 
 
 class LoadingReversals:
@@ -75,10 +75,10 @@ class LoadingReversals:
             np.zeros(len(is_loading), dtype=int),
         )
 
-    def update_and_count_reversed_bonds(self, is_loading: NDArray[np.bool_], add_to_history: bool) -> int:
+    def update_and_count_reversed_bonds(self, is_loading: NDArray[np.bool_], counts_reversals: bool) -> int:
         """Take those that load in the next iteration, whose turns count or not; returns how many have turned."""
         turned = is_loading != self._loads
-        self._times += turned & add_to_history
+        self._times += turned & counts_reversals
         self._since = np.where(turned, 0, self._since + 1)
         self._loads = is_loading
         return int(turned.sum())
@@ -138,13 +138,13 @@ class PathFollower:
         control_increment: float,
         report_progress: ProgressReport,
         secant_iterations: int = 0,
-        most_reversals_for_tangents: int = STEADY,
+        max_reversals_for_tangents: int = STEADY,
     ) -> PathSolution:
         """The equilibrium where the control has grown by `control_increment`, its iterations and its residual.
 
         `guess` is a place to begin with; None: along the last direction of the secants. The first `secant_iterations`
         take secants for tangents, which leads from further away; they end sooner if no more than
-        `most_reversals_for_tangents` bonds turn in one. Raises NotConvergedError.
+        `max_reversals_for_tangents` bonds turn in one. Raises NotConvergedError.
         """
         free = self._free
         if guess is None:
@@ -167,7 +167,7 @@ class PathFollower:
             if not np.isfinite(residual) or iteration >= last_one:
                 break
             reversals = turns.update_and_count_reversed_bonds(response.releases > 0, iteration >= secant_iterations)
-            if reversals <= most_reversals_for_tangents and iteration:
+            if reversals <= max_reversals_for_tangents and iteration:
                 secant_iterations = min(secant_iterations, iteration)
             mean = response._replace(
                 slope=np.where(turns.often_reversing_bonds(), (response.slope + response.secant) / 2, response.slope)
@@ -176,13 +176,13 @@ class PathFollower:
             inner, pushed = matrix[free][:, free], self._free_force_derivative_by_load_factor(matrix)
             a, b = self.solver.solve(inner, np.column_stack([rest, pushed]), iteration == 0).T
             q = self.control.gradient_by_displacement(value, response)
-            held_q = float((q * np.where(self.drive.constrained, self.drive.growth_per_factor, 0.0)).sum())
+            held_q = float((q * np.where(self.drive.constrained, self.drive.proportional_part, 0.0)).sum())
             free_q = q.ravel()[free]
             along = float(free_q @ b) + held_q
             if along == 0 or not np.isfinite(along):
                 break
             turn = (missed - float(free_q @ a)) / along
-            move = np.where(self.drive.constrained, turn * self.drive.growth_per_factor, 0.0)
+            move = np.where(self.drive.constrained, turn * self.drive.proportional_part, 0.0)
             move.ravel()[free] = a + turn * b
             size = min(1.0, reach / max(float(np.abs(move).max()), 1e-300))
             value, factor = value + size * move, factor + size * turn
@@ -202,7 +202,7 @@ class PathFollower:
         """Derivative (n, d) of displacements by lambda, of bonds that are straight."""
         matrix = self.bonds.tangent(response, secant=True)
         free = self._free
-        way = np.where(self.drive.constrained, self.drive.growth_per_factor, 0.0)
+        way = np.where(self.drive.constrained, self.drive.proportional_part, 0.0)
         way.ravel()[free] = self.solver.solve(
             matrix[free][:, free], self._free_force_derivative_by_load_factor(matrix), True
         )
@@ -230,8 +230,8 @@ class PathFollower:
 
     def _free_force_derivative_by_load_factor(self, tangent: csr_array) -> Array:
         """Forces (f,) that lambda adds on free components at fixed displacements of these, N/m."""
-        way = np.where(self.drive.constrained, self.drive.growth_per_factor, 0.0).ravel()
-        return np.asarray((self.drive.growth_per_factor.ravel() - tangent @ way)[self._free])
+        way = np.where(self.drive.constrained, self.drive.proportional_part, 0.0).ravel()
+        return np.asarray((self.drive.proportional_part.ravel() - tangent @ way)[self._free])
 
     def _free_residual_forces(self, response: Response, loads: Array) -> Array:
         return np.asarray((self.bonds.forces(response) + loads).ravel()[self._free])

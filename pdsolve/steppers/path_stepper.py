@@ -43,7 +43,7 @@ class PathStepper:
     """Takes the steps of a path, in a way that others say, and keeps their records."""
 
     description = ""  # how, for the record
-    end = END  # of the largest load: the path ends there
+    end_load_share = END  # of the largest load: the path ends there
 
     def __init__(self, model: Model, drive: Drive, area: Array) -> None:
         self._model, self._drive, self._area = model, drive, area
@@ -127,8 +127,8 @@ class PathStepper:
         """Warn once of a load that has passed its peak; end the path where it has nearly vanished."""
         pulls = [abs(path_step.work_conjugate_force) for path_step in self.step_results]
         most, now = max(pulls), pulls[-1]
-        if now < self.end * most:
-            self.ended, self.end_reason = True, f"the load has fallen to {self.end:.0%} of its peak"
+        if now < self.end_load_share * most:
+            self.ended, self.end_reason = True, f"the load has fallen to {self.end_load_share:.0%} of its peak"
         elif step == self._model.settings.run.steps and not self.ended:
             self.end_reason = "the steps are over"
         if self._driven[self._held].any() or now >= PASSED * most:

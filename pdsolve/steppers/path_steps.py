@@ -143,7 +143,7 @@ class SofteningPathSteps(PathStepper):
         self._before, self._last = self._last, new
         state.value[:] = new.displacement
         state.work[:] += work / self._area
-        self._store_bond_history_and_reactions(state, step, response)
+        self._store_history_and_reactions(state, step, response)
         self._record_step(step, iterations, residual, new.load_factor, after, new.energy_or_arc_length)
         message = (
             None if self._told else describe_crack_at_no_fail_bonds(self._model, self._bonds, self._last.displacement)
@@ -156,7 +156,7 @@ class SofteningPathSteps(PathStepper):
     def _solve_first_path_step(self, state: State) -> PathSolution:
         """Elastic, or as far as what does not grow where bonds soften under this alone."""
         start, bonds, k = self._last, self._bonds, self._bonds.breaks
-        if not self._follower.drive.values_at_zero_factor.any():
+        if not self._follower.drive.constant_part.any():
             return self._load_until_first_bond_peaks(start)
         with suppress(NotConvergedError):
             path_point = self._find_equilibrium_at_load_factor(start, 0.0)
@@ -171,8 +171,8 @@ class SofteningPathSteps(PathStepper):
             for part in range(1, PARTS + 1):
                 share = part / PARTS
                 self._follower.drive = full_drive._replace(
-                    values_at_zero_factor=share * full_drive.values_at_zero_factor,
-                    growth_per_factor=np.zeros_like(full_drive.growth_per_factor),
+                    constant_part=share * full_drive.constant_part,
+                    proportional_part=np.zeros_like(full_drive.proportional_part),
                 )
                 new, more, residual = self._find_equilibrium_at_load_factor(self._last, 0.0)
                 count += more
@@ -262,7 +262,7 @@ class SofteningPathSteps(PathStepper):
                 )
                 break
             except NotConvergedError as error:
-                secants = self._choose_secant_iterations_and_increment_of_next_try(secants, error)
+                secants = self._choose_next_try(secants, error)
         if count <= FEW:
             self._more = min(self._more * GROWTH, self._most)
         if new.load_factor > 1:
@@ -275,9 +275,7 @@ class SofteningPathSteps(PathStepper):
         self.ended |= self._is_final_opening_reached(new)
         return new, iterations + count, residual
 
-    def _choose_secant_iterations_and_increment_of_next_try(
-        self, secant_iterations: int, error: NotConvergedError
-    ) -> int:
+    def _choose_next_try(self, secant_iterations: int, error: NotConvergedError) -> int:
         """Secants to begin the step again with, after it did not converge with so many; sets how much more is spent.
 
         Raises the error where nothing is left to try.
@@ -303,7 +301,7 @@ class SofteningPathSteps(PathStepper):
             self._follower.drive.loads_and_displacements_at(point.load_factor),
         )
 
-    def _store_bond_history_and_reactions(self, state: State, step: int, response: Response) -> None:
+    def _store_history_and_reactions(self, state: State, step: int, response: Response) -> None:
         """Store reactions and the history of bonds, and book the energy of those that are gone."""
         bonds, drive, factor = self._bonds, self._drive, self._last.load_factor
         put_loads(drive, factor)

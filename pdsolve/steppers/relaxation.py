@@ -24,7 +24,7 @@ from pdsolve.steppers.equilibrium import (
     NotConvergedError,
     ProgressReport,
     force_densities,
-    least_reference_stiffness_for_tolerance,
+    least_reference_stiffness,
     relative_residual,
 )
 
@@ -44,7 +44,7 @@ class DynamicRelaxation(EquilibriumMethod):
     """Dynamic relaxation with any operator; see `EquilibriumMethod`."""
 
     description = "adaptive dynamic relaxation"
-    smallest_load_step_part = 1.0  # smaller parts take as many iterations
+    least_load_step_share = 1.0  # smaller parts take as many iterations
 
     def __init__(
         self,
@@ -56,7 +56,7 @@ class DynamicRelaxation(EquilibriumMethod):
         """`mass` (n, w) or (n, 1), N/m^4 s^2; None: from the operator's bound, plus a tenth, as bonds rotate."""
         self._operator, self._tolerance, self._most = operator, tolerance, max_iterations or MOST
         self._mass = 1.1 * smallest_stable_mass(operator)[:, None] if mass is None else mass
-        self._least = least_reference_stiffness_for_tolerance(2 * float(self._mass.max(initial=0.0)), tolerance)
+        self._least = least_reference_stiffness(2 * float(self._mass.max(initial=0.0)), tolerance)
 
     def solve_equilibrium(
         self, state: State, conditions: EquilibriumConditions, report_progress: ProgressReport

@@ -56,20 +56,20 @@ class ReusedFactorSolver:
             solution = self._inverse(rights)
         return solution.reshape(right_side.shape)
 
-    def _solve_with_old_factors_if_fast(self, matrix: csr_array, right: Array) -> Array | None:
+    def _solve_with_old_factors_if_fast(self, matrix: csr_array, right_side: Array) -> Array | None:
         """The solutions; None if they take long."""
-        difference = matrix - self._old
-        if not self._add_inverse_columns_if_few_changed(difference):
+        matrix_change = matrix - self._old
+        if not self._add_inverse_columns_if_few(matrix_change):
             return None
         changed_rows, inverse = self._changed, self._inverse
         assert inverse is not None
-        change = difference[changed_rows][:, changed_rows].toarray()
+        change = matrix_change[changed_rows][:, changed_rows].toarray()
         capacitance_matrix, size = (
             np.eye(len(changed_rows)) + self._columns[changed_rows] @ change,
-            np.linalg.norm(right, axis=0),
+            np.linalg.norm(right_side, axis=0),
         )
-        solution: Array = np.zeros_like(right)
-        residual, most = right, np.inf
+        solution: Array = np.zeros_like(right_side)
+        residual, most = right_side, np.inf
         for _ in range(1 + REFINED):
             x = inverse(residual)
             try:
@@ -78,7 +78,7 @@ class ReusedFactorSolver:
                 )
             except np.linalg.LinAlgError:
                 return None
-            residual = right - matrix @ solution
+            residual = right_side - matrix @ solution
             before, most = most, float((np.linalg.norm(residual, axis=0) / np.where(size > 0, size, 1.0)).max())
             if most <= LEFT:
                 return solution
@@ -86,11 +86,11 @@ class ReusedFactorSolver:
                 return None
         return None
 
-    def _add_inverse_columns_if_few_changed(self, difference: csr_array) -> bool:
+    def _add_inverse_columns_if_few(self, matrix_change: csr_array) -> bool:
         """Add the columns of components that have changed; returns whether these are few."""
         assert self._old is not None
         assert self._inverse is not None
-        entries = difference.tocoo()
+        entries = matrix_change.tocoo()
         large = np.abs(entries.data) > SLIGHT * np.abs(self._old.diagonal()).max()
         new = np.setdiff1d(np.union1d(entries.row[large], entries.col[large]), self._changed)
         if len(new) > AT_ONCE or len(self._changed) + len(new) > CHANGED:

@@ -31,7 +31,7 @@ def model_with_load_steps(model: Model) -> Model:
     if run.fatigue is not None:
         changed = msgspec.structs.replace(run, time_step=1.0, ledger=1)
         stepped_model = dataclasses.replace(model, settings=msgspec.structs.replace(model.settings, run=changed))
-        _raise_for_contradictory_holds_or_missing_loads(stepped_model, [1.0])
+        _refuse_unsolvable_conditions(stepped_model, [1.0])
         return stepped_model
     end = max((time for c in _mechanical_conditions(model) for time, _ in c.profile), default=0.0)
     varies = end > 0 and any(len(c.profile) > 1 for c in _mechanical_conditions(model))
@@ -44,7 +44,7 @@ def model_with_load_steps(model: Model) -> Model:
     step = (end if varies else 1.0) / steps
     changed = msgspec.structs.replace(run, time_step=step, steps=steps, every=1, ledger=1)
     stepped_model = dataclasses.replace(model, settings=msgspec.structs.replace(model.settings, run=changed))
-    _raise_for_contradictory_holds_or_missing_loads(stepped_model, [number * step for number in range(1, steps + 1)])
+    _refuse_unsolvable_conditions(stepped_model, [number * step for number in range(1, steps + 1)])
     return stepped_model
 
 
@@ -89,11 +89,11 @@ def _model_with_path_steps(model: Model) -> Model:
     changed = msgspec.structs.replace(run, time_step=1.0, steps=steps, every=1, ledger=1)
     settings = msgspec.structs.replace(model.settings, run=changed, conditions=tuple(conditions))
     stepped_model = dataclasses.replace(model, settings=settings)
-    _raise_for_contradictory_holds_or_missing_loads(stepped_model, [1.0])
+    _refuse_unsolvable_conditions(stepped_model, [1.0])
     return stepped_model
 
 
-def quasi_static_model_after_each_content_step(model: Model) -> Model:
+def quasi_static_swelling_model(model: Model) -> Model:
     """The model at rest after each time step of a content that swells it. Raises ModelError for an unsupported one."""
     run = model.settings.run
     assert run.time_step is not None
@@ -103,7 +103,7 @@ def quasi_static_model_after_each_content_step(model: Model) -> Model:
     rests = msgspec.structs.replace(timed, run=every_step)
     stepped_model = dataclasses.replace(model, settings=rests)
     steps = stepped_model.settings.run.steps
-    _raise_for_contradictory_holds_or_missing_loads(
+    _refuse_unsolvable_conditions(
         stepped_model, [number * run.time_step for number in range(1, steps + 1)], load_is_needed=False
     )
     return stepped_model
@@ -113,9 +113,7 @@ def _mechanical_conditions(model: Model) -> list[Condition]:
     return [condition for condition in model.settings.conditions if isinstance(condition, Condition)]
 
 
-def _raise_for_contradictory_holds_or_missing_loads(
-    model: Model, times: list[float], load_is_needed: bool = True
-) -> None:
+def _refuse_unsolvable_conditions(model: Model, times: list[float], load_is_needed: bool = True) -> None:
     """Raise ModelError for contradictory holds at these times, s, and without an effect, if one is `load_is_needed`."""
     loads = False
     holds: dict[tuple[int, str], tuple[int, list[float]]] = {}

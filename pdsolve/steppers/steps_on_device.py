@@ -42,7 +42,7 @@ class StepsOnDevice:
         self.session, self._ahead, self._last, self._dt = operator.session, False, 0, dt
         self.session.expect_countable(operator.dimension * operator.room)
         self._nodes = np.union1d(drive.loads.node, drive.holds.node)
-        hold_order, holds = _columns_by_node(drive.holds, self._nodes)
+        hold_order, holds = _sort_entries_by_node(drive.holds, self._nodes)
         self._motion_holds = hold_order[: len(drive.held_force)]  # none of a content
         weights = np.concatenate([operator.spread(1 / rho, 1.0), operator.spread(rho, 1.0)])
         arrays = {
@@ -52,7 +52,7 @@ class StepsOnDevice:
             **{name: np.zeros(operator.room) for name in ("work", "damped")},
             "acts": np.full(operator.room, -1, dtype=np.int32),
             **{name: drive.force[self._nodes] for name in ("now", "ago_force")},
-            **{f"load_{name}": column for name, column in _columns_by_node(drive.loads, self._nodes)[1].items()},
+            **{f"load_{name}": column for name, column in _sort_entries_by_node(drive.loads, self._nodes)[1].items()},
             **{f"hold_{name}": column for name, column in holds.items()},
             **{name: getattr(drive, name)[self._motion_holds] for name in ("held_speed", "held_force")},
         }
@@ -89,7 +89,9 @@ class StepsOnDevice:
                 self._factors.write(first_step + sweep - 1, min(AT_ONCE, steps + 1 - sweep))
             phase = STARTS * (sweep == 0) + ENDS * (sweep == steps)
             self._launch_step(first_step + sweep - 1, phase, sweep % AT_ONCE)
-        self._rename("before", "u", "after")  # the last sweep wrote none, or amounts that the next start writes anew
+        self._rotate_buffers(
+            "before", "u", "after"
+        )  # the last sweep wrote none, or amounts that the next start writes anew
         self.session.finish()
 
     def _launch_step(self, step: int, phase: int, profile_factor_row: int) -> None:
@@ -102,10 +104,10 @@ class StepsOnDevice:
         last = (np.int32(number) for number in (operator.room, step, phase, profile_factor_row))
         arguments = [*operator.buffers.values(), *buffers.values(), self._factors.buffer, *numbers, *last]
         self.session.launch(self._kernel, (operator.room // operator.together, LANES // operator.together), arguments)
-        self._rename("after", "u", "before")
-        self._rename("rate", "rate_after")
+        self._rotate_buffers("after", "u", "before")
+        self._rotate_buffers("rate", "rate_after")
 
-    def _rename(self, *names: str) -> None:
+    def _rotate_buffers(self, *names: str) -> None:
         """Give each of these buffers the next one's name, and the last one that of the first."""
         buffers = [self._buffers[name] for name in names]
         self._buffers.update(zip((*names[1:], names[0]), buffers, strict=True))
@@ -139,7 +141,9 @@ class StepsOnDevice:
         self._ahead = False
 
 
-def _columns_by_node(entries: Entries, nodes: NDArray[np.int64]) -> tuple[NDArray[np.int64], dict[str, NDArray[Any]]]:
+def _sort_entries_by_node(
+    entries: Entries, nodes: NDArray[np.int64]
+) -> tuple[NDArray[np.int64], dict[str, NDArray[Any]]]:
     """Order of entries by these nodes (k,), ascending, those of a node in their own order; and the columns so, with the
     first entry (k + 1,) of each node."""
     order = np.argsort(entries.node, kind="stable")

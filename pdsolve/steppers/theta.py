@@ -53,17 +53,17 @@ class ThetaSteps:
         for step in range(first_step, end_step):
             before = content.copy()
             put_loads(drive, (step - 1) * dt)
-            rate = self._compute_rates_and_book_flows(state, before, 1 - theta, step)
+            rate = self._compute_rates_and_add_flows(state, before, 1 - theta, step)
             fixed = before + dt * (1 - theta) * (rate + source)
             put_loads(drive, step * dt)
             fixed += dt * theta * source
             prescribe_values(drive, content, step * dt)
             end_content = self._solve_end_content(state, fixed, step)
-            rate = self._compute_rates_and_book_flows(state, end_content, theta, step)
+            rate = self._compute_rates_and_add_flows(state, end_content, theta, step)
             content[free] = (fixed + dt * theta * rate)[free]
             state.rate[:, 0] = (content - before) / dt
 
-    def _compute_rates_and_book_flows(
+    def _compute_rates_and_add_flows(
         self, state: State, content: NDArray[np.float64], step_share: float, step: int
     ) -> NDArray[np.float64]:
         """Rates (n,) at these contents (n,), of which a share of the step is booked, and so are the sources."""
@@ -99,11 +99,11 @@ class ThetaSteps:
         )
 
     def _solve_linear_content_change(
-        self, state: State, potential_follows: NDArray[np.bool_], right_side: NDArray[np.float64]
+        self, state: State, changes_with_potential: NDArray[np.bool_], right_side: NDArray[np.float64]
     ) -> NDArray[np.float64]:
         """Change (n,) of the nodes whose potential follows for the right-hand side `right_side` (n,), 0 elsewhere."""
         volume, weight = self._operator.volume, self._dt * self._theta
-        right_side = np.where(potential_follows, volume * right_side, 0.0)
+        right_side = np.where(changes_with_potential, volume * right_side, 0.0)
         if self._factored:
             if self._factors is None:  # for the free nodes, reused for all steps
                 from scipy.sparse import diags_array
@@ -114,7 +114,7 @@ class ThetaSteps:
             return self._factors(right_side)
 
         def multiply_by_matrix(change: NDArray[np.float64]) -> NDArray[np.float64]:
-            return np.where(potential_follows, volume * (change - weight * self._rates_of_potential(change)), 0.0)
+            return np.where(changes_with_potential, volume * (change - weight * self._rates_of_potential(change)), 0.0)
 
         return solve_by_conjugate_gradients(
             multiply_by_matrix, right_side, volume * (1 + weight * self._operator.stiffness_bound() / 2)

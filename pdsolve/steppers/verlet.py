@@ -60,9 +60,9 @@ class Verlet:
             out[:] = 0
             self._operator.accumulate_force(state, out, step, dt)
             before = None if self._damping is None else state.rate - dt / 2 * state.second
-            _accelerate_kick_and_book_work(state, drive, out, self._rho, dt, step * dt)
+            _accelerate_kick_and_add_work(state, drive, out, self._rho, dt, step * dt)
             if before is not None:
-                _damp_step_and_book_energy(state, before, self._rho, self._held, self._damping, dt)
+                _damp_velocity_and_add_energy(state, before, self._rho, self._held, self._damping, dt)
 
 
 @cached_njit(error_model="numpy")
@@ -80,7 +80,7 @@ def _kick_drift_and_apply_conditions(state, drive, dt, time):  # type: ignore[no
 
 
 @cached_njit(error_model="numpy")
-def _accelerate_kick_and_book_work(state, drive, force_density, rho, dt, time):  # type: ignore[no-untyped-def]
+def _accelerate_kick_and_add_work(state, drive, force_density, rho, dt, time):  # type: ignore[no-untyped-def]
     """From `force_density` (n, w), N/m^3, to accelerations, and the second half of the kick."""
     v, a, work, load, before = state.rate, state.second, state.work, drive.force, drive.before
     for i in range(len(a)):
@@ -97,7 +97,7 @@ def _accelerate_kick_and_book_work(state, drive, force_density, rho, dt, time): 
 
 
 @cached_njit(error_model="numpy")
-def _damp_step_and_book_energy(state, previous_velocity, rho, constrained, damping, dt):  # type: ignore[no-untyped-def]
+def _damp_velocity_and_add_energy(state, previous_velocity, rho, constrained, damping, dt):  # type: ignore[no-untyped-def]
     """Damp the end of a step with c (n,), 1/s, as its beginning, and book the energy taken.
 
     `previous_velocity` (n, w) are the velocities one step ago.

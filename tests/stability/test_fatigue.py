@@ -56,7 +56,7 @@ def test_particles_that_are_long(
     """
     halved, end = grown(LONG)
     among = float(halved[-1] / np.interp(end[-1], lived[1], lived[0]))
-    monkeypatch.setattr(ParisSteps, "_largest_growth_rate_ratios_of_all_and_just_grown_tips", lambda *_: (1.0, 1.0))
+    monkeypatch.setattr(ParisSteps, "_largest_growth_rate_ratios", lambda *_: (1.0, 1.0))
     coarse, _ = grown(LONG)
     ratio = float((coarse[-1] - coarse[-2]) / (lived[0][-1] - lived[0][-1 - LONG // SHORT]))
     assert 1.1 < ratio < 1.6

@@ -140,7 +140,7 @@ def test_prescribed_displacements_reach_their_end_in_few_steps() -> None:
 
 
 def test_an_end_that_is_not_found_halves_the_step(monkeypatch: pytest.MonkeyPatch) -> None:
-    found, failed = ArcLengthSteps._solve_in_normal_plane_or_at_load_factor, []
+    found, failed = ArcLengthSteps._solve_from_guess, []
 
     def once(*given: Any) -> Any:
         if given[-2] is None and not failed:
@@ -150,7 +150,7 @@ def test_an_end_that_is_not_found_halves_the_step(monkeypatch: pytest.MonkeyPatc
 
     with simulate(two_bars(1e3), None, ONE) as results:
         before = results.summary()["path_steps"]
-    monkeypatch.setattr(ArcLengthSteps, "_solve_in_normal_plane_or_at_load_factor", once)
+    monkeypatch.setattr(ArcLengthSteps, "_solve_from_guess", once)
     with simulate(two_bars(1e3), None, ONE) as results:
         rows = results.summary()["path_steps"]
     assert failed == [before[-1]["step"]]

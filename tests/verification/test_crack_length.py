@@ -198,7 +198,7 @@ def test_what_does_not_come_to_rest_is_an_error(tmp_path: Path, monkeypatch: pyt
 @pytest.mark.filterwarnings("ignore::pdsolve.model.ModelWarning")
 def test_a_load_that_is_as_good_as_gone_ends_the_path(monkeypatch: pytest.MonkeyPatch) -> None:
     """Here it falls to .896 of its largest by the first particle."""
-    monkeypatch.setattr(CrackLengthSteps, "end", 0.9)
+    monkeypatch.setattr(CrackLengthSteps, "end_load_share", 0.9)
     with simulate(edge_crack(6), None, ONE) as results:
         assert len(results.summary()["path_steps"]) == 2
         assert results.summary()["ended"] == "the load has fallen to 90% of its peak"

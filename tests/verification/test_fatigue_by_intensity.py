@@ -29,7 +29,7 @@ from pdsolve.run.prepare import prepare
 from pdsolve.run.simulation import Options, resume, simulate
 from pdsolve.steppers.equilibrium import NotConvergedError
 from pdsolve.steppers.load_steps import LoadSteps
-from pdsolve.steppers.paris_steps import ParisSteps, cycles_relative_to_constant_first_rate
+from pdsolve.steppers.paris_steps import ParisSteps, cycles_over_constant_rate
 
 ONE = Options(threads=1)
 LINE = {"C": 1.2e-37, "m": 4.0}
@@ -184,7 +184,7 @@ def test_a_jump_after_which_growth_is_too_fast_is_taken_back_and_halved(monkeypa
     for each, accepted in ((taken, 0.25), (asked, 1.0)):
         monkeypatch.setattr(
             ParisSteps,
-            "_largest_growth_rate_ratios_of_all_and_just_grown_tips",
+            "_largest_growth_rate_ratios",
             lambda self, _, most=accepted: (1.0 if self._share <= most else 3.0, 1.0),
         )
         each.system.stepper.advance(each.state, 1, 2)
@@ -239,8 +239,8 @@ def test_growth_is_reported_from_its_start_and_its_cycles_with_their_error() -> 
 
 def test_the_first_jump_counts_the_mean_of_its_ends() -> None:
     """Of growth that doubles geometrically, ln 2 of the cycles at its first rate."""
-    assert cycles_relative_to_constant_first_rate(2.0) == pytest.approx(np.log(2))
-    assert cycles_relative_to_constant_first_rate(1.0) == 1.0
+    assert cycles_over_constant_rate(2.0) == pytest.approx(np.log(2))
+    assert cycles_over_constant_rate(1.0) == 1.0
 
 
 TESTED = {  # height of the crack and places on its path, mm: D. Wagner (2018), specimens 17-157 and 17-159

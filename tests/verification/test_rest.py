@@ -123,7 +123,7 @@ def test_displacements_are_those_of_a_direct_solution(method: str) -> None:
             problem.system.area,
             1e-8,
             free_component_count=1,
-            most_factorized_components=int("gradients" not in method),
+            max_factorized_components=int("gradients" not in method),
         )
         assert newton.description.endswith("factors") == ("gradients" not in method)
         newton.solve_equilibrium(problem.state, asked, lambda *_: None)
