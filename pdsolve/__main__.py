@@ -352,9 +352,10 @@ def _show_plan(plan: Plan, args: argparse.Namespace) -> int:
         f"{plan.nodes} nodes, {bonds} bonds, {steps}",
         f"about {plan.memory / 1e6:.3g} MB of memory and {plan.wall_time:.3g} s for the steps",
     ]
-    if plan.largest_node_count is not None:
+    if plan.node_count_if_all_split is not None:
         lines.append(
-            f"that is the start: cells that split add to it, up to {plan.largest_node_count} nodes if all of them do"
+            f"that is the start: cells that split add to it, up to {plan.node_count_if_all_split} nodes"
+            " if all of them do"
         )
     commandline.report(plan.report_entries() | {"bonds": bonds}, lines, args)
     return commandline.OK

@@ -367,10 +367,10 @@ def _moving(scene: Scene, mode: str) -> dict[str, Any]:
     everywhere = msgspec.structs.replace(settings, run=msgspec.structs.replace(settings.run, adapt="none"))
     scene_plan, flat = (run_of(grid, run_settings, scene.source, mode) for run_settings in (settings, everywhere))
     spacings, nodes = nodes_by_spacing(grid), len(grid)
-    if scene_plan is not None and scene_plan.finest_node_count is not None:
+    if scene_plan is not None and scene_plan.node_count_if_all_fine is not None:
         nodes, h = scene_plan.nodes, scene.finest
         spacings = _by_spacing(
-            (h, 2 * h), (scene_plan.finest_node_count, scene_plan.nodes - scene_plan.finest_node_count)
+            (h, 2 * h), (scene_plan.node_count_if_all_fine, scene_plan.nodes - scene_plan.node_count_if_all_fine)
         )
     return {
         "source": scene.source,
@@ -432,7 +432,7 @@ def _run(counted: int, run: Plan | None) -> dict[str, Any]:
         "smallest_stable_step": None if run is None else run.stable_time_step,
         "time_step": None if run is None else run.time_step,
         "steps": None if run is None else run.steps,
-        "most_nodes": None if run is None else run.largest_node_count,
+        "most_nodes": None if run is None else run.node_count_if_all_split,
         "memory_bytes": None if run is None else run.memory,
         "solve_seconds": None if run is None else run.wall_time,
     }

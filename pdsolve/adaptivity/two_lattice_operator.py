@@ -161,7 +161,7 @@ class TwoLatticeOperator(ABC, Generic[N]):
         return self.engine.bytes()
 
 
-class FusedMarch:
+class TwoLatticeStepper:
     """Takes steps with a two-lattice operator: forces and motion in one sweep, during which nodes may change."""
 
     def __init__(self, operator: TwoLatticeOperator[Any]) -> None:

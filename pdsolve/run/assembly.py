@@ -53,7 +53,7 @@ if TYPE_CHECKING:
 STILL = 2.0  # damping times a step: more would turn velocities round within it
 
 
-class RankInputs(NamedTuple):
+class RankCoupling(NamedTuple):
     """What a window of a model has to do with other ranks."""
 
     ghosts: Ghosts
@@ -83,14 +83,14 @@ def assemble_system(
     operator: Operator,
     bond_counts: Counted,
     time_step: float,
-    stable_step: float,
+    stable_time_step: float,
     *,
     conditions: Drive | None = None,
-    rank_coupling: RankInputs | None = None,
+    rank_coupling: RankCoupling | None = None,
 ) -> PreparedRun:
     """The system of a model with this operator, and its state.
 
-    `time_step`, s, is the run's, `stable_step` the surely stable one; `conditions` are given if not those of the model;
+    `time_step`, s, is the run's; `stable_time_step` is surely stable; `conditions` are given if not those of the model;
     `rank_coupling` is what a window has to do with other ranks.
     """
     kind = np.dtype(options.precision).type
@@ -111,7 +111,9 @@ def assemble_system(
     stepper = make_stepper(operator, state, conditions, rho, time_step, damped, ghosts)
     energy = float(np.sum(model.rho / 2 * bond_counts.area * (velocity**2).sum(axis=1))) if velocity.any() else 0.0
     refuse_fields(model, operator, state)
-    system = System(model, options, scheme, operator, stepper, conditions, *bond_counts, time_step, stable_step, energy)
+    system = System(
+        model, options, scheme, operator, stepper, conditions, *bond_counts, time_step, stable_time_step, energy
+    )
     stepper.advance(state, 1, 1)  # no step: compiles before the clock runs
     return PreparedRun(system, state)
 

@@ -20,7 +20,7 @@ def warn_of_doubtful_conditions(model: Model, time_step: float) -> None:
     """Warn of conditions that hardly act in a run in steps of `time_step`, s, of zeros that set nothing, and of a
     restitution that bodies do not show."""
     _warn_of_profiles_far_below_peak(model, time_step)
-    _warn_of_zero_initial_velocities_that_are_added(model)
+    _warn_of_ignored_zero_velocities(model)
     _warn_of_restitution_of_deformable_bodies(model)
 
 
@@ -60,7 +60,7 @@ def _warn_of_restitution_of_deformable_bodies(model: Model) -> None:
     )
 
 
-def _warn_of_zero_initial_velocities_that_are_added(model: Model) -> None:
+def _warn_of_ignored_zero_velocities(model: Model) -> None:
     """Warn of a component of an initial velocity that is 0 where an earlier one is not, as it leaves that."""
     earlier: list[tuple[int, InitialVelocity]] = []
     for number, condition in enumerate(model.settings.conditions):

@@ -25,8 +25,8 @@ from pdsolve.numerics.memory import aligned
 from pdsolve.options import Options, threads_of
 from pdsolve.run.assembly import choose_time_step
 from pdsolve.run.operator_factory import (
-    Summed,
-    bond_storage_kind,
+    BondArrangement,
+    bond_arrangement,
     compute_stable_time_step,
     count_bonds_and_bound_stiffness,
     stable_time_step_from_stiffness_bound,
@@ -94,9 +94,9 @@ REPORT_KEYS = {  # of fields of a plan, where they differ
     "steps_are_path_steps": "along_path",
     "steps_are_cycle_jumps": "in_jumps",
     "uses_block_kernels": "in_blocks",
-    "finest_node_count": "finest",
+    "node_count_if_all_fine": "finest",
     "cut_bond_count": "cut",
-    "largest_node_count": "most",
+    "node_count_if_all_split": "most",
 }
 
 
@@ -114,9 +114,9 @@ class Plan(NamedTuple):
     steps_are_path_steps: bool = False  # of an equilibrium path, about so many
     steps_are_cycle_jumps: bool = False  # at most so many
     uses_block_kernels: bool = True  # summed by the kernels of pairs on lattices; False: bond by bond
-    finest_node_count: int | None = None  # where the others are twice as far apart, and come and go
+    node_count_if_all_fine: int | None = None  # where the others are twice as far apart, and come and go
     cut_bond_count: int = 0  # directed bonds that pre-cracks cut
-    largest_node_count: int | None = None  # nodes if all cells were to split, of which none has at the start
+    node_count_if_all_split: int | None = None  # nodes if all cells were to split, of which none has at the start
 
     def report_entries(self) -> dict[str, Any]:
         """The numbers by their keys in reports."""
@@ -138,9 +138,11 @@ def estimate_run(model: Model, options: Options = DEFAULT) -> Plan:
     prepared = (
         prepare_static_equilibrium_at_start(model, options, scheme).system if settings.run.start == "static" else None
     )
-    summed: Summed = "blocks" if paired and model.grid.dimension == 2 and (moves or not model.swells) else "listed"
+    summed: BondArrangement = (
+        "blocks" if paired and model.grid.dimension == 2 and (moves or not model.swells) else "listed"
+    )
     if prepared is not None and not moves:
-        summed = bond_storage_kind(prepared.operator) if paired and summed == "listed" else summed
+        summed = bond_arrangement(prepared.operator) if paired and summed == "listed" else summed
         count, family = prepared.initial_bond_counts, prepared.family_sizes
         bound = compute_stable_time_step(model, prepared.operator)
         step = choose_time_step(model, bound)
@@ -154,7 +156,7 @@ def estimate_run(model: Model, options: Options = DEFAULT) -> Plan:
         model = system.model
         if isinstance(system.stepper, Swelling) and system.load_stepper is None:
             cycle = system.stepper.steps_per_content_step
-        summed = bond_storage_kind(system.operator) if paired and summed == "listed" else summed
+        summed = bond_arrangement(system.operator) if paired and summed == "listed" else summed
         count, family, settings = system.initial_bond_counts, system.family_sizes, system.model.settings
         bound, step = system.stable_time_step, system.time_step
         along_path = isinstance(system.stepper, ArcLengthSteps | CrackLengthSteps | SofteningPathSteps)
@@ -168,20 +170,22 @@ def estimate_run(model: Model, options: Options = DEFAULT) -> Plan:
     plan = estimate_size(settings, options, len(model.grid), int(count.sum()), (step, bound), summed != "listed")
     plan = plan._replace(cut_bond_count=int((family - count).sum()))
     if splits:
-        plan = plan._replace(largest_node_count=most, memory=plan.memory + round((SPLITTING - LISTED) * plan.bonds))
+        plan = plan._replace(
+            node_count_if_all_split=most, memory=plan.memory + round((SPLITTING - LISTED) * plan.bonds)
+        )
     if model.grid.dimension == 3 and summed != "listed" and not plan.steps_are_load_steps:
-        plan = _in_space(plan, model, options, summed == "tiles")
+        plan = _estimate_3d_motion_cost(plan, model, options, summed == "tiles")
     if along_path:
         plan = plan._replace(wall_time=_estimate_path_wall_time(system, plan), steps_are_path_steps=True)
     if cycle is not None:
         plan = plan._replace(wall_time=(1 + SWELLING / cycle) * plan.wall_time)
     grid = model.grid  # with a moving zone that of the start
-    return plan._replace(finest_node_count=int(np.isclose(grid.delta, grid.delta.min()).sum())) if moves else plan
+    return plan._replace(node_count_if_all_fine=int(np.isclose(grid.delta, grid.delta.min()).sum())) if moves else plan
 
 
-def _in_space(plan: Plan, model: Model, options: Options, in_tiles: bool) -> Plan:
+def _estimate_3d_motion_cost(plan: Plan, model: Model, options: Options, bonds_in_tiles: bool) -> Plan:
     """The plan of a body in motion from that of a plate with as many bonds in blocks."""
-    if not in_tiles:
+    if not bonds_in_tiles:
         return plan._replace(wall_time=BLOCKED * plan.wall_time, memory=plan.memory + round(IN_BLOCKS * plan.bonds))
     bytes_per_node = IN_SPACE if model.grid.lattice is None else LATTICE[options.precision]
     memory = round(MEMORY[options.mode][0] + bytes_per_node * plan.nodes)

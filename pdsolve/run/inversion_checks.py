@@ -87,12 +87,12 @@ class MotionChecks:
         """The smallest spacing, and the lengthening that breaks or softens a bond, m."""
         return self._smallest, self._breaking
 
-    def set_lengths_from_all_ranks(
-        self, spacings_and_elongations: Sequence[tuple[float, float]], own_rows: slice
+    def set_spacing_and_elongation(
+        self, spacings_and_elongations: Sequence[tuple[float, float]], local_rows: slice
     ) -> None:
-        """Take these lengths of all ranks as known, and look at the triangles of `own_rows` alone."""
+        """Take these lengths of all ranks as known, and look at the triangles of `local_rows` alone."""
         self._smallest, self._breaking = (min(column) for column in zip(*spacings_and_elongations, strict=True))
-        self._own = own_rows
+        self._own = local_rows
 
     def triangles_may_be_inverted(self, displacement_range: DisplacementRange) -> bool:
         """Whether triangles may be inverted."""
@@ -182,16 +182,16 @@ class _NodeTriangles(NamedTuple):
 
 
 def _find_largest_triangle_per_node(
-    position: NDArray[np.float64], least_double_area: float, own_rows: slice
+    position: NDArray[np.float64], least_double_area: float, local_rows: slice
 ) -> _NodeTriangles:
-    """The largest triangle of each of `own_rows`, if twice its area is at least `least_double_area` (m^2)."""
+    """The largest triangle of each of `local_rows`, if twice its area is at least `least_double_area` (m^2)."""
     near = tree_of(position).query(position, min(AROUND + 1, len(position)))[1][:, 1:]
     ends, twice = np.zeros((2, len(position)), dtype=np.int64), np.zeros(len(position))
     for pair in combinations(near.T, 2):
         twice_area = _cross_product(*(position[end] - position for end in pair))
         larger = np.abs(twice_area) > np.abs(twice) * (1 + ROUND_OFF)
         ends[:, larger], twice[larger] = np.array(pair)[:, larger], twice_area[larger]
-    low, high, _ = own_rows.indices(len(position))
+    low, high, _ = local_rows.indices(len(position))
     rows = low + np.flatnonzero(np.abs(twice[low:high]) >= least_double_area)
     return _NodeTriangles(np.column_stack([rows, *ends[:, rows]]), twice[rows])
 

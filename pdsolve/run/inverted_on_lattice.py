@@ -16,17 +16,17 @@ ON_LATTICE = 1e-6  # spacings: nodes this near to a lattice are on it
 def find_inverted_lattice_triangles(
     position: NDArray[np.float64],
     u: NDArray[np.floating],
-    own_rows: slice,
+    local_rows: slice,
     least_double_area: float,
     is_excluded_node: NDArray[np.bool_],
 ) -> NDArray[np.int64] | None:
     """Rows (t, 3) of the corners of triangles that displacements u (n, 2), m, have inverted, by the first corner.
 
-    A node of `own_rows` has one with the nearest nodes within `LINES` spacings along x and along y, if twice its area
+    A node of `local_rows` has one with the nearest nodes within `LINES` spacings along x and along y, if twice its area
     is at least `least_double_area`, m^2, and if it is not excluded. None if the nodes (n, 2), m, are not row by row on
     a square lattice, of which some may be missing.
     """
-    low, high, _ = own_rows.indices(len(position))
+    low, high, _ = local_rows.indices(len(position))
     places, moves = (np.require(values, requirements=("C", "W")) for values in (position, u))
     corners = np.empty((16, 3), dtype=np.int64)
     while True:

@@ -53,7 +53,7 @@ def make_operator(
     if made is not None:
         return made
     law, kind, nodes = law_of(model, scheme.matches_work), np.dtype(options.precision).type, len(model.grid)
-    blocked = _has_kernels(options)
+    blocked = _allows_compiled_layouts(options)
     statistics = BondStatistics(bond_source, scheme.symmetric)
     if model.settings.run.device != "cpu":
         return _make_device_operator(model, options, scheme, bond_source, law, statistics)
@@ -193,31 +193,31 @@ def split_into_marched_bonds_and_contact(operator: Operator) -> tuple[MarchedBon
     return (MarchedTiles(bonds) if isinstance(bonds, TileLattice) else None), contact
 
 
-Summed = Literal["tiles", "blocks", "listed"]  # where the bonds of a pair law are
+BondArrangement = Literal["tiles", "blocks", "listed"]  # where the bonds of a pair law are
 
 
 def count_bonds_and_bound_stiffness(
     model: Model, options: Options, scheme: Scheme
-) -> tuple[Counted, NDArray[np.float64], Summed]:
+) -> tuple[Counted, NDArray[np.float64], BondArrangement]:
     """Numbers (n,) of the bonds of a pair law, the bound (n,) of their stiffness, N/m^4, and where they will be."""
     tiles = _make_bond_tiles_if_possible(model, options, scheme, False)
     if tiles is not None:
         area = tiles.counted.area
-        return tiles.counted, tiles.stiffness_bound + _stiffness_bound_of_contact_and_supports(model, area), "tiles"
+        return tiles.counted, tiles.stiffness_bound + _contact_and_support_stiffness_bound(model, area), "tiles"
     filling = scheme.fill(model)
     statistics = BondStatistics(filling, scheme.symmetric)
-    in_blocks = can_be_in_blocks(statistics.parts(), model.grid.position.shape) and _has_kernels(options)
-    bound = statistics.stiffness_bound + _stiffness_bound_of_contact_and_supports(model, filling.area)
+    in_blocks = can_be_in_blocks(statistics.parts(), model.grid.position.shape) and _allows_compiled_layouts(options)
+    bound = statistics.stiffness_bound + _contact_and_support_stiffness_bound(model, filling.area)
     return statistics.counted(filling.area), bound, "blocks" if in_blocks else "listed"
 
 
-def bond_storage_kind(operator: Operator) -> Summed:
+def bond_arrangement(operator: Operator) -> BondArrangement:
     """Where the bonds of a pair law are that this operator sums."""
     bonds = unwrap_bond_operator(operator)
     return "tiles" if isinstance(bonds, TileLattice) else "blocks" if bonds.name == "blocks" else "listed"
 
 
-def _stiffness_bound_of_contact_and_supports(model: Model, volume: NDArray[np.float64]) -> NDArray[np.float64]:
+def _contact_and_support_stiffness_bound(model: Model, volume: NDArray[np.float64]) -> NDArray[np.float64]:
     """What contact and supports add to the bound (n,) of each node's stiffness, N/m^4."""
     return touch_bound(model, volume) + support_bound(model, volume)
 
@@ -226,7 +226,7 @@ def _make_bond_tiles_if_possible(
     model: Model, options: Options, scheme: Scheme, bonds_are_unbreakable: bool
 ) -> Tiled | None:
     """The bonds of a body in tiles, where they can be and options do not exclude it."""
-    if model.grid.dimension == 2 or not _has_kernels(options) or not scheme.symmetric:
+    if model.grid.dimension == 2 or not _allows_compiled_layouts(options) or not scheme.symmetric:
         return None
     pair = law_of(model).pair
     if model.settings.run.device != "cpu" and pair is not None and pair.is_curved:
@@ -234,7 +234,7 @@ def _make_bond_tiles_if_possible(
     return tiled(model, np.dtype(options.precision).type, bonds_are_unbreakable)
 
 
-def _has_kernels(options: Options) -> bool:
+def _allows_compiled_layouts(options: Options) -> bool:
     """Whether bonds may be in tiles or blocks, which are for compiled code."""
     return options.kernel != "listed" and not numba.config.DISABLE_JIT
 

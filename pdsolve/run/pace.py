@@ -17,10 +17,10 @@ class StepBatchTimer:
         """`updates_per_step` is the number of bond or link updates of a step."""
         self._each = updates_per_step / SLOW  # s of a step
 
-    def choose_batch_step_count(self, least: int, most: int) -> int:
-        """Number of steps to take at once, from `least` to `most`."""
+    def choose_batch_step_count(self, min_steps: int, max_steps: int) -> int:
+        """Number of steps to take at once, from `min_steps` to `max_steps`."""
         each = max(self._each, 1e-9)
-        return max(least, min(most, max(int(BATCH_TIME / each), min(LEAST_STEPS, int(LONGEST_BATCH / each)))))
+        return max(min_steps, min(max_steps, max(int(BATCH_TIME / each), min(LEAST_STEPS, int(LONGEST_BATCH / each)))))
 
     def record_duration(self, step_count: int, seconds: float) -> None:
         """Record the duration of some steps."""

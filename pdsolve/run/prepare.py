@@ -14,7 +14,7 @@ from pdsolve.adaptivity.hybrid.operator import HybridOperator
 from pdsolve.adaptivity.hybrid.space.prepare import create_body_operator, create_current_drive
 from pdsolve.adaptivity.quadtree.incremental_bonds import create_leaf_bonds
 from pdsolve.adaptivity.quadtree.operator import SURE, QuadtreeOperator, create_tree
-from pdsolve.adaptivity.two_lattice_operator import FusedMarch
+from pdsolve.adaptivity.two_lattice_operator import TwoLatticeStepper
 from pdsolve.checks import refuse_combinations, refuse_numbers
 from pdsolve.conditions import (
     constrained_components,
@@ -190,7 +190,7 @@ def _prepare_plate_with_moving_zone(model: Model, options: Options, scheme: Sche
         options=options._replace(threads=threads),
         scheme=scheme,
         operator=shown,
-        stepper=FusedMarch(shown),
+        stepper=TwoLatticeStepper(shown),
         drive=shown.engine.drive,
         area=shown.area,
         family_sizes=shown.initial_bond_counts_and_family_sizes[1],

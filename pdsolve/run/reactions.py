@@ -70,7 +70,7 @@ def compute_reactions(
     displacement or velocity is taken as 0: only the inertia of the held nodes is neglected while their speed changes.
     The force of a rigid body is that on what it touches.
     """
-    pulls, pushes = _compute_holding_and_load_forces(system, state, len(conditions))
+    pulls, pushes = _compute_constraint_and_load_forces(system, state, len(conditions))
     reaction_rows, at = [], system.profile_time_or_load_factor(step)
     supports = supports_of(system.operator) if any(grip.condition_kind in GROUND for grip in conditions) else None
     for profile, grip in enumerate(conditions):
@@ -87,7 +87,7 @@ def compute_reactions(
     return reaction_rows
 
 
-def _compute_holding_and_load_forces(
+def _compute_constraint_and_load_forces(
     system: System, state: State, condition_count: int
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Holding forces (profiles, d), and load forces at factor 1, N/m (in a body N)."""

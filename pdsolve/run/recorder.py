@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pdsolve.adaptivity.hybrid.operator import HybridOperator
-from pdsolve.adaptivity.two_lattice_operator import FusedMarch
+from pdsolve.adaptivity.two_lattice_operator import TwoLatticeStepper
 from pdsolve.checkpoint_validation import entry, expect_broken, expect_found, like
 from pdsolve.codegen.compile_time import running_time
 from pdsolve.conditions import put_loads
@@ -281,7 +281,7 @@ class Recorder:
         Returns the last step that is there: the one before, where a path ended as a step was taken back.
         """
         stepper = self.system.stepper
-        if isinstance(stepper, FusedMarch):
+        if isinstance(stepper, TwoLatticeStepper):
             self.drop_state()
             stepper.advance_engine(first_step, end_step)
         else:
@@ -376,7 +376,7 @@ class Recorder:
                 name: of.astype("<f4")
                 for name, of in compute_output_fields(system, self.state, names, bond_state).items()
             }
-        if isinstance(system.stepper, FusedMarch):
+        if isinstance(system.stepper, TwoLatticeStepper):
             self.drop_state()
         checkpoint_arrays = make_checkpoint(system, self.state) if with_checkpoint else None
         if checkpoint_arrays is not None and self._changes:

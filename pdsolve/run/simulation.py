@@ -88,7 +88,7 @@ class RunRequest(NamedTuple):
     team: Team | None = None
     device: str | None = None
     earlier_refinements: tuple[EarlierRefinement, ...] = ()  # after fine cells have come too late
-    compile_seconds_before: float = 0.0  # s that kernels were compiled for before
+    previous_compile_seconds: float = 0.0  # s that kernels were compiled for before
 
 
 def simulate(
@@ -108,7 +108,7 @@ def simulate(
     output = None if output is None else Path(output)
     with _lock_output(output):
         results = _solve_with_restarts(
-            model, options, RunRequest(output, watch, provenance, adapt, compile_seconds_before=compile_seconds())
+            model, options, RunRequest(output, watch, provenance, adapt, previous_compile_seconds=compile_seconds())
         )
     return _solve_motion_after_path_if_asked(results, output, options.threads, watch)
 
@@ -124,10 +124,10 @@ def _solve_with_restarts(model: Model, options: Options, request: RunRequest) ->
     try:
         return _solve_new_run(*_prepare_new_recorder(model, options, request))
     except FineZoneTooLateError as late:
-        return _restart_with_earlier_zones(model, options, request, late)
+        return _restart_with_earlier_refinement(model, options, request, late)
 
 
-def _restart_with_earlier_zones(
+def _restart_with_earlier_refinement(
     model: Model, options: Options, request: RunRequest, fine_zone_too_late: FineZoneTooLateError
 ) -> Results:
     """Results of a run whose fine cells came too late: it goes back as often as they do."""
@@ -185,7 +185,7 @@ def run(
     with _lock_output(output):
         return _solve_new_run(
             *_make_new_recorder(
-                system, state, RunRequest(output, watch, provenance, adapt, compile_seconds_before=compile_seconds())
+                system, state, RunRequest(output, watch, provenance, adapt, previous_compile_seconds=compile_seconds())
             )
         )
 
@@ -221,7 +221,7 @@ def _solve_motion_after_path_if_asked(
         past = HistoryUntilCheckpoint(step, 0.0, 0, 0, None, len(system.model.grid))
         return _solve_new_run(
             Recorder(system, state, past, False),
-            RunRequest(target, watch, provenance, compile_seconds_before=compile_seconds()),
+            RunRequest(target, watch, provenance, previous_compile_seconds=compile_seconds()),
         )
 
 
@@ -254,7 +254,7 @@ def resume(
     UnstableError.
     """
     output = Path(output)
-    request = RunRequest(output, watch, "", adapt, threads, team, device, compile_seconds_before=compile_seconds())
+    request = RunRequest(output, watch, "", adapt, threads, team, device, previous_compile_seconds=compile_seconds())
     results, motion = _resume_unless_finished(output, request), motion_results_file(output)
     if needs_motion_after_path(results) and (motion.is_symlink() or (motion.exists() and not is_empty(motion))):
         results.close()
@@ -272,7 +272,7 @@ def _resume_unless_finished(output: Path, request: RunRequest) -> Results:
                 try:
                     return _resume_from_checkpoint(output, request)
                 except FineZoneTooLateError as late:
-                    return _resume_with_earlier_zones(output, request, late)
+                    return _resume_with_earlier_refinement(output, request, late)
     put_away(output)
     return Results.open(output)
 
@@ -290,13 +290,15 @@ def options_from_metadata(model: Model, metadata: Mapping[str, Any], thread_coun
     )
 
 
-def _resume_with_earlier_zones(output: Path, request: RunRequest, fine_zone_too_late: FineZoneTooLateError) -> Results:
+def _resume_with_earlier_refinement(
+    output: Path, request: RunRequest, fine_zone_too_late: FineZoneTooLateError
+) -> Results:
     """Results of a continued run whose fine cells came too late, as they would have been without the stop."""
     with Results.open(output) as results:
         model, meta = model_of(results.model(), str(output)), results.meta()
     earlier_refinements = zone_restarts.read_earlier_refinements(meta, output)
     request = request._replace(output=output, provenance=meta["provenance"], earlier_refinements=earlier_refinements)
-    return _restart_with_earlier_zones(
+    return _restart_with_earlier_refinement(
         model, options_from_metadata(model, meta, request.thread_count), request, fine_zone_too_late
     )
 
@@ -416,7 +418,7 @@ def _advance_to_end(recorder: Recorder, writer: Behind, request: RunRequest) -> 
         looks = run.steps if adapt is None else change_nodes_if_due_and_find_next_step(recorder, adapt, step)
         looks = min(looks, grow_cracks_if_due_and_find_next_step(recorder, step, run.steps))
         if request.earlier_refinements:
-            next_kappa_step = zone_restarts.set_due_kappa_and_find_next_change(
+            next_kappa_step = zone_restarts.set_due_refinement_kappa(
                 recorder.system, request.earlier_refinements, step, run.steps
             )
             looks = min(looks, next_kappa_step)
@@ -445,7 +447,7 @@ def _advance_to_end(recorder: Recorder, writer: Behind, request: RunRequest) -> 
             with_checkpoint = step == run.steps or done or interrupted
             writer.write(partial(recorder.make_frame, step, with_fields, with_checkpoint))
     recorder.evaluate_balance(step)
-    compiled = {"compile_time": compile_seconds() - request.compile_seconds_before}
+    compiled = {"compile_time": compile_seconds() - request.previous_compile_seconds}
     writer.done().write_meta({"summary": json.dumps(run_summary(recorder, step, done) | compiled)})
     recorder.physics_records.warn_at_end()
     recorder.close_rank_databases()

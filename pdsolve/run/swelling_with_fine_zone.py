@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from pdsolve.adaptivity.hybrid.engine import HybridEngine
 from pdsolve.adaptivity.hybrid.operator import HybridOperator
-from pdsolve.adaptivity.two_lattice_operator import FusedMarch
+from pdsolve.adaptivity.two_lattice_operator import TwoLatticeStepper
 from pdsolve.diffusion.broken_bonds import BrokenBonds
 from pdsolve.diffusion.swelling import Swelling
 from pdsolve.model import Model
@@ -40,7 +40,9 @@ class SwellingStepperWithFineZone(Swelling):
     ) -> None:
         """See `Swelling`; `model` is that of all nodes."""
         self._operator = operator
-        super().__init__(content, content_state, FusedMarch(operator), operator, model, steps_per_content_step, broken)
+        super().__init__(
+            content, content_state, TwoLatticeStepper(operator), operator, model, steps_per_content_step, broken
+        )
         operator.engine.compute_initial_forces()
 
     @property

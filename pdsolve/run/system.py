@@ -12,7 +12,7 @@ from pdsolve.adaptivity.hybrid.engine import ZoneSummary
 from pdsolve.adaptivity.hybrid.operator import HybridOperator
 from pdsolve.adaptivity.hybrid.space.operator import HybridBodyOperator
 from pdsolve.adaptivity.quadtree.operator import QuadtreeOperator
-from pdsolve.adaptivity.two_lattice_operator import FusedMarch, TwoLatticeOperator
+from pdsolve.adaptivity.two_lattice_operator import TwoLatticeOperator, TwoLatticeStepper
 from pdsolve.conditions import (
     Drive,
 )
@@ -36,7 +36,7 @@ if TYPE_CHECKING:
     from pdsolve.adaptivity.factory import Moving
     from pdsolve.crack_growth.growth import Growth
 
-WithZone = QuadtreeOperator | HybridBodyOperator  # operators with finer nodes that come, and their own summary
+OperatorWithZone = QuadtreeOperator | HybridBodyOperator  # operators with finer nodes that come, and their own summary
 
 
 @dataclass(frozen=True)
@@ -100,7 +100,7 @@ class System:
         """Summary of finer nodes that come and go; None without any."""
         if self.moving_zone_operator is not None:
             return self.moving_zone_operator.zone_summary()
-        return self.operator.zone_summary() if isinstance(self.operator, WithZone) else None
+        return self.operator.zone_summary() if isinstance(self.operator, OperatorWithZone) else None
 
     def fetch_state_from_device(self) -> None:
         """Bring the state up to the steps taken, if a device takes them."""
@@ -147,7 +147,7 @@ class PreparedRun(NamedTuple):
 def system_with_moved_zone(system: System, zone_operator: Moving) -> System:
     """The system of changed nodes of the same plate."""
     count, family = zone_operator.initial_bond_counts_and_family_sizes
-    stepper: Stepper = FusedMarch(zone_operator)
+    stepper: Stepper = TwoLatticeStepper(zone_operator)
     if isinstance(system.stepper, SwellingStepperWithFineZone):
         assert isinstance(zone_operator, HybridOperator)
         stepper = system.stepper.switch_operator(zone_operator)

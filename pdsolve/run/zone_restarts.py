@@ -28,10 +28,10 @@ KEY = "sooner"  # of `meta`
 
 
 class EarlierRefinement(NamedTuple):
-    """From a step on, cells become fine at `kappa_threshold` of the stretch that breaks bonds."""
+    """From a step on, cells become fine at `refinement_kappa` of the stretch that breaks bonds."""
 
     first_step: int
-    kappa_threshold: float
+    refinement_kappa: float
 
 
 def plan_zone_restart(
@@ -43,7 +43,7 @@ def plan_zone_restart(
     first with the widest from the start, then with fine nodes everywhere.
     """
     run = model.settings.run
-    now = with_refinement_kappa(model, earlier_refinements[-1].kappa_threshold) if earlier_refinements else model
+    now = with_refinement_kappa(model, earlier_refinements[-1].refinement_kappa) if earlier_refinements else model
     wider = widen_zone_or_refine_everywhere(now)
     step = max(fine_zone_too_late.step - EVERY - 1, 0) // run.every * run.every
     if wider.settings.run.adapt == "none":
@@ -68,7 +68,7 @@ def warn_of_zone_restart(
         how = "fine nodes everywhere (run.adapt none)"
     else:
         kappa = refinement_kappa(model_with_wider_zone)
-        how = f"run.hybrid.kappa {earlier_refinements[-1].kappa_threshold if earlier_refinements else kappa:g}"
+        how = f"run.hybrid.kappa {earlier_refinements[-1].refinement_kappa if earlier_refinements else kappa:g}"
     words = f"begins anew with {how}"
     if earlier_refinements:
         words = (
@@ -86,13 +86,13 @@ def find_restart_checkpoint_step(output: Path | None, earlier_refinements: tuple
     return step if step <= earlier_refinements[-1].first_step else 0
 
 
-def set_due_kappa_and_find_next_change(
+def set_due_refinement_kappa(
     system: System, earlier_refinements: tuple[EarlierRefinement, ...], step: int, last_step: int
 ) -> int:
     """Make cells fine as soon as they are to be after a step; returns the next step from which that changes."""
     begun = [refinement for refinement in earlier_refinements if refinement.first_step <= step]
     if begun and isinstance(system.operator, HybridOperator):
-        system.operator.engine.set_refinement_kappa(begun[-1].kappa_threshold)
+        system.operator.engine.set_refinement_kappa(begun[-1].refinement_kappa)
     return next(
         (refinement.first_step for refinement in earlier_refinements if refinement.first_step > step), last_step
     )
@@ -111,6 +111,8 @@ def read_earlier_refinements(metadata: Mapping[str, Any], path: Path) -> tuple[E
         )
     except (TypeError, ValueError, OverflowError):
         earlier_refinements = (EarlierRefinement(-1, 0.0),)
-    if not all(refinement.first_step >= 0 and 0 < refinement.kappa_threshold < 1 for refinement in earlier_refinements):
+    if not all(
+        refinement.first_step >= 0 and 0 < refinement.refinement_kappa < 1 for refinement in earlier_refinements
+    ):
         raise ResultsError(f"{path}: {KEY} is {str(metadata[KEY])[:40]!r}; it must be steps and shares of a stretch")
     return earlier_refinements

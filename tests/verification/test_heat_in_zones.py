@@ -231,5 +231,5 @@ def test_auto_takes_fine_nodes_and_a_plan_knows_the_zone(small: Model) -> None:
         assert prepare(auto, ONE).system.kernel_name == "blocks"
     plan = estimate_run(small, ONE)
     assert plan.uses_block_kernels
-    assert plan.finest_node_count is not None
+    assert plan.node_count_if_all_fine is not None
     assert plan.nodes < len(small.grid)

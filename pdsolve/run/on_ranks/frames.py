@@ -25,7 +25,7 @@ from pdsolve.results.removal import INDEX_OF
 from pdsolve.results.schema import Births, Column
 from pdsolve.run.measures import compute_output_fields
 from pdsolve.run.on_ranks.mechanics_records import compute_rank_bond_state_once
-from pdsolve.run.on_ranks.rank_file import RankFile
+from pdsolve.run.on_ranks.rank_file import RankDatabase
 from pdsolve.run.on_ranks.start import RankSystem
 from pdsolve.run.recorder import nodes_for_results as nodes_of
 
@@ -51,7 +51,7 @@ class FrameHeaderAndBreaks(NamedTuple):
     new_breaks: NDArray[np.int64]  # (5, k) step, rows of both nodes in the whole grid, and their ids
 
 
-class SentMessages(NamedTuple):
+class PendingMessages(NamedTuple):
     """Messages on their way, and what they hold."""
 
     mpi_requests: list[Any]
@@ -77,7 +77,7 @@ def send_frame_to_rank_0(
         local_fields = {name: values[part.own].astype("<f4") for name, values in subdomain_fields.items()}
     sent = (
         {name: [values] for name, values in local_fields.items()},
-        _copy_own_checkpoint_arrays(part) if with_checkpoint else {},
+        _copy_local_checkpoint_arrays(part) if with_checkpoint else {},
     )
     if subdomain.file is not None:
         checkpoint = {name: pieces[0] for name, pieces in sent[1].items() if name != HELD}
@@ -101,18 +101,18 @@ def send_frame_to_rank_0(
     return FrameHeaderAndBreaks(field_descriptions, checkpoint_descriptions, breaks)
 
 
-def _copy_own_checkpoint_arrays(part: Part) -> dict[str, Columns]:
+def _copy_local_checkpoint_arrays(part: Part) -> dict[str, Columns]:
     """A copy of what a resumed run needs of own nodes; of held components by condition and axis."""
     subdomain: RankSystem = part.now
     operator_arrays = dict(parts.checkpoint_arrays(part))  # before the state, which it may bring up to date
     local_arrays = {name: [values[part.own].copy()] for name, values in subdomain.state._asdict().items()}
     local_arrays[HELD] = [
-        subdomain.system.drive.held_force[rows] for rows in held_components_by_condition_and_axis(subdomain)
+        subdomain.system.drive.held_force[rows] for rows in prescribed_components_by_condition(subdomain)
     ]
     return local_arrays | {name: [np.array(values)] for name, values in operator_arrays.items()}
 
 
-def held_components_by_condition_and_axis(subdomain: RankSystem) -> list[NDArray[np.int64]]:
+def prescribed_components_by_condition(subdomain: RankSystem) -> list[NDArray[np.int64]]:
     """The held components of each condition and axis, which are in the order of their rows."""
     holds, d = subdomain.system.drive.holds, subdomain.system.model.grid.dimension
     of = holds.profile * d + holds.axis
@@ -123,7 +123,7 @@ def _send_arrays_to_rank_0(team: Team, columns: Columns) -> None:
     """Send columns to rank 0, when those before have arrived; rank 0 keeps its own."""
     part: Part = team.part
     if team.rank == 0:
-        part.sending = SentMessages([], columns)
+        part.sending = PendingMessages([], columns)
         return
     from mpi4py import MPI
 
@@ -133,7 +133,7 @@ def _send_arrays_to_rank_0(team: Team, columns: Columns) -> None:
     requests = [
         team.comm.Isend(array[at : at + PIECE], 0, FRAME) for array in flat for at in range(0, len(array), PIECE)
     ]
-    part.sending = SentMessages(requests, flat)
+    part.sending = PendingMessages(requests, flat)
 
 
 def receive_columns_from_ranks(
@@ -178,7 +178,7 @@ def _iterate_column_chunks_of_ranks(
             yield into.view(dtype)
 
 
-def own_node_columns_and_bond_targets(team: Team, first_row: int, end_row: int) -> tuple[NDArray[Any], ...]:
+def local_node_columns_and_bond_targets(team: Team, first_row: int, end_row: int) -> tuple[NDArray[Any], ...]:
     """Own nodes from `first_row` to `end_row` - 1, in the format of results, and the targets of their bonds."""
     part: Part = team.part
     slab = part.slab
@@ -192,35 +192,35 @@ def gather_nodes_and_families(team: Team, first_row: int, end_row: int) -> tuple
     """The nodes of these rows and their families, from all ranks."""
     *columns, target = (
         np.concatenate(column)
-        for column in zip(*team.everywhere(own_node_columns_and_bond_targets, first_row, end_row), strict=True)
+        for column in zip(*team.everywhere(local_node_columns_and_bond_targets, first_row, end_row), strict=True)
     )
     new_nodes = Nodes(*columns)
     return new_nodes, Families(np.concatenate([[0], np.cumsum(new_nodes.family - new_nodes.cut)]), target)
 
 
-def open_rank_file(team: Team, path: str) -> None:
+def open_rank_database(team: Team, path: str) -> None:
     """Give this rank a file of its own, for what is written from now on."""
     part: Part = team.part
     subdomain: RankSystem = part.now
     slab, grid = part.slab, part.model.grid
 
-    def read_own_nodes(first_row: int, end_row: int) -> Nodes:
-        *columns, _ = own_node_columns_and_bond_targets(team, slab.first + first_row, slab.first + end_row)
+    def read_local_nodes(first_row: int, end_row: int) -> Nodes:
+        *columns, _ = local_node_columns_and_bond_targets(team, slab.first + first_row, slab.first + end_row)
         return Nodes(*columns)
 
-    def read_own_families(first_row: int, end_row: int) -> Families:
+    def read_local_families(first_row: int, end_row: int) -> Families:
         rows = np.arange(first_row, end_row) + slab.first - slab.begin
         start = np.concatenate([[0], np.cumsum(part.counted.bonds[rows])])
         return Families(start, parts.bonds(team, slab.first + first_row, slab.first + end_row))
 
     bonds = int(part.counted.bonds[part.own].sum())
-    births = Births(slab.last - slab.first, grid.dimension, bonds, read_own_nodes, read_own_families, slab.first)
+    births = Births(slab.last - slab.first, grid.dimension, bonds, read_local_nodes, read_local_families, slab.first)
     index = Path(path).name.rpartition(".")[0]
     meta = {"program": f"pdsolve {VERSION}", "dimension": grid.dimension, INDEX_OF: index}
-    subdomain.file = RankFile(team, lambda: Writer.begin(Path(path), births, grid.cracks, meta), slab.first)
+    subdomain.file = RankDatabase(team, lambda: Writer.begin(Path(path), births, grid.cracks, meta), slab.first)
 
 
-def close_rank_file(team: Team) -> None:
+def close_rank_database(team: Team) -> None:
     """Close the file of this rank. Raises WriteError."""
     subdomain: RankSystem = team.part.now
     if subdomain.file is not None:

@@ -66,8 +66,8 @@ class MechanicsRecordsOnRanks(MechanicsRecords):
         self._order = {row: number for number, row in enumerate(rows)}
         subdomain: RankSystem = self._team.part.now
         self._kinds, self._checks = subdomain.acting_conditions, subdomain.motion_checks
-        lengths_of_all = self._team.everywhere(own_smallest_spacing_and_breaking_elongation)
-        self._team.everywhere(set_lengths_from_all_ranks, lengths_of_all)
+        lengths_of_all = self._team.everywhere(local_spacing_and_breaking_elongation)
+        self._team.everywhere(set_spacing_and_elongation, lengths_of_all)
         self.known = self._gather_reports(resumed_step)
         self.last, self._heat_energy = self.known.balance_row, 0.0
 
@@ -81,7 +81,7 @@ class MechanicsRecordsOnRanks(MechanicsRecords):
         """Record the ledger, the probes and the reactions of this step. Raises UnstableError."""
         self.evaluate_balance(state, step, bond_state)
         if self._is_unstable(self.last, self.known.values_are_finite):  # the error is that of one process
-            worst = self._team.everywhere(find_fastest_or_non_finite_own_node, self.known.values_are_finite)
+            worst = self._team.everywhere(find_fastest_local_node, self.known.values_are_finite)
             most = max(speed for speed, _ in worst)
             node = next(node for speed, node in worst if speed == most)
             raise UnstableError(
@@ -91,7 +91,7 @@ class MechanicsRecordsOnRanks(MechanicsRecords):
         extent = self.known.displacement_range
         if self._checks.triangles_may_be_inverted(extent):
             words = next(
-                (words for words in self._team.everywhere(describe_own_inverted_triangle) if words is not None), None
+                (words for words in self._team.everywhere(describe_local_inverted_triangle) if words is not None), None
             )
             if words is not None:
                 self._checks.warn_of_inverted_triangle(words, step)
@@ -101,7 +101,7 @@ class MechanicsRecordsOnRanks(MechanicsRecords):
         if self._order:
             probe_values = [
                 probe
-                for rank_probes in self._team.everywhere(list_motion_of_own_probes, items=self._owned)
+                for rank_probes in self._team.everywhere(list_local_probe_motion, items=self._owned)
                 for probe in rank_probes
             ]
             probe_values.sort(key=lambda probe: self._order[probe[0]])
@@ -161,23 +161,23 @@ def make_rank_report(team: Team, step: int) -> RankReport:
     return RankReport(sums, len(mine.step), int(mine.step.max(initial=0)), finite, compute_displacement_range(u[:, :d]))
 
 
-def own_smallest_spacing_and_breaking_elongation(team: Team) -> tuple[float, float]:
+def local_spacing_and_breaking_elongation(team: Team) -> tuple[float, float]:
     """The lengths by which this rank's window looks at the motion."""
     return _motion_checks(team).smallest_spacing_and_breaking_elongation
 
 
-def set_lengths_from_all_ranks(team: Team, spacings_and_elongations: list[tuple[float, float]]) -> None:
+def set_spacing_and_elongation(team: Team, spacings_and_elongations: list[tuple[float, float]]) -> None:
     """Look at the motion of own nodes by the lengths of all ranks."""
-    _motion_checks(team).set_lengths_from_all_ranks(spacings_and_elongations, team.part.own)
+    _motion_checks(team).set_spacing_and_elongation(spacings_and_elongations, team.part.own)
 
 
-def describe_own_inverted_triangle(team: Team) -> str | None:
+def describe_local_inverted_triangle(team: Team) -> str | None:
     """An inverted triangle of own nodes, in words."""
     subdomain: RankSystem = team.part.now
     return subdomain.motion_checks.describe_inverted_triangle(subdomain.state.value[:, :2], Broken(*broken(team.part)))
 
 
-def find_fastest_or_non_finite_own_node(team: Team, all_values_are_finite: bool) -> tuple[float, int]:
+def find_fastest_local_node(team: Team, all_values_are_finite: bool) -> tuple[float, int]:
     """The speed of the fastest own node along all axes, m/s, and its id; or 1 and the first that is not finite, or
     0."""
     part: Part = team.part
@@ -189,7 +189,7 @@ def find_fastest_or_non_finite_own_node(team: Team, all_values_are_finite: bool)
     return float(wrong.any()), int(ids[wrong.argmax()])
 
 
-def list_motion_of_own_probes(team: Team, grid_rows: list[int]) -> list[tuple[Any, ...]]:
+def list_local_probe_motion(team: Team, grid_rows: list[int]) -> list[tuple[Any, ...]]:
     """The motion of own nodes at rows of the whole grid: row, id, and what is recorded of it."""
     part: Part = team.part
     subdomain: RankSystem = part.now

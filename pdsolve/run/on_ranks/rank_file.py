@@ -17,7 +17,7 @@ WRITTEN = 9  # tag of messages: that a frame is in the files of all ranks
 NOTHING = Breaks(*np.zeros((3, 0), dtype=np.int64))
 
 
-class RankFile:
+class RankDatabase:
     """Writes what goes by own nodes; rank 0 is told of each frame that is written, or why it could not be.
 
     A checkpoint stays until the one after the next is there, as the index may still have to learn of that.

@@ -144,9 +144,9 @@ class RecorderOnRanks(Recorder):
             expect_piece(real.parent / name, real.name)
         if set_number == 0:
             remove(output)
-        self._team.everywhere(frames.open_rank_file, items=[str(real.parent / name) for name in self._files])
+        self._team.everywhere(frames.open_rank_database, items=[str(real.parent / name) for name in self._files])
 
     def close_rank_databases(self) -> None:
         """Close the files of all ranks. Raises WriteError."""
         if self._files:
-            self._team.everywhere(frames.close_rank_file)
+            self._team.everywhere(frames.close_rank_database)

@@ -24,7 +24,7 @@ from pdsolve.options import Options
 from pdsolve.ranks import part as parts
 from pdsolve.ranks.part import Part
 from pdsolve.results import Breaks, Results, ResultsError, ResultsWarning, gone_back
-from pdsolve.run.on_ranks.frames import HELD, held_components_by_condition_and_axis
+from pdsolve.run.on_ranks.frames import HELD, prescribed_components_by_condition
 from pdsolve.run.on_ranks.recorder import BATCH, RecorderOnRanks
 from pdsolve.run.on_ranks.start import RankSystem, SystemOnRanks, prepare_run_on_ranks
 from pdsolve.run.recorder import HistoryUntilCheckpoint
@@ -111,17 +111,13 @@ def restore_all_ranks(system: SystemOnRanks, state: State, step: int, results: R
     assert team is not None
     for name, values in state._asdict().items():
         _scatter_state_array_to_ranks(system, name, results.entries(name), values[:1])
-    counts = np.array(
-        team.everywhere(_count_held_components_by_condition_and_axis)
-    ).T  # of each condition and axis, by rank
+    counts = np.array(team.everywhere(_count_prescribed_components)).T  # of each condition and axis, by rank
     held_force = entry(_read_checkpoint_arrays(results, [HELD]), HELD, (int(counts.sum()),), np.float64)
     ends = np.concatenate([[0], np.cumsum(counts.ravel())])
     runs = [held_force[first:last] for first, last in pairwise(ends)]
-    team.everywhere(_set_held_forces, items=[runs[rank :: team.size] for rank in range(team.size)])
+    team.everywhere(_set_prescribed_component_forces, items=[runs[rank :: team.size] for rank in range(team.size)])
     broken = _find_broken_bonds_by_rows(system.model.grid, results.breaks(), step)
-    of_bonds, of_nodes = (
-        set().union(*names) for names in zip(*team.everywhere(_names_of_bond_and_node_checkpoint_arrays), strict=True)
-    )
+    of_bonds, of_nodes = (set().union(*names) for names in zip(*team.everywhere(_checkpoint_array_names), strict=True))
     node_arrays = _read_checkpoint_arrays(results, of_nodes)
     shared = [
         {name: values.reshape(nodes, -1)[slab.begin : slab.end] for name, values in node_arrays.items()}
@@ -155,7 +151,7 @@ def _scatter_state_array_to_ranks(
             (max(slab.begin, first), piece[max(slab.begin - first, 0) : max(slab.end - first, 0)])
             for slab in system.slabs
         ]
-        team.everywhere(_set_own_state_rows, array_name, items=shares)
+        team.everywhere(_set_local_state_rows, array_name, items=shares)
         first = last
     if first != nodes:
         raise CheckpointError(f"'{array_name}' has {first} nodes; it must have {nodes}")
@@ -178,7 +174,7 @@ def _find_broken_bonds_by_rows(grid: Grid, breaks: Breaks, last_step: int) -> Br
     return broken
 
 
-def _set_own_state_rows(team: Team, array_name: str, first_row_and_values: tuple[int, NDArray[Any]]) -> None:
+def _set_local_state_rows(team: Team, array_name: str, first_row_and_values: tuple[int, NDArray[Any]]) -> None:
     """Take over some rows, from the first on, of an array of the state of a window."""
     part: Part = team.part
     first, values = first_row_and_values
@@ -188,21 +184,19 @@ def _set_own_state_rows(team: Team, array_name: str, first_row_and_values: tuple
         array[at : at + len(values)] = values.reshape(-1, *array.shape[1:])
 
 
-def _count_held_components_by_condition_and_axis(team: Team) -> list[int]:
+def _count_prescribed_components(team: Team) -> list[int]:
     """How many held components own nodes have, of each condition and axis."""
-    return [len(rows) for rows in held_components_by_condition_and_axis(team.part.now)]
+    return [len(rows) for rows in prescribed_components_by_condition(team.part.now)]
 
 
-def _set_held_forces(team: Team, forces_by_condition_and_axis: list[NDArray[np.float64]]) -> None:
+def _set_prescribed_component_forces(team: Team, forces_by_condition_and_axis: list[NDArray[np.float64]]) -> None:
     """Take over the forces that hold own nodes, of each condition and axis."""
     subdomain: RankSystem = team.part.now
-    for rows, values in zip(
-        held_components_by_condition_and_axis(subdomain), forces_by_condition_and_axis, strict=True
-    ):
+    for rows, values in zip(prescribed_components_by_condition(subdomain), forces_by_condition_and_axis, strict=True):
         subdomain.system.drive.held_force[rows] = values
 
 
-def _names_of_bond_and_node_checkpoint_arrays(team: Team) -> tuple[list[str], list[str]]:
+def _checkpoint_array_names(team: Team) -> tuple[list[str], list[str]]:
     """The names of what this rank's operator keeps of bonds, and of nodes."""
     operator_arrays = parts.checkpoint_arrays(team.part)
     of_bonds = [name for name in operator_arrays if parts.is_of_bonds(operator_arrays, name)]

@@ -18,10 +18,10 @@ from pdsolve.options import Options
 from pdsolve.ranks.building import built
 from pdsolve.ranks.part import Part, added_up
 from pdsolve.ranks.slabs import Slab
-from pdsolve.run.assembly import RankInputs, assemble_system, choose_time_step
+from pdsolve.run.assembly import RankCoupling, assemble_system, choose_time_step
 from pdsolve.run.inversion_checks import MotionChecks
 from pdsolve.run.measures import NodeEnergiesAndBreaks, compute_node_energies_and_breaks
-from pdsolve.run.on_ranks.rank_file import RankFile
+from pdsolve.run.on_ranks.rank_file import RankDatabase
 from pdsolve.run.operator_factory import (
     make_operator,
     make_tiled_operator,
@@ -75,7 +75,7 @@ class RankSystem:
             ActingCondition(
                 number,
                 str(condition.__struct_config__.tag),
-                _select_own_rows(self.system.model.selected(condition), part.own),
+                _select_local_rows(self.system.model.selected(condition), part.own),
             )
             for number, condition in enumerate(self.system.model.settings.conditions)
             if isinstance(condition, Driving)
@@ -83,11 +83,11 @@ class RankSystem:
         self.motion_checks = MotionChecks(self.system.model, partial(self.system.operator.bonds, start=True))
         self.bond_state: NodeEnergiesAndBreaks = compute_node_energies_and_breaks(self.system, self.state)
         self.bond_state_step = 0  # that this is of
-        self.file: RankFile | None = None  # of this rank alone
+        self.file: RankDatabase | None = None  # of this rank alone
         self.pieces = np.zeros(0, dtype=np.int64)  # (k,) of each own node, where it is asked for
 
 
-class RankStart(NamedTuple):
+class RankInitialMotion(NamedTuple):
     """What a rank says of its start."""
 
     kinetic_energy: Branches  # energy, J/m
@@ -129,10 +129,10 @@ def prepare_rank_system(
     team: Team,
     options: Options,
     time_step: float,
-    stable_step: float,
+    stable_time_step: float,
     full_model: Model | None,
     layer_damping_rates: NDArray[np.float64] | None,
-) -> RankStart:
+) -> RankInitialMotion:
     """Make the system of this rank's window; `layer_damping_rates` (m,), 1/s, is known of listed nodes with layers that
     absorb."""
     part: Part = team.part
@@ -141,7 +141,7 @@ def prepare_rank_system(
     driven = drive(model, counted.area, scheme.exact_load, kind, part.own, partial(added_up, team))
     if layer_damping_rates is None:
         layer_damping_rates = damping(model) if full_model is None else damping(full_model, slab.begin, slab.end)
-    rank_coupling = RankInputs(part.ghosts, layer_damping_rates)
+    rank_coupling = RankCoupling(part.ghosts, layer_damping_rates)
     prepared = assemble_system(
         model,
         options,
@@ -149,14 +149,14 @@ def prepare_rank_system(
         part.operator,
         counted,
         time_step,
-        stable_step,
+        stable_time_step,
         conditions=driven,
         rank_coupling=rank_coupling,
     )
     part.now = RankSystem(part, prepared)
     velocity = initial_velocity(model, prepared.state.value.shape[1])
     kinetic = (model.rho / 2 * counted.area * (velocity**2).sum(axis=1))[part.own]
-    return RankStart(branches(kinetic, slab.first, slab.nodes), not velocity[part.own].any())
+    return RankInitialMotion(branches(kinetic, slab.first, slab.nodes), not velocity[part.own].any())
 
 
 def advance_this_rank(team: Team, first_step: int, end_step: int) -> None:
@@ -165,5 +165,5 @@ def advance_this_rank(team: Team, first_step: int, end_step: int) -> None:
     subdomain.system.stepper.advance(subdomain.state, first_step, end_step)
 
 
-def _select_own_rows(rows: NDArray[np.int64], own_rows: slice) -> NDArray[np.int64]:
-    return np.asarray(rows[(rows >= own_rows.start) & (rows < own_rows.stop)])
+def _select_local_rows(rows: NDArray[np.int64], local_rows: slice) -> NDArray[np.int64]:
+    return np.asarray(rows[(rows >= local_rows.start) & (rows < local_rows.stop)])
