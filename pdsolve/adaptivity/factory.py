@@ -12,12 +12,12 @@ from pdsolve.model import Model
 if TYPE_CHECKING:
     from pdsolve.adaptivity.collocation.operator import CollocationOperator
 
-    Moving = HybridOperator | CollocationOperator
+    MovingZoneOperator = HybridOperator | CollocationOperator
 
 
 def create_zone_operator_and_stable_step(
     model: Model, precision: str, choose_step: Callable[[Model, float], float], threads: int
-) -> tuple[Moving, float]:
+) -> tuple[MovingZoneOperator, float]:
     """The operator at the start that `run.adapt` selects, and the surely stable step, s; `choose_step` takes it.
 
     Raises ModelError for a model that the method does not support.

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from pdsolve.adaptivity.quadtree import criteria
 from pdsolve.adaptivity.quadtree.incremental_bonds import create_leaf_bonds, update_leaf_bonds
 from pdsolve.adaptivity.quadtree.inherited_cracks import (
-    PastBonds,
+    PreviousBonds,
     inherit_break_steps,
 )
 from pdsolve.adaptivity.quadtree.interpolation import interpolate_state
@@ -44,7 +44,7 @@ class CellSplitting:
     def change_nodes(self, system: System, state: State, step: int) -> SystemAfterNodeChange | None:
         """Split and merge cells after `step`; None if all stay."""
         operator, wanted = expect_quadtree_operator(system), self.settings
-        energy, before = operator.energies(state)[0], PastBonds(operator.all_bonds, operator.break_steps())
+        energy, before = operator.energies(state)[0], PreviousBonds(operator.all_bonds, operator.break_steps())
         if wanted.by == "energy":
             height = criteria.relative_energy_densities(self.tree, operator.cells, energy, self._critical)
         else:
@@ -56,13 +56,13 @@ class CellSplitting:
             operator.cells, model.grid.position, model.horizons, height, before.has_broken_bond
         )
         operator.history = operator.history._replace(
-            consecutive_calm_checks=np.where(
-                leaf_states.criterion_value < wanted.merge, operator.history.consecutive_calm_checks + 1, 0
+            checks_below_threshold=np.where(
+                leaf_states.criterion_value < wanted.merge, operator.history.checks_below_threshold + 1, 0
             )
         )
         splits = criteria.mask_leaves_to_split(self.tree, leaf_states, wanted.threshold)
         merged = criteria.list_cells_to_merge(
-            self.tree, leaf_states, operator.history.consecutive_calm_checks >= wanted.hold, splits, wanted.threshold
+            self.tree, leaf_states, operator.history.checks_below_threshold >= wanted.hold, splits, wanted.threshold
         )
         if not splits.any() and not len(merged.root_row):
             return None
@@ -76,29 +76,29 @@ class CellSplitting:
         step: int,
         cells: Cells,
         origins: LeafOrigins,
-        old_bonds: PastBonds,
-        old_energies: NDArray[np.float64],
+        previous_bonds: PreviousBonds,
+        previous_energies: NDArray[np.float64],
     ) -> SystemAfterNodeChange:
         """The leaves `cells` after this step, made from the bonds before and their energies (n,), J/m^3."""
         old_operator = expect_quadtree_operator(system)
         new, begun = self._prepare_run_with_cells(system, cells, origins)
         operator = expect_quadtree_operator(new)
-        broken = inherit_break_steps(old_bonds, operator.all_bonds, origins)
+        broken = inherit_break_steps(previous_bonds, operator.all_bonds, origins)
         operator.set_break_steps(broken)
         for values, moved_values in zip(
-            begun, interpolate_state(state, origins, old_operator.all_bonds, old_bonds.break_steps == 0), strict=True
+            begun,
+            interpolate_state(state, origins, old_operator.all_bonds, previous_bonds.break_steps == 0),
+            strict=True,
         ):
             values[:] = moved_values
         new.drive.held_force[:] = system.drive.held_force
         put_loads(new.drive, step * system.time_step)
-        created = energy_of(new, begun, operator.energies(begun)[0]) - energy_of(system, state, old_energies)
+        created = energy_of(new, begun, operator.energies(begun)[0]) - energy_of(system, state, previous_energies)
         created += half_kick_work_of_acceleration_error(
             new, begun, force_densities(operator, begun._replace(dissipated=np.zeros_like(begun.dissipated)))
         )
-        calm = np.where(
-            origins.is_unchanged, old_operator.history.consecutive_calm_checks[origins.origin_rows[:, 0]], 0
-        )
-        operator.history = LeafHistory(calm, old_operator.history.created_energy + created)
+        calm = np.where(origins.is_unchanged, old_operator.history.checks_below_threshold[origins.origin_rows[:, 0]], 0)
+        operator.history = LeafHistory(calm, old_operator.history.refinement_energy + created)
         return SystemAfterNodeChange(new, begun, self._previous_rows_with_same_bonds(system, new, origins))
 
     def _prepare_run_with_cells(self, system: System, cells: Cells, origins: LeafOrigins | None = None) -> PreparedRun:

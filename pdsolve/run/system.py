@@ -33,7 +33,7 @@ from pdsolve.steppers.protocol import Stepper
 from pdsolve.steppers.steps_on_device import StepsOnDevice
 
 if TYPE_CHECKING:
-    from pdsolve.adaptivity.factory import Moving
+    from pdsolve.adaptivity.factory import MovingZoneOperator
     from pdsolve.crack_growth.growth import Growth
 
 OperatorWithZone = QuadtreeOperator | HybridBodyOperator  # operators with finer nodes that come, and their own summary
@@ -80,9 +80,9 @@ class System:
         return self.stepper.session.about.name.strip() if isinstance(self.stepper, StepsOnDevice) else "cpu"
 
     @property
-    def moving_zone_operator(self) -> Moving | None:
+    def moving_zone_operator(self) -> MovingZoneOperator | None:
         """The operator if it has a moving fine zone and its own energy ledger; otherwise None."""
-        return cast("Moving", self.operator) if isinstance(self.operator, TwoLatticeOperator) else None
+        return cast("MovingZoneOperator", self.operator) if isinstance(self.operator, TwoLatticeOperator) else None
 
     @property
     def load_stepper(self) -> LoadSteps | None:
@@ -144,7 +144,7 @@ class PreparedRun(NamedTuple):
         self.system.fetch_state_from_device()
 
 
-def system_with_moved_zone(system: System, zone_operator: Moving) -> System:
+def system_with_moved_zone(system: System, zone_operator: MovingZoneOperator) -> System:
     """The system of changed nodes of the same plate."""
     count, family = zone_operator.initial_bond_counts_and_family_sizes
     stepper: Stepper = TwoLatticeStepper(zone_operator)

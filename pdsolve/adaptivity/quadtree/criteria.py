@@ -38,22 +38,22 @@ def critical_energy_densities(tree: Tree) -> NDArray[np.float64]:
 
     That of a finer cell is higher in proportion to the square of its critical stretch.
     """
-    model, critical = tree.model, np.zeros(tree.count)
+    model, critical_energy = tree.model, np.zeros(tree.count)
     for rows, material in model.material_columns.of(model.material_of):
         stretch = critical_stretch(material, model.horizons[rows])
-        critical[rows] = C11[material.plane] * material.E / 2 * stretch**2
-    return critical
+        critical_energy[rows] = C11[material.plane] * material.E / 2 * stretch**2
+    return critical_energy
 
 
 def relative_energy_densities(
-    tree: Tree, cells: Cells, energy: NDArray[np.float64], critical: NDArray[np.float64]
+    tree: Tree, cells: Cells, energy: NDArray[np.float64], critical_energy: NDArray[np.float64]
 ) -> NDArray[np.float64]:
     """Energy densities `energy` (n,), J/m^3, over the largest of nodes without conditions; 0 below the floor.
 
     The largest is capped at the ceiling: otherwise one crushed node would hide the tip of a crack.
     """
     wanted, free = tree.model.settings.run.split, ~tree.pinned[cells.root_row]
-    cell_critical = critical[cells.root_row] * 2.0**cells.level
+    cell_critical = critical_energy[cells.root_row] * 2.0**cells.level
     largest = np.minimum(float(energy[free].max(initial=0.0)), wanted.ceiling * cell_critical)
     counts = free & (energy > wanted.floor * cell_critical) & (energy > 0)
     return np.where(counts, energy / np.where(counts, largest, 1.0), 0.0)
@@ -80,58 +80,66 @@ def mask_leaves_to_split(tree: Tree, leaf_states: LeafStates, threshold: float) 
     flagged = leaf_states.criterion_value > threshold
     level, can = leaf_states.cells.level, tree.mask_splittable(leaf_states.cells)
     to_split = can.copy()
-    to_split[can] = _mask_near_flagged(leaf_states.position[can], leaf_states, flagged, 1.0)
+    to_split[can] = _mask_near_flagged_leaves(leaf_states.position[can], leaf_states, flagged, 1.0)
     for at in range(tree.levels - 1, 0, -1):
         coarser = np.flatnonzero(can & (level < at))
-        to_split[coarser] |= _mask_touching(
+        to_split[coarser] |= _mask_touching_leaves(
             tree, leaf_states.cells.select(coarser), leaf_states, to_split & (level == at)
         )
     for at in range(1, tree.levels):
         finer = np.flatnonzero(to_split & (level == at))
-        to_split[finer] = ~_mask_touching(tree, leaf_states.cells.select(finer), leaf_states, ~to_split & (level < at))
+        to_split[finer] = ~_mask_touching_leaves(
+            tree, leaf_states.cells.select(finer), leaf_states, ~to_split & (level < at)
+        )
     return to_split
 
 
-def _mask_near_flagged(
+def _mask_near_flagged_leaves(
     positions: NDArray[np.float64],
     leaf_states: LeafStates,
     flagged: NDArray[np.bool_],
-    horizon_factor: float,
+    radius_in_horizons: float,
     reach: float | None = None,
 ) -> NDArray[np.bool_]:
-    """Mask of `positions` (k, 2) within `horizon_factor` horizons of flagged nodes; horizon: node's, or `reach`."""
+    """Mask of `positions` (k, 2) within `radius_in_horizons` horizons of flagged nodes; horizon: node's, or `reach`."""
     within = np.zeros(len(positions), dtype=bool)
     for level in np.unique(leaf_states.cells.level[flagged]):
         at_level = flagged & (leaf_states.cells.level == level)
         horizon = leaf_states.horizon[at_level][0] if reach is None else reach
         if len(positions):
             away, _ = tree_of(leaf_states.position[at_level]).query(
-                positions, distance_upper_bound=2 * horizon_factor * horizon
+                positions, distance_upper_bound=2 * radius_in_horizons * horizon
             )
-            within |= away <= horizon_factor * horizon * (1 + ROUND_OFF)
+            within |= away <= radius_in_horizons * horizon * (1 + ROUND_OFF)
     return within
 
 
-def _mask_touching(tree: Tree, cells: Cells, leaf_states: LeafStates, others: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """Mask of cells (k,) that touch one of the leaves `others` (n,), also at a corner."""
+def _mask_touching_leaves(
+    tree: Tree, cells: Cells, leaf_states: LeafStates, other_leaves: NDArray[np.bool_]
+) -> NDArray[np.bool_]:
+    """Mask of cells (k,) that touch one of the leaves `other_leaves` (n,), also at a corner."""
     place, half, touching = (
         tree.centres(cells),
         tree.spacing / 2.0 ** (cells.level + 1),
         np.zeros(len(cells.root_row), dtype=bool),
     )
-    for at in np.unique(leaf_states.cells.level[others]) if len(place) else ():
-        at_level = others & (leaf_states.cells.level == at)
+    for at in np.unique(leaf_states.cells.level[other_leaves]) if len(place) else ():
+        at_level = other_leaves & (leaf_states.cells.level == at)
         away, _ = tree_of(leaf_states.position[at_level]).query(place, p=np.inf, distance_upper_bound=2 * tree.spacing)
         touching |= away <= (half + tree.spacing / 2.0 ** (at + 1)) * (1 + ROUND_OFF)
     return touching
 
 
 def list_cells_to_merge(
-    tree: Tree, leaf_states: LeafStates, is_calm: NDArray[np.bool_], is_splitting: NDArray[np.bool_], threshold: float
+    tree: Tree,
+    leaf_states: LeafStates,
+    is_below_threshold: NDArray[np.bool_],
+    is_splitting: NDArray[np.bool_],
+    threshold: float,
 ) -> Cells:
-    """Cells whose four quarters are leaves, `is_calm` (n,), and merge."""
+    """Cells whose four quarters are leaves, `is_below_threshold` (n,), and merge."""
     cells = leaf_states.cells
-    may_merge = is_calm & (cells.level > 0) & ~is_splitting
+    may_merge = is_below_threshold & (cells.level > 0) & ~is_splitting
     parents = cells.select(may_merge).parents()
     key = tree.node_ids(parents)
     _, first, count = np.unique(key, return_index=True, return_counts=True)
@@ -144,10 +152,10 @@ def list_cells_to_merge(
     for at in np.unique(parents.level):
         at_level = parents.level == at
         reach = float(horizon[at_level][0])
-        keep[at_level] &= ~_mask_near_flagged(place[at_level], leaf_states, flagged, FAR, reach)
-        keep[at_level] &= ~_mask_near_flagged(
+        keep[at_level] &= ~_mask_near_flagged_leaves(place[at_level], leaf_states, flagged, FAR, reach)
+        keep[at_level] &= ~_mask_near_flagged_leaves(
             place[at_level], leaf_states, leaf_states.has_broken_bond, 1.0, reach + tree.spacing / 2.0**at
         )
         finer = leaf_states.cells.level + is_splitting > at + 1
-        keep[at_level] &= ~_mask_touching(tree, parents.select(at_level), leaf_states, finer)
+        keep[at_level] &= ~_mask_touching_leaves(tree, parents.select(at_level), leaf_states, finer)
     return parents.select(keep)

@@ -32,20 +32,20 @@ def create_leaf_bonds(rule: ByPairs) -> LeafBonds:
     return _assemble_leaf_bonds(rule, paired, rule.lack(rows, paired))
 
 
-def update_leaf_bonds(rule: ByPairs, model: Model, before: LeafBonds, origins: LeafOrigins) -> LeafBonds:
-    """All bonds of a model, reusing those of unchanged nodes from `before`."""
+def update_leaf_bonds(rule: ByPairs, model: Model, previous: LeafBonds, origins: LeafOrigins) -> LeafBonds:
+    """All bonds of a model, reusing those of unchanged nodes from `previous`."""
     stays = origins.is_unchanged
     position, delta = model.grid.position, model.grid.delta
     reach = float((model.horizons + delta / 2).max()) * (1 + ROUND_OFF)
     away, _ = tree_of(position[~stays]).query(position, distance_upper_bound=2 * reach)
     near_rows = np.flatnonzero(away <= reach)  # new nodes, and all that may interact with one
     pairs = rule.neighbours.pairs(near_rows)
-    fresh = rule.looked(chosen(pairs, ~(stays[pairs.source] & stays[pairs.target])))
-    row = np.full(len(before.surface_correction), -1)
-    row[origins.origin_rows[stays, 0]] = np.flatnonzero(stays)
-    paired = _join_unchanged_and_new_pairs(before.pairs, row, fresh, len(stays))
-    lack = np.zeros((len(stays), *before.surface_correction.shape[1:]))
-    lack[stays] = before.surface_correction[origins.origin_rows[stays, 0]]
+    new_pairs = rule.looked(chosen(pairs, ~(stays[pairs.source] & stays[pairs.target])))
+    new_row_of_node = np.full(len(previous.surface_correction), -1)
+    new_row_of_node[origins.origin_rows[stays, 0]] = np.flatnonzero(stays)
+    paired = _join_unchanged_and_new_pairs(previous.pairs, new_row_of_node, new_pairs, len(stays))
+    lack = np.zeros((len(stays), *previous.surface_correction.shape[1:]))
+    lack[stays] = previous.surface_correction[origins.origin_rows[stays, 0]]
     changed = np.zeros(len(stays), dtype=bool)
     changed[near_rows] = True
     changed_pairs = np.flatnonzero(changed[paired.pairs.source])
@@ -53,15 +53,19 @@ def update_leaf_bonds(rule: ByPairs, model: Model, before: LeafBonds, origins: L
     return _assemble_leaf_bonds(rule, paired, lack)
 
 
-def _join_unchanged_and_new_pairs(before: Paired, row: NDArray[np.int64], fresh: Paired, nodes: int) -> Paired:
+def _join_unchanged_and_new_pairs(
+    previous: Paired, new_row_of_node: NDArray[np.int64], new_pairs: Paired, node_count: int
+) -> Paired:
     """Fresh pairs and those of unchanged nodes, with their new row numbers, in order."""
-    source, target = row[before.pairs.source], row[before.pairs.target]
+    source, target = new_row_of_node[previous.pairs.source], new_row_of_node[previous.pairs.target]
     unchanged = np.flatnonzero((source >= 0) & (target >= 0))
-    old = _select_pairs(before, unchanged)
+    old = _select_pairs(previous, unchanged)
     old = old._replace(pairs=Pairs(source[unchanged], target[unchanged], old.pairs.length))
-    columns: list[Any] = list(map(np.concatenate, zip(_columns_of_pairs(old), _columns_of_pairs(fresh), strict=True)))
+    columns: list[Any] = list(
+        map(np.concatenate, zip(_columns_of_pairs(old), _columns_of_pairs(new_pairs), strict=True))
+    )
     both = Paired(Pairs(*columns[:3]), *columns[3:])
-    return _select_pairs(both, np.argsort(both.pairs.source * nodes + both.pairs.target, kind="stable"))
+    return _select_pairs(both, np.argsort(both.pairs.source * node_count + both.pairs.target, kind="stable"))
 
 
 def _select_pairs(paired: Paired, pair_numbers: NDArray[np.int64]) -> Paired:

@@ -17,7 +17,7 @@ from pdsolve.bonds.assembly import Bonds, ends
 Rows = NDArray[np.int64]
 
 
-class PastBonds:
+class PreviousBonds:
     """The bonds of n nodes before a change, and the steps (b,) in which they broke; 0 while intact."""
 
     def __init__(self, bonds: Bonds, broken: NDArray[np.int32]) -> None:
@@ -37,7 +37,7 @@ class PastBonds:
         had_bond = self._key[at] == key
         return had_bond, np.where(had_bond, self.break_steps[at], 0)
 
-    def crack_separation_steps(self, source: Rows, target: Rows, xi: NDArray[np.float64]) -> NDArray[np.int32]:
+    def find_crack_separation_steps(self, source: Rows, target: Rows, xi: NDArray[np.float64]) -> NDArray[np.int32]:
         """Step (k,) since which a crack separates nodes (k,) from others without a bond, at vectors `xi` (k, 2), m.
 
         A crack separates them if exactly one of the two has lost its bond to a node halfway.
@@ -54,14 +54,14 @@ class PastBonds:
         return steps
 
 
-def inherit_break_steps(old_bonds: PastBonds, new_bonds: Bonds, origins: LeafOrigins) -> NDArray[np.int32]:
+def inherit_break_steps(previous_bonds: PreviousBonds, new_bonds: Bonds, origins: LeafOrigins) -> NDArray[np.int32]:
     """Steps (b,) in which the new bonds broke; 0 for intact ones."""
     source, target = new_bonds.source, new_bonds.neighbour.astype(np.int64)
     steps = np.zeros(len(source), dtype=np.int32)
-    stays, removed = origins.is_unchanged, np.ones(len(old_bonds.has_broken_bond), dtype=bool)
+    stays, removed = origins.is_unchanged, np.ones(len(previous_bonds.has_broken_bond), dtype=bool)
     removed[origins.origin_rows[stays, 0]] = False
     same = stays[source] & stays[target]  # in the order they had
-    steps[same] = old_bonds.break_steps[~removed[old_bonds.source] & ~removed[old_bonds.bonds.neighbour]]
+    steps[same] = previous_bonds.break_steps[~removed[previous_bonds.source] & ~removed[previous_bonds.bonds.neighbour]]
     changed_bonds = np.flatnonzero(~same)
     source_origin, target_origin, parts = (
         origins.origin_rows[source[changed_bonds]],
@@ -75,19 +75,22 @@ def inherit_break_steps(old_bonds: PastBonds, new_bonds: Bonds, origins: LeafOri
             both_parts = np.flatnonzero(mine[:, a] & theirs[:, b])
             if not len(both_parts):
                 continue
-            had_bond, then = old_bonds.find_bonds(source_origin[both_parts, a], target_origin[both_parts, b])
+            had_bond, then = previous_bonds.find_bonds(source_origin[both_parts, a], target_origin[both_parts, b])
             back = np.flatnonzero(~had_bond)  # of a bond that only one end had
-            had_bond[back], then[back] = old_bonds.find_bonds(
+            had_bond[back], then[back] = previous_bonds.find_bonds(
                 target_origin[both_parts[back], b], source_origin[both_parts[back], a]
             )
             has_origin[both_parts] |= had_bond
             when[both_parts] = np.maximum(when[both_parts], then)
     unknown = np.flatnonzero(
-        ~has_origin & (old_bonds.has_broken_bond[source_origin[:, 0]] | old_bonds.has_broken_bond[target_origin[:, 0]])
+        ~has_origin
+        & (previous_bonds.has_broken_bond[source_origin[:, 0]] | previous_bonds.has_broken_bond[target_origin[:, 0]])
     )
     if len(unknown):
         bonds = changed_bonds[unknown]
         xi = new_bonds.xi[bonds] + origins.mass_shift[source[bonds]] - origins.mass_shift[target[bonds]]
-        when[unknown] = old_bonds.crack_separation_steps(source_origin[unknown, 0], target_origin[unknown, 0], xi)
+        when[unknown] = previous_bonds.find_crack_separation_steps(
+            source_origin[unknown, 0], target_origin[unknown, 0], xi
+        )
     steps[changed_bonds] = when
     return steps

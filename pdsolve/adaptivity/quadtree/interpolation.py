@@ -32,8 +32,8 @@ def field_gradients(
     xi, neighbour = bonds.xi[number], bonds.neighbour[number]
     weight = bonds.weight[number] / (xi**2).sum(axis=1) ** 2
 
-    def total(terms: NDArray[np.float64]) -> NDArray[np.float64]:
-        return np.asarray(np.bincount(row_number, terms, minlength=len(rows)), dtype=np.float64)
+    def total(bond_values: NDArray[np.float64]) -> NDArray[np.float64]:
+        return np.asarray(np.bincount(row_number, bond_values, minlength=len(rows)), dtype=np.float64)
 
     xx, xy, yy = (total(weight * xi[:, a] * xi[:, b]) for a, b in ((0, 0), (0, 1), (1, 1)))
     determinant = xx * yy - xy * xy

@@ -64,11 +64,11 @@ def map_leaves(
 
 
 def _vectors_from_centre_of_mass(
-    tree: Tree, new: Cells, parent_row: Rows, split: NDArray[np.bool_], away: NDArray[np.float64]
+    tree: Tree, new: Cells, parent_rows: Rows, split: NDArray[np.bool_], away: NDArray[np.float64]
 ) -> NDArray[np.float64]:
-    """Vectors (m, 2), m, from the centre of mass of four quarters to each; `parent_row` (m,) is their parent's."""
+    """Vectors (m, 2), m, from the centre of mass of four quarters to each; `parent_rows` (m,) is their parent's."""
     vectors, area = np.zeros_like(away), tree.areas(new.select(split))
-    _, group = np.unique(parent_row[split], return_inverse=True)
+    _, group = np.unique(parent_rows[split], return_inverse=True)
     for axis in (0, 1):
         mean = np.bincount(group, area * away[split, axis]) / np.bincount(group, area)
         vectors[split, axis] = away[split, axis] - mean[group]

@@ -29,8 +29,8 @@ SURE = {"conservative": 0.9, "thesis": 0.6}
 class LeafHistory(NamedTuple):
     """History of n leaves."""
 
-    consecutive_calm_checks: NDArray[np.int64]  # (n,) looks that each has been calm for, the latest ones
-    created_energy: float  # J/m: energy that splitting and merging have made so far
+    checks_below_threshold: NDArray[np.int64]  # (n,) looks that each has been calm for, the latest ones
+    refinement_energy: float  # J/m: energy that splitting and merging have made so far
 
 
 class QuadtreeOperator(BondList):
@@ -56,27 +56,27 @@ class QuadtreeOperator(BondList):
         """The step (b,) in which each bond broke, 0 while intact."""
         return self._steps()
 
-    def set_break_steps(self, steps: NDArray[np.int32]) -> None:
+    def set_break_steps(self, break_steps: NDArray[np.int32]) -> None:
         """Set the steps (b,) in which bonds broke; 0: intact."""
-        self._steps()[:] = steps
+        self._steps()[:] = break_steps
 
     def zone_summary(self) -> ZoneSummary:
         """Summary of the finer cells."""
-        return ZoneSummary(self.history.created_energy, self._fine, 0.0)
+        return ZoneSummary(self.history.refinement_energy, self._fine, 0.0)
 
     def checkpoint_arrays(self) -> CheckpointArrays:
         """Bond history for a checkpoint, and for how long each cell has been calm."""
         return {
             **super().checkpoint_arrays(),
-            "calm": self.history.consecutive_calm_checks.copy(),
-            "made": np.array([self.history.created_energy]),
+            "calm": self.history.checks_below_threshold.copy(),
+            "made": np.array([self.history.refinement_energy]),
         }
 
 
-def read_leaf_history(checkpoint: CheckpointArrays, leaves: int) -> LeafHistory:
+def read_leaf_history(checkpoint: CheckpointArrays, leaf_count: int) -> LeafHistory:
     """The history stored by `QuadtreeOperator.checkpoint_arrays` for so many leaves. Raises CheckpointError."""
     return LeafHistory(
-        entry(checkpoint, "calm", (leaves,), np.int64, 0).copy(), float(entry(checkpoint, "made", (1,), float)[0])
+        entry(checkpoint, "calm", (leaf_count,), np.int64, 0).copy(), float(entry(checkpoint, "made", (1,), float)[0])
     )
 
 

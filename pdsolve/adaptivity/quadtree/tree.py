@@ -32,9 +32,9 @@ class Cells(NamedTuple):
     level: NDArray[np.int64]  # (n,) how often it was split
     path: NDArray[np.int64]  # (n,) from the root: two bits for each level, that of the first level is the highest
 
-    def select(self, which: NDArray[np.integer] | NDArray[np.bool_]) -> Cells:
+    def select(self, rows: NDArray[np.integer] | NDArray[np.bool_]) -> Cells:
         """The cells of these rows."""
-        return Cells(*(column[which] for column in self))
+        return Cells(*(column[rows] for column in self))
 
     def parents(self) -> Cells:
         """The parent of each cell."""
@@ -46,9 +46,9 @@ class Cells(NamedTuple):
         return Cells(root, level + 1, 4 * path + np.tile(np.arange(4), len(self.root_row)))
 
 
-def join_cells(*several: Cells) -> Cells:
+def join_cells(*cell_sets: Cells) -> Cells:
     """Several sets of cells as one."""
-    return Cells(*(np.concatenate(column) for column in zip(*several, strict=True)))
+    return Cells(*(np.concatenate(column) for column in zip(*cell_sets, strict=True)))
 
 
 class Tree:

@@ -14,7 +14,7 @@ from plates import GLASS, plate, square_grid
 from pdmesh.model.document import Load, Region, Run, Split
 from pdsolve.adaptivity.quadtree import criteria
 from pdsolve.adaptivity.quadtree.incremental_bonds import create_leaf_bonds, update_leaf_bonds
-from pdsolve.adaptivity.quadtree.inherited_cracks import PastBonds, inherit_break_steps
+from pdsolve.adaptivity.quadtree.inherited_cracks import PreviousBonds, inherit_break_steps
 from pdsolve.adaptivity.quadtree.interpolation import interpolate_state
 from pdsolve.adaptivity.quadtree.leaf_mapping import LeafOrigins, map_leaves
 from pdsolve.adaptivity.quadtree.operator import replace_boxes_by_node_ids
@@ -220,7 +220,7 @@ def test_no_bond_heals(mode: str) -> None:
         splits = of.mask_splittable(cells) & (random.uniform(size=len(cells.root_row)) < 0.3)
         new, transfer = map_leaves(of, cells, splits, cells.select(np.zeros(0, dtype=np.int64)))
         now = scheme.fill(of.model_of_leaves(new)).whole().bonds
-        before = PastBonds(bonds, broken)
+        before = PreviousBonds(bonds, broken)
         found = inherit_break_steps(before, now, transfer)
         assert np.array_equal(found, crossing(of, new, now))
         assert count_healed_bonds(before, now, transfer, found) == 0
@@ -263,7 +263,9 @@ def crossing(of: Tree, cells: Cells, bonds: Any) -> NDArray[np.int32]:
     return np.where(upper[source] != upper[bonds.neighbour], 7, 0).astype(np.int32)
 
 
-def count_healed_bonds(old_bonds: PastBonds, new_bonds: Bonds, origins: LeafOrigins, broken: NDArray[np.int32]) -> int:
+def count_healed_bonds(
+    old_bonds: PreviousBonds, new_bonds: Bonds, origins: LeafOrigins, broken: NDArray[np.int32]
+) -> int:
     """Number of new bonds that are intact although a bond between their parent nodes was broken."""
     child, part = np.nonzero(origins.mass_shares > 0)
     old = origins.origin_rows[child, part]
@@ -278,6 +280,6 @@ def count_healed_bonds(old_bonds: PastBonds, new_bonds: Bonds, origins: LeafOrig
     wide = counts[old_target[row]]
     source = child[begin[old_source[row]] + number // np.maximum(wide, 1)]
     target = child[begin[old_target[row]] + number % np.maximum(wide, 1)]
-    now = PastBonds(new_bonds, broken)
+    now = PreviousBonds(new_bonds, broken)
     has_bond, when = now.find_bonds(source, target)
     return int(np.count_nonzero(has_bond & (when == 0)))
