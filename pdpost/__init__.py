@@ -1,6 +1,6 @@
 """Pictures, histories and crack figures from a database of peridynamic results.
 
-For scripts: `Results.open` reads a database, `crack` returns what its cracks did (`crack_in_space` of a
+For scripts: `Results.open` reads a database, `crack` returns what its cracks did (`crack_3d` of a
 body), `figures` draws it. `crack_table` and
 `study_table` are tables that `pandas.DataFrame` accepts directly. `pdpost.measures` holds the other measures,
 `pdpost.exports` writes files for other programs.
@@ -13,7 +13,7 @@ from pdmesh.lazy_imports import lazily
 if TYPE_CHECKING:
     from pdpost import figures
     from pdpost.figures.notebook import notebook_png
-    from pdpost.measures.crack_in_space import CrackSurfaceSummary, crack_in_space
+    from pdpost.measures.crack_3d import CrackSurfaceSummary, crack_3d
     from pdpost.measures.crack_summary import CrackPathSummary, crack, crack_table
     from pdpost.measures.deformation_maxima import largest_displacement, largest_stretch
     from pdpost.reading.table_columns import study_table
@@ -24,9 +24,9 @@ else:
         {
             "Results": "pdsolve.results",
             "CrackPathSummary": "pdpost.measures.crack_summary",
-            "CrackSurfaceSummary": "pdpost.measures.crack_in_space",
+            "CrackSurfaceSummary": "pdpost.measures.crack_3d",
             "crack": "pdpost.measures.crack_summary",
-            "crack_in_space": "pdpost.measures.crack_in_space",
+            "crack_3d": "pdpost.measures.crack_3d",
             "crack_table": "pdpost.measures.crack_summary",
             "figures": "pdpost.figures",
             "largest_displacement": "pdpost.measures.deformation_maxima",
@@ -41,7 +41,7 @@ __all__ = [
     "CrackSurfaceSummary",
     "Results",
     "crack",
-    "crack_in_space",
+    "crack_3d",
     "crack_table",
     "figures",
     "largest_displacement",

@@ -286,7 +286,7 @@ RIGHT_ANSWERS = (
     ),
     Mutant(
         "pdpost/measures/crack_summary.py",
-        "    lines += _crumbs_sentences(summary.fragments)\n",
+        "    lines += _small_piece_sentences(summary.fragments)\n",
         "",
         "tests/unit/pdpost/measures/test_cracks.py::test_pieces_beside_crumbs_are_said_to_be_few",
     ),

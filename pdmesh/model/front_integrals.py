@@ -52,7 +52,7 @@ class Tube(NamedTuple):
     half: float  # m, half of its length
 
 
-class SampledInSpace(NamedTuple):
+class FrontFieldSamples(NamedTuple):
     """The fields at n nodes; a node without a gradient (NaN) is left out."""
 
     position: NDArray[np.float64]  # (n, 3) m
@@ -64,7 +64,7 @@ class SampledInSpace(NamedTuple):
     work: NDArray[np.float64] | None = None  # (n,) of the stress, J/m^3; None: that of an elastic solid
 
 
-class FoundInSpace(NamedTuple):
+class FrontParameters(NamedTuple):
     """J and the stress intensities at a point of a front."""
 
     J: float  # J/m^2
@@ -85,10 +85,10 @@ class _Around(NamedTuple):
     bend: NDArray[np.float64]  # (n,) 1/m, one over the distance from the centre of the arc
     q: NDArray[np.float64]  # (n,)
     slope: NDArray[np.float64]  # (n, 3) gradient of q, 1/m
-    at: SampledInSpace
+    at: FrontFieldSamples
 
 
-def front_integrals(at: SampledInSpace, front_place: FrontPlace, tube: Tube, solid: Elastic) -> FoundInSpace:
+def front_integrals(at: FrontFieldSamples, front_place: FrontPlace, tube: Tube, solid: Elastic) -> FrontParameters:
     """J and stress intensities at a point of a front; `solid` is in plane strain."""
     around = _around(at, front_place, tube)
     J = _own(around) / tube.half
@@ -97,7 +97,7 @@ def front_integrals(at: SampledInSpace, front_place: FrontPlace, tube: Tube, sol
         factor * _between(around, front_field(around.z, solid, *mode)) / tube.half
         for mode, factor in zip(UNITS.tolist(), factors, strict=True)
     )
-    return FoundInSpace(J, K1, K2, K3)
+    return FrontParameters(J, K1, K2, K3)
 
 
 def across(
@@ -114,7 +114,7 @@ def across(
     return out, y, np.arctan2(c * w, 1 + c * x) / c, far
 
 
-def _around(at: SampledInSpace, front_place: FrontPlace, tube: Tube) -> _Around:
+def _around(at: FrontFieldSamples, front_place: FrontPlace, tube: Tube) -> _Around:
     reach = np.hypot(tube.outer, tube.half + tube.outer)
     near = np.flatnonzero(((at.position - front_place.place) ** 2).sum(axis=1) < reach**2)
     x, y, s, far = across(at.position[near], front_place)
@@ -138,7 +138,7 @@ def _around(at: SampledInSpace, front_place: FrontPlace, tube: Tube) -> _Around:
     if motion is not None:
         motion = SampledMotion(motion.density, way(motion.velocity), way(motion.acceleration), tensor(motion.rates))
     gradient, strain, stress = (tensor(values) for values in (at.gradient, at.strain, at.stress))
-    sampled = SampledInSpace(at.position[rows], at.volume[rows], gradient, strain, stress, motion)
+    sampled = FrontFieldSamples(at.position[rows], at.volume[rows], gradient, strain, stress, motion)
     return _Around(x + 1j * y, front_place.curvature / far, f * g, slope, sampled)
 
 

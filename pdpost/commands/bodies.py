@@ -155,9 +155,9 @@ def _cracked(results: Results, step: int, explode: float | None) -> Figure:
     """The cracks of a body, or its fragments apart."""
     from pdpost.figures import crack_render
     from pdpost.figures.colours import at
-    from pdpost.measures.crack_faces import build_crack_surface, find_opening_steps_of_face_neighbours
+    from pdpost.measures.crack_faces import build_crack_surface, find_opened_face_neighbours
 
-    parted_pairs, nodes = find_opening_steps_of_face_neighbours(results, step), results.nodes(step)
+    parted_pairs, nodes = find_opened_face_neighbours(results, step), results.nodes(step)
     if explode is not None:
         return crack_render.fragments_apart(nodes, parted_pairs, explode, f"Fragments {at(results, step)}")
     return crack_render.cracks_in_body(

@@ -102,7 +102,7 @@ def _one(args: argparse.Namespace, results: Results, threshold: float, path: Pat
 
 def _of_body(args: argparse.Namespace, results: Results, threshold: float, path: Path | None) -> int:
     from pdpost.exports import surface_files
-    from pdpost.measures import crack_in_space
+    from pdpost.measures import crack_3d
 
     for option in ("along", "window", "compare"):
         if getattr(args, option) is not None:
@@ -110,8 +110,8 @@ def _of_body(args: argparse.Namespace, results: Results, threshold: float, path:
     if args.surface is not None:
         surface_files.check_suffix(args.surface)
         commandline.output_path(args.surface, args.results, args.surface.suffix, args.force)
-    summary = crack_in_space.crack_in_space(results, _step(args, results), threshold)
-    lines = crack_in_space.summary_sentences(summary)
+    summary = crack_3d.crack_3d(results, _step(args, results), threshold)
+    lines = crack_3d.summary_sentences(summary)
     if path is not None:
         from pdpost.figures import crack_surface_figure, style
 
@@ -119,8 +119,8 @@ def _of_body(args: argparse.Namespace, results: Results, threshold: float, path:
     if args.surface is not None:
         surface_files.write(args.surface, summary.surface, summary.front_speed)
         lines = [f"{args.surface}: the surface, {len(summary.surface.face_corners)} faces", *lines]
-    header, rows = crack_in_space.frame_table(summary)
-    return number_options.deliver(args, crack_in_space.summary_for_json(summary), lines, header, rows, path)
+    header, rows = crack_3d.frame_table(summary)
+    return number_options.deliver(args, crack_3d.summary_for_json(summary), lines, header, rows, path)
 
 
 def _two(args: argparse.Namespace, first_run: Results, second_run: Results, threshold: float, path: Path | None) -> int:

@@ -195,7 +195,7 @@ def _told(curve: NodeHistory, unit: str) -> str:
 def _balance(args: argparse.Namespace) -> int:
     import numpy as np
 
-    from pdpost.measures.balance import energy_balance, thickness_unit_suffix, warnings_of_energy_lost_outside_cracks
+    from pdpost.measures.balance import energy_balance, energy_loss_warnings, thickness_unit_suffix
     from pdpost.reading.time_text import time_text
     from pdsolve.results import Results
 
@@ -204,7 +204,7 @@ def _balance(args: argparse.Namespace) -> int:
         books, per, said = (
             energy_balance(results),
             thickness_unit_suffix(results),
-            warnings_of_energy_lost_outside_cracks(results),
+            energy_loss_warnings(results),
         )
         if path is not None:
             from pdpost.figures import charts, style

@@ -95,12 +95,12 @@ def _triangles(results: Results, step: int) -> _Found:
 
     from pdpost.measures.crack_faces import (
         build_crack_surface,
-        find_opening_steps_of_face_neighbours,
+        find_opened_face_neighbours,
         triangles_of_grown_faces,
     )
     from pdsolve.results import ResultsError
 
-    cracks = build_crack_surface(results, step, find_opening_steps_of_face_neighbours(results, step))
+    cracks = build_crack_surface(results, step, find_opened_face_neighbours(results, step))
     opened_triangles = triangles_of_grown_faces(cracks)
     triangles = np.concatenate([results.cracks(), opened_triangles])
     if not len(triangles):

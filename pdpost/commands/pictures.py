@@ -126,7 +126,7 @@ def _field(args: argparse.Namespace) -> int:
         unit = fields.FIELDS[name].unit
         reported = {"component": part or None, **numbers(shown), "unit": unit}
         low, high = reported["smallest"], reported["largest"]
-        ends = f"{low:.4g} to" if low is not None and fields.component_takes_both_signs(name, part) else "up to"
+        ends = f"{low:.4g} to" if low is not None and fields.component_is_signed(name, part) else "up to"
         words = "nothing known" if high is None else f"{ends} {high:.4g} {unit}".rstrip()
         if reported["torn"]:
             words += f", {reported['torn']} torn nodes left out"

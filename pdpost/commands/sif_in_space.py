@@ -12,7 +12,7 @@ from pdpost.commands import number_options
 from pdpost.commands.shared import YIELDS, counted
 
 if TYPE_CHECKING:
-    from pdpost.measures.intensities_in_space import FrontIntensities
+    from pdpost.measures.intensities_3d import FrontIntensities
     from pdsolve.results import Results
 
 UNITS = {"J": "J/m^2", "K1": "Pa m^0.5", "K2": "Pa m^0.5", "K3": "Pa m^0.5", "angle": "degrees"}
@@ -20,7 +20,7 @@ UNITS = {"J": "J/m^2", "K1": "Pa m^0.5", "K2": "Pa m^0.5", "K3": "Pa m^0.5", "an
 
 def deliver_fronts(args: argparse.Namespace, results: Results, steps: list[int], path: Path | None) -> int:
     """Draw, print and table the fracture parameters along the fronts of a body; returns the exit code."""
-    from pdpost.measures.intensities_in_space import follow_front_intensities
+    from pdpost.measures.intensities_3d import follow_front_intensities
 
     front_states = follow_front_intensities(results, steps, args.tip, args.ring, counted(args, "summing"))
     last = [front for front in front_states if front.step == front_states[-1].step]

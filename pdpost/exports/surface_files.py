@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 
 from pdmesh.files import write_atomically
 from pdpost.exports.frame_files import ExportError
-from pdpost.measures.crack_faces import CrackSurface, build_crack_surface, find_opening_steps_of_face_neighbours
-from pdpost.measures.crack_in_space import front_speeds_below_rayleigh_speed
+from pdpost.measures.crack_3d import front_speeds_below_rayleigh_speed
+from pdpost.measures.crack_faces import CrackSurface, build_crack_surface, find_opened_face_neighbours
 from pdsolve.results import Results
 
 SUFFIXES = (".vtp", ".stl")
@@ -43,7 +43,7 @@ def write(path: Path, cracks: CrackSurface, speed: NDArray[np.float64]) -> None:
 
 def write_frame(path: Path, results: Results, step: int) -> None:
     """Write the surface of the cracks of a body after `step`."""
-    cracks = build_crack_surface(results, step, find_opening_steps_of_face_neighbours(results, step))
+    cracks = build_crack_surface(results, step, find_opened_face_neighbours(results, step))
     write(path, cracks, front_speeds_below_rayleigh_speed(results, cracks))
 
 

@@ -46,7 +46,7 @@ def colours(name: str, part: str, values: NDArray[np.float64], largest: float | 
     """
     finite = values[np.isfinite(values)]
     high = largest or (1.0 if name in SHARES else usual(finite))
-    signed = fields.component_takes_both_signs(name, part)
+    signed = fields.component_is_signed(name, part)
     low = -high if signed else 0.0
     slack = ROUND_OFF * high
     above, below = bool((finite > high + slack).any()), bool((finite < low - slack).any())

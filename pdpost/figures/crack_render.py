@@ -19,9 +19,9 @@ from pdpost.measures.crack_faces import (
     CrackSurface,
     FaceNeighbourPairs,
     build_crack_surface,
-    find_opening_steps_of_face_neighbours,
+    find_opened_face_neighbours,
 )
-from pdpost.measures.fragments_in_space import SMALLEST, fragment_number_of_nodes
+from pdpost.measures.fragments_3d import SMALLEST, fragment_number_of_nodes
 from pdpost.reading.stored_fields import diffuses
 from pdsolve.results import Nodes, Results
 
@@ -76,9 +76,7 @@ def frame_cut_open(
     values = slices.reliable_field_values(results, name, step, part or None)
     plane = plane or ("y", float(slices.default_slice_point(results)[1]))
     cracks = (
-        None
-        if diffuses(results)
-        else build_crack_surface(results, step, find_opening_steps_of_face_neighbours(results, step))
+        None if diffuses(results) else build_crack_surface(results, step, find_opened_face_neighbours(results, step))
     )
     shown = colours(name, part, values, largest)
     return cut_open(results.nodes(step), values, shown, cracks, title(results, name, part, step, 0.0), plane, uncropped)

@@ -11,7 +11,7 @@ from pdmesh.plain_figure import Figure
 from pdpost.figures.charts import WIDTH, look, plain
 from pdpost.figures.labels import scaled
 from pdpost.figures.opening_colours import Opening, opening_colours
-from pdpost.measures.crack_in_space import CrackSurfaceSummary
+from pdpost.measures.crack_3d import CrackSurfaceSummary
 from pdpost.reading.time_text import time_text
 from pdsolve.results import Results
 

@@ -23,7 +23,7 @@ def fatigue(runs: Sequence[FatigueLife]) -> Figure:
     smooth = [
         run
         for run in runs
-        if not run.tip_growths or (run.prescribed_law.A1 is not None and run.first_break_cycles is not None)
+        if not run.tip_growths or (run.fatigue_law.A1 is not None and run.first_break_cycles is not None)
     ]
     panels = 2 * bool(cracked) + bool(smooth)
     figure = Figure(figsize=(WIDTH * max(panels, 1.2) / 2, 3.4), layout="constrained")
@@ -65,9 +65,9 @@ def _growth(axes: Axes, runs: Sequence[FatigueLife], named: bool) -> None:
         if run.paris_line is not None:
             words = f"{of}measured, m = {run.paris_line.m:.3g}"
             axes.plot(ends * 1e-6, run.paris_line.growth_per_cycle(ends), color="black", lw=0.9, ls=dashes, label=words)
-        law_rate = run.prescribed_growth_per_cycle(ends)
+        law_rate = run.law_growth_per_cycle(ends)
         if law_rate is not None:
-            words = f"{of}given, m = {run.prescribed_law.m:.3g}"
+            words = f"{of}given, m = {run.fatigue_law.m:.3g}"
             axes.plot(ends * 1e-6, law_rate, color="0.6", lw=2.5, alpha=0.6, ls=dashes, label=words, zorder=0)
     if axes.get_legend_handles_labels()[1]:
         axes.legend(frameon=False, fontsize="small")
@@ -88,23 +88,23 @@ def _lives(axes: Axes, runs: Sequence[FatigueLife]) -> None:
     plotted_laws = set()
     for run in runs:
         if (
-            run.prescribed_law.A1 is None
+            run.fatigue_law.A1 is None
             or not len(points)
-            or (run.prescribed_law.A1, run.prescribed_law.m1, run.prescribed_law.endurance) in plotted_laws
+            or (run.fatigue_law.A1, run.fatigue_law.m1, run.fatigue_law.endurance) in plotted_laws
         ):
             continue
-        plotted_laws.add((run.prescribed_law.A1, run.prescribed_law.m1, run.prescribed_law.endurance))
-        low = max(points[:, 0].min() / WIDER, run.prescribed_law.endurance)
+        plotted_laws.add((run.fatigue_law.A1, run.fatigue_law.m1, run.fatigue_law.endurance))
+        low = max(points[:, 0].min() / WIDER, run.fatigue_law.endurance)
         eps = np.geomspace(low * (1 + 1e-9), points[:, 0].max() * WIDER, 50)
         axes.plot(
             run.woehler_cycles_to_break(eps),
             eps,
             color="black",
             lw=0.9,
-            label=f"given, m = {run.prescribed_law.m1:.3g}",
+            label=f"given, m = {run.fatigue_law.m1:.3g}",
         )
-        if run.prescribed_law.endurance > 0:
-            axes.axhline(run.prescribed_law.endurance, color="0.6", lw=0.9, ls=":", label="endurance")
+        if run.fatigue_law.endurance > 0:
+            axes.axhline(run.fatigue_law.endurance, color="0.6", lw=0.9, ls=":", label="endurance")
     for number, run in enumerate(runs):
         if run.first_break_cycles is not None and run.first_break_strain_range is not None:
             axes.plot(

@@ -20,9 +20,7 @@ def outlines(
     `turned` (n, 2, 2) is the linear map of each cell.
     """
     corners = (
-        cell.corners_from_node
-        if turned is None
-        else np.einsum("cab,cb->ca", turned[cell.node_rows], cell.corners_from_node)
+        cell.corner_offsets if turned is None else np.einsum("cab,cb->ca", turned[cell.node_rows], cell.corner_offsets)
     )
     placed = factor * (corners + position[cell.node_rows])
     codes = np.full(len(placed), Curve.LINETO, dtype=np.uint8)

@@ -21,8 +21,8 @@ from pdpost.figures.animation import gif
 from pdpost.figures.labels import prefixed, spelled
 from pdpost.figures.scene_figure import acted_on, scene
 from pdpost.figures.style import written
-from pdpost.measures import crack_in_space, crack_summary
-from pdpost.measures.balance import energy_balance, thickness_unit_suffix, warnings_of_energy_lost_outside_cracks
+from pdpost.measures import crack_3d, crack_summary
+from pdpost.measures.balance import energy_balance, energy_loss_warnings, thickness_unit_suffix
 from pdpost.measures.diffused_amounts import AMOUNTS, mass_balance_with_unit
 from pdpost.measures.fields import default_field_name
 from pdpost.measures.forces import read_reactions
@@ -142,7 +142,7 @@ def _balance(results: Results) -> list[str]:
     last = {"put in" if name == "work" else name: value for name, value in last.items()}
     last["balance error"] = f"{books.error[-1]:+.2e} of the most put in"
     last["broken bonds"] = str(pair_count(len(results.breaks().step)))
-    said = "".join(f"<li>{for_html(sentence)}</li>" for sentence in warnings_of_energy_lost_outside_cracks(results))
+    said = "".join(f"<li>{for_html(sentence)}</li>" for sentence in energy_loss_warnings(results))
     parts = [
         _table(last),
         *([f"<ul>{said}</ul>"] if said else []),
@@ -165,8 +165,8 @@ def _masses(results: Results) -> list[str]:
 
 def _crack(results: Results) -> list[str]:
     if results.dimension == 3:
-        in_space = crack_in_space.crack_in_space(results)
-        sentences = crack_in_space.summary_sentences(in_space)
+        in_space = crack_3d.crack_3d(results)
+        sentences = crack_3d.summary_sentences(in_space)
         figure = crack_surface_figure.crack_surface(results, in_space)
         words = "surface of the crack, its area and its cost"
     else:

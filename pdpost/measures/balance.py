@@ -59,7 +59,7 @@ class _EnergyBalanceGridFileKeys(msgspec.Struct):
     contact: Contact | None = None
 
 
-def warnings_of_energy_lost_outside_cracks(results: Results) -> list[str]:
+def energy_loss_warnings(results: Results) -> list[str]:
     """Sentences about energy that went elsewhere than into cracks, if it is a large share."""
     ledger, model = results.history(), read(results, _EnergyBalanceGridFileKeys)
     energy_input = largest_energy_supplied_so_far(ledger, float(results.meta()["initial_energy"]))

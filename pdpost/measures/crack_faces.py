@@ -73,7 +73,7 @@ class FaceNeighbourPairs(NamedTuple):
 
     node_rows: NDArray[np.int64]  # (b, 2) rows of nodes
     opening_step: NDArray[np.int64]  # (b,) in which they parted; PRE_CRACK by a pre-crack, CLOSED not at all
-    node_is_sound: NDArray[np.bool_]  # (n,) nodes that are not cracked
+    node_is_uncracked: NDArray[np.bool_]  # (n,) nodes that are not cracked
 
     @property
     def is_opened(self) -> NDArray[np.bool_]:
@@ -81,9 +81,7 @@ class FaceNeighbourPairs(NamedTuple):
         return np.asarray(self.opening_step != CLOSED)
 
 
-def find_opening_steps_of_face_neighbours(
-    results: Results, step: int, threshold: float = CRACKED
-) -> FaceNeighbourPairs:
+def find_opened_face_neighbours(results: Results, step: int, threshold: float = CRACKED) -> FaceNeighbourPairs:
     """Which neighbours in a body parted until `step`: their bond is broken and their mean damage is above `threshold`,
     or a pre-crack is between them. Nodes are cracked above the same damage."""
     nodes, breaks = results.nodes(step), results.breaks()
@@ -138,7 +136,7 @@ def build_crack_surface(results: Results, step: int, neighbour_pairs: FaceNeighb
     nodes = results.nodes(step)
     crack = np.flatnonzero(
         (neighbour_pairs.opening_step == PRE_CRACK)
-        | (neighbour_pairs.is_opened & _pairs_are_in_crack_middle(nodes, neighbour_pairs))
+        | (neighbour_pairs.is_opened & _pairs_are_inside_crack(nodes, neighbour_pairs))
     )
     crack = crack[np.argsort(neighbour_pairs.opening_step[crack], kind="stable")]
     when = neighbour_pairs.opening_step[crack]
@@ -166,9 +164,9 @@ def _pairs_cut_by_pre_cracks(
     return np.asarray(near[Screen(triangles, nodes.position, nodes.delta).met(near_pairs)])
 
 
-def _pairs_are_in_crack_middle(nodes: Nodes, neighbour_pairs: FaceNeighbourPairs) -> NDArray[np.bool_]:
+def _pairs_are_inside_crack(nodes: Nodes, neighbour_pairs: FaceNeighbourPairs) -> NDArray[np.bool_]:
     """Mask (b,) of pairs whose nodes belong to sound nodes far from each other, or to none."""
-    pairs, sound = neighbour_pairs.node_rows, np.flatnonzero(neighbour_pairs.node_is_sound)
+    pairs, sound = neighbour_pairs.node_rows, np.flatnonzero(neighbour_pairs.node_is_uncracked)
     if not len(sound):
         return np.ones(len(pairs), dtype=bool)
     cost = np.where(neighbour_pairs.is_opened, OPEN, 1.0)

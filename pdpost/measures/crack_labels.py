@@ -35,7 +35,7 @@ class CrackedNodes(NamedTuple):
     spacing: NDArray[np.float64]  # (c,) spacing, m
     damage_with_pre_cracks: NDArray[np.float64]  # (c,)
     crack_number: NDArray[np.int64]  # (c,) number of the crack; -1: none, a crumb
-    joined_crack_step: NDArray[np.int64]  # (c,) in which the crack came to the node, or joined it if it cracked ahead
+    crack_arrival_step: NDArray[np.int64]  # (c,) in which the crack came to the node, or joined it if it cracked ahead
     spacings_from_origin: NDArray[np.float64]  # (c,) spacings from where the crack began, along the way it came
     touching_distances: csr_array  # (c, c) spacings between nodes that touch
 

@@ -182,7 +182,7 @@ def summary_sentences(summary: CrackPathSummary) -> list[str]:
     if len(summary.fragments.pieces) > 1:
         areas = ", ".join(f"{piece.area * 1e6:.4g}" for piece in summary.fragments.pieces)
         lines.append(f"{len(summary.fragments.pieces)} pieces of {areas} mm^2, cracked nodes left out")
-    lines += _crumbs_sentences(summary.fragments)
+    lines += _small_piece_sentences(summary.fragments)
     return lines or ["nothing broke"]
 
 
@@ -204,15 +204,15 @@ def _describe_branch(branch: CrackBranch, summary: CrackPathSummary) -> str:
     return f"{branch.length * 1e3:.3g} mm long, from {ways[0]} to {ways[1]}{fast}"
 
 
-def _crumbs_sentences(fragments: PlateFragments) -> list[str]:
+def _small_piece_sentences(fragments: PlateFragments) -> list[str]:
     """Words for what is in no piece, where that is much: crumbs and cracked nodes."""
-    total_area = sum(piece.area for piece in fragments.pieces) + fragments.crumbs_area + fragments.cracked_area
-    share = (fragments.crumbs_area + fragments.cracked_area) / total_area
+    total_area = sum(piece.area for piece in fragments.pieces) + fragments.small_pieces_area + fragments.cracked_area
+    share = (fragments.small_pieces_area + fragments.cracked_area) / total_area
     if share <= MUCH_IN_CRUMBS:
         return []
     return [
         f"{share:.0%} of the plate is in no piece: {fragments.cracked_area * 1e6:.4g} mm^2 of cracked nodes, and"
-        f" {fragments.crumbs_area * 1e6:.4g} mm^2 in {fragments.crumb_count} crumbs"
+        f" {fragments.small_pieces_area * 1e6:.4g} mm^2 in {fragments.small_piece_count} crumbs"
         f" of at most {PIECE:.0%} of the nodes each"
     ]
 

@@ -134,7 +134,7 @@ def _inherit_cracked_step_of_replaced_nodes(
     cracked_step[born_rows[(cracked_step[born_rows] == birth[born_rows]) & ~has_broken_bonds[born_rows]]] = 0
 
 
-def find_free_pre_crack_tips_and_headings(
+def find_free_pre_crack_tips(
     pre_cracks: NDArray[np.float64],
 ) -> list[tuple[NDArray[np.float64], NDArray[np.float64]]]:
     """Ends of pre-cracks (k, 4) that no other segment touches, each with the unit vector of the arriving crack."""

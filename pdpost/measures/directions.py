@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from scipy.special import stdtrit
 
 from pdpost.measures.crack_labels import SHORTEST
-from pdpost.measures.cracked_nodes import find_free_pre_crack_tips_and_headings
+from pdpost.measures.cracked_nodes import find_free_pre_crack_tips
 from pdpost.measures.speed import SURE
 from pdpost.measures.tips import ARM, BEGINS, NEAR_TIP, CrackBranch, fit_line_direction
 from pdsolve.results import Results
@@ -45,7 +45,7 @@ def measure_initial_directions(results: Results, branches: Sequence[CrackBranch]
     direction of its first arm.
     """
     crack_directions = []
-    for tip, heading in find_free_pre_crack_tips_and_headings(results.cracks()):
+    for tip, heading in find_free_pre_crack_tips(results.cracks()):
         for first in branches:
             if np.hypot(*(first.points[0] - tip)) > BEGINS * first.node_spacing[0]:
                 continue

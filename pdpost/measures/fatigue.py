@@ -72,20 +72,20 @@ class FatigueLife(NamedTuple):
         float | None
     )  # cycles until its first bonds broke; None: none did, or the crack is one of particles
     first_break_strain_range: float | None  # of the stretch of these bonds
-    prescribed_law: Fatigue
+    fatigue_law: Fatigue
     tip_growths: list[TipFatigueGrowth]  # of its cracks; empty: a smooth body
     paris_line: ParisLine | None  # Paris's, through these
 
     def woehler_cycles_to_break(self, strain_range: Array) -> Array:
         """Wöhler's line: cycles until bonds stretched by these ranges break, away from damage."""
-        A1, m1 = self.prescribed_law.A1, self.prescribed_law.m1
+        A1, m1 = self.fatigue_law.A1, self.fatigue_law.m1
         if A1 is None or m1 is None:
             return np.full(len(strain_range), np.inf)
-        return np.where(strain_range > self.prescribed_law.endurance, 1 / (A1 * strain_range**m1), np.inf)
+        return np.where(strain_range > self.fatigue_law.endurance, 1 / (A1 * strain_range**m1), np.inf)
 
-    def prescribed_growth_per_cycle(self, dK: Array) -> Array | None:
+    def law_growth_per_cycle(self, dK: Array) -> Array | None:
         """Growth a cycle by what the run was given: C and m, or m alone through the middle of the settled points."""
-        C, m = self.prescribed_law.C, self.prescribed_law.m
+        C, m = self.fatigue_law.C, self.fatigue_law.m
         if m is None or (C is None and self.paris_line is None):
             return None
         if C is not None:

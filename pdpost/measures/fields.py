@@ -106,7 +106,7 @@ def find_unreliable_nodes(results: Results, field_name: str, step: int) -> NDArr
     return damage_with_pre_cracks_at(results, step) > CRACKED
 
 
-def component_takes_both_signs(field_name: str, component: str) -> bool:
+def component_is_signed(field_name: str, component: str) -> bool:
     """Whether a component takes both signs."""
     return field_name == "rotation" or (bool(component) and component not in ("magnitude", "mises"))
 

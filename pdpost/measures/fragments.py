@@ -24,8 +24,8 @@ class PlateFragments(NamedTuple):
     """All fragments; their areas, that of the crumbs and the cracked area add up to the plate's."""
 
     pieces: tuple[PlateFragment, ...]  # the largest first
-    crumb_count: int  # pieces of no more than 2 per cent of the nodes
-    crumbs_area: float  # m^2
+    small_piece_count: int  # pieces of no more than 2 per cent of the nodes
+    small_pieces_area: float  # m^2
     cracked_area: float  # m^2, of the cracked nodes, which belong to no piece
 
 
@@ -34,7 +34,7 @@ def find_plate_fragments(results: Results, step: int, threshold: float = CRACKED
     nodes, cracked = results.nodes(step), damage_with_pre_cracks_at(results, step) > threshold
     sound = np.flatnonzero(~cracked)
     piece = cluster_nodes(nodes.position[sound], nodes.delta[sound], link_distance=1.0)
-    fragment_list, crumbs, crumbs_area = [], 0, 0.0
+    fragment_list, crumbs, small_pieces_area = [], 0, 0.0
     for number in range(int(piece.max(initial=-1)) + 1):
         rows = sound[piece == number]
         area = nodes.area[rows]
@@ -42,6 +42,6 @@ def find_plate_fragments(results: Results, step: int, threshold: float = CRACKED
             x, y = (float(np.average(places, weights=area)) for places in nodes.position[rows].T)
             fragment_list.append(PlateFragment(len(rows), float(area.sum()), (x, y)))
         else:
-            crumbs, crumbs_area = crumbs + 1, crumbs_area + float(area.sum())
+            crumbs, small_pieces_area = crumbs + 1, small_pieces_area + float(area.sum())
     pieces = tuple(sorted(fragment_list, key=lambda one: (-one.area, one.centre)))
-    return PlateFragments(pieces, crumbs, crumbs_area, float(nodes.area[cracked].sum()))
+    return PlateFragments(pieces, crumbs, small_pieces_area, float(nodes.area[cracked].sum()))

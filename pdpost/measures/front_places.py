@@ -16,7 +16,7 @@ from scipy.spatial import cKDTree
 
 from pdmesh.model.crack_surfaces import TOUCH, front
 from pdmesh.model.front_integrals import FrontPlace
-from pdpost.measures.crack_faces import build_crack_surface, find_opening_steps_of_face_neighbours
+from pdpost.measures.crack_faces import build_crack_surface, find_opened_face_neighbours
 from pdpost.measures.crack_fronts import Polyline, chain_edges, front_lines_at, line_length
 from pdpost.measures.lattice_neighbours import NEAR
 from pdsolve.results import Nodes, Results
@@ -46,7 +46,7 @@ def crack_points_and_fronts_at(results: Results, step: int) -> CrackPointsAndFro
     nodes = results.nodes(step)
     triangles = results.cracks().reshape(-1, 3, 3)
     if (results.breaks().step <= step).any():
-        parted_pairs = find_opening_steps_of_face_neighbours(results, step)
+        parted_pairs = find_opened_face_neighbours(results, step)
         if (parted_pairs.opening_step >= 0).any():
             cracks, now = build_crack_surface(results, step, parted_pairs), step * float(results.meta()["time_step"])
             return CrackPointsAndFronts(cracks.face_centres[cracks.opening_time <= now], front_lines_at(cracks, now))

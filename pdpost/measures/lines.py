@@ -59,10 +59,13 @@ def sample_field_along_line(
             f" and the part {size:.3g} m; use some of {_format_coordinates(_bounding_box(results, nodes))} (m),"
             " or write units such as 20mm"
         )
-    rows = np.flatnonzero(_distances_from_segment(nodes.position, *ends) <= AROUND * nodes.delta.max())
+    from_start, way = nodes.position - ends[0], ends[1] - ends[0]
+    foot = (from_start @ way / (way @ way)).clip(0, 1)  # on the line, of each node
+    distance = np.sqrt(((from_start - foot[:, None] * way) ** 2).sum(axis=1))
+    rows = np.flatnonzero(distance <= AROUND * nodes.delta.max())
     count = min(int(np.ceil(PER_SPACING * length / nodes.delta[rows].min(initial=length))) + 1, MOST)
     share = np.linspace(0, 1, max(count, 2))
-    places = ends[0] + share[:, None] * (ends[1] - ends[0])
+    places = ends[0] + share[:, None] * way
     on = _places_are_on_body(results, nodes, places)
     if not len(rows) or not on.any():
         raise ResultsError(
@@ -92,15 +95,6 @@ def _bounding_box(results: Results, nodes: Nodes) -> tuple[float, ...]:
         return tuple(map(float, read_plate_geometry(results).plate_shape.bounds))
     half = nodes.delta[:, None] / 2
     return (*(nodes.position - half).min(axis=0).tolist(), *(nodes.position + half).max(axis=0).tolist())
-
-
-def _distances_from_segment(
-    points: NDArray[np.float64], start: NDArray[np.float64], end: NDArray[np.float64]
-) -> NDArray[np.float64]:
-    """Distances (n,) of points (n, d) from the segment between two places (d,), m."""
-    away, way = points - start, end - start
-    share = (away @ way / (way @ way)).clip(0, 1)
-    return np.asarray(np.sqrt(((away - share[:, None] * way) ** 2).sum(axis=1)))
 
 
 def _places_are_on_body(results: Results, nodes: Nodes, places: NDArray[np.float64]) -> NDArray[np.bool_]:

@@ -35,7 +35,7 @@ class PlateGeometry(NamedTuple):
 class VoronoiCells(NamedTuple):
     """The cells of n nodes. The rings of a node are consecutive; a ring's last corner is its first."""
 
-    corners_from_node: NDArray[np.float64]  # (c, 2) m, from their nodes
+    corner_offsets: NDArray[np.float64]  # (c, 2) m, from their nodes
     is_last_of_ring: NDArray[np.bool_]  # (c,) whether a corner is the last of its ring
     node_rows: NDArray[np.int64]  # (c,) rows of the nodes, rising; a node outside the plate has no cell
 

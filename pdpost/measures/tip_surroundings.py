@@ -16,7 +16,7 @@ import shapely
 from numpy.typing import NDArray
 
 from pdmesh.model.selection import selected
-from pdpost.measures.cracked_nodes import find_free_pre_crack_tips_and_headings
+from pdpost.measures.cracked_nodes import find_free_pre_crack_tips
 from pdpost.measures.plate_geometry import read_plate_geometry
 from pdpost.measures.strain import elastic_constants_of_nodes
 from pdpost.measures.tips import ARM, BEGINS, CrackBranch, crack_branches
@@ -83,7 +83,7 @@ def tip_histories(results: Results, step: int) -> list[TipHistory]:
     edge = read_plate_geometry(results).plate_shape.boundary
     starts = [
         (tip, heading)
-        for tip, heading in find_free_pre_crack_tips_and_headings(results.cracks())
+        for tip, heading in find_free_pre_crack_tips(results.cracks())
         if place_is_on_plate(results, tip) and edge.distance(shapely.Point(tip)) > spacing / 2
     ]
     tip_fronts, carried = [], set()

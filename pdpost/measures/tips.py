@@ -25,7 +25,7 @@ from pdmesh.model.document import Horizon
 from pdmesh.model.kd_trees import tree_of
 from pdmesh.model.output_fields import CRACKED
 from pdpost.measures.crack_labels import CrackedNodes, label_cracked_nodes
-from pdpost.measures.cracked_nodes import ROUND_OFF, find_free_pre_crack_tips_and_headings
+from pdpost.measures.cracked_nodes import ROUND_OFF, find_free_pre_crack_tips
 from pdpost.measures.plate_geometry import read_plate_geometry
 from pdpost.measures.skeleton import SLAB, Chain, CrackSkeleton
 from pdpost.measures.speed import WINDOW, TipSpeeds, averaging_window, estimate_tip_speeds
@@ -115,7 +115,7 @@ def crack_branches(results: Results, step: int | None = None, threshold: float =
     skeleton = CrackSkeleton(cracked)
     skeleton.remove_short_chains()
     time_step = float(results.meta()["time_step"])
-    pre_cracks = np.array([tip for tip, _ in find_free_pre_crack_tips_and_headings(results.cracks())]).reshape(-1, 2)
+    pre_cracks = np.array([tip for tip, _ in find_free_pre_crack_tips(results.cracks())]).reshape(-1, 2)
     reached: dict[int, tuple[float, float]] = {}  # time and length at joints
     branches = []
     for chain in sorted(skeleton.find_chains_between_joints(), key=lambda chain: (skeleton.slab[chain[0]], chain)):
@@ -237,7 +237,7 @@ def _path_points_of_chain(
 def _merge_nodes_to_point(cracked: CrackedNodes, rows: NDArray[np.int64]) -> _PathPoint:
     """The centre of nodes; the time is the mean over spacings of length of the first node in each."""
     layer, delta = np.floor(cracked.spacings_from_origin[rows] + ROUND_OFF), cracked.spacing[rows]
-    steps = [int(cracked.joined_crack_step[rows][layer == number].min()) for number in np.unique(layer)]
+    steps = [int(cracked.crack_arrival_step[rows][layer == number].min()) for number in np.unique(layer)]
     place = np.average(cracked.position[rows], axis=0, weights=cracked.damage_with_pre_cracks[rows])
     width = float((delta**2).sum() / delta.mean() ** 2) / SLAB
     return _PathPoint(place, float(np.mean(steps)), float(delta.mean()), width <= WIDE)

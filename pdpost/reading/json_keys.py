@@ -14,7 +14,7 @@ _ANGLES = {
 
 JSON_KEYS: dict[str, dict[str, str]] = {  # of each record's fields; a field that is not here is its own key
     "BodyFragment": {"node_count": "nodes"},
-    "BodyFragments": {"crumb_count": "crumbs"},
+    "BodyFragments": {"small_piece_count": "crumbs", "small_pieces_mass": "crumbs_mass"},
     "CrackComparison": {
         "mean_distance": "mean",
         "hausdorff_distance": "hausdorff",
@@ -45,7 +45,7 @@ JSON_KEYS: dict[str, dict[str, str]] = {  # of each record's fields; a field tha
     "NodeHistory": {"node_ids": "nodes", "smallest": "low", "largest": "high", "distance_from_place": "off"},
     "ParisLine": {"point_count": "points"},
     "PlateFragment": {"node_count": "nodes"},
-    "PlateFragments": {"crumb_count": "crumbs"},
+    "PlateFragments": {"small_piece_count": "crumbs", "small_pieces_area": "crumbs_area"},
     "PredictedCrackDirection": {**_ANGLES, "frame_step": "step", "path_deviation": "off"},
     "TipFatigueGrowth": {"grown_length": "length", "growth_per_cycle": "rate", "is_past_slow_start": "settled"},
 }

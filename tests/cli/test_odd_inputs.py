@@ -31,7 +31,7 @@ from pdmesh.grid.ligaments import ligaments
 from pdmesh.grid.pieces import faces_of
 from pdmesh.model.visibility import plate_of
 from pdpost.__main__ import main as pdpost
-from pdpost.measures.cracked_nodes import find_free_pre_crack_tips_and_headings
+from pdpost.measures.cracked_nodes import find_free_pre_crack_tips
 from pdsolve.__main__ import main as pdsolve
 from pdsolve.model import ModelNote, ModelWarning
 
@@ -149,7 +149,7 @@ def wave(count: int) -> np.ndarray:
 def test_tips_of_a_crack_of_30000_points() -> None:
     """They were sought pair by pair: 117 s for 30 000."""
     segments, start = wave(30_000), time.process_time()
-    tips = np.array([tip for tip, _ in find_free_pre_crack_tips_and_headings(segments)])
+    tips = np.array([tip for tip, _ in find_free_pre_crack_tips(segments)])
     assert np.array_equal(np.sort(tips[:, 0]), [segments[0, 0], segments[-1, 2]])
     assert time.process_time() - start < 20
 

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from plates import shipped
 
-from pdpost.measures.crack_in_space import crack_in_space
-from pdpost.measures.fragments_in_space import node_masses
+from pdpost.measures.crack_3d import crack_3d
+from pdpost.measures.fragments_3d import node_masses
 from pdsolve.model import Model
 from pdsolve.results import Results
 from pdsolve.run.simulation import Options, simulate
@@ -42,11 +42,11 @@ def test_a_ring_flies_into_pieces() -> None:
     holds when it breaks. Mott's have sqrt(2 E s0 / (rho g)) r / v with g = 1 / (scatter s0), 170 of them.
     """
     with solved("expanding_ring.py") as results:
-        found = crack_in_space(results).fragments
+        found = crack_3d(results).fragments
         whole = float(node_masses(results, 0).sum())
     assert 37 <= len(found.pieces) <= 43  # measured 43
-    assert 0.38 < found.crumbs_mass / whole < 0.46  # measured .3805
-    assert sum(each.mass for each in found.pieces) + found.crumbs_mass == pytest.approx(whole, rel=1e-12)
+    assert 0.38 < found.small_pieces_mass / whole < 0.46  # measured .3805
+    assert sum(each.mass for each in found.pieces) + found.small_pieces_mass == pytest.approx(whole, rel=1e-12)
     out = [np.dot(each.velocity or 0, each.centre) / np.hypot(*each.centre[:2]) for each in found.pieces]
     assert np.array(out) == pytest.approx(np.full(len(out), 60.0), abs=12)
 
@@ -55,7 +55,7 @@ def test_a_ring_flies_into_pieces() -> None:
 def test_an_inclined_penny_turns_across_the_pull() -> None:
     """What opens is flatter than the penny, which is inclined by 30 degrees; a level cut has 900 mm^2."""
     with solved("inclined_penny.py") as results:
-        found = crack_in_space(results)
+        found = crack_3d(results)
     surface = found.surface
     assert found.grown_area[-1] == pytest.approx(966e-6, rel=0.03)  # measured 966 mm^2
     assert surface.opening_time[surface.face_opened_during_run].min() == pytest.approx(23.05e-6, rel=0.02)
@@ -70,7 +70,7 @@ def test_an_inclined_penny_turns_across_the_pull() -> None:
 def test_a_lug_is_torn_off_behind_its_hole() -> None:
     """The crack is between the hole, which begins at x = 26 mm, and 6 mm from there, across the lug."""
     with solved("lug.geo") as results:
-        found = crack_in_space(results)
+        found = crack_3d(results)
         whole = float(node_masses(results, 0).sum())
     surface = found.surface
     place = surface.corners[surface.face_corners].mean(axis=1)

@@ -9,7 +9,7 @@ import pytest
 from plates import GEOMETRIES
 
 from pdmesh.__main__ import main as pdmesh
-from pdpost.measures.crack_in_space import crack_in_space
+from pdpost.measures.crack_3d import crack_3d
 from pdsolve.__main__ import main as pdsolve
 from pdsolve.results import Results
 
@@ -24,7 +24,7 @@ def test_the_front_twists(tmp_path: Path) -> None:
     assert pdmesh(["build", str(GEOMETRIES / "slanted_notch.py"), "--trust", "-o", model, "-q"]) == 0
     assert pdsolve([model, "-o", str(results), "-q"]) == 0
     with Results.open(results) as opened:
-        found = crack_in_space(opened)
+        found = crack_3d(opened)
     place = found.surface.face_centres[found.surface.face_opened_during_run]
     angles = []
     for height in (11e-3, 15e-3, 19e-3):

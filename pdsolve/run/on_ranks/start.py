@@ -71,14 +71,16 @@ class RankSystem:
 
     def __init__(self, part: Part, prepared: PreparedRun) -> None:
         self.system, self.state = prepared
+        own = part.own
         self.acting_conditions = tuple(
             ActingCondition(
                 number,
                 str(condition.__struct_config__.tag),
-                _select_local_rows(self.system.model.selected(condition), part.own),
+                rows[(rows >= own.start) & (rows < own.stop)],
             )
             for number, condition in enumerate(self.system.model.settings.conditions)
             if isinstance(condition, Driving)
+            for rows in (self.system.model.selected(condition),)
         )
         self.motion_checks = MotionChecks(self.system.model, partial(self.system.operator.bonds, start=True))
         self.bond_state: NodeEnergiesAndBreaks = compute_node_energies_and_breaks(self.system, self.state)
@@ -163,7 +165,3 @@ def advance_this_rank(team: Team, first_step: int, end_step: int) -> None:
     """Take the steps `first_step` to `end_step` - 1."""
     subdomain: RankSystem = team.part.now
     subdomain.system.stepper.advance(subdomain.state, first_step, end_step)
-
-
-def _select_local_rows(rows: NDArray[np.int64], local_rows: slice) -> NDArray[np.int64]:
-    return np.asarray(rows[(rows >= local_rows.start) & (rows < local_rows.stop)])

@@ -25,7 +25,7 @@ from pdmesh.model.possible import impossible
 from pdmesh.quantities import UNITS
 from pdpost.__main__ import main as show_command
 from pdpost.figures.page import report
-from pdpost.measures.balance import warnings_of_energy_lost_outside_cracks
+from pdpost.measures.balance import energy_loss_warnings
 from pdsolve.__main__ import main as solve_command
 from pdsolve.adaptivity.collocation import operator as operator_module
 from pdsolve.model import Model, ModelError, ModelWarning
@@ -153,7 +153,7 @@ def test_what_the_seam_takes_is_booked_and_said(tmp_path: Path, capsys: pytest.C
     with Results.open(path) as results:
         history, told = results.history(), results.summary()
         report_page = report(results, "plate")
-        (remark,) = warnings_of_energy_lost_outside_cracks(results)
+        (remark,) = energy_loss_warnings(results)
     assert not history["dissipated"].any()
     assert history["damped"][-1] > 0.1 * history["work"][-1]
     assert np.all(np.diff(history["damped"]) > 0)

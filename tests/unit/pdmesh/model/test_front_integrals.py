@@ -10,7 +10,7 @@ from scipy.spatial import cKDTree
 
 from pdmesh.model.domain_integrals import SampledMotion
 from pdmesh.model.front_fields import front_field
-from pdmesh.model.front_integrals import FoundInSpace, FrontPlace, SampledInSpace, Tube, front_integrals
+from pdmesh.model.front_integrals import FrontFieldSamples, FrontParameters, FrontPlace, Tube, front_integrals
 from pdmesh.model.gradients import PAIRS, Stiffness, gradients_of, hooke
 from pdmesh.model.tip_fields import Elastic
 
@@ -24,7 +24,7 @@ def lattice(low: tuple[float, float, float], high: tuple[float, float, float]) -
     return np.stack(np.meshgrid(*along, indexing="ij"), axis=-1).reshape(-1, 3)
 
 
-def sampled(x: NDArray[np.float64], gradient: NDArray[np.float64]) -> SampledInSpace:
+def sampled(x: NDArray[np.float64], gradient: NDArray[np.float64]) -> FrontFieldSamples:
     """The fields of small displacement gradients (n, 3, 3)."""
     strain = (gradient + gradient.transpose(0, 2, 1)) / 2
     elastic = Stiffness(np.full(len(x), SOLID.E), np.full(len(x), SOLID.nu), "space")
@@ -32,7 +32,7 @@ def sampled(x: NDArray[np.float64], gradient: NDArray[np.float64]) -> SampledInS
     stress = np.empty_like(strain)
     for k, (a, b) in enumerate(PAIRS):
         stress[:, a, b] = stress[:, b, a] = packed[:, k]
-    return SampledInSpace(x, np.ones(len(x)), gradient, strain, stress)
+    return FrontFieldSamples(x, np.ones(len(x)), gradient, strain, stress)
 
 
 def fitted(x: NDArray[np.float64], u: NDArray[np.float64], edge: float | None) -> NDArray[np.float64]:
@@ -79,7 +79,7 @@ def test_stress_and_slope_of_the_known_fields_are_those_of_their_displacement() 
         assert np.abs(sampled(np.zeros((4, 3)), gradient).stress - here.stress).max() < 2e-6
 
 
-def around_a_penny(tube: Tube, bend: float = 1.0) -> FoundInSpace:
+def around_a_penny(tube: Tube, bend: float = 1.0) -> FrontParameters:
     """What is found on a penny of radius 12, its curvature taken `bend` times; the disc is quartered."""
     x = lattice((-3, -3, -13), (25, 17, 13))
     growth = np.array([np.cos(0.3), np.sin(0.3), 0.0])
@@ -109,7 +109,7 @@ def test_inertia_is_the_work_of_accelerations_on_a_front_that_moves_on() -> None
     gradient = np.zeros((len(x), 3, 3))
     gradient[:, 1, 0] = 1e-3
     zero = np.zeros_like(gradient)
-    still = SampledInSpace(x, np.ones(len(x)), gradient, zero, zero)
+    still = FrontFieldSamples(x, np.ones(len(x)), gradient, zero, zero)
     a = np.tile([0.0, 5.0, 0.0], (len(x), 1))
     moving = still._replace(motion=SampledMotion(7.0, 0 * a, a, zero))
     tube = Tube(2.0, 8.0, 4.0)

@@ -132,7 +132,7 @@ def test_cells_share_the_plate_out(bored: Path) -> None:
         own = clipped_voronoi_cells(nodes, on.plate_shape)
     shapes = []
     for row in range(len(nodes.ids)):
-        corners = own.corners_from_node[own.node_rows == row]
+        corners = own.corner_offsets[own.node_rows == row]
         rings = np.split(corners, np.flatnonzero(own.is_last_of_ring[own.node_rows == row]) + 1)
         shapes.append(shapely.Polygon(rings[0] + nodes.position[row]))
     area = shapely.area(shapes)
@@ -153,7 +153,7 @@ def test_a_bore_smaller_than_a_cell_is_a_hole_in_it() -> None:
     shape = shapely.box(0, 0, 2e-3, 2e-3).difference(shapely.Point(1.2e-3, 1.2e-3).buffer(0.1e-3))
     own = clipped_voronoi_cells(nodes, shape)
     assert own.is_last_of_ring[own.node_rows == 4].sum() == 2  # two rings
-    middle = own.corners_from_node[own.node_rows == 4]
+    middle = own.corner_offsets[own.node_rows == 4]
     assert len(middle) > 20
 
 

@@ -18,7 +18,7 @@ from scipy.spatial import cKDTree
 
 from pdmesh.model.document import Horizon, Material
 from pdmesh.model.domain_integrals import SampledMotion
-from pdmesh.model.front_integrals import FoundInSpace, SampledInSpace, Tube, front_integrals
+from pdmesh.model.front_integrals import FrontFieldSamples, FrontParameters, Tube, front_integrals
 from pdmesh.model.gradients import PAIRS, gradients_of, green, hooke
 from pdmesh.model.tip_fields import Elastic
 from pdpost.measures.cracked_nodes import ROUND_OFF, damage_with_pre_cracks_at
@@ -202,7 +202,7 @@ def _no_room_reasons(
     return tuple(said)
 
 
-def _sample_fields_of_nodes(results: Results, step: int, rows: NDArray[np.int64]) -> SampledInSpace:
+def _sample_fields_of_nodes(results: Results, step: int, rows: NDArray[np.int64]) -> FrontFieldSamples:
     """The fields of some nodes."""
     nodes = results.nodes(step)
     families = families_without_broken_bonds(results, results.families(step), step)
@@ -231,7 +231,7 @@ def _sample_fields_of_nodes(results: Results, step: int, rows: NDArray[np.int64]
         motion,
         None if work is None else work[rows],
     )
-    return SampledInSpace(nodes.position[rows], nodes.area[rows], gradient, *parts)
+    return FrontFieldSamples(nodes.position[rows], nodes.area[rows], gradient, *parts)
 
 
 def _symmetric_tensors_of_six_components(six_components: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -247,7 +247,7 @@ def _collect_intensities(
     step: int,
     name: str,
     points: FrontPoints,
-    tube_integrals: list[list[FoundInSpace]],
+    tube_integrals: list[list[FrontParameters]],
     solids: list[Elastic],
     no_room_reasons: tuple[str, ...],
 ) -> FrontIntensities:

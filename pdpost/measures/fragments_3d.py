@@ -32,8 +32,8 @@ class BodyFragments(NamedTuple):
     """All fragments. Their masses and that of the crumbs add up to the body's."""
 
     pieces: tuple[BodyFragment, ...]  # the heaviest first
-    crumb_count: int  # pieces of fewer than 27 nodes
-    crumbs_mass: float  # kg
+    small_piece_count: int  # pieces of fewer than 27 nodes
+    small_pieces_mass: float  # kg
 
 
 class _DensityGridFileKeys(msgspec.Struct):
@@ -54,7 +54,7 @@ def node_masses(results: Results, step: int) -> NDArray[np.float64]:
 
 def fragment_number_of_nodes(neighbour_pairs: FaceNeighbourPairs) -> NDArray[np.int64]:
     """The number (n,) of the piece that each node is in."""
-    return connected(len(neighbour_pairs.node_is_sound), *neighbour_pairs.node_rows[~neighbour_pairs.is_opened].T)
+    return connected(len(neighbour_pairs.node_is_uncracked), *neighbour_pairs.node_rows[~neighbour_pairs.is_opened].T)
 
 
 def find_body_fragments(results: Results, step: int, neighbour_pairs: FaceNeighbourPairs) -> BodyFragments:
@@ -74,8 +74,8 @@ def find_body_fragments(results: Results, step: int, neighbour_pairs: FaceNeighb
             int(count[number]),
             float(volume[number]),
             float(sums[number, 0]),
-            _mass_weighted_mean_vector(sums[number], 1),
-            _mass_weighted_mean_vector(sums[number], 4) if velocity else None,
+            _weighted_mean_vector(sums[number], 1),
+            _weighted_mean_vector(sums[number], 4) if velocity else None,
         )
         for number in np.flatnonzero(large)
     ]
@@ -83,7 +83,7 @@ def find_body_fragments(results: Results, step: int, neighbour_pairs: FaceNeighb
     return BodyFragments(tuple(pieces), int((~large).sum()), float(sums[~large, 0].sum()))
 
 
-def _mass_weighted_mean_vector(sums: NDArray[np.float64], first_column: int) -> tuple[float, float, float]:
+def _weighted_mean_vector(sums: NDArray[np.float64], first_column: int) -> tuple[float, float, float]:
     """Three components of a mean, from sums weighted by mass."""
     x, y, z = (float(component) for component in sums[first_column : first_column + 3] / sums[0])
     return x, y, z

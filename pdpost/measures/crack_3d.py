@@ -10,9 +10,9 @@ from numpy.typing import NDArray
 
 from pdmesh.model.material import Material
 from pdmesh.model.output_fields import CRACKED
-from pdpost.measures.crack_faces import CrackSurface, build_crack_surface, find_opening_steps_of_face_neighbours
+from pdpost.measures.crack_faces import CrackSurface, build_crack_surface, find_opened_face_neighbours
 from pdpost.measures.crack_fronts import Polyline, estimate_front_speed_at_faces, front_lines_at, line_length
-from pdpost.measures.fragments_in_space import BodyFragments, find_body_fragments
+from pdpost.measures.fragments_3d import BodyFragments, find_body_fragments
 from pdpost.measures.waves import plate_rayleigh_speed
 from pdpost.reading.embedded_model import at_rest, read
 from pdpost.reading.frame_steps import frames, last_step
@@ -55,7 +55,7 @@ class _FractureEnergyGridFileKeys(msgspec.Struct):
     material: Material
 
 
-def crack_in_space(results: Results, step: int | None = None, threshold: float = CRACKED) -> CrackSurfaceSummary:
+def crack_3d(results: Results, step: int | None = None, threshold: float = CRACKED) -> CrackSurfaceSummary:
     """The cracks of a body until `step` (default: the last). Nodes are cracked above the damage `threshold`.
 
     Raises ResultsError if there is no frame yet.
@@ -64,7 +64,7 @@ def crack_in_space(results: Results, step: int | None = None, threshold: float =
     steps, times = frames(results)
     past = steps <= step
     steps, times = steps[past], times[past]
-    parted_pairs = find_opening_steps_of_face_neighbours(results, step, threshold)
+    parted_pairs = find_opened_face_neighbours(results, step, threshold)
     cracks = build_crack_surface(results, step, parted_pairs)
     energy_balance = results.history()
     last = step * float(results.meta()["time_step"])
@@ -171,6 +171,7 @@ def summary_sentences(summary: CrackSurfaceSummary) -> list[str]:
         mass_text = ", ".join(f"{piece.mass * 1e3:.4g}" for piece in pieces[:LISTED])
         more = f" and {len(pieces) - LISTED} lighter ones" if len(pieces) > LISTED else ""
         lines.append(
-            f"{len(pieces)} fragments of {mass_text} g{more}, {summary.fragments.crumbs_mass * 1e3:.3g} g in crumbs"
+            f"{len(pieces)} fragments of {mass_text} g{more},"
+            f" {summary.fragments.small_pieces_mass * 1e3:.3g} g in crumbs"
         )
     return lines
