@@ -418,7 +418,7 @@ def _advance_to_end(recorder: Recorder, writer: Behind, request: RunRequest) -> 
         looks = run.steps if adapt is None else change_nodes_if_due_and_find_next_step(recorder, adapt, step)
         looks = min(looks, grow_cracks_if_due_and_find_next_step(recorder, step, run.steps))
         if request.earlier_refinements:
-            next_kappa_step = zone_restarts.set_due_refinement_kappa(
+            next_kappa_step = zone_restarts.set_kappa_and_find_next_change(
                 recorder.system, request.earlier_refinements, step, run.steps
             )
             looks = min(looks, next_kappa_step)

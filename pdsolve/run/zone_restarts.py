@@ -86,7 +86,7 @@ def find_restart_checkpoint_step(output: Path | None, earlier_refinements: tuple
     return step if step <= earlier_refinements[-1].first_step else 0
 
 
-def set_due_refinement_kappa(
+def set_kappa_and_find_next_change(
     system: System, earlier_refinements: tuple[EarlierRefinement, ...], step: int, last_step: int
 ) -> int:
     """Make cells fine as soon as they are to be after a step; returns the next step from which that changes."""

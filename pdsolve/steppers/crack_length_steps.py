@@ -158,7 +158,7 @@ class CrackLengthSteps(PathStepper):
     def _find_load_factor_of_tip_growth(
         self,
         state: State,
-        previous_factor_and_ratio: tuple[float, float],
+        previous_load_factor_and_ratio: tuple[float, float],
         load_factor: float,
         solve_equilibrium_at_load_factor: Callable[[float], Equilibrium],
     ) -> tuple[Equilibrium, float]:
@@ -173,10 +173,13 @@ class CrackLengthSteps(PathStepper):
                 if load_factor == 1:
                     self.ended, self.end_reason = True, REACHED
                 return Equilibrium(iterations, equilibrium.residual), load_factor
-            slope = (share - previous_factor_and_ratio[1]) / (load_factor - previous_factor_and_ratio[0])
+            slope = (share - previous_load_factor_and_ratio[1]) / (load_factor - previous_load_factor_and_ratio[0])
             if not slope > 0:
                 raise NotConvergedError(f"a tip has {share:.3g} of what lets it grow, and no more under larger loads")
-            previous_factor_and_ratio, load_factor = (load_factor, share), min(load_factor + (1 - share) / slope, 1.0)
+            previous_load_factor_and_ratio, load_factor = (
+                (load_factor, share),
+                min(load_factor + (1 - share) / slope, 1.0),
+            )
         raise NotConvergedError(f"no loads let a tip grow after {TRIES} tries")
 
     def _intensity_to_toughness_ratios(self, evaluated_tips: list[EvaluatedTip]) -> Array:

@@ -100,7 +100,7 @@ class ParisSteps(CycleSteps):
             self._restore_snapshot(state, before)
             self._share /= 2
         ahead = max(ahead, 1 / STEEPEST)  # of a tip that is stopped, as middles have it
-        cycles, mean = self._cycles - before.cycles, self._at_first * cycles_over_constant_rate(ahead)
+        cycles, mean = self._cycles - before.cycles, self._at_first * cycle_ratio_at_growing_rate(ahead)
         if not before.tip_histories:  # no step before the first says how growth changes: the mean of both ends does
             cycles, mean = mean, self._at_first / float(np.sqrt(ahead))
             self._cycles = before.cycles + cycles
@@ -209,7 +209,7 @@ class ParisSteps(CycleSteps):
         self._cycles, self._share, self.cycle_error_of_steps, self.cycle_error_of_K, self._apart = numbers
 
 
-def cycles_over_constant_rate(rate_ratio: float) -> float:
+def cycle_ratio_at_growing_rate(rate_ratio: float) -> float:
     """Cycles of a length over those at its first rate, where the rate grows to `rate_ratio` times that
     geometrically."""
     return 1.0 if abs(rate_ratio - 1) < ALIKE else float(np.log(rate_ratio) / (rate_ratio - 1))
