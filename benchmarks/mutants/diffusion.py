@@ -42,7 +42,7 @@ DIFFUSION = (
         "tests/unit/pdsolve/diffusion/test_masses.py::test_the_balance_is_relative_to_the_largest",
     ),
     Mutant(
-        "pdsolve/diffusion/dissolution.py",
+        "pdsolve/diffusion/families.py",
         "3: 0.5}",
         "3: 2 / np.pi}",
         "tests/unit/pdsolve/diffusion/test_masses.py::test_the_surface_of_a_solid",

@@ -12,7 +12,7 @@ symbol is positive.
 from __future__ import annotations
 
 from itertools import product
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,13 +27,6 @@ from pdsolve.operators.stencils import Stencil, diffusion, stencil_of
 
 if TYPE_CHECKING:
     from scipy.sparse import csr_array
-
-
-class Between(NamedTuple):
-    """Fictitious nodes of one lattice, interpolated from the other."""
-
-    at: NDArray[np.int64]  # (f, d) places of the fictitious nodes in their own lattice
-    values: csr_array  # (f, n) of the other lattice's nodes
 
 
 class Collocated:
@@ -54,15 +47,15 @@ class Collocated:
         steps, conductance = families.full_family(h, D)
         stencil = stencil_of(3.0, diffusion(D, d), d)
         self._look_whole(stencil, far, free[coarse], near)
-        self._inner = _between(_lacking(far, 4 * stencil.xi, near), near, 2)
-        every = np.concatenate([far, self._inner.at])
+        inner_at, self._inner = _between(_lacking(far, 4 * stencil.xi, near), near, 2)
+        every = np.concatenate([far, inner_at])
         missing = _lacking(near, 2 * steps, every)
-        self._outer = _between(missing, every, 4)
-        if len(self._outer.at) < len(missing):
+        outer_at, self._outer = _between(missing, every, 4)
+        if len(outer_at) < len(missing):
             raise ModelError(
                 f"{self._model.name}: $.run.adapt is collocation with fine nodes at an edge; use coarse ones all around"
             )
-        self._bonds = _lattice(np.concatenate([near, self._outer.at]) / 2, len(near), h, steps, conductance, threads)
+        self._bonds = _lattice(np.concatenate([near, outer_at]) / 2, len(near), h, steps, conductance, threads)
         around = (stencil.xi != 0).any(axis=1)
         pulls = stencil.theta[around, 0, 0] / (2 * h) ** 2 / (2 * h) ** d
         self._stencils = _lattice(every / 4, len(far), 2 * h, stencil.xi[around], pulls, threads)
@@ -71,10 +64,11 @@ class Collocated:
         self.count, self.total = np.zeros(len(volume), dtype=np.int64), np.zeros(len(volume))
         self.count[fine], self.total[fine] = self._bonds.count[: len(fine)], self._bonds.total[: len(fine)]
         self.count[coarse], self.total[coarse] = self._stencils.count[: len(coarse)], stencil.most / 2 / (2 * h) ** 2
-        at_seam = _sees(near, 2 * steps, self._outer.at), _sees(far, 4 * stencil.xi, self._inner.at)
+        at_seam = _sees(near, 2 * steps, outer_at), _sees(far, 4 * stencil.xi, inner_at)
         self._seam = np.concatenate([fine[at_seam[0]], coarse[at_seam[1]]])
         self._seam_volume = float(volume[self._seam].sum())
-        self._rows = [_slice(rows) for rows in (fine, coarse)]
+        whole = [rows[-1] - rows[0] < len(rows) for rows in (fine, coarse)]  # which a slice has faster
+        self._rows = [slice(at[0], at[-1] + 1) if one else at for at, one in zip((fine, coarse), whole, strict=True)]
 
     def of(self, rows: NDArray[np.int64]) -> tuple[Pairs, Array]:
         """Bonds (b,) of some increasing rows to nodes of their own lattice, and their conductances (b,)."""
@@ -110,8 +104,8 @@ class Collocated:
     def rates(self, potential: Array, out: Array) -> None:
         """Add the rates of change (n,) of contents, per volume and time, at this `potential` (n,) to `out`."""
         (near, far), both = (potential[rows] for rows in self._rows), np.zeros(len(potential))
-        every = np.concatenate([far, self._inner.values @ near])
-        fines = np.concatenate([near, self._outer.values @ every])
+        every = np.concatenate([far, self._inner @ near])
+        fines = np.concatenate([near, self._outer @ every])
         for lattice, rows, real_values, values in zip(
             (self._bonds, self._stencils), self._rows, (near, far), (fines, every), strict=True
         ):
@@ -128,13 +122,7 @@ class Collocated:
     def contrast(self, share: Array) -> float:
         """Sum over bonds of the differences of `share` (n,), which is 0 on coarse nodes, weighted by conductance,
         m^d/s."""
-        return self._bonds.contrast(np.concatenate([share[self._fine], np.zeros(len(self._outer.at))]))
-
-
-def _slice(rows: NDArray[np.int64]) -> slice | NDArray[np.int64]:
-    """Consecutive rows as a slice; others unchanged."""
-    first, last = int(rows[0]), int(rows[-1]) + 1
-    return slice(first, last) if last - first == len(rows) else rows
+        return self._bonds.contrast(np.concatenate([share[self._fine], np.zeros(self._outer.shape[0])]))
 
 
 def _two(families: DiffusionFamilies) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
@@ -159,20 +147,14 @@ class _Keys:
 
     def __init__(self, places: NDArray[np.int64]) -> None:
         self._low = places.min(axis=0) - 64
-        self._side = places.max(axis=0) + 64 - self._low
-        key = self._key(places)
+        self._side = tuple((places.max(axis=0) + 64 - self._low).tolist())
+        key = np.ravel_multi_index(tuple((places - self._low).T), self._side)
         self._order = np.argsort(key)
         self._sorted = key[self._order]
 
-    def _key(self, places: NDArray[np.int64]) -> NDArray[np.int64]:
-        key = np.zeros(len(places), dtype=np.int64)
-        for axis in range(places.shape[1]):
-            key = key * self._side[axis] + places[:, axis] - self._low[axis]
-        return key
-
     def rows(self, places: NDArray[np.int64]) -> NDArray[np.int64]:
         """Rows (k,) of these places (k, d), -1 for a missing one."""
-        key = self._key(places)
+        key = np.ravel_multi_index(tuple((places - self._low).T), self._side)
         at = np.searchsorted(self._sorted, key).clip(max=len(self._sorted) - 1)
         return np.where(self._sorted[at] == key, self._order[at], -1)
 
@@ -198,9 +180,9 @@ def _sees(lattice: NDArray[np.int64], steps: NDArray[np.int64], others: NDArray[
     return has_neighbour
 
 
-def _between(at: NDArray[np.int64], lattice: NDArray[np.int64], apart: int) -> Between:
-    """Linear interpolation of places `at` (k, d) between nodes that are so far apart; places that lack one are left
-    out."""
+def _between(at: NDArray[np.int64], lattice: NDArray[np.int64], apart: int) -> tuple[NDArray[np.int64], csr_array]:
+    """Linear interpolation (f, n) of places `at` (k, d) between nodes of a lattice (n, d) that are so far apart, and
+    these places (f, d), without those that lack a node."""
     from scipy.sparse import csr_array
 
     keys, place = _Keys(lattice), (at - lattice[0]) / apart
@@ -212,7 +194,7 @@ def _between(at: NDArray[np.int64], lattice: NDArray[np.int64], apart: int) -> B
     complete = (rows >= 0).all(axis=1)
     start = np.arange(complete.sum() + 1) * len(corners)
     values = csr_array((weights[complete].ravel(), rows[complete].ravel(), start), shape=(len(start) - 1, len(lattice)))
-    return Between(at[complete], values)
+    return at[complete], values
 
 
 def _lattice(

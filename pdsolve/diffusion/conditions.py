@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 
 from pdmesh.model.document import Concentration, Exchange, InitialConcentration, Solid, Source
 from pdsolve.conditions import Drive, Entries, chosen, constrained_components, drive_of, entries, prescribe_values
-from pdsolve.diffusion.edges import Cloud, beside_edge, extent_of, held_edge, outer_faces, over_cells
+from pdsolve.diffusion.edges import beside_edge, extent_of, held_edge, outer_faces, parts
 from pdsolve.diffusion.families import extended
-from pdsolve.diffusion.walls import NEAREST, Array, Edges, Faces, Rows, nothing
+from pdsolve.diffusion.walls import NEAREST, Array, Bonds, Edges, Faces, Rows
 from pdsolve.model import Model, ModelError
 
 ValuesAtRows = Callable[[Rows], Array | float]  # at some rows, (k,) where they depend on the place
@@ -25,8 +25,8 @@ class Flux(NamedTuple):
     condition: Source | Exchange
     rows: Rows  # (k,)
     profile: int
-    walled: NDArray[np.bool_]  # (k,) nodes through whose wall it goes; see `surfaces`
-    spread: bool  # whether nodes behind the edge take shares that leave linear fields exact
+    walled: NDArray[np.bool_] | None  # (k,) nodes through whose wall it goes, see `surfaces`; None: nodes behind the
+    # edge take shares that leave linear fields exact
     values: ValuesAtRows  # the flux, mol/(m^2 s), or what is outside, mol/m^3
 
 
@@ -81,18 +81,19 @@ class BoundaryConditions:
             self._sources.append(entries(rows, 0, model.values(condition.rate, rows), profile))
             return
         through = condition.flux if isinstance(condition, Source) else condition.value
-        values, walled, spread = partial(model.values, through or 0.0), np.zeros(len(rows), dtype=bool), self._corrects
+        values, walled = partial(model.values, through or 0.0), None if self._corrects else np.zeros(len(rows), bool)
         if isinstance(condition, Exchange) and self._has_edges:
             rows, walled, faces, extent = outer_faces(model, number, self._volume, len(self._at_edges))
             self._at_edges.append(AtEdge(faces, extent, values, profile))
-            spread = False
-        self.fluxes.append(Flux(condition, rows, profile, walled, spread, values))
+        self.fluxes.append(Flux(condition, rows, profile, walled, values))
 
     @property
     def edges(self) -> Edges:
         """The edges at which values are prescribed or exchanged."""
         # the first of equally near faces counts: that of the last condition
-        faces = (*(edge.faces for edge in self._at_edges[::-1]), nothing(len(extended(self._model))))
+        none, d = np.zeros(0), len(extended(self._model))
+        no_faces = Faces(np.zeros((0, d)), np.zeros((0, d)), none, np.zeros(0, dtype=np.int64), none)
+        faces = (*(edge.faces for edge in self._at_edges[::-1]), no_faces)
         together = Faces(*(np.concatenate(column) for column in zip(*faces, strict=True)))
         nearest = 0.0 if self._model.settings.run.solver in ("implicit", "static") else NEAREST
         return Edges(self._on_edge, together, np.array([edge.extent for edge in self._at_edges]), nearest)
@@ -111,14 +112,16 @@ class BoundaryConditions:
                 self._sources.append(entries(rows, 0, conductance[rows] * values(rows), profile))
             self.exchange += np.where(of_edge >= 0, conductance, 0.0)
 
-    def add_fluxes(self, cloud: Cloud) -> None:
-        """Add the fluxes through edges."""
-        for condition, rows, profile, walled, spread, values in self.fluxes:
+    def add_fluxes(self, bonds: Bonds, gain: Array) -> None:
+        """Add the fluxes through edges of nodes that gain so much (n, d) in linear fields; see `edges`."""
+        for condition, rows, profile, walled, values in self.fluxes:
             extent = extent_of(condition)
-            to, part, resistance = (
-                beside_edge(cloud, rows, extent, walled) if spread else over_cells(cloud, rows, walled)
-            )
-            share = extent * part / cloud.volume[to]
+            if walled is None:
+                to, part, resistance = beside_edge(bonds, self._volume, gain, rows, extent)
+            else:
+                part, _ = parts(self._volume[rows], bonds.delta[rows])
+                to, part, resistance = rows[~walled], part[~walled], np.zeros(1)
+            share = extent * part / self._volume[to]
             if isinstance(condition, Exchange):
                 share /= 1 / condition.coefficient + resistance
                 np.add.at(self.exchange, to, share)

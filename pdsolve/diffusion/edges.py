@@ -13,15 +13,13 @@ instead, at a wall that is D / coefficient outside, where the slope at the edge 
 
 from __future__ import annotations
 
-from typing import NamedTuple
-
 import numpy as np
 from numpy.typing import NDArray
 
 from pdmesh.model.document import Concentration, Exchange, Source
 from pdmesh.model.kd_trees import tree_of
 from pdsolve.diffusion.families import diffusivities, extended
-from pdsolve.diffusion.walls import Array, Faces, Rows
+from pdsolve.diffusion.walls import Array, Bonds, Faces, Rows
 from pdsolve.model import Model, ModelError
 
 CLEAR = 0.2  # of D A, by which the sum of R . n may miss it at a free edge
@@ -30,25 +28,6 @@ AHEAD = 0.5  # of a spacing outside an edge: the middle of where nodes are looke
 AROUND = 1.0  # of a spacing around it
 BEYOND = 0.25  # of a spacing outside an edge: from there on nodes are beyond it
 BESIDE = 0.5  # of a spacing: how near to the next cell's place a node is that makes an edge one inside a body
-
-
-class Cloud(NamedTuple):
-    """Nodes, and what they gain in linear fields."""
-
-    position: Array  # (n, d) m
-    volume: Array  # (n,) m^d
-    delta: Array  # (n,) m
-    reach: Array  # (n,) m, of bonds
-    diffusivity: Array  # (n,) m^2/s
-    gain: Array  # (n, d) R
-
-
-class Spread(NamedTuple):
-    """Shares of a flux."""
-
-    rows: Rows  # (k,)
-    share: Array  # (k,) of the whole flux; they add up to 1, less what goes through walls
-    resistance: Array  # (k,) s/m, between the edge and where the flux arrives
 
 
 def parts(volume: Array, delta: Array) -> tuple[Array, Array]:
@@ -67,48 +46,43 @@ def outward(
     """Outward unit normals (k, d) of an edge at its nodes, whether (k,) no node is beyond it, and whether one of these
     nodes is."""
     tree = tree_of(position)
-    gain = np.zeros(position.shape)
-    for row, near in zip(rows, tree.query_ball_point(position[rows], reach[rows]), strict=True):
-        gain[row] = position[near].mean(axis=0) - position[row]
-    normal = -_normals(position[rows], gain[rows], reach[rows])
+    around = tree.query_ball_point(position[rows], reach[rows])
+    inward = np.array([position[near].mean(axis=0) for near in around]) - position[rows]
+    normal = -_normals(position[rows], inward, reach[rows])
     distance, next_one = tree.query(position[rows] + normal * delta[rows, None])
     free = np.asarray(distance > BESIDE * delta[rows])
     return normal, free, ~free & np.isin(next_one, rows)
 
 
-def over_cells(cloud: Cloud, rows: Rows, walled: NDArray[np.bool_]) -> Spread:
-    """Shares in proportion to the parts of the edge beside these cells, but for those `walled` (k,)."""
-    part, _ = parts(cloud.volume[rows], cloud.delta[rows])
-    return Spread(rows[~walled], part[~walled], np.zeros(int((~walled).sum())))
+def beside_edge(bonds: Bonds, volume: Array, gain: Array, rows: Rows, extent: float) -> tuple[Rows, Array, Array]:
+    """Rows (k,) that a flux through an edge of that extent arrives at, their shares (k,) of it, which add up to 1, and
+    the resistance (k,) between the edge and them, s/m.
 
-
-def beside_edge(cloud: Cloud, rows: Rows, extent: float, walled: NDArray[np.bool_]) -> Spread:
-    """Shares of a flux through an edge of that extent, whose nodes `rows` are, but for those `walled` (k,).
+    The nodes of the edge are `rows`; all have the `volume` (n,), m^d, and `gain` (n, d) is R.
 
     Each of these hands the part of its own cell on to the nodes that it is the nearest to, or keeps it if that part of
     the edge is not free.
     """
-    D, normal = cloud.diffusivity[rows], _normals(cloud.position[rows], cloud.gain[rows], cloud.reach[rows])
-    part, depth = parts(cloud.volume[rows], cloud.delta[rows])
-    reach = 2 * float(cloud.reach[rows].max())
-    distance, owner = tree_of(cloud.position[rows]).query(cloud.position, distance_upper_bound=reach)
+    D, position, delta = bonds.diffusivity[rows], bonds.position, bonds.delta
+    normal = _normals(position[rows], gain[rows], bonds.reach[rows])
+    part, depth = parts(volume[rows], delta[rows])
+    reach = 2 * float(bonds.reach[rows].max())
+    distance, owner = tree_of(position[rows]).query(position, distance_upper_bound=reach)
     near = np.flatnonzero(np.isfinite(distance))
     owner = owner[near]
-    way = ((cloud.position[near] - cloud.position[rows[owner]]) * normal[owner]).sum(axis=1)
-    w = (cloud.gain[near] * normal[owner]).sum(axis=1) * (way > -cloud.delta[near] / 2)
+    way = ((position[near] - position[rows[owner]]) * normal[owner]).sum(axis=1)
+    w = (gain[near] * normal[owner]).sum(axis=1) * (way > -delta[near] / 2)
     total_weight = np.bincount(owner, w, len(rows))
     free = np.abs(total_weight - D * extent * part) < CLEAR * D * extent * part
-    hands = (free & ~walled)[owner] & (w != 0)
+    hands = free[owner] & (w != 0)
     near, owner, way = near[hands], owner[hands], way[hands]
     w = w[hands] / total_weight[owner]
-    z = depth[owner] / extent - cloud.delta[rows[owner]] / 2 + way
+    z = depth[owner] / extent - delta[rows[owner]] / 2 + way
     resistance = np.maximum(np.bincount(owner, w * z, len(rows)), 0.0) / D
-    closed_rows = np.flatnonzero(~free & ~walled)
-    return Spread(
-        np.concatenate([near, rows[closed_rows]]),
-        np.concatenate([part[owner] * w, part[closed_rows]]),
-        np.concatenate([resistance[owner], np.zeros(len(closed_rows))]),
-    )
+    closed_rows = np.flatnonzero(~free)
+    share = np.concatenate([part[owner] * w, part[closed_rows]])
+    resistance = np.concatenate([resistance[owner], np.zeros(len(closed_rows))])
+    return np.concatenate([near, rows[closed_rows]]), share, resistance
 
 
 def _normals(x: Array, inward: Array, reach: Array) -> Array:
@@ -192,8 +166,6 @@ def outer_faces(model: Model, number: int, volume: Array, edge: int) -> tuple[Ro
 
 def _is_free(position: Array, delta: Array, foot: Array, normal: Array) -> NDArray[np.bool_]:
     """Mask (k,) of places on an edge beyond which there is no node."""
-    is_free = np.ones(len(foot), dtype=bool)
     near = tree_of(position).query_ball_point(foot + AHEAD * delta[:, None] * normal, AROUND * delta)
-    for at, neighbours in enumerate(near):
-        is_free[at] = not (((position[neighbours] - foot[at]) @ normal[at]) > BEYOND * delta[at]).any()
-    return is_free
+    heights = ((position[nodes] - foot[at]) @ normal[at] for at, nodes in enumerate(near))
+    return np.array([not (height > BEYOND * delta[at]).any() for at, height in enumerate(heights)], dtype=bool)

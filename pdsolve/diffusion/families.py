@@ -80,21 +80,25 @@ class DiffusionFamilies:
         self.neighbours = Neighbours(grid.position, grid.delta, self.reach, mutual=True)
         self.lattice_share = lattice_diffusivity(model.settings.horizon.ratio, self.dimension, self.power)
 
+    @property
+    def crossing(self) -> float:
+        """Value of `contrast` for a unit of surface of a solid, m/s: the mean over all directions, for a full family.
+
+        The mean projection of a bond of length |xi| across a surface is 2/pi of it in the plane and 1/2 in space.
+        """
+        medium, d = self.model.settings.medium, self.dimension
+        assert medium is not None
+        across = {1: 1.0, 2: 2 / np.pi, 3: 0.5}[d] * moment(1, self.model.settings.horizon.ratio, d, self.power)
+        return across * medium.D / self.lattice_share / float(self.delta.min())
+
     def conductance(self, pairs: Pairs) -> Array:
         """Conductance (b,) of pairs, 1/(s m^d); 0 beyond the horizon."""
         i, j, length = pairs
-        grid = self.model.grid
-        delta, reach = grid.delta, (self.horizon[i] + self.horizon[j]) / 2
-        across = delta ** (grid.position.shape[1] - self.dimension)
+        delta, reach = self.delta, (self.horizon[i] + self.horizon[j]) / 2
+        across = delta ** (self.model.grid.dimension - self.dimension)
         both = [shape(length, reach, delta[end], self.dimension, self.power) / across[end] for end in (i, j)]
         D_i, D_j = self.diffusivity[i], self.diffusivity[j]
         return np.asarray((both[0] + both[1]) / self.lattice_share * D_i * D_j / (D_i + D_j))
-
-    def between(self, source: NDArray[np.int64], target: NDArray[np.int64]) -> Array:
-        """Conductance (b,) of these pairs, 1/(s m^d), that see each other; 0 beyond the horizon."""
-        away = self.position[target] - self.position[source]
-        conductance = self.conductance(Pairs(source, target, np.sqrt((away**2).sum(axis=1))))
-        return np.where(conductance > ROUND_OFF * conductance.max(initial=0.0), conductance, 0.0)
 
     def part(self, rows: NDArray[np.int64]) -> tuple[Pairs, Array, NDArray[np.int64]]:
         """Bonds (b,) of some increasing rows, their conductances (b,), and the rows of nodes that each bond blocked by

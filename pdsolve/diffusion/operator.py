@@ -1,4 +1,14 @@
-"""Fick's law as an operator: the rate of a node is the sum over its bonds, however they are stored."""
+"""Fick's law as an operator: the rate of a node is the sum over its bonds, however they are stored; solids dissolve.
+
+Enthalpy method, as in phase change: the conserved quantity is the content H of a node, its potential is min(H, C_sat),
+and all bonds are equal. The solid share of a node is (H - C_sat) / (C_solid - C_sat). This is the limit in which
+diffusion determines the rate.
+
+Kinetic method, after S. Jafarzadeh, Z. Chen, F. Bobaru and others (Z. Chen, F. Bobaru, J. Mech. Phys. Solids 78 (2015)
+352-381): a node is solid until its concentration has fallen to C_sat. A bond between solid and liquid has its own
+dissolvability, k_diss times the micro-diffusivity; a bond between two solid nodes has none. With `capped`, nothing
+dissolves into liquid at C_sat; otherwise the liquid at the front exceeds saturation.
+"""
 
 from __future__ import annotations
 
@@ -11,12 +21,12 @@ from numpy.typing import NDArray
 from pdmesh.model.medium import Medium
 from pdsolve.checkpoint_validation import entry
 from pdsolve.diffusion.collocation import Collocated
-from pdsolve.diffusion.dissolution import potential, solid_share
 from pdsolve.diffusion.walls import Array, Bonds
 from pdsolve.lattice.flux_operator import FluxesInList, FluxesInTiles
 from pdsolve.laws.fluxes import Dissolution
 from pdsolve.model import ModelError
 from pdsolve.operators.protocol import CheckpointArrays
+from pdsolve.operators.unbreakable import UnbreakableOperator
 from pdsolve.state import Broken, State, Unknown
 
 if TYPE_CHECKING:
@@ -26,7 +36,7 @@ if TYPE_CHECKING:
 BondStorage = FluxesInList | FluxesInTiles | Collocated
 
 
-class Fick:
+class Fick(UnbreakableOperator):
     """Diffusion of the content of n nodes, mol/m^3, along bonds; see `pdsolve.operators.protocol.Operator`.
 
     A node in kinetic dissolution remembers that it is solid until its content has fallen to C_sat.
@@ -38,12 +48,13 @@ class Fick:
     def __init__(
         self,
         exchange: BondStorage,
-        families: Callable[[], Bonds],
+        families: Callable[[], Bonds] | None,
         medium: Medium,
         outside: Array | None = None,
         change: FluxesInList | None = None,
     ) -> None:
-        """`change` is what a surface correction adds to the fluxes of `exchange`.
+        """`change` is what a surface correction adds to the fluxes of `exchange`; `families` list the bonds, which a
+        part lacks.
 
         `outside` (n,), 1/s, is what leaves the body per volume for each mol/m^3 of potential.
         """
@@ -69,13 +80,9 @@ class Fick:
         outside = np.zeros(end - begin)
         outside[first - begin : last - begin] = self.outside[first:last]
         bonds = self.exchange.part(*rows)
-        part = Fick(bonds, _asked_of_the_whole, self.medium, outside, None if change is None else change.part(*rows))
+        part = Fick(bonds, None, self.medium, outside, None if change is None else change.part(*rows))
         part.solid = self.solid[begin:end].copy()
         return part
-
-    def to_own_layout(self, state: State) -> State:
-        """The state unchanged: it already has the layout of this operator."""
-        return state
 
     def accumulate_force(self, state: State, out: NDArray[Any], step: int, dt: float) -> None:
         """Add the fluxes into each node to `out` (n, 1), mol/(m^3 s); those from outside are booked as supplied."""
@@ -98,7 +105,8 @@ class Fick:
 
     def potential(self, value: Array) -> Array:
         """Potential (n,), mol/m^3, at these contents (n,)."""
-        return potential(self.medium, value)
+        C_sat = None if self.kinetic else self.medium.C_sat
+        return value if C_sat is None else np.minimum(value, C_sat)
 
     def follows(self, value: Array) -> NDArray[np.bool_]:
         """Mask (n,) of nodes that are not saturated at these contents (n,)."""
@@ -118,9 +126,12 @@ class Fick:
 
     def share(self, state: State) -> Array:
         """Solid share of each node (n,), from 0 to 1."""
+        content, C_sat, C_solid = state.value[:, 0], self.medium.C_sat, self.medium.C_solid
+        if C_sat is None or C_solid is None:
+            return np.zeros(len(content))
         if self.kinetic:
-            return self._solid(state.value[:, 0]).astype(float)
-        return solid_share(self.medium, state.value[:, 0])
+            return self._solid(content).astype(float)
+        return np.clip((content - C_sat) / (C_solid - C_sat), 0.0, 1.0)
 
     def energies(self, state: State) -> tuple[Array, Array]:
         """Zero energy densities (n,), J/m^3: diffusion stores and dissipates no energy."""
@@ -131,7 +142,7 @@ class Fick:
         content = state.value[:, 0]
         if self.medium.carries == "heat":
             return {"T": content}
-        return {"c": potential(self.medium, content), "h": content, "solid": self.share(state)}
+        return {"c": self.potential(content), "h": content, "solid": self.share(state)}
 
     def stiffness_bound(self) -> Array:
         """A bound (n,) of the rates' eigenvalues, 1/s: forward Euler is stable up to 2 over it."""
@@ -152,13 +163,10 @@ class Fick:
         self, first: int = 0, last: int | None = None, start: bool = False
     ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
         """Rows (k,) of both ends of the bonds of the nodes `first` to `last` - 1, or of all, in order."""
+        assert self._families is not None
         pairs, _ = self._families().of(np.arange(first, len(self.volume) if last is None else last))
         order = np.lexsort((pairs.target, pairs.source))
         return pairs.source[order], pairs.target[order]
-
-    def broken(self, after: int = 0) -> Broken:
-        """Empty: bonds do not break."""
-        return Broken(*np.zeros((3, 0), dtype=np.int64))
 
     def checkpoint_arrays(self) -> CheckpointArrays:
         """The solid nodes of a kinetic dissolution, for a checkpoint."""
@@ -172,7 +180,3 @@ class Fick:
     def bytes(self) -> int:
         """Memory of the nodes' arrays, bytes, without that of bonds."""
         return sum(array.nbytes for array in (self.volume, self.count, self.total, self.solid))
-
-
-def _asked_of_the_whole() -> Bonds:
-    raise NotImplementedError("the bonds of a part are asked of the whole")

@@ -29,18 +29,10 @@ from numpy.typing import NDArray
 
 from pdmesh.model.neighbours import Pairs, chosen
 from pdsolve.diffusion.walls import ALIKE, FLAT, Array, Bonds, Edges, Rows, beside, parts_of, summed, walls
+from pdsolve.lattice.flux_operator import links_between
+from pdsolve.laws.bond_arrays import Links
 
 LEAST, MOST = 0.25, 10.0  # eigenvalues of M
-
-
-class Change(NamedTuple):
-    """Changes of conductances, directed, sorted by source."""
-
-    source: Rows  # (b,)
-    target: Rows  # (b,)
-    conductance: Array  # (b,) 1/(s m^d), to be added
-    to_edge: Array  # (w, n) 1/s: what comes to a node for each mol/m^3 at the edge of each of its walls
-    edge: Rows  # (w, n) the number of that edge
 
 
 class _Images(NamedTuple):
@@ -65,8 +57,9 @@ class Surfaces:
         self._I = np.eye(bonds.position.shape[1])
         self._M = np.tile(self._I, (len(volume), 1, 1))  # (n, d, d)
 
-    def correction(self, has_partial_family: NDArray[np.bool_]) -> Change:
-        """The changes of conductances.
+    def correction(self, has_partial_family: NDArray[np.bool_]) -> tuple[Links, Array, Array, Rows]:
+        """Directed bonds (b,) with what is added to their conductances (b,), 1/(s m^d), and what comes to nodes (w, n)
+        for each mol/m^3 at the edge of each of their walls, 1/s, with the number (w, n) of that edge.
 
         The bonds of nodes with `has_partial_family` (n,) may differ in energy from those of a full lattice; M of the
         others is I.
@@ -87,7 +80,7 @@ class Surfaces:
         order = np.lexsort((target, source))
         to_edge = np.stack([enters[0], *self._exchanged(enters[1:])])
         edge = np.stack([wall.edge for wall in self._walls])
-        return Change(source[order], target[order], change[order], to_edge, edge)
+        return links_between(source[order], target[order], len(free)), change[order], to_edge, edge
 
     def _exchanged(self, enters: Array) -> Iterator[Array]:
         """What comes to nodes (n,), 1/s, for each mol/m^3 outside, by walls; `enters` (w, n), m/s, for each mol/m^4

@@ -13,20 +13,25 @@ bonds.
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
-from pdmesh.model.document import Material, Run
+from pdmesh.model.document import Run
 from pdmesh.model.material_constants import poisson
-from pdsolve.diffusion.broken_bonds import BrokenBonds
+from pdmesh.model.neighbours import ROUND_OFF, Pairs
+from pdsolve.diffusion.families import DiffusionFamilies
+from pdsolve.diffusion.system import Transport
 from pdsolve.diffusion.walls import Array
+from pdsolve.lattice.flux_operator import FluxesInList, links_between
 from pdsolve.model import Model
 from pdsolve.operators.protocol import Operator
-from pdsolve.state import State
+from pdsolve.state import Broken, State
 from pdsolve.steppers.load_steps import LoadSteps
 from pdsolve.steppers.protocol import Stepper
+from pdsolve.steppers.theta import ThetaSteps
 
 SMALL = 1e-5  # of strain: energies that far apart tell their derivative
 CYCLE = 20  # steps of the motion, at most, for one of the content: what heats as fast as waves go is that coarse
@@ -37,6 +42,48 @@ class Swollen(Operator, Protocol):
 
     def swell(self, strain: Array) -> None:
         """Let bonds stretch from there at these strains (n,)."""
+
+
+class BrokenBonds:
+    """What the broken bonds of a motion, of the same n nodes, take from a transport.
+
+    A pair of nodes whose bond broke keeps a share of the conductance that it had, that of the surface correction
+    included. Walls that prescribe a value keep all of theirs.
+    """
+
+    def __init__(self, transport: Transport, broken: Callable[[], Broken], share: float) -> None:
+        """`broken` returns the bonds that are broken now; each keeps a `share`, from 0 to 1, of its conductance."""
+        self._transport, self._broken, self._share = transport, broken, share
+        self._families, self._known = DiffusionFamilies(transport.model), 0
+
+    def update(self, stepper: object) -> None:
+        """Let the bonds that are broken now conduct less, in the steps of `stepper` too."""
+        broken = self._broken()
+        if len(broken.step) == self._known:
+            return
+        self._known = len(broken.step)
+        order = np.lexsort((broken.target, broken.source))
+        source, target = broken.source[order], broken.target[order]
+        lost = (self._share - 1) * self._conductance(source, target)
+        is_reduced, operator = lost < 0, self._transport.operator
+        links = links_between(source[is_reduced], target[is_reduced], len(operator.volume))
+        operator.torn = FluxesInList(links, lost[is_reduced], operator.volume, self._transport.threads)
+        if isinstance(stepper, ThetaSteps):
+            stepper.discard_factors()
+
+    def _conductance(self, source: NDArray[np.int64], target: NDArray[np.int64]) -> NDArray[np.float64]:
+        """Conductance (b,) of these pairs while they are whole, 1/(s m^d); 0 where nothing diffuses."""
+        families, change = self._families, self._transport.operator.change
+        length = np.sqrt(((families.position[target] - families.position[source]) ** 2).sum(axis=1))
+        conductance = families.conductance(Pairs(source, target, length))
+        conductance = np.where(conductance > ROUND_OFF * conductance.max(initial=0.0), conductance, 0.0)
+        if change is None:
+            return conductance
+        (start, neighbour, _), more, nodes = change.links, change.conductance, len(change.volume)
+        keys = np.repeat(np.arange(nodes), np.diff(start)) * nodes + neighbour
+        wanted = source * nodes + target
+        at = np.minimum(np.searchsorted(keys, wanted), len(keys) - 1) if len(keys) else np.zeros(0, dtype=np.int64)
+        return conductance + np.where(keys[at] == wanted, more[at], 0.0) if len(keys) else conductance
 
 
 class Swelling:
@@ -132,10 +179,8 @@ class Swelling:
 
         if isinstance(self.motion, LoadSteps):  # whose bonds break afterwards
             self.motion.set_swelling_strain(strain, state, loaded)
-            self.motion.advance(state, step, step + 1)
-            return None
         self.motion.advance(state, step, step + 1)
-        return loaded(state)
+        return None if rests else loaded(state)
 
     def _strain(self) -> Array:
         """The strains (n,) of free nodes."""
@@ -162,12 +207,8 @@ def coefficients(model: Model) -> Array:
 
     In plane strain it is 1 + nu times alpha: what is kept from growing along z grows within the plane instead.
     """
-    material_rows = np.array(
-        [((material.alpha or 0.0) * _within(material), material.T0 or 0.0) for material in model.materials]
-    )
-    return np.asarray(material_rows[model.material_of].T)
-
-
-def _within(material: Material) -> float:
-    """Strain in the plane of a free body over alpha (T - T0)."""
-    return 1 + poisson(material) if material.plane == "strain" else 1.0
+    rows = [
+        ((each.alpha or 0.0) * (1 + poisson(each) if each.plane == "strain" else 1.0), each.T0 or 0.0)
+        for each in model.materials
+    ]
+    return np.asarray(np.array(rows)[model.material_of].T)

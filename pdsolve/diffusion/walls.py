@@ -91,12 +91,6 @@ def no_wall(nodes: int, dimension: int) -> Wall:
     return Wall(np.zeros((nodes, dimension)), far, np.full(nodes, -1), np.zeros(nodes), far.copy())
 
 
-def nothing(dimension: int) -> Faces:
-    """An empty set of faces."""
-    none = np.zeros(0)
-    return Faces(np.zeros((0, dimension)), np.zeros((0, dimension)), none, np.zeros(0, dtype=np.int64), none)
-
-
 def parts_of(rows: Rows) -> Iterator[Rows]:
     """Rows in parts that stay near the processor."""
     return (rows[chunk] for chunk in row_chunks(len(rows)))

@@ -17,9 +17,9 @@ from numpy.typing import NDArray
 
 from pdmesh.model.document import Pin, Spring
 from pdsolve.model import Model
-from pdsolve.operators.bondless import Bondless
 from pdsolve.operators.protocol import CheckpointArrays, Operator
 from pdsolve.operators.together import Together
+from pdsolve.operators.unbreakable import UnbreakableOperator
 from pdsolve.state import Broken, State, Unknown
 
 if TYPE_CHECKING:
@@ -39,7 +39,7 @@ class Ring(NamedTuple):
     weight: Array  # (p, 2) 1/m: phi is the sum of weight times u
 
 
-class GroundSupports(Bondless):
+class GroundSupports(UnbreakableOperator):
     """The spring supports and pins of n nodes; see `Operator`."""
 
     name = "supports"

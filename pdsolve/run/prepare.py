@@ -23,8 +23,7 @@ from pdsolve.conditions import (
     refuse_layers,
 )
 from pdsolve.diffusion import system as diffusion
-from pdsolve.diffusion.broken_bonds import BrokenBonds
-from pdsolve.diffusion.swelling import Swelling, cycle_of
+from pdsolve.diffusion.swelling import BrokenBonds, Swelling, cycle_of
 from pdsolve.lattice.operator import BlockLattice
 from pdsolve.model import Model, ModelError, counted
 from pdsolve.numerics.thread_team import cores, useful_threads
@@ -105,7 +104,8 @@ def select_scheme(model: Model, options: Options) -> Scheme:
 def _prepare_diffusion(model: Model, options: Options) -> PreparedRun:
     """A prepared model of diffusion. Raises ModelError for an unsupported one."""
     refuse_combinations(model, options)
-    diffusion.refuse_kernel(model, options)
+    if options.kernel not in (None, "listed"):
+        raise ModelError(f"{model.name}: kernel is {options.kernel}; leave it out, or use listed for diffusion")
     transport, state = diffusion.prepare(model, options.threads, options.kernel == "listed")
     operator, volume = transport.operator, transport.operator.volume
     system = System(

@@ -12,8 +12,7 @@ from numpy.typing import NDArray
 from pdsolve.adaptivity.hybrid.engine import HybridEngine
 from pdsolve.adaptivity.hybrid.operator import HybridOperator
 from pdsolve.adaptivity.two_lattice_operator import TwoLatticeStepper
-from pdsolve.diffusion.broken_bonds import BrokenBonds
-from pdsolve.diffusion.swelling import Swelling
+from pdsolve.diffusion.swelling import BrokenBonds, Swelling
 from pdsolve.model import Model
 from pdsolve.state import Broken, State
 from pdsolve.steppers.protocol import Stepper

@@ -18,13 +18,13 @@ from pdmesh.model.material_constants import STIFFNESS
 from pdsolve.checkpoint_validation import entry
 from pdsolve.errors import CheckpointError
 from pdsolve.model import Model, ModelError
-from pdsolve.operators.bondless import Bondless
 from pdsolve.operators.contact.candidates import EVERY, Joined, candidates
 from pdsolve.operators.contact.kernel import WIDE, PairList, Pushes, add_forces, ease, farthest, nearer, pressed_pairs
 from pdsolve.operators.contact.pair_matrix import pair_matrix
 from pdsolve.operators.contact.rigid_motion import RigidMotion
 from pdsolve.operators.contact.round_bodies import RoundBodies
 from pdsolve.operators.protocol import CheckpointArrays, Operator
+from pdsolve.operators.unbreakable import UnbreakableOperator
 from pdsolve.state import Broken, State, Unknown
 
 if TYPE_CHECKING:
@@ -36,7 +36,7 @@ TWO_FACES = 2.0  # that a node touches at most
 DEEP = 0.5  # of the distance of touch: nodes of two bodies that are nearer at the start overlap
 
 
-class PenaltyContact(Bondless):
+class PenaltyContact(UnbreakableOperator):
     """Contact of n nodes that `joined` operators hold together; see `Operator`."""
 
     name = "contact"

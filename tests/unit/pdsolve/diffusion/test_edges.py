@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+from typing import cast
+
 import numpy as np
 import pytest
 import shapely
@@ -13,8 +16,9 @@ from pdmesh import Body, Box, Heat, Material, Medium, Run, Scene, box, build
 from pdmesh.model.document import Concentration, Exchange
 from pdmesh.scene.solids import Sheet
 from pdpost.measures import fields
-from pdsolve.diffusion.edges import Cloud, beside_edge, outward, over_cells, parts
+from pdsolve.diffusion.edges import beside_edge, outward, parts
 from pdsolve.diffusion.system import prepare
+from pdsolve.diffusion.walls import Bonds
 from pdsolve.model import Model
 from pdsolve.results import Results
 from pdsolve.run.simulation import Options, simulate
@@ -67,19 +71,15 @@ def test_a_flux_through_the_face_of_a_block_is_linear() -> None:
 def test_shares_of_what_is_inside_are_by_cells() -> None:
     """Nodes that lack nothing hand nothing on; the whole of a flux arrives."""
     x = np.column_stack([np.arange(20.0), np.zeros(20)])
-    cloud = Cloud(x, np.full(20, 2.0), np.ones(20), np.full(20, 3.5), np.ones(20), np.zeros((20, 2)))
-    none = np.zeros(2, dtype=bool)
-    found = beside_edge(cloud, np.array([7, 8]), 1.0, none)
-    assert (found.rows.tolist(), found.share.tolist()) == ([7, 8], [0.5, 0.5])
-    found = over_cells(cloud, np.array([7, 8]), ~none & [True, False])
-    assert (found.rows.tolist(), found.share.tolist()) == ([8], [0.5])
+    one, volume = np.ones(20), np.full(20, 2.0)
+    bonds = cast(Bonds, SimpleNamespace(position=x, delta=one, reach=3.5 * one, diffusivity=one))
+    rows, share, _ = beside_edge(bonds, volume, np.zeros((20, 2)), np.array([7, 8]), 1.0)
+    assert (rows.tolist(), share.tolist()) == ([7, 8], [0.5, 0.5])
     gain = np.zeros((20, 2))
     gain[:3, 0] = 0.5, 0.7, -0.2
-    cloud = cloud._replace(gain=gain)
-    found = beside_edge(cloud, np.array([0]), 1.0, none[:1])
-    assert found.rows.tolist() == [0, 1, 2]
-    assert found.share == pytest.approx([0.5, 0.7, -0.2])
-    assert len(beside_edge(cloud, np.array([0]), 1.0, ~none[:1]).rows) == 0
+    rows, share, _ = beside_edge(bonds, volume, gain, np.array([0]), 1.0)
+    assert rows.tolist() == [0, 1, 2]
+    assert share == pytest.approx([0.5, 0.7, -0.2])
 
 
 def test_cells_of_nested_spacings_have_the_edge_beside_them() -> None:

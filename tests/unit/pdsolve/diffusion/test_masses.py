@@ -9,7 +9,6 @@ from diffusion_models import ids, lattice, model, row
 from pdmesh.model.document import Concentration, Exchange, InitialConcentration, Run, Solid, Source
 from pdmesh.model.medium import Medium
 from pdsolve.conditions import factors_at
-from pdsolve.diffusion.dissolution import potential, solid_share
 from pdsolve.diffusion.masses import Masses, masses
 from pdsolve.diffusion.system import prepare
 
@@ -131,8 +130,9 @@ def test_the_surface_of_a_solid(dimension: int, reach: float, found: float) -> N
 def test_phases_of_a_content() -> None:
     """By enthalpy the potential stops at C_sat, and the solid's share goes from there to C_solid."""
     content = np.array([0.1, 0.2, 0.6, 1.0, 1.2])
-    assert potential(PHASES, content) == pytest.approx([0.1, 0.2, 0.2, 0.2, 0.2])
-    share = solid_share(PHASES, content)
+    system, state = prepare(model(row(5, 1.0), 1.0, PHASES), 1)
+    assert system.operator.potential(content) == pytest.approx([0.1, 0.2, 0.2, 0.2, 0.2])
+    share = system.operator.share(state._replace(value=content[:, None]))
     assert share == pytest.approx([0.0, 0.0, 0.5, 1.0, 1.0])
 
 

@@ -1,4 +1,4 @@
-"""What an operator without bonds answers: forces that stand beside those of bonds."""
+"""What an operator answers whose bonds do not break, if it has any: fluxes, or forces beside those of bonds."""
 
 from __future__ import annotations
 
@@ -10,11 +10,11 @@ from numpy.typing import NDArray
 from pdsolve.state import Broken, State
 
 
-class Bondless:
-    """An operator that has forces and energies but no bonds; see `Operator`."""
+class UnbreakableOperator:
+    """An operator none of whose bonds break, without bonds unless it says otherwise; see `Operator`."""
 
     def to_own_layout(self, state: State) -> State:
-        """The state itself: its arrays are those of all nodes."""
+        """The state itself, whose arrays are those of all nodes."""
         return state
 
     def fields(self, state: State) -> dict[str, NDArray[Any]]:
