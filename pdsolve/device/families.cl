@@ -117,12 +117,6 @@ inline void sum_first(FORCE_PARAMETERS, __global const REAL *u, int m, int i, RE
 }
 
 #ifdef FLUXES
-inline void sum_bonds(FORCE_PARAMETERS, __global const REAL *before, __global const REAL *u, __global const REAL *rate,
-                      double dt, int m, int step, int i, SUM *brought) {
-  if (!ABSENT(i))
-    sum_first(FORCE_ARGUMENTS, u, m, i, brought);
-}
-
 /* The rate of a node at this potential, of which its bonds bring so much: less what leaves it, and with what the few
    bonds of a surface correction add */
 inline double rate_of(FORCE_PARAMETERS, __global const REAL *u, int i, double potential, double brought) {
@@ -186,14 +180,18 @@ void bond_forces(FORCE_PARAMETERS, __global const REAL *u, int m) {
   for (int axis = 0; axis < DIM; ++axis)
     given[axis * m + i] = force[axis];
 }
+#endif
 
-inline void sum_bonds(FORCE_PARAMETERS, __global const REAL *before, __global const REAL *u, __global const REAL *rate,
-                      double dt, int m, int step, int i, SUM *force) {
+/* What bonds do to node i: the force density, N/m^3, or what they bring */
+inline void sum_bonds(FORCE_PARAMETERS, STEP_PARAMETERS, int i, SUM *sums) {
   if (ABSENT(i))
     return;
+#ifdef FLUXES
+  sum_first(FORCE_ARGUMENTS, u, m, i, sums);
+#else
   if (!flags[0])
-    sum_last(FORCE_ARGUMENTS, u, m, i, force);
+    sum_last(FORCE_ARGUMENTS, u, m, i, sums);
   for (int axis = 0; flags[0] && axis < DIM; ++axis)
-    force[axis] = given[axis * m + i];
-}
+    sums[axis] = given[axis * m + i];
 #endif
+}

@@ -1,17 +1,15 @@
-"""Families of nodes on lattices on a device: two passes of a state-based law.
+"""Families of nodes on lattices on a device: two passes of a state-based law, or fluxes in one.
 
 Where bonds may fail in a step, the processor looks at the nodes that the device names, and breaks them.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from pdsolve.bonds.assembly import Bonds
 from pdsolve.device.nodes import NodesOnDevice
 from pdsolve.device.runtime import Session
 from pdsolve.device.source import text_of
@@ -20,12 +18,12 @@ from pdsolve.lattice.families import SAFE, FamilySlots, FamilyTiles
 from pdsolve.lattice.family_blocks import FamiliesInBlocks
 from pdsolve.lattice.family_operator import FamilyLattice
 from pdsolve.lattice.family_tiles import FamiliesInTiles
-from pdsolve.lattice.fluxes import FluxTiles
+from pdsolve.lattice.flux_operator import Array, FluxesInList, FluxesInTiles
+from pdsolve.lattice.fluxes import FluxTiles, share_of
 from pdsolve.lattice.layout import LANES
-from pdsolve.laws.bond_arrays import Bond, Ends, Now, Tabled
+from pdsolve.laws.bond_arrays import Bond, Ends, Now
 from pdsolve.laws.calls import initial_sums
-from pdsolve.laws.law import Law
-from pdsolve.model import Model
+from pdsolve.laws.fluxes import Conduction
 from pdsolve.operators import bond_list_loops as loops
 from pdsolve.state import State
 
@@ -37,18 +35,9 @@ class FamiliesOnDevice(NodesOnDevice, FamilyLattice):
 
     layout: FamiliesInBlocks | FamiliesInTiles
 
-    def __init__(
-        self,
-        law: Law,
-        model: Model,
-        exact: Bonds,
-        symmetric: bool,
-        precision: str,
-        make_layout: Callable[[Tabled, np.dtype[Any]], FamiliesInBlocks | FamiliesInTiles],
-        session: Session,
-    ) -> None:
-        """Arguments are those of `FamilyLattice`. Raises ModelError if the device has too little memory."""
-        super().__init__(law, model, exact, symmetric, precision, 1, make_layout)
+    def put_on(self, session: Session) -> None:
+        """Put the bonds on a device, which takes the steps from here on. Raises ModelError if it has too little
+        memory."""
         self.dimension, self.room = self._u.shape
         self.place, self._fresh = self.layout.places(self._every), [np.zeros(0, dtype=np.int64)]
         arrays = {**arrays_of(self.layout.bonds), "own": self._own, "nodal": self._m}
@@ -148,6 +137,38 @@ class FamiliesOnDevice(NodesOnDevice, FamilyLattice):
         if self.needs_upload:
             self._write_torn()
             self.needs_upload = False
+
+
+class FluxesOnDevice(NodesOnDevice):
+    """The fluxes of n nodes whose steps a device takes; see `pdsolve.steppers.steps_on_device`."""
+
+    scheme = ("FIRST_ORDER", "FLUXES")
+
+    def __init__(
+        self, fluxes: FluxesInTiles, change: FluxesInList | None, outside: Array, C_sat: float | None, session: Session
+    ) -> None:
+        """Arguments are those of `pdsolve.diffusion.operator.Fick`; potentials are at most `C_sat`, mol/m^3, if it is
+        given. Raises ModelError for a device with too little memory."""
+        nodes = len(fluxes.volume)
+        self._tiles, self._C_sat = fluxes.tiles, C_sat
+        self.dimension, self.room, self.place = 1, fluxes.sites.size, fluxes.sites.site
+        arrays = arrays_of(fluxes.tiles) | {"node": self.spread(np.arange(nodes, dtype=np.int32), -1)}
+        arrays |= {"total": self.spread(fluxes.total), "outside": self.spread(outside)}
+        arrays |= {"more_start": np.zeros(nodes + 1, np.int64), "more_site": self.place[:0], "more": np.zeros(0)}
+        arrays |= {"more_total": np.zeros(self.room), "dissipated": np.zeros(self.room)}
+        if change is not None:
+            arrays |= {"more_start": change.links.start, "more_site": self.place[change.links.neighbour]}
+            arrays |= {"more": change.conductance, "more_total": self.spread(change.total)}
+        self.upload(session, arrays)
+
+    def source(self) -> str:
+        """What the bonds are in OpenCL C."""
+        code, law = Code(), Conduction(self._tiles.g)
+        D, D_of_neighbour = (code.named(f"D[{end}]", 1) for end in ("i", "*j"))
+        defined = first_pass_of(law, code, Ends((), code.named("u[j]", 1)), 1, D)
+        defined["SHARE"] = code.statements("c[0] = c[0] * {1};", (share_of(*D, *D_of_neighbour),))
+        defined["POTENTIAL(h)"] = "h" if self._C_sat is None else f"fmin(h, {float(self._C_sat).hex()})"
+        return self.declarations + "\n" + family_source(self._tiles, defined)
 
 
 def arrays_of(bonds: Layout) -> dict[str, NDArray[Any]]:

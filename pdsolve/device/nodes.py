@@ -1,4 +1,4 @@
-"""Nodes on a device: their places there, and the buffers of their bonds by name."""
+"""Nodes on a device: their places there, the buffers of their bonds by name, and the factors of their conditions."""
 
 from __future__ import annotations
 
@@ -8,10 +8,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from pdsolve.codegen.jit_cache import cached_njit
+from pdsolve.conditions import Profiles, factor_at
 from pdsolve.device.runtime import Session
 from pdsolve.device.source import declare
 from pdsolve.operators.protocol import CheckpointArrays
 from pdsolve.state import Broken, State
+
+AT_ONCE = 256  # steps, for which the host computes factors together
 
 
 class NodesOnDevice:
@@ -79,3 +83,29 @@ class NodesOnDevice:
     def collected(self, values: NDArray[Any], state: NDArray[Any]) -> None:
         """Enter values (..., m) of the device in an array (n, ...) of the state."""
         state[:] = values[..., self.place].T
+
+
+class Factors:
+    """The factors of p profiles at r moments of each step, (AT_ONCE, r, p) in `buffer`."""
+
+    def __init__(self, session: Session, profiles: Profiles, dt: float, moments: tuple[tuple[int, float], ...]) -> None:
+        """Moments of a step from 0 on: after so many steps of `dt`, s, less so many s. Raises ModelError for a device
+        with too little memory."""
+        self.count = max(len(profiles.start) - 1, 1)
+        self._session, self._profiles, self._dt = session, profiles, dt
+        self._steps, self._less = (np.array(column) for column in zip(*moments, strict=True))
+        self._shape = len(moments), self.count
+        self.buffer = session.upload({"factors": np.zeros((AT_ONCE, *self._shape))})["factors"]
+
+    def write(self, step: int, steps: int) -> None:
+        """Give the device the factors of so many steps from this one on, at most AT_ONCE."""
+        table = np.zeros((steps, *self._shape))
+        fill(self._profiles, step + self._steps, self._less, self._dt, table)
+        self._session.write(self.buffer, table)
+
+
+@cached_njit(error_model="numpy")
+def fill(profiles, begin, less, dt, table):  # type: ignore[no-untyped-def]
+    """Put the factors (steps, r, p) of profiles into a table: at begin[r] steps, less so many s, of the first step."""
+    for k, r, p in np.ndindex(len(table), len(begin), len(profiles.start) - 1):
+        table[k, r, p] = factor_at(profiles, p, (begin[r] + k) * dt - less[r])

@@ -38,7 +38,7 @@ def pair_functions(law: Law, remembers: bool, **numbers: Any) -> str:
         numbers["SOFTENS"] = ""
     named = {each.__name__.upper(): written.write(each, columns, *(0.0,) * count) for each, count in functions}
     lines = [f"#define {name} {value}" for name, value in {**named, **numbers}.items()]
-    return "\n".join([written.source, *lines, text_of("tiles.cl")])
+    return "\n".join([*written.texts, *lines, text_of("tiles.cl")])
 
 
 def declare(name: str, arrays: Mapping[str, NDArray[Any]]) -> str:
@@ -55,38 +55,23 @@ def together(kind: str, precision: np.dtype[Any]) -> int:
     return 32 // precision.itemsize if kind == "CPU" else 1
 
 
-def vectors(nodes: int) -> dict[str, str]:
+def vectors(real: str, integer: str, nodes: int) -> dict[str, str]:
     """Types and functions of vectors with a number for each of the nodes that a work item sums, of one node numbers."""
+    wide, each = (f"{nodes}", "(a).s{}") if nodes > 1 else ("", "(a)")
 
     def join(number: str, joint: str) -> str:
-        return joint.join(number.format(k) for k in range(nodes))
+        return f"({joint.join(number.format(k) for k in range(nodes))})"
 
-    if nodes == 1:
-        return {
-            "REALS": "REAL",
-            "INTEGERS": "INTEGER",
-            "BITS": "uint",
-            "LOAD(from)": "(*(from))",
-            "STORE(a, to)": "*(to) = a",
-            "GATHER(from, at)": "(from)[*(at)]",
-            "SELECT(a, b, c)": "((c) ? (b) : (a))",
-            "ANY(a)": "(a)",
-            "AS_WIDE(a)": "(a)",
-            "ALL_OF(a)": "(a)",
-        }
     return {
-        "JOINED(a, b)": "a##b",
-        "WIDENED(a)": f"JOINED(a, {nodes})",
-        "REALS": "WIDENED(REAL)",
-        "INTEGERS": "WIDENED(INTEGER)",
-        "BITS": "WIDENED(uint)",
-        "LOAD(from)": "WIDENED(vload)(0, from)",
-        "STORE(a, to)": "WIDENED(vstore)(a, 0, to)",
-        "GATHER(from, at)": f"(REALS)({join('(from)[(at)[{}]]', ', ')})",
-        "SELECT(a, b, c)": "select(a, b, c)",
-        "ANY(a)": f"({join('(a).s{}', ' | ')})",
-        "AS_WIDE(a)": "WIDENED(TO_INTEGER)(a)",
-        "ALL_OF(a)": f"({join('(a).s{}', ' & ')})",
+        "REALS": real + wide,
+        "INTEGERS": integer + wide,
+        "BITS": "uint" + wide,
+        "LOAD(from)": f"vload{wide}(0, from)" if wide else "(*(from))",
+        "STORE(a, to)": f"vstore{wide}(a, 0, to)" if wide else "*(to) = a",
+        "GATHER(from, at)": f"(REALS){join('(from)[(at)[{}]]', ', ')}",
+        "ANY(a)": join(each, " | "),
+        "AS_WIDE(a)": f"convert_{integer}{wide}(a)",
+        "ALL_OF(a)": join(each, " & "),
     }
 
 
@@ -98,9 +83,12 @@ def preamble(precision: str, dimension: int, nodes: int = 1) -> str:
     kind = np.dtype(precision).type
     real = "double" if kind is np.float64 else "float"
     integer = "long" if real == "double" else "int"  # as wide
-    defined = {"REAL": real, "DIM": dimension, "INTEGER": integer, "TO_INTEGER": f"convert_{integer}", "FAR": FAR}
-    defined |= {"NARROW": NARROW.hex(), "WIDE": WIDE.hex(), "TOGETHER": nodes, **vectors(nodes)}
+    defined = {"REAL": real, "DIM": dimension, "FAR": FAR, "NARROW": NARROW.hex(), "WIDE": WIDE.hex()}
+    defined |= {"TOGETHER": nodes, **vectors(real, integer, nodes)}
     lines = ["#pragma OPENCL EXTENSION cl_khr_fp64 : enable", "#pragma OPENCL FP_CONTRACT OFF"]
+    before = ", ".join(f"__global const REAL *{name}" for name in ("before", "u", "rate"))
+    defined |= {"STEP_PARAMETERS": f"{before}, double dt, int m, int step"}
+    defined |= {"STEP_ARGUMENTS": "before, u, rate, dt, m, step"}
     lines += [f"#define {name} {value}" for name, value in defined.items()]
     polynomials = *coefficients(precision), stretch_coefficients(precision)
     for name, factors in zip(("NARROW", "WIDE", "STRETCH"), polynomials, strict=True):

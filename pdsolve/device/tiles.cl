@@ -16,9 +16,6 @@ site (symbols as in `Tiles`); else a block of 64 nodes (symbols as in `Blocks`).
 */
 
 #define SUM REAL
-#define STEP_PARAMETERS \
-  __global const REAL *before, __global const REAL *u, __global const REAL *rate, double dt, int m, int step
-#define STEP_ARGUMENTS before, u, rate, dt, m, step
 #define RATIO(e) ((e) / (sqrt(1.0 + (e)) + 1.0))
 #define LIMITS(of, slot, i) ((double)of[LIMIT_ROW(slot, i)])
 #ifdef SOFTENS
@@ -268,8 +265,6 @@ inline bool sum_slots(FORCE_PARAMETERS, STEP_PARAMETERS, bool care, const int *p
   for (int k = 0; care && k < TOGETHER; ++k)
     for (int at = pending[k]; at > 0; at = breaks[4L * at - 1])
       pull_again(FORCE_ARGUMENTS, STEP_ARGUMENTS, at, i + k, pulled + k);
-#endif
-#ifdef SITES
   Ends own = ends_of(FORCE_ARGUMENTS, m, i);
 #endif
   INTEGERS others = 0;
@@ -291,8 +286,8 @@ inline bool sum_slots(FORCE_PARAMETERS, STEP_PARAMETERS, bool care, const int *p
     }
     if (!(every >> at & 1)) {
       INTEGERS out = AS_WIDE((there >> (uint)at & 1u) == 0u);
-      w = SELECT(w, (REALS)0, out);
-      e = SELECT(e, (REALS)0, out);
+      w = select(w, (REALS)0, out);
+      e = select(e, (REALS)0, out);
     }
     others |= IS_LONG(e, slot, i);
     REALS g = POLYNOMIAL_NARROW(REALS, e);

@@ -14,12 +14,11 @@ from pdsolve.device.runtime import Session
 from pdsolve.device.source import pair_functions, together
 from pdsolve.errors import UnstableError
 from pdsolve.lattice import block_bonds, tile_bonds
-from pdsolve.lattice.blocks import BOUND, LIMITS, PULL, Blocks
+from pdsolve.lattice.blocks import BOUND, LIMITS, PULL
 from pdsolve.lattice.force_polynomials import NARROW
 from pdsolve.lattice.layout import LANES
 from pdsolve.lattice.operator import BlockLattice, TileLattice
-from pdsolve.lattice.sites import Sites
-from pdsolve.lattice.tiles import Breaks, Tiles, recall
+from pdsolve.lattice.tiles import Breaks, recall
 from pdsolve.laws.law import Law
 
 WORD = 32  # bits
@@ -157,20 +156,16 @@ class BondsOnDevice(NodesOnDevice, ABC):
 class TilesOnDevice(BondsOnDevice, TileLattice):
     """The bonds of n nodes on a cubic lattice, in tiles of sites."""
 
-    def __init__(
-        self, law: Law, tiles: Tiles, sites: Sites, bound: NDArray[np.float64], symmetric: bool, session: Session
-    ) -> None:
-        """Arguments are those of `TileLattice`. Raises ModelError if the device has too little memory."""
-        super().__init__(law, tiles, sites, bound, symmetric, 1)
+    def put_on(self, session: Session) -> None:
+        """Put the bonds on a device, which takes the steps from here on. Raises ModelError if it has too little
+        memory."""
+        tiles, sites = self.tiles, self.sites
         self.dimension, self.room, self.place = 3, sites.size, sites.site
         self._remembers, count, groups = self._softens, len(tiles.offsets), len(tiles.kind)
         self._first_place, self._starts, self._lanes = tiles.margin, count * np.arange(groups + 1), ROW
         tables = {name: getattr(tiles, name) for name in ("offsets", "vectors", "c", "cells", "kind", "peak", "limit")}
         tables |= {"node": self.spread(np.arange(len(sites.site), dtype=np.int32), -1)}
-        tables |= {
-            "unbreakable": self.spread(tiles.unbreakable.view(np.uint8)),
-            "material": self.spread(tiles.material),
-        }
+        tables |= {name: self.spread(getattr(tiles, name).view(np.uint8)) for name in ("unbreakable", "material")}
         numbers = {"SITES": "", "MARGIN": tiles.margin, "COUNT": count, "PAIRS": len(tiles.peak)}
         numbers |= {"MATERIALS": round(len(tiles.peak) ** 0.5), "NEAR": float(tiles.near).hex()}
         bonds = int(tile_bonds.count_bonds(tiles.bits, sites).sum())
@@ -215,31 +210,22 @@ class TilesOnDevice(BondsOnDevice, TileLattice):
 class BlocksOnDevice(BondsOnDevice, BlockLattice):
     """The bonds of n nodes on lattices, in blocks of 64 nodes."""
 
-    def __init__(
-        self,
-        law: Law,
-        blocks: Blocks,
-        bound: NDArray[np.float64],
-        symmetric: bool,
-        softens: bool,
-        session: Session,
-    ) -> None:
-        """Arguments are those of `BlockLattice`. Raises ModelError if the device has too little memory."""
-        super().__init__(law, blocks, bound, symmetric, softens)
-        self.dimension, self.room, self.place = len(blocks.axes), self.tracks.v.shape[1], slice(0, len(bound))
+    def put_on(self, session: Session) -> None:
+        """Put the bonds on a device, which takes the steps from here on. Raises ModelError if it has too little
+        memory."""
+        blocks = self.blocks
+        self.dimension, self.room, self.place = (
+            len(blocks.axes),
+            self.tracks.v.shape[1],
+            slice(0, len(self._stiffness_bound)),
+        )
         self._remembers, self._starts, self._lanes = bool(self.tracks.worst.size), blocks.start, LANES
         self._own_edge = np.zeros_like(self.tracks.worst)
         slots, shared = blocks.slots.copy(), -len(blocks.mask) or None  # rows before those of slots with broken bonds
         slots[:, PULL], slots[:, BOUND] = blocks.whole, blocks.slots[:, LIMITS]
-        tables: dict[str, NDArray[Any]] = {
-            "start": blocks.start.astype(np.int32),
-            "slots": slots,
-            "of_rows": blocks.of_rows,
-            "ids": blocks.ids,
-        }
-        tables |= {"start_of_rows": blocks.start_of_rows.astype(np.int32), "vectors": blocks.vectors}
-        tables |= {"stiffness": blocks.stiffness[:shared], "edge": blocks.edge[:shared]}
-        tables |= {"peak": blocks.peak, "limit": blocks.limit}
+        tables = {name: getattr(blocks, name) for name in ("of_rows", "ids", "vectors", "peak", "limit")}
+        tables |= {"slots": slots, "stiffness": blocks.stiffness[:shared], "edge": blocks.edge[:shared]}
+        tables |= {name: getattr(blocks, name).astype(np.int32) for name in ("start", "start_of_rows")}
         bonds = int(np.unpackbits(blocks.mask.view(np.uint8)).sum())
         self.scheme, self.together = ("FUSED",), together(session.about.kind, blocks.vectors.dtype)
         self._upload_bonds(session, tables, bonds, self._own_edge, NEAR=NARROW.hex())

@@ -120,12 +120,7 @@ class Functions:
         """`columns` are those of the law whose functions they are."""
         self._bound = {} if columns is None else bound_functions(columns)
         self._names: dict[Function, str] = {}
-        self._texts: list[str] = []
-
-    @property
-    def source(self) -> str:
-        """All that is written."""
-        return "\n".join(self._texts)
+        self.texts: list[str] = []  # of all that is written
 
     def write(self, function: Function, *arguments: Any) -> str:
         """Write a function of such arguments, of which numbers are its parameters in C; returns its name there."""
@@ -133,9 +128,9 @@ class Functions:
             function = self._bound.get(function.__name__, function)
         if function not in self._names:
             body = "\n".join(self._statements(function, arguments, []))
-            name = f"{function.__name__}_{len(self._texts)}"
+            name = f"{function.__name__}_{len(self.texts)}"
             parameters = ", ".join(f"double p{k}" for k in range(sum(map(_is_number, arguments))))
-            self._texts.append(f"inline double {name}({parameters}) {{\n{body}\n}}")
+            self.texts.append(f"inline double {name}({parameters}) {{\n{body}\n}}")
             self._names[function] = name
         return self._names[function]
 

@@ -20,7 +20,7 @@ from pdsolve.conditions import (
     initial_velocity,
     widened,
 )
-from pdsolve.device.fluxes import FluxesOnDevice
+from pdsolve.device.families import FluxesOnDevice
 from pdsolve.device.nodes import NodesOnDevice
 from pdsolve.device.runtime import Session
 from pdsolve.diffusion.system import Transport

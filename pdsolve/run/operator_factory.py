@@ -103,7 +103,9 @@ def make_tiled_operator(
         return None
     parts = law_of(model, scheme.matches_work), tiles.tiles, tiles.sites, tiles.stiffness_bound, scheme.symmetric
     if model.settings.run.device != "cpu":
-        return TilesOnDevice(*parts, Session(model.settings.run.device)), tiles.counted
+        on_device = TilesOnDevice(*parts, 1)
+        on_device.put_on(Session(model.settings.run.device))
+        return on_device, tiles.counted
     return TileLattice(*parts, threads_of(options, len(model.grid), True)), tiles.counted
 
 
@@ -116,15 +118,17 @@ def _make_device_operator(
         layout = _make_family_layout(law, model, bonds, bond_source.area, 1)
         if layout is None:
             raise ModelError(f"{model.name}: $.run.device: nodes are on no lattice; use cpu, or nodes on one")
-        of = law, model, bonds, scheme.symmetric, options.precision, layout
-        return FamiliesOnDevice(*of, Session(model.settings.run.device)), statistics.counted(bond_source.area)
+        families = FamiliesOnDevice(law, model, bonds, scheme.symmetric, options.precision, 1, layout)
+        families.put_on(Session(model.settings.run.device))
+        return families, statistics.counted(bond_source.area)
     if law.pair is None or law.pair.is_curved:
         raise ModelError(f"{model.name}: $.run.device: the law is no straight line; use cpu for such a law")
     session, kind = Session(model.settings.run.device), np.dtype(options.precision).type
     blocks = blocks_of(law, statistics.parts(), model.grid.position.shape, kind, 1)
     if blocks is None:
         raise ModelError(f"{model.name}: $.run.device: nodes are on no lattice; use cpu, or nodes on one")
-    operator = BlocksOnDevice(law, blocks, statistics.stiffness_bound, scheme.symmetric, statistics.softens, session)
+    operator = BlocksOnDevice(law, blocks, statistics.stiffness_bound, scheme.symmetric, statistics.softens)
+    operator.put_on(session)
     return operator, statistics.counted(bond_source.area)
 
 

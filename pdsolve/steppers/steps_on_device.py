@@ -12,8 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pdsolve.conditions import Drive, Entries, put_loads
-from pdsolve.device.factors import AT_ONCE, Factors
-from pdsolve.device.nodes import NodesOnDevice
+from pdsolve.device.nodes import AT_ONCE, Factors, NodesOnDevice
 from pdsolve.device.source import declare, preamble, text_of
 from pdsolve.lattice.layout import LANES
 from pdsolve.state import State
