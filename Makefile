@@ -78,7 +78,6 @@ handbook: $(VENV)/install.done
 
 materials: $(VENV)/install.done
 	$(BIN)/python -m benchmarks.combinations
-	$(BIN)/python -m benchmarks.plane_only
 
 forks: $(VENV)/install.done
 	$(BIN)/python -m benchmarks.forks

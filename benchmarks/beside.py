@@ -17,6 +17,7 @@ import sys
 import tempfile
 import time
 from collections.abc import Callable, Iterator
+from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -133,54 +134,28 @@ def _options(job: Job) -> Any:
 # ---- in this process
 
 
-class Turns:
-    """The processes of this and of another checkout, which take turns with one job."""
+def least_of_turns(job: Job, other: Path, rounds: int) -> tuple[float, float]:
+    """The least seconds a step of another checkout and of this one, whose processes take turns."""
+    from benchmarks.timing import Served, least
 
-    def __init__(self, job: Job, other: Path) -> None:
-        from benchmarks.processes import environment
-
-        self._processes = [
-            subprocess.Popen(
-                [sys.executable, "-P", __file__, "--serve", json.dumps(job)],
-                stdin=subprocess.PIPE,
-                stdout=subprocess.PIPE,
-                env=environment(PYTHONPATH=str(folder)),
-                cwd=folder,
-                text=True,
-            )
-            for folder in (other, HERE)
-        ]
-
-    def measure(self, rounds: int) -> tuple[float, float]:
-        """The least seconds a step of the other one and of this."""
-        best = [float("inf"), float("inf")]
-        for _ in range(rounds):
-            for number, process in enumerate(self._processes):
-                assert process.stdin is not None
-                assert process.stdout is not None
-                process.stdin.write("\n")
-                process.stdin.flush()
-                best[number] = min(best[number], float(process.stdout.readline()))
-        return best[0], best[1]
-
-    def close(self) -> None:
-        """End them."""
-        for process in self._processes:
-            process.communicate()
+    words = [sys.executable, "-P", __file__, "--serve", json.dumps(job)]
+    processes = {folder: Served(words, folder, PYTHONPATH=str(folder)) for folder in (other, HERE)}
+    best = least({str(folder): partial(process.ask, "") for folder, process in processes.items()}, rounds)
+    for process in processes.values():
+        process.close()
+    return best[str(other)], best[str(HERE)]
 
 
 def started(model: str, other: Path, rounds: int) -> Iterator[dict[str, Any]]:
     """From shell to shell: a run that compiles, and the least of some that need not."""
-    from benchmarks.processes import environment
+    from benchmarks.timing import environment, timed
 
     with tempfile.TemporaryDirectory() as folder:
 
         def seconds(checkout: Path) -> float:
             own = environment(PYTHONPATH=str(checkout), NUMBA_CACHE_DIR=f"{folder}/{checkout.name}")
             command = [sys.executable, "-P", "-m", "pdsolve", model, "-o", f"{folder}/run.sqlite", "--force", "-q"]
-            began = time.perf_counter()
-            subprocess.run(command, env=own, cwd=checkout, check=True)
-            return time.perf_counter() - began
+            return timed(partial(subprocess.run, command, env=own, cwd=checkout, check=True), time.perf_counter)
 
         cold = [seconds(checkout) for checkout in (other, HERE)]
         yield row("the first run, which compiles", *cold, unit="s")
@@ -253,10 +228,8 @@ def compared(other: Path, rounds: int = ROUNDS, only: str = "") -> Iterator[dict
         for job in jobs(Path(folder)):
             if not re.search(only, job.name):
                 continue
-            turns = Turns(job, other.resolve())
-            measured = turns.measure({"steps": rounds, "bytes": 1}.get(job.kind, WHOLE))
+            measured = least_of_turns(job, other.resolve(), {"steps": rounds, "bytes": 1}.get(job.kind, WHOLE))
             yield row(job.name, *measured, **({"unit": "B a bond"} if job.kind == "bytes" else {}))
-            turns.close()
         if only:
             return
         yield from started(str(Path(folder) / "duran50-brittle.json"), other.resolve(), 5)

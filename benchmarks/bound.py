@@ -8,6 +8,8 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from benchmarks.timing import least, timed
+
 OPERATIONS = 19  # of a bond that is hardly stretched: 2 for eta, 4 for e, 2 to look at it, 5 for g, 6 for the force
 LANES, TIMES, ROUNDS = 512, 20_000, 9
 
@@ -27,13 +29,10 @@ def _operate(values, factor, times):  # type: ignore[no-untyped-def]
 def ns_per_bond(precision: str) -> float:
     """ns for the vector operations of one bond, on one thread; the least of some."""
     values: NDArray[np.floating] = np.zeros(LANES, dtype=precision)
-    factor, best = values.dtype.type(0.5), float("inf")
+    factor = values.dtype.type(0.5)
     _operate(values, factor, 1)
-    for _ in range(ROUNDS):
-        began = time.perf_counter()
-        _operate(values, factor, TIMES)
-        best = min(best, time.perf_counter() - began)
-    return 1e9 * best / (LANES * TIMES)
+    best = least({"": lambda: timed(lambda: _operate(values, factor, TIMES), time.perf_counter)}, ROUNDS)
+    return 1e9 * best[""] / (LANES * TIMES)
 
 
 if __name__ == "__main__":

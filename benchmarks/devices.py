@@ -12,11 +12,13 @@ import argparse
 import json
 import time
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 
+from benchmarks.timing import least, timed
 from pdmesh import Body, Box
 from pdmesh.drawing.solids import meshed
 from pdmesh.grid.building import build
@@ -28,7 +30,6 @@ from pdsolve.device.source import preamble
 from pdsolve.model import Model, on_device
 from pdsolve.options import Options
 from pdsolve.run.prepare import prepare
-from pdsolve.run.system import PreparedRun
 
 STEPS, ROUNDS = 10, 5
 SIDES = {"64k": (400, 160), "400k": (1000, 400)}
@@ -94,13 +95,6 @@ def cube() -> Model:
     return Model(found.grid, found.settings)
 
 
-def marched(prepared: PreparedRun, clock: Callable[[], float], first: int) -> float:
-    """Seconds of a step, of those from `first` on."""
-    began = clock()
-    prepared.advance(first, first + STEPS)
-    return (clock() - began) / STEPS
-
-
 def roofline(session: Session, precision: str, clock: Callable[[], float]) -> tuple[float, float]:
     """Bytes and operations a second that the device reaches."""
     wide = "double8" if precision == "float64" else "float8"
@@ -108,21 +102,15 @@ def roofline(session: Session, precision: str, clock: Callable[[], float]) -> tu
     program, kind = session.build(source), np.dtype(precision).type
     a, b = (session.put(np.full(COPIED, 1e-3, dtype=kind)) for _ in range(2))
     copied, summed, items = program.copied, program.summed, COPIED >> 8
-    moved = least(lambda: session.launch(copied, (COPIED, 64), [a, b]), session, clock)
-    added = least(lambda: session.launch(summed, (items, 64), [a]), session, clock)
-    return 2 * COPIED * np.dtype(precision).itemsize / moved, 8 * EIGHT * CHAINS * items / added
 
+    def seconds(*launch: Any) -> float:
+        return timed(lambda: (session.launch(*launch), session.finish()), clock)
 
-def least(work: Callable[[], Any], session: Session, clock: Callable[[], float]) -> float:
-    """The least seconds of some work of a device."""
-    found = []
-    for _ in range(ROUNDS):
-        session.finish()
-        began = clock()
-        work()
-        session.finish()
-        found.append(clock() - began)
-    return min(found[1:])
+    works = {"moved": (copied, (COPIED, 64), [a, b]), "added": (summed, (items, 64), [a])}
+    for work in works.values():
+        seconds(*work)
+    found = least({name: partial(seconds, *work) for name, work in works.items()}, ROUNDS)
+    return 2 * COPIED * np.dtype(precision).itemsize / found["moved"], 8 * EIGHT * CHAINS * items / found["added"]
 
 
 def measured(name: str, device: str) -> list[dict[str, Any]]:
@@ -133,11 +121,11 @@ def measured(name: str, device: str) -> list[dict[str, Any]]:
         there = prepare(on_device(model, device), Options("conservative", precision))
         session = there.system.operator.session  # type: ignore[attr-defined]
         clock = time.process_time if session.about.kind == "CPU" else time.perf_counter
-        times = [
-            (marched(here, time.process_time, 1 + STEPS * k), marched(there, clock, 1 + STEPS * k))
-            for k in range(ROUNDS + 1)
-        ]
-        own, other = (min(column) for column in zip(*times[1:], strict=True))  # the first compiles
+        runs = {"here": (here, time.process_time), "there": (there, clock)}
+        for run, _ in runs.values():
+            run.advance(1, 1 + STEPS)  # compiles
+        measures = {key: partial(timed, partial(run.advance, 1, 1 + STEPS), own) for key, (run, own) in runs.items()}
+        own, other = (seconds / STEPS for seconds in least(measures, ROUNDS).values())
         bonds, nodes = float(here.system.directed_bond_count), len(model.grid)
         bandwidth, operations = roofline(session, precision, clock)
         each = taken(model.grid.dimension, precision, bonds / nodes)

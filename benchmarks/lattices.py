@@ -7,7 +7,6 @@ the least user time of interleaved repeats on one thread; bytes are all arrays o
 from __future__ import annotations
 
 import json
-import resource
 import tempfile
 from collections.abc import Callable
 from pathlib import Path
@@ -22,6 +21,7 @@ from benchmarks.peers import PAGE, processor
 from benchmarks.runs import built
 from benchmarks.space import GLASS, cube
 from benchmarks.speed import PLATES, square
+from benchmarks.timing import least_of_steps, timed
 from pdmesh import Body, Box, Run, build
 from pdmesh.model.document import Horizon, Settings
 from pdsolve.model import Model
@@ -79,14 +79,14 @@ def models(folder: Path) -> dict[str, OfKernel]:
 
 def measured(models_of_kernels: dict[str, OfKernel]) -> list[dict[str, Any]]:
     """ns and bytes a directed bond of each."""
-    takes: dict[str, Callable[[int], None]] = {}
+    measures: dict[str, Callable[[int], float]] = {}
     rows: dict[str, dict[str, Any]] = {}
     for name, (model, kernel) in models_of_kernels.items():
         prepared = prepare(model, Options(threads=1, kernel=kernel))
         shape = prepared.state.value.shape
         prepared.state.value[:] = 1e-10 * np.random.default_rng(0).standard_normal(shape)
         operator, bonds = unwrap_bond_operator(prepared.system.operator), prepared.system.directed_bond_count
-        takes[name] = lambda steps, run=prepared: run.advance(1, 1 + steps)  # type: ignore[misc]
+        measures[name] = lambda steps, run=prepared: timed(lambda: run.advance(1, 1 + steps))  # type: ignore[misc]
         rows[name] = {
             "name": name,
             "nodes": len(model.grid),
@@ -94,31 +94,9 @@ def measured(models_of_kernels: dict[str, OfKernel]) -> list[dict[str, Any]]:
             "in": bond_storage_kind(operator),
             "bytes a bond": operator.bytes() / bonds,
         }
-    for name, seconds in least(takes).items():
+    for name, seconds in least_of_steps(measures, ROUNDS, SAMPLE).items():
         rows[name]["ns a bond"] = 1e9 * seconds / rows[name]["bonds"]
     return list(rows.values())
-
-
-def user_time() -> float:
-    """User time of this process, s."""
-    return resource.getrusage(resource.RUSAGE_SELF).ru_utime
-
-
-def least(takes: dict[str, Callable[[int], None]]) -> dict[str, float]:
-    """Seconds of user time of a step of each, the least of interleaved repeats."""
-    steps = {}
-    for name, take in takes.items():
-        take(2)
-        began = user_time()
-        take(3)
-        steps[name] = max(1, round(3 * SAMPLE / (user_time() - began + 1e-6)))
-    best = dict.fromkeys(takes, np.inf)
-    for _ in range(ROUNDS):
-        for name, take in takes.items():
-            began = user_time()
-            take(steps[name])
-            best[name] = min(best[name], (user_time() - began) / steps[name])
-    return best
 
 
 def section(found: dict[str, Any]) -> str:

@@ -20,10 +20,13 @@ import sys
 import tempfile
 from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+
+if TYPE_CHECKING:  # another interpreter, which serves, has no benchmarks
+    from benchmarks.timing import Served
 
 HERE = Path(__file__).resolve().parent.parent
 PAGE = HERE / "docs" / "verification" / "accuracy_and_cost.md"
@@ -263,37 +266,14 @@ def theirs_in_numpy(problem: Problem) -> NDArray[np.float64]:
     return u
 
 
-class Process:
+def process_of(code: str, file: Path, python: str) -> Served:
     """A code in a process of its own."""
+    from benchmarks.timing import Served
 
-    def __init__(self, code: str, file: Path, python: str) -> None:
-        from benchmarks.processes import environment
-
-        here = code.startswith("pdsolve")
-        quiet = {"OMP_NUM_THREADS": "1", "NUMBA_NUM_THREADS": "1", "TQDM_DISABLE": "1"}
-        self._process = subprocess.Popen(
-            [sys.executable if here else python, "-P", __file__, "--serve", code, str(file)],
-            stdin=subprocess.PIPE,
-            stdout=subprocess.PIPE,
-            env=environment(**quiet, **({"PYTHONPATH": str(HERE)} if here else {})),
-            text=True,
-        )
-
-    def ask(self, words: str) -> Any:
-        """Its answer to a line. Raises RuntimeError where it has ended."""
-        assert self._process.stdin is not None
-        assert self._process.stdout is not None
-        with contextlib.suppress(BrokenPipeError):
-            self._process.stdin.write(words + "\n")
-            self._process.stdin.flush()
-        answer = self._process.stdout.readline()
-        if not answer:
-            raise RuntimeError(f"'{words}' has no answer: the process ended with code {self._process.wait()}")
-        return json.loads(answer)
-
-    def close(self) -> None:
-        """End it."""
-        self._process.communicate()
+    here = code.startswith("pdsolve")
+    quiet = {"OMP_NUM_THREADS": "1", "NUMBA_NUM_THREADS": "1", "TQDM_DISABLE": "1"}
+    words = [sys.executable if here else python, "-P", __file__, "--serve", code, str(file)]
+    return Served(words, **quiet, **({"PYTHONPATH": str(HERE)} if here else {}))
 
 
 def available(code: str, python: str) -> bool:
@@ -306,6 +286,8 @@ def available(code: str, python: str) -> bool:
 
 def measured(kind: str, python: str, folder: Path) -> list[dict[str, Any]]:
     """Of each code that there is, with a plate or a body: bonds, ns, memory, and how far displacements differ."""
+    from benchmarks.timing import least_of_steps
+
     codes = [code for code in CODES[kind] if available(code, python)]
     peaks, rows = {}, {code: dict[str, Any](code=code) for code in codes}
     for name, shape in (("small", SMALL[kind]), ("whole", SHAPES[kind])):
@@ -322,7 +304,11 @@ def measured(kind: str, python: str, folder: Path) -> list[dict[str, Any]]:
         if name == "whole":
             for code, field in fields.items():
                 rows[code]["difference"] = _difference(field, fields[codes[0]])
-            _time(processes, rows, int(np.prod(shape)))
+            measures = {code: lambda steps, of=of: of.ask(f"steps {steps}") for code, of in processes.items()}
+            nodes = int(np.prod(shape))
+            for code, seconds in least_of_steps(measures, ROUNDS, SAMPLE).items():  # type: ignore[arg-type]
+                rows[code] |= {"nodes": nodes, "us a node": 1e6 * seconds / nodes}
+                rows[code]["ns a bond"] = 1e9 * seconds / rows[code]["whole bonds"]
         for process in processes.values():
             process.close()
     for code, row in rows.items():
@@ -332,16 +318,16 @@ def measured(kind: str, python: str, folder: Path) -> list[dict[str, Any]]:
     return list(rows.values())
 
 
-def _compiled(code: str, file: Path, python: str) -> Process:
+def _compiled(code: str, file: Path, python: str) -> Served:
     """A code's process. Kernels that outlive a process are compiled before, as compiling takes memory."""
     if code.startswith("pdsolve"):
-        before = Process(code, file, python)
+        before = process_of(code, file, python)
         before.ask(f"steps {CHECKED}")
         before.close()
-    return Process(code, file, python)
+    return process_of(code, file, python)
 
 
-def _field(process: Process, folder: Path) -> NDArray[np.float64]:
+def _field(process: Served, folder: Path) -> NDArray[np.float64]:
     process.ask(f"field {folder / 'field.npy'}")
     return np.asarray(np.load(folder / "field.npy"))
 
@@ -349,18 +335,6 @@ def _field(process: Process, folder: Path) -> NDArray[np.float64]:
 def _difference(field: NDArray[np.float64], other: NDArray[np.float64]) -> float:
     """The largest difference of displacements over the largest displacement."""
     return float(np.abs(field - other).max() / np.abs(other).max())
-
-
-def _time(processes: dict[str, Process], rows: dict[str, dict[str, Any]], nodes: int) -> None:
-    """ns a directed bond and us a node of a step: the least of turns."""
-    steps = {code: max(1, round(5 * SAMPLE / process.ask("steps 5"))) for code, process in processes.items()}
-    best = dict.fromkeys(processes, np.inf)
-    for _ in range(ROUNDS):
-        for code, process in processes.items():
-            best[code] = min(best[code], process.ask(f"steps {steps[code]}") / steps[code])
-    for code, seconds in best.items():
-        rows[code] |= {"nodes": nodes, "us a node": 1e6 * seconds / nodes}
-        rows[code]["ns a bond"] = 1e9 * seconds / rows[code]["whole bonds"]
 
 
 HEAD = (

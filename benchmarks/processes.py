@@ -5,23 +5,19 @@
 
 from __future__ import annotations
 
-import os
 import subprocess
 import sys
 import tempfile
 import time
+from functools import partial
 from pathlib import Path
 
 from benchmarks.claims import Case
 from benchmarks.runs import built
+from benchmarks.timing import environment, timed
 
 FRAMES = 5
 TIMES = 7
-
-
-def environment(**own: str) -> dict[str, str]:
-    """Variables for a process, with those of its own; Python keeps what it compiles, as on a user's machine."""
-    return {name: value for name, value in os.environ.items() if name != "PYTHONDONTWRITEBYTECODE"} | own
 
 
 def processes() -> dict[str, float]:
@@ -32,9 +28,9 @@ def processes() -> dict[str, float]:
         own = environment(NUMBA_CACHE_DIR=str(folder / "compiled"))
 
         def seconds(*arguments: str) -> float:
-            began = time.perf_counter()
-            subprocess.run([sys.executable, *arguments], check=True, stdout=subprocess.DEVNULL, env=own)
-            return time.perf_counter() - began
+            words = [sys.executable, *arguments]
+            run = partial(subprocess.run, words, check=True, stdout=subprocess.DEVNULL, env=own)
+            return timed(run, time.perf_counter)
 
         def least(*arguments: str) -> float:
             return min(seconds(*arguments) for _ in range(TIMES))

@@ -17,6 +17,7 @@ import sys
 import tempfile
 import time
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -24,6 +25,7 @@ import msgspec
 import numpy as np
 
 from benchmarks.pages import put_section
+from benchmarks.timing import least, timed
 from pdmesh.model.document import Horizon, Lattice, Material, Run, Settings
 from pdmesh.model.node_grid import whole_lattice
 from pdsolve.model import Model
@@ -72,16 +74,10 @@ def shaken(model: Model, options: Options) -> PreparedRun:
     return problem
 
 
-def least(takes: dict[str, Callable[[], Any]], rounds: int = ROUNDS) -> dict[str, float]:
-    """Seconds that each takes, the least of interleaved repeats."""
-    best = dict.fromkeys(takes, np.inf)
-    for _ in range(rounds):
-        for name, take in takes.items():
-            clock = time.perf_counter if "threads" in name else time.process_time
-            began = clock()
-            take()
-            best[name] = min(best[name], clock() - began)
-    return best
+def repeated(takes: dict[str, Callable[[], Any]], rounds: int = ROUNDS) -> dict[str, float]:
+    """Seconds that each takes, the least of interleaved repeats: by the clock where there are several threads."""
+    clocks = {name: time.perf_counter if "threads" in name else time.process_time for name in takes}
+    return least({name: partial(timed, take, clocks[name]) for name, take in takes.items()}, rounds)
 
 
 def measured(side: int, names: list[str]) -> dict[str, Any]:
@@ -90,13 +86,13 @@ def measured(side: int, names: list[str]) -> dict[str, Any]:
     problems = {name: shaken(model, VARIANTS[name]) for name in names}
     clocked = {"tiles, float64, 1 of 2 threads": "tiles, float64"} if "tiles, float64, 2 threads" in names else {}
     takes = {name: problems[clocked.get(name, name)] for name in (*names, *clocked)}
-    step = least({name: lambda problem=problem: problem.advance(1, 1 + STEPS) for name, problem in takes.items()})
+    step = repeated({name: lambda problem=problem: problem.advance(1, 1 + STEPS) for name, problem in takes.items()})
     assert not any(len(problem.system.operator.broken().step) for problem in problems.values())
     operators = {name: problem.system.operator.bytes() / nodes for name, problem in problems.items()}  # type: ignore[attr-defined]
     bonds = problems["tiles, float64"].system.directed_bond_count / nodes
     del problems, takes
     options = {name: VARIANTS[name] for name in names if "threads" not in name}
-    preparing = least({name: lambda of=of: prepare(model, of) for name, of in options.items()}, PREPARED)
+    preparing = repeated({name: lambda of=of: prepare(model, of) for name, of in options.items()}, PREPARED)
     return {
         "nodes": nodes,
         "bonds a node": bonds,
@@ -111,7 +107,7 @@ def ordinary(side: int) -> dict[str, Any]:
     model, problems = cube(side, msgspec.structs.replace(GLASS, model="ordinary", nu=0.25)), {}
     for name in ("list, float64", "tiles, float64", "tiles, float32"):
         problems[name] = shaken(model, VARIANTS[name])
-    step = least({name: lambda problem=problem: problem.advance(1, 1 + STEPS) for name, problem in problems.items()})
+    step = repeated({name: lambda problem=problem: problem.advance(1, 1 + STEPS) for name, problem in problems.items()})
     assert not any(len(problem.system.operator.broken().step) for problem in problems.values())
     bonds = problems["tiles, float64"].system.directed_bond_count / side**3
     return {

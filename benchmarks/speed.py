@@ -18,7 +18,7 @@ import tempfile
 import time
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import matplotlib as mpl
 import msgspec
@@ -31,8 +31,9 @@ from benchmarks import beside, bound
 from benchmarks.claims import Case
 from benchmarks.processes import processes
 from benchmarks.runs import built
-from pdmesh.model.document import Horizon, Material, Run, Settings
-from pdmesh.model.node_grid import Grid
+from benchmarks.timing import least_of_steps, timed
+from pdmesh.model.document import Horizon, Lattice, Material, Run, Settings
+from pdmesh.model.node_grid import Grid, whole_lattice
 from pdsolve.model import Model
 from pdsolve.options import Options
 from pdsolve.run.prepare import prepare
@@ -49,26 +50,9 @@ PLATES = {"4k": (101, 42), "13k": (131, 101), "64k": (400, 160), "1M": (1000, 10
 LISTED_UP_TO = 2_000_000  # nodes; above, lists of bonds are too long for a desktop
 
 
-class Variant(NamedTuple):
-    """One way to take steps."""
-
-    name: str
-    threads: int
-    take: Callable[[int], None]  # this many steps
-
-
 def square(columns: int, rows: int) -> Grid:
     """A rectangle of nodes of 1 mm, row by row."""
-    y, x = np.mgrid[0:rows, 0:columns]
-    nodes = columns * rows
-    return Grid(
-        ids=np.arange(1, nodes + 1),
-        position=1e-3 * np.column_stack([x.ravel(), y.ravel()]),
-        delta=np.full(nodes, 1e-3),
-        border=np.zeros(nodes, dtype=bool),
-        hole_id=np.full(nodes, -1),
-        cracks=np.empty((0, 4)),
-    )
+    return whole_lattice(Lattice((0.0, 0.0), 1e-3, columns, rows), cracks=np.empty((0, 4)))
 
 
 def grids(names: list[str]) -> dict[str, Grid]:
@@ -126,55 +110,36 @@ class NumpyBonds:
             self.v += self.dt / 2 * self.a
 
 
-def stepper(problem: PreparedRun) -> Callable[[int], None]:
-    """Takes steps of a problem, one sequence after the other."""
+def stepper(problem: PreparedRun, threads: int) -> Callable[[int], float]:
+    """Takes steps of a problem, one sequence after the other, and returns their seconds."""
     at = 1
 
-    def take(steps: int) -> None:
+    def take(steps: int) -> float:
         nonlocal at
-        problem.advance(at, at + steps)
-        at += steps
+        numba.set_num_threads(threads)
+        first, at = at, at + steps
+        return timed(lambda: problem.advance(first, at), time.perf_counter)
 
     return take
 
 
-def interleaved(variants: list[Variant], rounds: int) -> dict[str, float]:
-    """Seconds a step of each variant: the least of `rounds` measurements, taken in turn."""
-    steps, best = {}, {}
-    for variant in variants:
-        numba.set_num_threads(variant.threads)
-        variant.take(1)
-        began = time.perf_counter()
-        variant.take(1)
-        steps[variant.name] = max(1, int(SAMPLE / (time.perf_counter() - began)))
-        best[variant.name] = float("inf")
-    for _ in range(rounds):
-        for variant in variants:
-            numba.set_num_threads(variant.threads)
-            began = time.perf_counter()
-            variant.take(steps[variant.name])
-            best[variant.name] = min(best[variant.name], (time.perf_counter() - began) / steps[variant.name])
-    return best
-
-
 def measure(name: str, grid: Grid, law: str, mode: str, rounds: int, threads: int) -> dict[str, Any]:
     """ns a bond and step of all variants on one grid; on one thread only the three in double precision."""
-    made: dict[str, PreparedRun] = {}
-    several = dict.fromkeys((threads, 1))
-
-    def variant(kernel: str, precision: str, used: int) -> Variant:
-        of_one = ", 1 thread" if used < threads else ""
-        name = f"{kernel} {precision}{of_one}"
-        made[name] = shaken(grid, law, Options(mode, precision, used, kernel))
-        return Variant(name, used, stepper(made[name]))
-
     precisions = ("float64", "float32") if threads > 1 else ("float64",)
-    variants = [variant("blocks", precision, used) for precision in precisions for used in several]
+    variants = [("blocks", precision, used) for precision in precisions for used in dict.fromkeys((threads, 1))]
     if len(grid) <= LISTED_UP_TO:
-        variants += [variant("listed", precision, threads) for precision in precisions]
-        variants += [variant("listed", "float64", 1)] if threads > 1 else []
-        variants.append(Variant("numpy float64", 1, NumpyBonds(made["listed float64"]).take))
-    seconds = interleaved(variants, rounds)
+        variants += [("listed", precision, threads) for precision in precisions]
+        variants += [("listed", "float64", 1)] if threads > 1 else []
+    made: dict[str, PreparedRun] = {}
+    measures: dict[str, Callable[[int], float]] = {}
+    for kernel, precision, used in variants:
+        key = f"{kernel} {precision}" + (", 1 thread" if used < threads else "")
+        made[key] = shaken(grid, law, Options(mode, precision, used, kernel))
+        measures[key] = stepper(made[key], used)
+    if len(grid) <= LISTED_UP_TO:
+        bare = NumpyBonds(made["listed float64"])
+        measures["numpy float64"] = lambda steps: timed(lambda: bare.take(steps), time.perf_counter)
+    seconds = least_of_steps(measures, rounds, SAMPLE)
     system = made["blocks float64"].system
     assert not len(system.operator.broken().step), "a bond broke: this is not the intact cost"
     bonds = system.directed_bond_count

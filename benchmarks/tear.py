@@ -8,6 +8,7 @@ from __future__ import annotations
 import sys
 import tempfile
 import time
+from functools import partial
 from pathlib import Path
 from typing import NamedTuple
 
@@ -18,6 +19,7 @@ from numpy.typing import NDArray
 from benchmarks.claims import Case
 from benchmarks.pages import put_section
 from benchmarks.runs import built
+from benchmarks.timing import timed
 from pdmesh.model.document import Horizon, Material, Run, Settings
 from pdmesh.model.node_grid import Grid
 from pdsolve.model import Model
@@ -151,9 +153,7 @@ def steps_times(model: Model, matches_work: bool) -> tuple[NDArray[np.float64], 
         SCHEMES["conservative"] = usual
     times = []
     for first in range(1, min(model.settings.run.steps or MOST_STEPS, MOST_STEPS) + 1, CHUNK):
-        start = time.process_time()
-        prepared.advance(first, first + CHUNK)
-        times.append(time.process_time() - start)
+        times.append(timed(partial(prepared.advance, first, first + CHUNK), time.process_time))
     return np.array(times), len(prepared.system.operator.broken().step) // 2
 
 

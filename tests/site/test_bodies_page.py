@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import pytest
 
+from benchmarks.combinations import SPACE, bodies, refused_of_bodies
 from benchmarks.pages import sections
-from benchmarks.plane_only import PAGE, refused, section
 
 
 @pytest.mark.slow
 def test_what_bodies_do_not_have_is_on_their_page() -> None:
-    found = refused()
+    found = refused_of_bodies()
     assert len(found) > 10
-    assert section(found) in [f"{part.rstrip()}\n" for part in sections(PAGE.read_text(encoding="utf-8"))]
+    assert bodies(found) in [f"{part.rstrip()}\n" for part in sections(SPACE.read_text(encoding="utf-8"))]
