@@ -216,8 +216,7 @@ class Scene(Plate, MechanicalConditions[Where], DiffusionConditions[Where]):
         region, area = actions.medium(name, D), surface(shape, self.finest, f"medium '{name}'")
         return replace(self, media=(*self.media, PlacedRegion(area, region)))
 
-    def _named(self, where: Where, kind: str) -> str:
-        return name_of(where, kind)
+    _named = staticmethod(name_of)
 
     def _size(self, where: Where, place: str) -> dict[str, float]:
         curve = self._place(where, place)
