@@ -26,7 +26,7 @@ from pdmesh import Body, Box, Run, build
 from pdmesh.model.document import Horizon, Settings
 from pdsolve.model import Model
 from pdsolve.options import Options
-from pdsolve.run.operator_factory import bond_storage_kind, unwrap_bond_operator
+from pdsolve.run.operator_factory import bond_arrangement, unwrap_bond_operator
 from pdsolve.run.prepare import prepare
 
 STORED = Path(__file__).with_suffix(".json")
@@ -91,7 +91,7 @@ def measured(models_of_kernels: dict[str, OfKernel]) -> list[dict[str, Any]]:
             "name": name,
             "nodes": len(model.grid),
             "bonds": bonds,
-            "in": bond_storage_kind(operator),
+            "in": bond_arrangement(operator),
             "bytes a bond": operator.bytes() / bonds,
         }
     for name, seconds in least_of_steps(measures, ROUNDS, SAMPLE).items():

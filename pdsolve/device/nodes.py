@@ -76,14 +76,6 @@ class NodesOnDevice:
         wide[..., self.place] = values.T
         return wide
 
-    def rows(self, nodes: NDArray[np.int64]) -> NDArray[np.int64]:
-        """Where the device has these nodes (k,)."""
-        return np.arange(self.room)[self.place][nodes]
-
-    def collected(self, values: NDArray[Any], state: NDArray[Any]) -> None:
-        """Enter values (..., m) of the device in an array (n, ...) of the state."""
-        state[:] = values[..., self.place].T
-
 
 class Factors:
     """The factors of p profiles at r moments of each step, (AT_ONCE, r, p) in `buffer`."""

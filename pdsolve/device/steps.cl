@@ -27,26 +27,22 @@ which computes in double precision; with damping where DAMPED is. Nodes on which
 #define MOVED_BY(u, v) ((REAL)((double)(u) + dt * (double)(v)))
 #endif
 
-/* The load on the node with the row k of `acts`, at these factors */
-inline void load(MOTION_PARAMETERS, __global const double *end, int k) {
-  for (int axis = 0; axis < DIM; ++axis) {
-    ago_force[DIM * k + axis] = now[DIM * k + axis];
-    now[DIM * k + axis] = 0;
-  }
-  for (int e = load_first[k]; e < load_first[k + 1]; ++e) {
-    double share = load_value[e] * end[load_profile[e]];
-    now[DIM * k + load_axis[e]] = (REAL)((double)now[DIM * k + load_axis[e]] + share);
-  }
-}
-
 /* Node i, with what bonds do to it, but where a march starts: the force density f, N/m^3, or the rate of a content */
 inline void take(FORCE_PARAMETERS, MOTION_PARAMETERS, MOMENT, int i, SUM *f) {
   int k = acts[i];
   __global const double *end = factors + 3 * profiles * at, *next = end + profiles, *middle = next + profiles;
   int loads = k >= 0 ? load_first[k] : 0, end_loads = k >= 0 ? load_first[k + 1] : 0;
   int holds = k >= 0 ? hold_first[k] : 0, end_holds = k >= 0 ? hold_first[k + 1] : 0;
-  if (!(phase & STARTS) && varies && loads < end_loads)
-    load(MOTION_ARGUMENTS, end, k);
+  if (!(phase & STARTS) && varies && loads < end_loads) {
+    for (int axis = 0; axis < DIM; ++axis) {
+      ago_force[DIM * k + axis] = now[DIM * k + axis];
+      now[DIM * k + axis] = 0;
+    }
+    for (int e = loads; e < end_loads; ++e) {
+      double share = load_value[e] * end[load_profile[e]];
+      now[DIM * k + load_axis[e]] = (REAL)((double)now[DIM * k + load_axis[e]] + share);
+    }
+  }
 #ifdef FIRST_ORDER
   double content = a[i];
   if (!(phase & STARTS)) {

@@ -91,15 +91,6 @@ typedef struct {
   REALS c[DIM], modulus;
 } Ends;
 
-inline Ends ends_of(FORCE_PARAMETERS, int m, int i) {
-  Ends own;
-  own.kind = kind[GROUP(i)];
-  own.modulus = LOAD(cells + m + i);
-  for (int axis = 0; axis < DIM; ++axis)
-    own.c[axis] = LOAD(c + (long)axis * m + i);
-  return own;
-}
-
 inline REALS stiffness_of(FORCE_PARAMETERS, int m, int slot, int j, const Ends *own) {
   __global const REAL *row = ROW(slot);
   if (own->kind == ALIKE)
@@ -184,11 +175,6 @@ inline void add_pull(const Bond *bond, __global const REAL *row, double force, R
         (REAL)((double)pulled[TOGETHER * axis] + pull * (double)(REAL)(row[axis] + bond->eta[axis]));
 }
 
-/* One more than the place of the first bond of a node that broke one step ago, or 0 */
-inline int first_pending(FORCE_PARAMETERS, int step, int i) {
-  return first_break[i] > 0 && breaks[4L * first_break[i] - 2] == step - 1 ? first_break[i] : 0;
-}
-
 /* Add the second pull of a bond of node i that broke one step ago */
 inline void pull_again(FORCE_PARAMETERS, STEP_PARAMETERS, int at, int i, REAL *pulled) {
   int slot = breaks[4L * at - 3];
@@ -265,7 +251,11 @@ inline bool sum_slots(FORCE_PARAMETERS, STEP_PARAMETERS, bool care, const int *p
   for (int k = 0; care && k < TOGETHER; ++k)
     for (int at = pending[k]; at > 0; at = breaks[4L * at - 1])
       pull_again(FORCE_ARGUMENTS, STEP_ARGUMENTS, at, i + k, pulled + k);
-  Ends own = ends_of(FORCE_ARGUMENTS, m, i);
+  Ends own;
+  own.kind = kind[GROUP(i)];
+  own.modulus = LOAD(cells + m + i);
+  for (int axis = 0; axis < DIM; ++axis)
+    own.c[axis] = LOAD(c + (long)axis * m + i);
 #endif
   INTEGERS others = 0;
   BITS there = 0;
@@ -327,8 +317,10 @@ inline void sum_bonds(FORCE_PARAMETERS, STEP_PARAMETERS, int i, REAL *force) {
     absent &= ABSENT(i + k);
   if (absent)
     return;
-  for (int k = 0; k < TOGETHER; ++k)
-    care |= pending[k] = first_pending(FORCE_ARGUMENTS, step, i + k);
+  for (int k = 0; k < TOGETHER; ++k) {
+    int first = first_break[i + k]; /* one more than the place of a bond, or 0 */
+    care |= pending[k] = first > 0 && breaks[4L * first - 2] == step - 1 ? first : 0;
+  }
 #ifdef SOFTENS
   care |= memory[GROUP(i)];
 #endif

@@ -43,19 +43,20 @@ class StepsOnDevice:
         self._nodes = np.union1d(drive.loads.node, drive.holds.node)
         hold_order, holds = _sort_entries_by_node(drive.holds, self._nodes)
         self._motion_holds = hold_order[: len(drive.held_force)]  # none of a content
+        rows_that_act = np.full(len(rho), -1, dtype=np.int32)
+        rows_that_act[self._nodes] = np.arange(len(self._nodes))
         weights = np.concatenate([operator.spread(1 / rho, 1.0), operator.spread(rho, 1.0)])
         arrays = {
             **{name: np.zeros((operator.dimension, operator.room), rho.dtype) for name in MOTION_ARRAYS},
             "weight": weights,
             "damping": operator.spread(damping),
             **{name: np.zeros(operator.room) for name in ("work", "damped")},
-            "acts": np.full(operator.room, -1, dtype=np.int32),
+            "acts": operator.spread(rows_that_act, -1),
             **{name: drive.force[self._nodes] for name in ("now", "ago_force")},
             **{f"load_{name}": column for name, column in _sort_entries_by_node(drive.loads, self._nodes)[1].items()},
             **{f"hold_{name}": column for name, column in holds.items()},
             **{name: getattr(drive, name)[self._motion_holds] for name in ("held_speed", "held_force")},
         }
-        arrays["acts"][operator.rows(self._nodes)] = np.arange(len(self._nodes))
         self._buffers = self.session.upload(arrays)
         defines = [f"#define {name}" for name in (*operator.scheme, *(("DAMPED",) if damping.any() else ()))]
         lines = [preamble(rho.dtype.name, operator.dimension, operator.together), *defines, operator.source()]
@@ -115,7 +116,7 @@ class StepsOnDevice:
         """Enter a buffer in an array of the state."""
         wide = np.empty((*state_array.shape[1:], self._operator.room), dtype=state_array.dtype)
         self.session.read(buffer, wide)
-        self._operator.collected(wide, state_array)
+        state_array[:] = wide[..., self._operator.place].T
 
     def _buffers_with_host_arrays(self) -> list[tuple[Any, NDArray[Any]]]:
         """Buffers, and the arrays of the state that they are."""

@@ -42,7 +42,7 @@ def test_a_device_has_the_same_bits() -> None:
     session, written = Session("opencl"), Functions()
     name = written.write(exponential, 0.0)
     kernel = f"__kernel void each(__global double *x) {{ x[get_global_id(0)] = {name}(x[get_global_id(0)]); }}"
-    program, x = session.build("\n".join([preamble("float64", 2), written.source, kernel])), session.put(X)
+    program, x = session.build("\n".join([preamble("float64", 2), *written.texts, kernel])), session.put(X)
     session.launch(program.each, (len(X), 1), [x])
     found = np.empty_like(X)
     session.read(x, found)
