@@ -7,7 +7,12 @@ scheme: kinetic energy changes by (F_n + F_(n+1)) / 2 . (u_(n+1) - u_n), and no 
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from typing import Any
+
 import numpy as np
+from numba import types
+from numba.extending import overload
 from numpy.typing import NDArray
 
 from pdsolve.codegen.jit_cache import cached_njit
@@ -35,13 +40,17 @@ class Verlet:
         dt: float,
         damping: NDArray[np.float64] | None = None,
         ghosts: Ghosts | None = None,
+        *,
+        active_rows: Callable[[], NDArray[np.int64] | None] = lambda: None,
     ) -> None:
         """`rho` (n,) is the density, kg/m^3, `dt` the step, s, `damping` (n,) the damping of free components, 1/s.
 
         Damping is the force against motion over mass and velocity. `ghosts` get their motion from other ranks.
+        `active_rows` lists the rows of nodes that move, the others being idle; None: all move. While forces are summed,
+        more rows may become active, with a motion of their own, but none idle.
         """
         self._operator, self._drive, self._rho, self._dt = operator, drive, rho, dt
-        self._ghosts = ghosts
+        self._ghosts, self._active_rows = ghosts, active_rows
         self._damping = damping if damping is not None and damping.any() else None
         self._held = constrained_components(drive) if self._damping is not None else None
 
@@ -52,24 +61,44 @@ class Verlet:
         # ask for what they were
         in_place = self._damping is None and state.second.dtype == np.float64
         out = state.second if in_place else np.zeros(state.value.shape)
+        previous_velocity = None if self._damping is None else np.zeros_like(state.rate)
         for step in range(first_step, end_step):
-            _kick_drift_and_apply_conditions(state, drive, dt, step * dt)
+            rows = self._active_rows()
+            _kick_drift_and_apply_conditions(state, drive, rows, dt, step * dt)
             if self._ghosts is not None:
                 self._ghosts.receive_values(state.value.T)
                 self._ghosts.receive_values(state.rate.T)  # with which some operators know where nodes were a step ago
-            out[:] = 0
+            _clear(out, rows)
             self._operator.accumulate_force(state, out, step, dt)
-            before = None if self._damping is None else state.rate - dt / 2 * state.second
-            _accelerate_kick_and_add_work(state, drive, out, self._rho, dt, step * dt)
-            if before is not None:
-                _damp_velocity_and_add_energy(state, before, self._rho, self._held, self._damping, dt)
+            rows = self._active_rows()
+            _accelerate_kick_and_add_work(state, drive, out, self._rho, rows, previous_velocity, dt, step * dt)
+            if previous_velocity is not None:
+                _damp_velocity_and_add_energy(state, previous_velocity, self._rho, self._held, self._damping, rows, dt)
+
+
+def _listed(rows: Any, count: Any) -> Any:
+    """The `rows`, or without any, None, so many from 0 on."""
+    raise NotImplementedError("compiled with and without rows")
+
+
+@overload(_listed, jit_options={"error_model": "numpy"})  # not INNER, whose functions return no arrays
+def _listed_rows(rows, count):  # type: ignore[no-untyped-def]
+    return (lambda rows, count: range(count)) if isinstance(rows, types.NoneType) else lambda rows, count: rows
 
 
 @cached_njit(error_model="numpy")
-def _kick_drift_and_apply_conditions(state, drive, dt, time):  # type: ignore[no-untyped-def]
+def _clear(array, rows):  # type: ignore[no-untyped-def]
+    """Set these rows of an array (n, w) to 0."""
+    for i in _listed(rows, len(array)):
+        for axis in range(array.shape[1]):
+            array[i, axis] = 0
+
+
+@cached_njit(error_model="numpy")
+def _kick_drift_and_apply_conditions(state, drive, rows, dt, time):  # type: ignore[no-untyped-def]
     """Half a kick and the drift to the displacements at `time`, s."""
     u, v, a = state.value, state.rate, state.second
-    for i in range(len(u)):
+    for i in _listed(rows, len(u)):
         for axis in range(u.shape[1]):
             v[i, axis] += dt / 2 * a[i, axis]
             u[i, axis] += dt * v[i, axis]
@@ -80,10 +109,17 @@ def _kick_drift_and_apply_conditions(state, drive, dt, time):  # type: ignore[no
 
 
 @cached_njit(error_model="numpy")
-def _accelerate_kick_and_add_work(state, drive, force_density, rho, dt, time):  # type: ignore[no-untyped-def]
-    """From `force_density` (n, w), N/m^3, to accelerations, and the second half of the kick."""
+def _accelerate_kick_and_add_work(state, drive, force_density, rho, rows, previous_velocity, dt, time):  # type: ignore[no-untyped-def]
+    """From `force_density` (n, w), N/m^3, to accelerations, and the second half of the kick.
+
+    `previous_velocity` (n, w) takes the velocities one step ago; None: nobody asks for them.
+    """
     v, a, work, load, before = state.rate, state.second, state.work, drive.force, drive.before
-    for i in range(len(a)):
+    half = a.dtype.type(dt / 2)
+    for i in _listed(rows, len(a)):
+        if previous_velocity is not None:
+            for axis in range(a.shape[1]):
+                previous_velocity[i, axis] = v[i, axis] - half * a[i, axis]
         for axis in range(a.shape[1]):
             a[i, axis] = (force_density[i, axis] + load[i, axis]) / rho[i]
         for axis in range(a.shape[1]):
@@ -91,21 +127,21 @@ def _accelerate_kick_and_add_work(state, drive, force_density, rho, dt, time):  
     for e in range(len(drive.holds.node)):
         speed, force = drive.held_speed, drive.held_force
         accelerate_held_component_and_book_work(v, a, rho, work, drive.holds, drive.profiles, speed, force, e, dt, time)
-    for i in range(len(a)):
+    for i in _listed(rows, len(a)):
         for axis in range(a.shape[1]):
             v[i, axis] += dt / 2 * a[i, axis]
 
 
 @cached_njit(error_model="numpy")
-def _damp_velocity_and_add_energy(state, previous_velocity, rho, constrained, damping, dt):  # type: ignore[no-untyped-def]
+def _damp_velocity_and_add_energy(state, previous_velocity, rho, constrained, damping, rows, dt):  # type: ignore[no-untyped-def]
     """Damp the end of a step with c (n,), 1/s, as its beginning, and book the energy taken.
 
     `previous_velocity` (n, w) are the velocities one step ago.
     """
     v, a = state.rate, state.second
-    for i in range(len(v)):
+    for i in _listed(rows, len(v)):
         for axis in range(v.shape[1]):
-            if not constrained[i, axis]:
+            if damping[i] > 0 and not constrained[i, axis]:
                 state.damped[i] += damp_component_and_return_energy(
                     v, a, previous_velocity, rho, damping[i], i, axis, dt
                 )

@@ -95,7 +95,7 @@ def test_a_linear_field_is_at_rest_and_a_quadratic_one_nearly(ratio: int, error:
     springs = create_fine_springs(STEEL, ratio, H)
     c11, c66 = springs.c11, springs.c66
     lattice, zone, position = engine.lattice, engine.zone, H * places(engine)
-    clean, active = sound(engine), engine.active_places()
+    clean, active = sound(engine), engine.active_places
     assert min(np.count_nonzero(clean & (zone.node_kinds == kind)) for kind in (FINE, COARSE)) > 50
     assert engine.area.sum() == pytest.approx(engine.plate.node_areas.sum(), rel=1e-12)
     zone.u[:, active] = (np.array([[1.0, 0.3], [-0.2, 0.7]]) * 1e-9 @ position)[:, active]
@@ -119,14 +119,14 @@ def vibrating(ratio: float, side: int, units: float, damping: float | None) -> l
     model = with_run(model, collocation=Collocation(damped=True, damping=damping))
     bound = prepared(model)[0].system.stable_time_step
     problem, engine = prepared(with_run(model, time_step=0.8 * bound))
-    own = engine.active_places()
+    own = engine.active_places
     engine.zone.v[:, own] = 1e-3 * np.random.default_rng(3).normal(size=(2, len(own)))
     unit = H * np.sqrt(engine.lattice.rho / 191e9)
     steps, found, begins = int(units * unit / engine.lattice.dt), [], 0.0
     for part in range(9):
         if part:
             problem.advance((part - 1) * steps // 8 + 1, part * steps // 8 + 1)
-        own, held = engine.active_places(), engine.energy_densities()
+        own, held = engine.active_places, engine.energy_densities()
         energy = engine.lattice.rho / 2 * (engine.zone.v[:, own] ** 2).sum(axis=0) + held[own]
         found.append(float((energy * engine.area[own]).sum()))
         begins = found[0]
@@ -185,7 +185,7 @@ def test_a_crack_takes_fine_nodes_with_it() -> None:
 def test_fine_nodes_that_come_too_late_are_an_error() -> None:
     """A plate that is stretched beyond its limit between two looks."""
     problem, engine = prepared(cracked(61, 60, 4.0, 0.0, run=RUN))
-    active, limit = engine.active_places(), np.sqrt(1 + engine.lattice.limit_double_green_strain) - 1
+    active, limit = engine.active_places, np.sqrt(1 + engine.lattice.limit_double_green_strain) - 1
     engine.zone.u[0, active] = 1.2 * limit * H * places(engine)[0, active]
     with pytest.raises(UnstableError, match=naming(found=("coarse", re.compile(r"1\.2\d*")))):
         problem.advance(1, 10)

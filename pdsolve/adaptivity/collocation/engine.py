@@ -69,12 +69,12 @@ class CollocationEngine:
         self.state = State(*(field.T for field in motion), *np.zeros((3, len(rho))))  # by places
         self.zone, self.damping = create_collocation_zone(plate, self.state), np.zeros(len(rho))
         self.activate_coarse_nodes(is_active)
-        self._verlet = Verlet(self, drive, rho, lattice.dt, self.damping)
+        self._verlet = Verlet(self, drive, rho, lattice.dt, self.damping, active_rows=lambda: self.active_places)
         self.sum_forces_and_break_bonds(0, 0.0)  # compiles before the clock runs
 
     def set_initial_motion(self, velocity: NDArray[np.float64]) -> None:
         """Set the velocities (n, 2), m/s, of all nodes, and the accelerations of an undeformed plate."""
-        places = self.active_places()
+        places = self.active_places
         self.state.rate[places] = velocity[self.plate.grid_row_at_place[places]]
         self.state.second[:] = self.drive.force / self.lattice.rho - self.damping[:, None] * self.state.rate
         self.state.second[self.drive.holds.node, self.drive.holds.axis] = 0.0
@@ -96,7 +96,7 @@ class CollocationEngine:
         while self._sum_forces_and_break_bonds(step, dt):
             self._refine_in_time(step)
         sum_coarse_forces(self.lattice, self.zone)
-        add_force_densities(self.zone, out)
+        add_force_densities(self.zone.f, self.active_places, out)
 
     def sum_forces_and_break_bonds(self, step: int, dt: float) -> None:
         """Sum the forces at the current displacements, without loads; bonds over their limit break in this step.
@@ -160,8 +160,10 @@ class CollocationEngine:
     def activate_coarse_nodes(self, is_active: NDArray[np.bool_]) -> None:
         """Let these coarse places, of those that may be, be the active nodes."""
         self.zone = zone_with_active_coarse_nodes(self.lattice, self.plate, self.zone, is_active)
-        self.area = areas_of_active_nodes(self.lattice, self.plate, self.zone.node_kinds)
-        near_seam = mask_nodes_near_seam(self.lattice, self.plate, self.zone.node_kinds)
+        kinds = self.zone.node_kinds
+        self.active_places = np.flatnonzero((kinds == FINE) | (kinds == COARSE))
+        self.area = areas_of_active_nodes(self.lattice, self.plate, kinds)
+        near_seam = mask_nodes_near_seam(self.lattice, self.plate, kinds)
         self.damping[:] = np.where(near_seam, self.settings.seam_damping, 0.0)
 
     def energy_densities(self, fine_rows: NDArray[np.int64] | None = None) -> NDArray[np.float64]:
@@ -178,10 +180,6 @@ class CollocationEngine:
             moving = self.lattice.rho / 2 * (self.zone.v[:, places] ** 2).sum(axis=0)
             energy += float(((moving + densities[places]) * self.area[places]).sum())
         return energy
-
-    def active_places(self) -> NDArray[np.int64]:
-        """Places of active nodes."""
-        return np.flatnonzero((self.zone.node_kinds == FINE) | (self.zone.node_kinds == COARSE))
 
     def break_events(self) -> BreakEvents:
         """Bonds broken so far."""
@@ -213,7 +211,7 @@ class CollocationEngine:
 
     def checkpoint_arrays(self) -> CheckpointArrays:
         """Arrays for a checkpoint, from which a run continues bit by bit."""
-        zone, places, broken, drive = self.zone, self.active_places(), self.break_events(), self.drive
+        zone, places, broken, drive = self.zone, self.active_places, self.break_events(), self.drive
         return {
             "break_step": broken.step.copy(),
             "break_node": broken.node.astype(np.int32),
@@ -236,7 +234,7 @@ class CollocationEngine:
         is_active[coarse] = True
         self._restore_breaks(self._read_checkpoint_breaks(checkpoint))
         self.activate_coarse_nodes(is_active)
-        places, drive, zone = self.active_places(), self.drive, self.zone
+        places, drive, zone = self.active_places, self.drive, self.zone
         if not np.array_equal(entry(checkpoint, "places", places.shape, np.int64), places):
             raise CheckpointError("places are not those of active nodes")
         for name, field in self._checkpoint_fields.items():

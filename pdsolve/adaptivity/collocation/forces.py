@@ -9,7 +9,7 @@ from numba import njit
 
 from pdsolve.adaptivity.collocation.bond_breaking import add_forces_of_newly_broken_bonds, break_bonds_of_row
 from pdsolve.adaptivity.collocation.row_stiffness import COMPUTED, WHOLE, store_row_stiffness
-from pdsolve.adaptivity.collocation.zone import COARSE, FINE
+from pdsolve.adaptivity.collocation.zone import COARSE
 from pdsolve.codegen.inner_functions import INNER
 from pdsolve.codegen.jit_cache import cached_njit
 from pdsolve.codegen.lanes import across, beside, keep
@@ -34,7 +34,7 @@ def mark_stretched_coarse_pairs(lattice, zone, kappa):  # type: ignore[no-untype
     """Mark both nodes of each coarse pair stretched beyond `kappa` times the critical stretch."""
     stretch = np.sqrt(1 + lattice.limit_double_green_strain) - 1
     hot = kappa * stretch * (kappa * stretch + 2)
-    u, any_hot = zone.u, False
+    u, any_hot, largest = zone.u, False, zone.totals.largest_double_green_strain
     for q in zone.active_coarse_places:
         for s in range(len(lattice.coarse_stencil_place_offsets)):
             j = q + lattice.coarse_stencil_place_offsets[s]
@@ -45,8 +45,9 @@ def mark_stretched_coarse_pairs(lattice, zone, kappa):  # type: ignore[no-untype
             ) * y
             if e > hot and not (lattice.no_fail[q] or lattice.no_fail[j]):
                 zone.is_to_refine[q] = zone.is_to_refine[j] = any_hot = True
-            if zone.node_kinds[j] == COARSE:
-                zone.totals.largest_double_green_strain = max(zone.totals.largest_double_green_strain, e)
+            if e > largest and zone.node_kinds[j] == COARSE:
+                largest = e
+    zone.totals.largest_double_green_strain = largest
     return any_hot
 
 
@@ -134,12 +135,11 @@ def break_stretched_bonds(lattice, zone, step, dt):  # type: ignore[no-untyped-d
 
 
 @cached_njit(error_model="numpy")
-def add_force_densities(zone, out):  # type: ignore[no-untyped-def]
-    """Add the force densities of active nodes to `out` (places, 2)."""
-    for p in range(len(out)):
-        if zone.node_kinds[p] == FINE or zone.node_kinds[p] == COARSE:
-            for axis in range(2):
-                out[p, axis] += zone.f[axis, p]
+def add_force_densities(force_density, places, out):  # type: ignore[no-untyped-def]
+    """Add the force densities (2, places) of the nodes at some places to `out` (places, 2)."""
+    for p in places:
+        for axis in range(2):
+            out[p, axis] += force_density[axis, p]
 
 
 @cached_njit(error_model="numpy")

@@ -34,7 +34,7 @@ class CollocationOperator(TwoLatticeOperator[CollocationEngine]):
     def __init__(self, engine: CollocationEngine) -> None:
         """An operator on the currently active nodes."""
         self.engine, self._strain = engine, 0.0
-        self.places, self._kind = engine.active_places(), engine.zone.node_kinds.copy()
+        self.places, self._kind = engine.active_places, engine.zone.node_kinds.copy()
         self._is_active = (self._kind == FINE) | (self._kind == COARSE)
         self._row_of = np.full(engine.lattice.numbering.place_count, -1, dtype=np.int64)
         self._row_of[self.places] = np.arange(len(self.places))

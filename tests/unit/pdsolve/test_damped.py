@@ -110,3 +110,32 @@ def test_a_node_that_is_born_amid_a_step_is_damped_as_its_twin() -> None:
     assert state.damped[0] > 0
     for field in (*state[:3], state.damped):
         assert np.array_equal(field[1], field[0])
+
+
+ACTIVE = np.array([0, 3])
+
+
+class Pulling:
+    """A constant force on the active ones of five nodes."""
+
+    def accumulate_force(self, state: State, out: NDArray[Any], step: int, dt: float) -> None:
+        """Add it."""
+        out[ACTIVE] += 1e8
+
+
+@pytest.mark.parametrize("damping", [0.0, RATE])
+def test_idle_rows_stay_as_they_are_and_active_ones_move_as_always(damping: float) -> None:
+    """To the bit, damped or not."""
+    rho, rates, states = np.full(5, 1e3), np.full(5, damping), []
+    for rows in (None, ACTIVE):
+        state = zero_state(5, 2)
+        for field in state[:3]:
+            field[:] = np.random.default_rng(0).standard_normal((5, 2))
+        states.append([field.copy() for field in state])
+        Verlet(Pulling(), idle(5, 2), rho, 1e-7, rates, active_rows=lambda rows=rows: rows).advance(state, 1, 4)
+        states.append(list(state))
+    _, moved, begun, found = states
+    for one, first, field in zip(found, begun, moved, strict=True):
+        assert np.array_equal(one[ACTIVE], field[ACTIVE])
+        assert np.array_equal(one[[1, 2, 4]], first[[1, 2, 4]])
+    assert not np.array_equal(moved[0], begun[0])
