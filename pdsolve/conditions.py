@@ -78,6 +78,15 @@ def unbreakable(model: Model) -> NDArray[np.bool_]:
     return marked
 
 
+def loaded_or_held(model: Model) -> NDArray[np.bool_]:
+    """Mask (n,) of nodes with a condition that acts after the start."""
+    marked = np.zeros(len(model.grid), dtype=bool)
+    for condition in model.settings.conditions:
+        if not isinstance(condition, InitialVelocity):
+            marked[model.selected(condition)] = True
+    return marked
+
+
 def initial_velocity(model: Model, width: int | None = None) -> NDArray[np.float64]:
     """Velocities (n, d) at time 0, m/s, from initial and prescribed velocities; (n, width) of more components."""
     d = model.grid.dimension

@@ -44,17 +44,14 @@ class CellSplitting:
     def change_nodes(self, system: System, state: State, step: int) -> SystemAfterNodeChange | None:
         """Split and merge cells after `step`; None if all stay."""
         operator, wanted = expect_quadtree_operator(system), self.settings
-        energy, before = operator.energies(state)[0], PreviousBonds(operator.all_bonds, operator.break_steps())
+        energy, before = operator.energies(state)[0], PreviousBonds(operator.all_bonds, operator.columns.broken)
         if wanted.by == "energy":
             height = criteria.relative_energy_densities(self.tree, operator.cells, energy, self._critical)
         else:
             height = criteria.largest_relative_stretches(
                 self.tree, operator.cells, operator.all_bonds, before.break_steps, state.value
             )
-        model = system.model
-        leaf_states = criteria.LeafStates(
-            operator.cells, model.grid.position, model.horizons, height, before.has_broken_bond
-        )
+        leaf_states = criteria.LeafStates(operator.cells, system.model.grid.position, height, before.has_broken_bond)
         operator.history = operator.history._replace(
             checks_below_threshold=np.where(
                 leaf_states.criterion_value < wanted.merge, operator.history.checks_below_threshold + 1, 0
@@ -83,8 +80,7 @@ class CellSplitting:
         old_operator = expect_quadtree_operator(system)
         new, begun = self._prepare_run_with_cells(system, cells, origins)
         operator = expect_quadtree_operator(new)
-        broken = inherit_break_steps(previous_bonds, operator.all_bonds, origins)
-        operator.set_break_steps(broken)
+        operator.columns.broken[:] = inherit_break_steps(previous_bonds, operator.all_bonds, origins)
         for values, moved_values in zip(
             begun,
             interpolate_state(state, origins, old_operator.all_bonds, previous_bonds.break_steps == 0),

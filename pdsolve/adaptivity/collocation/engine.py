@@ -232,7 +232,7 @@ class CollocationEngine:
         if not np.isin(coarse, self.zone.active_coarse_places).all():
             raise CheckpointError("coarse nodes are none at the start; they must be some of those")
         is_active[coarse] = True
-        self._restore_breaks(self._read_checkpoint_breaks(checkpoint))
+        self._restore_breaks(checkpoint)
         self.activate_coarse_nodes(is_active)
         places, drive, zone = self.active_places, self.drive, self.zone
         if not np.array_equal(entry(checkpoint, "places", places.shape, np.int64), places):
@@ -248,31 +248,24 @@ class CollocationEngine:
         drive.held_force[:] = like(checkpoint, "drive_force", drive.held_force)
         self.zone = zone._replace(totals=totals, counts=counts)
 
-    def _read_checkpoint_breaks(self, checkpoint: CheckpointArrays) -> BreakEvents:
-        """Broken bonds of a checkpoint, checked to exist at the start and to have broken once.
-
-        Raises CheckpointError.
-        """
-        half, step = len(self.lattice.neighbour_offsets) // 2, entry(checkpoint, "break_step", (None,), np.int32, 1)
+    def _restore_breaks(self, checkpoint: CheckpointArrays) -> None:
+        """Break the bonds that a checkpoint has. Raises CheckpointError unless each was there, and breaks once."""
+        plate, zone, ways = self.plate, self.zone, self.lattice.neighbour_offsets
+        half, step = len(ways) // 2, entry(checkpoint, "break_step", (None,), np.int32, 1)
         node, number = (
             entry(checkpoint, name, step.shape, np.int32, 0, count - 1)
             for name, count in (("break_node", len(self.area)), ("break_spring", half))
         )
-        lanes = (node % ROW).astype(np.uint16)
-        intact = self.zone.cut_bond_bits[node // ROW, number] >> lanes & 1 == 0  # as no bond to where no node is
-        exists = (self.plate.grid_row_at_place[node] >= 0) & intact
-        places = node.astype(np.int64)
+        places, lanes = node.astype(np.int64), (node % ROW).astype(np.uint16)
+        intact = plate.cut_bond_bits[node // ROW, number] >> lanes & 1 == 0  # as no bond to where no node is
+        exists = (plate.grid_row_at_place[node] >= 0) & intact
         if not exists.all() or len(np.unique(places * half + number)) < len(node):
             raise CheckpointError("a broken bond is none of the plate, or there twice")
-        return BreakEvents(step, places, number, *read_pulls(checkpoint, len(step)))
-
-    def _restore_breaks(self, breaks: BreakEvents) -> None:
-        """Break these bonds, none of which is broken."""
-        zone, node, number, ways = self.zone, breaks.node, breaks.bond_number, self.lattice.neighbour_offsets
-        for places, k in ((node, number), (node + ways[number], number + len(ways) // 2)):
-            mark_bonds_cut(zone.cut_bond_bits, places, k)
-            index = zone.stiffness_index_of_row[places // ROW]
-            zone.stiffness_index_of_row[places // ROW] = np.where(index == WHOLE, UNCORRECTED, index)
+        breaks = BreakEvents(step, places, number, *read_pulls(checkpoint, len(step)))
+        for ends, k in ((places, number), (places + ways[number], number + half)):
+            mark_bonds_cut(zone.cut_bond_bits, ends, k)
+            rows = ends[zone.stiffness_index_of_row[ends // ROW] == WHOLE] // ROW
+            zone.stiffness_index_of_row[rows] = UNCORRECTED
         self._enlarge_break_arrays(len(node))
         for name, values in breaks._asdict().items():
             getattr(self.zone.break_events, name)[: len(node)] = values

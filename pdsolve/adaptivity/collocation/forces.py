@@ -127,9 +127,8 @@ def break_stretched_bonds(lattice, zone, step, dt):  # type: ignore[no-untyped-d
     if zone.counts.broken_bonds > broken_before:
         scratch, lane_sums = np.empty(lattice.row_stiffness.shape[1:]), np.empty(2 * ROW)
         for row in zone.rows_with_fine_nodes:
-            if zone.has_new_breaks[row]:
+            if zone.has_bond_over_limit[row]:  # as in the rows of both ends of a bond that breaks
                 _sum_forces_of_row(lattice, zone, row, scratch, lane_sums)
-        zone.has_new_breaks[:] = False
     add_forces_of_newly_broken_bonds(lattice, zone, step, dt)
     return zone.counts.refinement_due != 0
 

@@ -18,7 +18,6 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from pdmesh.model.document import InitialVelocity
 from pdmesh.model.neighbours import Pairs
 from pdmesh.model.visibility import Sight
 from pdsolve.adaptivity.hybrid.coarse_cells import check_no_precrack_on_node, count_full_squares_around_places
@@ -26,7 +25,7 @@ from pdsolve.adaptivity.hybrid.precracks import is_visible, lengthen_cracks
 from pdsolve.adaptivity.hybrid.springs import STIFFNESS, Springs, double_green_strain_from_stretch
 from pdsolve.codegen.jit_cache import cached_njit
 from pdsolve.codegen.vector_code import ROW
-from pdsolve.conditions import unbreakable
+from pdsolve.conditions import loaded_or_held, unbreakable
 from pdsolve.laws.calls import bind
 from pdsolve.laws.pair import no_bonds
 from pdsolve.laws.pair_laws import brittle
@@ -80,8 +79,8 @@ class CollocationPlate(NamedTuple):
     place_of_grid_row: NDArray[np.int64]  # (n,) of each row of the grid
     grid_row_at_place: NDArray[np.int32]  # (places,) of the grid, -1 without a node
     node_areas: NDArray[np.float64]  # (n,) of nodes, m^2
-    cut_bond_bits: NDArray[np.uint16]  # (places / 16, k) a bit for each bond of a row with nodes that is cut, broken or
-    # without a node at either end
+    cut_bond_bits: NDArray[np.uint16]  # (places / 16, k) a bit for each bond that is cut or without a node at
+    # either end
     precrack_cut_counts_of_places: NDArray[np.int64]  # (places,) bonds that pre-cracks cut
     has_full_family: NDArray[np.bool_]  # (places,) nodes whose family is whole and uncut
     has_condition: NDArray[np.bool_]  # (places,) nodes that are loaded, held or do not break
@@ -153,8 +152,9 @@ def _create_plate(
     """The plate of a lattice, whose corrections at edges it stores. Raises GridError, ModelError."""
     numbering, has_node = lattice.numbering, grid_row_at_place >= 0
     cut = np.zeros((numbering.place_count // ROW, len(lattice.neighbour_offsets)), dtype=np.uint16)
-    beside_missing = dilate_mask(lattice.cell_area_share[0] == 0, numbering, numbering.row_margin) & has_node
-    _cut_bonds_of_missing_nodes(lattice, cut, np.flatnonzero(beside_missing.reshape(-1, ROW).any(axis=1)))
+    for k, way in enumerate(lattice.neighbour_offsets):  # margins have no nodes, so that none is beyond the ends
+        lacks_end = ~(has_node & np.roll(has_node, -way))
+        cut[:, k] = np.packbits(lacks_end, bitorder="little").view(np.uint16)
     _cut_bonds_across_holes(model, lattice, grid_row_at_place, cut)
     cracks = (model.grid.cracks - np.tile(model.grid.position.min(axis=0), 2)) / lattice.spacing
     check_no_precrack_on_node(model, cracks, numbering.nx - 1, numbering.ny - 1)
@@ -162,11 +162,9 @@ def _create_plate(
     near = _mask_near_edges_and_cracks(lattice.cell_area_share[0], numbering, cracks) & has_node
     near_places, cut_counts = np.flatnonzero(near), np.zeros(numbering.place_count, dtype=np.int64)
     full_family, has_condition = has_node & ~near, lattice.no_fail.copy()
+    has_condition[place_of_grid_row] |= loaded_or_held(model)
     _cut_bonds_across_precracks(lattice, cut, near_places, cracks, cut_counts)
     _store_surface_correction_and_full_families(lattice, cut, near_places, full_family)
-    for condition in model.settings.conditions:
-        if not isinstance(condition, InitialVelocity):
-            has_condition[place_of_grid_row[model.selected(condition)]] = True
     return CollocationPlate(
         model=model,
         place_of_grid_row=place_of_grid_row,
@@ -254,22 +252,6 @@ def _cut_bonds_across_holes(
 def mark_bonds_cut(cut_bond_bits: NDArray[np.uint16], places: NDArray[np.int64], k: NDArray[np.integer]) -> None:
     """Mark bonds `k` (b,) of nodes at `places` (b,) as cut."""
     np.bitwise_or.at(cut_bond_bits, (places // ROW, k), (1 << (places % ROW)).astype(np.uint16))
-
-
-@cached_njit(error_model="numpy")
-def _cut_bonds_of_missing_nodes(lattice, cut_bond_bits, rows):  # type: ignore[no-untyped-def]
-    """Cut the bonds of these rows without a node at either end."""
-    for row in rows:
-        for k in range(len(lattice.neighbour_offsets)):
-            bits = 0
-            for lane in range(ROW):
-                p = row * ROW + lane
-                if (
-                    lattice.cell_area_share[0, p] == 0
-                    or lattice.cell_area_share[0, p + lattice.neighbour_offsets[k]] == 0
-                ):
-                    bits |= 1 << lane
-            cut_bond_bits[row, k] |= np.uint16(bits)
 
 
 @cached_njit(error_model="numpy")

@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 
 from pdsolve.adaptivity.collocation.engine import CollocationEngine
 from pdsolve.adaptivity.collocation.layout import count_bonds, list_bonds
+from pdsolve.adaptivity.collocation.row_stiffness import stiffness_of_bonds
 from pdsolve.adaptivity.collocation.zone import COARSE, FINE
-from pdsolve.adaptivity.hybrid.arrays import BreakEvents
 from pdsolve.adaptivity.hybrid.irregular_bonds import model_of_nodes
 from pdsolve.adaptivity.two_lattice_operator import EnergyBalanceTotals, TwoLatticeOperator
 from pdsolve.model import Model
@@ -40,11 +40,6 @@ class CollocationOperator(TwoLatticeOperator[CollocationEngine]):
         self._row_of[self.places] = np.arange(len(self.places))
         self.area = engine.area[self.places]
         self._switches = int(engine.zone.counts.refinements)
-        # as they are now: the bonds of the start are asked for while others march
-        self._cut, self._before = (
-            engine.zone.cut_bond_bits.copy(),
-            BreakEvents._make(column.copy() for column in engine.break_events()),
-        )
 
     @cached_property
     def current_nodes_model(self) -> Model:
@@ -58,8 +53,7 @@ class CollocationOperator(TwoLatticeOperator[CollocationEngine]):
         """Bonds (n,) of each node at the start, and their number including those cut by pre-cracks."""
         lattice, plate, fine = self.engine.lattice, self.engine.plate, self._kind[self.places] == FINE
         fine_places, count = self.places[fine], np.full(len(self.places), len(lattice.coarse_stencil_place_offsets) - 1)
-        lost = np.bincount(self._ends_of_breaks(self._before)[0], minlength=lattice.numbering.place_count)
-        count[fine] = count_bonds(lattice, self._cut, self._is_active, fine_places) + lost[fine_places]
+        count[fine] = count_bonds(lattice, plate.cut_bond_bits, self._is_active, fine_places)
         family = count.copy()
         family[fine] += plate.precrack_cut_counts_of_places[fine_places]
         return count, family
@@ -102,10 +96,32 @@ class CollocationOperator(TwoLatticeOperator[CollocationEngine]):
         return np.asarray(self.engine.zone.node_dissipation[self.places] / self.area)
 
     def tangent(self, state: State) -> csr_array:
-        """Minus the derivative (2 n, 2 n), N/m^4, of the force densities by the values; see `Operator`."""
-        from pdsolve.adaptivity.collocation.tangent import assemble_tangent  # few runs need it
+        """Minus the derivative (2 n, 2 n), N/m^4, of the force densities by the values; see `Operator`.
 
-        return assemble_tangent(self.engine, self._kind, self._row_of, state.value)
+        Fictitious nodes move with their parents by their weights.
+        """
+        from scipy.sparse import eye_array, kron, vstack  # few runs need it
+
+        from pdsolve.operators.tangent import of_blocks, of_followers, of_springs
+
+        lattice, zone, nodes = self.engine.lattice, self.engine.zone, len(self.places)
+        fictitious, parents = zone.fictitious_nodes[:, 0], self._row_of[zone.fictitious_nodes[:, 1:]]
+        point = self._row_of.copy()  # active nodes come first, in their order
+        point[fictitious] = nodes + np.arange(len(fictitious))
+        points = vstack([eye_array(nodes), of_followers(parents, np.full(parents.shape, 0.25), nodes)]).tocsr()
+
+        fine, coarse = (self.places[self._kind[self.places] == kind] for kind in (FINE, COARSE))
+        node, k = list_bonds(lattice, zone.cut_bond_bits, np.ones(len(point), dtype=np.bool_), fine)
+        xi = lattice.spring_table[k, :2]
+        pull = stiffness_of_bonds(lattice, fine[node], k) * np.sqrt((xi**2).sum(axis=1))
+        source, target = point[fine[node]], point[fine[node] + lattice.neighbour_offsets[k]]
+        matrix = of_springs(source, target, xi, pull, points @ state.value)
+
+        stencils = point[coarse[:, None] + lattice.coarse_stencil_place_offsets]
+        theta = np.tile(lattice.stencil_stiffness[:, [0, 1, 1, 2]].reshape(-1, 2, 2), (len(coarse), 1, 1))
+        source = np.repeat(point[coarse], stencils.shape[1])
+        matrix += of_blocks(source, stencils.ravel(), theta, nodes + len(fictitious))
+        return (matrix[: 2 * nodes] @ kron(points, eye_array(2)).tocsr()).tocsr()
 
     def energies(self, state: State) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Strain energy densities (n,), J/m^3, and zeros for softening, which collocation does not have."""
@@ -141,28 +157,18 @@ class CollocationOperator(TwoLatticeOperator[CollocationEngine]):
         """Source and target rows (k,) of the intact bonds of nodes `first` to `last` - 1, or of those at the
         `start`."""
         lattice, places = self.engine.lattice, self.places[first:last]
+        cut = (self.engine.plate if start else self.engine.zone).cut_bond_bits
         fine, coarse = (places[self._kind[places] == kind] for kind in (FINE, COARSE))
-        node, k = list_bonds(lattice, self._cut if start else self.engine.zone.cut_bond_bits, self._is_active, fine)
+        node, k = list_bonds(lattice, cut, self._is_active, fine)
         ways = lattice.coarse_stencil_place_offsets[lattice.coarse_stencil_place_offsets != 0]
-        sources = [fine[node], np.repeat(coarse, len(ways))]
-        targets = [fine[node] + lattice.neighbour_offsets[k], (coarse[:, None] + ways).ravel()]
-        if start:
-            near, far = self._ends_of_breaks(self._before)
-            in_range = (self._row_of[near] >= first) & (self._row_of[near] < first + len(places))
-            sources.append(near[in_range])
-            targets.append(far[in_range])
+        sources = fine[node], np.repeat(coarse, len(ways))
+        targets = fine[node] + lattice.neighbour_offsets[k], (coarse[:, None] + ways).ravel()
         source, target = (self._row_of[np.concatenate(ends)] for ends in (sources, targets))
         order = np.lexsort((target, source))
         return source[order], target[order]
 
-    def _ends_of_breaks(self, breaks: BreakEvents) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-        """Places (2 b,) of both ends of broken bonds, both ways."""
-        ends = breaks.node, breaks.node + self.engine.lattice.neighbour_offsets[breaks.bond_number]
-        return np.concatenate(ends), np.concatenate(ends[::-1])
-
     def broken(self, after: int = 0) -> Broken:
         """Bonds broken after a step: step, source row and target row of each."""
         breaks = self.engine.break_events()
-        new = BreakEvents._make(column[breaks.step > after] for column in breaks)
-        source, target = (self._row_of[ends] for ends in self._ends_of_breaks(new))
-        return Broken(np.tile(new.step.astype(np.int64), 2), source, target)
+        ends = self._row_of[[breaks.node, breaks.node + self.engine.lattice.neighbour_offsets[breaks.bond_number]]]
+        return Broken(np.tile(breaks.step.astype(np.int64), 2), ends.ravel(), ends[::-1].ravel()).after(after)

@@ -67,7 +67,6 @@ class CollocationZone(NamedTuple):
     ]  # (b, 5) places of fictitious nodes that bonds reach, and of those they are between
     node_dissipation: NDArray[np.float64]  # (places,) J/m, by a node's bonds so far
     has_bond_over_limit: NDArray[np.bool_]  # (places / 16,) of rows with fine nodes
-    has_new_breaks: NDArray[np.bool_]  # (places / 16,) rows whose bonds broke in this step
     is_to_refine: NDArray[np.bool_]  # (places,) nodes around which fine ones are wanted
     totals: Totals
     counts: Counts
@@ -141,8 +140,8 @@ def create_collocation_zone(plate: CollocationPlate, state: State) -> Collocatio
         u=state.value.T,
         v=state.rate.T,
         f=aligned(np.zeros((2, places))),
-        cut_bond_bits=plate.cut_bond_bits,
-        stiffness_index_of_row=plate.stiffness_index_of_row,
+        cut_bond_bits=plate.cut_bond_bits.copy(),
+        stiffness_index_of_row=plate.stiffness_index_of_row.copy(),
         node_kinds=np.zeros(places, dtype=np.uint8),
         rows_with_fine_nodes=nothing,
         rows_with_coarse_nodes=nothing,
@@ -150,7 +149,6 @@ def create_collocation_zone(plate: CollocationPlate, state: State) -> Collocatio
         fictitious_nodes=nothing.reshape(0, 5),
         node_dissipation=np.zeros(places),
         has_bond_over_limit=np.zeros(places // ROW, dtype=np.bool_),
-        has_new_breaks=np.zeros(places // ROW, dtype=np.bool_),
         is_to_refine=np.zeros(places, dtype=np.bool_),
         totals=Totals.of(),
         counts=Counts.of(),

@@ -28,7 +28,6 @@ class LeafStates(NamedTuple):
 
     cells: Cells
     position: NDArray[np.float64]  # (n, 2) m
-    horizon: NDArray[np.float64]  # (n,) m
     criterion_value: NDArray[np.float64]  # (n,) over what everything is measured by; flagged above the threshold
     has_broken_bond: NDArray[np.bool_]  # (n,) whether a bond has broken
 
@@ -80,7 +79,7 @@ def mask_leaves_to_split(tree: Tree, leaf_states: LeafStates, threshold: float) 
     flagged = leaf_states.criterion_value > threshold
     level, can = leaf_states.cells.level, tree.mask_splittable(leaf_states.cells)
     to_split = can.copy()
-    to_split[can] = _mask_near_flagged_leaves(leaf_states.position[can], leaf_states, flagged, 1.0)
+    to_split[can] = _mask_near(leaf_states.position[can], leaf_states, flagged, tree.horizons)
     for at in range(tree.levels - 1, 0, -1):
         coarser = np.flatnonzero(can & (level < at))
         to_split[coarser] |= _mask_touching_leaves(
@@ -94,23 +93,21 @@ def mask_leaves_to_split(tree: Tree, leaf_states: LeafStates, threshold: float) 
     return to_split
 
 
-def _mask_near_flagged_leaves(
+def _mask_near(
     positions: NDArray[np.float64],
     leaf_states: LeafStates,
-    flagged: NDArray[np.bool_],
-    radius_in_horizons: float,
-    reach: float | None = None,
+    selected: NDArray[np.bool_],
+    radius: NDArray[np.float64],
+    norm: float = 2.0,
 ) -> NDArray[np.bool_]:
-    """Mask of `positions` (k, 2) within `radius_in_horizons` horizons of flagged nodes; horizon: node's, or `reach`."""
+    """Mask (k,) of `positions` (k, 2) near the `selected` leaves (n,): within the `radius` (levels + 1,) or
+    (levels + 1, k), m, of a leaf's level."""
     within = np.zeros(len(positions), dtype=bool)
-    for level in np.unique(leaf_states.cells.level[flagged]):
-        at_level = flagged & (leaf_states.cells.level == level)
-        horizon = leaf_states.horizon[at_level][0] if reach is None else reach
-        if len(positions):
-            away, _ = tree_of(leaf_states.position[at_level]).query(
-                positions, distance_upper_bound=2 * radius_in_horizons * horizon
-            )
-            within |= away <= radius_in_horizons * horizon * (1 + ROUND_OFF)
+    for level in np.unique(leaf_states.cells.level[selected]) if len(positions) else ():
+        leaves = leaf_states.position[selected & (leaf_states.cells.level == level)]
+        bound = 2 * float(radius[level].max())
+        away, _ = tree_of(leaves).query(positions, p=norm, distance_upper_bound=bound)
+        within |= away <= radius[level] * (1 + ROUND_OFF)
     return within
 
 
@@ -118,16 +115,8 @@ def _mask_touching_leaves(
     tree: Tree, cells: Cells, leaf_states: LeafStates, other_leaves: NDArray[np.bool_]
 ) -> NDArray[np.bool_]:
     """Mask of cells (k,) that touch one of the leaves `other_leaves` (n,), also at a corner."""
-    place, half, touching = (
-        tree.centres(cells),
-        tree.spacing / 2.0 ** (cells.level + 1),
-        np.zeros(len(cells.root_row), dtype=bool),
-    )
-    for at in np.unique(leaf_states.cells.level[other_leaves]) if len(place) else ():
-        at_level = other_leaves & (leaf_states.cells.level == at)
-        away, _ = tree_of(leaf_states.position[at_level]).query(place, p=np.inf, distance_upper_bound=2 * tree.spacing)
-        touching |= away <= (half + tree.spacing / 2.0 ** (at + 1)) * (1 + ROUND_OFF)
-    return touching
+    half_sides = (tree.sides[cells.level] + tree.sides[:, None]) / 2
+    return _mask_near(tree.centres(cells), leaf_states, other_leaves, half_sides, np.inf)
 
 
 def list_cells_to_merge(
@@ -146,16 +135,14 @@ def list_cells_to_merge(
     parents = parents.select(first)
     quarter_count = (tree.areas(parents.quarters()).reshape(-1, 4) > 0).sum(axis=1)
     parents = parents.select(count == quarter_count)
-    horizon = tree.model.settings.horizon.ratio * tree.spacing / 2.0**parents.level
     keep = np.ones(len(parents.root_row), dtype=bool)
     place, flagged = tree.centres(parents), leaf_states.criterion_value > threshold
     for at in np.unique(parents.level):
         at_level = parents.level == at
-        reach = float(horizon[at_level][0])
-        keep[at_level] &= ~_mask_near_flagged_leaves(place[at_level], leaf_states, flagged, FAR, reach)
-        keep[at_level] &= ~_mask_near_flagged_leaves(
-            place[at_level], leaf_states, leaf_states.has_broken_bond, 1.0, reach + tree.spacing / 2.0**at
-        )
+        reach, same = tree.horizons[at], np.ones_like(tree.sides)
+        keep[at_level] &= ~_mask_near(place[at_level], leaf_states, flagged, FAR * reach * same)
+        past = reach + tree.sides[at]
+        keep[at_level] &= ~_mask_near(place[at_level], leaf_states, leaf_states.has_broken_bond, past * same)
         finer = leaf_states.cells.level + is_splitting > at + 1
         keep[at_level] &= ~_mask_touching_leaves(tree, parents.select(at_level), leaf_states, finer)
     return parents.select(keep)

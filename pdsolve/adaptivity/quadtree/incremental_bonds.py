@@ -59,23 +59,17 @@ def _join_unchanged_and_new_pairs(
     """Fresh pairs and those of unchanged nodes, with their new row numbers, in order."""
     source, target = new_row_of_node[previous.pairs.source], new_row_of_node[previous.pairs.target]
     unchanged = np.flatnonzero((source >= 0) & (target >= 0))
-    old = _select_pairs(previous, unchanged)
-    old = old._replace(pairs=Pairs(source[unchanged], target[unchanged], old.pairs.length))
-    columns: list[Any] = list(
-        map(np.concatenate, zip(_columns_of_pairs(old), _columns_of_pairs(new_pairs), strict=True))
-    )
-    both = Paired(Pairs(*columns[:3]), *columns[3:])
+    old = _select_pairs(previous._replace(pairs=Pairs(source, target, previous.pairs.length)), unchanged)
+    ends: list[Any] = [np.concatenate(columns) for columns in zip(old.pairs, new_pairs.pairs, strict=True)]
+    rest: list[Any] = [np.concatenate(columns) for columns in zip(old[1:], new_pairs[1:], strict=True)]
+    both = Paired(Pairs(*ends), *rest)
     return _select_pairs(both, np.argsort(both.pairs.source * node_count + both.pairs.target, kind="stable"))
 
 
 def _select_pairs(paired: Paired, pair_numbers: NDArray[np.int64]) -> Paired:
     """The selected pairs."""
-    columns: list[Any] = [column[pair_numbers] for column in _columns_of_pairs(paired)]
-    return Paired(Pairs(*columns[:3]), *columns[3:])
-
-
-def _columns_of_pairs(paired: Paired) -> tuple[Any, ...]:
-    return (*paired.pairs, *paired[1:])
+    rest: list[Any] = [column[pair_numbers] for column in paired[1:]]
+    return Paired(chosen(paired.pairs, pair_numbers), *rest)
 
 
 def _assemble_leaf_bonds(rule: ByPairs, paired: Paired, lack: NDArray[np.float64]) -> LeafBonds:

@@ -12,7 +12,6 @@ from pdsolve.adaptivity.hybrid.coarse_cells import create_unsupported_error
 from pdsolve.adaptivity.hybrid.engine import ZoneSummary
 from pdsolve.adaptivity.quadtree.incremental_bonds import LeafBonds
 from pdsolve.adaptivity.quadtree.tree import Cells, Tree
-from pdsolve.bonds.assembly import Bonds
 from pdsolve.checkpoint_validation import entry
 from pdsolve.laws import law_of
 from pdsolve.model import Model
@@ -43,22 +42,10 @@ class QuadtreeOperator(BondList):
         law = law_of(model, scheme.matches_work)
         super().__init__(law, model, leaf_bonds.assembly.bonds, scheme.symmetric, "float64", threads)
         self.tree, self.cells, self.leaf_bonds = tree, cells, leaf_bonds
+        self.all_bonds = leaf_bonds.assembly.bonds  # including broken ones
         self.history = LeafHistory(np.zeros(len(cells.root_row), dtype=np.int64), 0.0)
         area = leaf_bonds.assembly.area
         self._fine = float(area[cells.level > 0].sum() / area.sum())
-
-    @property
-    def all_bonds(self) -> Bonds:
-        """All bonds (b,), including broken ones."""
-        return self.leaf_bonds.assembly.bonds
-
-    def break_steps(self) -> NDArray[np.int32]:
-        """The step (b,) in which each bond broke, 0 while intact."""
-        return self._steps()
-
-    def set_break_steps(self, break_steps: NDArray[np.int32]) -> None:
-        """Set the steps (b,) in which bonds broke; 0: intact."""
-        self._steps()[:] = break_steps
 
     def zone_summary(self) -> ZoneSummary:
         """Summary of the finer cells."""

@@ -16,9 +16,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pdmesh.model.document import InitialVelocity
-from pdmesh.model.node_grid import Grid
 from pdmesh.model.visibility import plate_of
 from pdsolve.bonds.assembly import areas
+from pdsolve.conditions import loaded_or_held
 from pdsolve.model import Model
 
 WHOLE = 1e-9  # of a cell: areas this near to its square's are that
@@ -59,11 +59,10 @@ class Tree:
         self.model, self.levels = model, model.settings.run.split.levels
         grid = model.grid
         self.spacing, self.count = float(grid.delta[0]), len(grid)
+        self.sides = np.asarray(self.spacing / 2.0 ** np.arange(self.levels + 1))  # m, of cells of each level
+        self.horizons = model.settings.horizon.ratio * self.sides  # m, likewise
         self.area = areas(model, "cells")
-        self.pinned = np.zeros(self.count, dtype=bool)  # what carries a condition stays whole
-        for condition in model.settings.conditions:
-            if not isinstance(condition, InitialVelocity):
-                self.pinned[model.selected(condition)] = True
+        self.pinned = loaded_or_held(model)  # which stay whole
         self._by_id = np.argsort(grid.ids)
         self._first = int(grid.ids.max()) + 1
         self._shares = self._area_shares_at_edges()
@@ -187,18 +186,12 @@ class Tree:
             regions.append(msgspec.structs.replace(region, nodes=tuple(ids[in_region].tolist()), box=None))
         now = tuple(condition for condition in settings.conditions if not isinstance(condition, InitialVelocity))
         settings = msgspec.structs.replace(settings, area_rule="cells", conditions=now, regions=tuple(regions))
-        return Model(self.grid_of_leaves(cells, ids), settings, self.model.name)
-
-    def grid_of_leaves(self, cells: Cells, ids: NDArray[np.int64]) -> Grid:
-        """The grid of the nodes with these ids."""
-        grid = self.model.grid
-        return dataclasses.replace(
-            grid,
+        grid = dataclasses.replace(
+            self.model.grid.part(cells.root_row),
             ids=ids,
             position=self.centres(cells),
             delta=np.asarray(self.spacing / 2.0**cells.level),
-            border=grid.border[cells.root_row],
-            hole_id=grid.hole_id[cells.root_row],
             areas=self.areas(cells),
             lattice=None,
         )
+        return Model(grid, settings, self.model.name)

@@ -38,8 +38,7 @@ def looked(of: Tree, cells: Cells, flagged: NDArray[np.int64]) -> criteria.LeafS
     """A look at leaves of which these rows are flagged; no bond has broken."""
     height = np.zeros(len(cells.root_row))
     height[flagged] = 1.0
-    horizon = of.model.settings.horizon.ratio * of.spacing / 2.0**cells.level
-    return criteria.LeafStates(cells, of.centres(cells), horizon, height, np.zeros(len(height), dtype=bool))
+    return criteria.LeafStates(cells, of.centres(cells), height, np.zeros(len(height), dtype=bool))
 
 
 def nearest(of: Tree, cells: Cells, x: float, y: float) -> NDArray[np.int64]:
