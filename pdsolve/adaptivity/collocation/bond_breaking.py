@@ -21,7 +21,7 @@ def break_bonds_of_row(lattice, zone, step, dt, row):  # type: ignore[no-untyped
         if zone.node_kinds[p] != FINE or lattice.no_fail[p]:
             continue
         for k in range(len(lattice.neighbour_offsets)):
-            if _double_green_strain(lattice, zone, 0.0, p, k) > lattice.limit_double_green_strain and not (
+            if _double_green_strain(lattice, zone.u, p, k) > lattice.limit_double_green_strain and not (
                 is_bond_cut(zone.cut_bond_bits, p, k) or lattice.no_fail[p + lattice.neighbour_offsets[k]]
             ):
                 _break_bond_and_book_energy(lattice, zone, step, dt, p, k)
@@ -34,23 +34,30 @@ def add_forces_of_newly_broken_bonds(lattice, zone, step, dt):  # type: ignore[n
     while n > 0 and breaks.step[n - 1] >= step - 1:
         n -= 1
         p, k = breaks.node[n], breaks.bond_number[n]
-        stretch, before = _stretch(lattice, zone, 0.0, p, k), _stretch(lattice, zone, dt, p, k)
+        stretch, before = _stretch(lattice, zone, p, k), _stretch_before(lattice, zone, dt, p, k)
         share = 1.0 if breaks.step[n] == step else second_share(breaks.stretch_growth_at_break[n], stretch - before)
         _add_force_of_broken_bond(lattice, zone, p, k, breaks.force_at_break[n] * share / (1 + stretch))
 
 
 @njit(**INNER)
-def _double_green_strain(lattice, zone, dt, p, k):  # type: ignore[no-untyped-def]
-    """e of bond k of node p a time `dt` ago, 0 or a time step."""
-    j, u, v = p + lattice.neighbour_offsets[k], zone.u, zone.v
-    x, y = u[0, j] - dt * v[0, j] - (u[0, p] - dt * v[0, p]), u[1, j] - dt * v[1, j] - (u[1, p] - dt * v[1, p])
-    return spring_double_green_strain(lattice.spring_table, k, x, y)
+def _double_green_strain(lattice, u, p, k):  # type: ignore[no-untyped-def]
+    """e of bond k of node p."""
+    j = p + lattice.neighbour_offsets[k]
+    return spring_double_green_strain(lattice.spring_table, k, u[0, j] - u[0, p], u[1, j] - u[1, p])
 
 
 @njit(**INNER)
-def _stretch(lattice, zone, dt, p, k):  # type: ignore[no-untyped-def]
-    """The stretch of bond k of node p a time `dt` ago, 0 or a time step."""
-    return stretch_from_double_green_strain(_double_green_strain(lattice, zone, dt, p, k))
+def _stretch(lattice, zone, p, k):  # type: ignore[no-untyped-def]
+    """The stretch of bond k of node p."""
+    return stretch_from_double_green_strain(_double_green_strain(lattice, zone.u, p, k))
+
+
+@njit(**INNER)
+def _stretch_before(lattice, zone, dt, p, k):  # type: ignore[no-untyped-def]
+    """The stretch of bond k of node p a time step `dt` ago."""
+    j, u, v = p + lattice.neighbour_offsets[k], zone.u, zone.v
+    x, y = u[0, j] - dt * v[0, j] - (u[0, p] - dt * v[0, p]), u[1, j] - dt * v[1, j] - (u[1, p] - dt * v[1, p])
+    return stretch_from_double_green_strain(spring_double_green_strain(lattice.spring_table, k, x, y))
 
 
 @njit(**INNER)
@@ -74,7 +81,7 @@ def _add_force_of_broken_bond(lattice, zone, p, k, pull):  # type: ignore[no-unt
 def _break_bond_and_book_energy(lattice, zone, step, dt, p, k):  # type: ignore[no-untyped-def]
     """Break bond k of node p, and book the energy it has dissipated."""
     (j, back), breaks, count = _opposite_end(lattice, p, k), zone.break_events, zone.counts.broken_bonds
-    stretch, before = _stretch(lattice, zone, 0.0, p, k), _stretch(lattice, zone, dt, p, k)
+    stretch, before = _stretch(lattice, zone, p, k), _stretch_before(lattice, zone, dt, p, k)
     limit = stretch_from_double_green_strain(lattice.limit_double_green_strain)
     area = lattice.cell_area_share[0, p] * lattice.spacing**2
     spring = bond_stiffness(lattice, p, k) * area / lattice.spring_table[k, 4]

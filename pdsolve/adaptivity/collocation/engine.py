@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -37,7 +38,7 @@ from pdsolve.codegen.vector_code import ROW
 from pdsolve.conditions import Drive
 from pdsolve.errors import CheckpointError, UnstableError
 from pdsolve.numerics.memory import aligned
-from pdsolve.numerics.thread_team import side_by_side
+from pdsolve.numerics.thread_team import share
 from pdsolve.operators.protocol import CheckpointArrays
 from pdsolve.state import State
 from pdsolve.steppers.verlet import Verlet
@@ -109,14 +110,10 @@ class CollocationEngine:
 
     def _sum_forces_and_break_bonds(self, step: int, dt: float) -> bool:
         """Sum the forces of bonds; those over their limit break. Whether fine nodes are needed at their ends."""
-        lattice, zone, threads = self.lattice, self.zone, self.settings.threads
+        lattice, zone, lanes = self.lattice, self.zone, ROW * len(self.zone.rows_with_fine_nodes)
         interpolate_fictitious_nodes(zone)
-        rows = len(zone.rows_with_fine_nodes)
-
-        def work(thread: int) -> None:
-            sum_forces_of_fine_rows(lattice, zone, rows * thread // threads, rows * (thread + 1) // threads)
-
-        side_by_side(work, threads)
+        sum_rows = partial(sum_forces_of_fine_rows, lattice, zone)
+        share(lambda first, last: sum_rows(first // ROW, last // ROW), lanes, self.settings.threads)
         may_break = int(np.count_nonzero(zone.has_bond_over_limit)) * ROW * len(lattice.neighbour_offsets)
         self._enlarge_break_arrays(zone.counts.broken_bonds + may_break)
         return bool(break_stretched_bonds(lattice, self.zone, step, dt))

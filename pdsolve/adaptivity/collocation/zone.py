@@ -30,7 +30,6 @@ from pdsolve.operators.stencils import ball
 from pdsolve.state import State
 
 NONE, FINE, COARSE, BETWEEN = range(4)  # places: without a node; active ones; those that are interpolated
-EVENTS = 4096  # room for so many breaks at first
 
 
 class Totals(Record):
@@ -135,7 +134,7 @@ def areas_of_active_nodes(
 def create_collocation_zone(plate: CollocationPlate, state: State) -> CollocationZone:
     """The zone with this `state` by places, without any active nodes."""
     places, nothing = len(state.value), np.zeros(0, dtype=np.int64)
-    step, number = np.zeros((2, EVENTS), dtype=np.int32)
+    step, number = np.zeros((2, 0), dtype=np.int32)  # room is made as bonds break
     return CollocationZone(
         u=state.value.T,
         v=state.rate.T,
@@ -152,7 +151,7 @@ def create_collocation_zone(plate: CollocationPlate, state: State) -> Collocatio
         is_to_refine=np.zeros(places, dtype=np.bool_),
         totals=Totals.of(),
         counts=Counts.of(),
-        break_events=BreakEvents(step, np.zeros(EVENTS, dtype=np.int64), number, *np.zeros((2, EVENTS))),
+        break_events=BreakEvents(step, nothing, number, *np.zeros((2, 0))),
     )
 
 
