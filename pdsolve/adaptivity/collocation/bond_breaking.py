@@ -90,6 +90,7 @@ def _break_bond_and_book_energy(lattice, zone, step, dt, p, k):  # type: ignore[
     for node in (p, j) if zone.node_kinds[j] == FINE else (p, p):
         zone.node_dissipation[node] += energy
     cut_bond(lattice, zone, p, k)
+    zone.has_bond_over_limit[j // ROW] = True  # by round-off it could have none
     breaks.step[count] = step
     breaks.node[count], breaks.bond_number[count] = (p, k) if k < back else (j, back)
     breaks.force_at_break[count] = added_force(lattice.bond_law, stretch, before, 0.0, limit, limit)

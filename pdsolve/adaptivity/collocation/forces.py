@@ -73,11 +73,11 @@ def _compile_row_sum(sum_row: Any) -> Any:
 
     @njit(**INNER)
     def sum_forces_of_lanes(lattice, zone, row, stiffness, lane_sums):  # type: ignore[no-untyped-def]
-        flags, table, ways, limit = (
-            0,
+        table, ways, limit, flags = (
             lattice.spring_table,
             lattice.neighbour_offsets,
             lattice.limit_double_green_strain,
+            0,
         )
         for lane in range(0, ROW, across(zone.u)):
             p = row * ROW + lane
@@ -127,7 +127,7 @@ def break_stretched_bonds(lattice, zone, step, dt):  # type: ignore[no-untyped-d
     if zone.counts.broken_bonds > broken_before:
         scratch, lane_sums = np.empty(lattice.row_stiffness.shape[1:]), np.empty(2 * ROW)
         for row in zone.rows_with_fine_nodes:
-            if zone.has_bond_over_limit[row]:  # as in the rows of both ends of a bond that breaks
+            if zone.has_bond_over_limit[row]:  # as have the rows of both ends of a bond that breaks
                 _sum_forces_of_row(lattice, zone, row, scratch, lane_sums)
     add_forces_of_newly_broken_bonds(lattice, zone, step, dt)
     return zone.counts.refinement_due != 0

@@ -57,10 +57,8 @@ class LatticeConstants(NamedTuple):
     spacing: float  # m
     rho: float  # kg/m^3
     dt: float  # s
-    spring_table: NDArray[
-        np.float64
-    ]  # (k, 8) springs, as in `Springs`, but stiffnesses over the area of a cell, N/m^4;
-    # then n_x^2 and n_y^2 of their directions
+    spring_table: NDArray[np.float64]  # (k, 8) as in `Springs`, but stiffnesses over the area of a cell, N/m^4; then
+    # n_x^2 and n_y^2 of their directions
     neighbour_offsets: NDArray[np.int64]  # (k,) places to the neighbour
     cell_area_share: NDArray[np.float64]  # (1, places) area of a node's cell over h^2, 0 without one
     surface_correction: NDArray[np.float64]  # (2, places) of energy in uniform stretch along x and y, as in the scheme

@@ -63,15 +63,13 @@ def create_collocation_operator_and_stable_step(
         run_settings.kappa, compute_seam_damping(run_settings, model), max(1, min(OFTEN, every)), threads
     )
     margin = round(min(run_settings.margin * ratio, at.nx + at.ny))
-    drive_of_places = drive(model, plate.node_areas, True, np.float64)
+    drive_of_rows = drive(model, plate.node_areas, True, np.float64)
     force, before = np.zeros((2, at.place_count, 2))
-    force[place], before[place] = drive_of_places.force, drive_of_places.before
+    force[place], before[place] = drive_of_rows.force, drive_of_rows.before
     loads, holds = (
-        entries._replace(node=place[entries.node]) for entries in (drive_of_places.loads, drive_of_places.holds)
+        entries._replace(node=place[entries.node]) for entries in (drive_of_rows.loads, drive_of_rows.holds)
     )
-    drive_of_places = drive_of_places._replace(
-        force=force, before=before, loads=loads, holds=holds
-    )  # by places in place of rows
+    drive_of_places = drive_of_rows._replace(force=force, before=before, loads=loads, holds=holds)
     engine = CollocationEngine(plate, lattice, mask_eligible_coarse(lattice, plate, margin), drive_of_places, settings)
     engine.set_initial_motion(initial_velocity(model))
     return CollocationOperator(engine), bound

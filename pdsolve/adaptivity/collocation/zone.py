@@ -61,9 +61,7 @@ class CollocationZone(NamedTuple):
     rows_with_fine_nodes: NDArray[np.int64]  # (r,) rows of 16 places with active fine nodes
     rows_with_coarse_nodes: NDArray[np.int64]  # (q,) rows of 16 places with active coarse nodes
     active_coarse_places: NDArray[np.int64]  # (c,) places of active coarse nodes
-    fictitious_nodes: NDArray[
-        np.int64
-    ]  # (b, 5) places of fictitious nodes that bonds reach, and of those they are between
+    fictitious_nodes: NDArray[np.int64]  # (b, 5) places of those that bonds reach, and of the four they are between
     node_dissipation: NDArray[np.float64]  # (places,) J/m, by a node's bonds so far
     has_bond_over_limit: NDArray[np.bool_]  # (places / 16,) of rows with fine nodes
     is_to_refine: NDArray[np.bool_]  # (places,) nodes around which fine ones are wanted
@@ -77,15 +75,8 @@ def parent_places(numbering: Numbering, places: NDArray[np.int64]) -> NDArray[np
     row, column = np.divmod(places, numbering.row_stride)
     right, up = (column - numbering.left_margin) % 2, (row - numbering.row_margin) % 2
     corner = places - right - up * numbering.row_stride
-    return np.stack(
-        [
-            corner,
-            corner + 2 * right,
-            corner + 2 * up * numbering.row_stride,
-            corner + 2 * right + 2 * up * numbering.row_stride,
-        ],
-        1,
-    )
+    across, along = 2 * right, 2 * up * numbering.row_stride
+    return np.stack([corner, corner + across, corner + along, corner + across + along], 1)
 
 
 def mask_eligible_coarse(lattice: LatticeConstants, plate: CollocationPlate, margin: int) -> NDArray[np.bool_]:
