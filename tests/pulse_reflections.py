@@ -24,7 +24,6 @@ from pdsolve.adaptivity.collocation.operator import CollocationOperator
 from pdsolve.adaptivity.collocation.zone import COARSE as ACTIVE
 from pdsolve.adaptivity.collocation.zone import FINE as BONDED
 from pdsolve.adaptivity.hybrid.engine import HybridEngine
-from pdsolve.adaptivity.hybrid.lattice import AROUND, COARSE, FINE, FREE, VOID
 from pdsolve.adaptivity.hybrid.operator import HybridOperator
 from pdsolve.adaptivity.quadtree.leaf_mapping import map_leaves
 from pdsolve.model import Model
@@ -32,6 +31,7 @@ from pdsolve.options import Options
 from pdsolve.run.cell_splitting import CellSplitting
 from pdsolve.run.prepare import prepare
 from pdsolve.run.system import PreparedRun
+from pdsolve.zone.cells import AROUND, COARSE, FINE, FREE, VOID
 
 H, RATIO = 1e-3, 4  # m; horizon over spacing
 WIDTHS = (4, 8, 16)  # spacings: half, one and two times two horizons
@@ -147,8 +147,8 @@ def _collocation(engine: CollocationEngine, seam: float) -> Marching:
 
 def _hybrid(hybrid: HybridEngine, model: Model, seam: float) -> Marching:
     """Cells are fine left of the seam alone."""
-    zone, wide = hybrid.zone, hybrid.plate.numbering.cell_row_stride
-    cell = np.arange(hybrid.plate.numbering.cell_count)
+    zone, wide = hybrid.zone, hybrid.plate.numbering.cells.strides[1]
+    cell = np.arange(hybrid.plate.numbering.cells.place_count)
     left = (
         (2 * hybrid.plate.spacing * (cell % wide - AROUND) < seam)
         & (cell // wide >= AROUND)

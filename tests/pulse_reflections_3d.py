@@ -15,13 +15,12 @@ from pdmesh.model.document import Material
 from pdmesh.model.lattice_calibration import offsets
 from pdmesh.model.material_constants import micromodulus
 from pdmesh.model.neighbours import lengths
-from pdsolve.adaptivity.hybrid.space.box import COARSE, FINE, VOID
 from pdsolve.adaptivity.hybrid.space.coarse_springs import cubic_stiffness
-from pdsolve.adaptivity.hybrid.space.layout import coordinates_of_sites
 from pdsolve.adaptivity.hybrid.space.operator import HybridBodyOperator
 from pdsolve.adaptivity.hybrid.space.prepare import compute_vertex_force, create_full_block, create_operator_of_cells
 from pdsolve.lattice.tile_bonds import offset_table
 from pdsolve.laws.pair_laws.brittle import LAW
+from pdsolve.zone.cells import COARSE, FINE, VOID, coordinates, place_at
 
 ACROSS = 8  # cells
 AWAY = 80  # spacings from the pulse to the seam; what is sent back, and how wide it is, depends on it
@@ -45,7 +44,7 @@ def sent_back(ratio: float, width: int, shear: bool, backwards: bool = False, se
     """
     bonds, cells = bonds_of(ratio), (3 * AWAY + 4 * width) // 2
     operator = _column(bonds, cells, (AWAY + 4 * width) // 2, backwards, seam)
-    x, y, z = coordinates_of_sites(operator.full_body.fine_lattice.box, operator.sites).T
+    x, y, z = coordinates(operator.full_body.fine_lattice.numbering.fine, operator.sites)
     alike = _alike(operator, x, y, z)
     c11, c12 = cubic_stiffness(bonds)
     speed, axis, dt = float(np.sqrt(c12 if shear else c11)), 2 if shear else 0, STEP / float(np.sqrt(c11))
@@ -74,7 +73,7 @@ def _column(bonds: NDArray[np.float64], cells: int, more: int, backwards: bool, 
     return create_operator_of_cells(
         LAW,
         whole,
-        np.pad(kinds, whole.fine_lattice.box.void_margin, constant_values=VOID).ravel(),
+        np.pad(kinds, whole.fine_lattice.numbering.cells.margins[0], constant_values=VOID).ravel(),
         compute_vertex_force(LAW, bonds, 1.0),
     )
 
@@ -83,7 +82,5 @@ def _alike(
     operator: HybridBodyOperator, x: NDArray[np.int64], y: NDArray[np.int64], z: NDArray[np.int64]
 ) -> NDArray[np.int64]:
     """Rows (n,) of the nodes in the middle that move as all nodes do."""
-    box = operator.full_body.fine_lattice.box
-    return np.searchsorted(
-        operator.sites, ((ACROSS + z % 2) * box.fine_nodes_y + ACROSS + y % 2) * box.fine_nodes_x + x
-    )
+    numbering = operator.full_body.fine_lattice.numbering
+    return np.searchsorted(operator.sites, place_at(numbering.fine, (x, ACROSS + y % 2, ACROSS + z % 2)))

@@ -10,12 +10,12 @@ from numpy.typing import NDArray
 
 import pdmesh
 from pdmesh import Body, Box, Material, Run, ramp
-from pdsolve.adaptivity.hybrid.space.box import COARSE, FINE, VOID
 from pdsolve.adaptivity.hybrid.space.layout import FullBody
 from pdsolve.adaptivity.hybrid.space.operator import HybridBodyOperator
 from pdsolve.adaptivity.hybrid.space.prepare import create_full_block, create_operator_of_cells
 from pdsolve.laws.pair_laws.brittle import LAW
 from pdsolve.model import Model
+from pdsolve.zone.cells import COARSE, FINE, VOID, coordinates
 
 SMALL = 1e-7  # strain
 GLASS = Material(E=65e9, rho=2235, G0=204, micromodulus="constant")
@@ -29,24 +29,17 @@ def blob(bonds: NDArray[np.float64], side: int, margin: int, tau: float) -> Hybr
 
 def at_random(whole: FullBody, margin: int, tau: float) -> HybridBodyOperator:
     """A body; half of its cells `margin` off the faces of its box are fine, at random."""
-    box, some = whole.fine_lattice.box, np.random.default_rng(1)
-    cells = np.full((box.cells_z, box.cells_y, box.cells_x), COARSE, dtype=np.uint8)
+    numbering, some = whole.fine_lattice.numbering.cells, np.random.default_rng(1)
+    cells = np.full(numbering.counts[::-1], COARSE, dtype=np.uint8)
     inner = cells[(slice(margin, -margin),) * 3]
     inner[:] = np.where(some.random(inner.shape) < 0.5, FINE, COARSE)
-    return create_operator_of_cells(LAW, whole, np.pad(cells, box.void_margin, constant_values=VOID).ravel(), tau)
+    return create_operator_of_cells(LAW, whole, np.pad(cells, numbering.margins[0], constant_values=VOID).ravel(), tau)
 
 
 def place(operator: HybridBodyOperator) -> NDArray[np.float64]:
     """Where nodes (n, 3) are, in spacings."""
-    box = operator.full_body.fine_lattice.box
-    sites = operator.sites
-    return np.column_stack(
-        [
-            sites % box.fine_nodes_x,
-            sites // box.fine_nodes_x % box.fine_nodes_y,
-            sites // (box.fine_nodes_x * box.fine_nodes_y),
-        ]
-    ).astype(float)
+    numbering = operator.full_body.fine_lattice.numbering
+    return np.column_stack(coordinates(numbering.fine, operator.sites)).astype(float)
 
 
 def block(adapt: str, steps: int = 168, other: Material | None = None) -> Model:

@@ -16,7 +16,6 @@ from pdmesh.model.document import Material, Region, Run, Velocity
 from pdmesh.model.node_grid import Grid
 from pdsolve.adaptivity.hybrid.arrays import LatticeConstants, PlateZone
 from pdsolve.adaptivity.hybrid.engine import HybridEngine
-from pdsolve.adaptivity.hybrid.lattice import COARSE, FAR, FINE, FREE, VOID, coarse_place, far_place, fine_place
 from pdsolve.adaptivity.hybrid.prepare import create_hybrid_operator_and_stable_step
 from pdsolve.model import Model, ModelWarning
 from pdsolve.options import Options
@@ -24,11 +23,9 @@ from pdsolve.run.assembly import choose_time_step
 from pdsolve.run.measures import EnergyBalanceRow, compute_energy_balance_row
 from pdsolve.run.node_changes import find_zone_change_since_last_call
 from pdsolve.run.prepare import prepare
+from pdsolve.zone.cells import COARSE, FAR, FINE, FREE, VOID, coordinates, place_at
 
 H = 1e-3  # m
-_fine = getattr(fine_place, "py_func", fine_place)
-_coarse = getattr(coarse_place, "py_func", coarse_place)
-_far = getattr(far_place, "py_func", far_place)
 
 Where = Callable[[NDArray[np.float64], NDArray[np.float64]], NDArray[Any]]
 
@@ -57,12 +54,10 @@ class Zoned(NamedTuple):
         """Fine, coarse and far nodes, the places (k,) of those that move, and where they are (k, 2), m."""
         numbering = self.lattice.numbering
         zone = self.zone
-        for nodes, place, step in ((zone.fine, _fine, 1), (zone.coarse, _coarse, 2), (zone.far, _far, 4)):
-            y, x = (
-                index.ravel()
-                for index in np.mgrid[0 : numbering.fine_cells_y // step + 1, 0 : numbering.fine_cells_x // step + 1]
-            )
-            places = place(numbering, x, y)
+        lattices = (zone.fine, numbering.fine, 1), (zone.coarse, numbering.coarse, 2), (zone.far, numbering.far, 4)
+        for nodes, own, step in lattices:
+            y, x = (index.ravel() for index in np.indices(own.counts[::-1]))
+            places = place_at(own, (x, y))
             free = nodes.node_kinds[places] == FREE
             yield nodes, places[free], step * H * np.column_stack([x, y])[free]
 
@@ -150,15 +145,13 @@ def zoned(
         )
     hybrid = shown.engine
     numbering = hybrid.plate.numbering
-    cell = np.arange(numbering.cell_count)
-    wanted = fine(cell % numbering.cell_row_stride - 6, cell // numbering.cell_row_stride - 6) & (
-        hybrid.zone.cell_kinds != VOID
-    )
+    x, y = coordinates(numbering.cells, np.arange(numbering.cells.place_count))
+    wanted = fine(x, y) & (hybrid.zone.cell_kinds != VOID)
     hybrid.zone.cell_kinds[hybrid.zone.cell_kinds == FINE] = COARSE
     hybrid.zone.cell_kinds[wanted] = FINE
     if far is not None:
-        x, y = (one - 6 for one in (cell % numbering.cell_row_stride, cell // numbering.cell_row_stride))
-        inside = (x >= 0) & (y >= 0) & (x < numbering.fine_cells_x // 4 * 2) & (y < numbering.fine_cells_y // 4 * 2)
+        wide, high = (2 * (count - 1) for count in numbering.far.counts)
+        inside = (x >= 0) & (y >= 0) & (x < wide) & (y < high)
         hybrid.zone.cell_kinds[inside & far(x // 2, y // 2)] = FAR
     return again(hybrid)
 

@@ -15,10 +15,10 @@ from zoned_plates import again, rectangle, struck
 
 from pdmesh.model.document import Horizon, Load, Run
 from pdmesh.model.node_grid import Grid
-from pdsolve.adaptivity.hybrid.lattice import COARSE, FINE
 from pdsolve.model import Model
 from pdsolve.options import Options
 from pdsolve.run.prepare import prepare
+from pdsolve.zone.cells import COARSE, FINE
 
 RAMP = ((0.0, 0.0), (2e-6, 1.0))
 

@@ -16,7 +16,6 @@ from zoned_plates import H, pulse, rectangle, slope, zoned
 from pdmesh.model.document import Load, Run
 from pdpost.measures.cracked_nodes import damage_with_pre_cracks_at
 from pdsolve.adaptivity.hybrid import far_cells
-from pdsolve.adaptivity.hybrid.lattice import BORDER, FAR, FINE
 from pdsolve.model import Model
 from pdsolve.numerics.thread_team import cores
 from pdsolve.options import Options
@@ -25,6 +24,7 @@ from pdsolve.run.measures import compute_energy_balance_row
 from pdsolve.run.node_changes import find_zone_change_since_last_call
 from pdsolve.run.prepare import prepare
 from pdsolve.run.simulation import resume, simulate
+from pdsolve.zone.cells import BORDER, FAR, FINE
 
 UNBREAKABLE = msgspec.structs.replace(GLASS, G0=1e12)
 

@@ -12,7 +12,6 @@ from database_contents import contents
 from numpy.typing import NDArray
 
 from pdmesh import Circle, Material, Medium, Run, Scene, box, build
-from pdsolve.adaptivity.hybrid.lattice import COARSE, FINE
 from pdsolve.model import Model, ModelWarning
 from pdsolve.options import Options
 from pdsolve.results import Results
@@ -23,6 +22,7 @@ from pdsolve.run.prepare import prepare
 from pdsolve.run.simulation import resume, simulate
 from pdsolve.run.swelling_with_fine_zone import SwellingStepperWithFineZone, broken_bonds_of_plate
 from pdsolve.run.system import PreparedRun
+from pdsolve.zone.cells import COARSE, FINE
 
 pytestmark = pytest.mark.slow  # kernels of plates that swell take long to compile
 
@@ -107,9 +107,9 @@ def test_a_cell_that_becomes_fine_has_its_temperature_at_once() -> None:
     free = pulled(plate, whole_grid() @ slope, bent(plate.system.model.grid.position, slope))
     zone, numbering = operator.engine.zone, operator.engine.plate.numbering
     before = float(zone.totals.refinement_energy)
-    cell = np.arange(numbering.cell_count)
+    cell = np.arange(numbering.cells.place_count)
     new = np.flatnonzero(
-        (zone.cell_kinds == COARSE) & (cell % numbering.cell_row_stride > numbering.cell_row_stride // 2)
+        (zone.cell_kinds == COARSE) & (cell % numbering.cells.strides[1] > numbering.cells.strides[1] // 2)
     )
     zone.new_cells[: len(new)], zone.counts.new_cells, zone.cell_kinds[new] = new, len(new), FINE
     operator.engine.compute_initial_forces()

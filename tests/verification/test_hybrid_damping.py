@@ -13,7 +13,6 @@ from zoned_plates import again, rectangle, struck
 
 from pdmesh.model.document import Absorb, Displacement, Run
 from pdsolve.adaptivity.hybrid.engine import HybridEngine
-from pdsolve.adaptivity.hybrid.lattice import COARSE, FINE
 from pdsolve.conditions import initial_velocity
 from pdsolve.model import Model
 from pdsolve.numerics.thread_team import cores
@@ -22,6 +21,7 @@ from pdsolve.run.measures import EnergyBalanceRow, compute_energy_balance_row
 from pdsolve.run.node_changes import find_zone_change_since_last_call
 from pdsolve.run.prepare import prepare
 from pdsolve.run.system import PreparedRun
+from pdsolve.zone.cells import COARSE, FINE
 
 FLAT = Displacement(box=(-1.0, -1.0, 1.0, 1.0), y=0.0)
 LAYER = Absorb(box=(0.08 - 1e-5, -1.0, 1.0, 1.0))  # a fifth of the plate

@@ -10,7 +10,6 @@ from zoned_plates import STEEL, again, rectangle, struck
 
 from pdmesh.model.document import Displacement, InitialVelocity, Load, Run
 from pdsolve.adaptivity.hybrid.engine import HybridEngine
-from pdsolve.adaptivity.hybrid.lattice import COARSE, FINE
 from pdsolve.conditions import initial_velocity
 from pdsolve.model import Model
 from pdsolve.numerics.thread_team import cores
@@ -19,6 +18,7 @@ from pdsolve.run.measures import EnergyBalanceRow, compute_energy_balance_row
 from pdsolve.run.node_changes import find_zone_change_since_last_call
 from pdsolve.run.prepare import prepare
 from pdsolve.run.system import PreparedRun
+from pdsolve.zone.cells import COARSE, FINE
 
 
 def pulled(adapt: str) -> Model:

@@ -14,7 +14,6 @@ from zoned_blocks import GLASS, HEIGHT, LENGTH, SMALL, WIDTH, H, blob, block, pl
 import pdmesh
 from pdmesh import Body, Box, Cylinder, Run, ramp
 from pdmesh.drawing.solids import meshed
-from pdsolve.adaptivity.hybrid.space.box import COARSE, FINE
 from pdsolve.adaptivity.hybrid.space.coarse_springs import cubic_stiffness
 from pdsolve.adaptivity.hybrid.space.prepare import SEAM, compute_vertex_force, create_operator_of_cells
 from pdsolve.laws.pair_laws.brittle import LAW
@@ -26,6 +25,7 @@ from pdsolve.run.prepare import prepare
 from pdsolve.run.simulation import Options, resume, simulate
 from pdsolve.state import zero_state
 from pdsolve.steppers.equilibrium import force_densities
+from pdsolve.zone.cells import COARSE, FINE
 
 
 @pytest.mark.slow
@@ -203,11 +203,11 @@ def test_refining_looks_at_all_that_changes() -> None:
     problem = prepare(block("hybrid"), Options(threads=1))
     before, state = expect_body_zone_operator(problem.system), problem.state
     state.value[:] = 1e-4 * H * np.random.default_rng(5).standard_normal(state.value.shape)
-    cells = before.cell_kinds.reshape(before.full_body.fine_lattice.box.padded_shape)
+    cells = before.cell_kinds.reshape(before.full_body.fine_lattice.numbering.cells.shape)
     z, y, x = np.nonzero((cells[..., 1:] == COARSE) & (cells[..., :-1] == FINE))  # beside the zone
     some = np.flatnonzero(y == int(np.median(y)))[::3]
     cells[z[some], y[some], x[some] + 1] = FINE
-    new = np.column_stack([x[some] + 1, y[some], z[some]]) - before.full_body.fine_lattice.box.void_margin
+    new = np.column_stack([x[some] + 1, y[some], z[some]]) - before.full_body.fine_lattice.numbering.cells.margins[0]
     after = before.operator_after_refinement(new)
     found = zero_state(len(after.sites), 3)._replace(value=before.interpolate_at_grid_rows(after.rows, state.value))
     pull, which = after.force_densities_near_new_cells(found, new)

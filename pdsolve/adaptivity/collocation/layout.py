@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from pdmesh.model.neighbours import Pairs
 from pdmesh.model.visibility import Sight
-from pdsolve.adaptivity.hybrid.coarse_cells import check_no_precrack_on_node, count_full_squares_around_places
+from pdsolve.adaptivity.hybrid.coarse_cells import check_no_precrack_on_node
 from pdsolve.adaptivity.hybrid.precracks import is_visible, lengthen_cracks
 from pdsolve.adaptivity.hybrid.springs import STIFFNESS, Springs, double_green_strain_from_stretch
 from pdsolve.codegen.jit_cache import cached_njit
@@ -32,6 +32,7 @@ from pdsolve.laws.pair_laws import brittle
 from pdsolve.model import Model, ModelError
 from pdsolve.numerics.dilation import in_square
 from pdsolve.operators.stencils import Stencil
+from pdsolve.zone.start_cells import count_full_cubes_around_nodes
 
 ALONG_X, ALONG_Y = 6, 7  # columns of `spring_table`
 SAME = 1e-12  # relative: areas this near to a whole cell are one
@@ -182,7 +183,7 @@ def _node_areas(
     """Areas (n,) of nodes, m^2: those of the grid, or else a quarter of each adjacent square between nodes."""
     if model.grid.areas is not None:
         return model.grid.areas
-    around = count_full_squares_around_places(
+    around = count_full_cubes_around_nodes(
         (grid_row_at_place[: numbering.place_count - 2 * ROW] >= 0).reshape(-1, numbering.row_stride)
     ).ravel()[place_of_grid_row]
     return np.asarray(float(model.grid.delta[0]) ** 2 / 4 * around)

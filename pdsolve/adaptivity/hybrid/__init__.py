@@ -6,7 +6,6 @@ bonds that leave the fine cells are clipped: the remaining piece ends on the bor
 stiffness grows as its length shrinks. There is thus a single energy: every linear field is in equilibrium, and momentum
 and energy are conserved.
 
-    lattice            numbering of both lattices and of the cells
     springs            springs of a node, fine and coarse, and where bonds cross from cell to cell
     arrays             what a run changes
     precracks          bonds that pre-cracks cut, surfaces

@@ -10,11 +10,11 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from pdsolve.adaptivity.hybrid.lattice import Numbering
 from pdsolve.adaptivity.hybrid.node_constants import NodeConstants
 from pdsolve.adaptivity.hybrid.springs import BondParts
 from pdsolve.codegen.record import Record
 from pdsolve.codegen.vector_code import ROW
+from pdsolve.zone.cells import ZoneNumbering
 
 EVERY = 8  # steps between two looks at what has broken and what is stretched
 AHEAD = 8  # h: cells this near to a node that has lost a bond become fine
@@ -26,7 +26,7 @@ class LatticeConstants(NamedTuple):
     """The constant arrays of a hybrid plate: lattice, springs, masses and limits of bonds."""
 
     bond_law: Any  # columns of no bonds, by whose type the law's functions are compiled
-    numbering: Numbering
+    numbering: ZoneNumbering
     spacing: float  # m
     family_dx: NDArray[np.int64]  # (k,) fine family
     family_dy: NDArray[np.int64]
@@ -283,7 +283,7 @@ def lazy_zeros(*shape: int, dtype: Any = np.float64) -> NDArray[Any]:
 
 
 def create_plate_zone(
-    numbering: Numbering,
+    numbering: ZoneNumbering,
     cells: NDArray[np.uint8],
     spring_count: int,
     row_count: int,
@@ -305,38 +305,38 @@ def create_plate_zone(
     events, nodes = ROW * row_count * spring_count, ROW * row_count
     return PlateZone(
         cell_kinds=cells,
-        broken_bond_bits=lazy_zeros(numbering.fine_place_count, dtype=np.uint64),
+        broken_bond_bits=lazy_zeros(numbering.fine.place_count, dtype=np.uint64),
         fine=create_idle_nodes(
-            numbering.fine_place_count, spring_count, row_count, dtype, softens_or_limits_vary, swells, damps
+            numbering.fine.place_count, spring_count, row_count, dtype, softens_or_limits_vary, swells, damps
         ),
         coarse=create_idle_nodes(
-            numbering.coarse_place_count, 8, numbering.coarse_place_count // ROW, dtype, swells=swells, damps=damps
+            numbering.coarse.place_count, 8, numbering.coarse.place_count // ROW, dtype, swells=swells, damps=damps
         ),
         far=create_idle_nodes(
-            numbering.far_place_count, 8, numbering.far_place_count // ROW, dtype, swells=swells, damps=damps
+            numbering.far.place_count, 8, numbering.far.place_count // ROW, dtype, swells=swells, damps=damps
         ),
-        tied_coarse_nodes=allocate_border_nodes(numbering.coarse_place_count),
+        tied_coarse_nodes=allocate_border_nodes(numbering.coarse.place_count),
         clipped_pieces=pieces(),
         spare_clipped_pieces=pieces(),
         border_nodes=allocate_border_nodes(nodes),
         break_events=BreakEvents(
             np.zeros(events, np.int32), np.zeros(events, np.int64), np.zeros(events, np.int32), *np.zeros((2, events))
         ),
-        node_dissipation=lazy_zeros(numbering.fine_place_count),
-        is_damaged=lazy_zeros(numbering.fine_place_count, dtype=np.bool_),
-        damaged_nodes=lazy_zeros(numbering.fine_place_count, dtype=np.int64),
+        node_dissipation=lazy_zeros(numbering.fine.place_count),
+        is_damaged=lazy_zeros(numbering.fine.place_count, dtype=np.bool_),
+        damaged_nodes=lazy_zeros(numbering.fine.place_count, dtype=np.int64),
         loads=nothing,
         holds=nothing,
-        is_node_marked=lazy_zeros(numbering.fine_place_count, dtype=np.bool_),
-        new_cells=lazy_zeros(numbering.cell_count, dtype=np.int64),
-        affected_fine_nodes=lazy_zeros(numbering.fine_place_count, dtype=np.int64),
-        affected_coarse_nodes=lazy_zeros(numbering.coarse_place_count, dtype=np.int64),
-        affected_coarsest_nodes=lazy_zeros(numbering.far_place_count, dtype=np.int64),
+        is_node_marked=lazy_zeros(numbering.fine.place_count, dtype=np.bool_),
+        new_cells=lazy_zeros(numbering.cells.place_count, dtype=np.int64),
+        affected_fine_nodes=lazy_zeros(numbering.fine.place_count, dtype=np.int64),
+        affected_coarse_nodes=lazy_zeros(numbering.coarse.place_count, dtype=np.int64),
+        affected_coarsest_nodes=lazy_zeros(numbering.far.place_count, dtype=np.int64),
         counts=Counts.of(),
         totals=Totals.of(),
         lane_sums=lazy_zeros(threads, 3 * ROW, dtype=dtype),
         job_counters=np.zeros(64, dtype=np.int64),
-        breaking_rows=lazy_zeros(threads, 2 * numbering.fine_place_count // ROW, dtype=np.int64),
+        breaking_rows=lazy_zeros(threads, 2 * numbering.fine.place_count // ROW, dtype=np.int64),
         breaking_row_counts=np.zeros(8 * threads, dtype=np.int64),
     )
 

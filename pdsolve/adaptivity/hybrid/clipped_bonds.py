@@ -10,16 +10,6 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from pdsolve.adaptivity.hybrid.lattice import (
-    EMPTY,
-    FINE,
-    IDLE,
-    VOID,
-    cell_place,
-    fine_column,
-    fine_place,
-    fine_row,
-)
 from pdsolve.adaptivity.hybrid.nodes import coarse_carriers_on_edge
 from pdsolve.adaptivity.hybrid.precracks import (
     full_bond_stiffness,
@@ -31,6 +21,7 @@ from pdsolve.adaptivity.hybrid.springs import WINDOW
 from pdsolve.codegen.inner_functions import INNER
 from pdsolve.codegen.vector_code import ROW
 from pdsolve.laws.pair_laws.bilinear import intact_share
+from pdsolve.zone.cells import EMPTY, FINE, IDLE, VOID, coordinates, place_at, shifted
 
 EVERY = (1 << WINDOW**2) - 1  # all cells that bonds of a node could pass through
 
@@ -42,7 +33,7 @@ def _noncoarse_and_plate_cell_bits(lattice, cells, ix, iy):  # type: ignore[no-u
     whole_bond_bits, plate_bits, reach = np.uint64(EVERY), np.uint64(0), (lattice.family_reach + 1) // 2
     for y in range(-reach, reach + 1):
         for x in range(-reach, reach + 1):
-            cell_kind = cells[cell_place(lattice.numbering, (ix >> 1) + x, (iy >> 1) + y)]
+            cell_kind = cells[place_at(lattice.numbering.cells, ((ix >> 1) + x, (iy >> 1) + y))]
             bit = np.uint64(1) << np.uint64(WINDOW * (y + WINDOW // 2) + x + WINDOW // 2)
             whole_bond_bits &= np.uint64(EVERY) if cell_kind in (FINE, EMPTY) else ~bit
             plate_bits |= bit if cell_kind < VOID else np.uint64(0)
@@ -66,7 +57,7 @@ def _count_bond_sides_in_plate_whole_and_fine(lattice, place, k, whole_bond_bits
 @njit(forceinline=True, **INNER)
 def _is_bond_part_outside_coarse_cells(numbering, cells, bond_parts, x, y, part):  # type: ignore[no-untyped-def]
     """Whether a part of a bond lies in a fine cell and is not cut."""
-    cell_kind = cells[cell_place(numbering, x + bond_parts.cell_offset[part, 0], y + bond_parts.cell_offset[part, 1])]
+    cell_kind = cells[place_at(numbering.cells, shifted((x, y), bond_parts.cell_offset[part]))]
     return cell_kind in (FINE, EMPTY)
 
 
@@ -154,7 +145,7 @@ def row_has_active_node(node_kinds, row):  # type: ignore[no-untyped-def]
 
 @njit(**INNER)
 def _set_lane_stiffness(lattice, cells, broken_bond_bits, node_kinds, p, row_stiffness, lane):  # type: ignore[no-untyped-def]
-    ix, iy = fine_column(lattice.numbering, p), fine_row(lattice.numbering, p)
+    ix, iy = coordinates(lattice.numbering.fine, p)
     place = ix % 2 + 2 * (iy % 2)
     row_stiffness[:, lane] = 0.0
     if node_kinds[p] == IDLE:
@@ -184,7 +175,7 @@ def find_or_reserve_stiffness_index(stiffness_indices, counts, row):  # type: ig
 def append_pieces_of_node(lattice, cells, broken_bond_bits, node_kinds, p, pieces, count):  # type: ignore[no-untyped-def]
     """Append the pieces of the bonds that a fine node owns; returns the new number of pieces."""
     numbering, bond_parts, half = lattice.numbering, lattice.bond_parts, len(lattice.family_dx) // 2
-    ix, iy = fine_column(numbering, p), fine_row(numbering, p)
+    ix, iy = coordinates(numbering.fine, p)
     x, y, place = ix >> 1, iy >> 1, ix % 2 + 2 * (iy % 2)
     whole_bond_bits, plate_bits = _noncoarse_and_plate_cell_bits(lattice, cells, ix, iy)
     if whole_bond_bits == EVERY:
@@ -235,11 +226,12 @@ def _set_piece(lattice, node_kinds, p, k, first, last, pieces, count):  # type: 
 def _set_piece_end(lattice, node_kinds, p, k, part, side, pieces, count):  # type: ignore[no-untyped-def]
     """Set one end of a piece: a fine node, or a place between two coarse nodes."""
     numbering, bond_parts = lattice.numbering, lattice.bond_parts
-    ix, iy, direction = fine_column(numbering, p), fine_row(numbering, p), bond_parts.part_end_edges[part, side, 2]
+    ix, iy = coordinates(numbering.fine, p)
+    direction = bond_parts.part_end_edges[part, side, 2]
     end = pieces.end_nodes[count]
     if direction < 0:
         end[2 * side], end[2 * side + 1] = (
-            fine_place(numbering, ix + side * lattice.family_dx[k], iy + side * lattice.family_dy[k]),
+            place_at(numbering.fine, (ix + side * lattice.family_dx[k], iy + side * lattice.family_dy[k])),
             -1,
         )
         pieces.spring_constants[count, side] = 0.0

@@ -14,7 +14,9 @@ from pdmesh.model.document import Lattice as Nodes
 from pdmesh.model.lattice_calibration import has_partial_cells
 from pdmesh.model.whole_lattice import WholeLattice
 from pdsolve.adaptivity.hybrid.arrays import RING, TIPS
-from pdsolve.adaptivity.hybrid.lattice import (
+from pdsolve.model import Model, ModelError
+from pdsolve.numerics.dilation import in_disc
+from pdsolve.zone.cells import (
     AROUND,
     BELOW,
     COARSE,
@@ -22,17 +24,22 @@ from pdsolve.adaptivity.hybrid.lattice import (
     FINE,
     LEFT,
     VOID,
-    Numbering,
-    create_numbering,
+    ZoneNumbering,
+    coordinates,
+    number_plate,
+    place_at,
 )
-from pdsolve.adaptivity.hybrid.prescribed_motion import places_unfit_for_coarse
-from pdsolve.model import Model, ModelError
-from pdsolve.numerics.dilation import in_disc
+from pdsolve.zone.prescribed_motion import nodes_unfit_for_coarse
+from pdsolve.zone.start_cells import (
+    count_full_cubes_around_nodes,
+    mask_cells_around_nodes,
+    mask_cells_with_nodes_and_whole_cells,
+    mask_full_cubes,
+)
 
 OFF = 1e-6  # spacings: nodes this far from the lattice are not on it
 CLEARANCE = 1e-3  # spacings: a pre-crack this near to a node passes through it
 LARGEST = 6.0  # horizon over spacing: half of a family has a bit of 64 for each bond, families half a spacing wider too
-SAME = 1e-6  # of a cell: areas this near are the same
 STRIP = 2**16  # fine places that are looked at together
 
 
@@ -48,7 +55,7 @@ class HybridPlate(NamedTuple):
     """Nodes on a lattice: all of a rectangle, or those that are listed."""
 
     model: Model
-    numbering: Numbering
+    numbering: ZoneNumbering
     spacing: float  # m
     origin: NDArray[np.float64]  # (2,) lower left corner, m
     precrack_segments: NDArray[np.float64]  # (k, 4) in spacings from the corner
@@ -74,20 +81,19 @@ class HybridPlate(NamedTuple):
             return self.listed_nodes.place_of_grid_row[rows]
         y, x = np.divmod(rows, self.node_counts[0])
         return np.asarray(
-            (y + BELOW + self.first_node_indices[1]) * self.numbering.fine_row_stride
-            + LEFT
-            + self.first_node_indices[0]
-            + x
+            place_at(self.numbering.fine, (x + self.first_node_indices[0], y + self.first_node_indices[1]))
         )
 
     def grid_rows_at(self, places: NDArray[np.int64]) -> NDArray[np.int64]:
         """Rows of the grid at fine places (k,) with nodes."""
         if self.listed_nodes is not None:
             return self.listed_nodes.grid_row_at_place[places].astype(np.int64)
-        y, x = np.divmod(places, self.numbering.fine_row_stride)
-        return np.asarray(
-            (y - BELOW - self.first_node_indices[1]) * self.node_counts[0] + x - LEFT - self.first_node_indices[0]
-        )
+        x, y = coordinates(self.numbering.fine, places)
+        return np.asarray((y - self.first_node_indices[1]) * self.node_counts[0] + x - self.first_node_indices[0])
+
+    def grid_rows_or_none_at(self, places: NDArray[np.int64]) -> NDArray[np.int64]:
+        """Rows of the grid at fine places (k,), -1 without a node."""
+        return np.where(self.has_node(places), self.grid_rows_at(places), -1)
 
     def area_shares_of_grid_rows(self, rows: NDArray[np.int64]) -> NDArray[np.float64]:
         """Areas (k,) of the cells of rows of the grid, over h^2."""
@@ -111,36 +117,34 @@ class HybridPlate(NamedTuple):
         """Mask (k,) of the fine places with a node."""
         if self.listed_nodes is not None:
             return np.asarray(self.listed_nodes.grid_row_at_place[places] >= 0)
-        y, x = np.divmod(places, self.numbering.fine_row_stride)
-        y, x = y - BELOW - self.first_node_indices[1], x - LEFT - self.first_node_indices[0]
+        x, y = coordinates(self.numbering.fine, places)
+        x, y = x - self.first_node_indices[0], y - self.first_node_indices[1]
         return np.asarray((y >= 0) & (y < self.node_counts[1]) & (x >= 0) & (x < self.node_counts[0]))
 
     def grid_rows_in_lattice_rows(self, first_row: int, end_row: int) -> NDArray[np.int64]:
         """Rows (end_row - first_row, stride) of the grid at the fine places of these rows, -1 without a node."""
-        places = np.arange(first_row * self.numbering.fine_row_stride, end_row * self.numbering.fine_row_stride)
-        return np.where(self.has_node(places), self.grid_rows_at(places), -1).reshape(
-            -1, self.numbering.fine_row_stride
-        )
+        places = np.arange(first_row * self.numbering.fine.strides[1], end_row * self.numbering.fine.strides[1])
+        return self.grid_rows_or_none_at(places).reshape(-1, self.numbering.fine.strides[1])
 
     def mask_nodes_in_lattice_rows(self, first_row: int, end_row: int) -> NDArray[np.bool_]:
         """Whether there are nodes at these places, as in `grid_rows_in_lattice_rows`."""
         if self.listed_nodes is not None:
             return (
-                self.listed_nodes.grid_row_at_place.reshape(-1, self.numbering.fine_row_stride)[first_row:end_row] >= 0
+                self.listed_nodes.grid_row_at_place.reshape(-1, self.numbering.fine.strides[1])[first_row:end_row] >= 0
             )
         (x, y), (nx, ny) = self.first_node_indices, self.node_counts
-        row, column = np.arange(first_row, end_row) - BELOW - y, np.arange(self.numbering.fine_row_stride) - LEFT - x
+        row, column = np.arange(first_row, end_row) - BELOW - y, np.arange(self.numbering.fine.strides[1]) - LEFT - x
         return np.asarray(np.logical_and.outer((row >= 0) & (row < ny), (column >= 0) & (column < nx)))
 
     def area_shares_in_lattice_rows(self, first_row: int, end_row: int) -> NDArray[np.float64]:
         """Areas of the cells of nodes at these places over h^2, 0 without a node, as in `grid_rows_in_lattice_rows`."""
         if self.listed_nodes is not None:
-            rows = self.listed_nodes.grid_row_at_place.reshape(-1, self.numbering.fine_row_stride)[first_row:end_row]
+            rows = self.listed_nodes.grid_row_at_place.reshape(-1, self.numbering.fine.strides[1])[first_row:end_row]
             return np.where(rows >= 0, self.listed_nodes.cell_area_share[rows], 0.0)
         (x, y), (nx, ny) = self.first_node_indices, self.node_counts
         along, across = (
-            np.zeros(self.numbering.fine_row_stride),
-            np.zeros(self.numbering.fine_place_count // self.numbering.fine_row_stride),
+            np.zeros(self.numbering.fine.strides[1]),
+            np.zeros(self.numbering.fine.shape[0]),
         )
         along[LEFT + x : LEFT + x + nx], across[BELOW + y : BELOW + y + ny] = (
             _cell_shares_along_side(nx),
@@ -150,7 +154,7 @@ class HybridPlate(NamedTuple):
 
     def material_numbers_in_lattice_rows(self, first_row: int, end_row: int) -> NDArray[np.uint8]:
         """Numbers of the materials of nodes at these places, 0 without one, as in `grid_rows_in_lattice_rows`."""
-        materials = np.zeros((end_row - first_row, self.numbering.fine_row_stride), dtype=np.uint8)
+        materials = np.zeros((end_row - first_row, self.numbering.fine.strides[1]), dtype=np.uint8)
         if self.model.settings.regions:
             rows = self.grid_rows_in_lattice_rows(first_row, end_row)
             materials[rows >= 0] = self.model.material_of[rows[rows >= 0]]
@@ -221,7 +225,7 @@ def _create_rectangular_plate(model: Model, lattice: Nodes) -> HybridPlate:
     origin = _lattice_corner(model, h, ends[0])
     (x, y), last = np.round((ends - origin) / h).astype(int).tolist()
     nx, ny = (max(4, side + side % 2) for side in last)
-    numbering = create_numbering(nx, ny)
+    numbering = number_plate(nx, ny)
     cracks = (model.grid.cracks - np.tile(origin, 2)) / h
     check_no_precrack_on_node(model, cracks, nx, ny)
     return HybridPlate(model, numbering, h, origin, cracks, (x, y), (lattice.columns, lattice.rows), None)
@@ -234,35 +238,18 @@ def _create_listed_plate(model: Model, h: float, origin: NDArray[np.float64]) ->
     if np.abs(steps - np.column_stack([column, row])).max() > OFF:
         raise create_unsupported_error(model, "$.nodes", "on no lattice", "those that pdmesh build makes of a drawing")
     nx, ny = (max(4, int(side.max()) + int(side.max()) % 2) for side in (column, row))
-    numbering = create_numbering(nx, ny)
+    numbering = number_plate(nx, ny)
     cracks = (grid.cracks - np.tile(origin, 2)) / h
     check_no_precrack_on_node(model, cracks, nx, ny)
-    place = (row + BELOW) * numbering.fine_row_stride + LEFT + column
-    rows = np.full(numbering.fine_place_count, -1, dtype=np.int32)
+    place = place_at(numbering.fine, (column, row))
+    rows = np.full(numbering.fine.place_count, -1, dtype=np.int32)
     rows[place] = np.arange(len(place))
     if grid.areas is not None:
         areas = grid.areas / h**2
     else:  # a quarter of each adjacent square between nodes
-        areas = count_full_squares_around_places((rows >= 0).reshape(-1, numbering.fine_row_stride)).ravel()[place] / 4
+        areas = count_full_cubes_around_nodes((rows >= 0).reshape(numbering.fine.shape)).ravel()[place] / 4
     listed = ListedNodes(place, rows, areas)
     return HybridPlate(model, numbering, h, origin, cracks, (0, 0), (nx + 1, ny + 1), listed)
-
-
-def mask_full_squares(has_node: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """Mask of the squares with a node at all four corners, by their lower left place (rows, columns)."""
-    is_full = np.zeros_like(has_node)
-    is_full[:-1, :-1] = has_node[:-1, :-1] & has_node[1:, :-1] & has_node[:-1, 1:] & has_node[1:, 1:]
-    return is_full
-
-
-def count_full_squares_around_places(has_node: NDArray[np.bool_]) -> NDArray[np.int8]:
-    """Number of such squares around each place."""
-    full_squares = mask_full_squares(has_node).astype(np.int8)
-    counts = full_squares.copy()
-    counts[1:] += full_squares[:-1]
-    counts[:, 1:] += full_squares[:, :-1]
-    counts[1:, 1:] += full_squares[:-1, :-1]
-    return counts
 
 
 def initial_cell_kinds(
@@ -283,15 +270,12 @@ def initial_cell_kinds(
         cells[in_disc(cut, (reach + RING + 1) / 2) & good] = FINE
         cells[in_disc(cut, (reach + 2) / 2) & ~in_plate & ~good] = EMPTY
     cells = np.pad(cells, AROUND, constant_values=VOID)
-    node_y, node_x = np.divmod(places_unfit_for_coarse(plate), numbering.fine_row_stride)
-    for below, left_side in ((0, 0), (0, 1), (1, 0), (1, 1)):
-        corner = AROUND + (node_y - BELOW - below) // 2, AROUND + (node_x - LEFT - left_side) // 2
-        cells[corner] = np.where(cells[corner] == COARSE, FINE, cells[corner])
+    lookups = plate.places_of_grid_rows, plate.grid_rows_or_none_at
+    unfit_nodes = nodes_unfit_for_coarse(plate.model, numbering.fine, *lookups)
+    cells[mask_cells_around_nodes(numbering, unfit_nodes) & (cells == COARSE)] = FINE
     if steep_content_rows is not None and len(steep_content_rows):
-        beside_steep = np.zeros_like(cells, dtype=bool)
-        y, x = np.divmod(plate.places_of_grid_rows(steep_content_rows), numbering.fine_row_stride)
-        for below, left_side in ((0, 0), (0, 1), (1, 0), (1, 1)):
-            beside_steep[AROUND + (y - BELOW - below) // 2, AROUND + (x - LEFT - left_side) // 2] = True
+        steep_nodes = coordinates(numbering.fine, plate.places_of_grid_rows(steep_content_rows))
+        beside_steep = mask_cells_around_nodes(numbering, np.column_stack(steep_nodes))
         cells[in_disc(beside_steep, (reach + RING + 1) / 2) & (cells == COARSE)] = FINE
     for tip_x, tip_y in precrack_tips(plate).tolist():
         low_x, low_y = (max(int(tip) // 2 - TIPS, 0) + AROUND for tip in (tip_x, tip_y))
@@ -305,45 +289,33 @@ def initial_cell_kinds(
 def _mask_plate_cells_and_whole_cells(plate: HybridPlate) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
     """Masks (rows, columns) of the cells with some of the plate, and of those that are whole."""
     numbering = plate.numbering
-    in_plate, good = np.zeros((2, numbering.fine_cells_y // 2, numbering.fine_cells_x // 2), dtype=bool)
-    good[:] = True
-    for low, high in split_rows_into_ranges(len(in_plate), numbering.fine_row_stride):  # of cells
+    in_plate, whole = np.zeros((2, *numbering.cells.counts[::-1]), dtype=bool)
+    for low, high in split_rows_into_ranges(len(in_plate), numbering.fine.strides[1]):  # of cells
         first = BELOW + 2 * low - 1
         last = first + 2 * (high - low) + 3
         has_node, areas = plate.mask_nodes_in_lattice_rows(first, last), plate.area_shares_in_lattice_rows(first, last)
-        around, full_squares = count_full_squares_around_places(has_node), mask_full_squares(has_node)
-        odd = (np.abs(areas - around / np.float32(4)) > SAME) | has_node & (around == 3)  # where an edge turns inwards
-        for y in range(3):
-            for x in range(3):
-                cell_places = np.s_[
-                    1 + y : y + 2 * (high - low) : 2, LEFT + x : LEFT + x + numbering.fine_cells_x - 1 : 2
-                ]
-                in_plate[low:high] |= odd[cell_places] & has_node[cell_places]
-                good[low:high] &= ~odd[cell_places]
-                if x < 2 and y < 2:
-                    in_plate[low:high] |= full_squares[cell_places]
-                    good[low:high] &= full_squares[cell_places]
-    return in_plate, good
+        in_plate[low:high], whole[low:high] = mask_cells_with_nodes_and_whole_cells(
+            has_node, areas, (1, LEFT), in_plate[low:high].shape
+        )
+    return in_plate, whole
 
 
 def count_full_squares_in_cells(plate: HybridPlate) -> NDArray[np.uint8]:
     """Number (c,) of squares with a node at all four corners, in each cell."""
     numbering = plate.numbering
-    counts = np.zeros((numbering.fine_cells_y // 2, numbering.fine_cells_x // 2), dtype=np.uint8)
-    for low, high in split_rows_into_ranges(len(counts), numbering.fine_row_stride):
-        full_squares = mask_full_squares(plate.mask_nodes_in_lattice_rows(BELOW + 2 * low, BELOW + 2 * high + 1))[
-            :-1, LEFT : LEFT + numbering.fine_cells_x
+    counts = np.zeros(numbering.cells.counts[::-1], dtype=np.uint8)
+    for low, high in split_rows_into_ranges(len(counts), numbering.fine.strides[1]):
+        full_squares = mask_full_cubes(plate.mask_nodes_in_lattice_rows(BELOW + 2 * low, BELOW + 2 * high + 1))[
+            :-1, LEFT : LEFT + 2 * counts.shape[1]
         ]
-        counts[low:high] = full_squares.reshape(high - low, 2, numbering.fine_cells_x // 2, 2).sum(axis=(1, 3))
+        counts[low:high] = full_squares.reshape(high - low, 2, -1, 2).sum(axis=(1, 3))
     return np.pad(counts, AROUND).ravel()
 
 
 def precrack_tips(plate: HybridPlate) -> NDArray[np.float64]:
     """Ends (k, 2) of pre-cracks that lie inside the plate and on no other segment, in spacings."""
     ends = plate.precrack_segments.reshape(-1, 2)
-    inner = (
-        (ends > 1e-6) & (ends < np.array([plate.numbering.fine_cells_x, plate.numbering.fine_cells_y]) - 1e-6)
-    ).all(axis=1)
+    inner = ((ends > 1e-6) & (ends < np.array(plate.numbering.fine.counts) - 1 - 1e-6)).all(axis=1)
     alone = np.array([np.sum(np.abs(ends - end).max(axis=1) < 1e-6) == 1 for end in ends], dtype=bool)
     return ends[inner & alone]
 

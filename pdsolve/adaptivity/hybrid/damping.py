@@ -12,10 +12,10 @@ from typing import Any
 from numba import types
 from numba.extending import overload
 
-from pdsolve.adaptivity.hybrid.lattice import FREE
 from pdsolve.adaptivity.hybrid.node_constants import value_at_node
 from pdsolve.codegen.inner_functions import INNER
 from pdsolve.codegen.vector_code import ROW
+from pdsolve.zone.cells import FREE
 
 
 def _is_damped_type(nodes: Any) -> bool:

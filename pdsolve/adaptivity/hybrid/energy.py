@@ -8,7 +8,6 @@ import numpy as np
 from numba import njit, types
 from numba.extending import overload
 
-from pdsolve.adaptivity.hybrid.lattice import FREE, IDLE
 from pdsolve.adaptivity.hybrid.springs import INVERSE, STIFFNESS, X, Y
 from pdsolve.codegen.inner_functions import INNER
 from pdsolve.codegen.jit_cache import cached_njit
@@ -16,6 +15,7 @@ from pdsolve.codegen.lanes import across, beside, keep, same, unless_none
 from pdsolve.codegen.vector_code import ROW
 from pdsolve.lattice.bond import displaced
 from pdsolve.lattice.layout import ONE, PLANE
+from pdsolve.zone.cells import FREE, IDLE
 
 
 @njit(forceinline=True, **INNER)

@@ -14,7 +14,6 @@ from pdsolve.adaptivity.hybrid.arrays import HOLD_COLUMNS, STORED, LatticeConsta
 from pdsolve.adaptivity.hybrid.clipped_bonds import stretch_from_double_green_strain
 from pdsolve.adaptivity.hybrid.coarse_cells import HybridPlate, count_full_squares_in_cells
 from pdsolve.adaptivity.hybrid.energy import fill_strain_energies
-from pdsolve.adaptivity.hybrid.lattice import BELOW, BELOW_COARSE, COARSE, FAR, FINE, FREE, IDLE, LEFT
 from pdsolve.adaptivity.hybrid.march import CLIP, DONE, advance
 from pdsolve.adaptivity.hybrid.node_constants import are_bonds_intact
 from pdsolve.adaptivity.hybrid.springs import double_green_strain_from_stretch
@@ -29,6 +28,7 @@ from pdsolve.conditions import Drive
 from pdsolve.errors import CheckpointError, FineZoneTooLateError
 from pdsolve.numerics.thread_team import gate_of, side_by_side
 from pdsolve.operators.protocol import CheckpointArrays
+from pdsolve.zone.cells import COARSE, FAR, FINE, FREE, IDLE, place_on_finer_lattice
 
 TOGETHER = 2**14  # rows whose motion is added up together
 _stretch = getattr(stretch_from_double_green_strain, "py_func", stretch_from_double_green_strain)
@@ -99,14 +99,12 @@ class HybridEngine:
     def fine_places_of_coarse(self, coarse: NDArray[np.int64]) -> NDArray[np.int64]:
         """Fine places (k,) that coarse nodes lie on."""
         numbering = self.plate.numbering
-        y, x = np.divmod(coarse, numbering.coarse_row_stride)
-        return np.asarray((2 * (y - BELOW_COARSE) + BELOW) * numbering.fine_row_stride + LEFT + 2 * (x - LEFT))
+        return np.asarray(place_on_finer_lattice(numbering.coarse, numbering.fine, 2, coarse))
 
     def fine_places_of_far(self, far: NDArray[np.int64]) -> NDArray[np.int64]:
         """Fine places (k,) that far nodes lie on."""
         numbering = self.plate.numbering
-        y, x = np.divmod(far, numbering.far_row_stride)
-        return np.asarray((4 * (y - BELOW_COARSE) + BELOW) * numbering.fine_row_stride + LEFT + 4 * (x - LEFT))
+        return np.asarray(place_on_finer_lattice(numbering.far, numbering.fine, 4, far))
 
     def advance(self, first_step: int, end_step: int) -> None:
         """Take the steps `first_step` to `end_step` - 1.
@@ -252,7 +250,7 @@ class HybridEngine:
         numbering = self.plate.numbering
         fine, coarse, far = (
             np.zeros(places)
-            for places in (numbering.fine_place_count, numbering.coarse_place_count, numbering.far_place_count)
+            for places in (numbering.fine.place_count, numbering.coarse.place_count, numbering.far.place_count)
         )
         fill_strain_energies(self.lattice, self.zone, self.buffer, fine, coarse, far)
         return fine, coarse, far
@@ -373,12 +371,12 @@ class HybridEngine:
         """Broken bonds of a checkpoint, checked to exist at the start and to have broken once in each direction."""
         lattice, plate = self.lattice, self.plate
         step = entry(checkpoint, "break_step", (None,), np.int32, 1)
-        node = entry(checkpoint, "break_node", step.shape, np.int64, 0, plate.numbering.fine_place_count - 1)
+        node = entry(checkpoint, "break_node", step.shape, np.int64, 0, plate.numbering.fine.place_count - 1)
         spring = entry(checkpoint, "break_spring", step.shape, np.int32, 0, len(lattice.neighbour_offsets) - 1)
         target, half = node + lattice.neighbour_offsets[spring], len(lattice.neighbour_offsets) // 2
-        inside = (target >= 0) & (target < plate.numbering.fine_place_count)
-        inside &= plate.has_node(node) & plate.has_node(target.clip(0, plate.numbering.fine_place_count - 1))
-        owner = np.where(spring < half, node, target.clip(0, plate.numbering.fine_place_count - 1))
+        inside = (target >= 0) & (target < plate.numbering.fine.place_count)
+        inside &= plate.has_node(node) & plate.has_node(target.clip(0, plate.numbering.fine.place_count - 1))
+        owner = np.where(spring < half, node, target.clip(0, plate.numbering.fine.place_count - 1))
         intact = are_bonds_intact(lattice.node_constants, self.zone.broken_bond_bits, owner, spring % half)
         if not (inside & intact).all() or len(np.unique(node * 2 * half + spring)) < len(node):
             raise CheckpointError("a broken bond is none of the plate, or there twice")

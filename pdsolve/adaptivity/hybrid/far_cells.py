@@ -18,36 +18,26 @@ from pdsolve.adaptivity.hybrid.energy import (
     spring_double_green_strain,
 )
 from pdsolve.adaptivity.hybrid.far_nodes import (
-    count_far_cells_around,
-    interpolate_far_at_coarse_node,
     set_coarsest_node_properties,
 )
-from pdsolve.adaptivity.hybrid.lattice import (
-    AROUND,
-    BELOW,
-    BORDER,
-    COARSE,
-    FAR,
-    FREE,
-    IDLE,
-    LEFT,
-    cell_column,
-    cell_place,
-    cell_row,
-    coarse_column,
-    coarse_place,
-    coarse_row,
-    far_column,
-    far_place,
-    far_row,
-    fine_place,
-)
-from pdsolve.adaptivity.hybrid.nodes import set_coarse_node_properties
+from pdsolve.adaptivity.hybrid.nodes import interpolate_bilinear, set_coarse_node_properties
 from pdsolve.adaptivity.hybrid.precracks import is_unbreakable
 from pdsolve.codegen.inner_functions import INNER
 from pdsolve.codegen.vector_code import ROW
 from pdsolve.lattice.bond import displaced
 from pdsolve.numerics.dilation import in_square
+from pdsolve.zone.cells import (
+    BORDER,
+    COARSE,
+    FAR,
+    FREE,
+    IDLE,
+    coordinates,
+    count_cells_around,
+    multiplied,
+    place_at,
+    place_on_finer_lattice,
+)
 
 WORTH_FAR = 2**20  # cells of 2 h: in smaller plates the steps of far ones cost too little to save
 AWAY = 16  # cells of 2 h between what is not a plain coarse cell and far ones, at the start
@@ -62,19 +52,18 @@ def coarsen_cells_away_from_features(
     There are none in small plates, and none of several materials, or where nodes are damped.
     """
     numbering = plate.numbering
-    rows, columns = numbering.fine_cells_y // 2, numbering.fine_cells_x // 2
+    columns, rows = numbering.cells.counts
     if (
         rows * columns < WORTH_FAR
         or lattice.coarse_cell_constants.shape[1] > 1
         or lattice.node_constants.damping is not None
     ):
         return cells
-    new_cells = cells.reshape(-1, numbering.cell_row_stride).copy()
-    inner = new_cells[AROUND : AROUND + rows, AROUND : AROUND + columns]
-    cut = lattice.is_cell_cut.reshape(new_cells.shape)[AROUND : AROUND + rows, AROUND : AROUND + columns]
-    odd = (inner != COARSE) | cut
-    y, x = np.divmod(driven_places, numbering.fine_row_stride)
-    odd[((y - BELOW) // 2).clip(max=rows - 1), ((x - LEFT) // 2).clip(max=columns - 1)] = True
+    new_cells = cells.reshape(numbering.cells.shape).copy()
+    inner = new_cells[numbering.cells.inner]
+    odd = (inner != COARSE) | lattice.is_cell_cut.reshape(new_cells.shape)[numbering.cells.inner]
+    x, y = coordinates(numbering.fine, driven_places)
+    odd[(y // 2).clip(max=rows - 1), (x // 2).clip(max=columns - 1)] = True
     odd = in_square(odd, AWAY)[: rows // 2 * 2, : columns // 2 * 2]
     far = ~(odd[::2, ::2] | odd[1::2, ::2] | odd[::2, 1::2] | odd[1::2, 1::2])
     for row in (0, 1):
@@ -86,12 +75,13 @@ def coarsen_cells_away_from_features(
 @njit(**INNER)
 def _divide_and_list_far_cells_near(numbering, cells, x, y, listed, count):  # type: ignore[no-untyped-def]
     """List the far cells near cell x, y, which become coarse; returns how many are listed then."""
-    for row in range(max(y - NEAR, 0) // 2, (min(y + NEAR, numbering.fine_cells_y // 2 - 1)) // 2 + 1):
-        for column in range(max(x - NEAR, 0) // 2, (min(x + NEAR, numbering.fine_cells_x // 2 - 1)) // 2 + 1):
-            c = cell_place(numbering, 2 * column, 2 * row)
+    columns, rows = numbering.cells.counts
+    for row in range(max(y - NEAR, 0) // 2, min(y + NEAR, rows - 1) // 2 + 1):
+        for column in range(max(x - NEAR, 0) // 2, min(x + NEAR, columns - 1) // 2 + 1):
+            c = place_at(numbering.cells, (2 * column, 2 * row))
             if cells[c] == FAR:
-                cells[c] = cells[c + 1] = cells[c + numbering.cell_row_stride] = cells[
-                    c + numbering.cell_row_stride + 1
+                cells[c] = cells[c + 1] = cells[c + numbering.cells.strides[1]] = cells[
+                    c + numbering.cells.strides[1] + 1
                 ] = COARSE
                 listed[count] = c
                 count += 1
@@ -107,7 +97,7 @@ def _divide_and_list_stretched_far_cells(lattice, zone, buffer, count):  # type:
             continue
         for lane in range(ROW):
             q, entry = row * ROW + lane, far.stiffness_index_of_row[row]
-            p = fine_place(numbering, 4 * far_column(numbering, q), 4 * far_row(numbering, q))
+            p = place_on_finer_lattice(numbering.far, numbering.fine, 4, q)
             if far.node_kinds[q] == IDLE or is_unbreakable(lattice, p):
                 continue
             for k in range(8):
@@ -117,7 +107,7 @@ def _divide_and_list_stretched_far_cells(lattice, zone, buffer, count):  # type:
                     far.u[buffer], far.half_shrinkage, table[k, 0], table[k, 1], q, q + lattice.far_neighbour_offsets[k]
                 )
                 if spring_double_green_strain(table, k, eta_x, eta_y) > lattice.least_strain_bounds[2]:
-                    x, y = 2 * far_column(numbering, q), 2 * far_row(numbering, q)
+                    x, y = multiplied(coordinates(numbering.far, q), 2)
                     count = _divide_and_list_far_cells_near(
                         numbering, zone.cell_kinds, x, y, zone.affected_fine_nodes, count
                     )
@@ -134,12 +124,7 @@ def divide_far_cells(lattice, zone, buffer):  # type: ignore[no-untyped-def]
     numbering, new, count = lattice.numbering, zone.new_cells[: zone.counts.new_cells], 0
     for c in new:
         count = _divide_and_list_far_cells_near(
-            numbering,
-            zone.cell_kinds,
-            cell_column(numbering, c),
-            cell_row(numbering, c),
-            zone.affected_fine_nodes,
-            count,
+            numbering, zone.cell_kinds, *coordinates(numbering.cells, c), zone.affected_fine_nodes, count
         )
     count = _divide_and_list_stretched_far_cells(lattice, zone, buffer, count)
     if count == 0:
@@ -159,21 +144,19 @@ def _list_nodes_of_far_cells(numbering, zone, blocks):  # type: ignore[no-untype
     """List the coarse and far nodes of these cells of 4 h."""
     around = far = 0
     for c in blocks:
-        x, y = cell_column(numbering, c), cell_row(numbering, c)
+        x, y = coordinates(numbering.cells, c)
         for n in range(9):
-            p = fine_place(numbering, 2 * (x + n % 3), 2 * (y + n // 3))
+            p = place_at(numbering.fine, (2 * (x + n % 3), 2 * (y + n // 3)))
             if not zone.is_node_marked[p]:
                 zone.is_node_marked[p] = True
-                zone.affected_coarse_nodes[around] = coarse_place(numbering, x + n % 3, y + n // 3)
+                zone.affected_coarse_nodes[around] = place_at(numbering.coarse, (x + n % 3, y + n // 3))
                 around += 1
                 if n % 3 != 1 and n // 3 != 1:
-                    zone.affected_coarsest_nodes[far] = far_place(numbering, (x + n % 3) // 2, (y + n // 3) // 2)
+                    zone.affected_coarsest_nodes[far] = place_at(numbering.far, ((x + n % 3) // 2, (y + n // 3) // 2))
                     far += 1
     zone.counts.affected_coarse_nodes, zone.counts.affected_coarsest_nodes = around, far
     for q in zone.affected_coarse_nodes[:around]:
-        zone.is_node_marked[fine_place(numbering, 2 * coarse_column(numbering, q), 2 * coarse_row(numbering, q))] = (
-            False
-        )
+        zone.is_node_marked[place_on_finer_lattice(numbering.coarse, numbering.fine, 2, q)] = False
 
 
 @njit(**INNER)
@@ -202,9 +185,9 @@ def _interpolate_new_coarse_nodes(lattice, zone, buffer):  # type: ignore[no-unt
     for q in zone.affected_coarse_nodes[: zone.counts.affected_coarse_nodes]:
         if coarse.node_kinds[q] == FREE:
             continue
-        x, y = coarse_column(numbering, q), coarse_row(numbering, q)
+        x, y = coordinates(numbering.coarse, q)
         for values, coarse_values in ((far.u[buffer], coarse.u[buffer]), (far.v, coarse.v)):
-            interpolate_far_at_coarse_node(numbering, values, x, y, two)
+            interpolate_bilinear(numbering.far, values, x, y, x // 2, y // 2, two)
             coarse_values[0, q], coarse_values[1, q] = two[0], two[1]
 
 
@@ -225,7 +208,7 @@ def set_affected_coarse_and_far_node_properties(lattice, zone):  # type: ignore[
 def set_all_far_node_properties(lattice, zone):  # type: ignore[no-untyped-def]
     """Set kinds, masses and springs of all far nodes, once those of coarse nodes are set."""
     numbering = lattice.numbering
-    for y in range(numbering.fine_cells_y // 4 + 1):
-        for x in range(numbering.fine_cells_x // 4 + 1):
-            if count_far_cells_around(numbering, zone.cell_kinds, 2 * x, 2 * y) > 0:
-                set_coarsest_node_properties(lattice, zone, far_place(numbering, x, y))
+    for y in range(numbering.far.counts[1]):
+        for x in range(numbering.far.counts[0]):
+            if count_cells_around(numbering, zone.cell_kinds, (4 * x, 4 * y), FAR) > 0:
+                set_coarsest_node_properties(lattice, zone, place_at(numbering.far, (x, y)))

@@ -4,85 +4,41 @@ from __future__ import annotations
 
 from numba import njit
 
-from pdsolve.adaptivity.hybrid.lattice import (
-    BORDER,
-    FAR,
-    FREE,
-    IDLE,
-    cell_place,
-    coarse_column,
-    coarse_place,
-    coarse_row,
-    far_column,
-    far_place,
-    far_row,
-)
+from pdsolve.adaptivity.hybrid.nodes import set_spring_stiffness
 from pdsolve.codegen.inner_functions import INNER
 from pdsolve.codegen.vector_code import ROW
+from pdsolve.zone.cells import BORDER, FAR, FREE, IDLE, coordinates, place_at
 
 
 @njit(forceinline=True, **INNER)
 def is_far_cell(numbering, cells, x, y):  # type: ignore[no-untyped-def]
     """Whether the cell of 4 h whose lower left corner is far node x, y, is one."""
-    return cells[cell_place(numbering, 2 * x, 2 * y)] == FAR
-
-
-@njit(**INNER)
-def count_far_cells_around(numbering, cells, x, y):  # type: ignore[no-untyped-def]
-    """Number of cells of 2 h around coarse node x, y, that are far."""
-    count = 0
-    for sy in (-1, 0):
-        for sx in (-1, 0):
-            count += cells[cell_place(numbering, x + sx, y + sy)] == FAR
-    return count
+    return cells[place_at(numbering.cells, (2 * x, 2 * y))] == FAR
 
 
 @njit(forceinline=True, **INNER)
 def far_carriers_of_coarse_node(numbering, x, y):  # type: ignore[no-untyped-def]
     """The far nodes that coarse node x, y on their border moves with, and the share of the second."""
-    first = far_place(numbering, x // 2, y // 2)
+    first = place_at(numbering.far, (x // 2, y // 2))
     if x % 2 == 0 and y % 2 == 0:
         return first, first, 0.0
-    return first, first + (1 if x % 2 else numbering.far_row_stride), 0.5
-
-
-@njit(**INNER)
-def interpolate_far_at_coarse_node(numbering, values, x, y, out):  # type: ignore[no-untyped-def]
-    """Interpolate values (2, .) of far nodes at coarse node x, y, into out (2,)."""
-    q, wx, wy = far_place(numbering, x // 2, y // 2), 0.5 * (x % 2), 0.5 * (y % 2)
-    right, above = (1 if wx > 0 else 0), (numbering.far_row_stride if wy > 0 else 0)
-    for axis in range(2):
-        low = (1 - wx) * values[axis, q] + wx * values[axis, q + right]
-        high = (1 - wx) * values[axis, q + above] + wx * values[axis, q + above + right]
-        out[axis] = (1 - wy) * low + wy * high
+    return first, first + (1 if x % 2 else numbering.far.strides[1]), 0.5
 
 
 @njit(**INNER)
 def set_coarsest_node_properties(lattice, zone, q):  # type: ignore[no-untyped-def]
-    """Kind, mass and springs of a far node; its row gets its own stiffnesses when they first differ."""
-    numbering, far, x, y = lattice.numbering, zone.far, far_column(lattice.numbering, q), far_row(lattice.numbering, q)
-    row, mass = q // ROW, 0.0
+    """Kind, mass and springs of a far node."""
+    (x, y), far, mass = coordinates(lattice.numbering.far, q), zone.far, 0.0
     for sy in (-1, 0):
         for sx in (-1, 0):
-            mass += (
-                4 * lattice.coarse_cell_constants[2, 0]
-                if is_far_cell(numbering, zone.cell_kinds, x + sx, y + sy)
-                else 0.0
-            )
+            is_far = is_far_cell(lattice.numbering, zone.cell_kinds, x + sx, y + sy)
+            mass += 4 * lattice.coarse_cell_constants[2, 0] if is_far else 0.0
     far.node_kinds[q] = FREE if mass > 0 else IDLE
-    for k in range(8):
+    for k in range(len(lattice.coarse_dx)):
         stiffness = _far_spring_stiffness(lattice, zone.cell_kinds, x, y, k)
-        if far.stiffness_index_of_row[row] < 0 and stiffness != lattice.far_spring_table[k, 5]:
-            far.stiffness_index_of_row[row] = row
-            for slot in range(8):
-                for lane in range(ROW):
-                    far.row_stiffness[row, slot, lane] = (
-                        lattice.far_spring_table[slot, 5] if far.node_kinds[row * ROW + lane] == FREE else 0.0
-                    )
-        if far.stiffness_index_of_row[row] >= 0:
-            far.row_stiffness[row, k, q % ROW] = stiffness
+        set_spring_stiffness(far, q, k, stiffness, lattice.far_spring_table)
     if mass > 0:
-        mass += _mass_passed_by_coarse_nodes(numbering, zone.coarse, q)
+        mass += _mass_passed_by_coarse_nodes(lattice.numbering, zone.coarse, q)
     far.mass[q] = mass
     far.inverse_mass[q] = 1 / mass if mass > 0 else 0.0
 
@@ -90,10 +46,10 @@ def set_coarsest_node_properties(lattice, zone, q):  # type: ignore[no-untyped-d
 @njit(**INNER)
 def _mass_passed_by_coarse_nodes(numbering, coarse, q):  # type: ignore[no-untyped-def]
     """Mass that coarse nodes pass to far node q."""
-    x, y, mass = 2 * far_column(numbering, q), 2 * far_row(numbering, q), 0.0
+    (x, y), mass = coordinates(numbering.far, q), 0.0
     for n in range(9):
-        column, row = x + n % 3 - 1, y + n // 3 - 1
-        p = coarse_place(numbering, column, row)
+        column, row = 2 * x + n % 3 - 1, 2 * y + n // 3 - 1
+        p = place_at(numbering.coarse, (column, row))
         if coarse.node_kinds[p] == BORDER:
             a, b, w = far_carriers_of_coarse_node(numbering, column, row)
             mass += coarse.mass[p] * ((1 - w if a == q else 0.0) + (w if b == q else 0.0))
@@ -137,9 +93,7 @@ def list_far_rows_and_tied_nodes(lattice, zone, coarse_row_count):  # type: igno
         for q in range(row * ROW, row * ROW + ROW):
             if coarse.node_kinds[q] != BORDER:
                 continue
-            a, b, w = far_carriers_of_coarse_node(
-                lattice.numbering, coarse_column(lattice.numbering, q), coarse_row(lattice.numbering, q)
-            )
+            a, b, w = far_carriers_of_coarse_node(lattice.numbering, *coordinates(lattice.numbering.coarse, q))
             (
                 tied.border_node[count],
                 tied.carrier_nodes[count, 0],

@@ -16,13 +16,14 @@ from numpy.typing import NDArray
 
 from pdmesh.model import selection
 from pdmesh.model.neighbours import ROWS
-from pdsolve.adaptivity.hybrid.coarse_cells import HybridPlate, count_full_squares_around_places, split_rows_into_ranges
-from pdsolve.adaptivity.hybrid.lattice import BELOW, LEFT
+from pdsolve.adaptivity.hybrid.coarse_cells import HybridPlate, split_rows_into_ranges
 from pdsolve.adaptivity.hybrid.springs import Springs, double_green_strain_from_stretch
 from pdsolve.bonds.assembly import Paired, Part, stiffness_bound
 from pdsolve.model import Model
 from pdsolve.numerics.dilation import in_square
 from pdsolve.schemes.average_horizon import Rule
+from pdsolve.zone.cells import BELOW, LEFT
+from pdsolve.zone.start_cells import count_full_cubes_around_nodes
 
 KEPT = 8  # parts whose pairs are held in memory; those of others are looked for twice
 WIDE = 2**20  # places that are looked at together, with those around them
@@ -64,7 +65,7 @@ def find_irregular_bonds(plate: HybridPlate, springs: tuple[Springs, ...]) -> Ir
 
 def _places_near_irregular(plate: HybridPlate, reach: int) -> tuple[NDArray[np.int64], NDArray[np.bool_]]:
     """Places (k,) of the nodes within three of a family's reaches of an irregular place, and which are within two."""
-    stride, rows = plate.numbering.fine_row_stride, plate.numbering.fine_place_count // plate.numbering.fine_row_stride
+    stride, rows = plate.numbering.fine.strides[1], plate.numbering.fine.place_count // plate.numbering.fine.strides[1]
     places, is_close = [], []
     for low, high in split_rows_into_ranges(rows, stride, WIDE):
         first = max(low - 3 * reach, 0)
@@ -82,9 +83,9 @@ def _mask_irregular_places(plate: HybridPlate, reach: int, first_row: int, end_r
     """Mask of places in rows `first_row` to `end_row` - 1 without a node or a whole cell, at an interface, or next to a
     pre-crack."""
     numbering = plate.numbering
-    first, last = max(first_row - 1, 0), min(end_row + 1, numbering.fine_place_count // numbering.fine_row_stride)
+    first, last = max(first_row - 1, 0), min(end_row + 1, numbering.fine.place_count // numbering.fine.strides[1])
     odd = np.abs(plate.area_shares_in_lattice_rows(first, last) - 1) > ROUND_OFF
-    odd |= count_full_squares_around_places(~odd) < 4
+    odd |= count_full_cubes_around_nodes(~odd) < 4
     if plate.model.settings.regions:
         field = plate.material_numbers_in_lattice_rows(first, last)
         for axis in (0, 1):
@@ -92,16 +93,16 @@ def _mask_irregular_places(plate: HybridPlate, reach: int, first_row: int, end_r
             odd |= np.pad(interface, [(0, int(a == axis)) for a in (0, 1)])
     odd = odd[first_row - first : end_row - first]
     around = reach + 1
-    near = np.zeros((end_row - first_row + 2 * around, numbering.fine_row_stride), dtype=bool)
+    near = np.zeros((end_row - first_row + 2 * around, numbering.fine.strides[1]), dtype=bool)
     for x0, y0, x1, y1 in plate.precrack_segments:
         share = np.linspace(0, 1, 2 + int(4 * np.hypot(x1 - x0, y1 - y0)))
         x, y = np.round(x0 + share * (x1 - x0)).astype(int), np.round(y0 + share * (y1 - y0)).astype(int)
         row = y + BELOW - first_row + around
         inside = (
             (x >= 0)
-            & (x <= numbering.fine_cells_x)
+            & (x < numbering.fine.counts[0])
             & (y >= 0)
-            & (y <= numbering.fine_cells_y)
+            & (y < numbering.fine.counts[1])
             & (row >= 0)
             & (row < len(near))
         )

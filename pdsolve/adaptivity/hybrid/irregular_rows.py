@@ -80,13 +80,13 @@ def _node_constants_by_rows(
     )
     order = np.argsort(place)
     for low, high in split_rows_into_ranges(
-        plate.numbering.fine_place_count // plate.numbering.fine_row_stride, plate.numbering.fine_row_stride
+        plate.numbering.fine.place_count // plate.numbering.fine.strides[1], plate.numbering.fine.strides[1]
     ):
         rows, material = (
             plate.grid_rows_in_lattice_rows(low, high).ravel(),
             plate.material_numbers_in_lattice_rows(low, high).ravel(),
         )
-        first, has_node = low * plate.numbering.fine_row_stride, rows >= 0
+        first, has_node = low * plate.numbering.fine.strides[1], rows >= 0
         mass = plate.area_shares_in_lattice_rows(low, high).ravel() * rho[material] * plate.spacing**2
         in_strip = order[slice(*np.searchsorted(place, (first, first + len(rows)), sorter=order))]
         fields = _ConstantsOfPlaces(

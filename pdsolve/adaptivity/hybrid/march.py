@@ -17,20 +17,10 @@ from pdsolve.adaptivity.hybrid.kicks_and_prescribed_velocities import (
     restore_held_velocities,
     store_holding_forces,
 )
-from pdsolve.adaptivity.hybrid.lattice import (
-    FINE,
-    IDLE,
-    coarse_column,
-    coarse_row,
-    fine_column,
-    fine_place,
-    fine_row,
-)
 from pdsolve.adaptivity.hybrid.node_constants import value_at_node
 from pdsolve.adaptivity.hybrid.precracks import is_unbreakable
 from pdsolve.adaptivity.hybrid.regrid import (
     list_nodes_near_new_cells,
-    mark_and_list_new_fine_cells_in_disc,
     rebuild_lists_of_rows_and_loads,
     refine_cells,
 )
@@ -39,6 +29,14 @@ from pdsolve.codegen.jit_cache import cached_njit
 from pdsolve.codegen.vector_code import ROW
 from pdsolve.lattice.bond import displaced
 from pdsolve.numerics.thread_team import meet
+from pdsolve.zone.cells import (
+    FINE,
+    IDLE,
+    coordinates,
+    mark_and_list_new_fine_cells_near,
+    multiplied,
+    place_on_finer_lattice,
+)
 
 DONE, ROOM, CLIP = 0, 1, 2  # how a march ends: at its last step; for want of room; as a clipped bond is over its limit
 SPARE = 64  # rows: room for so many more is always kept
@@ -50,9 +48,8 @@ def _list_cells_near_damaged_nodes(lattice, zone):  # type: ignore[no-untyped-de
     numbering, count = lattice.numbering, 0
     for n in range(zone.counts.refined_damaged_nodes, zone.counts.damaged_nodes):
         p = zone.damaged_nodes[n]
-        count = mark_and_list_new_fine_cells_in_disc(
-            numbering, zone.cell_kinds, zone.new_cells, count, fine_column(numbering, p), fine_row(numbering, p), AHEAD
-        )
+        x = coordinates(numbering.fine, p)
+        count = mark_and_list_new_fine_cells_near(numbering.cells, zone.cell_kinds, x, AHEAD, zone.new_cells, count)
     return count
 
 
@@ -77,9 +74,9 @@ def _list_cells_near_stretched_bonds(lattice, zone, buffer, count):  # type: ign
                     continue
                 eta_x, eta_y = displaced(u, coarse.half_shrinkage, table[k, 0], table[k, 1], q, j)
                 if spring_double_green_strain(table, k, eta_x, eta_y) > _refinement_strain(lattice, q):
-                    x, y = 2 * coarse_column(numbering, q), 2 * coarse_row(numbering, q)
-                    count = mark_and_list_new_fine_cells_in_disc(
-                        numbering, zone.cell_kinds, zone.new_cells, count, x, y, AHEAD
+                    x = multiplied(coordinates(numbering.coarse, q), 2)
+                    count = mark_and_list_new_fine_cells_near(
+                        numbering.cells, zone.cell_kinds, x, AHEAD, zone.new_cells, count
                     )
                     break
     return count
@@ -88,7 +85,7 @@ def _list_cells_near_stretched_bonds(lattice, zone, buffer, count):  # type: ign
 @njit(**INNER)
 def _refinement_strain(lattice, q):  # type: ignore[no-untyped-def]
     """The e of a coarse bond at which the cells beside it are refined."""
-    p = fine_place(lattice.numbering, 2 * coarse_column(lattice.numbering, q), 2 * coarse_row(lattice.numbering, q))
+    p = place_on_finer_lattice(lattice.numbering.coarse, lattice.numbering.fine, 2, q)
     return lattice.strain_bounds[value_at_node(lattice.node_constants, lattice.node_constants.material, p), 2]
 
 
@@ -97,7 +94,7 @@ def _is_coarse_node_unbreakable(lattice, q):  # type: ignore[no-untyped-def]
     """Whether the bonds of a coarse node are unbreakable."""
     return is_unbreakable(
         lattice,
-        fine_place(lattice.numbering, 2 * coarse_column(lattice.numbering, q), 2 * coarse_row(lattice.numbering, q)),
+        place_on_finer_lattice(lattice.numbering.coarse, lattice.numbering.fine, 2, q),
     )
 
 

@@ -5,13 +5,11 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
-from pdsolve.adaptivity.hybrid.lattice import BELOW, BELOW_COARSE, FREE, IDLE, LEFT
-from pdsolve.codegen.inner_functions import INNER
 from pdsolve.codegen.jit_cache import cached_njit
 from pdsolve.codegen.vector_code import ROW
+from pdsolve.zone.cells import FREE, IDLE, place_on_finer_lattice
 
 
 class NodeLists(NamedTuple):
@@ -23,13 +21,6 @@ class NodeLists(NamedTuple):
     row_of_coarse_node: NDArray[np.int32]  # (q,)
 
 
-@njit(forceinline=True, **INNER)
-def _fine_place_of_coarse(numbering, q):  # type: ignore[no-untyped-def]
-    """The fine place that a coarse node lies on."""
-    y, x = q // numbering.coarse_row_stride, q % numbering.coarse_row_stride
-    return (2 * (y - BELOW_COARSE) + BELOW) * numbering.fine_row_stride + LEFT + 2 * (x - LEFT)
-
-
 @cached_njit(nogil=True, error_model="numpy")
 def number_current_nodes(numbering, fine, coarse, fine_rows, coarse_rows):  # type: ignore[no-untyped-def]
     """Set the rows of both kinds of nodes; returns the fine places (n,) of all nodes."""
@@ -37,8 +28,9 @@ def number_current_nodes(numbering, fine, coarse, fine_rows, coarse_rows):  # ty
     for fills in (False, True):
         i, j, n = 0, 0, 0
         while i < len(fine) or j < len(coarse):
-            beneath = _fine_place_of_coarse(numbering, np.int64(coarse[j])) if j < len(coarse) else np.int64(2**62)
-            p = fine[i] if i < len(fine) else np.int64(2**62)
+            p, beneath = fine[i] if i < len(fine) else np.int64(2**62), np.int64(2**62)
+            if j < len(coarse):
+                beneath = place_on_finer_lattice(numbering.coarse, numbering.fine, 2, np.int64(coarse[j]))
             if fills:
                 places[n] = min(p, beneath)
             if p <= beneath:

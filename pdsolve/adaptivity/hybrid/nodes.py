@@ -4,52 +4,32 @@ from __future__ import annotations
 
 from numba import njit
 
-from pdsolve.adaptivity.hybrid.far_nodes import count_far_cells_around
-from pdsolve.adaptivity.hybrid.lattice import (
+from pdsolve.adaptivity.hybrid.precracks import is_visible
+from pdsolve.adaptivity.hybrid.springs import STIFFNESS
+from pdsolve.codegen.inner_functions import INNER
+from pdsolve.codegen.vector_code import ROW
+from pdsolve.zone.cells import (
     BORDER,
     COARSE,
+    FAR,
     FINE,
     FREE,
     IDLE,
-    cell_place,
-    coarse_column,
-    coarse_place,
-    coarse_row,
-    fine_column,
-    fine_place,
-    fine_row,
+    coordinates,
+    count_cells_around,
+    fine_node_kind,
+    place_at,
 )
-from pdsolve.adaptivity.hybrid.precracks import is_visible
-from pdsolve.codegen.inner_functions import INNER
-from pdsolve.codegen.vector_code import ROW
-
-
-@njit(**INNER)
-def count_cells_of_kind_around(numbering, cells, ix, iy, cell_kind):  # type: ignore[no-untyped-def]
-    """Number of quarters around a fine node in cells of a kind."""
-    count = 0
-    for sy in (-1, 0):
-        for sx in (-1, 0):
-            count += cells[cell_place(numbering, (ix + sx) >> 1, (iy + sy) >> 1)] == cell_kind
-    return count
-
-
-@njit(**INNER)
-def fine_node_kind(numbering, cells, ix, iy, mass):  # type: ignore[no-untyped-def]
-    """Kind of a fine node with this cell mass: IDLE, FREE, or BORDER next to coarse cells."""
-    if mass == 0 or count_cells_of_kind_around(numbering, cells, ix, iy, FINE) == 0:
-        return IDLE
-    return BORDER if count_cells_of_kind_around(numbering, cells, ix, iy, COARSE) > 0 else FREE
 
 
 @njit(**INNER)
 def set_fine_node_kind_and_mass(numbering, mass, cells, fine, p):  # type: ignore[no-untyped-def]
     """Set kind and mass of a fine node with the whole cell `mass`."""
-    ix, iy = fine_column(numbering, p), fine_row(numbering, p)
-    fine.node_kinds[p] = fine_node_kind(numbering, cells, ix, iy, mass)
+    x = coordinates(numbering.fine, p)
+    fine.node_kinds[p] = IDLE if mass == 0 else fine_node_kind(numbering, cells, x)
     fine_quarters, coarse_quarters = (
-        count_cells_of_kind_around(numbering, cells, ix, iy, FINE),
-        count_cells_of_kind_around(numbering, cells, ix, iy, COARSE),
+        count_cells_around(numbering, cells, x, FINE),
+        count_cells_around(numbering, cells, x, COARSE),
     )
     fine.mass[p] = mass * fine_quarters / (fine_quarters + coarse_quarters) if fine_quarters > 0 else 0.0
     fine.inverse_mass[p] = 1 / fine.mass[p] if fine.node_kinds[p] == FREE else 0.0
@@ -63,10 +43,10 @@ def coarse_carriers_on_edge(lattice, node_kinds, x, y, direction, w):  # type: i
     ones, so that a rotating face is not stretched, or follows one where there are no two. `node_kinds` are of coarse
     nodes.
     """
-    q = coarse_place(lattice.numbering, x, y)
+    q = place_at(lattice.numbering.coarse, (x, y))
     if w == 0:
         return q, q, 0.0
-    step = 1 if direction == 0 else lattice.numbering.coarse_row_stride
+    step = 1 if direction == 0 else lattice.numbering.coarse.strides[1]
     second, cut = q + step, lattice.edge_cut_position[direction, q]
     if cut == 0:
         return q, second, w
@@ -86,51 +66,49 @@ def coarse_carriers_on_edge(lattice, node_kinds, x, y, direction, w):  # type: i
 def coarse_carriers_of_border_node(lattice, node_kinds, p):  # type: ignore[no-untyped-def]
     """The coarse nodes that fine node p, on a line between cells, moves with, and the share of the second; see
     `coarse_carriers_on_edge`."""
-    ix, iy = fine_column(lattice.numbering, p), fine_row(lattice.numbering, p)
+    ix, iy = coordinates(lattice.numbering.fine, p)
     odd_x, odd_y = ix % 2, iy % 2
     return coarse_carriers_on_edge(lattice, node_kinds, ix // 2, iy // 2, 0 if odd_x else 1, 0.5 * (odd_x + odd_y))
 
 
 @njit(**INNER)
-def _give_row_own_stiffness(coarse, row, spring_table):  # type: ignore[no-untyped-def]
-    """Give a row of coarse nodes its own stiffnesses, initially those of the table."""
-    coarse.stiffness_index_of_row[row] = row
-    for k in range(8):
-        for lane in range(ROW):
-            coarse.row_stiffness[row, k, lane] = (
-                spring_table[k, 5] if coarse.node_kinds[row * ROW + lane] != IDLE else 0.0
-            )
+def set_spring_stiffness(nodes, q, k, stiffness, spring_table):  # type: ignore[no-untyped-def]
+    """Set the stiffness of a coarse or far node's spring; its row gets its own stiffnesses when they first differ from
+    those of the table."""
+    row = q // ROW
+    if nodes.stiffness_index_of_row[row] < 0 and stiffness != spring_table[k, STIFFNESS]:
+        nodes.stiffness_index_of_row[row] = row
+        for slot in range(len(spring_table)):
+            for lane in range(ROW):
+                nodes.row_stiffness[row, slot, lane] = (
+                    spring_table[slot, STIFFNESS] if nodes.node_kinds[row * ROW + lane] != IDLE else 0.0
+                )
+    if nodes.stiffness_index_of_row[row] >= 0:
+        nodes.row_stiffness[row, k, q % ROW] = stiffness
 
 
 @njit(**INNER)
 def set_coarse_node_properties(lattice, cells, fine, coarse, q):  # type: ignore[no-untyped-def]
-    """Kind, mass and springs of a coarse node, which is on the border next to far cells.
-
-    Its row gets its own stiffnesses when they first differ.
-    """
-    numbering = lattice.numbering
-    x, y = coarse_column(numbering, q), coarse_row(numbering, q)
-    mass, row = 0.0, q // ROW
+    """Kind, mass and springs of a coarse node, which is on the border next to far cells."""
+    numbering, mass = lattice.numbering, 0.0
+    x, y = coordinates(numbering.coarse, q)
     for sy in (-1, 0):
         for sx in (-1, 0):
-            c = cell_place(numbering, x + sx, y + sy)
+            c = place_at(numbering.cells, (x + sx, y + sy))
             if cells[c] == COARSE:
                 mass += lattice.coarse_cell_constants[2, lattice.constants_index_of_cell[c]] * corner_area_share(
                     lattice, x + sx, y + sy, -sx, -sy
                 )
-    tied = count_far_cells_around(numbering, cells, x, y) > 0
+    tied = count_cells_around(numbering, cells, (2 * x, 2 * y), FAR) > 0
     coarse.node_kinds[q] = IDLE if mass == 0 else BORDER if tied else FREE
-    for k in range(8):
+    for k in range(len(lattice.coarse_dx)):
         stiffness = coarse_spring_stiffness(lattice, cells, q, x, y, k)
-        if coarse.stiffness_index_of_row[row] < 0 and stiffness != lattice.coarse_spring_table[k, 5]:
-            _give_row_own_stiffness(coarse, row, lattice.coarse_spring_table)
-        if coarse.stiffness_index_of_row[row] >= 0:
-            coarse.row_stiffness[row, k, q % ROW] = stiffness
+        set_spring_stiffness(coarse, q, k, stiffness, lattice.coarse_spring_table)
     if mass > 0:
         for dy in (-1, 0, 1):
             for dx in (-1, 0, 1):
-                ix, iy = 2 * x + dx, 2 * y + dy
-                mass += _mass_passed_by_fine_node(lattice, coarse.node_kinds, fine, fine_place(numbering, ix, iy), q)
+                p = place_at(numbering.fine, (2 * x + dx, 2 * y + dy))
+                mass += _mass_passed_by_fine_node(lattice, coarse.node_kinds, fine, p, q)
     coarse.mass[q] = mass
     coarse.inverse_mass[q] = 1 / mass if mass > 0 and not tied else 0.0
 
@@ -154,7 +132,7 @@ def coarse_spring_stiffness(lattice, cells, q, x, y, k):  # type: ignore[no-unty
     if (lattice.cut_coarse_spring_bits[owner] >> which) & 1:
         return 0.0
     x0, y0 = x + min(dx, 0), y + min(dy, 0)
-    c = cell_place(numbering, x0, y0)
+    c = place_at(numbering.cells, (x0, y0))
     if dx != 0 and dy != 0:
         return lattice.coarse_cell_constants[1, lattice.constants_index_of_cell[c]] if cells[c] == COARSE else 0.0
     along_y = 1 if dy != 0 else 0
@@ -169,7 +147,7 @@ def _cell_edge_stiffness(lattice, cells, x, y, along_y, second):  # type: ignore
     Of a cell that a pre-crack crosses between them, each is that of a free strip: k = w (C11 - C66^2 / C11) for the
     width w over the cell's.
     """
-    c = cell_place(lattice.numbering, x, y)
+    c = place_at(lattice.numbering.cells, (x, y))
     if cells[c] != COARSE:
         return 0.0
     k1, k2 = (
@@ -186,8 +164,8 @@ def _cell_edge_stiffness(lattice, cells, x, y, along_y, second):  # type: ignore
 def _crack_position_across_cell(lattice, x, y, along_y):  # type: ignore[no-untyped-def]
     """Where, from the first of a cell's edges parallel to an axis to the second, a pre-crack crosses between them; 0:
     nowhere."""
-    q = coarse_place(lattice.numbering, x, y)
-    opposite = q + (lattice.numbering.coarse_row_stride if along_y else 1)
+    q = place_at(lattice.numbering.coarse, (x, y))
+    opposite = q + (lattice.numbering.coarse.strides[1] if along_y else 1)
     first, second = lattice.edge_cut_position[1 - along_y, q], lattice.edge_cut_position[1 - along_y, opposite]
     return (first + second) / 2 if first > 0 and second > 0 else 0.0
 
@@ -195,13 +173,13 @@ def _crack_position_across_cell(lattice, x, y, along_y):  # type: ignore[no-unty
 @njit(**INNER)
 def corner_area_share(lattice, x, y, right, above):  # type: ignore[no-untyped-def]
     """Share of a corner in its cell's area, over a quarter: corners on a side of a pre-crack have the side's."""
-    if not lattice.is_cell_cut[cell_place(lattice.numbering, x, y)]:
+    if not lattice.is_cell_cut[place_at(lattice.numbering.cells, (x, y))]:
         return 1.0
     for along_y, second in ((0, above), (1, right)):
         across = _crack_position_across_cell(lattice, x, y, along_y)
         if across > 0:
             return 2 * (1 - across if second else across)
-    q, stride = coarse_place(lattice.numbering, x, y), lattice.numbering.coarse_row_stride
+    q, stride = place_at(lattice.numbering.coarse, (x, y)), lattice.numbering.coarse.strides[1]
     low, high = lattice.edge_cut_position[0, q], lattice.edge_cut_position[0, q + stride]
     near, far = lattice.edge_cut_position[1, q], lattice.edge_cut_position[1, q + 1]
     for corner in range(4):
@@ -221,29 +199,30 @@ def interpolate_coarse_at_fine_place(lattice, node_kinds, values, ix, iy, x, y, 
     one, they are the mean over the visible corners.
     """
     numbering = lattice.numbering
-    if not lattice.is_cell_cut[cell_place(numbering, x, y)]:
-        _interpolate_bilinear(numbering, values, ix, iy, x, y, out)
+    if not lattice.is_cell_cut[place_at(numbering.cells, (x, y))]:
+        interpolate_bilinear(numbering.coarse, values, ix, iy, x, y, out)
         return
     for dx, dy in ((0, -1), (0, 1), (-1, 0), (1, 0)):
-        if lattice.is_cell_cut[cell_place(numbering, x + dx, y + dy)]:
+        if lattice.is_cell_cut[place_at(numbering.cells, (x + dx, y + dy))]:
             continue
-        q = coarse_place(numbering, x + dx, y + dy)
+        q = place_at(numbering.coarse, (x + dx, y + dy))
         active = node_kinds[q] == FREE and node_kinds[q + 1] == FREE
         active = (
             active
-            and node_kinds[q + numbering.coarse_row_stride] == FREE
-            and node_kinds[q + numbering.coarse_row_stride + 1] == FREE
+            and node_kinds[q + numbering.coarse.strides[1]] == FREE
+            and node_kinds[q + numbering.coarse.strides[1] + 1] == FREE
         )
         if active and is_visible(lattice.precrack_segments, ix, iy, 2.0 * (x + dx) + 1, 2.0 * (y + dy) + 1):
-            _interpolate_bilinear(numbering, values, ix, iy, x + dx, y + dy, out)
+            interpolate_bilinear(numbering.coarse, values, ix, iy, x + dx, y + dy, out)
             return
     _average_visible_corners(numbering, lattice.precrack_segments, values, ix, iy, x, y, out)
 
 
 @njit(**INNER)
-def _interpolate_bilinear(numbering, values, ix, iy, x, y, out):  # type: ignore[no-untyped-def]
-    """Bilinear interpolation or extrapolation from the corners of a cell."""
-    wx, wy, q, stride = (ix - 2 * x) / 2, (iy - 2 * y) / 2, coarse_place(numbering, x, y), numbering.coarse_row_stride
+def interpolate_bilinear(numbering, values, ix, iy, x, y, out):  # type: ignore[no-untyped-def]
+    """Bilinear interpolation or extrapolation from the corners of cell x, y, of a lattice at a node of the twice finer
+    one."""
+    wx, wy, q, stride = (ix - 2 * x) / 2, (iy - 2 * y) / 2, place_at(numbering, (x, y)), numbering.strides[1]
     for axis in range(2):
         low = values[axis, q] if wx == 0 else (1 - wx) * values[axis, q] + wx * values[axis, q + 1]
         q2 = q + stride
@@ -261,7 +240,7 @@ def _average_visible_corners(numbering, cracks, values, ix, iy, x, y, out):  # t
             w = (wx if dx else 1 - wx) * (wy if dy else 1 - wy)
             if w == 0 or not is_visible(cracks, ix, iy, 2.0 * (x + dx), 2.0 * (y + dy)):
                 continue
-            q = coarse_place(numbering, x + dx, y + dy)
+            q = place_at(numbering.coarse, (x + dx, y + dy))
             total += w
             out[0] += w * values[0, q]
             out[1] += w * values[1, q]
@@ -269,7 +248,7 @@ def _average_visible_corners(numbering, cracks, values, ix, iy, x, y, out):  # t
         out[0] /= total
         out[1] /= total
         return
-    q = coarse_place(numbering, x + (wx > 0.5), y + (wy > 0.5))
+    q = place_at(numbering.coarse, (x + (wx > 0.5), y + (wy > 0.5)))
     out[0], out[1] = values[0, q], values[1, q]
 
 
@@ -279,6 +258,6 @@ def coarse_cell_beside(numbering, cells, ix, iy):  # type: ignore[no-untyped-def
     for sy in (0, -1):
         for sx in (0, -1):
             x, y = (ix + sx) >> 1, (iy + sy) >> 1
-            if cells[cell_place(numbering, x, y)] == COARSE:
+            if cells[place_at(numbering.cells, (x, y))] == COARSE:
                 return x, y
     return -1, -1

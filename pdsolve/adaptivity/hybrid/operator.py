@@ -16,7 +16,6 @@ from numpy.typing import NDArray
 from pdsolve.adaptivity.hybrid.arrays import LatticeNodes
 from pdsolve.adaptivity.hybrid.engine import HybridEngine
 from pdsolve.adaptivity.hybrid.irregular_bonds import model_of_nodes
-from pdsolve.adaptivity.hybrid.lattice import AROUND, BELOW, BELOW_COARSE, COARSE, FAR, IDLE, LEFT
 from pdsolve.adaptivity.hybrid.node_constants import are_bonds_intact, values_at_nodes
 from pdsolve.adaptivity.hybrid.node_lists import (
     NodeLists,
@@ -33,6 +32,7 @@ from pdsolve.codegen.vector_code import ROW
 from pdsolve.model import Model
 from pdsolve.operators.protocol import CheckpointArrays
 from pdsolve.state import Broken, State
+from pdsolve.zone.cells import COARSE, FAR, IDLE, coordinates, place_at, place_on_finer_lattice
 
 if TYPE_CHECKING:
     from scipy.sparse import csr_array
@@ -149,15 +149,14 @@ class HybridOperator(TwoLatticeOperator[HybridEngine]):
         cell_areas = plate.area_shares_of_grid_rows(plate.grid_rows_at(self._fine)) * plate.spacing**2
         areas = np.zeros(len(self.places))
         areas[self._fine_rows] = part * cell_areas
-        stride = plate.numbering.cell_row_stride
+        stride = plate.numbering.cells.strides[1]
         for rows, coarse in self._coarse_rows_and_places_in_chunks():
-            y, x = np.divmod(coarse, plate.numbering.coarse_row_stride)
-            corner = (y - BELOW_COARSE + AROUND) * stride + AROUND + x - LEFT
+            corner = place_at(plate.numbering.cells, coordinates(plate.numbering.coarse, coarse))
             around = sum((zone.cell_kinds[corner - dy * stride - dx] == COARSE) for dy in (0, 1) for dx in (0, 1))
             areas[rows] += plate.spacing**2 * around
         for first in range(0, len(self._far), TOGETHER):
-            y, x = np.divmod(self._far[first : first + TOGETHER].astype(np.int64), plate.numbering.far_row_stride)
-            corner = (2 * (y - BELOW_COARSE) + AROUND) * stride + AROUND + 2 * (x - LEFT)
+            far = self._far[first : first + TOGETHER].astype(np.int64)
+            corner = place_on_finer_lattice(plate.numbering.far, plate.numbering.cells, 2, far)
             around = sum((zone.cell_kinds[corner - dy * stride - dx] == FAR) for dy in (0, 2) for dx in (0, 2))
             areas[self._far_rows[first : first + TOGETHER]] += 4 * plate.spacing**2 * around
         return areas
@@ -183,9 +182,9 @@ class HybridOperator(TwoLatticeOperator[HybridEngine]):
     def _count_full_springs(self, rows: NDArray[np.int64]) -> NDArray[np.int16]:
         """Number of springs of coarse nodes, including those cut by pre-cracks."""
         plate, zone = self.engine.plate, self.engine.zone
-        y, x = np.divmod(self.places[rows], plate.numbering.fine_row_stride)
-        corner = ((y - BELOW) // 2 + AROUND) * plate.numbering.cell_row_stride + AROUND + (x - LEFT) // 2
-        south, west = plate.numbering.cell_row_stride, 1
+        x, y = coordinates(plate.numbering.fine, self.places[rows])
+        corner = place_at(plate.numbering.cells, (x // 2, y // 2))
+        south, west = plate.numbering.cells.strides[1], 1
         ne, nw, sw, se = (zone.cell_kinds[corner - away] == COARSE for away in (0, west, south + west, south))
         edges = [ne | se, ne | nw, nw | sw, sw | se]
         return np.asarray(sum(is_coarse.astype(np.int16) for is_coarse in (ne, nw, sw, se, *edges)))
@@ -295,7 +294,7 @@ class HybridOperator(TwoLatticeOperator[HybridEngine]):
         light[self._coarse_rows] = zone.coarse.inverse_mass[self._coarse]
         light[self._far_rows] = zone.far.inverse_mass[self._far]
         coarse, far = self._coarse.astype(np.int64), self._far.astype(np.int64)
-        row_of = np.full(self.engine.plate.numbering.fine_place_count, -1, dtype=np.int32)
+        row_of = np.full(self.engine.plate.numbering.fine.place_count, -1, dtype=np.int32)
         row_of[self.places] = np.arange(len(self.places))
         points = create_point_weights(self.engine, row_of, self._fine, coarse, far)
         del row_of  # of all fine places, beside the tangent

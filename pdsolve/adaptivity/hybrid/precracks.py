@@ -6,10 +6,10 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from pdsolve.adaptivity.hybrid.lattice import cell_place, coarse_place
 from pdsolve.adaptivity.hybrid.node_constants import value_at_node
 from pdsolve.codegen.inner_functions import INNER
 from pdsolve.codegen.jit_cache import cached_njit
+from pdsolve.zone.cells import place_at
 
 SLACK = 1e-6  # of a spacing: pre-cracks are that much longer at both ends, as in pdmesh.model.visibility
 
@@ -47,7 +47,7 @@ def is_visible(cracks, ax, ay, bx, by):  # type: ignore[no-untyped-def]
 
 
 @njit(**INNER)
-def _box_around_crack(lattice, j, margin, most_x, most_y):  # type: ignore[no-untyped-def]
+def _box_around_crack(lattice, j, margin):  # type: ignore[no-untyped-def]
     """Range of columns and rows around pre-crack j, clipped to the plate."""
     px, py, qx, qy = (
         lattice.precrack_segments[j, 0],
@@ -55,8 +55,9 @@ def _box_around_crack(lattice, j, margin, most_x, most_y):  # type: ignore[no-un
         lattice.precrack_segments[j, 2],
         lattice.precrack_segments[j, 3],
     )
-    x0, x1 = max(0, int(np.floor(min(px, qx))) - margin), min(most_x, int(np.ceil(max(px, qx))) + margin)
-    y0, y1 = max(0, int(np.floor(min(py, qy))) - margin), min(most_y, int(np.ceil(max(py, qy))) + margin)
+    count_x, count_y = lattice.numbering.fine.counts
+    x0, x1 = max(0, int(np.floor(min(px, qx))) - margin), min(count_x - 1, int(np.ceil(max(px, qx))) + margin)
+    y0, y1 = max(0, int(np.floor(min(py, qy))) - margin), min(count_y - 1, int(np.ceil(max(py, qy))) + margin)
     return x0, y0, x1, y1
 
 
@@ -65,7 +66,7 @@ def record_precrack_cuts(lattice):  # type: ignore[no-untyped-def]
     """Record the coarse bonds and edges of cells that pre-cracks cut, and the cells they cross."""
     numbering = lattice.numbering
     for j in range(len(lattice.precrack_segments)):
-        x0, y0, x1, y1 = _box_around_crack(lattice, j, 3, numbering.fine_cells_x, numbering.fine_cells_y)
+        x0, y0, x1, y1 = _box_around_crack(lattice, j, 3)
         px, py, qx, qy = (
             lattice.precrack_segments[j, 0],
             lattice.precrack_segments[j, 1],
@@ -74,7 +75,7 @@ def record_precrack_cuts(lattice):  # type: ignore[no-untyped-def]
         )
         for y in range(y0 // 2, y1 // 2 + 1):
             for x in range(x0 // 2, x1 // 2 + 1):
-                q, ax, ay = coarse_place(numbering, x, y), 2.0 * x, 2.0 * y
+                q, ax, ay = place_at(numbering.coarse, (x, y)), 2.0 * x, 2.0 * y
                 for k in range(4):
                     bx, by = ax + 2 * lattice.coarse_dx[k], ay + 2 * lattice.coarse_dy[k]
                     if not crosses_crack(lattice.precrack_segments, j, ax, ay, bx, by):
@@ -86,7 +87,7 @@ def record_precrack_cuts(lattice):  # type: ignore[no-untyped-def]
                             doubled_triangle_area(px, py, qx, qy, bx, by),
                         )
                         lattice.edge_cut_position[k // 2, q] = side_a / (side_a - side_b) if side_a != side_b else 0.5
-                if x >= numbering.fine_cells_x // 2 or y >= numbering.fine_cells_y // 2:
+                if x >= numbering.cells.counts[0] or y >= numbering.cells.counts[1]:
                     continue
                 diagonals = crosses_crack(lattice.precrack_segments, j, ax, ay, ax + 2, ay + 2) or crosses_crack(
                     lattice.precrack_segments, j, ax + 2, ay, ax, ay + 2
@@ -96,7 +97,7 @@ def record_precrack_cuts(lattice):  # type: ignore[no-untyped-def]
                     or (ax <= px <= ax + 2 and ay <= py <= ay + 2)
                     or (ax <= qx <= ax + 2 and ay <= qy <= ay + 2)
                 ):
-                    lattice.is_cell_cut[cell_place(numbering, x, y)] = True
+                    lattice.is_cell_cut[place_at(numbering.cells, (x, y))] = True
 
 
 @njit(forceinline=True, **INNER)

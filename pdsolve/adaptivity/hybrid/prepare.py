@@ -16,7 +16,6 @@ from pdsolve.adaptivity.hybrid.engine import HybridEngine
 from pdsolve.adaptivity.hybrid.far_cells import coarsen_cells_away_from_features
 from pdsolve.adaptivity.hybrid.irregular_bonds import IrregularBonds, find_irregular_bonds
 from pdsolve.adaptivity.hybrid.irregular_rows import create_node_constants
-from pdsolve.adaptivity.hybrid.lattice import AROUND, BELOW, FINE, LEFT
 from pdsolve.adaptivity.hybrid.operator import HybridOperator
 from pdsolve.adaptivity.hybrid.precracks import lengthen_cracks, record_precrack_cuts
 from pdsolve.adaptivity.hybrid.springs import (
@@ -32,6 +31,7 @@ from pdsolve.laws.pair import no_bonds
 from pdsolve.laws.pair_laws import bilinear
 from pdsolve.model import Model
 from pdsolve.numerics.memory import aligned, give_back
+from pdsolve.zone.cells import AROUND, FINE
 
 ROOM = 64  # rows of fine nodes beyond those of the start, at least
 
@@ -129,13 +129,13 @@ def create_lattice_constants(
         family_dx=first.family_dx,
         family_dy=first.family_dy,
         spring_table=aligned(first.spring_table.astype(kind)),
-        neighbour_offsets=first.family_dy * numbering.fine_row_stride + first.family_dx,
+        neighbour_offsets=first.family_dy * numbering.fine.strides[1] + first.family_dx,
         coarse_dx=coarse.family_dx,
         coarse_dy=coarse.family_dy,
         coarse_spring_table=aligned(coarse.spring_table.astype(kind)),
-        coarse_neighbour_offsets=coarse.family_dy * numbering.coarse_row_stride + coarse.family_dx,
+        coarse_neighbour_offsets=coarse.family_dy * numbering.coarse.strides[1] + coarse.family_dx,
         far_spring_table=aligned(coarse_springs(first, 2 * h).spring_table.astype(kind)),
-        far_neighbour_offsets=coarse.family_dy * numbering.far_row_stride + coarse.family_dx,
+        far_neighbour_offsets=coarse.family_dy * numbering.far.strides[1] + coarse.family_dx,
         bond_parts=divide_bonds(first),
         family_reach=int(np.abs(first.family_dx).max()),
         softens_or_limits_vary=len(springs) > 1 or first.peak_stretch < first.limit_stretch,
@@ -150,9 +150,9 @@ def create_lattice_constants(
         irregular_limit_strain=irregular_bonds.limit_strain,
         coarse_cell_constants=cell,
         constants_index_of_cell=mix,
-        cut_coarse_spring_bits=np.zeros(numbering.coarse_place_count, dtype=np.uint8),
-        edge_cut_position=np.zeros((2, numbering.coarse_place_count)),
-        is_cell_cut=np.zeros(numbering.cell_count, dtype=np.bool_),
+        cut_coarse_spring_bits=np.zeros(numbering.coarse.place_count, dtype=np.uint8),
+        edge_cut_position=np.zeros((2, numbering.coarse.place_count)),
+        is_cell_cut=np.zeros(numbering.cells.place_count, dtype=np.bool_),
         precrack_segments=lengthen_cracks(plate.precrack_segments),
     )
 
@@ -172,14 +172,12 @@ def _coarse_cell_constants(
         ]
     )
     if len(springs) == 1:
-        return np.ascontiguousarray(material_constants.T), np.zeros(numbering.cell_count, dtype=np.int32)
-    cell_means = np.zeros((numbering.fine_cells_y // 2, numbering.fine_cells_x // 2, 3))
-    field = plate.material_numbers_in_lattice_rows(0, numbering.fine_place_count // numbering.fine_row_stride)
+        return np.ascontiguousarray(material_constants.T), np.zeros(numbering.cells.place_count, dtype=np.int32)
+    cell_means = np.zeros((*numbering.cells.counts[::-1], 3))
+    material_numbers = plate.material_numbers_in_lattice_rows(0, numbering.fine.shape[0])[numbering.fine.inner]
     for (y, part_y), (x, part_x) in itertools.product(enumerate((0.25, 0.5, 0.25)), repeat=2):
-        node_places = np.s_[
-            BELOW + y : BELOW + y + numbering.fine_cells_y - 1 : 2, LEFT + x : LEFT + x + numbering.fine_cells_x - 1 : 2
-        ]
-        cell_means += part_x * part_y * material_constants[field[node_places]]
+        nodes = material_numbers[y : y + 2 * len(cell_means) - 1 : 2, x : x + 2 * cell_means.shape[1] - 1 : 2]
+        cell_means += part_x * part_y * material_constants[nodes]
     cells, mix = np.unique(cell_means.reshape(-1, 3), axis=0, return_inverse=True)
     around = np.pad(mix.reshape(cell_means.shape[:2]).astype(np.int32), AROUND)
     return np.ascontiguousarray(cells.T), around.ravel()

@@ -2,30 +2,14 @@
 
 from __future__ import annotations
 
-import numpy as np
 from numba import njit
 
 from pdsolve.adaptivity.hybrid.clipped_bonds import replace_pieces_of_nodes, set_row_stiffness
 from pdsolve.adaptivity.hybrid.damping import remove_damping_of_component, set_damping_of_node
 from pdsolve.adaptivity.hybrid.energy import strain_and_kinetic_energy
 from pdsolve.adaptivity.hybrid.far_cells import set_all_far_node_properties
-from pdsolve.adaptivity.hybrid.far_nodes import count_far_cells_around, list_active_rows, list_far_rows_and_tied_nodes
+from pdsolve.adaptivity.hybrid.far_nodes import list_active_rows, list_far_rows_and_tied_nodes
 from pdsolve.adaptivity.hybrid.forces import interpolate_border_nodes
-from pdsolve.adaptivity.hybrid.lattice import (
-    BORDER,
-    COARSE,
-    FINE,
-    FREE,
-    cell_column,
-    cell_place,
-    cell_row,
-    coarse_column,
-    coarse_place,
-    coarse_row,
-    fine_column,
-    fine_place,
-    fine_row,
-)
 from pdsolve.adaptivity.hybrid.node_constants import value_at_node
 from pdsolve.adaptivity.hybrid.nodes import (
     coarse_carriers_of_border_node,
@@ -37,41 +21,32 @@ from pdsolve.adaptivity.hybrid.nodes import (
 from pdsolve.adaptivity.hybrid.swelling import set_piece_swelling_offsets, swelling_offset_from_line
 from pdsolve.codegen.inner_functions import INNER
 from pdsolve.codegen.vector_code import ROW
-
-
-@njit(**INNER)
-def mark_and_list_new_fine_cells_in_disc(numbering, cells, new_cells, count, ix, iy, radius):  # type: ignore[no-untyped-def]
-    """List the coarse cells within `radius` of a place (fine spacings); returns how many are listed then.
-
-    They are marked as fine at once, so that none is listed twice; `refine_cells` takes them from the list.
-    """
-    for y in range(int(np.floor((iy - radius) / 2)), int(np.ceil((iy + radius) / 2))):
-        for x in range(int(np.floor((ix - radius) / 2)), int(np.ceil((ix + radius) / 2))):
-            if not (0 <= x < numbering.fine_cells_x // 2 and 0 <= y < numbering.fine_cells_y // 2):
-                continue
-            c = cell_place(numbering, x, y)
-            if cells[c] != COARSE:
-                continue
-            away_x, away_y = max(abs(ix - (2 * x + 1)) - 1, 0), max(abs(iy - (2 * y + 1)) - 1, 0)
-            if away_x * away_x + away_y * away_y < radius * radius:
-                cells[c] = FINE
-                new_cells[count] = c
-                count += 1
-    return count
+from pdsolve.zone.cells import (
+    BORDER,
+    COARSE,
+    FAR,
+    FINE,
+    FREE,
+    coordinates,
+    count_cells_around,
+    multiplied,
+    place_at,
+    place_on_finer_lattice,
+)
 
 
 @njit(**INNER)
 def _mark_reach_of_new_cells(lattice, zone):  # type: ignore[no-untyped-def]
     """Mark all places within the family's reach of the new cells; returns their range of columns and rows."""
     numbering, reach = lattice.numbering, lattice.family_reach + 2
-    x0, y0, x1, y1 = numbering.fine_cells_x, numbering.fine_cells_y, 0, 0
+    (x0, y0), x1, y1 = numbering.fine.counts, 0, 0
     for c in zone.new_cells[: zone.counts.new_cells]:
-        x, y = 2 * cell_column(numbering, c), 2 * cell_row(numbering, c)
-        left_side, right = max(x - reach, 0), min(x + reach + 3, numbering.fine_cells_x + 1)
-        low, high = max(y - reach, 0), min(y + reach + 3, numbering.fine_cells_y + 1)
+        x, y = multiplied(coordinates(numbering.cells, c), 2)
+        left_side, right = max(x - reach, 0), min(x + reach + 3, numbering.fine.counts[0])
+        low, high = max(y - reach, 0), min(y + reach + 3, numbering.fine.counts[1])
         x0, y0, x1, y1 = min(x0, left_side), min(y0, low), max(x1, right), max(y1, high)
         for iy in range(low, high):
-            for p in range(fine_place(numbering, left_side, iy), fine_place(numbering, right, iy)):
+            for p in range(place_at(numbering.fine, (left_side, iy)), place_at(numbering.fine, (right, iy))):
                 zone.is_node_marked[p] = True
     return x0, y0, x1, y1
 
@@ -85,7 +60,7 @@ def list_nodes_near_new_cells(lattice, zone):  # type: ignore[no-untyped-def]
     numbering, (x0, y0, x1, y1) = lattice.numbering, _mark_reach_of_new_cells(lattice, zone)
     affected_fine, rows, last = 0, 0, -1
     for iy in range(y0, y1):
-        for p in range(fine_place(numbering, x0, iy), fine_place(numbering, x1, iy)):
+        for p in range(place_at(numbering.fine, (x0, iy)), place_at(numbering.fine, (x1, iy))):
             if zone.is_node_marked[p]:
                 zone.is_node_marked[p] = False
                 if value_at_node(lattice.node_constants, lattice.node_constants.mass, p) > 0:
@@ -106,19 +81,17 @@ def _list_corner_nodes(numbering, zone, x0, y0, x1, y1):  # type: ignore[no-unty
     """
     begins, affected_coarse_count = zone.counts.cell_changes == 0, 0
     if begins:
-        x0, y0, x1, y1 = 0, 0, numbering.fine_cells_x + 1, numbering.fine_cells_y + 1
+        x0, y0, x1, y1 = 0, 0, numbering.fine.counts[0], numbering.fine.counts[1]
     for c in zone.new_cells[: zone.counts.new_cells]:
-        p = fine_place(numbering, 2 * cell_column(numbering, c), 2 * cell_row(numbering, c))
-        for corner in (p, p + 2, p + 2 * numbering.fine_row_stride, p + 2 * numbering.fine_row_stride + 2):
+        p = place_at(numbering.fine, multiplied(coordinates(numbering.cells, c), 2))
+        for corner in (p, p + 2, p + 2 * numbering.fine.strides[1], p + 2 * numbering.fine.strides[1] + 2):
             zone.is_node_marked[corner] = True
     for iy in range(y0 + y0 % 2, y1, 2):
         for ix in range(x0 + x0 % 2, x1, 2):
-            p = fine_place(numbering, ix, iy)
-            if zone.is_node_marked[p] or (
-                begins and count_far_cells_around(numbering, zone.cell_kinds, ix // 2, iy // 2) < 4
-            ):
+            p = place_at(numbering.fine, (ix, iy))
+            if zone.is_node_marked[p] or (begins and count_cells_around(numbering, zone.cell_kinds, (ix, iy), FAR) < 4):
                 zone.is_node_marked[p] = False
-                zone.affected_coarse_nodes[affected_coarse_count] = coarse_place(numbering, ix // 2, iy // 2)
+                zone.affected_coarse_nodes[affected_coarse_count] = place_at(numbering.coarse, (ix // 2, iy // 2))
                 affected_coarse_count += 1
     zone.counts.affected_coarse_nodes = affected_coarse_count
 
@@ -172,8 +145,8 @@ def set_affected_node_properties(lattice, zone, affected_fine, affected_coarse, 
         set_damping_of_node(lattice, fine, p, p)
     for q in affected_coarse:
         set_coarse_node_properties(lattice, zone.cell_kinds, fine, coarse, q)
-        x, y = coarse_column(lattice.numbering, q), coarse_row(lattice.numbering, q)
-        set_damping_of_node(lattice, coarse, q, fine_place(lattice.numbering, 2 * x, 2 * y))
+        p = place_on_finer_lattice(lattice.numbering.coarse, lattice.numbering.fine, 2, q)
+        set_damping_of_node(lattice, coarse, q, p)
     for p in affected_fine:
         if fine.node_kinds[p] == BORDER:
             a, b, w = coarse_carriers_of_border_node(lattice, coarse.node_kinds, p)
@@ -196,16 +169,16 @@ def _interpolate_new_nodes_and_refine_cells(lattice, zone, new_cells, affected_f
     for p in affected_fine:
         if fine.node_kinds[p] == FREE:
             continue
-        ix, iy = fine_column(numbering, p), fine_row(numbering, p)
+        ix, iy = coordinates(numbering.fine, p)
         x, y = coarse_cell_beside(numbering, zone.cell_kinds, ix, iy)
         if x < 0:
             continue
         interpolate_coarse_at_fine_place(lattice, coarse.node_kinds, coarse.u[buffer], ix, iy, x, y, two)
         off = 0.0, 0.0
-        if ix % 2 != iy % 2 and not lattice.is_cell_cut[cell_place(numbering, x, y)]:
-            q = coarse_place(numbering, ix // 2, iy // 2)
+        if ix % 2 != iy % 2 and not lattice.is_cell_cut[place_at(numbering.cells, (x, y))]:
+            q = place_at(numbering.coarse, (ix // 2, iy // 2))
             off = swelling_offset_from_line(
-                lattice, fine.half_shrinkage, q, q + (1 if ix % 2 else numbering.coarse_row_stride), 0.5
+                lattice, fine.half_shrinkage, q, q + (1 if ix % 2 else numbering.coarse.strides[1]), 0.5
             )
         fine.u[buffer, 0, p], fine.u[buffer, 1, p] = two[0] + off[0], two[1] + off[1]
         interpolate_coarse_at_fine_place(lattice, coarse.node_kinds, coarse.v, ix, iy, x, y, two)
@@ -271,14 +244,14 @@ def _distribute_loads(numbering, cells, fine, coarse, loads):  # type: ignore[no
             fine.has_extra_forces[p // ROW] = True
             count += 1
             continue
-        ix, iy = fine_column(numbering, p), fine_row(numbering, p)
+        ix, iy = coordinates(numbering.fine, p)
         x, y = coarse_cell_beside(numbering, cells, ix, iy)
         for dy in range(2):
             for dx in range(2):
                 wx, wy = (ix - 2 * x) / 2, (iy - 2 * y) / 2
                 w = (wx if dx else 1 - wx) * (wy if dy else 1 - wy)
                 if w > 0:
-                    q = coarse_place(numbering, x + dx, y + dy)
+                    q = place_at(numbering.coarse, (x + dx, y + dy))
                     loads.node_and_entry[count, 0], loads.node_and_entry[count, 1], loads.node_share[count] = (
                         -1 - q,
                         n,
@@ -295,14 +268,14 @@ def _list_prescribed_nodes(numbering, fine, coarse, holds):  # type: ignore[no-u
     count = 0
     for n in range(len(holds.entries)):
         p = holds.entries[n].fine_place
-        ix, iy = fine_column(numbering, p), fine_row(numbering, p)
+        ix, iy = coordinates(numbering.fine, p)
         if fine.node_kinds[p] == FREE:
             holds.node_and_entry[count, 0], holds.node_and_entry[count, 1] = p, n
             fine.has_extra_forces[p // ROW] = True
             remove_damping_of_component(fine, p, holds.entries[n].axis)
             count += 1
-        elif ix % 2 == 0 and iy % 2 == 0 and coarse.node_kinds[coarse_place(numbering, ix // 2, iy // 2)] == FREE:
-            q = coarse_place(numbering, ix // 2, iy // 2)
+        elif ix % 2 == 0 and iy % 2 == 0 and coarse.node_kinds[place_at(numbering.coarse, (ix // 2, iy // 2))] == FREE:
+            q = place_at(numbering.coarse, (ix // 2, iy // 2))
             holds.node_and_entry[count, 0], holds.node_and_entry[count, 1] = -1 - q, n
             coarse.has_extra_forces[q // ROW] = True
             remove_damping_of_component(coarse, q, holds.entries[n].axis)

@@ -17,11 +17,11 @@ from numba.extending import overload
 
 from pdsolve.adaptivity.hybrid.energy import piece_energy, store_half_spring_energies
 from pdsolve.adaptivity.hybrid.forces import interpolate_border_nodes
-from pdsolve.adaptivity.hybrid.lattice import FREE, coarse_column, coarse_place, coarse_row, fine_place
 from pdsolve.adaptivity.hybrid.node_constants import value_at_node
 from pdsolve.codegen.inner_functions import INNER
 from pdsolve.codegen.jit_cache import cached_njit
 from pdsolve.codegen.vector_code import ROW
+from pdsolve.zone.cells import FREE, place_at, place_on_finer_lattice
 
 
 def set_piece_swelling_offsets(lattice: Any, zone: Any) -> None:
@@ -69,8 +69,8 @@ def _overload_swelling_offset_from_line(lattice, half_shrinkage, first_node, sec
             return 0.0, 0.0
         numbering, q = lattice.numbering, min(first_node, second_node)
         level = abs(second_node - first_node) == 1
-        along, across = (1, numbering.fine_row_stride) if level else (numbering.fine_row_stride, 1)
-        p = fine_place(numbering, 2 * coarse_column(numbering, q), 2 * coarse_row(numbering, q))
+        along, across = (1, numbering.fine.strides[1]) if level else (numbering.fine.strides[1], 1)
+        p = place_on_finer_lattice(numbering.coarse, numbering.fine, 2, q)
         scale = -4 * lattice.spacing * w * (w - 1)
         on = scale * (half_shrinkage[p + 2 * along] - half_shrinkage[p]) / 2
         aside = -scale * _minmod_difference(half_shrinkage, lattice.node_constants, p + along, across)
@@ -131,17 +131,17 @@ def average_fine_values_to_coarse(lattice, fine_values, coarse_values):  # type:
     alone counts, so that linear values stay exact.
     """
     numbering, nodes = lattice.numbering, lattice.node_constants
-    for y in range(numbering.fine_cells_y // 2 + 1):
-        for x in range(numbering.fine_cells_x // 2 + 1):
-            p = fine_place(numbering, 2 * x, 2 * y)
+    for y in range(numbering.cells.counts[1] + 1):
+        for x in range(numbering.cells.counts[0] + 1):
+            p = place_at(numbering.fine, (2 * x, 2 * y))
             mean = _weighted_mean_along_line(fine_values, nodes, p, 1)
             if (
-                value_at_node(nodes, nodes.mass, p + numbering.fine_row_stride) > 0
-                and value_at_node(nodes, nodes.mass, p - numbering.fine_row_stride) > 0
+                value_at_node(nodes, nodes.mass, p + numbering.fine.strides[1]) > 0
+                and value_at_node(nodes, nodes.mass, p - numbering.fine.strides[1]) > 0
             ):
-                mean = mean / 2 + _weighted_mean_along_line(fine_values, nodes, p + numbering.fine_row_stride, 1) / 4
-                mean += _weighted_mean_along_line(fine_values, nodes, p - numbering.fine_row_stride, 1) / 4
-            coarse_values[coarse_place(numbering, x, y)] = mean
+                mean = mean / 2 + _weighted_mean_along_line(fine_values, nodes, p + numbering.fine.strides[1], 1) / 4
+                mean += _weighted_mean_along_line(fine_values, nodes, p - numbering.fine.strides[1], 1) / 4
+            coarse_values[place_at(numbering.coarse, (x, y))] = mean
 
 
 @njit(**INNER)

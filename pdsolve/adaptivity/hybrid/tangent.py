@@ -45,7 +45,7 @@ def create_point_weights(
     """
     zone, nodes, numbering = hybrid.zone, int(row_at_place.max()) + 1, hybrid.plate.numbering
     row_of_coarse, row_of_far = (
-        np.full(places, -1, dtype=np.int64) for places in (numbering.coarse_place_count, numbering.far_place_count)
+        np.full(places, -1, dtype=np.int64) for places in (numbering.coarse.place_count, numbering.far.place_count)
     )
     on, far_on = hybrid.fine_places_of_coarse(coarse), hybrid.fine_places_of_far(far)
     row_of_coarse[coarse], row_of_far[far] = row_at_place[on], row_at_place[far_on]
@@ -62,9 +62,9 @@ def create_point_weights(
     of_node = (of_node + diags_array(independent)).tocsr()
 
     pieces, entry_count = zone.clipped_pieces, int(zone.counts.clipped_pieces)
-    of_fine, of_coarse = np.full(numbering.fine_place_count, -1), np.full(numbering.coarse_place_count, -1)
+    of_fine, of_coarse = np.full(numbering.fine.place_count, -1), np.full(numbering.coarse.place_count, -1)
     of_fine[fine], of_coarse[coarse] = np.arange(len(fine)), len(fine) + np.arange(len(coarse))
-    of_far = np.full(numbering.far_place_count, -1)
+    of_far = np.full(numbering.far.place_count, -1)
     of_far[far] = len(fine) + len(coarse) + np.arange(len(far))
     node_rows = np.concatenate([row_at_place[fine], row_at_place[on], row_at_place[far_on]]).astype(np.int64)
     node_points = csr_array((np.ones(len(node_rows)), (np.arange(len(node_rows)), node_rows)), (len(node_rows), nodes))

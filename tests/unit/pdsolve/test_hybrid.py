@@ -38,7 +38,6 @@ from pdmesh.model.possible import impossible
 from pdmesh.quantities import UNITS
 from pdsolve.__main__ import main as solve_command
 from pdsolve.adaptivity.hybrid.coarse_cells import create_hybrid_plate, initial_cell_kinds
-from pdsolve.adaptivity.hybrid.lattice import AROUND, COARSE, FINE
 from pdsolve.adaptivity.hybrid.prepare import rows_of_steep_content
 from pdsolve.adaptivity.hybrid.springs import coarse_springs, create_fine_springs, divide_bonds
 from pdsolve.checks import warn_of_created_energy
@@ -47,6 +46,7 @@ from pdsolve.options import Options
 from pdsolve.run.measures import compute_energy_balance_row
 from pdsolve.run.prepare import prepare, select_scheme
 from pdsolve.run.simulation import simulate
+from pdsolve.zone.cells import AROUND, COARSE, FINE
 
 GEOMETRIES = Path(__file__).parents[3] / "geometries"
 HYBRID = Run(adapt="hybrid", steps=20)
@@ -150,7 +150,7 @@ def test_cells_beside_an_edge_where_a_content_leaps_are_fine(how: str) -> None:
     x = model.grid.position[:, 0]
     assert set(steep) == set(np.flatnonzero(x == x.min()))
     whole = create_hybrid_plate(model.moving_part())
-    cells = initial_cell_kinds(whole, 4, steep).reshape(-1, whole.numbering.cell_row_stride)
+    cells = initial_cell_kinds(whole, 4, steep).reshape(-1, whole.numbering.cells.strides[1])
     across = cells[len(cells) // 2]
     assert across[AROUND : AROUND + 20].tolist() == 5 * [FINE] + 15 * [COARSE]
     assert not (initial_cell_kinds(whole, 4) == FINE).any()

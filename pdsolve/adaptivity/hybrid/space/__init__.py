@@ -4,7 +4,6 @@ A cell of 2 h that is not fine has springs along its edges, the diagonals of its
 bonds are those of `pdsolve.lattice.tiles`, with the bits of bonds that lie whole in fine cells; the springs
 are a second lattice under the same kernel. The remaining parts of clipped bonds are pieces, in groups of eight.
 
-    box               numbering of nodes and cells
     divisions         the parts into which cells divide fine bonds
     arrangement       kinds of nodes, bits and pieces that follow from the cells
     coarse_springs    constants of the springs, and the lattice of those that there are

@@ -13,18 +13,6 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from pdsolve.adaptivity.hybrid.space.box import (
-    BORDER,
-    COARSE,
-    FREE,
-    VOID,
-    CellBox,
-    cell_place,
-    fine_coordinates,
-    fine_node_kind,
-    fine_site,
-    touches_cell_kind,
-)
 from pdsolve.adaptivity.hybrid.space.divisions import SIDES, WORD, BondDivisions
 from pdsolve.codegen.inner_functions import INNER
 from pdsolve.codegen.jit_cache import cached_njit
@@ -32,6 +20,24 @@ from pdsolve.codegen.vector_code import ROW
 from pdsolve.lattice.tile_bonds import INVERSE
 from pdsolve.lattice.tiles import VOLUME, Tiles, pair_number, stiffness
 from pdsolve.numerics.memory import aligned
+from pdsolve.zone.cells import (
+    COARSE,
+    FREE,
+    VOID,
+    ZoneNumbering,
+    along_each_axis,
+    cell_of,
+    coordinates,
+    corner,
+    count_cells_around,
+    divided,
+    fine_node_kind,
+    multiplied,
+    neighbour,
+    place_at,
+    position_number,
+    shifted,
+)
 
 PARTS = 8  # of a bond, more than there are
 BLOCK = 8  # spacings along a side of what is numbered together
@@ -41,7 +47,7 @@ ENDS = 4  # coarse nodes that an end moves with, at most
 class FineLattice(NamedTuple):
     """The constant arrays of the fine lattice of a whole body."""
 
-    box: CellBox
+    numbering: ZoneNumbering
     tiles: Tiles  # with all bonds that are intact, those in coarse cells too
     divisions: BondDivisions  # of the upper half of the offsets
     reach: int  # spacings, along an axis
@@ -87,32 +93,29 @@ class PiecePoints(NamedTuple):
 
 
 @cached_njit(error_model="numpy")
-def set_node_kinds(box, node_at_site, cells, sites, node_kinds, has_coarse_node):  # type: ignore[no-untyped-def]
+def set_node_kinds(numbering, node_at_site, cells, sites, node_kinds, has_coarse_node):  # type: ignore[no-untyped-def]
     """Set `node_kinds` and `has_coarse_node` (n,) at the sites `sites`."""
     for site in sites:
         if node_at_site[site] < 0:
             continue
-        x, y, z = fine_coordinates(box, site)
-        node_kinds[site] = fine_node_kind(box, cells, x, y, z)
-        has_coarse_node[site] = (x | y | z) % 2 == 0 and touches_cell_kind(box, cells, x, y, z, COARSE)
+        x = coordinates(numbering.fine, site)
+        node_kinds[site] = fine_node_kind(numbering, cells, x)
+        has_coarse_node[site] = position_number(x) == 0 and count_cells_around(numbering, cells, x, COARSE) > 0
+
+
+# The lowest of the cells around a fine node x that its bonds pass
+_lowest_cell_around = along_each_axis(lambda along, axis, lowest_offset: (along >> 1) + lowest_offset[along % 2])
 
 
 @njit(**INNER)
-def _fill_bits_of_surrounding_cells(box, cells, divisions, x, y, z, coarse, fine):  # type: ignore[no-untyped-def]
+def _fill_bits_of_surrounding_cells(numbering, cells, divisions, x, coarse, fine):  # type: ignore[no-untyped-def]
     """Fill the bits (w,) of the `coarse` and the `fine` ones of the cells around a fine node; whether there are any."""
     some_coarse = some_fine = False
     coarse[:] = fine[:] = 0
-    number, (left_side, front, low) = (
-        0,
-        (
-            (x >> 1) + divisions.lowest_cell_offset[x % 2],
-            (y >> 1) + divisions.lowest_cell_offset[y % 2],
-            (z >> 1) + divisions.lowest_cell_offset[z % 2],
-        ),
-    )
+    number, (left_side, front, low) = 0, _lowest_cell_around(x, divisions.lowest_cell_offset)
     for cz in range(low, low + divisions.cells_around_per_axis):
         for cy in range(front, front + divisions.cells_around_per_axis):
-            row = cell_place(box, left_side, cy, cz)
+            row = place_at(numbering.cells, (left_side, cy, cz))
             for kind in cells[row : row + divisions.cells_around_per_axis]:
                 if kind != VOID:
                     word, bit = number // WORD, np.uint64(1) << np.uint64(number % WORD)
@@ -136,26 +139,19 @@ def _have_common_bit(bits_a, bits_b):  # type: ignore[no-untyped-def]
 
 
 @njit(forceinline=True, **INNER)
-def _cell_kind_of_part(box, cells, divisions, part, x, y, z):  # type: ignore[no-untyped-def]
-    """The kind of the cell of a part of a bond of fine node (x, y, z)."""
-    return cells[
-        cell_place(
-            box,
-            (x >> 1) + divisions.cell_offset[part, 0],
-            (y >> 1) + divisions.cell_offset[part, 1],
-            (z >> 1) + divisions.cell_offset[part, 2],
-        )
-    ]
+def _cell_kind_of_part(numbering, cells, divisions, part, x):  # type: ignore[no-untyped-def]
+    """The kind of the cell of a part of a bond of fine node x (3,)."""
+    return cells[place_at(numbering.cells, shifted(cell_of(x), divisions.cell_offset[part]))]
 
 
 @njit(**INNER)
-def _count_sides_with_cells(box, cells, divisions, first, x, y, z):  # type: ignore[no-untyped-def]
+def _count_sides_with_cells(numbering, cells, divisions, first, x):  # type: ignore[no-untyped-def]
     """Number of sides of a bond with cells."""
     sides = 0
     for side in range(SIDES):
         has_cells = False
         for part in range(first[side], first[side + 1]):
-            has_cells |= _cell_kind_of_part(box, cells, divisions, part, x, y, z) != VOID
+            has_cells |= _cell_kind_of_part(numbering, cells, divisions, part, x) != VOID
         sides += has_cells
     return sides
 
@@ -167,16 +163,16 @@ def store_bond_bits_and_pieces(fine, cells, bits, sites, pieces):  # type: ignor
     Bonds are those of which a node is the lower end. Returns the number of pieces; those for which there is no room are
     only counted.
     """
-    box, tiles, of, half, count = fine.box, fine.tiles, fine.divisions, len(fine.tiles.offsets) // 2, 0
+    numbering, tiles, of, half, count = fine.numbering, fine.tiles, fine.divisions, len(fine.tiles.offsets) // 2, 0
     coarse_bits, fine_bits = np.empty((2, of.passed_cell_bits.shape[2]), np.uint64)
     for site in sites:
         if tiles.node[site] < 0:
             continue
-        x, y, z = fine_coordinates(box, site)
-        some_coarse, some_fine = _fill_bits_of_surrounding_cells(box, cells, of, x, y, z, coarse_bits, fine_bits)
+        x = coordinates(numbering.fine, site)
+        some_coarse, some_fine = _fill_bits_of_surrounding_cells(numbering, cells, of, x, coarse_bits, fine_bits)
         if not some_fine:
             continue
-        tile, lane, place = site // ROW, np.uint16(site % ROW), x % 2 + 2 * (y % 2) + 4 * (z % 2)
+        tile, lane, place = site // ROW, np.uint16(site % ROW), position_number(x)
         for k in range(half):
             slot, passed = half + k, of.passed_cell_bits[place, k]
             if not (tiles.bits[tile, slot] >> lane) & np.uint16(1):
@@ -185,7 +181,7 @@ def store_bond_bits_and_pieces(fine, cells, bits, sites, pieces):  # type: ignor
                 if not (bits[tile, slot] >> lane) & np.uint16(1):
                     _set_bond_bits(bits, site, site + tiles.offsets[slot], slot)
             elif _have_common_bit(passed, fine_bits):
-                count = _append_pieces_outside_coarse_cells(fine, cells, site, x, y, z, k, pieces, count)
+                count = _append_pieces_outside_coarse_cells(fine, cells, site, x, k, pieces, count)
     return count
 
 
@@ -197,24 +193,24 @@ def _set_bond_bits(bits, site, target, slot):  # type: ignore[no-untyped-def]
 
 
 @njit(**INNER)
-def _append_pieces_outside_coarse_cells(fine, cells, site, x, y, z, k, pieces, count):  # type: ignore[no-untyped-def]
-    """List the pieces of bond k of the node x, y, z; returns how many there are then."""
-    box, tiles, of = fine.box, fine.tiles, fine.divisions
-    slot, first = len(tiles.offsets) // 2 + k, of.part_bounds_of_sides[x % 2 + 2 * (y % 2) + 4 * (z % 2), k]
-    sides = _count_sides_with_cells(box, cells, of, first, x, y, z)
+def _append_pieces_outside_coarse_cells(fine, cells, site, x, k, pieces, count):  # type: ignore[no-untyped-def]
+    """List the pieces of bond k of the node x (3,); returns how many there are then."""
+    numbering, tiles, of = fine.numbering, fine.tiles, fine.divisions
+    slot, first = len(tiles.offsets) // 2 + k, of.part_bounds_of_sides[position_number(x), k]
+    sides = _count_sides_with_cells(numbering, cells, of, first, x)
     for side in range(SIDES):
         has_cells = False
         for part in range(first[side], first[side + 1]):
-            has_cells |= _cell_kind_of_part(box, cells, of, part, x, y, z) != VOID
+            has_cells |= _cell_kind_of_part(numbering, cells, of, part, x) != VOID
         part, last = first[side], first[side + 1]
         while has_cells and part < last:
             begin = part
-            while part < last and _cell_kind_of_part(box, cells, of, part, x, y, z) != COARSE:
+            while part < last and _cell_kind_of_part(numbering, cells, of, part, x) != COARSE:
                 part += 1
             if part > begin:
                 if count < len(pieces.owner_site):
                     length = of.begin_and_end_shares[part - 1, 1] - of.begin_and_end_shares[begin, 0]
-                    ends = _part_end_place(box, of, x, y, z, begin, 0), _part_end_place(box, of, x, y, z, part - 1, 1)
+                    ends = _part_end_place(numbering, of, x, begin, 0), _part_end_place(numbering, of, x, part - 1, 1)
                     back = of.part_ends_at_node[part - 1, 1] and not of.part_ends_at_node[begin, 0]
                     pieces.owner_site[count], pieces.piece_kind[count] = (
                         site,
@@ -241,29 +237,31 @@ def _bond_stiffness(fine, site, slot):  # type: ignore[no-untyped-def]
     return tiles.cells[VOLUME, at] * fine.node_volume * w
 
 
-@njit(**INNER)
-def _part_end_place(box, divisions, x, y, z, part, side):  # type: ignore[no-untyped-def]
-    """The place where a part of a bond of the node x, y, z begins, 0, or ends, 1."""
-    at, unit = divisions.part_end_position[part, side], divisions.units_per_spacing
-    return _blockwise_place_number(
-        box, unit, unit * (x - x % 2) + at[0], unit * (y - y % 2) + at[1], unit * (z - z % 2) + at[2]
-    )
+# Where a part of a bond of fine node x begins or ends, h / unit: `at` (3,) from the corner of the node's cell
+_place_in_units = along_each_axis(lambda along, axis, at, unit: unit * (along - along % 2) + at[axis])
 
 
 @njit(**INNER)
-def _blockwise_place_number(box, unit, x, y, z):  # type: ignore[no-untyped-def]
-    """The number of a place (x, y, z) in h / unit: block by block, so that what is near in space is near in memory."""
-    side = BLOCK * unit
-    across, along = box.fine_nodes_x // BLOCK + 1, box.fine_nodes_y // BLOCK + 1
+def _part_end_place(numbering, divisions, x, part, side):  # type: ignore[no-untyped-def]
+    """The place where a part of a bond of the node x (3,) begins, 0, or ends, 1."""
+    unit = divisions.units_per_spacing
+    return _blockwise_place_number(numbering, unit, _place_in_units(x, divisions.part_end_position[part, side], unit))
+
+
+@njit(**INNER)
+def _blockwise_place_number(numbering, unit, x):  # type: ignore[no-untyped-def]
+    """The number of a place x (3,) in h / unit: block by block, so that what is near in space is near in memory."""
+    (x, y, z), side = x, BLOCK * unit
+    across, along = numbering.fine.counts[0] // BLOCK + 1, numbering.fine.counts[1] // BLOCK + 1
     block = (z // side * along + y // side) * across + x // side
     return ((block * side + z % side) * side + y % side) * side + x % side
 
 
 @njit(**INNER)
-def coordinates_of_place(box, unit, place):  # type: ignore[no-untyped-def]
+def coordinates_of_place(numbering, unit, place):  # type: ignore[no-untyped-def]
     """The place (x, y, z) in h / unit of a number."""
     side = BLOCK * unit
-    across, along = box.fine_nodes_x // BLOCK + 1, box.fine_nodes_y // BLOCK + 1
+    across, along = numbering.fine.counts[0] // BLOCK + 1, numbering.fine.counts[1] // BLOCK + 1
     block, in_block = place // (side * side * side), place % (side * side * side)
     return (
         block % across * side + in_block % side,
@@ -314,17 +312,17 @@ def _copy_piece(source, source_index, target, target_index, is_wanted):  # type:
 @cached_njit(error_model="numpy")
 def fill_piece_point_carriers(fine, node_kinds, places, points):  # type: ignore[no-untyped-def]
     """Fill in what moves the `places` (q,)."""
-    box, unit = fine.box, fine.divisions.units_per_spacing
-    cell = 2 * unit
+    numbering, unit = fine.numbering, fine.divisions.units_per_spacing
     for n in range(len(places)):
-        x, y, z = coordinates_of_place(box, unit, places[n])
+        x = coordinates_of_place(numbering, unit, places[n])
         sites, w = points.carrier_sites[n], points.carrier_weights[n]
-        node = fine_site(box, x // unit, y // unit, z // unit)
-        if x % unit == 0 and y % unit == 0 and z % unit == 0 and node_kinds[node] == FREE:
+        node, at_node = place_at(numbering.fine, divided(x, unit)), True
+        for axis in range(3):
+            at_node &= x[axis] % unit == 0
+        if at_node and node_kinds[node] == FREE:
             _set_node_as_carrier(node, sites, w)
         else:
-            beyond = (x % cell / cell, y % cell / cell, z % cell / cell)
-            _fill_coarse_interpolation_weights(box, x // cell, y // cell, z // cell, beyond, sites, w)
+            _fill_coarse_interpolation_weights(numbering, x, 2 * unit, sites, w)
         points.carrier_count[n] = 0
         for m in range(ENDS):
             points.carrier_count[n] += w[m] > 0
@@ -370,74 +368,65 @@ def _set_node_as_carrier(node, sites, w):  # type: ignore[no-untyped-def]
 
 
 @njit(**INNER)
-def _fill_coarse_interpolation_weights(box, x, y, z, cell_shares, sites, w):  # type: ignore[no-untyped-def]
-    """Fill sites and weights (4,) of a place on the border of cell (X, Y, Z), `cell_shares` along its axes."""
-    count = 0
-    for dz in range(2):
-        for dy in range(2):
-            for dx in range(2):
-                share = cell_shares[0] if dx else 1 - cell_shares[0]
-                share *= cell_shares[1] if dy else 1 - cell_shares[1]
-                share *= cell_shares[2] if dz else 1 - cell_shares[2]
-                if share > 0 and count < ENDS:
-                    sites[count], w[count] = fine_site(box, 2 * (x + dx), 2 * (y + dy), 2 * (z + dz)), share
-                    count += 1
+def _fill_coarse_interpolation_weights(numbering, x, cell_size, sites, w):  # type: ignore[no-untyped-def]
+    """Fill the sites and weights (4,) of the coarse nodes that move a place x (3,) on the border of a cell; `cell_size`
+    is 2 h in the unit of x."""
+    count, cell = 0, divided(x, cell_size)
+    for number in range(1 << len(x)):
+        share = 1.0
+        for axis in range(len(x)):
+            along = x[axis] % cell_size / cell_size
+            share *= along if number >> axis & 1 else 1 - along
+        if share > 0 and count < ENDS:
+            sites[count], w[count] = place_at(numbering.fine, multiplied(corner(cell, number), 2)), share
+            count += 1
     for n in range(count, ENDS):
         sites[n], w[n] = sites[0], 0.0
 
 
 @cached_njit(error_model="numpy")
-def fill_border_carriers(box, border_sites, sites, w):  # type: ignore[no-untyped-def]
+def fill_border_carriers(numbering, border_sites, sites, w):  # type: ignore[no-untyped-def]
     """Fill the sites and weights (b, 4) by which fine nodes on the border, at the sites `border_sites` (b,), move."""
     for n in range(len(border_sites)):
-        x, y, z = fine_coordinates(box, border_sites[n])
-        _fill_coarse_interpolation_weights(
-            box, x >> 1, y >> 1, z >> 1, (0.5 * (x % 2), 0.5 * (y % 2), 0.5 * (z % 2)), sites[n], w[n]
-        )
+        x = coordinates(numbering.fine, border_sites[n])
+        _fill_coarse_interpolation_weights(numbering, x, 2, sites[n], w[n])
 
 
 @cached_njit(error_model="numpy")
 def gather_fine_values_to_coarse(fine, node_kinds, coarse_sites, fine_values, coarse_values):  # type: ignore[no-untyped-def]
     """Set `coarse_values` (k,) of coarse nodes at the fine sites `coarse_sites` to their shares of the `fine_values`
     (sites,) of all fine nodes that are not free."""
-    box, tiles = fine.box, fine.tiles
+    numbering, tiles = fine.numbering, fine.tiles
     for n in range(len(coarse_sites)):
-        x, y, z = fine_coordinates(box, coarse_sites[n])
+        x = coordinates(numbering.fine, coarse_sites[n])
         coarse_values[n] = 0.0
-        for dz in range(max(z - 1, 0), min(z + 2, box.fine_nodes_z)):
-            for dy in range(max(y - 1, 0), min(y + 2, box.fine_nodes_y)):
-                for dx in range(max(x - 1, 0), min(x + 2, box.fine_nodes_x)):
-                    site = fine_site(box, dx, dy, dz)
-                    if tiles.node[site] >= 0 and node_kinds[site] != FREE:
-                        share = 0.5 ** (abs(dx - x) + abs(dy - y) + abs(dz - z))
-                        coarse_values[n] += share * fine_values[site]
+        for number in range(3 ** len(x)):
+            near, share, inside = neighbour(x, 1, number), 1.0, True
+            for axis in range(len(x)):
+                inside &= 0 <= near[axis] < numbering.fine.counts[axis]
+                share *= 1.0 if near[axis] == x[axis] else 0.5
+            site = place_at(numbering.fine, near) if inside else -1
+            if inside and tiles.node[site] >= 0 and node_kinds[site] != FREE:
+                coarse_values[n] += share * fine_values[site]
 
 
 @cached_njit(error_model="numpy")
-def interpolate_at_fine_sites(box, scratch_sites, scratch_weights, row_at_site, node_values, fine_sites, fine_values):  # type: ignore[no-untyped-def]
+def interpolate_at_fine_sites(numbering, row_at_site, node_values, fine_sites, fine_values):  # type: ignore[no-untyped-def]
     """Fill `fine_values` (k, 3) with those of fine nodes at the sites `fine_sites`, from `node_values` (n, 3).
 
-    Nodes that were there before are those with a `row_at_site` (sites,) of at least 0; others lie in coarse cells.
-    `scratch_sites` and `scratch_weights` are scratch.
+    Nodes that were there before are those with a `row_at_site` (sites,) of at least 0; others lie in coarse cells, and
+    have the mean of the coarse nodes that they lie between.
     """
     for n in range(len(fine_sites)):
-        if row_at_site[fine_sites[n]] >= 0:
-            for axis in range(3):
-                fine_values[n, axis] = node_values[row_at_site[fine_sites[n]], axis]
-            continue
-        x, y, z = fine_coordinates(box, fine_sites[n])
+        x, row, share = coordinates(numbering.fine, fine_sites[n]), row_at_site[fine_sites[n]], 1.0
         for axis in range(3):
-            fine_values[n, axis] = 0.0
-        count = 0
-        for dz in range(1 + z % 2):
-            for dy in range(1 + y % 2):
-                for dx in range(1 + x % 2):
-                    scratch_sites[count] = fine_site(box, x - x % 2 + 2 * dx, y - y % 2 + 2 * dy, z - z % 2 + 2 * dz)
-                    count += 1
-        for m in range(count):
-            scratch_weights[m] = 1.0 / count
-            for axis in range(3):
-                fine_values[n, axis] += scratch_weights[m] * node_values[row_at_site[scratch_sites[m]], axis]
+            fine_values[n, axis] = node_values[row, axis] if row >= 0 else 0.0
+            share /= 1 + (x[axis] & 1)
+        for number in range(1 << len(x)):
+            if row < 0 and number & ~position_number(x) == 0:
+                end = place_at(numbering.fine, multiplied(corner(cell_of(x), number), 2))
+                for axis in range(3):
+                    fine_values[n, axis] += node_values[row_at_site[end], axis] * share
 
 
 @cached_njit(nogil=True, error_model="numpy")
@@ -465,7 +454,6 @@ def list_bond_targets(sites, row_at_site, offsets, bits, target):  # type: ignor
 
 
 __all__ = [
-    "BORDER",
     "ENDS",
     "ClippedPieces",
     "FineLattice",

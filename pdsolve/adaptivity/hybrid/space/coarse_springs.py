@@ -18,7 +18,6 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from pdsolve.adaptivity.hybrid.space.box import COARSE, CellBox, cell_place, coarse_site, fine_site
 from pdsolve.codegen.inner_functions import INNER
 from pdsolve.codegen.jit_cache import cached_njit
 from pdsolve.codegen.vector_code import ROW
@@ -29,6 +28,13 @@ from pdsolve.lattice.tiles import ALIKE, EMPTY, MODULUS, SOFT_GENERAL, VOLUME, T
 from pdsolve.laws.law import Law
 from pdsolve.laws.pair import no_bonds
 from pdsolve.numerics.memory import aligned
+from pdsolve.zone.cells import (
+    COARSE,
+    LatticeNumbering,
+    along_each_axis,
+    place_at,
+    place_on_finer_lattice,
+)
 
 
 class CubicStiffness(NamedTuple):
@@ -62,13 +68,11 @@ def coarse_spring_stiffnesses(elastic: CubicStiffness, vertex_force_ratio: float
     return np.asarray(np.array([edge, face, body])[np.count_nonzero(coarse_spring_offsets(), axis=1) - 1])
 
 
-def create_coarse_sites(box: CellBox, h: float) -> Sites:
+def create_coarse_sites(numbering: LatticeNumbering, h: float) -> Sites:
     """The sites of the coarse nodes of a box; no node is there yet."""
-    sides = box.cells_x + 1, box.cells_y + 1, box.cells_z + 1
-    every, stride = int(np.prod(sides)), sides[0] * sides[1]
-    margin = -(-(stride + sides[0] + 1) // ROW) * ROW
-    node = np.full(-(-every // ROW) * ROW, -1, dtype=np.int32)
-    return Sites(np.zeros(0, dtype=np.int64), node, sides, margin, 2 * h, coarse_spring_offsets())
+    margin = -(-(sum(numbering.strides)) // ROW) * ROW
+    node = np.full(-(-numbering.place_count // ROW) * ROW, -1, dtype=np.int32)
+    return Sites(np.zeros(0, dtype=np.int64), node, numbering.counts, margin, 2 * h, coarse_spring_offsets())
 
 
 def create_spring_tiles(law: Law, sites: Sites, stiffness: NDArray[np.float64]) -> Tiles:
@@ -101,29 +105,25 @@ def create_spring_tiles(law: Law, sites: Sites, stiffness: NDArray[np.float64]) 
     )
 
 
+# Cell 0 to 2^d - 1 of those that the spring `step` from coarse node x lies in or beside; some are the same
+_cell_beside_spring = along_each_axis(
+    lambda along, axis, step, number: along + (min(step[axis], 0) if step[axis] else (number >> axis & 1) - 1)
+)
+
+
 @cached_njit(error_model="numpy")
-def set_coarse_springs(box, cells, cell_moduli, spring_offsets, coarse_nodes, tiles):  # type: ignore[no-untyped-def]
+def set_coarse_springs(numbering, cells, cell_moduli, spring_offsets, coarse_nodes, tiles):  # type: ignore[no-untyped-def]
     """Set the springs of the coarse nodes (k, 3) in `coarse_nodes`; `cell_moduli` (c,) is that of cells."""
     for n in range(len(coarse_nodes)):
-        x, y, z = coarse_nodes[n]
-        site = coarse_site(box, x, y, z)
+        x = coarse_nodes[n, 0], coarse_nodes[n, 1], coarse_nodes[n, 2]
+        site = place_at(numbering.coarse, x)
         tile, lane = site // ROW, site % ROW
         for slot in range(len(spring_offsets)):
-            count, total_modulus = 0, 0.0
-            for sz in range(
-                min(spring_offsets[slot, 2], 0) - (spring_offsets[slot, 2] == 0), 1 - (spring_offsets[slot, 2] < 0)
-            ):
-                for sy in range(
-                    min(spring_offsets[slot, 1], 0) - (spring_offsets[slot, 1] == 0), 1 - (spring_offsets[slot, 1] < 0)
-                ):
-                    for sx in range(
-                        min(spring_offsets[slot, 0], 0) - (spring_offsets[slot, 0] == 0),
-                        1 - (spring_offsets[slot, 0] < 0),
-                    ):
-                        count += 1
-                        cell = cell_place(box, x + sx, y + sy, z + sz)
-                        total_modulus += cell_moduli[cell] if cells[cell] == COARSE else 0.0
-            share, bit = total_modulus / count, np.uint16(1) << np.uint16(lane)
+            total_modulus = 0.0
+            for number in range(1 << len(x)):
+                cell = place_at(numbering.cells, _cell_beside_spring(x, spring_offsets[slot], number))
+                total_modulus += cell_moduli[cell] if cells[cell] == COARSE else 0.0
+            share, bit = total_modulus / (1 << len(x)), np.uint16(1) << np.uint16(lane)
             tiles.share[tile, slot, lane] = share
             if share > 0:
                 tiles.bits[tile, slot] |= bit
@@ -174,7 +174,7 @@ def _spring_double_green_strain(tiles, u, site, slot):  # type: ignore[no-untype
 
 
 @cached_njit(error_model="numpy")
-def list_stretched_nodes(box, tiles, unbreakable, u, refinement_stretch, stretched_sites):  # type: ignore[no-untyped-def]
+def list_stretched_nodes(numbering, tiles, unbreakable, u, refinement_stretch, stretched_sites):  # type: ignore[no-untyped-def]
     """List the fine sites of coarse nodes with a spring stretched beyond `refinement_stretch` (sites,) at one of its
     ends; returns how many there are.
 
@@ -195,10 +195,8 @@ def list_stretched_nodes(box, tiles, unbreakable, u, refinement_stretch, stretch
                 above = _spring_double_green_strain(tiles, u, site, slot) > limit * (2 + limit)
                 if above and not (unbreakable[tiles.node[site]] or unbreakable[tiles.node[neighbour]]):
                     for end in (site, neighbour):
-                        row, x = end // (box.cells_x + 1), end % (box.cells_x + 1)
                         if count < len(stretched_sites):
-                            stretched_sites[count] = fine_site(
-                                box, 2 * x, 2 * (row % (box.cells_y + 1)), 2 * (row // (box.cells_y + 1))
-                            )
+                            site_below = place_on_finer_lattice(numbering.coarse, numbering.fine, 2, end)
+                            stretched_sites[count] = site_below
                             count += 1
     return count

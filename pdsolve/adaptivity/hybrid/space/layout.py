@@ -9,7 +9,6 @@ from numpy.typing import NDArray
 
 from pdsolve.adaptivity.hybrid.space import arrangement, coarse_springs
 from pdsolve.adaptivity.hybrid.space.arrangement import ClippedPieces, FineLattice
-from pdsolve.adaptivity.hybrid.space.box import FINE, CellBox
 from pdsolve.codegen.jit_cache import cached_njit
 from pdsolve.codegen.vector_code import ROW
 from pdsolve.conditions import Drive
@@ -17,6 +16,7 @@ from pdsolve.lattice.sites import Sites
 from pdsolve.lattice.tiles import Tiles
 from pdsolve.model import Model
 from pdsolve.numerics.memory import aligned
+from pdsolve.zone.cells import FINE, ZoneNumbering, coordinates
 
 ROOM = 16  # pieces of a node, about
 
@@ -76,25 +76,12 @@ def list_bonds_of_sites(
     return np.repeat(rows, count), target
 
 
-def coordinates_of_sites(box: CellBox, sites: NDArray[np.signedinteger]) -> NDArray[np.int64]:
-    """The fine nodes (k, 3) at sites."""
-    return np.column_stack(
-        [
-            sites % box.fine_nodes_x,
-            sites // box.fine_nodes_x % box.fine_nodes_y,
-            sites // (box.fine_nodes_x * box.fine_nodes_y),
-        ]
-    )
-
-
 def mask_near_cells(
-    box: CellBox, new_cells: NDArray[np.int64], reach: int, reach_above: int | None = None
+    numbering: ZoneNumbering, new_cells: NDArray[np.int64], reach: int, reach_above: int | None = None
 ) -> NDArray[np.bool_]:
     """Mask (sites,) of fine nodes within `reach` spacings of cells (k, 3), above them along z within `reach_above`."""
-    marked = np.zeros(-(-box.fine_nodes_x * box.fine_nodes_y * box.fine_nodes_z // ROW) * ROW, dtype=np.bool_)
-    inside = marked[: box.fine_nodes_x * box.fine_nodes_y * box.fine_nodes_z].reshape(
-        box.fine_nodes_z, box.fine_nodes_y, box.fine_nodes_x
-    )
+    marked = np.zeros(-(-numbering.fine.place_count // ROW) * ROW, dtype=np.bool_)
+    inside = marked[: numbering.fine.place_count].reshape(numbering.fine.shape)
     _mark_sites_near_cells(new_cells, reach, reach if reach_above is None else reach_above, inside)
     return marked
 
@@ -108,6 +95,11 @@ def _mark_sites_near_cells(new_cells, reach, reach_above, marked):  # type: igno
                 marked[dz, dy, max(x - reach, 0) : x + reach + 3] = True
 
 
+def corners_of_cells(new_cells: NDArray[np.int64]) -> NDArray[np.int64]:
+    """The coarse nodes (k, 3) at the corners of cells (j, 3), each once."""
+    return np.unique((new_cells[:, None] + np.array(list(np.ndindex(2, 2, 2)))).reshape(-1, 3), axis=0)
+
+
 def _copy_tiles(tiles: Tiles) -> Tiles:
     return tiles._replace(bits=tiles.bits.copy(), node=tiles.node.copy(), kind=tiles.kind.copy())
 
@@ -117,11 +109,13 @@ def zone_after_refinement(full_body: FullBody, zone: BodyZone, new_cells: NDArra
 
     Bits and numbers are new arrays: results may still ask for bonds of before.
     """
-    fine, box = full_body.fine_lattice, full_body.fine_lattice.box
+    fine, numbering = full_body.fine_lattice, full_body.fine_lattice.numbering
     dirty = np.flatnonzero(
-        mask_near_cells(box, new_cells, fine.reach - 1, 0)
+        mask_near_cells(numbering, new_cells, fine.reach - 1, 0)
     )  # lower ends of bonds that pass these cells
-    arrangement.set_node_kinds(box, fine.tiles.node, zone.cell_kinds, dirty, zone.node_kinds, zone.has_coarse_node)
+    arrangement.set_node_kinds(
+        numbering, fine.tiles.node, zone.cell_kinds, dirty, zone.node_kinds, zone.has_coarse_node
+    )
     zone = zone._replace(fine_tiles=_copy_tiles(zone.fine_tiles), coarse_springs=_copy_tiles(zone.coarse_springs))
     new_pieces = arrangement.allocate_pieces(2 * len(zone.clipped_pieces.owner_site) + ROOM * len(dirty))
     count = arrangement.store_bond_bits_and_pieces(fine, zone.cell_kinds, zone.fine_tiles.bits, dirty, new_pieces)
@@ -133,21 +127,15 @@ def zone_after_refinement(full_body: FullBody, zone: BodyZone, new_cells: NDArra
     old, new_pieces = zone.clipped_pieces, arrangement.take_first_pieces(new_pieces, count)
     ordered = arrangement.allocate_pieces(len(old.owner_site) - np.count_nonzero(stale[old.owner_site]) + count)
     arrangement.merge_pieces_into(old, stale, new_pieces, np.argsort(new_pieces.near_end_place, kind="stable"), ordered)
-    corners = np.unique((new_cells[:, None] + np.array(list(np.ndindex(2, 2, 2)))).reshape(-1, 3), axis=0)
-    coarse_springs.set_coarse_springs(
-        box,
-        zone.cell_kinds,
-        full_body.relative_cell_modulus,
-        full_body.coarse_sites.ways,
-        corners,
-        zone.coarse_springs,
-    )
+    moduli, ways, corners = full_body.relative_cell_modulus, full_body.coarse_sites.ways, corners_of_cells(new_cells)
+    coarse_springs.set_coarse_springs(numbering, zone.cell_kinds, moduli, ways, corners, zone.coarse_springs)
     return zone._replace(clipped_pieces=ordered)
 
 
 def create_body_zone(full_body: FullBody, cells: NDArray[np.uint8], springs: Tiles) -> BodyZone:
     """The zone of cells (c,)."""
-    fine, box, count = full_body.fine_lattice, full_body.fine_lattice.box, len(full_body.fine_sites.node)
+    fine, count = full_body.fine_lattice, len(full_body.fine_sites.node)
+    numbering = fine.numbering
     zone = BodyZone(
         cell_kinds=cells,
         node_kinds=np.zeros(count, dtype=np.uint8),
@@ -160,12 +148,13 @@ def create_body_zone(full_body: FullBody, cells: NDArray[np.uint8], springs: Til
         fine_u=aligned(np.zeros((3, full_body.fine_sites.size))),
         coarse_u=aligned(np.zeros((3, full_body.coarse_sites.size))),
     )
-    arrangement.set_node_kinds(box, fine.tiles.node, cells, np.arange(count), zone.node_kinds, zone.has_coarse_node)
-    inner = cells.reshape(box.padded_shape)[(slice(box.void_margin, -box.void_margin),) * 3]
-    every = np.argwhere(inner == FINE)[:, ::-1]
-    corners = np.column_stack([axis_corners.ravel() for axis_corners in np.meshgrid(
-        *(np.arange(side + 1) for side in (box.cells_x, box.cells_y, box.cells_z)), indexing="ij")])  # fmt: skip
-    coarse_springs.set_coarse_springs(
-        box, cells, full_body.relative_cell_modulus, full_body.coarse_sites.ways, corners, springs
+    arrangement.set_node_kinds(
+        numbering, fine.tiles.node, cells, np.arange(count), zone.node_kinds, zone.has_coarse_node
     )
-    return zone_after_refinement(full_body, zone, np.ascontiguousarray(every)) if len(every) else zone
+    fine_cells = np.flatnonzero(cells == FINE)
+    corners = np.column_stack(coordinates(numbering.coarse, np.arange(numbering.coarse.place_count)))
+    moduli, ways = full_body.relative_cell_modulus, full_body.coarse_sites.ways
+    coarse_springs.set_coarse_springs(numbering, cells, moduli, ways, corners, springs)
+    if not len(fine_cells):
+        return zone
+    return zone_after_refinement(full_body, zone, np.column_stack(coordinates(numbering.cells, fine_cells)))

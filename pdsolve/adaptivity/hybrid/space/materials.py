@@ -12,10 +12,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pdsolve.adaptivity.hybrid.space.arrangement import FineLattice
-from pdsolve.adaptivity.hybrid.space.box import CellBox
 from pdsolve.lattice.sites import Sites
 from pdsolve.lattice.tiles import MODULUS, VOLUME, Tiles
 from pdsolve.model import Model
+from pdsolve.zone.cells import ZoneNumbering
 
 BESIDE = 2  # spacings from a coarse node to the farthest fine nodes of its cells
 
@@ -45,26 +45,24 @@ def least_over_own_limit_strains_of_material_pairs(tiles: Tiles) -> NDArray[np.f
     return np.asarray(np.divide(e.min(), e, out=np.zeros(len(e)), where=np.isfinite(e)))
 
 
-def relative_cell_moduli(box: CellBox, tiles: Tiles) -> NDArray[np.float64]:
+def relative_cell_moduli(numbering: ZoneNumbering, tiles: Tiles) -> NDArray[np.float64]:
     """Stiffness (c,) of coarse cells over that of the first material."""
-    inside = tiles.cells[MODULUS, tiles.margin :][: box.fine_nodes_x * box.fine_nodes_y * box.fine_nodes_z]
-    modulus = (2.0 * inside.astype(np.float64)).reshape(box.fine_nodes_z, box.fine_nodes_y, box.fine_nodes_x)
-    for axis, cells in enumerate((box.cells_z, box.cells_y, box.cells_x)):
+    inside = tiles.cells[MODULUS, tiles.margin :][: numbering.fine.place_count]
+    modulus = (2.0 * inside.astype(np.float64)).reshape(numbering.fine.shape)
+    for axis, cells in enumerate(numbering.cells.counts[::-1]):
         first, middle, last = (_take_every_second(modulus, axis, step, cells, 1.0) for step in range(3))
         modulus = (first + 2 * middle + last) / 4
-    return np.pad(modulus, box.void_margin, constant_values=1.0).ravel()
+    return np.pad(modulus, numbering.cells.margins[0], constant_values=1.0).ravel()
 
 
-def least_peak_stretches(box: CellBox, tiles: Tiles) -> NDArray[np.float64]:
+def least_peak_stretches(numbering: ZoneNumbering, tiles: Tiles) -> NDArray[np.float64]:
     """The least peak (sites,) of a bond's stretch in the cells around each coarse node; infinite without a node."""
-    nodes = tiles.node[: box.fine_nodes_x * box.fine_nodes_y * box.fine_nodes_z]
+    nodes = tiles.node[: numbering.fine.place_count]
     count = int(np.sqrt(len(tiles.peak)) + 0.5)
     material_peak = tiles.peak[:: count + 1].min(axis=1)  # a bond between two materials has one between theirs
-    least_peak = np.where(nodes < 0, np.inf, material_peak[tiles.material[nodes]]).reshape(
-        box.fine_nodes_z, box.fine_nodes_y, box.fine_nodes_x
-    )
-    for axis, cells in enumerate((box.cells_z, box.cells_y, box.cells_x)):
-        ends = (_take_every_second(least_peak, axis, step, cells + 1, np.inf) for step in range(-BESIDE, BESIDE + 1))
+    least_peak = np.where(nodes < 0, np.inf, material_peak[tiles.material[nodes]]).reshape(numbering.fine.shape)
+    for axis, count in enumerate(numbering.coarse.counts[::-1]):
+        ends = (_take_every_second(least_peak, axis, step, count, np.inf) for step in range(-BESIDE, BESIDE + 1))
         least_peak = np.minimum.reduce(list(ends))
     return least_peak.ravel()
 
@@ -79,12 +77,3 @@ def _take_every_second(
     shape = np.ones(values.ndim, dtype=int)
     shape[axis] = count
     return np.where(inside.reshape(shape), entries, outside)
-
-
-__all__ = [
-    "ModelWithMeanDensities",
-    "fine_node_masses",
-    "least_over_own_limit_strains_of_material_pairs",
-    "least_peak_stretches",
-    "relative_cell_moduli",
-]

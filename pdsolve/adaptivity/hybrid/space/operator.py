@@ -18,13 +18,12 @@ from pdsolve.adaptivity.hybrid.arrays import AHEAD
 from pdsolve.adaptivity.hybrid.engine import ZoneSummary
 from pdsolve.adaptivity.hybrid.irregular_bonds import model_of_nodes
 from pdsolve.adaptivity.hybrid.space import arrangement, coarse_springs, pieces
-from pdsolve.adaptivity.hybrid.space.box import BORDER, COARSE, FINE, FREE
 from pdsolve.adaptivity.hybrid.space.history import ZoneHistory
 from pdsolve.adaptivity.hybrid.space.layout import (
     BodyZone,
     FullBody,
     SpringNetwork,
-    coordinates_of_sites,
+    corners_of_cells,
     list_bonds_of_sites,
     mask_near_cells,
     zone_after_refinement,
@@ -55,6 +54,7 @@ from pdsolve.model import Model
 from pdsolve.numerics.thread_team import share
 from pdsolve.operators.protocol import CheckpointArrays
 from pdsolve.state import Broken, State, Unknown
+from pdsolve.zone.cells import BORDER, COARSE, FINE, FREE, ZoneNumbering, cell_of, coordinates, place_at
 
 if TYPE_CHECKING:
     from scipy.sparse import csr_array
@@ -80,7 +80,7 @@ class HybridBodyOperator:
         self._border = np.flatnonzero(zone.node_kinds == BORDER)
         nodes, border, margin = len(self.sites), len(self._border), full_body.fine_sites.margin
         on, self._w = np.zeros((border, arrangement.ENDS), np.int64), np.zeros((border, arrangement.ENDS))
-        arrangement.fill_border_carriers(fine.box, self._border, on, self._w)
+        arrangement.fill_border_carriers(fine.numbering, self._border, on, self._w)
         self._on, self._pieces = (
             self._row[on],
             pieces.create_piece_springs(fine, zone.node_kinds, self._row, zone.clipped_pieces),
@@ -99,6 +99,10 @@ class HybridBodyOperator:
         self._new: list[Broken] = []
         self._breaking = RLock()  # held while bits and broken bonds disagree: results ask for both during a march
 
+    @property
+    def _numbering(self) -> ZoneNumbering:
+        return self.full_body.fine_lattice.numbering
+
     def _gather_to_nodes(self, fine_values: NDArray[np.floating]) -> NDArray[np.float64]:
         """What nodes (n,) have of what is the fine nodes' `fine_values` (sites,)."""
         node_values, coarse = fine_values[self.sites].astype(np.float64), np.zeros(len(self._coarse))
@@ -110,13 +114,8 @@ class HybridBodyOperator:
 
     def _coarse_sites_at(self, sites: NDArray[np.int64]) -> NDArray[np.int64]:
         """The coarse sites at fine sites."""
-        box = self.full_body.fine_lattice.box
-        x, y, z = (
-            sites % box.fine_nodes_x // 2,
-            sites // box.fine_nodes_x % box.fine_nodes_y // 2,
-            sites // (box.fine_nodes_x * box.fine_nodes_y) // 2,
-        )
-        return np.asarray((z * (box.cells_y + 1) + y) * (box.cells_x + 1) + x)
+        numbering = self._numbering
+        return np.asarray(place_at(numbering.coarse, cell_of(coordinates(numbering.fine, sites))))
 
     def _tiles_with_node_numbers(self, tiles: Tiles) -> Tiles:
         """The tiles with the numbers of nodes, followed by those on the border, whose bonds do not break."""
@@ -226,15 +225,15 @@ class HybridBodyOperator:
     ) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
         """Force densities (n, 3), N/m^3, on nodes whose bonds may be others since `new_cells` (k, 3) became fine, and
         which (n,) these are; nothing breaks."""
-        box, reach = self.full_body.fine_lattice.box, self.full_body.fine_lattice.reach
-        which = mask_near_cells(box, new_cells, reach + 1)[
+        numbering, reach = self._numbering, self.full_body.fine_lattice.reach
+        which = mask_near_cells(numbering, new_cells, reach + 1)[
             self.sites
         ]  # the ends of pieces move with nodes up to 2 h from them
         self._set_displacements(state.value)
         zone, density, force = self._zone, self._density, self._force
         force[:], density[:] = 0, 0
         for tiles, u, out, site_mask in (
-            (zone.fine_tiles, zone.fine_u, density, mask_near_cells(box, new_cells, reach + 2)),
+            (zone.fine_tiles, zone.fine_u, density, mask_near_cells(numbering, new_cells, reach + 2)),
             (zone.coarse_springs, zone.coarse_u, force, np.ones(len(zone.coarse_springs.node), dtype=np.bool_)),
         ):
             sum_some(tiles, u, state.rate, out, state.dissipated, site_mask)
@@ -266,14 +265,9 @@ class HybridBodyOperator:
 
     def energies_near_new_cells(self, state: State, new_cells: NDArray[np.int64]) -> NDArray[np.float64]:
         """Strain energy densities (n,), J/m^3, without bonds that are as before `new_cells` (k, 3) became fine."""
-        box = self.full_body.fine_lattice.box
-        site_mask, above = (
-            mask_near_cells(box, new_cells, self.full_body.fine_lattice.reach - 1),
-            np.zeros(len(self._zone.coarse_springs.node), np.bool_),
-        )
-        for corner in np.ndindex(2, 2, 2):
-            x, y, z = (new_cells + np.array(corner)).T
-            above[(z * (box.cells_y + 1) + y) * (box.cells_x + 1) + x] = True
+        site_mask = mask_near_cells(self._numbering, new_cells, self.full_body.fine_lattice.reach - 1)
+        above = np.zeros(len(self._zone.coarse_springs.node), np.bool_)
+        above[place_at(self._numbering.coarse, tuple(corners_of_cells(new_cells).T))] = True
         return self._energy_densities(state, site_mask, above)
 
     def _energy_densities(
@@ -409,19 +403,17 @@ class HybridBodyOperator:
         They are marked as fine at once; `operator_after_refinement` makes the operator for them.
         """
         self._set_displacements(state.value)
-        zone, box, fine = self._zone, self.full_body.fine_lattice.box, self.full_body.fine_lattice
+        zone, numbering, fine = self._zone, self._numbering, self.full_body.fine_lattice
         sites = np.unique(self.sites[self.broken(after_step).source])
         hot_sites = np.zeros(26 * max(len(self._coarse), 1), dtype=np.int64)
         unbreakable = fine.tiles.unbreakable[self.rows]
         count = coarse_springs.list_stretched_nodes(
-            box, zone.coarse_springs, unbreakable, zone.coarse_u, self.full_body.refinement_stretch, hot_sites
+            numbering, zone.coarse_springs, unbreakable, zone.coarse_u, self.full_body.refinement_stretch, hot_sites
         )
         sites = np.unique(np.concatenate([sites, hot_sites[:count]]))
-        new = np.zeros((np.count_nonzero(zone.cell_kinds == COARSE), 3), dtype=np.int64)
-        count = mark_and_list_new_fine_cells_in_balls(
-            box, zone.cell_kinds, coordinates_of_sites(box, sites), AHEAD, new
-        )
-        return new[:count]
+        new = np.zeros(np.count_nonzero(zone.cell_kinds == COARSE), dtype=np.int64)
+        count = mark_and_list_new_fine_cells_in_balls(numbering, zone.cell_kinds, sites, AHEAD, new)
+        return np.column_stack(coordinates(numbering.cells, new[:count]))
 
     def operator_after_refinement(self, new_cells: NDArray[np.int64]) -> HybridBodyOperator:
         """The operator after the cells `new_cells` (k, 3) have become fine."""
@@ -430,9 +422,8 @@ class HybridBodyOperator:
             self.full_body, zone_after_refinement(self.full_body, self._zone, new_cells), self.history, self._threads
         )
         row = self._row[after.sites]
-        changed = (row < 0) | mask_near_cells(
-            self.full_body.fine_lattice.box, new_cells, self.full_body.fine_lattice.reach + 1
-        )[after.sites]
+        near_new = mask_near_cells(self._numbering, new_cells, self.full_body.fine_lattice.reach + 1)
+        changed = (row < 0) | near_new[after.sites]
         after.volumes_and_bond_counts = after._count_bonds(
             changed, np.where(changed, 0, self.volumes_and_bond_counts.bonds[row])
         )
@@ -445,19 +436,15 @@ class HybridBodyOperator:
         if not ((cells == self._zone.cell_kinds) | new).all():
             raise CheckpointError("cells are not those of the start; coarse ones may only become fine")
         self._zone.cell_kinds[:] = cells
-        box = self.full_body.fine_lattice.box
-        where = np.argwhere(new.reshape(box.padded_shape))[:, ::-1] - box.void_margin
-        return self.operator_after_refinement(np.ascontiguousarray(where))
+        return self.operator_after_refinement(np.column_stack(coordinates(self._numbering.cells, np.flatnonzero(new))))
 
     def interpolate_at_grid_rows(
         self, grid_rows: NDArray[np.int64], values: NDArray[np.float64]
     ) -> NDArray[np.float64]:
         """Values (k, 3) of rows of the grid `grid_rows` (k,), interpolated from those of the nodes here (n, 3)."""
-        grid_values, scratch = np.zeros((len(grid_rows), 3)), (np.zeros(8, np.int64), np.zeros(8))
+        grid_values = np.zeros((len(grid_rows), 3))
         sites = self.full_body.fine_sites.site[grid_rows].astype(np.int64) - self.full_body.fine_sites.margin
-        arrangement.interpolate_at_fine_sites(
-            self.full_body.fine_lattice.box, *scratch, self._row, values, sites, grid_values
-        )
+        arrangement.interpolate_at_fine_sites(self._numbering, self._row, values, sites, grid_values)
         return grid_values
 
     def current_rows_of_grid_rows(self, grid_rows: NDArray[np.int64]) -> NDArray[np.int64]:
@@ -467,17 +454,14 @@ class HybridBodyOperator:
     def carrier_rows_of_grid_rows(self, grid_rows: NDArray[np.int64]) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
         """Rows (k, 8) of the nodes that move rows of the grid `grid_rows` (k,), and their shares."""
         margin = self.full_body.fine_sites.margin
-        sites, box = self.full_body.fine_sites.site[grid_rows] - margin, self.full_body.fine_lattice.box
-        node_rows, at = self._row[sites], coordinates_of_sites(box, sites)
+        sites, numbering = self.full_body.fine_sites.site[grid_rows] - margin, self._numbering.fine
+        node_rows, at = self._row[sites], np.column_stack(coordinates(numbering, sites))
         rows, w = np.zeros((len(grid_rows), 8), np.int64), np.zeros((len(grid_rows), 8))
-        for number, corner in enumerate(np.ndindex(2, 2, 2)):
-            step = np.array(corner)
-            part = np.where(at % 2 == 1, 0.5, 1.0 - step).prod(axis=1)
-            end = np.minimum(
-                at - at % 2 + 2 * step, np.array([box.fine_nodes_x, box.fine_nodes_y, box.fine_nodes_z]) - 1
-            )
-            rows[:, number] = self._row[(end[:, 2] * box.fine_nodes_y + end[:, 1]) * box.fine_nodes_x + end[:, 0]]
-            w[:, number] = part
+        for number, corner_steps in enumerate(np.ndindex(2, 2, 2)):
+            step = np.array(corner_steps)
+            w[:, number] = np.where(at % 2 == 1, 0.5, 1.0 - step).prod(axis=1)
+            end = np.minimum(at - at % 2 + 2 * step, np.array(numbering.counts) - 1)
+            rows[:, number] = self._row[place_at(numbering, tuple(end.T))]
         is_node = node_rows >= 0
         rows[is_node], w[is_node] = node_rows[is_node, None], np.eye(8)[0]
         rows[w == 0] = 0

@@ -20,11 +20,11 @@ from pdsolve.adaptivity.hybrid.space.arrangement import (
     coordinates_of_place,
     create_piece_points,
 )
-from pdsolve.adaptivity.hybrid.space.box import fine_site
 from pdsolve.adaptivity.hybrid.space.clipped_pieces import TOGETHER, add_pieces
 from pdsolve.codegen.inner_functions import INNER
 from pdsolve.codegen.jit_cache import cached_njit
 from pdsolve.numerics.memory import aligned
+from pdsolve.zone.cells import divided, place_at
 
 SHARED = 4  # pieces of a point, at least, in the first guess
 
@@ -152,8 +152,8 @@ def group_pieces(fine, pieces, place_table, group_arrays):  # type: ignore[no-un
             continue
         if m % TOGETHER == 0:
             group_arrays.near_point[m // TOGETHER] = i
-            x, y, z = coordinates_of_place(fine.box, unit, place)
-            group_arrays.near_end_site_of_group[m // TOGETHER] = fine_site(fine.box, x // unit, y // unit, z // unit)
+            x = divided(coordinates_of_place(fine.numbering, unit, place), unit)
+            group_arrays.near_end_site_of_group[m // TOGETHER] = place_at(fine.numbering.fine, x)
         place_table.last_near_end[j], place_table.last_piece[j] = run, m
         group_arrays.far_point[m], group_arrays.xi_row[m] = j, fine.xi_row_of_piece_kind[pieces.piece_kind[n]]
         group_arrays.stiffness[m], group_arrays.least_over_own_limit_strain[m] = (

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from math import prod
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -9,7 +11,6 @@ from pdmesh.model.document import Hybrid
 from pdsolve.adaptivity.hybrid.coarse_cells import create_unsupported_error
 from pdsolve.adaptivity.hybrid.space import coarse_springs
 from pdsolve.adaptivity.hybrid.space.arrangement import BLOCK, FineLattice, number_and_list_piece_vectors
-from pdsolve.adaptivity.hybrid.space.box import FINE, VOID, create_cell_box
 from pdsolve.adaptivity.hybrid.space.divisions import divide_half_family
 from pdsolve.adaptivity.hybrid.space.history import NOTHING
 from pdsolve.adaptivity.hybrid.space.layout import FullBody, create_body_zone
@@ -19,7 +20,6 @@ from pdsolve.adaptivity.hybrid.space.materials import (
     relative_cell_moduli,
 )
 from pdsolve.adaptivity.hybrid.space.operator import HybridBodyOperator
-from pdsolve.adaptivity.hybrid.space.prescribed_motion import nodes_unfit_for_coarse
 from pdsolve.adaptivity.hybrid.space.zone import initial_cell_kinds
 from pdsolve.codegen.vector_code import ROW
 from pdsolve.conditions import Drive, Entries, drive, drive_of, put_loads
@@ -32,6 +32,8 @@ from pdsolve.laws.calls import bind
 from pdsolve.laws.law import Law
 from pdsolve.model import Model
 from pdsolve.schemes.cubic_lattice_bonds import tiled
+from pdsolve.zone.cells import FINE, VOID, number_body
+from pdsolve.zone.prescribed_motion import nodes_unfit_for_coarse
 
 SEAM = 0.9  # of the squared sure step of the fine lattice: what short, stiff pieces leave
 SHEAR = 1e-6  # of the block in which tau is found
@@ -49,22 +51,20 @@ def create_body_operator(model: Model, threads: int) -> HybridBodyOperator:
     full_body = create_full_body(model, tiling.sites, tiling.tiles)._replace(
         precrack_cut_counts_of_places=tiling.counted.family - tiling.counted.bonds
     )
-    box, tiles = full_body.fine_lattice.box, tiling.tiles
-    nodes = (int(box.fine_nodes_x) + BLOCK) * (int(box.fine_nodes_y) + BLOCK) * (int(box.fine_nodes_z) + BLOCK)
+    numbering, tiles = full_body.fine_lattice.numbering, tiling.tiles
+    nodes = prod(int(count) + BLOCK for count in numbering.fine.counts)
     if (
         nodes * full_body.fine_lattice.divisions.units_per_spacing**3 >= 1 << 63
     ):  # integers cannot count where pieces end
         reach = f"{full_body.fine_lattice.reach} spacings"
         raise create_unsupported_error(model, "$.horizon.ratio", reach, f"fewer in a lattice of {nodes} places")
-    shape = box.fine_nodes_z, box.fine_nodes_y, box.fine_nodes_x
-    count, first = int(np.prod(shape)), model.grid.position.min(axis=0)
+    shape, count, first = numbering.fine.shape, numbering.fine.place_count, model.grid.position.min(axis=0)
     volume = tiles.cells[VOLUME][tiling.sites.margin :][:count].reshape(shape)
     cracks = (model.grid.cracks.reshape(-1, 3, 3) - first) / h
-    unfit_nodes = nodes_unfit_for_coarse(
-        model, box, tiling.sites.site.astype(np.int64) - tiling.sites.margin, tiles.node
-    )
+    lookups = (tiling.sites.site.astype(np.int64) - tiling.sites.margin).__getitem__, tiles.node.__getitem__
+    unfit_nodes = nodes_unfit_for_coarse(model, numbering.fine, *lookups)
     cells = initial_cell_kinds(
-        box, volume, tiles.node[:count].reshape(shape) >= 0, full_body.fine_lattice.reach, cracks, unfit_nodes
+        numbering, volume, tiles.node[:count].reshape(shape) >= 0, full_body.fine_lattice.reach, cracks, unfit_nodes
     )
     resistance = float((tiling.stiffness_bound / model.rho).max()) / SEAM
     driven = drive(model, model.grid.cells, True, np.float64)
@@ -88,22 +88,22 @@ def create_operator_of_cells(
 def create_full_body(model: Model | None, sites: Sites, tiles: Tiles) -> FullBody:
     """What does not change of a body with these bonds."""
     reach, half = int(np.abs(sites.ways).max()), len(sites.ways) // 2
-    box = create_cell_box(sites.sides, reach)
+    numbering = number_body(tuple(int(side) for side in sites.sides), reach)
     of = divide_half_family(sites.ways[half:])
     kinds = number_and_list_piece_vectors(of, tiles.vectors, sites.spacing)
     fine = FineLattice(
-        box, tiles, of, reach, sites.spacing**3, least_over_own_limit_strains_of_material_pairs(tiles), *kinds
+        numbering, tiles, of, reach, sites.spacing**3, least_over_own_limit_strains_of_material_pairs(tiles), *kinds
     )
-    at = coarse_springs.create_coarse_sites(box, sites.spacing)
-    stretch_limit = (Hybrid() if model is None else model.settings.run.hybrid).kappa * least_peak_stretches(box, tiles)
+    at = coarse_springs.create_coarse_sites(numbering.coarse, sites.spacing)
+    kappa = (Hybrid() if model is None else model.settings.run.hybrid).kappa
     return FullBody(
         model,
         fine,
         sites,
         at,
         np.zeros(len(sites.site), dtype=np.int64),
-        relative_cell_moduli(box, tiles),
-        stretch_limit,
+        relative_cell_moduli(numbering, tiles),
+        kappa * least_peak_stretches(numbering, tiles),
     )
 
 
@@ -128,7 +128,7 @@ def compute_vertex_force(law: Law, table: NDArray[np.floating], h: float) -> flo
     full_body, half = create_full_block(law, table, h, (CUBE, CUBE, CUBE)), CUBE // 2
     cells, nodes = np.zeros((CUBE,) * 3, dtype=np.uint8), 2 * CUBE + 1
     cells[half:, half:, half:] = FINE
-    cells = np.pad(cells, full_body.fine_lattice.box.void_margin, constant_values=VOID)
+    cells = np.pad(cells, full_body.fine_lattice.numbering.cells.margins[0], constant_values=VOID)
     operator = create_operator_of_cells(law, full_body, cells.ravel(), 0.0)
     vertex = CUBE * (1 + nodes + nodes**2)
     value, row = np.zeros((len(operator.sites), 3)), np.searchsorted(operator.sites, vertex)

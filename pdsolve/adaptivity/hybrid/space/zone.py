@@ -2,24 +2,20 @@
 
 from __future__ import annotations
 
-from itertools import product
-
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from pdmesh.model.triangulated_surface import distances
 from pdsolve.adaptivity.hybrid.arrays import RING, TIPS
-from pdsolve.adaptivity.hybrid.space.box import COARSE, FINE, VOID, CellBox, cell_place
-from pdsolve.codegen.inner_functions import INNER
 from pdsolve.codegen.jit_cache import cached_njit
+from pdsolve.zone.cells import COARSE, FINE, VOID, ZoneNumbering, coordinates, mark_and_list_new_fine_cells_near
+from pdsolve.zone.start_cells import mask_cells_around_nodes, mask_cells_with_nodes_and_whole_cells
 
-SAME = 1e-6  # of a cell: volumes this near are the same
 FLANKS = 8  # h: cells this near to the faces of a pre-crack are fine: none of their springs is cut
 
 
 def initial_cell_kinds(
-    box: CellBox,
+    numbering: ZoneNumbering,
     volume: NDArray[np.float64],
     has_node: NDArray[np.bool_],
     reach: int,
@@ -32,29 +28,10 @@ def initial_cell_kinds(
     `volume` and `has_node` (z, y, x) are of fine nodes: cells over h^3, and whether there is one. `cracks` (t, 3, 3)
     are triangles in spacings from the first node. A face along cells cuts none, except at re-entrant edges.
     """
-    full_cubes = _mask_full_cubes(has_node)
-    around = np.zeros(has_node.shape, dtype=np.int8)
-    for side in product((0, 1), repeat=3):
-        around += np.pad(full_cubes, [(1 - s, s) for s in side])
-    odd = has_node & ((np.abs(volume - around / 8) > SAME) | np.isin(around, (3, 5, 6, 7)))
-    in_body, good = np.zeros((2, box.cells_z, box.cells_y, box.cells_x), dtype=bool)
-    good[:] = True
-    wide = [
-        (0, max(0, 2 * count + 1 - side))
-        for count, side in zip((box.cells_z, box.cells_y, box.cells_x), has_node.shape, strict=True)
-    ]
-    odd, has_node = (np.pad(mask, wide) for mask in (odd, has_node))
-    solid = np.zeros_like(has_node)
-    solid[tuple(slice(0, n) for n in full_cubes.shape)] = full_cubes
-    for z, y, x in product(range(3), repeat=3):
-        cell_nodes = np.s_[
-            z : z + 2 * box.cells_z - 1 : 2, y : y + 2 * box.cells_y - 1 : 2, x : x + 2 * box.cells_x - 1 : 2
-        ]
-        in_body |= odd[cell_nodes]
-        good &= ~odd[cell_nodes] & has_node[cell_nodes]
-        if max(z, y, x) < 2:
-            in_body |= solid[cell_nodes]
-            good &= solid[cell_nodes]
+    counts = numbering.cells.counts[::-1]
+    beyond = [(0, max(0, 2 * count + 1 - side)) for count, side in zip(counts, has_node.shape, strict=True)]
+    has_node, volume = np.pad(has_node, beyond), np.pad(np.where(has_node, volume, 0.0), beyond)
+    in_body, good = mask_cells_with_nodes_and_whole_cells(has_node, volume, (0, 0, 0), counts)
     cells = np.where(in_body, FINE, VOID).astype(np.uint8)
     cells[good] = COARSE
     if (in_body & ~good).any():
@@ -63,19 +40,9 @@ def initial_cell_kinds(
         away = 2 * ndimage.distance_transform_edt(~(in_body & ~good)) - 1
         cells[(away <= reach + RING) & good] = FINE
     _refine_around_cracks(cells, cracks)
-    for side in product((0, 1), repeat=3):
-        z, y, x = ((unfit_nodes - side) // 2).clip(0, [box.cells_x - 1, box.cells_y - 1, box.cells_z - 1]).T[::-1]
-        cells[z, y, x] = np.where(cells[z, y, x] == COARSE, FINE, cells[z, y, x])
-    return np.pad(cells, box.void_margin, constant_values=VOID).ravel()
-
-
-def _mask_full_cubes(has_node: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """Mask of the cubes between nodes with a node at all eight corners, by their lowest one."""
-    is_full = has_node
-    for axis in range(3):
-        low, high = (np.take(is_full, np.arange(is_full.shape[axis] - 1) + end, axis=axis) for end in (0, 1))
-        is_full = low & high
-    return is_full
+    cells = np.pad(cells, numbering.cells.margins[0], constant_values=VOID)
+    cells[mask_cells_around_nodes(numbering, unfit_nodes) & (cells == COARSE)] = FINE
+    return cells.ravel()
 
 
 def _refine_around_cracks(cells: NDArray[np.uint8], cracks: NDArray[np.float64]) -> None:
@@ -97,32 +64,13 @@ def _refine_around_cracks(cells: NDArray[np.uint8], cracks: NDArray[np.float64])
 
 
 @cached_njit(error_model="numpy")
-def mark_and_list_new_fine_cells_in_balls(box, cells, places, radius, new_cells):  # type: ignore[no-untyped-def]
-    """Make coarse cells within `radius` of the fine nodes `places` (k, 3) fine, and list them in `new_cells` (., 3).
+def mark_and_list_new_fine_cells_in_balls(numbering, cells, sites, radius, new_cells):  # type: ignore[no-untyped-def]
+    """Make coarse cells within `radius` of the fine nodes at these sites fine, and list their places in `new_cells`.
 
     Returns how many there are.
     """
-    count, half = 0, radius // 2 + 1
-    for n in range(len(places)):
-        x, y, z = places[n]
-        for cz in range(max((z >> 1) - half, 0), min((z >> 1) + half + 1, box.cells_z)):
-            for cy in range(max((y >> 1) - half, 0), min((y >> 1) + half + 1, box.cells_y)):
-                for cx in range(max((x >> 1) - half, 0), min((x >> 1) + half + 1, box.cells_x)):
-                    c = cell_place(box, cx, cy, cz)
-                    away = (
-                        _squared_distance_to_cell_along_axis(x, cx)
-                        + _squared_distance_to_cell_along_axis(y, cy)
-                        + _squared_distance_to_cell_along_axis(z, cz)
-                    )
-                    if cells[c] == COARSE and away < radius * radius:
-                        cells[c] = FINE
-                        new_cells[count, 0], new_cells[count, 1], new_cells[count, 2] = cx, cy, cz
-                        count += 1
+    count = 0
+    for site in sites:
+        x = coordinates(numbering.fine, site)
+        count = mark_and_list_new_fine_cells_near(numbering.cells, cells, x, radius, new_cells, count)
     return count
-
-
-@njit(forceinline=True, **INNER)
-def _squared_distance_to_cell_along_axis(x, cell):  # type: ignore[no-untyped-def]
-    """The square of the distance between a coordinate and a cell."""
-    away = max(abs(x - (2 * cell + 1)) - 1, 0)
-    return away * away

@@ -1,0 +1,6 @@
+"""The moving zone of fine cells, in the plane and in space: what both have.
+
+cells                numbering of the nodes and cells of all spacings, kinds of nodes, cells that become fine
+start_cells          which cells are whole, and which have some of the nodes
+prescribed_motion    nodes whose prescribed motion coarse cells do not have
+"""
