@@ -68,9 +68,10 @@ class Zoned(NamedTuple):
                 nodes.u[0][:, places] = displacement(*position.T)
             if velocity is not None:
                 nodes.v[:, places] = velocity(*position.T)
-        node, end, w, _ = (column[: self.zone.counts.tied_nodes] for column in self.zone.tied_coarse_nodes)
+        tied = self.zone.tied_coarse_nodes[: self.zone.counts.tied_nodes]
+        first, second, w = (tied[name] for name in ("first_carrier", "second_carrier", "second_weight"))
         u = self.zone.far.u[0]
-        self.zone.coarse.u[0][:, node] = (1 - w) * u[:, end[:, 0]] + w * u[:, end[:, 1]]
+        self.zone.coarse.u[0][:, tied["border_node"]] = (1 - w) * u[:, first] + w * u[:, second]
         self.advance(1, 1)
 
     def advance(self, first_step: int, end_step: int) -> None:

@@ -106,7 +106,7 @@ RIGHT_ANSWERS = (
         "tests/verification/test_small_horizons.py::test_isotropic_at_the_usual_ratios",
     ),
     Mutant(
-        "pdsolve/adaptivity/hybrid/springs.py",
+        "pdsolve/zone/springs.py",
         "* counted * factors.shells.at(length)",
         "* counted",
         "tests/verification/test_small_horizons.py::test_springs_of_a_fine_zone_are_isotropic_too",

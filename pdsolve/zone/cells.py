@@ -56,35 +56,38 @@ class ZoneNumbering(NamedTuple):
     cells: LatticeNumbering
 
 
-def number_lattice(counts: tuple[int, ...], margins: tuple[int, ...], row_length: int = 0) -> LatticeNumbering:
+def create_lattice_numbering(
+    counts: tuple[int, ...], margins: tuple[int, ...], row_length: int | None = None
+) -> LatticeNumbering:
     """Places of so many nodes or cells with `margins` on both sides of each axis; rows have `row_length` places, if
     given."""
     strides = [1]
     for count, margin in zip(counts, margins, strict=True):
-        along = row_length if row_length and len(strides) == 1 else count + 2 * margin
+        along = count + 2 * margin if row_length is None or len(strides) > 1 else row_length
         strides.append(strides[-1] * along)
     return LatticeNumbering(counts, margins, tuple(strides[:-1]), strides[-1])
 
 
-def number_plate(fine_cells_x: int, fine_cells_y: int) -> ZoneNumbering:
+def create_plate_numbering(fine_cells_x: int, fine_cells_y: int) -> ZoneNumbering:
     """Places of a rectangle of so many squares between fine nodes, both even; rows begin at whole rows of 16."""
     nodes = list[LatticeNumbering]()
     for ratio, below in ((1, BELOW), (2, BELOW_COARSE), (4, BELOW_COARSE)):
         counts = fine_cells_x // ratio + 1, fine_cells_y // ratio + 1
-        nodes.append(number_lattice(counts, (LEFT, below), ROW * -(-(LEFT + counts[0] + BELOW) // ROW)))
+        nodes.append(create_lattice_numbering(counts, (LEFT, below), ROW * -(-(LEFT + counts[0] + BELOW) // ROW)))
     fine, coarse, far = nodes
-    return ZoneNumbering(fine, coarse, far, number_lattice((fine_cells_x // 2, fine_cells_y // 2), (AROUND, AROUND)))
+    cells = create_lattice_numbering((fine_cells_x // 2, fine_cells_y // 2), (AROUND, AROUND))
+    return ZoneNumbering(fine, coarse, far, cells)
 
 
-def number_body(fine_nodes: tuple[int, ...], reach: int) -> ZoneNumbering:
+def create_body_numbering(fine_nodes: tuple[int, ...], reach: int) -> ZoneNumbering:
     """Places of a box of so many fine nodes along each axis, whose bonds reach so many spacings.
 
     Nodes have no margins, as in tiles without theirs. There are no far nodes.
     """
     none, cells = (0,) * len(fine_nodes), tuple(max(1, count // 2) for count in fine_nodes)
     coarse, void = tuple(count + 1 for count in cells), (reach // 2 + 2,) * len(cells)
-    fine, coarse_nodes, far = (number_lattice(counts, none) for counts in (fine_nodes, coarse, none))
-    return ZoneNumbering(fine, coarse_nodes, far, number_lattice(cells, void))
+    fine, coarse_nodes, far = (create_lattice_numbering(counts, none) for counts in (fine_nodes, coarse, none))
+    return ZoneNumbering(fine, coarse_nodes, far, create_lattice_numbering(cells, void))
 
 
 def place_at(numbering: LatticeNumbering, x: Any) -> Any:
@@ -134,8 +137,8 @@ def _coordinates(numbering, place):  # type: ignore[no-untyped-def]
 
 
 def along_each_axis(function: Any) -> Any:
-    """A function of coordinates (d,): the coordinates that `function` returns for each, its axis, and what else there
-    is; in Python and in compiled code."""
+    """A function of coordinates (d,) and further arguments, in Python and in compiled code: the coordinates (d,) that
+    `function` returns for one along an axis, the number of that axis, and the further arguments."""
     compiled = njit(**_IN_PLACE)(function)
 
     def for_all_axes(x: Any, *others: Any) -> Any:
@@ -162,23 +165,23 @@ def _digit(number, base, axis):  # type: ignore[no-untyped-def]
 
 
 # x times a factor
-multiplied = along_each_axis(lambda along, axis, factor: along * factor)
+scale_coordinates = along_each_axis(lambda along, axis, factor: along * factor)
 # x and the steps (d,) from there
-shifted = along_each_axis(lambda along, axis, step: along + step[axis])
+add_step = along_each_axis(lambda along, axis, step: along + step[axis])
 # Corner 0 to 2^d - 1 of a cell x, along x first: the coarse node there
-corner = along_each_axis(lambda along, axis, number: along + (number >> axis & 1))
-# The cell whose corner at its lowest coordinates, or whose middle, face or edge next to it, is the fine node x
-cell_of = along_each_axis(lambda along, axis: along >> 1)
+cell_corner = along_each_axis(lambda along, axis, number: along + (number >> axis & 1))
+# The cell that fine node x is in, or at the lower border of
+cell_at = along_each_axis(lambda along, axis: along >> 1)
 # Cell 0 to 2^d - 1, along x first, of those that a fine node x is in or touches; some are the same
 cell_around = along_each_axis(lambda along, axis, number: (along + (number >> axis & 1) - 1) >> 1)
 # Node or cell 0 to (2 n + 1)^d - 1, along x first, of those at most n from x along each axis
 neighbour = along_each_axis(lambda along, axis, n, number: along - n + _digit(number, 2 * n + 1, axis))
 # x over a length, rounded down
-divided = along_each_axis(lambda along, axis, length: along // length)
+floor_divide = along_each_axis(lambda along, axis, length: along // length)
 
 
 @njit(**_IN_PLACE)
-def position_number(x):  # type: ignore[no-untyped-def]
+def position_in_cell(x):  # type: ignore[no-untyped-def]
     """Where fine node x (d,) is in its cell, 0 or 1 along each axis, as a number: 0 to 2^d - 1, along x first."""
     number = 0
     for axis in range(len(x)):
@@ -189,7 +192,7 @@ def position_number(x):  # type: ignore[no-untyped-def]
 @register_jitable(**_IN_PLACE)
 def place_on_finer_lattice(numbering, finer_numbering, ratio, place):  # type: ignore[no-untyped-def]
     """The place on a `ratio` times finer lattice of the node that lies there, or places of arrays."""
-    return place_at(finer_numbering, multiplied(coordinates(numbering, place), ratio))
+    return place_at(finer_numbering, scale_coordinates(coordinates(numbering, place), ratio))
 
 
 @njit(**INNER)
@@ -218,7 +221,7 @@ def mark_and_list_new_fine_cells_near(numbering, cell_kinds, x, radius, new_cell
     """
     most = radius // 2 + 1
     for number in range((2 * most + 1) ** len(x)):
-        cell, square, inside = neighbour(cell_of(x), most, number), 0, True
+        cell, square, inside = neighbour(cell_at(x), most, number), 0, True
         for axis in range(len(x)):
             away = max(abs(x[axis] - (2 * cell[axis] + 1)) - 1, 0)
             square += away * away

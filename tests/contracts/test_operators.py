@@ -207,7 +207,7 @@ def alone(system: Any) -> NDArray[np.bool_]:
     found = np.ones(len(system.area), dtype=np.bool_)
     if isinstance(system.operator, HybridOperator):
         zone, x = system.operator.engine.zone, system.model.grid.position
-        border = zone.border_nodes.border_node[: zone.counts.border_nodes]
+        border = zone.border_nodes["border_node"][: zone.counts.border_nodes]
         tied = x[np.isin(system.operator.places, border)]
         found = np.linalg.norm(x[:, None] - tied, axis=2).min(axis=1) > 3 * H
     return found

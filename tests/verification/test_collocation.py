@@ -24,12 +24,12 @@ from pdsolve.adaptivity.collocation.engine import CollocationEngine
 from pdsolve.adaptivity.collocation.layout import dilate_mask
 from pdsolve.adaptivity.collocation.row_stiffness import COMPUTED, WHOLE
 from pdsolve.adaptivity.collocation.zone import BETWEEN, COARSE, FINE
-from pdsolve.adaptivity.hybrid.springs import create_fine_springs
 from pdsolve.codegen.vector_code import ROW
 from pdsolve.errors import UnstableError
 from pdsolve.options import Options
 from pdsolve.run.measures import compute_energy_balance_row
 from pdsolve.run.prepare import prepare
+from pdsolve.zone.springs import create_fine_springs
 
 RUN = Run(adapt="collocation", collocation=Collocation(damped=True), steps=10)
 

@@ -19,7 +19,6 @@ from pdmesh.model.document import Material
 from pdmesh.model.lattice_calibration import along_axes, calibration
 from pdmesh.model.material_constants import BONDS_NU
 from pdmesh.model.node_grid import Grid
-from pdsolve.adaptivity.hybrid.springs import create_fine_springs
 from pdsolve.checks import warn_of_model
 from pdsolve.laws import micropolar
 from pdsolve.model import ModelWarning
@@ -27,6 +26,7 @@ from pdsolve.options import Options
 from pdsolve.run.prepare import prepare
 from pdsolve.schemes import families
 from pdsolve.schemes.average_horizon import ALL, Corrections, fill
+from pdsolve.zone.springs import create_fine_springs
 
 GAUGE = 0.25  # of the length, at either end, that is not measured
 

@@ -6,7 +6,7 @@ Nodes are numbered row by row, with margins as wide as a family, so that a neigh
     p       place of a node                          ix, iy   its column and row, from the lower left corner
     u, v    (2, places)                              h        spacing of fine nodes; that of coarse ones is 2 h
 
-A fine bond is a spring as in `pdsolve.adaptivity.hybrid.springs`; at edges and faces of pre-cracks it has the
+A fine bond is a spring as in `pdsolve.zone.springs`; at edges and faces of pre-cracks it has the
 correction of surfaces that `pdsolve.schemes.average_horizon` gives it, computed when it is needed: with 1792 bonds a
 node there is no room to keep it.
 """
@@ -22,7 +22,6 @@ from pdmesh.model.neighbours import Pairs
 from pdmesh.model.visibility import Sight
 from pdsolve.adaptivity.hybrid.coarse_cells import check_no_precrack_on_node
 from pdsolve.adaptivity.hybrid.precracks import is_visible, lengthen_cracks
-from pdsolve.adaptivity.hybrid.springs import STIFFNESS, Springs, double_green_strain_from_stretch
 from pdsolve.codegen.jit_cache import cached_njit
 from pdsolve.codegen.vector_code import ROW
 from pdsolve.conditions import loaded_or_held, unbreakable
@@ -32,6 +31,7 @@ from pdsolve.laws.pair_laws import brittle
 from pdsolve.model import Model, ModelError
 from pdsolve.numerics.dilation import in_square
 from pdsolve.operators.stencils import Stencil
+from pdsolve.zone.springs import STIFFNESS, Springs, double_green_strain_from_stretch
 from pdsolve.zone.start_cells import count_full_cubes_around_nodes
 
 ALONG_X, ALONG_Y = 6, 7  # columns of `spring_table`

@@ -14,10 +14,10 @@ from pdsolve.adaptivity.collocation.operator import CollocationOperator
 from pdsolve.adaptivity.collocation.row_stiffness import largest_stiffness_bound, share_stiffness_of_equal_rows
 from pdsolve.adaptivity.collocation.zone import mask_eligible_coarse
 from pdsolve.adaptivity.hybrid.coarse_cells import check_model_supported, create_unsupported_error
-from pdsolve.adaptivity.hybrid.springs import create_fine_springs
 from pdsolve.conditions import drive, initial_velocity
 from pdsolve.model import Model
 from pdsolve.operators.stencils import StencilError, elastic, longest, stencil_of
+from pdsolve.zone.springs import create_fine_springs
 
 LEAST, MOST = 3.0, 32.0  # horizon over spacing
 OFTEN = 8  # steps between two looks, at most

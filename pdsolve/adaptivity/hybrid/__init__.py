@@ -6,12 +6,11 @@ bonds that leave the fine cells are clipped: the remaining piece ends on the bor
 stiffness grows as its length shrinks. There is thus a single energy: every linear field is in equilibrium, and momentum
 and energy are conserved.
 
-    springs            springs of a node, fine and coarse, and where bonds cross from cell to cell
     arrays             what a run changes
     precracks          bonds that pre-cracks cut, surfaces
     irregular_bonds    bonds at edges, pre-cracks and interfaces
-    simd_rows          vector code: forces on 16 nodes
-    nodes              free, border and idle nodes, their masses, initial motion of new ones
+    nodes              fine, coarse and far nodes: kinds, masses, springs, initial motion of new ones
+    far_cells          cells of 4 h, and how they become four of 2 h
     clipped_bonds      whole bonds, and pieces of others
     bond_breaking      softening and breaking of fine bonds
     forces             forces on all nodes, with kick and drift

@@ -25,11 +25,11 @@ from pdmesh.model.selection import components, given_of
 from pdmesh.model.values_at_places import largest
 from pdmesh.model.values_of_place import Value, is_of_place
 from pdsolve.adaptivity.hybrid.coarse_cells import create_hybrid_plate, initial_cell_kinds, precrack_tips
-from pdsolve.adaptivity.hybrid.springs import create_springs_of_materials
 from pdsolve.errors import FineZoneTooLateError, UnstableError
 from pdsolve.model import Model, ModelError, ModelNote
 from pdsolve.options import Options
 from pdsolve.zone.cells import COARSE, FINE
+from pdsolve.zone.springs import create_springs_of_materials
 
 EVEN, FIXED, FINE_NODES = 0.06, 1200.0, 2.2
 STRIP = 25.0  # h, width of what a crack leaves fine

@@ -11,9 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pdsolve.adaptivity.hybrid.node_constants import NodeConstants
-from pdsolve.adaptivity.hybrid.springs import BondParts
 from pdsolve.codegen.record import Record
 from pdsolve.codegen.vector_code import ROW
+from pdsolve.zone.bond_parts import BondParts
 from pdsolve.zone.cells import ZoneNumbering
 
 EVERY = 8  # steps between two looks at what has broken and what is stretched
@@ -92,31 +92,44 @@ class LatticeNodes(NamedTuple):
     damped_energy: NDArray[np.float64] | None  # (n,) J/m, taken from a node by damping so far
 
 
+class PieceSpring(Record):
+    """The remaining piece of a clipped bond as a spring."""
+
+    owner_node: int  # the lower node of the bond
+    xi_x: float  # from its first end to its second one, m
+    xi_y: float
+    inverse_square: float  # 1 / |xi|^2, 1/m^2
+    stiffness: float  # N/m^2
+    is_breakable: float  # 1, or 0 if it is to last
+    swelling_x: float  # added to the displacement between its ends, where nodes swell, m
+    swelling_y: float
+
+
+class PieceEnd(Record):
+    """An end of a piece: a fine node, or a place that moves with two coarse nodes."""
+
+    first_node: int
+    second_node: int  # -1: the end is the fine node `first_node`
+    second_weight: float
+
+
 class ClippedPieces(NamedTuple):
     """The remaining pieces of clipped bonds, ordered by their owners."""
 
-    owner_node: NDArray[np.int64]  # (p,)
-    end_nodes: NDArray[np.int64]  # (p, 4) of both ends: fine node and -1, or two coarse nodes
-    spring_constants: NDArray[np.float64]  # (p, 8) w of both ends, xi, 1 / |xi|^2, k, and 0 if it is to last
-    swelling_offset: NDArray[np.float64]  # (p, 2) added to the displacements between its ends, where nodes swell, m
+    springs: NDArray[PieceSpring]  # (p,)
+    ends: NDArray[PieceEnd]  # (p, 2)
 
 
-class BorderNodes(NamedTuple):
-    """Nodes on the border, which move with coarser ones: fine ones with coarse ones, or coarse ones with far ones."""
+class BorderNode(Record):
+    """A node on the border, which moves with two coarser ones: a fine one with coarse ones, or a coarse one with far
+    ones."""
 
-    border_node: NDArray[np.int64]
-    carrier_nodes: NDArray[np.int64]  # (., 2)
-    second_carrier_weight: NDArray[np.float64]
-    swelling_offset: NDArray[np.float64]  # (., 2) how far they are off the line between those, where nodes swell, m
-
-    def first_nodes(self, count: int) -> BorderNodes:
-        """The first `count` of these nodes."""
-        return BorderNodes(
-            self.border_node[:count],
-            self.carrier_nodes[:count],
-            self.second_carrier_weight[:count],
-            self.swelling_offset[:count],
-        )
+    border_node: int
+    first_carrier: int
+    second_carrier: int
+    second_weight: float
+    swelling_x: float  # how far it is off the line between those, where nodes swell, m
+    swelling_y: float
 
 
 class LoadOrPrescribedMotion(Record):
@@ -204,10 +217,10 @@ class PlateZone(NamedTuple):
     fine: LatticeNodes
     coarse: LatticeNodes
     far: LatticeNodes  # 4 h apart
-    tied_coarse_nodes: BorderNodes  # coarse nodes on the border of cells of 4 h, which move with far ones
+    tied_coarse_nodes: NDArray[BorderNode]  # coarse nodes on the border of cells of 4 h, which move with far ones
     clipped_pieces: ClippedPieces
     spare_clipped_pieces: ClippedPieces
-    border_nodes: BorderNodes
+    border_nodes: NDArray[BorderNode]
     break_events: BreakEvents
     node_dissipation: NDArray[np.float64]  # (n,) J/m, by the bonds of a fine node so far
     is_damaged: NDArray[np.bool_]  # (n,) fine nodes one of whose bonds has softened or broken
@@ -261,16 +274,6 @@ def create_idle_nodes(
     )
 
 
-def allocate_border_nodes(node_count: int) -> BorderNodes:
-    """Room for so many nodes on the border."""
-    return BorderNodes(
-        lazy_zeros(node_count, dtype=np.int64),
-        lazy_zeros(node_count, 2, dtype=np.int64),
-        lazy_zeros(node_count),
-        lazy_zeros(node_count, 2),
-    )
-
-
 def lazy_zeros(*shape: int, dtype: Any = np.float64) -> NDArray[Any]:
     """Zeros aligned to 64 bytes in small pages, which are taken as they are written.
 
@@ -299,8 +302,7 @@ def create_plate_zone(
     nothing = LoadsOrHolds(np.zeros(0, LoadOrPrescribedMotion.fields()), np.zeros((0, 2), np.int64), np.zeros(0))
 
     def pieces() -> ClippedPieces:
-        ends = np.zeros((piece, 4), np.int64)
-        return ClippedPieces(np.zeros(piece, np.int64), ends, np.zeros((piece, 8)), np.zeros((piece, 2)))
+        return ClippedPieces(np.zeros(piece, PieceSpring.fields()), np.zeros((piece, 2), PieceEnd.fields()))
 
     events, nodes = ROW * row_count * spring_count, ROW * row_count
     return PlateZone(
@@ -315,10 +317,10 @@ def create_plate_zone(
         far=create_idle_nodes(
             numbering.far.place_count, 8, numbering.far.place_count // ROW, dtype, swells=swells, damps=damps
         ),
-        tied_coarse_nodes=allocate_border_nodes(numbering.coarse.place_count),
+        tied_coarse_nodes=lazy_zeros(numbering.coarse.place_count, dtype=BorderNode.fields()),
         clipped_pieces=pieces(),
         spare_clipped_pieces=pieces(),
-        border_nodes=allocate_border_nodes(nodes),
+        border_nodes=lazy_zeros(nodes, dtype=BorderNode.fields()),
         break_events=BreakEvents(
             np.zeros(events, np.int32), np.zeros(events, np.int64), np.zeros(events, np.int32), *np.zeros((2, events))
         ),
@@ -360,6 +362,6 @@ def enlarge_zone(zone: PlateZone) -> PlateZone:
         ),
         clipped_pieces=ClippedPieces(*(double_length(array, counts.clipped_pieces) for array in zone.clipped_pieces)),
         spare_clipped_pieces=ClippedPieces(*(double_length(array, 0) for array in zone.spare_clipped_pieces)),
-        border_nodes=BorderNodes(*(double_length(array, counts.border_nodes) for array in zone.border_nodes)),
+        border_nodes=double_length(zone.border_nodes, counts.border_nodes),
         break_events=BreakEvents(*(double_length(array, counts.broken_bonds) for array in zone.break_events)),
     )

@@ -17,48 +17,45 @@ from pdsolve.adaptivity.hybrid.precracks import (
     is_unbreakable,
     peak_and_limit_strain,
 )
-from pdsolve.adaptivity.hybrid.springs import WINDOW
 from pdsolve.codegen.inner_functions import INNER
 from pdsolve.codegen.vector_code import ROW
 from pdsolve.laws.pair_laws.bilinear import intact_share
-from pdsolve.zone.cells import EMPTY, FINE, IDLE, VOID, coordinates, place_at, shifted
+from pdsolve.zone.bond_parts import lowest_cell_around, next_piece
+from pdsolve.zone.cells import EMPTY, FINE, IDLE, VOID, add_step, cell_at, coordinates, place_at, position_in_cell
+from pdsolve.zone.springs import INVERSE, X, Y
 
-EVERY = (1 << WINDOW**2) - 1  # all cells that bonds of a node could pass through
+EVERY = np.uint64(2**64 - 1)  # all cells that bonds of a node could pass through
 
 
 @njit(**INNER)
-def _noncoarse_and_plate_cell_bits(lattice, cells, ix, iy):  # type: ignore[no-untyped-def]
-    """The cells around a fine node that are not coarse, so that bonds are whole there, and those of the plate: a bit
-    each, as `BondParts.side_cell_bits` has them."""
-    whole_bond_bits, plate_bits, reach = np.uint64(EVERY), np.uint64(0), (lattice.family_reach + 1) // 2
-    for y in range(-reach, reach + 1):
-        for x in range(-reach, reach + 1):
-            cell_kind = cells[place_at(lattice.numbering.cells, ((ix >> 1) + x, (iy >> 1) + y))]
-            bit = np.uint64(1) << np.uint64(WINDOW * (y + WINDOW // 2) + x + WINDOW // 2)
-            whole_bond_bits &= np.uint64(EVERY) if cell_kind in (FINE, EMPTY) else ~bit
+def _noncoarse_and_plate_cell_bits(lattice, cells, x):  # type: ignore[no-untyped-def]
+    """The cells around fine node x (2,) that are not coarse, so that bonds are whole there, and those of the plate: a
+    bit each, as `BondParts.side_cell_bits` has them."""
+    whole_bond_bits, plate_bits, bit = EVERY, np.uint64(0), np.uint64(1)
+    bond_parts = lattice.bond_parts
+    (left_side, low), wide = lowest_cell_around(x, bond_parts.lowest_cell_offset), bond_parts.cells_around_per_axis
+    for row in range(low, low + wide):
+        first = place_at(lattice.numbering.cells, (left_side, row))
+        for c in range(first, first + wide):
+            cell_kind = cells[c]
+            whole_bond_bits &= EVERY if cell_kind in (FINE, EMPTY) else ~bit
             plate_bits |= bit if cell_kind < VOID else np.uint64(0)
+            bit <<= np.uint64(1)
     return whole_bond_bits, plate_bits
 
 
 @njit(forceinline=True, **INNER)
-def _count_bond_sides_in_plate_whole_and_fine(lattice, place, k, whole_bond_bits, plate_bits):  # type: ignore[no-untyped-def]
+def _count_bond_sides_in_plate_whole_and_fine(lattice, position, k, whole_bond_bits, plate_bits):  # type: ignore[no-untyped-def]
     """On how many sides of a bond there are cells of the plate, on how many of them it is whole, and on how many it has
     a part in other cells than coarse ones."""
     sides = whole_sides = fine_sides = 0
     for side in range(2):
-        bits = lattice.bond_parts.side_cell_bits[place, k, side]
+        bits = lattice.bond_parts.side_cell_bits[position, k, side, 0]
         if plate_bits & bits != 0:
             sides += 1
             whole_sides += whole_bond_bits & bits == bits
             fine_sides += whole_bond_bits & bits != 0
     return sides, whole_sides, fine_sides
-
-
-@njit(forceinline=True, **INNER)
-def _is_bond_part_outside_coarse_cells(numbering, cells, bond_parts, x, y, part):  # type: ignore[no-untyped-def]
-    """Whether a part of a bond lies in a fine cell and is not cut."""
-    cell_kind = cells[place_at(numbering.cells, shifted((x, y), bond_parts.cell_offset[part]))]
-    return cell_kind in (FINE, EMPTY)
 
 
 @njit(**INNER)
@@ -145,16 +142,16 @@ def row_has_active_node(node_kinds, row):  # type: ignore[no-untyped-def]
 
 @njit(**INNER)
 def _set_lane_stiffness(lattice, cells, broken_bond_bits, node_kinds, p, row_stiffness, lane):  # type: ignore[no-untyped-def]
-    ix, iy = coordinates(lattice.numbering.fine, p)
-    place = ix % 2 + 2 * (iy % 2)
+    x = coordinates(lattice.numbering.fine, p)
+    position = position_in_cell(x)
     row_stiffness[:, lane] = 0.0
     if node_kinds[p] == IDLE:
         return
-    whole_bond_bits, plate_bits = _noncoarse_and_plate_cell_bits(lattice, cells, ix, iy)
+    whole_bond_bits, plate_bits = _noncoarse_and_plate_cell_bits(lattice, cells, x)
     for k in range(len(lattice.family_dx)):
         if is_bond_intact(lattice, broken_bond_bits, p, k):
             sides, whole_sides, _ = _count_bond_sides_in_plate_whole_and_fine(
-                lattice, place, k, whole_bond_bits, plate_bits
+                lattice, position, k, whole_bond_bits, plate_bits
             )
             row_stiffness[k, lane] = full_bond_stiffness(lattice, p, k) * (whole_sides / sides if sides > 0 else 0.0)
 
@@ -175,73 +172,59 @@ def find_or_reserve_stiffness_index(stiffness_indices, counts, row):  # type: ig
 def append_pieces_of_node(lattice, cells, broken_bond_bits, node_kinds, p, pieces, count):  # type: ignore[no-untyped-def]
     """Append the pieces of the bonds that a fine node owns; returns the new number of pieces."""
     numbering, bond_parts, half = lattice.numbering, lattice.bond_parts, len(lattice.family_dx) // 2
-    ix, iy = coordinates(numbering.fine, p)
-    x, y, place = ix >> 1, iy >> 1, ix % 2 + 2 * (iy % 2)
-    whole_bond_bits, plate_bits = _noncoarse_and_plate_cell_bits(lattice, cells, ix, iy)
+    x = coordinates(numbering.fine, p)
+    position = position_in_cell(x)
+    whole_bond_bits, plate_bits = _noncoarse_and_plate_cell_bits(lattice, cells, x)
     if whole_bond_bits == EVERY:
         return count
     for k in range(half):
         sides, whole_sides, fine_sides = _count_bond_sides_in_plate_whole_and_fine(
-            lattice, place, k, whole_bond_bits, plate_bits
+            lattice, position, k, whole_bond_bits, plate_bits
         )
         if fine_sides == whole_sides or not is_bond_intact(lattice, broken_bond_bits, p, k):
             continue
-        first = bond_parts.part_bounds_of_sides[place, k]
         for side in range(2):
-            n, last = first[side], first[side + 1]
-            if plate_bits & bond_parts.side_cell_bits[place, k, side] == 0:
+            if plate_bits & bond_parts.side_cell_bits[position, k, side, 0] == 0:
                 continue
-            while n < last:
-                if not _is_bond_part_outside_coarse_cells(numbering, cells, bond_parts, x, y, n):
-                    n += 1
-                    continue
-                begin = n
-                while n < last and _is_bond_part_outside_coarse_cells(numbering, cells, bond_parts, x, y, n):
-                    n += 1
-                if begin == first[side] and n == last:
-                    continue
-                _set_piece(lattice, node_kinds, p, k, begin, n - 1, pieces, count)
-                pieces.spring_constants[count, 5] /= sides
-                count += 1
+            first, last = (
+                bond_parts.part_bounds_of_sides[position, k, side],
+                bond_parts.part_bounds_of_sides[position, k, side + 1],
+            )
+            begin, end = next_piece(numbering.cells, cells, bond_parts, x, first, last, False)
+            while begin < end:
+                if begin > first or end < last:
+                    _set_piece(lattice, node_kinds, p, k, begin, end - 1, pieces, count)
+                    pieces.springs[count].stiffness /= sides
+                    count += 1
+                begin, end = next_piece(numbering.cells, cells, bond_parts, x, end, last, False)
     return count
 
 
 @njit(**INNER)
 def _set_piece(lattice, node_kinds, p, k, first, last, pieces, count):  # type: ignore[no-untyped-def]
     """Set the piece of bond k of fine node p from its part `first` to `last`."""
-    pieces.owner_node[count] = p
-    _set_piece_end(lattice, node_kinds, p, k, first, 0, pieces, count)
-    _set_piece_end(lattice, node_kinds, p, k, last, 1, pieces, count)
-    value, length = (
-        pieces.spring_constants[count],
-        lattice.bond_parts.begin_and_end_shares[last, 1] - lattice.bond_parts.begin_and_end_shares[first, 0],
-    )
-    value[2], value[3] = length * lattice.spring_table[k, 0], length * lattice.spring_table[k, 1]
-    value[4] = lattice.spring_table[k, 4] / length**2
-    value[5] = full_bond_stiffness(lattice, p, k) / length
-    value[6] = 0.0 if is_unbreakable(lattice, p) or is_unbreakable(lattice, p + lattice.neighbour_offsets[k]) else 1.0
+    spring, shares, j = pieces.springs[count], lattice.bond_parts.begin_and_end_shares, p + lattice.neighbour_offsets[k]
+    _set_piece_end(lattice, node_kinds, p, k, first, 0, pieces.ends[count, 0])
+    _set_piece_end(lattice, node_kinds, p, k, last, 1, pieces.ends[count, 1])
+    spring.owner_node, length = p, shares[last, 1] - shares[first, 0]
+    spring.xi_x, spring.xi_y = length * lattice.spring_table[k, X], length * lattice.spring_table[k, Y]
+    spring.inverse_square = lattice.spring_table[k, INVERSE] / length**2
+    spring.stiffness = full_bond_stiffness(lattice, p, k) / length
+    spring.is_breakable = 0.0 if is_unbreakable(lattice, p) or is_unbreakable(lattice, j) else 1.0
 
 
 @njit(**INNER)
-def _set_piece_end(lattice, node_kinds, p, k, part, side, pieces, count):  # type: ignore[no-untyped-def]
+def _set_piece_end(lattice, node_kinds, p, k, part, side, end):  # type: ignore[no-untyped-def]
     """Set one end of a piece: a fine node, or a place between two coarse nodes."""
-    numbering, bond_parts = lattice.numbering, lattice.bond_parts
-    ix, iy = coordinates(numbering.fine, p)
-    direction = bond_parts.part_end_edges[part, side, 2]
-    end = pieces.end_nodes[count]
-    if direction < 0:
-        end[2 * side], end[2 * side + 1] = (
-            place_at(numbering.fine, (ix + side * lattice.family_dx[k], iy + side * lattice.family_dy[k])),
-            -1,
-        )
-        pieces.spring_constants[count, side] = 0.0
+    bond_parts = lattice.bond_parts
+    if bond_parts.begin_and_end_shares[part, side] == side:
+        end.first_node, end.second_node, end.second_weight = p + side * lattice.neighbour_offsets[k], -1, 0.0
         return
-    x, y = (ix >> 1) + bond_parts.part_end_edges[part, side, 0], (iy >> 1) + bond_parts.part_end_edges[part, side, 1]
-    a, b, w = coarse_carriers_on_edge(
-        lattice, node_kinds, x, y, direction, bond_parts.begin_and_end_shares_along_edge[part, side]
-    )
-    end[2 * side], end[2 * side + 1] = a, b
-    pieces.spring_constants[count, side] = w
+    x, y = add_step(cell_at(coordinates(lattice.numbering.fine, p)), bond_parts.end_cells[part, side])
+    along = bond_parts.end_shares_of_cell[part, side]
+    direction, w = 0 if along[0] > 0 else 1, max(along[0], along[1])
+    a, b, second_weight = coarse_carriers_on_edge(lattice, node_kinds, x, y, direction, w)
+    end.first_node, end.second_node, end.second_weight = a, b, second_weight
 
 
 @njit(**INNER)
@@ -255,7 +238,7 @@ def replace_pieces_of_nodes(lattice, zone, affected_fine):  # type: ignore[no-un
         )
         zone.is_node_marked[p] = True
     for n in range(count):
-        if not zone.is_node_marked[old.owner_node[n]]:
+        if not zone.is_node_marked[old.springs[n].owner_node]:
             if n > remaining:
                 _copy_piece(old, n, old, remaining)
             remaining += 1
@@ -263,7 +246,7 @@ def replace_pieces_of_nodes(lattice, zone, affected_fine):  # type: ignore[no-un
         zone.is_node_marked[p] = False
     at, n, m = remaining + pieces - 1, remaining - 1, pieces - 1
     while m >= 0:
-        if n >= 0 and old.owner_node[n] > new.owner_node[m]:
+        if n >= 0 and old.springs[n].owner_node > new.springs[m].owner_node:
             _copy_piece(old, n, old, at)
             n -= 1
         else:
@@ -275,8 +258,6 @@ def replace_pieces_of_nodes(lattice, zone, affected_fine):  # type: ignore[no-un
 
 @njit(forceinline=True, **INNER)
 def _copy_piece(source, source_index, target, target_index):  # type: ignore[no-untyped-def]
-    target.owner_node[target_index] = source.owner_node[source_index]
-    for c in range(4):
-        target.end_nodes[target_index, c] = source.end_nodes[source_index, c]
-    for c in range(7):
-        target.spring_constants[target_index, c] = source.spring_constants[source_index, c]
+    target.springs[target_index] = source.springs[source_index]
+    for side in range(2):
+        target.ends[target_index, side] = source.ends[source_index, side]

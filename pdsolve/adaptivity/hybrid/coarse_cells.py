@@ -26,7 +26,7 @@ from pdsolve.zone.cells import (
     VOID,
     ZoneNumbering,
     coordinates,
-    number_plate,
+    create_plate_numbering,
     place_at,
 )
 from pdsolve.zone.prescribed_motion import nodes_unfit_for_coarse
@@ -225,7 +225,7 @@ def _create_rectangular_plate(model: Model, lattice: Nodes) -> HybridPlate:
     origin = _lattice_corner(model, h, ends[0])
     (x, y), last = np.round((ends - origin) / h).astype(int).tolist()
     nx, ny = (max(4, side + side % 2) for side in last)
-    numbering = number_plate(nx, ny)
+    numbering = create_plate_numbering(nx, ny)
     cracks = (model.grid.cracks - np.tile(origin, 2)) / h
     check_no_precrack_on_node(model, cracks, nx, ny)
     return HybridPlate(model, numbering, h, origin, cracks, (x, y), (lattice.columns, lattice.rows), None)
@@ -238,7 +238,7 @@ def _create_listed_plate(model: Model, h: float, origin: NDArray[np.float64]) ->
     if np.abs(steps - np.column_stack([column, row])).max() > OFF:
         raise create_unsupported_error(model, "$.nodes", "on no lattice", "those that pdmesh build makes of a drawing")
     nx, ny = (max(4, int(side.max()) + int(side.max()) % 2) for side in (column, row))
-    numbering = number_plate(nx, ny)
+    numbering = create_plate_numbering(nx, ny)
     cracks = (grid.cracks - np.tile(origin, 2)) / h
     check_no_precrack_on_node(model, cracks, nx, ny)
     place = place_at(numbering.fine, (column, row))
@@ -289,15 +289,15 @@ def initial_cell_kinds(
 def _mask_plate_cells_and_whole_cells(plate: HybridPlate) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
     """Masks (rows, columns) of the cells with some of the plate, and of those that are whole."""
     numbering = plate.numbering
-    in_plate, whole = np.zeros((2, *numbering.cells.counts[::-1]), dtype=bool)
+    in_plate, is_whole = np.zeros((2, *numbering.cells.counts[::-1]), dtype=bool)
     for low, high in split_rows_into_ranges(len(in_plate), numbering.fine.strides[1]):  # of cells
         first = BELOW + 2 * low - 1
         last = first + 2 * (high - low) + 3
         has_node, areas = plate.mask_nodes_in_lattice_rows(first, last), plate.area_shares_in_lattice_rows(first, last)
-        in_plate[low:high], whole[low:high] = mask_cells_with_nodes_and_whole_cells(
+        in_plate[low:high], is_whole[low:high] = mask_cells_with_nodes_and_whole_cells(
             has_node, areas, (1, LEFT), in_plate[low:high].shape
         )
-    return in_plate, whole
+    return in_plate, is_whole
 
 
 def count_full_squares_in_cells(plate: HybridPlate) -> NDArray[np.uint8]:

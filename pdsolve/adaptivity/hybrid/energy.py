@@ -8,7 +8,6 @@ import numpy as np
 from numba import njit, types
 from numba.extending import overload
 
-from pdsolve.adaptivity.hybrid.springs import INVERSE, STIFFNESS, X, Y
 from pdsolve.codegen.inner_functions import INNER
 from pdsolve.codegen.jit_cache import cached_njit
 from pdsolve.codegen.lanes import across, beside, keep, same, unless_none
@@ -16,6 +15,7 @@ from pdsolve.codegen.vector_code import ROW
 from pdsolve.lattice.bond import displaced
 from pdsolve.lattice.layout import ONE, PLANE
 from pdsolve.zone.cells import FREE, IDLE
+from pdsolve.zone.springs import INVERSE, STIFFNESS, X, Y
 
 
 @njit(forceinline=True, **INNER)
@@ -26,34 +26,29 @@ def spring_double_green_strain(spring_table, k, eta_x, eta_y):  # type: ignore[n
 
 
 @njit(**INNER)
-def half_bond_energy_of_node(lattice, fine, u, p):  # type: ignore[no-untyped-def]
-    """Half of the energy of a fine node's bonds, J/m."""
-    row, lane, energy = p // ROW, p % ROW, 0.0
-    entry = fine.stiffness_index_of_row[row]
-    for k in range(len(lattice.neighbour_offsets)):
-        stiffness = fine.row_stiffness[entry, k, lane] if entry >= 0 else lattice.spring_table[k, 5]
-        if stiffness == 0:
-            continue
-        j = p + lattice.neighbour_offsets[k]
-        eta_x, eta_y = displaced(u, fine.half_shrinkage, lattice.spring_table[k, 0], lattice.spring_table[k, 1], p, j)
-        e = spring_double_green_strain(lattice.spring_table, k, eta_x, eta_y)
-        stretch = e / (np.sqrt(1 + e) + 1)
-        energy += stiffness / lattice.spring_table[k, 4] * stretch * stretch / 4
-    return energy
+def double_green_strain_of_spring(nodes, spring_table, offsets, u, q, k):  # type: ignore[no-untyped-def]
+    """e of spring k of a node; 0 if there is none."""
+    entry, xi_x, xi_y = nodes.stiffness_index_of_row[q // ROW], spring_table[k, X], spring_table[k, Y]
+    if entry >= 0 and nodes.row_stiffness[entry, k, q % ROW] == 0:
+        return 0.0
+    eta_x, eta_y = displaced(u, nodes.half_shrinkage, xi_x, xi_y, q, q + offsets[k])
+    return spring_double_green_strain(spring_table, k, eta_x, eta_y)
 
 
 @njit(**INNER)
-def half_spring_energy_of_node(nodes, spring_table, offsets, u, q):  # type: ignore[no-untyped-def]
-    """Half of the energy of the springs of a node of a compact lattice, J/m."""
-    row, lane, energy = q // ROW, q % ROW, 0.0
+def half_spring_energy_of_node(nodes, spring_table, offsets, uses_green_strain, u, p):  # type: ignore[no-untyped-def]
+    """Half of the energy of a node's springs, J/m; of coarse ones by Green's strain."""
+    row, lane, energy = p // ROW, p % ROW, 0.0
     entry = nodes.stiffness_index_of_row[row]
-    for k in range(8):
-        stiffness = nodes.row_stiffness[entry, k, lane] if entry >= 0 else spring_table[k, 5]
+    for k in range(len(offsets)):
+        stiffness = nodes.row_stiffness[entry, k, lane] if entry >= 0 else spring_table[k, STIFFNESS]
         if stiffness == 0:
             continue
-        eta_x, eta_y = displaced(u, nodes.half_shrinkage, spring_table[k, 0], spring_table[k, 1], q, q + offsets[k])
+        xi_x, xi_y = spring_table[k, X], spring_table[k, Y]
+        eta_x, eta_y = displaced(u, nodes.half_shrinkage, xi_x, xi_y, p, p + offsets[k])
         e = spring_double_green_strain(spring_table, k, eta_x, eta_y)
-        energy += stiffness / spring_table[k, 4] * e * e / 16
+        stretch = e * 0.5 if uses_green_strain else e / (np.sqrt(1 + e) + 1)
+        energy += stiffness / spring_table[k, INVERSE] * stretch * stretch / 4
     return energy
 
 
@@ -100,37 +95,35 @@ def store_half_spring_energies(nodes, spring_table, offsets, uses_green_strain, 
 
 
 @njit(forceinline=True, **INNER)
-def piece_end_displacement(fine_u, coarse_u, pieces, n, side, axis):  # type: ignore[no-untyped-def]
+def _piece_end_displacement(end, fine_u, coarse_u, axis):  # type: ignore[no-untyped-def]
     """Displacement of an end of a piece."""
-    a, b = pieces.end_nodes[n, 2 * side], pieces.end_nodes[n, 2 * side + 1]
-    if b < 0:
-        return fine_u[axis, a]
-    w = pieces.spring_constants[n, side]
-    return (1 - w) * coarse_u[axis, a] + w * coarse_u[axis, b]
+    if end.second_node < 0:
+        return fine_u[axis, end.first_node]
+    w = end.second_weight
+    return (1 - w) * coarse_u[axis, end.first_node] + w * coarse_u[axis, end.second_node]
+
+
+@njit(forceinline=True, **INNER)
+def piece_elongation(pieces, fine_u, coarse_u, n):  # type: ignore[no-untyped-def]
+    """How far the ends of a piece are displaced from each other, less what swelling takes, m."""
+    first, second, spring = pieces.ends[n, 0], pieces.ends[n, 1], pieces.springs[n]
+    eta_x = _piece_end_displacement(second, fine_u, coarse_u, 0) - _piece_end_displacement(first, fine_u, coarse_u, 0)
+    eta_y = _piece_end_displacement(second, fine_u, coarse_u, 1) - _piece_end_displacement(first, fine_u, coarse_u, 1)
+    return eta_x + spring.swelling_x, eta_y + spring.swelling_y
+
+
+@njit(forceinline=True, **INNER)
+def piece_double_green_strain(spring, eta_x, eta_y):  # type: ignore[no-untyped-def]
+    """e of a piece of a clipped bond."""
+    return spring.inverse_square * (2 * (spring.xi_x * eta_x + spring.xi_y * eta_y) + eta_x * eta_x + eta_y * eta_y)
 
 
 @njit(**INNER)
 def piece_energy(pieces, fine_u, coarse_u, n):  # type: ignore[no-untyped-def]
     """Energy of a piece of a clipped bond, J/m."""
-    e = piece_double_green_strain(pieces, fine_u, coarse_u, n)
-    return pieces.spring_constants[n, 5] / pieces.spring_constants[n, 4] * e * e / 8
-
-
-@njit(**INNER)
-def piece_double_green_strain(pieces, fine_u, coarse_u, n):  # type: ignore[no-untyped-def]
-    """e of a piece of a clipped bond."""
-    value = pieces.spring_constants[n]
-    eta_x = (
-        piece_end_displacement(fine_u, coarse_u, pieces, n, 1, 0)
-        - piece_end_displacement(fine_u, coarse_u, pieces, n, 0, 0)
-        + pieces.swelling_offset[n, 0]
-    )
-    eta_y = (
-        piece_end_displacement(fine_u, coarse_u, pieces, n, 1, 1)
-        - piece_end_displacement(fine_u, coarse_u, pieces, n, 0, 1)
-        + pieces.swelling_offset[n, 1]
-    )
-    return value[4] * (2 * (value[2] * eta_x + value[3] * eta_y) + eta_x * eta_x + eta_y * eta_y)
+    spring, (eta_x, eta_y) = pieces.springs[n], piece_elongation(pieces, fine_u, coarse_u, n)
+    e = piece_double_green_strain(spring, eta_x, eta_y)
+    return spring.stiffness / spring.inverse_square * e * e / 8
 
 
 @njit(**INNER)
@@ -148,16 +141,16 @@ def strain_and_kinetic_energy(lattice, zone, buffer, fine_nodes, coarse_nodes): 
     for p in fine_nodes:
         if fine.node_kinds[p] == IDLE:
             continue
-        energy += half_bond_energy_of_node(lattice, fine, u, p)
+        energy += half_spring_energy_of_node(fine, lattice.spring_table, lattice.neighbour_offsets, False, u, p)
         if fine.node_kinds[p] == FREE:
             energy += kinetic_energy_of_node(fine, p)
     for q in coarse_nodes:
         if coarse.node_kinds[q] == FREE:
             energy += half_spring_energy_of_node(
-                coarse, lattice.coarse_spring_table, lattice.coarse_neighbour_offsets, coarse_u, q
+                coarse, lattice.coarse_spring_table, lattice.coarse_neighbour_offsets, True, coarse_u, q
             ) + kinetic_energy_of_node(coarse, q)
     for n in range(zone.counts.clipped_pieces):
-        if zone.is_node_marked[zone.clipped_pieces.owner_node[n]]:
+        if zone.is_node_marked[zone.clipped_pieces.springs[n].owner_node]:
             energy += piece_energy(zone.clipped_pieces, u, coarse_u, n)
     return energy
 
@@ -193,14 +186,10 @@ def fill_strain_energies(lattice, zone, buffer, fine_energy, coarse_energy, far_
                 energies[q] = s[q % ROW] if nodes.node_kinds[q] != IDLE else 0.0
     for n in range(zone.counts.clipped_pieces):
         half = piece_energy(pieces, fine.u[buffer], coarse.u[buffer], n) / 2
-        for which in range(2):
-            a, b, w = (
-                pieces.end_nodes[n, 2 * which],
-                pieces.end_nodes[n, 2 * which + 1],
-                pieces.spring_constants[n, which],
-            )
-            if b < 0:
-                fine_energy[a] += half
+        for side in range(2):
+            end = pieces.ends[n, side]
+            if end.second_node < 0:
+                fine_energy[end.first_node] += half
             else:
-                coarse_energy[a] += (1 - w) * half
-                coarse_energy[b] += w * half
+                coarse_energy[end.first_node] += (1 - end.second_weight) * half
+                coarse_energy[end.second_node] += end.second_weight * half

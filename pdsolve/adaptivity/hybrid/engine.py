@@ -16,7 +16,6 @@ from pdsolve.adaptivity.hybrid.coarse_cells import HybridPlate, count_full_squar
 from pdsolve.adaptivity.hybrid.energy import fill_strain_energies
 from pdsolve.adaptivity.hybrid.march import CLIP, DONE, advance
 from pdsolve.adaptivity.hybrid.node_constants import are_bonds_intact
-from pdsolve.adaptivity.hybrid.springs import double_green_strain_from_stretch
 from pdsolve.adaptivity.hybrid.swelling import (
     average_fine_values_to_coarse,
     set_all_swelling_offsets,
@@ -29,6 +28,7 @@ from pdsolve.errors import CheckpointError, FineZoneTooLateError
 from pdsolve.numerics.thread_team import gate_of, side_by_side
 from pdsolve.operators.protocol import CheckpointArrays
 from pdsolve.zone.cells import COARSE, FAR, FINE, FREE, IDLE, place_on_finer_lattice
+from pdsolve.zone.springs import double_green_strain_from_stretch
 
 TOGETHER = 2**14  # rows whose motion is added up together
 _stretch = getattr(stretch_from_double_green_strain, "py_func", stretch_from_double_green_strain)

@@ -13,18 +13,18 @@ from numpy.typing import NDArray
 from pdsolve.adaptivity.hybrid.arrays import LatticeConstants
 from pdsolve.adaptivity.hybrid.coarse_cells import HybridPlate
 from pdsolve.adaptivity.hybrid.energy import (
+    double_green_strain_of_spring,
     half_spring_energy_of_node,
     kinetic_energy_of_node,
-    spring_double_green_strain,
 )
-from pdsolve.adaptivity.hybrid.far_nodes import (
+from pdsolve.adaptivity.hybrid.nodes import (
+    interpolate_bilinear,
+    set_coarse_node_properties,
     set_coarsest_node_properties,
 )
-from pdsolve.adaptivity.hybrid.nodes import interpolate_bilinear, set_coarse_node_properties
 from pdsolve.adaptivity.hybrid.precracks import is_unbreakable
 from pdsolve.codegen.inner_functions import INNER
 from pdsolve.codegen.vector_code import ROW
-from pdsolve.lattice.bond import displaced
 from pdsolve.numerics.dilation import in_square
 from pdsolve.zone.cells import (
     BORDER,
@@ -34,9 +34,9 @@ from pdsolve.zone.cells import (
     IDLE,
     coordinates,
     count_cells_around,
-    multiplied,
     place_at,
     place_on_finer_lattice,
+    scale_coordinates,
 )
 
 WORTH_FAR = 2**20  # cells of 2 h: in smaller plates the steps of far ones cost too little to save
@@ -91,23 +91,19 @@ def _divide_and_list_far_cells_near(numbering, cells, x, y, listed, count):  # t
 @njit(**INNER)
 def _divide_and_list_stretched_far_cells(lattice, zone, buffer, count):  # type: ignore[no-untyped-def]
     """List the far cells near stretched far springs."""
-    numbering, far, table = lattice.numbering, zone.far, lattice.far_spring_table
+    numbering, far, u = lattice.numbering, zone.far, zone.far.u[buffer]
+    table, offsets = lattice.far_spring_table, lattice.far_neighbour_offsets
     for row in far.active_rows[: zone.counts.active_far_node_rows]:
         if far.has_large_stretch[row] == 0:
             continue
         for lane in range(ROW):
-            q, entry = row * ROW + lane, far.stiffness_index_of_row[row]
+            q = row * ROW + lane
             p = place_on_finer_lattice(numbering.far, numbering.fine, 4, q)
             if far.node_kinds[q] == IDLE or is_unbreakable(lattice, p):
                 continue
-            for k in range(8):
-                if entry >= 0 and far.row_stiffness[entry, k, lane] == 0:
-                    continue
-                eta_x, eta_y = displaced(
-                    far.u[buffer], far.half_shrinkage, table[k, 0], table[k, 1], q, q + lattice.far_neighbour_offsets[k]
-                )
-                if spring_double_green_strain(table, k, eta_x, eta_y) > lattice.least_strain_bounds[2]:
-                    x, y = multiplied(coordinates(numbering.far, q), 2)
+            for k in range(len(offsets)):
+                if double_green_strain_of_spring(far, table, offsets, u, q, k) > lattice.least_strain_bounds[2]:
+                    x, y = scale_coordinates(coordinates(numbering.far, q), 2)
                     count = _divide_and_list_far_cells_near(
                         numbering, zone.cell_kinds, x, y, zone.affected_fine_nodes, count
                     )
@@ -166,14 +162,14 @@ def _total_energy_of_affected_nodes(lattice, zone, buffer):  # type: ignore[no-u
     for q in zone.affected_coarse_nodes[: zone.counts.affected_coarse_nodes]:
         if coarse.node_kinds[q] != IDLE:
             energy += half_spring_energy_of_node(
-                coarse, lattice.coarse_spring_table, lattice.coarse_neighbour_offsets, coarse.u[buffer], q
+                coarse, lattice.coarse_spring_table, lattice.coarse_neighbour_offsets, True, coarse.u[buffer], q
             )
         if coarse.node_kinds[q] == FREE:
             energy += kinetic_energy_of_node(coarse, q)
     for q in zone.affected_coarsest_nodes[: zone.counts.affected_coarsest_nodes]:
         if far.node_kinds[q] == FREE:
             energy += half_spring_energy_of_node(
-                far, lattice.far_spring_table, lattice.far_neighbour_offsets, far.u[buffer], q
+                far, lattice.far_spring_table, lattice.far_neighbour_offsets, True, far.u[buffer], q
             ) + kinetic_energy_of_node(far, q)
     return energy
 

@@ -19,7 +19,7 @@ from pdsolve.adaptivity.hybrid.bond_breaking import (
     soften_and_break_bonds_and_add_pulls,
 )
 from pdsolve.adaptivity.hybrid.damping import book_damped_energy, damp_forces
-from pdsolve.adaptivity.hybrid.energy import piece_end_displacement, spring_double_green_strain
+from pdsolve.adaptivity.hybrid.energy import piece_double_green_strain, piece_elongation, spring_double_green_strain
 from pdsolve.codegen.atomics import counted, take
 from pdsolve.codegen.inner_functions import INNER
 from pdsolve.codegen.lanes import across, beside
@@ -48,25 +48,16 @@ COARSE_PART = 64
 def _add_piece_forces(zone, u, coarse_u, f, coarse_f):  # type: ignore[no-untyped-def]
     """Add the forces of clipped bonds; returns the largest e of those that could break."""
     pieces, largest = zone.clipped_pieces, 0.0
-    end, value, relief = pieces.end_nodes, pieces.spring_constants, pieces.swelling_offset
     for n in range(zone.counts.clipped_pieces):
-        eta_x = (
-            piece_end_displacement(u, coarse_u, pieces, n, 1, 0)
-            - piece_end_displacement(u, coarse_u, pieces, n, 0, 0)
-            + relief[n, 0]
-        )
-        eta_y = (
-            piece_end_displacement(u, coarse_u, pieces, n, 1, 1)
-            - piece_end_displacement(u, coarse_u, pieces, n, 0, 1)
-            + relief[n, 1]
-        )
-        x, y = value[n, 2], value[n, 3]
-        e = value[n, 4] * (2 * (x * eta_x + y * eta_y) + eta_x * eta_x + eta_y * eta_y)
-        largest = max(largest, e * value[n, 6])
-        pull = value[n, 5] * e / 2
-        px, py = pull * (x + eta_x), pull * (y + eta_y)
-        for which, sign in ((0, 1.0), (1, -1.0)):
-            a, b, w = end[n, 2 * which], end[n, 2 * which + 1], value[n, which]
+        spring = pieces.springs[n]
+        eta_x, eta_y = piece_elongation(pieces, u, coarse_u, n)
+        e = piece_double_green_strain(spring, eta_x, eta_y)
+        largest = max(largest, e * spring.is_breakable)
+        pull = spring.stiffness * e / 2
+        px, py = pull * (spring.xi_x + eta_x), pull * (spring.xi_y + eta_y)
+        for side, sign in ((0, 1.0), (1, -1.0)):
+            end = pieces.ends[n, side]
+            a, b, w = end.first_node, end.second_node, end.second_weight
             if b < 0:
                 f[0, a] += sign * px
                 f[1, a] += sign * py
@@ -336,12 +327,8 @@ def _clear_extra_forces(nodes, count):  # type: ignore[no-untyped-def]
 def _pass_border_forces_to_carriers(f, coarse_f, border, count):  # type: ignore[no-untyped-def]
     """Pass forces on border nodes to the coarser nodes that carry them."""
     for n in range(count):
-        p, a, b, w = (
-            border.border_node[n],
-            border.carrier_nodes[n, 0],
-            border.carrier_nodes[n, 1],
-            border.second_carrier_weight[n],
-        )
+        node = border[n]
+        p, a, b, w = node.border_node, node.first_carrier, node.second_carrier, node.second_weight
         for axis in range(2):
             coarse_f[axis, a] += (1 - w) * f[axis, p]
             coarse_f[axis, b] += w * f[axis, p]
@@ -351,14 +338,10 @@ def _pass_border_forces_to_carriers(f, coarse_f, border, count):  # type: ignore
 def interpolate_border_nodes(u, coarse_u, border, count):  # type: ignore[no-untyped-def]
     """Interpolate border nodes from the coarser ones."""
     for n in range(count):
-        p, a, b, w = (
-            border.border_node[n],
-            border.carrier_nodes[n, 0],
-            border.carrier_nodes[n, 1],
-            border.second_carrier_weight[n],
-        )
-        for axis in range(2):
-            u[axis, p] = (1 - w) * coarse_u[axis, a] + w * coarse_u[axis, b] + border.swelling_offset[n, axis]
+        node = border[n]
+        p, a, b, w = node.border_node, node.first_carrier, node.second_carrier, node.second_weight
+        u[0, p] = (1 - w) * coarse_u[0, a] + w * coarse_u[0, b] + node.swelling_x
+        u[1, p] = (1 - w) * coarse_u[1, a] + w * coarse_u[1, b] + node.swelling_y
 
 
 @njit(**INNER)

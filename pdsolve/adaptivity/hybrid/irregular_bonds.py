@@ -17,12 +17,12 @@ from numpy.typing import NDArray
 from pdmesh.model import selection
 from pdmesh.model.neighbours import ROWS
 from pdsolve.adaptivity.hybrid.coarse_cells import HybridPlate, split_rows_into_ranges
-from pdsolve.adaptivity.hybrid.springs import Springs, double_green_strain_from_stretch
 from pdsolve.bonds.assembly import Paired, Part, stiffness_bound
 from pdsolve.model import Model
 from pdsolve.numerics.dilation import in_square
 from pdsolve.schemes.average_horizon import Rule
 from pdsolve.zone.cells import BELOW, LEFT
+from pdsolve.zone.springs import Springs, double_green_strain_from_stretch
 from pdsolve.zone.start_cells import count_full_cubes_around_nodes
 
 KEPT = 8  # parts whose pairs are held in memory; those of others are looked for twice

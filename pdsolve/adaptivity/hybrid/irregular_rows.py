@@ -13,9 +13,9 @@ from pdmesh.model.document import Absorb
 from pdsolve.adaptivity.hybrid.coarse_cells import HybridPlate, split_rows_into_ranges
 from pdsolve.adaptivity.hybrid.irregular_bonds import IrregularBonds
 from pdsolve.adaptivity.hybrid.node_constants import NodeConstants
-from pdsolve.adaptivity.hybrid.springs import STIFFNESS, Springs
 from pdsolve.codegen.vector_code import ROW
 from pdsolve.conditions import damping, unbreakable
+from pdsolve.zone.springs import STIFFNESS, Springs
 
 USUAL, EMPTY = 0, 1  # entries of the first two rows
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 from numba import njit
 
 from pdsolve.adaptivity.hybrid.arrays import AHEAD, EVERY
-from pdsolve.adaptivity.hybrid.energy import spring_double_green_strain
+from pdsolve.adaptivity.hybrid.energy import double_green_strain_of_spring
 from pdsolve.adaptivity.hybrid.far_cells import divide_far_cells
 from pdsolve.adaptivity.hybrid.forces import interpolate_border_nodes, reset_job_counters, sum_forces_and_move_nodes
 from pdsolve.adaptivity.hybrid.kicks_and_prescribed_velocities import (
@@ -27,15 +27,14 @@ from pdsolve.adaptivity.hybrid.regrid import (
 from pdsolve.codegen.inner_functions import INNER
 from pdsolve.codegen.jit_cache import cached_njit
 from pdsolve.codegen.vector_code import ROW
-from pdsolve.lattice.bond import displaced
 from pdsolve.numerics.thread_team import meet
 from pdsolve.zone.cells import (
     FINE,
     IDLE,
     coordinates,
     mark_and_list_new_fine_cells_near,
-    multiplied,
     place_on_finer_lattice,
+    scale_coordinates,
 )
 
 DONE, ROOM, CLIP = 0, 1, 2  # how a march ends: at its last step; for want of room; as a clipped bond is over its limit
@@ -56,8 +55,8 @@ def _list_cells_near_damaged_nodes(lattice, zone):  # type: ignore[no-untyped-de
 @njit(**INNER)
 def _list_cells_near_stretched_bonds(lattice, zone, buffer, count):  # type: ignore[no-untyped-def]
     """List the cells to refine near the nodes of a stretched coarse bond; returns their new `count`."""
-    numbering, coarse, table = lattice.numbering, zone.coarse, lattice.coarse_spring_table
-    u = coarse.u[buffer]
+    numbering, coarse, u = lattice.numbering, zone.coarse, zone.coarse.u[buffer]
+    table, offsets = lattice.coarse_spring_table, lattice.coarse_neighbour_offsets
     for n in range(zone.counts.active_coarse_rows):
         row = coarse.active_rows[n]
         if coarse.has_large_stretch[row] == 0:
@@ -66,15 +65,10 @@ def _list_cells_near_stretched_bonds(lattice, zone, buffer, count):  # type: ign
             q = row * ROW + lane
             if coarse.node_kinds[q] == IDLE or _is_coarse_node_unbreakable(lattice, q):
                 continue
-            for k in range(8):
-                entry, j = coarse.stiffness_index_of_row[row], q + lattice.coarse_neighbour_offsets[k]
-                if (entry >= 0 and coarse.row_stiffness[entry, k, lane] == 0) or _is_coarse_node_unbreakable(
-                    lattice, j
-                ):
-                    continue
-                eta_x, eta_y = displaced(u, coarse.half_shrinkage, table[k, 0], table[k, 1], q, j)
-                if spring_double_green_strain(table, k, eta_x, eta_y) > _refinement_strain(lattice, q):
-                    x = multiplied(coordinates(numbering.coarse, q), 2)
+            for k in range(len(offsets)):
+                strain = double_green_strain_of_spring(coarse, table, offsets, u, q, k)
+                if strain > _refinement_strain(lattice, q) and not _is_coarse_node_unbreakable(lattice, q + offsets[k]):
+                    x = scale_coordinates(coordinates(numbering.coarse, q), 2)
                     count = mark_and_list_new_fine_cells_near(
                         numbering.cells, zone.cell_kinds, x, AHEAD, zone.new_cells, count
                     )

@@ -7,6 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from pdsolve.adaptivity.hybrid.arrays import BorderNode
 from pdsolve.codegen.jit_cache import cached_njit
 from pdsolve.codegen.vector_code import ROW
 from pdsolve.zone.cells import FREE, IDLE, place_on_finer_lattice
@@ -88,79 +89,35 @@ def list_bonds_and_springs(  # type: ignore[no-untyped-def]
 
 
 @cached_njit(nogil=True, error_model="numpy")
-def gather_node_values(values, coarse_values, inverse_mass, coarse_inverse_mass, border, lists, out):  # type: ignore[no-untyped-def]
-    """Gather values (2, .) of both lattices in out (n, 2), times `inverse_mass` (.,), where that is not of length
-    0; those of border nodes are means of the coarse nodes they lie between."""
-    fine, coarse, fine_rows, coarse_rows = lists
-    node, end, w, _ = border
-    scaled, b = len(inverse_mass) > 0, 0
-    for i in range(len(fine)):
-        p, n = fine[i], fine_rows[i]
-        on = b < len(node) and node[b] == p
-        for axis in range(2):
-            if on:
-                first, second = coarse_values[axis, end[b, 0]], coarse_values[axis, end[b, 1]]
-                if scaled:
-                    first, second = first * coarse_inverse_mass[end[b, 0]], second * coarse_inverse_mass[end[b, 1]]
-                out[n, axis] = (1 - w[b]) * first + w[b] * second
-            else:
-                out[n, axis] = values[axis, p] * inverse_mass[p] if scaled else values[axis, p]
-        b += on
-    for j in range(len(coarse)):
-        q, n = coarse[j], coarse_rows[j]
-        for axis in range(2):
-            out[n, axis] = coarse_values[axis, q] * coarse_inverse_mass[q] if scaled else coarse_values[axis, q]
-
-
-@cached_njit(nogil=True, error_model="numpy")
-def scatter_node_motion(value, rate, u, v, node_kinds, coarse_u, coarse_v, coarse_node_kinds, border, lists):  # type: ignore[no-untyped-def]
-    """Set displacements and velocities (2, .) of both lattices to values and rates (n, 2); border nodes follow."""
-    fine, coarse, fine_rows, coarse_rows = lists
-    node, end, w, off = border
-    for j in range(len(coarse)):
-        q, n = coarse[j], coarse_rows[j]
-        if coarse_node_kinds[q] == FREE:
-            for axis in range(2):
-                coarse_u[axis, q], coarse_v[axis, q] = value[n, axis], rate[n, axis]
-    for i in range(len(fine)):
-        p = fine[i]
-        for axis in range(2):
-            if node_kinds[p] == FREE:
-                u[axis, p], v[axis, p] = value[fine_rows[i], axis], rate[fine_rows[i], axis]
-    for b in range(len(node)):
-        for axis in range(2):
-            between = (1 - w[b]) * coarse_u[axis, end[b, 0]] + w[b] * coarse_u[axis, end[b, 1]]
-            u[axis, node[b]] = between + off[b, axis]
-
-
-@cached_njit(nogil=True, error_model="numpy")
-def gather_far_and_tied_values(values, inverse_mass, tied, far, far_rows, out):  # type: ignore[no-untyped-def]
-    """Gather values (2, .) of far nodes, and of coarse ones tied to them, in out (n, 2); see `gather_node_values`.
-
-    Nodes of `tied` and `far_rows` are rows of out.
-    """
-    rows, end, w, _ = tied
+def gather_node_values(values, inverse_mass, places, rows, out):  # type: ignore[no-untyped-def]
+    """Gather values (2, .) of the nodes at these places (k,) in the rows (k,) of out (n, 2), times `inverse_mass` (.,),
+    where that is not of length 0."""
     scaled = len(inverse_mass) > 0
-    for axis in range(2):
-        for n in range(len(rows)):
-            a, b = end[n, 0], end[n, 1]
-            first, second = values[axis, a], values[axis, b]
-            out[rows[n], axis] = (1 - w[n]) * (first * inverse_mass[a] if scaled else first) + w[n] * (
-                second * inverse_mass[b] if scaled else second
-            )
-        for j in range(len(far)):
-            out[far_rows[j], axis] = values[axis, far[j]] * inverse_mass[far[j]] if scaled else values[axis, far[j]]
+    for n in range(len(places)):
+        p = places[n]
+        for axis in range(2):
+            out[rows[n], axis] = values[axis, p] * inverse_mass[p] if scaled else values[axis, p]
 
 
 @cached_njit(nogil=True, error_model="numpy")
-def scatter_far_and_tied_motion(value, rate, u, v, coarse_u, tied, far, far_rows):  # type: ignore[no-untyped-def]
-    """Set displacements and velocities (2, .) of far nodes to values and rates (n, 2); tied coarse nodes follow."""
-    node, end, w, _ = tied
-    for axis in range(2):
-        for j in range(len(far)):
-            u[axis, far[j]], v[axis, far[j]] = value[far_rows[j], axis], rate[far_rows[j], axis]
-        for n in range(len(node)):
-            coarse_u[axis, node[n]] = (1 - w[n]) * u[axis, end[n, 0]] + w[n] * u[axis, end[n, 1]]
+def scatter_node_motion(value, rate, places, rows, u, v, node_kinds):  # type: ignore[no-untyped-def]
+    """Set displacements and velocities (2, .) of the free nodes at these places (k,) to the rows (k,) of values and
+    rates (n, 2)."""
+    for n in range(len(places)):
+        p = places[n]
+        if node_kinds[p] == FREE:
+            for axis in range(2):
+                u[axis, p], v[axis, p] = value[rows[n], axis], rate[rows[n], axis]
+
+
+def border_values(
+    border: NDArray[BorderNode], values: NDArray[np.floating], inverse_mass: NDArray[np.floating]
+) -> NDArray[np.floating]:
+    """Values (2, k) of border nodes (k,): means of the `values` (2, .) of the nodes that carry them, times their
+    `inverse_mass` (.,), where that is not of length 0."""
+    ends = border["first_carrier"], border["second_carrier"]
+    first, second = (values[:, end] * inverse_mass[end] if len(inverse_mass) else values[:, end] for end in ends)
+    return np.asarray((1 - border["second_weight"]) * first + border["second_weight"] * second)
 
 
 @cached_njit(nogil=True, error_model="numpy")

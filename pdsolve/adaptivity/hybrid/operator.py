@@ -19,12 +19,11 @@ from pdsolve.adaptivity.hybrid.irregular_bonds import model_of_nodes
 from pdsolve.adaptivity.hybrid.node_constants import are_bonds_intact, values_at_nodes
 from pdsolve.adaptivity.hybrid.node_lists import (
     NodeLists,
-    gather_far_and_tied_values,
+    border_values,
     gather_node_values,
     list_bonds_and_springs,
     number_current_nodes,
     pack_spring_bits,
-    scatter_far_and_tied_motion,
     scatter_node_motion,
 )
 from pdsolve.adaptivity.two_lattice_operator import EnergyBalanceTotals, TwoLatticeOperator
@@ -222,32 +221,32 @@ class HybridOperator(TwoLatticeOperator[HybridEngine]):
         over_mass: bool = False,
     ) -> None:
         """Gather values (2, .) of all lattices in out (n, 2), over the masses of nodes if `over_mass`."""
-        zone = self.engine.zone
-        over = [nodes.inverse_mass if over_mass else nodes.inverse_mass[:0] for nodes in (zone.fine, zone.coarse)]
-        gather_node_values(
-            fine, coarse, *over, zone.border_nodes.first_nodes(zone.counts.border_nodes), self._lists, out
+        zone, none = self.engine.zone, self.engine.zone.fine.inverse_mass[:0]
+        over_fine, over_coarse, over_far = (
+            nodes.inverse_mass if over_mass else none for nodes in (zone.fine, zone.coarse, zone.far)
         )
-        tied = zone.tied_coarse_nodes.first_nodes(zone.counts.tied_nodes)
-        tied = tied._replace(
-            border_node=self._coarse_rows[np.searchsorted(self._coarse, tied.border_node)].astype(np.int64)
-        )
-        gather_far_and_tied_values(
-            far, zone.far.inverse_mass if over_mass else zone.far.inverse_mass[:0], tied, self._far, self._far_rows, out
-        )
+        border, tied = zone.border_nodes[: zone.counts.border_nodes], zone.tied_coarse_nodes[: zone.counts.tied_nodes]
+        gather_node_values(fine, over_fine, self._fine, self._fine_rows, out)
+        out[self._rows_at_places(border["border_node"])] = border_values(border, coarse, over_coarse).T
+        gather_node_values(coarse, over_coarse, self._coarse, self._coarse_rows, out)
+        tied_rows = self._coarse_rows[np.searchsorted(self._coarse, tied["border_node"])]
+        out[tied_rows] = border_values(tied, far, over_far).T
+        gather_node_values(far, over_far, self._far, self._far_rows, out)
 
     def _write_node_motion(self, state: State) -> None:
         """Set all lattices to the values and rates of a state; border nodes are interpolated."""
         zone, now = self.engine.zone, self.engine.buffer
-        fine = zone.fine.u[now], zone.fine.v, zone.fine.node_kinds
-        coarse = zone.coarse.u[now], zone.coarse.v, zone.coarse.node_kinds
-        border, tied = (
-            zone.border_nodes.first_nodes(zone.counts.border_nodes),
-            zone.tied_coarse_nodes.first_nodes(zone.counts.tied_nodes),
-        )
-        scatter_node_motion(state.value, state.rate, *fine, *coarse, border, self._lists)
-        scatter_far_and_tied_motion(
-            state.value, state.rate, zone.far.u[now], zone.far.v, zone.coarse.u[now], tied, self._far, self._far_rows
-        )
+        border, tied = zone.border_nodes[: zone.counts.border_nodes], zone.tied_coarse_nodes[: zone.counts.tied_nodes]
+        for nodes, places, rows in (
+            (zone.coarse, self._coarse, self._coarse_rows),
+            (zone.fine, self._fine, self._fine_rows),
+            (zone.far, self._far, self._far_rows),
+        ):
+            scatter_node_motion(state.value, state.rate, places, rows, nodes.u[now], nodes.v, nodes.node_kinds)
+        for nodes, border_nodes, carriers in ((zone.fine, border, zone.coarse), (zone.coarse, tied, zone.far)):
+            swelling = np.stack([border_nodes["swelling_x"], border_nodes["swelling_y"]])
+            values = border_values(border_nodes, carriers.u[now], carriers.inverse_mass[:0])
+            nodes.u[now][:, border_nodes["border_node"]] = values + swelling
 
     def swell(self, strain: NDArray[np.float64]) -> None:
         """Let springs stretch from their lengths at these strains (n,) of all nodes of the grid, were they free."""
@@ -257,8 +256,9 @@ class HybridOperator(TwoLatticeOperator[HybridEngine]):
         """Update a state from all lattices; work is known only to the ledger."""
         zone, now = self.engine.zone, self.engine.buffer
         self._gather_values(zone.fine.u[now], zone.coarse.u[now], zone.far.u[now], state.value)
-        border, count = zone.border_nodes, zone.counts.border_nodes
-        state.value[self._rows_at_places(border.border_node[:count])] += border.swelling_offset[:count]
+        border = zone.border_nodes[: zone.counts.border_nodes]
+        swelling = np.column_stack([border["swelling_x"], border["swelling_y"]])
+        state.value[self._rows_at_places(border["border_node"])] += swelling
         self._gather_values(zone.fine.v, zone.coarse.v, zone.far.v, state.rate)
         self._gather_accelerations(state.second)
         holds = zone.holds.entries[zone.holds.node_and_entry[: zone.counts.held_components, 1]]

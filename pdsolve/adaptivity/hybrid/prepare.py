@@ -18,20 +18,20 @@ from pdsolve.adaptivity.hybrid.irregular_bonds import IrregularBonds, find_irreg
 from pdsolve.adaptivity.hybrid.irregular_rows import create_node_constants
 from pdsolve.adaptivity.hybrid.operator import HybridOperator
 from pdsolve.adaptivity.hybrid.precracks import lengthen_cracks, record_precrack_cuts
-from pdsolve.adaptivity.hybrid.springs import (
-    Springs,
-    coarse_springs,
-    create_springs_of_materials,
-    divide_bonds,
-    double_green_strain_from_stretch,
-)
 from pdsolve.conditions import drive, initial_velocity
 from pdsolve.laws.calls import bind
 from pdsolve.laws.pair import no_bonds
 from pdsolve.laws.pair_laws import bilinear
 from pdsolve.model import Model
 from pdsolve.numerics.memory import aligned, give_back
+from pdsolve.zone.bond_parts import divide_bonds
 from pdsolve.zone.cells import AROUND, FINE
+from pdsolve.zone.springs import (
+    Springs,
+    coarse_springs,
+    create_springs_of_materials,
+    double_green_strain_from_stretch,
+)
 
 ROOM = 64  # rows of fine nodes beyond those of the start, at least
 
@@ -136,7 +136,7 @@ def create_lattice_constants(
         coarse_neighbour_offsets=coarse.family_dy * numbering.coarse.strides[1] + coarse.family_dx,
         far_spring_table=aligned(coarse_springs(first, 2 * h).spring_table.astype(kind)),
         far_neighbour_offsets=coarse.family_dy * numbering.far.strides[1] + coarse.family_dx,
-        bond_parts=divide_bonds(first),
+        bond_parts=divide_bonds(np.column_stack([first.family_dx, first.family_dy])),
         family_reach=int(np.abs(first.family_dx).max()),
         softens_or_limits_vary=len(springs) > 1 or first.peak_stretch < first.limit_stretch,
         dt=dt,

@@ -8,13 +8,14 @@ from pdsolve.adaptivity.hybrid.clipped_bonds import replace_pieces_of_nodes, set
 from pdsolve.adaptivity.hybrid.damping import remove_damping_of_component, set_damping_of_node
 from pdsolve.adaptivity.hybrid.energy import strain_and_kinetic_energy
 from pdsolve.adaptivity.hybrid.far_cells import set_all_far_node_properties
-from pdsolve.adaptivity.hybrid.far_nodes import list_active_rows, list_far_rows_and_tied_nodes
 from pdsolve.adaptivity.hybrid.forces import interpolate_border_nodes
 from pdsolve.adaptivity.hybrid.node_constants import value_at_node
 from pdsolve.adaptivity.hybrid.nodes import (
     coarse_carriers_of_border_node,
     coarse_cell_beside,
     interpolate_coarse_at_fine_place,
+    list_active_rows,
+    list_far_rows_and_tied_nodes,
     set_coarse_node_properties,
     set_fine_node_kind_and_mass,
 )
@@ -27,11 +28,12 @@ from pdsolve.zone.cells import (
     FAR,
     FINE,
     FREE,
+    cell_corner,
     coordinates,
     count_cells_around,
-    multiplied,
     place_at,
     place_on_finer_lattice,
+    scale_coordinates,
 )
 
 
@@ -41,7 +43,7 @@ def _mark_reach_of_new_cells(lattice, zone):  # type: ignore[no-untyped-def]
     numbering, reach = lattice.numbering, lattice.family_reach + 2
     (x0, y0), x1, y1 = numbering.fine.counts, 0, 0
     for c in zone.new_cells[: zone.counts.new_cells]:
-        x, y = multiplied(coordinates(numbering.cells, c), 2)
+        x, y = scale_coordinates(coordinates(numbering.cells, c), 2)
         left_side, right = max(x - reach, 0), min(x + reach + 3, numbering.fine.counts[0])
         low, high = max(y - reach, 0), min(y + reach + 3, numbering.fine.counts[1])
         x0, y0, x1, y1 = min(x0, left_side), min(y0, low), max(x1, right), max(y1, high)
@@ -83,9 +85,9 @@ def _list_corner_nodes(numbering, zone, x0, y0, x1, y1):  # type: ignore[no-unty
     if begins:
         x0, y0, x1, y1 = 0, 0, numbering.fine.counts[0], numbering.fine.counts[1]
     for c in zone.new_cells[: zone.counts.new_cells]:
-        p = place_at(numbering.fine, multiplied(coordinates(numbering.cells, c), 2))
-        for corner in (p, p + 2, p + 2 * numbering.fine.strides[1], p + 2 * numbering.fine.strides[1] + 2):
-            zone.is_node_marked[corner] = True
+        p = place_at(numbering.fine, scale_coordinates(coordinates(numbering.cells, c), 2))
+        for corner_place in (p, p + 2, p + 2 * numbering.fine.strides[1], p + 2 * numbering.fine.strides[1] + 2):
+            zone.is_node_marked[corner_place] = True
     for iy in range(y0 + y0 % 2, y1, 2):
         for ix in range(x0 + x0 % 2, x1, 2):
             p = place_at(numbering.fine, (ix, iy))
@@ -200,11 +202,9 @@ def _list_fine_rows_and_border_nodes(lattice, zone):  # type: ignore[no-untyped-
             if fine.node_kinds[p] != BORDER:
                 continue
             a, b, w = coarse_carriers_of_border_node(lattice, coarse.node_kinds, p)
-            zone.border_nodes.border_node[borders], zone.border_nodes.second_carrier_weight[borders] = p, w
-            zone.border_nodes.carrier_nodes[borders, 0], zone.border_nodes.carrier_nodes[borders, 1] = a, b
-            zone.border_nodes.swelling_offset[borders] = swelling_offset_from_line(
-                lattice, fine.half_shrinkage, a, b, w
-            )
+            node = zone.border_nodes[borders]
+            node.border_node, node.first_carrier, node.second_carrier, node.second_weight = p, a, b, w
+            node.swelling_x, node.swelling_y = swelling_offset_from_line(lattice, fine.half_shrinkage, a, b, w)
             fine.has_extra_forces[row] = coarse.has_extra_forces[a // ROW] = coarse.has_extra_forces[b // ROW] = True
             borders += 1
     zone.counts.active_fine_rows, zone.counts.border_nodes = rows, borders
@@ -223,12 +223,13 @@ def rebuild_lists_of_rows_and_loads(lattice, zone):  # type: ignore[no-untyped-d
     list_far_rows_and_tied_nodes(lattice, zone, zone.counts.active_coarse_rows)
     _list_fine_rows_and_border_nodes(lattice, zone)
     for n in range(zone.counts.clipped_pieces):
-        for which in range(2):
-            a, b = zone.clipped_pieces.end_nodes[n, 2 * which], zone.clipped_pieces.end_nodes[n, 2 * which + 1]
-            if b < 0:
-                fine.has_extra_forces[a // ROW] = True
+        for side in range(2):
+            end = zone.clipped_pieces.ends[n, side]
+            if end.second_node < 0:
+                fine.has_extra_forces[end.first_node // ROW] = True
             else:
-                coarse.has_extra_forces[a // ROW] = coarse.has_extra_forces[b // ROW] = True
+                coarse.has_extra_forces[end.first_node // ROW] = True
+                coarse.has_extra_forces[end.second_node // ROW] = True
     zone.counts.load_shares = _distribute_loads(lattice.numbering, zone.cell_kinds, fine, coarse, zone.loads)
     zone.counts.held_components = _list_prescribed_nodes(lattice.numbering, fine, coarse, zone.holds)
 
@@ -246,19 +247,15 @@ def _distribute_loads(numbering, cells, fine, coarse, loads):  # type: ignore[no
             continue
         ix, iy = coordinates(numbering.fine, p)
         x, y = coarse_cell_beside(numbering, cells, ix, iy)
-        for dy in range(2):
-            for dx in range(2):
-                wx, wy = (ix - 2 * x) / 2, (iy - 2 * y) / 2
-                w = (wx if dx else 1 - wx) * (wy if dy else 1 - wy)
-                if w > 0:
-                    q = place_at(numbering.coarse, (x + dx, y + dy))
-                    loads.node_and_entry[count, 0], loads.node_and_entry[count, 1], loads.node_share[count] = (
-                        -1 - q,
-                        n,
-                        w,
-                    )
-                    coarse.has_extra_forces[q // ROW] = True
-                    count += 1
+        wx, wy = (ix - 2 * x) / 2, (iy - 2 * y) / 2
+        for number in range(4):
+            column, row = cell_corner((x, y), number)
+            w = (wx if column > x else 1 - wx) * (wy if row > y else 1 - wy)
+            if w > 0:
+                q = place_at(numbering.coarse, (column, row))
+                loads.node_and_entry[count, 0], loads.node_and_entry[count, 1], loads.node_share[count] = -1 - q, n, w
+                coarse.has_extra_forces[q // ROW] = True
+                count += 1
     return count
 
 

@@ -37,17 +37,14 @@ def _overload_set_piece_swelling_offsets(lattice, zone):  # type: ignore[no-unty
     def offset_pieces(lattice, zone):  # type: ignore[no-untyped-def]
         fine, coarse, pieces = zone.fine.half_shrinkage, zone.coarse.half_shrinkage, zone.clipped_pieces
         for n in range(zone.counts.clipped_pieces):
-            both = _half_shrinkage_at_end(fine, coarse, pieces, n, 0) + _half_shrinkage_at_end(
-                fine, coarse, pieces, n, 1
-            )
-            x0, y0 = swelling_offset_from_line(
-                lattice, fine, pieces.end_nodes[n, 0], pieces.end_nodes[n, 1], pieces.spring_constants[n, 0]
-            )
+            spring, first, second = pieces.springs[n], pieces.ends[n, 0], pieces.ends[n, 1]
+            both = _half_shrinkage_at_end(fine, coarse, first) + _half_shrinkage_at_end(fine, coarse, second)
+            x0, y0 = swelling_offset_from_line(lattice, fine, first.first_node, first.second_node, first.second_weight)
             x1, y1 = swelling_offset_from_line(
-                lattice, fine, pieces.end_nodes[n, 2], pieces.end_nodes[n, 3], pieces.spring_constants[n, 1]
+                lattice, fine, second.first_node, second.second_node, second.second_weight
             )
-            pieces.swelling_offset[n, 0] = both * pieces.spring_constants[n, 2] + x1 - x0
-            pieces.swelling_offset[n, 1] = both * pieces.spring_constants[n, 3] + y1 - y0
+            spring.swelling_x = both * spring.xi_x + x1 - x0
+            spring.swelling_y = both * spring.xi_y + y1 - y0
 
     return offset_pieces
 
@@ -98,13 +95,11 @@ def _minmod_difference(values, node_constants, p, step):  # type: ignore[no-unty
 
 
 @njit(forceinline=True, **INNER)
-def _half_shrinkage_at_end(fine, coarse, pieces, n, side):  # type: ignore[no-untyped-def]
+def _half_shrinkage_at_end(fine, coarse, end):  # type: ignore[no-untyped-def]
     """Minus half the strain at an end of a piece."""
-    a, b = pieces.end_nodes[n, 2 * side], pieces.end_nodes[n, 2 * side + 1]
-    if b < 0:
-        return fine[a]
-    w = pieces.spring_constants[n, side]
-    return (1 - w) * coarse[a] + w * coarse[b]
+    if end.second_node < 0:
+        return fine[end.first_node]
+    return (1 - end.second_weight) * coarse[end.first_node] + end.second_weight * coarse[end.second_node]
 
 
 @cached_njit(error_model="numpy")
@@ -113,12 +108,9 @@ def set_all_swelling_offsets(lattice, zone, buffer):  # type: ignore[no-untyped-
     set_piece_swelling_offsets(lattice, zone)
     border, count = zone.border_nodes, zone.counts.border_nodes
     for n in range(count):
-        border.swelling_offset[n] = swelling_offset_from_line(
-            lattice,
-            zone.fine.half_shrinkage,
-            border.carrier_nodes[n, 0],
-            border.carrier_nodes[n, 1],
-            border.second_carrier_weight[n],
+        node, half_shrinkage = border[n], zone.fine.half_shrinkage
+        node.swelling_x, node.swelling_y = swelling_offset_from_line(
+            lattice, half_shrinkage, node.first_carrier, node.second_carrier, node.second_weight
         )
     interpolate_border_nodes(zone.fine.u[buffer], zone.coarse.u[buffer], border, count)
 

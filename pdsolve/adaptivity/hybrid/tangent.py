@@ -17,8 +17,6 @@ from pdsolve.adaptivity.hybrid.engine import HybridEngine
 from pdsolve.codegen.vector_code import ROW
 from pdsolve.operators.tangent import of_green_springs, of_springs
 
-XI, STIFFNESS = slice(2, 4), 5  # of `ClippedPieces.constants`
-
 
 class PointWeights(NamedTuple):
     """Weights by which p points move with n nodes."""
@@ -54,10 +52,10 @@ def create_point_weights(
         (zone.border_nodes, zone.counts.border_nodes, row_at_place, row_of_coarse),
         (zone.tied_coarse_nodes, zone.counts.tied_nodes, row_of_coarse, row_of_far),
     ):
-        tied = rows[border.border_node[:entry_count]].astype(np.int64)
-        of_node = of_node + _interpolation_weights(
-            tied, ends[border.carrier_nodes[:entry_count]], border.second_carrier_weight[:entry_count], nodes
-        )
+        entries = border[:entry_count]
+        tied = rows[entries["border_node"]].astype(np.int64)
+        carriers = ends[np.column_stack([entries["first_carrier"], entries["second_carrier"]])]
+        of_node = of_node + _interpolation_weights(tied, carriers, entries["second_weight"], nodes)
         independent[tied] = 0.0
     of_node = (of_node + diags_array(independent)).tocsr()
 
@@ -70,12 +68,13 @@ def create_point_weights(
     node_points = csr_array((np.ones(len(node_rows)), (np.arange(len(node_rows)), node_rows)), (len(node_rows), nodes))
     point_blocks = [node_points]
     for side in range(2):
-        a, b = pieces.end_nodes[:entry_count, 2 * side], pieces.end_nodes[:entry_count, 2 * side + 1]
+        piece_ends = pieces.ends[:entry_count, side]
+        a, b = piece_ends["first_node"], piece_ends["second_node"]
         on_fine = b < 0
         ends = np.column_stack([np.where(on_fine, 0, a), np.maximum(b, 0)])
         rows = row_of_coarse[ends]
         rows[on_fine] = row_at_place[a[on_fine], None]
-        w = np.where(on_fine, 0.0, pieces.spring_constants[:entry_count, side])
+        w = np.where(on_fine, 0.0, piece_ends["second_weight"])
         point_blocks.append(_interpolation_weights(np.arange(entry_count), rows, w, nodes, entry_count))
     of_end = len(node_rows) + np.arange(2 * entry_count).reshape(2, entry_count)
     return PointWeights(of_node, (vstack(point_blocks) @ of_node).tocsr(), of_fine, of_coarse, of_far, of_end)
@@ -130,9 +129,10 @@ def _force_tangent(hybrid: HybridEngine, points: PointWeights, value: NDArray[np
         matrix += of_green_springs(source, target, table[k, :2], stiffness, u)
 
     piece_count, (first, second) = int(zone.counts.clipped_pieces), points.piece_end_points
-    piece = zone.clipped_pieces.spring_constants[:piece_count]
+    piece = zone.clipped_pieces.springs[:piece_count]
+    piece_xi = np.column_stack([piece["xi_x"], piece["xi_y"]])
     for near, far, sign in ((first, second, 1.0), (second, first, -1.0)):
-        matrix += of_green_springs(near, far, sign * piece[:, XI], piece[:, STIFFNESS], u)
+        matrix += of_green_springs(near, far, sign * piece_xi, piece["stiffness"], u)
     point_matrix = kron(points.point_weights, eye_array(2)).tocsr()
     return (point_matrix.T @ matrix @ point_matrix).tocsr()
 

@@ -39,14 +39,15 @@ from pdmesh.quantities import UNITS
 from pdsolve.__main__ import main as solve_command
 from pdsolve.adaptivity.hybrid.coarse_cells import create_hybrid_plate, initial_cell_kinds
 from pdsolve.adaptivity.hybrid.prepare import rows_of_steep_content
-from pdsolve.adaptivity.hybrid.springs import coarse_springs, create_fine_springs, divide_bonds
 from pdsolve.checks import warn_of_created_energy
 from pdsolve.model import Model, ModelError, ModelWarning
 from pdsolve.options import Options
 from pdsolve.run.measures import compute_energy_balance_row
 from pdsolve.run.prepare import prepare, select_scheme
 from pdsolve.run.simulation import simulate
+from pdsolve.zone.bond_parts import BondParts, divide_bonds
 from pdsolve.zone.cells import AROUND, COARSE, FINE
+from pdsolve.zone.springs import coarse_springs, create_fine_springs
 
 GEOMETRIES = Path(__file__).parents[3] / "geometries"
 HYBRID = Run(adapt="hybrid", steps=20)
@@ -131,7 +132,7 @@ def test_the_compact_lattice_is_as_stiff_as_the_fine_one() -> None:
                 n = (x / length) ** power[0] * (y / length) ** power[1]
                 sums.append((stiffness * length**2 * n).sum() / 2 / area)
             assert sums[0] == pytest.approx(sums[1], rel=1e-13)
-        cut = divide_bonds(fine)
+        cut = divide_bonds(np.column_stack([fine.family_dx, fine.family_dy]))
         first, last = cut.part_bounds_of_sides[:, :, 0].ravel(), cut.part_bounds_of_sides[:, :, 1].ravel()
         for one, other in zip(first, last, strict=True):
             assert np.diff(cut.begin_and_end_shares[one:other], axis=1).sum() == pytest.approx(1.0, abs=1e-12)
@@ -159,7 +160,7 @@ def test_cells_beside_an_edge_where_a_content_leaps_are_fine(how: str) -> None:
 def test_bits_of_cells_are_those_of_the_stretches_of_bonds() -> None:
     """At the largest horizon too; seen from its other end, a bond has the same cells."""
     fine = create_fine_springs(GLASS, 6.0, 1e-3)
-    cut, half = divide_bonds(fine), len(fine.family_dx) // 2
+    cut, half = divide_bonds(np.column_stack([fine.family_dx, fine.family_dy])), len(fine.family_dx) // 2
     for place in range(4):
         for k in range(half):
             for side in range(2):
@@ -169,14 +170,15 @@ def test_bits_of_cells_are_those_of_the_stretches_of_bonds() -> None:
                 there = [place % 2 + fine.family_dx[k], place // 2 + fine.family_dy[k]]
                 parity = there[0] % 2 + 2 * (there[1] % 2)
                 away = cells - np.array(there) // 2
-                assert int(cut.side_cell_bits[place, k, side]) == _bits(cells)
-                assert int(cut.side_cell_bits[parity, k + half, side]) == _bits(away)
+                assert int(cut.side_cell_bits[place, k, side, 0]) == _bits(cut, place, cells)
+                assert int(cut.side_cell_bits[parity, k + half, side, 0]) == _bits(cut, parity, away)
 
 
-def _bits(cells: NDArray[np.int64]) -> int:
-    """A bit for each of these cells (k, 2), of 7 x 7 around that of a node."""
-    assert np.abs(cells).max(initial=0) <= 3
-    return sum(1 << int(7 * (y + 3) + x + 3) for x, y in {(int(x), int(y)) for x, y in cells})
+def _bits(cut: BondParts, position: int, cells: NDArray[np.int64]) -> int:
+    """A bit for each of these cells (k, 2), of those around that of a node at this position in it."""
+    steps = cells - cut.lowest_cell_offset[[position % 2, position // 2]]
+    assert ((steps >= 0) & (steps < cut.cells_around_per_axis)).all()
+    return sum(1 << int(cut.cells_around_per_axis * y + x) for x, y in {(int(x), int(y)) for x, y in steps})
 
 
 @pytest.mark.parametrize(("model", "expected"), STATE_BASED.items(), ids=STATE_BASED)

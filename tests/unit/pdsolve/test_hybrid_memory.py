@@ -16,9 +16,9 @@ from pdsolve.adaptivity.hybrid import irregular_bonds
 from pdsolve.adaptivity.hybrid.coarse_cells import create_hybrid_plate
 from pdsolve.adaptivity.hybrid.irregular_bonds import find_irregular_bonds
 from pdsolve.adaptivity.hybrid.node_constants import values_at_nodes
-from pdsolve.adaptivity.hybrid.springs import create_fine_springs
 from pdsolve.options import Options
 from pdsolve.run.prepare import prepare
+from pdsolve.zone.springs import create_fine_springs
 
 PROGRAM = """
 import sys

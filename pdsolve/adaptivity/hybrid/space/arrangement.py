@@ -7,36 +7,37 @@ in equal shares to their sides.
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from math import lcm
+from typing import NamedTuple
 
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from pdsolve.adaptivity.hybrid.space.divisions import SIDES, WORD, BondDivisions
 from pdsolve.codegen.inner_functions import INNER
 from pdsolve.codegen.jit_cache import cached_njit
+from pdsolve.codegen.record import Record
 from pdsolve.codegen.vector_code import ROW
 from pdsolve.lattice.tile_bonds import INVERSE
 from pdsolve.lattice.tiles import VOLUME, Tiles, pair_number, stiffness
 from pdsolve.numerics.memory import aligned
+from pdsolve.zone.bond_parts import WORD, BondParts, lowest_cell_around, next_piece
 from pdsolve.zone.cells import (
     COARSE,
     FREE,
     VOID,
     ZoneNumbering,
     along_each_axis,
-    cell_of,
+    cell_at,
+    cell_corner,
     coordinates,
-    corner,
     count_cells_around,
-    divided,
     fine_node_kind,
-    multiplied,
+    floor_divide,
     neighbour,
     place_at,
-    position_number,
-    shifted,
+    position_in_cell,
+    scale_coordinates,
 )
 
 PARTS = 8  # of a bond, more than there are
@@ -44,12 +45,29 @@ BLOCK = 8  # spacings along a side of what is numbered together
 ENDS = 4  # coarse nodes that an end moves with, at most
 
 
+class PartEnds(NamedTuple):
+    """Where the p parts of bonds begin and end, in whole multiples of h / unit."""
+
+    position: NDArray[np.int64]  # (p, 2, 3) from the corner of the node's cell
+    is_at_node: NDArray[np.bool_]  # (p, 2)
+    units_per_spacing: int
+
+
+def locate_part_ends(bond_parts: BondParts, reach: int) -> PartEnds:
+    """The ends of the parts of bonds that reach so many spacings along an axis."""
+    unit = lcm(*range(1, reach + 1))
+    position = np.rint(2 * unit * (bond_parts.end_cells + bond_parts.end_shares_of_cell)).astype(np.int64)
+    return PartEnds(position, (position % unit == 0).all(axis=2), unit)
+
+
 class FineLattice(NamedTuple):
     """The constant arrays of the fine lattice of a whole body."""
 
     numbering: ZoneNumbering
     tiles: Tiles  # with all bonds that are intact, those in coarse cells too
-    divisions: BondDivisions  # of the upper half of the offsets
+    bond_parts: BondParts  # of the upper half of the offsets
+    passed_cell_bits: NDArray[np.uint64]  # (8, k, w) bits of the cells that a bond passes, on any side
+    part_ends: PartEnds
     reach: int  # spacings, along an axis
     node_volume: float  # h^3, m^3
     least_over_own_limit_strain_of_material_pair: NDArray[
@@ -59,36 +77,22 @@ class FineLattice(NamedTuple):
     distinct_piece_xi: NDArray[np.float64]  # (g, 4) xi, m, from the near end to the far one, and 1 / |xi|^2
 
 
-class ClippedPieces(NamedTuple):
-    """The p pieces of clipped bonds, in the order of their near ends, then of their owners."""
+class ClippedPiece(Record):
+    """A piece of a clipped bond; pieces are in the order of their near ends, then of their owners."""
 
-    owner_site: NDArray[np.int32]  # (p,) site of the bond's lower node
-    piece_kind: NDArray[np.int32]  # (p,) alike for pieces with the same xi; see `number_and_list_piece_vectors`
-    near_end_place: NDArray[np.int64]  # (p,) the place of one end, a node if one is; see `_blockwise_place_number`
-    far_end_place: NDArray[np.int64]  # (p,) of the other end
-    stiffness: NDArray[np.float64]  # (p,) stiffness, N/m
-    least_over_own_limit_strain: NDArray[
-        np.float64
-    ]  # (p,) least e at which bonds break over that of its own; 0 if it never breaks
-
-
-def allocate_pieces(count: int) -> ClippedPieces:
-    """Room for so many pieces."""
-    owner, kind = np.empty((2, count), np.int32)
-    return ClippedPieces(owner, kind, *np.empty((2, count), np.int64), *np.empty((2, count)))
-
-
-def take_first_pieces(pieces: ClippedPieces, count: int) -> ClippedPieces:
-    """So many of the first ones."""
-    columns: list[Any] = [column[:count] for column in pieces]
-    return ClippedPieces(*columns)
+    owner_site: int  # of the bond's lower node
+    piece_kind: int  # alike for pieces with the same xi; see `number_and_list_piece_vectors`
+    near_end_place: int  # the place of one end, a node if one is; see `_blockwise_place_number`
+    far_end_place: int  # of the other end
+    stiffness: float  # N/m
+    least_over_own_limit_strain: float  # least e at which bonds break over that of its own; 0 if it never breaks
 
 
 class PiecePoints(NamedTuple):
     """The q places at which pieces end, in the order in which pieces name them: nodes, or places on the border."""
 
     carrier_count: NDArray[np.int64]  # (q,) nodes that move it
-    carrier_sites: NDArray[np.int32]  # (q, 4) their fine sites
+    carriers: NDArray[np.int32]  # (q, 4) their fine sites, or their rows
     carrier_weights: NDArray[np.float64]  # (q, 4) their weights
 
 
@@ -100,23 +104,23 @@ def set_node_kinds(numbering, node_at_site, cells, sites, node_kinds, has_coarse
             continue
         x = coordinates(numbering.fine, site)
         node_kinds[site] = fine_node_kind(numbering, cells, x)
-        has_coarse_node[site] = position_number(x) == 0 and count_cells_around(numbering, cells, x, COARSE) > 0
-
-
-# The lowest of the cells around a fine node x that its bonds pass
-_lowest_cell_around = along_each_axis(lambda along, axis, lowest_offset: (along >> 1) + lowest_offset[along % 2])
+        has_coarse_node[site] = position_in_cell(x) == 0 and count_cells_around(numbering, cells, x, COARSE) > 0
 
 
 @njit(**INNER)
-def _fill_bits_of_surrounding_cells(numbering, cells, divisions, x, coarse, fine):  # type: ignore[no-untyped-def]
+def _fill_bits_of_surrounding_cells(numbering, cells, bond_parts, x, coarse, fine):  # type: ignore[no-untyped-def]
     """Fill the bits (w,) of the `coarse` and the `fine` ones of the cells around a fine node; whether there are any."""
     some_coarse = some_fine = False
     coarse[:] = fine[:] = 0
-    number, (left_side, front, low) = 0, _lowest_cell_around(x, divisions.lowest_cell_offset)
-    for cz in range(low, low + divisions.cells_around_per_axis):
-        for cy in range(front, front + divisions.cells_around_per_axis):
+    wide, (left_side, front, low) = (
+        bond_parts.cells_around_per_axis,
+        lowest_cell_around(x, bond_parts.lowest_cell_offset),
+    )
+    number = 0
+    for cz in range(low, low + wide):
+        for cy in range(front, front + wide):
             row = place_at(numbering.cells, (left_side, cy, cz))
-            for kind in cells[row : row + divisions.cells_around_per_axis]:
+            for kind in cells[row : row + wide]:
                 if kind != VOID:
                     word, bit = number // WORD, np.uint64(1) << np.uint64(number % WORD)
                     if kind == COARSE:
@@ -138,24 +142,6 @@ def _have_common_bit(bits_a, bits_b):  # type: ignore[no-untyped-def]
     return both != 0
 
 
-@njit(forceinline=True, **INNER)
-def _cell_kind_of_part(numbering, cells, divisions, part, x):  # type: ignore[no-untyped-def]
-    """The kind of the cell of a part of a bond of fine node x (3,)."""
-    return cells[place_at(numbering.cells, shifted(cell_of(x), divisions.cell_offset[part]))]
-
-
-@njit(**INNER)
-def _count_sides_with_cells(numbering, cells, divisions, first, x):  # type: ignore[no-untyped-def]
-    """Number of sides of a bond with cells."""
-    sides = 0
-    for side in range(SIDES):
-        has_cells = False
-        for part in range(first[side], first[side + 1]):
-            has_cells |= _cell_kind_of_part(numbering, cells, divisions, part, x) != VOID
-        sides += has_cells
-    return sides
-
-
 @cached_njit(error_model="numpy")
 def store_bond_bits_and_pieces(fine, cells, bits, sites, pieces):  # type: ignore[no-untyped-def]
     """Set the bits of the whole bonds of nodes at the sites `sites`, which are in order, and list their pieces.
@@ -163,25 +149,27 @@ def store_bond_bits_and_pieces(fine, cells, bits, sites, pieces):  # type: ignor
     Bonds are those of which a node is the lower end. Returns the number of pieces; those for which there is no room are
     only counted.
     """
-    numbering, tiles, of, half, count = fine.numbering, fine.tiles, fine.divisions, len(fine.tiles.offsets) // 2, 0
-    coarse_bits, fine_bits = np.empty((2, of.passed_cell_bits.shape[2]), np.uint64)
+    numbering, tiles, half, count = fine.numbering, fine.tiles, len(fine.tiles.offsets) // 2, 0
+    coarse_bits, fine_bits = np.empty((2, fine.passed_cell_bits.shape[2]), np.uint64)
     for site in sites:
         if tiles.node[site] < 0:
             continue
         x = coordinates(numbering.fine, site)
-        some_coarse, some_fine = _fill_bits_of_surrounding_cells(numbering, cells, of, x, coarse_bits, fine_bits)
+        some_coarse, some_fine = _fill_bits_of_surrounding_cells(
+            numbering, cells, fine.bond_parts, x, coarse_bits, fine_bits
+        )
         if not some_fine:
             continue
-        tile, lane, place = site // ROW, np.uint16(site % ROW), position_number(x)
+        tile, lane, place = site // ROW, np.uint16(site % ROW), position_in_cell(x)
         for k in range(half):
-            slot, passed = half + k, of.passed_cell_bits[place, k]
+            slot, passed = half + k, fine.passed_cell_bits[place, k]
             if not (tiles.bits[tile, slot] >> lane) & np.uint16(1):
                 continue
             if not some_coarse or not _have_common_bit(passed, coarse_bits):
                 if not (bits[tile, slot] >> lane) & np.uint16(1):
                     _set_bond_bits(bits, site, site + tiles.offsets[slot], slot)
             elif _have_common_bit(passed, fine_bits):
-                count = _append_pieces_outside_coarse_cells(fine, cells, site, x, k, pieces, count)
+                count = _append_pieces(fine, cells, site, x, k, coarse_bits, fine_bits, pieces, count)
     return count
 
 
@@ -193,39 +181,37 @@ def _set_bond_bits(bits, site, target, slot):  # type: ignore[no-untyped-def]
 
 
 @njit(**INNER)
-def _append_pieces_outside_coarse_cells(fine, cells, site, x, k, pieces, count):  # type: ignore[no-untyped-def]
-    """List the pieces of bond k of the node x (3,); returns how many there are then."""
-    numbering, tiles, of = fine.numbering, fine.tiles, fine.divisions
-    slot, first = len(tiles.offsets) // 2 + k, of.part_bounds_of_sides[position_number(x), k]
-    sides = _count_sides_with_cells(numbering, cells, of, first, x)
-    for side in range(SIDES):
-        has_cells = False
-        for part in range(first[side], first[side + 1]):
-            has_cells |= _cell_kind_of_part(numbering, cells, of, part, x) != VOID
-        part, last = first[side], first[side + 1]
-        while has_cells and part < last:
-            begin = part
-            while part < last and _cell_kind_of_part(numbering, cells, of, part, x) != COARSE:
-                part += 1
-            if part > begin:
-                if count < len(pieces.owner_site):
-                    length = of.begin_and_end_shares[part - 1, 1] - of.begin_and_end_shares[begin, 0]
-                    ends = _part_end_place(numbering, of, x, begin, 0), _part_end_place(numbering, of, x, part - 1, 1)
-                    back = of.part_ends_at_node[part - 1, 1] and not of.part_ends_at_node[begin, 0]
-                    pieces.owner_site[count], pieces.piece_kind[count] = (
-                        site,
-                        2 * (begin * PARTS + part - 1 - begin) + back,
-                    )
-                    pieces.near_end_place[count], pieces.far_end_place[count] = (ends[1], ends[0]) if back else ends
-                    pieces.stiffness[count] = _bond_stiffness(fine, site, slot) / (sides * length)
-                    i, j = tiles.node[site], tiles.node[site + tiles.offsets[slot]]
-                    scale = fine.least_over_own_limit_strain_of_material_pair[pair_number(tiles, i, j)]
-                    pieces.least_over_own_limit_strain[count] = (
-                        0.0 if tiles.unbreakable[i] or tiles.unbreakable[j] else scale
-                    )
-                count += 1
-            part += 1
+def _append_pieces(fine, cells, site, x, k, coarse_bits, fine_bits, pieces, count):  # type: ignore[no-untyped-def]
+    """List the pieces of bond k of the node x (3,) in all cells but coarse ones; returns how many there are then."""
+    parts, bounds, sides = fine.bond_parts, fine.bond_parts.part_bounds_of_sides[position_in_cell(x), k], 0
+    side_bits = parts.side_cell_bits[position_in_cell(x), k]
+    for side in range(len(side_bits)):
+        sides += _have_common_bit(side_bits[side], coarse_bits) or _have_common_bit(side_bits[side], fine_bits)
+    for side in range(len(side_bits)):
+        if not (_have_common_bit(side_bits[side], coarse_bits) or _have_common_bit(side_bits[side], fine_bits)):
+            continue
+        begin, end = next_piece(fine.numbering.cells, cells, parts, x, bounds[side], bounds[side + 1], True)
+        while begin < end:
+            if count < len(pieces):
+                _set_piece(fine, site, x, k, begin, end - 1, sides, pieces[count])
+            count += 1
+            begin, end = next_piece(fine.numbering.cells, cells, parts, x, end, bounds[side + 1], True)
     return count
+
+
+@njit(**INNER)
+def _set_piece(fine, site, x, k, first, last, sides, piece):  # type: ignore[no-untyped-def]
+    """Set the piece of bond k of the node x (3,) from its part `first` to `last`, on one of so many sides."""
+    tiles, at_node, slot = fine.tiles, fine.part_ends.is_at_node, len(fine.tiles.offsets) // 2 + k
+    length = fine.bond_parts.begin_and_end_shares[last, 1] - fine.bond_parts.begin_and_end_shares[first, 0]
+    near, far = _part_end_place(fine, x, first, 0), _part_end_place(fine, x, last, 1)
+    back = at_node[last, 1] and not at_node[first, 0]
+    piece.owner_site, piece.piece_kind = site, 2 * (first * PARTS + last - first) + back
+    piece.near_end_place, piece.far_end_place = (far, near) if back else (near, far)
+    piece.stiffness = _bond_stiffness(fine, site, slot) / (sides * length)
+    i, j = tiles.node[site], tiles.node[site + tiles.offsets[slot]]
+    scale = fine.least_over_own_limit_strain_of_material_pair[pair_number(tiles, i, j)]
+    piece.least_over_own_limit_strain = 0.0 if tiles.unbreakable[i] or tiles.unbreakable[j] else scale
 
 
 @njit(**INNER)
@@ -242,10 +228,10 @@ _place_in_units = along_each_axis(lambda along, axis, at, unit: unit * (along - 
 
 
 @njit(**INNER)
-def _part_end_place(numbering, divisions, x, part, side):  # type: ignore[no-untyped-def]
+def _part_end_place(fine, x, part, side):  # type: ignore[no-untyped-def]
     """The place where a part of a bond of the node x (3,) begins, 0, or ends, 1."""
-    unit = divisions.units_per_spacing
-    return _blockwise_place_number(numbering, unit, _place_in_units(x, divisions.part_end_position[part, side], unit))
+    ends, unit = fine.part_ends, fine.part_ends.units_per_spacing
+    return _blockwise_place_number(fine.numbering, unit, _place_in_units(x, ends.position[part, side], unit))
 
 
 @njit(**INNER)
@@ -276,47 +262,30 @@ def merge_pieces_into(old, is_owner_stale, new, order, merged):  # type: ignore[
     the `order` (q,) of their near ends."""
     at, n = 0, 0
     for m in order:
-        while n < len(old.owner_site) and (
-            old.near_end_place[n] < new.near_end_place[m]
-            or (old.near_end_place[n] == new.near_end_place[m] and old.owner_site[n] < new.owner_site[m])
+        place, owner = new[m].near_end_place, new[m].owner_site
+        while n < len(old) and (
+            old[n].near_end_place < place or (old[n].near_end_place == place and old[n].owner_site < owner)
         ):
-            at, n = at + _copy_piece(old, n, merged, at, not is_owner_stale[old.owner_site[n]]), n + 1
-        at += _copy_piece(new, m, merged, at, True)
-    while n < len(old.owner_site):
-        at, n = at + _copy_piece(old, n, merged, at, not is_owner_stale[old.owner_site[n]]), n + 1
-
-
-@njit(**INNER)
-def _copy_piece(source, source_index, target, target_index, is_wanted):  # type: ignore[no-untyped-def]
-    """Copy a piece if it is wanted; how many there are then."""
-    if not is_wanted:
-        return 0
-    (
-        target.owner_site[target_index],
-        target.piece_kind[target_index],
-        target.stiffness[target_index],
-        target.least_over_own_limit_strain[target_index],
-    ) = (
-        source.owner_site[source_index],
-        source.piece_kind[source_index],
-        source.stiffness[source_index],
-        source.least_over_own_limit_strain[source_index],
-    )
-    target.near_end_place[target_index], target.far_end_place[target_index] = (
-        source.near_end_place[source_index],
-        source.far_end_place[source_index],
-    )
-    return 1
+            if not is_owner_stale[old[n].owner_site]:
+                merged[at] = old[n]
+                at += 1
+            n += 1
+        merged[at] = new[m]
+        at += 1
+    for k in range(n, len(old)):
+        if not is_owner_stale[old[k].owner_site]:
+            merged[at] = old[k]
+            at += 1
 
 
 @cached_njit(error_model="numpy")
 def fill_piece_point_carriers(fine, node_kinds, places, points):  # type: ignore[no-untyped-def]
     """Fill in what moves the `places` (q,)."""
-    numbering, unit = fine.numbering, fine.divisions.units_per_spacing
+    numbering, unit = fine.numbering, fine.part_ends.units_per_spacing
     for n in range(len(places)):
         x = coordinates_of_place(numbering, unit, places[n])
-        sites, w = points.carrier_sites[n], points.carrier_weights[n]
-        node, at_node = place_at(numbering.fine, divided(x, unit)), True
+        sites, w = points.carriers[n], points.carrier_weights[n]
+        node, at_node = place_at(numbering.fine, floor_divide(x, unit)), True
         for axis in range(3):
             at_node &= x[axis] % unit == 0
         if at_node and node_kinds[node] == FREE:
@@ -337,20 +306,21 @@ def create_piece_points(fine: FineLattice, node_kinds: NDArray[np.uint8], places
 
 
 def number_and_list_piece_vectors(
-    divisions: BondDivisions, table: NDArray[np.floating], h: float
+    bond_parts: BondParts, table: NDArray[np.floating], h: float
 ) -> tuple[NDArray[np.int32], NDArray[np.float64]]:
     """The direction (q,) of each kind of pieces, and the xi, m, and 1 / |xi|^2 of each direction (g, 4).
 
     The kind of a piece is 2 PARTS times the number of its first part, plus twice that of those that follow it, plus 1
     if its near end is behind its far one.
     """
-    begin = np.repeat(np.arange(len(divisions.begin_and_end_shares)), PARTS)
+    begin = np.repeat(np.arange(len(bond_parts.begin_and_end_shares)), PARTS)
     last = np.minimum(
-        begin + np.tile(np.arange(PARTS), len(divisions.begin_and_end_shares)), len(divisions.begin_and_end_shares) - 1
+        begin + np.tile(np.arange(PARTS), len(bond_parts.begin_and_end_shares)),
+        len(bond_parts.begin_and_end_shares) - 1,
     )
-    bond = np.searchsorted(divisions.part_bounds_of_sides[:, :, 0].ravel(), begin, side="right") - 1
-    row = table[len(table) // 2 + bond % divisions.part_bounds_of_sides.shape[1]].astype(np.float64)
-    length = divisions.begin_and_end_shares[last, 1] - divisions.begin_and_end_shares[begin, 0]
+    bond = np.searchsorted(bond_parts.part_bounds_of_sides[:, :, 0].ravel(), begin, side="right") - 1
+    row = table[len(table) // 2 + bond % bond_parts.part_bounds_of_sides.shape[1]].astype(np.float64)
+    length = bond_parts.begin_and_end_shares[last, 1] - bond_parts.begin_and_end_shares[begin, 0]
     length[length <= 0] = 1.0  # of no piece
     xi = np.column_stack([length[:, None] * row[:, :3], row[:, INVERSE] / length**2])
     _, which, direction = np.unique(np.round(xi[:, :3] / h, 9), axis=0, return_index=True, return_inverse=True)
@@ -371,14 +341,14 @@ def _set_node_as_carrier(node, sites, w):  # type: ignore[no-untyped-def]
 def _fill_coarse_interpolation_weights(numbering, x, cell_size, sites, w):  # type: ignore[no-untyped-def]
     """Fill the sites and weights (4,) of the coarse nodes that move a place x (3,) on the border of a cell; `cell_size`
     is 2 h in the unit of x."""
-    count, cell = 0, divided(x, cell_size)
+    count, cell = 0, floor_divide(x, cell_size)
     for number in range(1 << len(x)):
         share = 1.0
         for axis in range(len(x)):
             along = x[axis] % cell_size / cell_size
             share *= along if number >> axis & 1 else 1 - along
         if share > 0 and count < ENDS:
-            sites[count], w[count] = place_at(numbering.fine, multiplied(corner(cell, number), 2)), share
+            sites[count], w[count] = place_at(numbering.fine, scale_coordinates(cell_corner(cell, number), 2)), share
             count += 1
     for n in range(count, ENDS):
         sites[n], w[n] = sites[0], 0.0
@@ -423,8 +393,8 @@ def interpolate_at_fine_sites(numbering, row_at_site, node_values, fine_sites, f
             fine_values[n, axis] = node_values[row, axis] if row >= 0 else 0.0
             share /= 1 + (x[axis] & 1)
         for number in range(1 << len(x)):
-            if row < 0 and number & ~position_number(x) == 0:
-                end = place_at(numbering.fine, multiplied(corner(cell_of(x), number), 2))
+            if row < 0 and number & ~position_in_cell(x) == 0:
+                end = place_at(numbering.fine, scale_coordinates(cell_corner(cell_at(x), number), 2))
                 for axis in range(3):
                     fine_values[n, axis] += node_values[row_at_site[end], axis] * share
 
@@ -451,24 +421,3 @@ def list_bond_targets(sites, row_at_site, offsets, bits, target):  # type: ignor
             if (bits[tile, slot] >> lane) & np.uint16(1) and row_at_site[sites[n] + offsets[slot]] >= 0:
                 target[at] = row_at_site[sites[n] + offsets[slot]]
                 at += 1
-
-
-__all__ = [
-    "ENDS",
-    "ClippedPieces",
-    "FineLattice",
-    "PiecePoints",
-    "allocate_pieces",
-    "coordinates_of_place",
-    "count_bonds_of_sites",
-    "create_piece_points",
-    "fill_border_carriers",
-    "gather_fine_values_to_coarse",
-    "interpolate_at_fine_sites",
-    "list_bond_targets",
-    "merge_pieces_into",
-    "number_and_list_piece_vectors",
-    "set_node_kinds",
-    "store_bond_bits_and_pieces",
-    "take_first_pieces",
-]

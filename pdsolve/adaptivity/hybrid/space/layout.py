@@ -8,12 +8,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pdsolve.adaptivity.hybrid.space import arrangement, coarse_springs
-from pdsolve.adaptivity.hybrid.space.arrangement import ClippedPieces, FineLattice
+from pdsolve.adaptivity.hybrid.space.arrangement import ClippedPiece, FineLattice
 from pdsolve.codegen.jit_cache import cached_njit
 from pdsolve.codegen.vector_code import ROW
 from pdsolve.conditions import Drive
 from pdsolve.lattice.sites import Sites
-from pdsolve.lattice.tiles import Tiles
+from pdsolve.lattice.tiles import Breaks, Tiles, room_for
 from pdsolve.model import Model
 from pdsolve.numerics.memory import aligned
 from pdsolve.zone.cells import FINE, ZoneNumbering, coordinates
@@ -44,9 +44,24 @@ class BodyZone(NamedTuple):
     has_coarse_node: NDArray[np.bool_]  # (sites,) whether a coarse node is there
     fine_tiles: Tiles  # of bonds whole in fine cells
     coarse_springs: Tiles  # of coarse cells
-    clipped_pieces: ClippedPieces
+    clipped_pieces: NDArray[ClippedPiece]
     fine_u: NDArray[np.float64]  # (3, m) displacements of fine sites, m
     coarse_u: NDArray[np.float64]
+
+
+class ZoneHistory(NamedTuple):
+    """Broken bonds and energies so far of a run whose operator is created anew when cells become fine."""
+
+    break_step: NDArray[np.int64]  # (b,) when directed bonds broke
+    broken_source: NDArray[np.int64]  # (b,) fine sites, or rows of the grid
+    broken_target: NDArray[np.int64]
+    refinement_energy: float  # J, in the plane per unit thickness: energy that refining has made
+    largest_clipped_strain: float  # of bonds that do not break: e, or stretch over their limit
+    latest_breaks: Breaks  # bonds that broke in the last step in which any did; rows of nodes may be others since
+
+
+NEVER = np.zeros(0, dtype=np.int64)
+NOTHING = ZoneHistory(NEVER, NEVER, NEVER, 0.0, 0.0, room_for(0))
 
 
 Ends = tuple[NDArray[np.int32], NDArray[np.float64]]
@@ -117,16 +132,17 @@ def zone_after_refinement(full_body: FullBody, zone: BodyZone, new_cells: NDArra
         numbering, fine.tiles.node, zone.cell_kinds, dirty, zone.node_kinds, zone.has_coarse_node
     )
     zone = zone._replace(fine_tiles=_copy_tiles(zone.fine_tiles), coarse_springs=_copy_tiles(zone.coarse_springs))
-    new_pieces = arrangement.allocate_pieces(2 * len(zone.clipped_pieces.owner_site) + ROOM * len(dirty))
+    new_pieces = np.empty(2 * len(zone.clipped_pieces) + ROOM * len(dirty), ClippedPiece.fields())
     count = arrangement.store_bond_bits_and_pieces(fine, zone.cell_kinds, zone.fine_tiles.bits, dirty, new_pieces)
-    if count > len(new_pieces.owner_site):
-        new_pieces = arrangement.allocate_pieces(count)
+    if count > len(new_pieces):
+        new_pieces = np.empty(count, ClippedPiece.fields())
         arrangement.store_bond_bits_and_pieces(fine, zone.cell_kinds, zone.fine_tiles.bits, dirty, new_pieces)
     stale = np.zeros(len(zone.node_kinds), dtype=bool)
     stale[dirty] = True
-    old, new_pieces = zone.clipped_pieces, arrangement.take_first_pieces(new_pieces, count)
-    ordered = arrangement.allocate_pieces(len(old.owner_site) - np.count_nonzero(stale[old.owner_site]) + count)
-    arrangement.merge_pieces_into(old, stale, new_pieces, np.argsort(new_pieces.near_end_place, kind="stable"), ordered)
+    old, new_pieces = zone.clipped_pieces, new_pieces[:count]
+    ordered = np.empty(len(old) - np.count_nonzero(stale[old["owner_site"]]) + count, ClippedPiece.fields())
+    order = np.argsort(new_pieces["near_end_place"], kind="stable")
+    arrangement.merge_pieces_into(old, stale, new_pieces, order, ordered)
     moduli, ways, corners = full_body.relative_cell_modulus, full_body.coarse_sites.ways, corners_of_cells(new_cells)
     coarse_springs.set_coarse_springs(numbering, zone.cell_kinds, moduli, ways, corners, zone.coarse_springs)
     return zone._replace(clipped_pieces=ordered)
@@ -144,7 +160,7 @@ def create_body_zone(full_body: FullBody, cells: NDArray[np.uint8], springs: Til
             bits=np.zeros_like(fine.tiles.bits), node=fine.tiles.node.copy(), kind=fine.tiles.kind.copy()
         ),
         coarse_springs=springs,
-        clipped_pieces=arrangement.allocate_pieces(0),
+        clipped_pieces=np.empty(0, ClippedPiece.fields()),
         fine_u=aligned(np.zeros((3, full_body.fine_sites.size))),
         coarse_u=aligned(np.zeros((3, full_body.coarse_sites.size))),
     )

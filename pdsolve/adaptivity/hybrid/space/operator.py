@@ -18,11 +18,11 @@ from pdsolve.adaptivity.hybrid.arrays import AHEAD
 from pdsolve.adaptivity.hybrid.engine import ZoneSummary
 from pdsolve.adaptivity.hybrid.irregular_bonds import model_of_nodes
 from pdsolve.adaptivity.hybrid.space import arrangement, coarse_springs, pieces
-from pdsolve.adaptivity.hybrid.space.history import ZoneHistory
 from pdsolve.adaptivity.hybrid.space.layout import (
     BodyZone,
     FullBody,
     SpringNetwork,
+    ZoneHistory,
     corners_of_cells,
     list_bonds_of_sites,
     mask_near_cells,
@@ -30,7 +30,6 @@ from pdsolve.adaptivity.hybrid.space.layout import (
 )
 from pdsolve.adaptivity.hybrid.space.materials import ModelWithMeanDensities, fine_node_masses
 from pdsolve.adaptivity.hybrid.space.zone import mark_and_list_new_fine_cells_in_balls
-from pdsolve.adaptivity.hybrid.springs import double_green_strain_from_stretch
 from pdsolve.bonds.assembly import Counted
 from pdsolve.checkpoint_validation import PendingPulls, entry, like, pending_to_arrays, read_pending_pulls
 from pdsolve.codegen.vector_code import ROW
@@ -54,7 +53,8 @@ from pdsolve.model import Model
 from pdsolve.numerics.thread_team import share
 from pdsolve.operators.protocol import CheckpointArrays
 from pdsolve.state import Broken, State, Unknown
-from pdsolve.zone.cells import BORDER, COARSE, FINE, FREE, ZoneNumbering, cell_of, coordinates, place_at
+from pdsolve.zone.cells import BORDER, COARSE, FINE, FREE, ZoneNumbering, cell_at, coordinates, place_at
+from pdsolve.zone.springs import double_green_strain_from_stretch
 
 if TYPE_CHECKING:
     from scipy.sparse import csr_array
@@ -115,7 +115,7 @@ class HybridBodyOperator:
     def _coarse_sites_at(self, sites: NDArray[np.int64]) -> NDArray[np.int64]:
         """The coarse sites at fine sites."""
         numbering = self._numbering
-        return np.asarray(place_at(numbering.coarse, cell_of(coordinates(numbering.fine, sites))))
+        return np.asarray(place_at(numbering.coarse, cell_at(coordinates(numbering.fine, sites))))
 
     def _tiles_with_node_numbers(self, tiles: Tiles) -> Tiles:
         """The tiles with the numbers of nodes, followed by those on the border, whose bonds do not break."""
@@ -317,7 +317,7 @@ class HybridBodyOperator:
         network = SpringNetwork(
             self.volume,
             (self._on, self._w),
-            (piece_springs.carrier_rows, piece_springs.carrier_weights),
+            (piece_springs.points.carriers, piece_springs.points.carrier_weights),
             of_pieces.end_points,
             (zone.fine_tiles, sites, free, np.append(self.volume, self._border_volume), False),
             (zone.coarse_springs, above, self._coarse, np.ones(nodes), True),
@@ -499,7 +499,6 @@ class HybridBodyOperator:
             *self._zone,
             *self._zone.fine_tiles,
             *self._zone.coarse_springs,
-            *self._zone.clipped_pieces,
             *self.full_body.fine_lattice.tiles,
         )
         return sum(getattr(array, "nbytes", 0) for array in parts)

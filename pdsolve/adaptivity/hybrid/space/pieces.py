@@ -15,8 +15,9 @@ from numpy.typing import NDArray
 
 from pdsolve.adaptivity.hybrid.space.arrangement import (
     ENDS,
-    ClippedPieces,
+    ClippedPiece,
     FineLattice,
+    PiecePoints,
     coordinates_of_place,
     create_piece_points,
 )
@@ -24,43 +25,32 @@ from pdsolve.adaptivity.hybrid.space.clipped_pieces import TOGETHER, add_pieces
 from pdsolve.codegen.inner_functions import INNER
 from pdsolve.codegen.jit_cache import cached_njit
 from pdsolve.numerics.memory import aligned
-from pdsolve.zone.cells import divided, place_at
+from pdsolve.zone.cells import floor_divide, place_at
 
 SHARED = 4  # pieces of a point, at least, in the first guess
 
 
-class PieceSprings(NamedTuple):
-    """The springs of pieces between q points, which move with nodes, in g groups of eight with one near end.
+class PieceGroups(NamedTuple):
+    """Springs in g groups of eight with one near end; a group that is not full has springs without stiffness."""
 
-    A group that is not full has springs without stiffness.
-    """
-
-    carrier_count: NDArray[np.int64]  # (q,) nodes that move a point
-    carrier_rows: NDArray[np.int32]  # (q, 4) these nodes
-    carrier_weights: NDArray[np.float64]  # (q, 4) their weights
-    near_end_site_of_group: NDArray[np.int32]  # (g,) fine site of the near end, or of one less than a spacing from it
+    near_end_site: NDArray[np.int32]  # (g,) fine site of the near end, or of one less than a spacing from it
     near_point: NDArray[np.int32]  # (g,) point at the near end
     far_point: NDArray[np.int32]  # (8 g,) point at the far end
-    xi_row_of_piece: NDArray[np.int32]  # (8 g,) row of xi
+    xi_row: NDArray[np.int32]  # (8 g,) row of xi
+    stiffness: NDArray[np.float64]  # (8 g,) N/m
+    # (8 g,) least e at which bonds break over that of its own; 0 if it never breaks
+    least_over_own_limit_strain: NDArray[np.float64]
+
+
+class PieceSprings(NamedTuple):
+    """The springs of pieces between q points, which move with nodes."""
+
+    points: PiecePoints  # with the rows of nodes
+    groups: PieceGroups
     xi: NDArray[np.float64]  # (d, 4) xi, m, 1 / |xi|^2
-    stiffness: NDArray[np.float64]  # (8 g,) stiffness, N/m
-    least_over_own_limit_strain: NDArray[
-        np.float64
-    ]  # (8 g,) least e at which bonds break over that of its own; 0 if it never breaks
     point_displacements: NDArray[np.float64]  # (q, 4) room for the displacements of points; the last column is 0
     point_forces: NDArray[np.float64]  # (q, 4) room for their forces
     largest_scaled_strains: NDArray[np.float64]  # (8,) room for the largest e times `least_over_own_limit_strain`
-
-
-class PieceGroups(NamedTuple):
-    """Room for groups of pieces; see `PieceSprings`."""
-
-    near_end_site_of_group: NDArray[np.int32]
-    near_point: NDArray[np.int32]
-    far_point: NDArray[np.int32]
-    xi_row: NDArray[np.int32]
-    stiffness: NDArray[np.float64]
-    least_over_own_limit_strain: NDArray[np.float64]
 
 
 class PlaceTable(NamedTuple):
@@ -74,12 +64,15 @@ class PlaceTable(NamedTuple):
 
 
 def create_piece_springs(
-    fine: FineLattice, node_kinds: NDArray[np.uint8], row_at_site: NDArray[np.int32], pieces: ClippedPieces
+    fine: FineLattice, node_kinds: NDArray[np.uint8], row_at_site: NDArray[np.int32], pieces: NDArray[ClippedPiece]
 ) -> PieceSprings:
     """The springs of pieces; `node_kinds` and `row_at_site` (sites,) are those of fine nodes."""
-    count = len(pieces.near_end_place)
-    room = count + (TOGETHER - 1) * (np.count_nonzero(np.diff(pieces.near_end_place)) + 1) if count else 0
-    groups = room // TOGETHER
+    count = len(pieces)
+    room = count + (TOGETHER - 1) * (np.count_nonzero(np.diff(pieces["near_end_place"])) + 1) if count else 0
+    group_count, entry_count = room // TOGETHER, room // TOGETHER * TOGETHER
+    groups = PieceGroups(
+        *np.empty((2, group_count), np.int32), *np.empty((2, entry_count), np.int32), *np.empty((2, entry_count))
+    )
     size = 1 << max(4, count // SHARED).bit_length() + 1
     while True:
         half = size // 2
@@ -90,25 +83,16 @@ def create_piece_springs(
             np.full(half, -1, np.int32),
             np.empty(half, np.int64),
         )
-        entries = TOGETHER * groups
-        group_arrays = PieceGroups(
-            *np.empty((2, groups), np.int32), *np.empty((2, entries), np.int32), *np.empty((2, entries))
-        )
-        points, used = group_pieces(fine, pieces, numbers, group_arrays)
+        points, used = group_pieces(fine, pieces, numbers, groups)
         if points >= 0:
             break
         size *= 2
-    carry = create_piece_points(fine, node_kinds, numbers.place_of_number[:points])
+    carriers = create_piece_points(fine, node_kinds, numbers.place_of_number[:points])
     u, force = (aligned(np.zeros((points, 4))) for _ in range(2))
-    of_groups = group_arrays.near_end_site_of_group[:used], group_arrays.near_point[:used]
-    far, direction = group_arrays.far_point[: TOGETHER * used], group_arrays.xi_row[: TOGETHER * used]
-    k, breaks = group_arrays.stiffness[: TOGETHER * used], group_arrays.least_over_own_limit_strain[: TOGETHER * used]
-    ends = *of_groups, far, direction, fine.distinct_piece_xi, k, breaks
     return PieceSprings(
-        carry.carrier_count,
-        row_at_site[carry.carrier_sites],
-        carry.carrier_weights,
-        *ends,
+        carriers._replace(carriers=row_at_site[carriers.carriers]),
+        PieceGroups._make(column[: used * len(column) // max(group_count, 1)] for column in groups),
+        fine.distinct_piece_xi,
         u,
         force,
         np.zeros(TOGETHER),
@@ -125,60 +109,48 @@ class ListedSprings(NamedTuple):
 
 def list_stiff_springs(springs: PieceSprings) -> ListedSprings:
     """The springs with a stiffness."""
-    is_stiff = springs.stiffness > 0
-    ends = np.column_stack([np.repeat(springs.near_point, TOGETHER), springs.far_point])
-    return ListedSprings(ends[is_stiff], springs.xi[springs.xi_row_of_piece[is_stiff], :3], springs.stiffness[is_stiff])
+    groups, is_stiff = springs.groups, springs.groups.stiffness > 0
+    ends = np.column_stack([np.repeat(groups.near_point, TOGETHER), groups.far_point])
+    return ListedSprings(ends[is_stiff], springs.xi[groups.xi_row[is_stiff], :3], groups.stiffness[is_stiff])
 
 
 @cached_njit(error_model="numpy")
-def group_pieces(fine, pieces, place_table, group_arrays):  # type: ignore[no-untyped-def]
+def group_pieces(fine, pieces, place_table, groups):  # type: ignore[no-untyped-def]
     """Put pieces into groups; the numbers of points and of groups, or -1 if there are more points than numbers."""
-    count, m, run, i, unit = 0, 0, -1, 0, fine.divisions.units_per_spacing
-    for n in range(len(pieces.near_end_place)):
-        place = pieces.near_end_place[n]
-        if n == 0 or place != pieces.near_end_place[n - 1]:
-            m = _fill_last_group(group_arrays, m, i)
+    count, m, run, i, unit = 0, 0, -1, 0, fine.part_ends.units_per_spacing
+    for n in range(len(pieces)):
+        piece, place = pieces[n], pieces[n].near_end_place
+        if n == 0 or place != pieces[n - 1].near_end_place:
+            m = _fill_last_group(groups, m, i)
             i, count = _find_or_add_place_number(place_table, place, count)
             run += 1
-        j, count = _find_or_add_place_number(place_table, pieces.far_end_place[n], count)
+        j, count = _find_or_add_place_number(place_table, piece.far_end_place, count)
         if count > len(place_table.place_of_number) - 2:
             return -1, 0
         if place_table.last_near_end[j] == run:
             at = place_table.last_piece[j]
-            group_arrays.stiffness[at] += pieces.stiffness[n]
-            group_arrays.least_over_own_limit_strain[at] = max(
-                group_arrays.least_over_own_limit_strain[at], pieces.least_over_own_limit_strain[n]
-            )
+            least = max(groups.least_over_own_limit_strain[at], piece.least_over_own_limit_strain)
+            groups.stiffness[at] += piece.stiffness
+            groups.least_over_own_limit_strain[at] = least
             continue
         if m % TOGETHER == 0:
-            group_arrays.near_point[m // TOGETHER] = i
-            x = divided(coordinates_of_place(fine.numbering, unit, place), unit)
-            group_arrays.near_end_site_of_group[m // TOGETHER] = place_at(fine.numbering.fine, x)
+            groups.near_point[m // TOGETHER] = i
+            x = floor_divide(coordinates_of_place(fine.numbering, unit, place), unit)
+            groups.near_end_site[m // TOGETHER] = place_at(fine.numbering.fine, x)
         place_table.last_near_end[j], place_table.last_piece[j] = run, m
-        group_arrays.far_point[m], group_arrays.xi_row[m] = j, fine.xi_row_of_piece_kind[pieces.piece_kind[n]]
-        group_arrays.stiffness[m], group_arrays.least_over_own_limit_strain[m] = (
-            pieces.stiffness[n],
-            pieces.least_over_own_limit_strain[n],
-        )
+        groups.far_point[m], groups.xi_row[m] = j, fine.xi_row_of_piece_kind[piece.piece_kind]
+        groups.stiffness[m] = piece.stiffness
+        groups.least_over_own_limit_strain[m] = piece.least_over_own_limit_strain
         m += 1
-    return count, _fill_last_group(group_arrays, m, i) // TOGETHER
+    return count, _fill_last_group(groups, m, i) // TOGETHER
 
 
 @njit(**INNER)
-def _fill_last_group(group_arrays, spring_count, near_point):  # type: ignore[no-untyped-def]
+def _fill_last_group(groups, spring_count, near_point):  # type: ignore[no-untyped-def]
     """Fill the last group with springs without stiffness; the entries used then."""
     while spring_count % TOGETHER:
-        (
-            group_arrays.far_point[spring_count],
-            group_arrays.xi_row[spring_count],
-            group_arrays.stiffness[spring_count],
-            group_arrays.least_over_own_limit_strain[spring_count],
-        ) = (
-            near_point,
-            0,
-            0.0,
-            0.0,
-        )
+        groups.far_point[spring_count], groups.xi_row[spring_count] = near_point, 0
+        groups.stiffness[spring_count] = groups.least_over_own_limit_strain[spring_count] = 0.0
         spring_count += 1
     return spring_count
 
@@ -208,26 +180,17 @@ def add_piece_forces(value, pieces, force):  # type: ignore[no-untyped-def]
     Returns the largest e of those that could break.
     """
     _displace_points(value, pieces)
-    u, sums, xi = pieces.point_displacements, pieces.point_forces, pieces.xi
+    u, sums, groups, points = pieces.point_displacements, pieces.point_forces, pieces.groups, pieces.points
+    xi, far, rows = pieces.xi, groups.far_point, groups.xi_row
+    k, least = groups.stiffness, groups.least_over_own_limit_strain
     sums[:] = 0
     pieces.largest_scaled_strains[:] = 0
-    for g in range(len(pieces.near_point)):
-        at, near = TOGETHER * g, np.int64(pieces.near_point[g])
-        add_pieces(
-            u,
-            sums,
-            xi,
-            pieces.far_point,
-            pieces.xi_row_of_piece,
-            pieces.stiffness,
-            pieces.least_over_own_limit_strain,
-            pieces.largest_scaled_strains,
-            at,
-            near,
-        )
-    for q in range(len(pieces.carrier_count)):
-        for m in range(pieces.carrier_count[q]):
-            row, share = pieces.carrier_rows[q, m], pieces.carrier_weights[q, m]
+    for g in range(len(groups.near_point)):
+        near = np.int64(groups.near_point[g])
+        add_pieces(u, sums, xi, far, rows, k, least, pieces.largest_scaled_strains, TOGETHER * g, near)
+    for q in range(len(points.carrier_count)):
+        for m in range(points.carrier_count[q]):
+            row, share = points.carriers[q, m], points.carrier_weights[q, m]
             for axis in range(3):
                 force[row, axis] += share * sums[q, axis]
     return pieces.largest_scaled_strains.max()
@@ -236,12 +199,13 @@ def add_piece_forces(value, pieces, force):  # type: ignore[no-untyped-def]
 @njit(**INNER)
 def _displace_points(value, pieces):  # type: ignore[no-untyped-def]
     """Fill in the displacements of the points."""
-    for q in range(len(pieces.carrier_count)):
+    points, u = pieces.points, pieces.point_displacements
+    for q in range(len(points.carrier_count)):
         x = y = z = 0.0
-        for m in range(pieces.carrier_count[q]):
-            row, share = pieces.carrier_rows[q, m], pieces.carrier_weights[q, m]
+        for m in range(points.carrier_count[q]):
+            row, share = points.carriers[q, m], points.carrier_weights[q, m]
             x, y, z = x + share * value[row, 0], y + share * value[row, 1], z + share * value[row, 2]
-        pieces.point_displacements[q, 0], pieces.point_displacements[q, 1], pieces.point_displacements[q, 2] = x, y, z
+        u[q, 0], u[q, 1], u[q, 2] = x, y, z
 
 
 @cached_njit(nogil=True, error_model="numpy")
@@ -249,22 +213,22 @@ def add_piece_energies(value, pieces, site_mask, node_energy):  # type: ignore[n
     """Add the energies of pieces, J, to `node_energy` (n,), half to each end; of those with their near ends at fine
     sites of `site_mask` (sites,) alone."""
     _displace_points(value, pieces)
-    energy, u = pieces.point_forces, pieces.point_displacements
+    energy, u, groups, points = pieces.point_forces, pieces.point_displacements, pieces.groups, pieces.points
     energy[:] = 0
-    for n in range(len(pieces.stiffness)):
-        i, j, row, e = pieces.near_point[n // TOGETHER], pieces.far_point[n], pieces.xi[pieces.xi_row_of_piece[n]], 0.0
-        if not site_mask[pieces.near_end_site_of_group[n // TOGETHER]] or pieces.stiffness[n] == 0:
+    for n in range(len(groups.stiffness)):
+        i, j, row, e = groups.near_point[n // TOGETHER], groups.far_point[n], pieces.xi[groups.xi_row[n]], 0.0
+        if not site_mask[groups.near_end_site[n // TOGETHER]] or groups.stiffness[n] == 0:
             continue
         for axis in range(3):
             eta = u[j, axis] - u[i, axis]
             e += row[3] * eta * (2 * row[axis] + eta)
         stretch = e / (np.sqrt(1 + e) + 1)
-        end_energy = pieces.stiffness[n] / row[3] * stretch * stretch / 4
+        end_energy = groups.stiffness[n] / row[3] * stretch * stretch / 4
         energy[i, 0] += end_energy
         energy[j, 0] += end_energy
-    for q in range(len(pieces.carrier_count)):
-        for m in range(pieces.carrier_count[q]):
-            node_energy[pieces.carrier_rows[q, m]] += pieces.carrier_weights[q, m] * energy[q, 0]
+    for q in range(len(points.carrier_count)):
+        for m in range(points.carrier_count[q]):
+            node_energy[points.carriers[q, m]] += points.carrier_weights[q, m] * energy[q, 0]
 
 
 @cached_njit(nogil=True)

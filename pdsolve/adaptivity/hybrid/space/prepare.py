@@ -10,10 +10,13 @@ from numpy.typing import NDArray
 from pdmesh.model.document import Hybrid
 from pdsolve.adaptivity.hybrid.coarse_cells import create_unsupported_error
 from pdsolve.adaptivity.hybrid.space import coarse_springs
-from pdsolve.adaptivity.hybrid.space.arrangement import BLOCK, FineLattice, number_and_list_piece_vectors
-from pdsolve.adaptivity.hybrid.space.divisions import divide_half_family
-from pdsolve.adaptivity.hybrid.space.history import NOTHING
-from pdsolve.adaptivity.hybrid.space.layout import FullBody, create_body_zone
+from pdsolve.adaptivity.hybrid.space.arrangement import (
+    BLOCK,
+    FineLattice,
+    locate_part_ends,
+    number_and_list_piece_vectors,
+)
+from pdsolve.adaptivity.hybrid.space.layout import NOTHING, FullBody, create_body_zone
 from pdsolve.adaptivity.hybrid.space.materials import (
     least_over_own_limit_strains_of_material_pairs,
     least_peak_stretches,
@@ -32,7 +35,8 @@ from pdsolve.laws.calls import bind
 from pdsolve.laws.law import Law
 from pdsolve.model import Model
 from pdsolve.schemes.cubic_lattice_bonds import tiled
-from pdsolve.zone.cells import FINE, VOID, number_body
+from pdsolve.zone.bond_parts import divide_bonds
+from pdsolve.zone.cells import FINE, VOID, create_body_numbering
 from pdsolve.zone.prescribed_motion import nodes_unfit_for_coarse
 
 SEAM = 0.9  # of the squared sure step of the fine lattice: what short, stiff pieces leave
@@ -54,7 +58,7 @@ def create_body_operator(model: Model, threads: int) -> HybridBodyOperator:
     numbering, tiles = full_body.fine_lattice.numbering, tiling.tiles
     nodes = prod(int(count) + BLOCK for count in numbering.fine.counts)
     if (
-        nodes * full_body.fine_lattice.divisions.units_per_spacing**3 >= 1 << 63
+        nodes * full_body.fine_lattice.part_ends.units_per_spacing**3 >= 1 << 63
     ):  # integers cannot count where pieces end
         reach = f"{full_body.fine_lattice.reach} spacings"
         raise create_unsupported_error(model, "$.horizon.ratio", reach, f"fewer in a lattice of {nodes} places")
@@ -88,11 +92,18 @@ def create_operator_of_cells(
 def create_full_body(model: Model | None, sites: Sites, tiles: Tiles) -> FullBody:
     """What does not change of a body with these bonds."""
     reach, half = int(np.abs(sites.ways).max()), len(sites.ways) // 2
-    numbering = number_body(tuple(int(side) for side in sites.sides), reach)
-    of = divide_half_family(sites.ways[half:])
-    kinds = number_and_list_piece_vectors(of, tiles.vectors, sites.spacing)
+    numbering = create_body_numbering(tuple(int(side) for side in sites.sides), reach)
+    parts = divide_bonds(sites.ways[half:])
     fine = FineLattice(
-        numbering, tiles, of, reach, sites.spacing**3, least_over_own_limit_strains_of_material_pairs(tiles), *kinds
+        numbering,
+        tiles,
+        parts,
+        np.bitwise_or.reduce(parts.side_cell_bits, axis=2),
+        locate_part_ends(parts, reach),
+        reach,
+        sites.spacing**3,
+        least_over_own_limit_strains_of_material_pairs(tiles),
+        *number_and_list_piece_vectors(parts, tiles.vectors, sites.spacing),
     )
     at = coarse_springs.create_coarse_sites(numbering.coarse, sites.spacing)
     kappa = (Hybrid() if model is None else model.settings.run.hybrid).kappa
