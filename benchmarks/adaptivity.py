@@ -42,6 +42,7 @@ OTHERS = (  # sections that stay: of another command, and measured with version 
     split.TITLE,
     "## Fine zones of all kinds on the same scenes",
     "## The first bond",
+    "## Zones that come too late",
     "## Removed after version 1.0.0",
     "## What the seam of a body sends back",
     "## What a fine zone saves in a body",

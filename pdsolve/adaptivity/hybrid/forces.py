@@ -42,6 +42,7 @@ FAR_TOUCHED = 56  # other far rows
 ACTED, BROKE, LOADED, REST = range(1, 5)  # stages of a step: the first two are those the others wait for
 PART = 8  # fine rows that are handed out at once
 COARSE_PART = 64
+LOOKED_AT = 0.5  # of the e of coarse bonds that makes cells fine: those above it may be there a step later
 
 
 @njit(forceinline=True, **INNER)
@@ -283,7 +284,7 @@ def _sum_and_move_rows(  # type: ignore[no-untyped-def]
     the `job` counts them, until the first thread reaches `stage`. Marks rows with a bond over its bound.
     """
     s, row_stiffness = zone.lane_sums[thread], nodes.row_stiffness
-    dt, limit = lattice.dt, lattice.least_strain_bounds[2]
+    dt, limit = lattice.dt, LOOKED_AT * lattice.least_strain_bounds[2]
     wide, u, after = across(s), nodes.u[buffer], nodes.u[1 - buffer]
     while counted(zone.job_counters, STAGE) < stage:
         first = take(zone.job_counters, job) * COARSE_PART

@@ -1,6 +1,7 @@
 """Time steps by leapfrog (as in `pdsolve.steppers.verlet`) of free fine nodes and coarse nodes.
 
-Every few steps, cells are refined near nodes with a broken or softened bond, and near stretched coarse bonds.
+Every few steps, cells are refined near nodes with a broken or softened bond, near stretched coarse bonds, and near
+clipped bonds that would soften or break before the next look.
 """
 
 from __future__ import annotations
@@ -8,7 +9,11 @@ from __future__ import annotations
 from numba import njit
 
 from pdsolve.adaptivity.hybrid.arrays import AHEAD, EVERY
-from pdsolve.adaptivity.hybrid.energy import double_green_strain_of_spring
+from pdsolve.adaptivity.hybrid.energy import (
+    double_green_strain_of_spring,
+    piece_double_green_strain,
+    piece_elongation,
+)
 from pdsolve.adaptivity.hybrid.far_cells import divide_far_cells
 from pdsolve.adaptivity.hybrid.forces import interpolate_border_nodes, reset_job_counters, sum_forces_and_move_nodes
 from pdsolve.adaptivity.hybrid.kicks_and_prescribed_velocities import (
@@ -38,6 +43,7 @@ from pdsolve.zone.cells import (
 )
 
 DONE, ROOM, CLIP = 0, 1, 2  # how a march ends: at its last step; for want of room; as a clipped bond is over its limit
+NEARLY = 0.9  # of the e at which a clipped bond softens or breaks
 SPARE = 64  # rows: room for so many more is always kept
 
 
@@ -73,6 +79,29 @@ def _list_cells_near_stretched_bonds(lattice, zone, buffer, count):  # type: ign
                         numbering.cells, zone.cell_kinds, x, AHEAD, zone.new_cells, count
                     )
                     break
+    return count
+
+
+@njit(**INNER)
+def _list_cells_near_strained_pieces(lattice, zone, buffer, count):  # type: ignore[no-untyped-def]
+    """List the cells to refine near clipped bonds that would soften or break before the next look at the strain rates
+    they have; returns the new `count`.
+
+    Those that are strained less than coarse bonds that make cells fine do not count, as their rates are noise; those
+    that are `NEARLY` there count at any rate.
+    """
+    (peak, _, bound), time = lattice.least_strain_bounds, EVERY * lattice.dt  # s, until the next look
+    fine, coarse, pieces = zone.fine, zone.coarse, zone.clipped_pieces
+    for n in range(zone.counts.clipped_pieces):
+        spring, (eta_x, eta_y) = pieces.springs[n], piece_elongation(pieces, fine.u[buffer], coarse.u[buffer], n)
+        e, (v_x, v_y) = piece_double_green_strain(spring, eta_x, eta_y), piece_elongation(pieces, fine.v, coarse.v, n)
+        eta_x, eta_y = eta_x + time * (v_x - spring.swelling_x), eta_y + time * (v_y - spring.swelling_y)
+        comes_near = e > bound and piece_double_green_strain(spring, eta_x, eta_y) > peak
+        if spring.is_breakable > 0 and (comes_near or e > NEARLY * peak):
+            x = coordinates(lattice.numbering.fine, spring.owner_node)
+            count = mark_and_list_new_fine_cells_near(
+                lattice.numbering.cells, zone.cell_kinds, x, AHEAD, zone.new_cells, count
+            )
     return count
 
 
@@ -115,9 +144,10 @@ def _divide_far_cells_if_due(lattice, zone, buffer):  # type: ignore[no-untyped-
 def _refine_cells_if_due(lattice, zone, buffer, checks_bonds):  # type: ignore[no-untyped-def]
     """Refine where noted, or where found if it `checks_bonds`; or note that room is lacking."""
     if checks_bonds:
-        zone.counts.new_cells = _list_cells_near_stretched_bonds(
-            lattice, zone, buffer, _list_cells_near_damaged_nodes(lattice, zone)
-        )
+        count = _list_cells_near_stretched_bonds(lattice, zone, buffer, _list_cells_near_damaged_nodes(lattice, zone))
+        if zone.totals.clipped_strain > lattice.least_strain_bounds[2] / 2:
+            count = _list_cells_near_strained_pieces(lattice, zone, buffer, count)
+        zone.counts.new_cells = count
         _divide_far_cells_if_due(lattice, zone, buffer)
     begins, rows = zone.counts.cell_changes == 0, 0
     if begins or zone.counts.new_cells > 0:
