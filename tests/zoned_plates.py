@@ -79,8 +79,8 @@ class Zoned(NamedTuple):
         if first_step == end_step:
             self.hybrid.compute_initial_forces()
         self.hybrid.advance(first_step, end_step)
-        if self.hybrid.buffer == 1:
-            self.hybrid.buffer = 0
+        if self.hybrid.u_buffer == 1:
+            self.hybrid.u_buffer = 0
             for nodes in (self.zone.fine, self.zone.coarse, self.zone.far):
                 nodes.u[0] = nodes.u[1]
 

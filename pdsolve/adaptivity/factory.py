@@ -16,9 +16,9 @@ if TYPE_CHECKING:
 
 
 def create_zone_operator_and_stable_step(
-    model: Model, precision: str, choose_step: Callable[[Model, float], float], threads: int
+    model: Model, precision: str, choose_time_step: Callable[[Model, float], float], threads: int
 ) -> tuple[MovingZoneOperator, float]:
-    """The operator at the start that `run.adapt` selects, and the surely stable step, s; `choose_step` takes it.
+    """The operator at the start that `run.adapt` selects, and the surely stable step, s; `choose_time_step` takes it.
 
     Raises ModelError for a model that the method does not support.
     """
@@ -27,5 +27,5 @@ def create_zone_operator_and_stable_step(
             create_collocation_operator_and_stable_step,
         )  # few runs need it
 
-        return create_collocation_operator_and_stable_step(model, choose_step, threads)
-    return create_hybrid_operator_and_stable_step(model, precision, choose_step, threads)
+        return create_collocation_operator_and_stable_step(model, choose_time_step, threads)
+    return create_hybrid_operator_and_stable_step(model, precision, choose_time_step, threads)

@@ -27,7 +27,7 @@ class BodyRefinement:
     def change_nodes(self, system: System, state: State, step: int) -> SystemAfterNodeChange | None:
         """Refine after `step`; None if no cell becomes fine."""
         before = expect_body_zone_operator(system)
-        new = before.mark_and_list_new_fine_cells(state, step - self.steps_between_checks)
+        new = before.mark_new_fine_cells(state, step - self.steps_between_checks)
         if not len(new):
             return None
         energy_before = verlet_conserved_energy(system, state, before.energies_near_new_cells(state, new))

@@ -83,11 +83,11 @@ class SwellingStepperWithFineZone(Swelling):
         hybrid = self._operator.engine
         if self._broken is not None:
             self._broken.update(self._content)
-        before, energy_before = hybrid.copy_half_shrinkage(), hybrid.strain_energy()
+        before, energy_before = hybrid.copy_negative_half_swelling(), hybrid.strain_energy()
         self._content.advance(
             self._h, (step - 1) // self.steps_per_content_step + 1, (step - 1) // self.steps_per_content_step + 2
         )
         hybrid.set_swelling_strain(self._strain())
-        hybrid.book_work((hybrid.strain_energy() - energy_before) / 2)
+        hybrid.add_work((hybrid.strain_energy() - energy_before) / 2)
         hybrid.advance(step, step + 1)
-        hybrid.book_work((hybrid.strain_energy() - hybrid.strain_energy_at_half_shrinkage(before)) / 2)
+        hybrid.add_work((hybrid.strain_energy() - hybrid.strain_energy_at_swelling(before)) / 2)

@@ -119,7 +119,7 @@ def test_cells_around_a_stretched_spring_become_fine(axis: int) -> None:
     spacings, limit = place(operator), operator.full_body.fine_lattice.tiles.peak.min()
     node = np.array([40, 8, 20])
     state.value[(spacings == node).all(axis=1), axis] = 0.9 * 2 * H * limit
-    found = operator.mark_and_list_new_fine_cells(state, 0)
+    found = operator.mark_new_fine_cells(state, 0)
     behind = node - 2 * np.eye(3, dtype=int)[axis]
     cells = np.argwhere(np.ones((24, 8, 20)))
     away = [np.linalg.norm(np.maximum(np.abs(one - (2 * cells + 1)) - 1, 0), axis=1) for one in (node, behind)]

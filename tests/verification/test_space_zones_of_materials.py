@@ -83,7 +83,7 @@ def test_a_spring_makes_cells_fine_by_the_material_around_it(right: bool) -> Non
     assert peak.min() < 0.2 * peak.max()
     moved = (place(operator) == [34, 8, 20] if right else place(operator) == [8, 8, 34]).all(axis=1)
     state.value[moved, 2] = 0.5 * 2 * H * peak.max()
-    assert bool(len(operator.mark_and_list_new_fine_cells(state, 0))) != right
+    assert bool(len(operator.mark_new_fine_cells(state, 0))) != right
 
 
 @pytest.mark.slow

@@ -24,11 +24,11 @@ def break_bonds_of_row(lattice, zone, step, dt, row):  # type: ignore[no-untyped
             if _double_green_strain(lattice, zone.u, p, k) > lattice.limit_double_green_strain and not (
                 is_bond_cut(zone.cut_bond_bits, p, k) or lattice.no_fail[p + lattice.neighbour_offsets[k]]
             ):
-                _break_bond_and_book_energy(lattice, zone, step, dt, p, k)
+                _break_bond_and_record_energy(lattice, zone, step, dt, p, k)
 
 
 @njit(**INNER)
-def add_forces_of_newly_broken_bonds(lattice, zone, step, dt):  # type: ignore[no-untyped-def]
+def add_matching_and_second_forces(lattice, zone, step, dt):  # type: ignore[no-untyped-def]
     """Let the bonds that broke in this step pull once, and those of the last step a second time."""
     breaks, n = zone.break_events, zone.counts.broken_bonds
     while n > 0 and breaks.step[n - 1] >= step - 1:
@@ -68,24 +68,24 @@ def _opposite_end(lattice, p, k):  # type: ignore[no-untyped-def]
 
 
 @njit(**INNER)
-def _add_force_of_broken_bond(lattice, zone, p, k, pull):  # type: ignore[no-untyped-def]
+def _add_force_of_broken_bond(lattice, zone, p, k, breaking_force):  # type: ignore[no-untyped-def]
     """Add a pull of bond k of node p, which has broken, to the forces on both its ends."""
     j, back = _opposite_end(lattice, p, k)
     for axis in range(2):
-        along = pull * (lattice.spring_table[k, axis] + zone.u[axis, j] - zone.u[axis, p])
+        along = breaking_force * (lattice.spring_table[k, axis] + zone.u[axis, j] - zone.u[axis, p])
         zone.f[axis, p] += bond_stiffness(lattice, p, k) * along
         zone.f[axis, j] -= bond_stiffness(lattice, j, back) * along
 
 
 @njit(**INNER)
-def _break_bond_and_book_energy(lattice, zone, step, dt, p, k):  # type: ignore[no-untyped-def]
+def _break_bond_and_record_energy(lattice, zone, step, dt, p, k):  # type: ignore[no-untyped-def]
     """Break bond k of node p, and book the energy it has dissipated."""
     (j, back), breaks, count = _opposite_end(lattice, p, k), zone.break_events, zone.counts.broken_bonds
     stretch, before = _stretch(lattice, zone, p, k), _stretch_before(lattice, zone, dt, p, k)
     limit = stretch_from_double_green_strain(lattice.limit_double_green_strain)
     area = lattice.cell_area_share[0, p] * lattice.spacing**2
     spring = bond_stiffness(lattice, p, k) * area / lattice.spring_table[k, 4]
-    energy = broken_energy(lattice.bond_law, spring / 4, stretch, before, limit, limit)
+    energy = broken_energy(lattice.empty_law_columns, spring / 4, stretch, before, limit, limit)
     zone.totals.dissipated_energy += 2 * energy
     for node in (p, j) if zone.node_kinds[j] == FINE else (p, p):
         zone.node_dissipation[node] += energy
@@ -93,7 +93,7 @@ def _break_bond_and_book_energy(lattice, zone, step, dt, p, k):  # type: ignore[
     zone.has_bond_over_limit[j // ROW] = True  # by round-off it could have none
     breaks.step[count] = step
     breaks.node[count], breaks.bond_number[count] = (p, k) if k < back else (j, back)
-    breaks.force_at_break[count] = added_force(lattice.bond_law, stretch, before, 0.0, limit, limit)
+    breaks.force_at_break[count] = added_force(lattice.empty_law_columns, stretch, before, 0.0, limit, limit)
     breaks.stretch_growth_at_break[count] = stretch - before
     zone.counts.broken_bonds += 1
     if zone.node_kinds[j] != FINE:

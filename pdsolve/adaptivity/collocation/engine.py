@@ -28,7 +28,7 @@ from pdsolve.adaptivity.collocation.zone import (
     create_collocation_zone,
     interpolate_motion,
     mask_coarse_nodes_left_active,
-    mask_nodes_near_seam,
+    mask_nodes_near_border,
     zone_with_active_coarse_nodes,
 )
 from pdsolve.adaptivity.hybrid.arrays import BreakEvents
@@ -48,7 +48,7 @@ class CollocationSettings(NamedTuple):
     """Settings of the collocation method: where it refines, how it damps, and its number of threads."""
 
     refinement_kappa: float  # share of what breaks a bond at which a coarse pair becomes fine
-    seam_damping: float  # 1/s, damping of nodes within a horizon of the seam
+    border_damping: float  # 1/s, damping of nodes within a horizon of the seam
     steps_between_checks: int  # steps between two looks
     threads: int
 
@@ -93,9 +93,9 @@ class CollocationEngine:
         if step % self.settings.steps_between_checks == 0:
             interpolate_fictitious_nodes(self.zone)
             if mark_stretched_coarse_pairs(self.lattice, self.zone, self.settings.refinement_kappa):
-                self._refine_in_time(step)
+                self._refine_before_limit(step)
         while self._sum_forces_and_break_bonds(step, dt):
-            self._refine_in_time(step)
+            self._refine_before_limit(step)
         sum_coarse_forces(self.lattice, self.zone)
         add_force_densities(self.zone.f, self.active_places, out)
 
@@ -123,7 +123,7 @@ class CollocationEngine:
         if self.zone.is_to_refine.any():
             self._refine_marked_nodes()
 
-    def _refine_in_time(self, step: int) -> None:
+    def _refine_before_limit(self, step: int) -> None:
         """Refine the nodes noted as wanted, unless a coarse pair has exceeded its limit already."""
         largest = self.zone_summary().clipped_stretch
         if largest > 1:
@@ -146,12 +146,12 @@ class CollocationEngine:
         zone, kinds = self.zone, self.zone.node_kinds
         zone.totals.damped_energy += (self.state.damped * self.area).sum()
         self.state.damped[:] = 0.0
-        before = self._energy_of_coarse_nodes_and(np.zeros(0, dtype=np.int64))
+        before = self._total_energy_of_nodes(np.zeros(0, dtype=np.int64))
         self.activate_coarse_nodes(mask_coarse_nodes_left_active(self.lattice, kinds == COARSE, zone.is_to_refine))
         zone.is_to_refine[:] = False
         born = np.flatnonzero((self.zone.node_kinds == FINE) & (kinds != FINE))
         interpolate_motion(self.state, self.lattice.numbering, born[kinds[born] != COARSE])
-        zone.totals.refinement_energy += self._energy_of_coarse_nodes_and(born) - before
+        zone.totals.refinement_energy += self._total_energy_of_nodes(born) - before
         zone.counts.refinements += 1
 
     def activate_coarse_nodes(self, is_active: NDArray[np.bool_]) -> None:
@@ -160,8 +160,8 @@ class CollocationEngine:
         kinds = self.zone.node_kinds
         self.active_places = np.flatnonzero((kinds == FINE) | (kinds == COARSE))
         self.area = areas_of_active_nodes(self.lattice, self.plate, kinds)
-        near_seam = mask_nodes_near_seam(self.lattice, self.plate, kinds)
-        self.damping[:] = np.where(near_seam, self.settings.seam_damping, 0.0)
+        near_seam = mask_nodes_near_border(self.lattice, self.plate, kinds)
+        self.damping[:] = np.where(near_seam, self.settings.border_damping, 0.0)
 
     def energy_densities(self, fine_rows: NDArray[np.int64] | None = None) -> NDArray[np.float64]:
         """Energy densities (places,), J/m^3, of active coarse nodes and of fine nodes, of all or in `fine_rows`."""
@@ -170,7 +170,7 @@ class CollocationEngine:
         store_strain_energy_densities(self.lattice, self.zone, fine_rows, densities)
         return np.asarray(densities[0])
 
-    def _energy_of_coarse_nodes_and(self, fine_places: NDArray[np.int64]) -> float:
+    def _total_energy_of_nodes(self, fine_places: NDArray[np.int64]) -> float:
         """Kinetic plus strain energy of the active coarse nodes and of some fine ones, J/m."""
         densities, energy = self.energy_densities(np.unique(fine_places // ROW)), 0.0
         for places in (self.zone.active_coarse_places, fine_places):

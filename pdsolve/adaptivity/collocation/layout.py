@@ -53,7 +53,7 @@ class Numbering(NamedTuple):
 class LatticeConstants(NamedTuple):
     """Constant arrays for compiled code; k bonds in a full family."""
 
-    bond_law: Any  # columns of no bonds, by whose type the law's functions are compiled
+    empty_law_columns: Any  # columns of no bonds, by whose type the law's functions are compiled
     numbering: Numbering
     spacing: float  # m
     rho: float  # kg/m^3
@@ -122,7 +122,7 @@ def create_constants_and_plate(
     theta = stencil.theta / (4 * h**2)
     bind(brittle.LAW)
     lattice = LatticeConstants(
-        bond_law=no_bonds(brittle.LAW),
+        empty_law_columns=no_bonds(brittle.LAW),
         numbering=numbering,
         spacing=h,
         rho=material.rho,
@@ -150,28 +150,28 @@ def _create_plate(
 ) -> CollocationPlate:
     """The plate of a lattice, whose corrections at edges it stores. Raises GridError, ModelError."""
     numbering, has_node = lattice.numbering, grid_row_at_place >= 0
-    cut = np.zeros((numbering.place_count // ROW, len(lattice.neighbour_offsets)), dtype=np.uint16)
+    cut_bond_bits = np.zeros((numbering.place_count // ROW, len(lattice.neighbour_offsets)), dtype=np.uint16)
     for k, way in enumerate(lattice.neighbour_offsets):  # margins have no nodes, so that none is beyond the ends
         lacks_end = ~(has_node & np.roll(has_node, -way))
-        cut[:, k] = np.packbits(lacks_end, bitorder="little").view(np.uint16)
-    _cut_bonds_across_holes(model, lattice, grid_row_at_place, cut)
+        cut_bond_bits[:, k] = np.packbits(lacks_end, bitorder="little").view(np.uint16)
+    _cut_bonds_across_holes(model, lattice, grid_row_at_place, cut_bond_bits)
     cracks = (model.grid.cracks - np.tile(model.grid.position.min(axis=0), 2)) / lattice.spacing
     check_no_precrack_on_node(model, cracks, numbering.nx - 1, numbering.ny - 1)
     cracks = lengthen_cracks(cracks)
     near = _mask_near_edges_and_cracks(lattice.cell_area_share[0], numbering, cracks) & has_node
     near_places, cut_counts = np.flatnonzero(near), np.zeros(numbering.place_count, dtype=np.int64)
-    full_family, has_condition = has_node & ~near, lattice.no_fail.copy()
+    has_full_family, has_condition = has_node & ~near, lattice.no_fail.copy()
     has_condition[place_of_grid_row] |= loaded_or_held(model)
-    _cut_bonds_across_precracks(lattice, cut, near_places, cracks, cut_counts)
-    _store_surface_correction_and_full_families(lattice, cut, near_places, full_family)
+    _cut_bonds_across_precracks(lattice, cut_bond_bits, near_places, cracks, cut_counts)
+    _store_surface_correction_and_full_families(lattice, cut_bond_bits, near_places, has_full_family)
     return CollocationPlate(
         model=model,
         place_of_grid_row=place_of_grid_row,
         grid_row_at_place=grid_row_at_place,
         node_areas=node_areas,
-        cut_bond_bits=cut,
+        cut_bond_bits=cut_bond_bits,
         precrack_cut_counts_of_places=cut_counts,
-        has_full_family=full_family,
+        has_full_family=has_full_family,
         has_condition=has_condition,
         stiffness_index_of_row=np.zeros(0, dtype=np.int32),
     )
@@ -189,7 +189,7 @@ def _node_areas(
     return np.asarray(float(model.grid.delta[0]) ** 2 / 4 * around)
 
 
-def view_of_lattice(values: NDArray[Any], numbering: Numbering) -> NDArray[Any]:
+def reshape_to_lattice(values: NDArray[Any], numbering: Numbering) -> NDArray[Any]:
     """View (ny, nx) of values (places,) at the places of the lattice."""
     rows = values[: numbering.place_count - 2 * ROW].reshape(-1, numbering.row_stride)
     rows = rows[numbering.row_margin : numbering.row_margin + numbering.ny]
@@ -233,7 +233,7 @@ def _cut_bonds_across_holes(
     """Cut the bonds that a hole or the outline separates."""
     numbering, ways = lattice.numbering, lattice.neighbour_offsets
     missing = np.zeros(numbering.place_count, dtype=np.bool_)
-    view_of_lattice(missing, numbering)[:] = view_of_lattice(grid_row_at_place, numbering) < 0
+    reshape_to_lattice(missing, numbering)[:] = reshape_to_lattice(grid_row_at_place, numbering) < 0
     if not missing.any():
         return  # a rectangle, which no bond leaves
     around = np.flatnonzero(dilate_mask(missing, numbering, numbering.row_margin) & (grid_row_at_place >= 0))
@@ -272,7 +272,7 @@ def _cut_bonds_across_precracks(lattice, cut_bond_bits, places, cracks, precrack
 
 
 @cached_njit(error_model="numpy")
-def _store_surface_correction_and_full_families(lattice, cut_bond_bits, places, full_family):  # type: ignore[no-untyped-def]
+def _store_surface_correction_and_full_families(lattice, cut_bond_bits, places, has_full_family):  # type: ignore[no-untyped-def]
     """Store the energy of a full family over that of these nodes, and mark the nodes with a whole family."""
     full_x, full_y = 0.0, 0.0
     for k in range(len(lattice.neighbour_offsets)):
@@ -290,7 +290,7 @@ def _store_surface_correction_and_full_families(lattice, cut_bond_bits, places, 
             energy = share * lattice.spring_table[k, 5] / lattice.spring_table[k, 4]
             held_x += energy * lattice.spring_table[k, ALONG_X] ** 2
             held_y += energy * lattice.spring_table[k, ALONG_Y] ** 2
-        full_family[p] = is_full
+        has_full_family[p] = is_full
         if not is_full:
             lattice.surface_correction[0, p] = full_x / held_x if held_x > 0 else 1.0
             lattice.surface_correction[1, p] = full_y / held_y if held_y > 0 else 1.0
@@ -310,25 +310,25 @@ def mark_bond_cut(cut_bond_bits, p, k):  # type: ignore[no-untyped-def]
 
 def list_bonds(
     lattice: LatticeConstants,
-    cut: NDArray[np.uint16],
+    cut_bond_bits: NDArray[np.uint16],
     is_target: NDArray[np.bool_],
     places: NDArray[np.int64],
 ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
     """Intact bonds (b,) of some places to the places that are a target: index of the place, and bond number."""
-    node, k = np.zeros((2, count_bonds(lattice, cut, is_target, places).sum()), dtype=np.int64)
-    _count_and_list_bonds(lattice, cut, is_target, places, node, k)
+    node, k = np.zeros((2, count_bonds(lattice, cut_bond_bits, is_target, places).sum()), dtype=np.int64)
+    _count_and_list_bonds(lattice, cut_bond_bits, is_target, places, node, k)
     return node, k
 
 
 def count_bonds(
     lattice: LatticeConstants,
-    cut: NDArray[np.uint16],
+    cut_bond_bits: NDArray[np.uint16],
     is_target: NDArray[np.bool_],
     places: NDArray[np.int64],
 ) -> NDArray[np.int64]:
     """Numbers (n,) of such bonds of some places."""
     nothing = np.zeros(0, dtype=np.int64)
-    return np.asarray(_count_and_list_bonds(lattice, cut, is_target, places, nothing, nothing))
+    return np.asarray(_count_and_list_bonds(lattice, cut_bond_bits, is_target, places, nothing, nothing))
 
 
 @cached_njit(error_model="numpy")

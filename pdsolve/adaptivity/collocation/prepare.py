@@ -12,7 +12,7 @@ from pdsolve.adaptivity.collocation.engine import CollocationEngine, Collocation
 from pdsolve.adaptivity.collocation.layout import create_constants_and_plate, create_numbering_and_places
 from pdsolve.adaptivity.collocation.operator import CollocationOperator
 from pdsolve.adaptivity.collocation.row_stiffness import largest_stiffness_bound, share_stiffness_of_equal_rows
-from pdsolve.adaptivity.collocation.zone import mask_eligible_coarse
+from pdsolve.adaptivity.collocation.zone import mask_coarse_candidates
 from pdsolve.adaptivity.hybrid.coarse_cells import check_model_supported, create_unsupported_error
 from pdsolve.conditions import drive, initial_velocity
 from pdsolve.model import Model
@@ -27,9 +27,9 @@ DAMPED = ((6.0, 0.05), (16.0, 0.02))
 
 
 def create_collocation_operator_and_stable_step(
-    model: Model, choose_step: Callable[[Model, float], float], threads: int = 1
+    model: Model, choose_time_step: Callable[[Model, float], float], threads: int = 1
 ) -> tuple[CollocationOperator, float]:
-    """The operator at the start, and the surely stable step, s; `choose_step` chooses the step.
+    """The operator at the start, and the surely stable step, s; `choose_time_step` chooses the step.
 
     Raises ModelError for a model that this method does not support.
     """
@@ -56,11 +56,11 @@ def create_collocation_operator_and_stable_step(
         lattice, plate.cut_bond_bits, np.concatenate([odd, np.flatnonzero(plate.has_full_family)[:1]])
     )
     bound = min(float(np.sqrt(2 * lattice.rho / stiffness)), longest(stencil, 2 * h, material.rho))
-    lattice = lattice._replace(dt=choose_step(model, bound))
+    lattice = lattice._replace(dt=choose_time_step(model, bound))
     run_settings = model.settings.run.collocation
     every = int(ratio * h / (2 * pressure_speed(material) * lattice.dt))
     settings = CollocationSettings(
-        run_settings.kappa, compute_seam_damping(run_settings, model), max(1, min(OFTEN, every)), threads
+        run_settings.kappa, compute_border_damping(run_settings, model), max(1, min(OFTEN, every)), threads
     )
     margin = round(min(run_settings.margin * ratio, at.nx + at.ny))
     drive_of_rows = drive(model, plate.node_areas, True, np.float64)
@@ -70,12 +70,14 @@ def create_collocation_operator_and_stable_step(
         entries._replace(node=place[entries.node]) for entries in (drive_of_rows.loads, drive_of_rows.holds)
     )
     drive_of_places = drive_of_rows._replace(force=force, before=before, loads=loads, holds=holds)
-    engine = CollocationEngine(plate, lattice, mask_eligible_coarse(lattice, plate, margin), drive_of_places, settings)
+    engine = CollocationEngine(
+        plate, lattice, mask_coarse_candidates(lattice, plate, margin), drive_of_places, settings
+    )
     engine.set_initial_motion(initial_velocity(model))
     return CollocationOperator(engine), bound
 
 
-def compute_seam_damping(settings: Collocation, model: Model) -> float:
+def compute_border_damping(settings: Collocation, model: Model) -> float:
     """Damping of nodes within a horizon of the seam between fine and coarse nodes, 1/s."""
     material, ratio = model.materials[0], model.settings.horizon.ratio
     share = settings.damping

@@ -38,7 +38,7 @@ def share_stiffness_of_equal_rows(
     """Both with the stiffnesses of rows, stored once for equal rows."""
     at_edge, is_cut = mask_edge_rows(lattice), plate.cut_bond_bits.any(axis=1)
     rows = np.flatnonzero(at_edge & (lattice.cell_area_share[0] > 0).reshape(-1, ROW).any(axis=1))
-    first, number, count = _distinct_rows(_number_surroundings_of_rows(lattice, rows))
+    first, number, count = _distinct_rows(_classify_row_surroundings(lattice, rows))
     often = np.argsort(-count, kind="stable")[: ROOM // (8 * ROW * len(lattice.neighbour_offsets))]
     often = often[count[often] >= ALIKE]
     index_of_kind = np.full(len(count), COMPUTED)
@@ -51,7 +51,7 @@ def share_stiffness_of_equal_rows(
     return lattice._replace(row_stiffness=stiffness), plate._replace(stiffness_index_of_row=index)
 
 
-def _number_surroundings_of_rows(lattice: LatticeConstants, rows: NDArray[np.int64]) -> NDArray[np.int64]:
+def _classify_row_surroundings(lattice: LatticeConstants, rows: NDArray[np.int64]) -> NDArray[np.int64]:
     """Surroundings of each of these rows (r, ...) within reach of its bonds; rows with equal surroundings are equal."""
     numbering, wide = lattice.numbering, -(-lattice.numbering.row_margin // ROW)
     what = (
@@ -90,13 +90,13 @@ def store_row_stiffness(lattice, row, stiffness):  # type: ignore[no-untyped-def
         for k in range(len(lattice.neighbour_offsets)):
             j = p + lattice.neighbour_offsets[k]
             other = beside(lattice.surface_correction, PLANE, j)
-            factor = _correction(lattice, k, (own[0] + other[0]) * 0.5, (own[1] + other[1]) * 0.5)
+            factor = _bond_surface_correction(lattice, k, (own[0] + other[0]) * 0.5, (own[1] + other[1]) * 0.5)
             share = beside(lattice.cell_area_share, ONE, j)[0]
             keep((lattice.spring_table[k, 5] * (factor * share),), stiffness, k * ROW + lane)
 
 
 @njit(forceinline=True, **INNER)
-def _correction(lattice, k, x, y):  # type: ignore[no-untyped-def]
+def _bond_surface_correction(lattice, k, x, y):  # type: ignore[no-untyped-def]
     """The correction of bond k whose ends have the mean corrections x and y along the axes."""
     return x * y / np.sqrt(y * y * lattice.spring_table[k, ALONG_X] + x * x * lattice.spring_table[k, ALONG_Y])
 
@@ -106,7 +106,7 @@ def bond_stiffness(lattice, p, k):  # type: ignore[no-untyped-def]
     """Corrected stiffness of bond k of node p, N/m^4."""
     j, correction = p + lattice.neighbour_offsets[k], lattice.surface_correction
     x, y = (correction[0, p] + correction[0, j]) / 2, (correction[1, p] + correction[1, j]) / 2
-    return lattice.spring_table[k, 5] * _correction(lattice, k, x, y) * lattice.cell_area_share[0, j]
+    return lattice.spring_table[k, 5] * _bond_surface_correction(lattice, k, x, y) * lattice.cell_area_share[0, j]
 
 
 @cached_njit(error_model="numpy")

@@ -20,7 +20,7 @@ from pdsolve.adaptivity.collocation.layout import (
     LatticeConstants,
     Numbering,
     dilate_mask,
-    view_of_lattice,
+    reshape_to_lattice,
 )
 from pdsolve.adaptivity.hybrid.arrays import BreakEvents
 from pdsolve.codegen.record import Record
@@ -79,7 +79,7 @@ def parent_places(numbering: Numbering, places: NDArray[np.int64]) -> NDArray[np
     return np.stack([corner, corner + across, corner + along, corner + across + along], 1)
 
 
-def mask_eligible_coarse(lattice: LatticeConstants, plate: CollocationPlate, margin: int) -> NDArray[np.bool_]:
+def mask_coarse_candidates(lattice: LatticeConstants, plate: CollocationPlate, margin: int) -> NDArray[np.bool_]:
     """Mask (places,) of coarse places that may be active.
 
     They are not beside a node with a condition, nor within `margin` spacings of one without a whole family. Bonds have
@@ -90,7 +90,7 @@ def mask_eligible_coarse(lattice: LatticeConstants, plate: CollocationPlate, mar
     odd = (dilate_mask(odd, lattice.numbering, margin) if margin else odd) | plate.has_condition
     fine = np.flatnonzero((plate.grid_row_at_place >= 0) & odd)
     may_be_active = np.zeros(len(odd), dtype=np.bool_)
-    view_of_lattice(may_be_active, lattice.numbering)[::2, ::2] = True
+    reshape_to_lattice(may_be_active, lattice.numbering)[::2, ::2] = True
     may_be_active &= plate.has_full_family & ~odd
     may_be_active[parent_places(lattice.numbering, fine).ravel()] = False
     return may_be_active
@@ -163,7 +163,7 @@ def zone_with_active_coarse_nodes(
     )
 
 
-def mask_nodes_near_seam(
+def mask_nodes_near_border(
     lattice: LatticeConstants, plate: CollocationPlate, node_kinds: NDArray[np.uint8]
 ) -> NDArray[np.bool_]:
     """Mask (places,) of fine nodes within a horizon of coarse ones and of coarse ones likewise, without conditions."""

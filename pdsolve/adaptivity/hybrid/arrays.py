@@ -25,7 +25,7 @@ RING = 4  # h beyond the family's reach: likewise to a cell that an outline cuts
 class LatticeConstants(NamedTuple):
     """The constant arrays of a hybrid plate: lattice, springs, masses and limits of bonds."""
 
-    bond_law: Any  # columns of no bonds, by whose type the law's functions are compiled
+    empty_law_columns: Any  # columns of no bonds, by whose type the law's functions are compiled
     numbering: ZoneNumbering
     spacing: float  # m
     family_dx: NDArray[np.int64]  # (k,) fine family
@@ -87,7 +87,9 @@ class LatticeNodes(NamedTuple):
     has_large_stretch: NDArray[
         np.uint8
     ]  # (n / 16,) how far stretches went; of coarse rows whether one exceeds the bound
-    half_shrinkage: NDArray[np.float64] | None  # (n,) minus half the free strain, of idle nodes too; None: none swells
+    negative_half_swelling: (
+        NDArray[np.float64] | None
+    )  # (n,) minus half the free strain, of idle nodes too; None: none swells
     damping: NDArray[np.float64] | None  # (2, n) 1/s, of each component, 0 of held ones; None: nothing is damped
     damped_energy: NDArray[np.float64] | None  # (n,) J/m, taken from a node by damping so far
 
@@ -138,22 +140,22 @@ class LoadOrPrescribedMotion(Record):
     fine_place: int  # fine
     axis: int  # of the component
     profile: int  # of its factor over time
-    hold_kind: int  # of holds: DISPLACEMENT or VELOCITY
+    prescribed_kind: int  # of holds: DISPLACEMENT or VELOCITY
     value: float  # N/m, m or m/s at factor 1
     mean_speed_since_last_step: float  # of holds: mean velocity since the last step, m/s
     speed_at_last_step: float  # of holds: velocity at the last step, m/s
-    force_on_held_component: float  # of holds: on the component at the last step, N/m
+    force_on_prescribed_component: float  # of holds: on the component at the last step, N/m
 
 
-HOLD_COLUMNS = (
+PRESCRIBED_COLUMNS = (
     "value",
     "mean_speed_since_last_step",
     "speed_at_last_step",
-    "force_on_held_component",
+    "force_on_prescribed_component",
 )  # of a checkpoint
 
 
-class LoadsOrHolds(NamedTuple):
+class LoadsOrPrescribedMotions(NamedTuple):
     """Loads, or held components: entries of all fine nodes, and of the nodes that move."""
 
     entries: NDArray[LoadOrPrescribedMotion]  # (e,)
@@ -181,8 +183,8 @@ class Counts(Record):
     clipped_pieces: int  # of clipped bonds
     border_nodes: int  # fine nodes on the border of coarse cells
     broken_bonds: int  # directed ones, in `break_events`
-    load_shares: int  # shares of nodes that move, in `loads.node_and_entry`
-    held_components: int  # held components of nodes that move, in `holds.node_and_entry`
+    node_loads: int  # shares of nodes that move, in `loads.node_and_entry`
+    prescribed_components: int  # held components of nodes that move, in `holds.node_and_entry`
     damaged_nodes: int  # in `damaged_nodes` of the zone
     cell_changes: int  # how often cells have become others since all nodes were numbered
     refined_damaged_nodes: int  # how many of the damaged nodes have fine cells around them
@@ -193,7 +195,7 @@ class Counts(Record):
     lacks_array_room: int  # 1 where the arrays are too short for what comes next, or 0
     active_far_node_rows: int  # of 16 places, in `far.active_rows`
     tied_nodes: int  # coarse nodes on the border of far cells
-    affected_coarsest_nodes: int  # nodes 4 h apart, in `affected_coarsest_nodes` of the zone
+    affected_far_nodes: int  # nodes 4 h apart, in `affected_far_nodes` of the zone
 
 
 STORED = 10
@@ -225,13 +227,13 @@ class PlateZone(NamedTuple):
     node_dissipation: NDArray[np.float64]  # (n,) J/m, by the bonds of a fine node so far
     is_damaged: NDArray[np.bool_]  # (n,) fine nodes one of whose bonds has softened or broken
     damaged_nodes: NDArray[np.int64]  # (n,) those, in order
-    loads: LoadsOrHolds
-    holds: LoadsOrHolds
+    loads: LoadsOrPrescribedMotions
+    holds: LoadsOrPrescribedMotions
     is_node_marked: NDArray[np.bool_]  # (n,) scratch, False
     new_cells: NDArray[np.int64]  # scratch: cells that are to be fine
     affected_fine_nodes: NDArray[np.int64]  # scratch: fine nodes that change with new cells
     affected_coarse_nodes: NDArray[np.int64]  # scratch: coarse nodes, likewise
-    affected_coarsest_nodes: NDArray[np.int64]  # scratch: nodes 4 h apart, likewise
+    affected_far_nodes: NDArray[np.int64]  # scratch: nodes 4 h apart, likewise
     counts: Counts
     totals: Totals
     lane_sums: NDArray[np.float64]  # (threads, .) scratch of the vector code
@@ -240,7 +242,7 @@ class PlateZone(NamedTuple):
     breaking_row_counts: NDArray[np.int64]  # (8 threads,) how many, of each thread at a multiple of 8
 
 
-def create_idle_nodes(
+def allocate_idle_nodes(
     place_count: int,
     spring_count: int,
     stiffness_rows: int,
@@ -252,29 +254,29 @@ def create_idle_nodes(
     """Idle nodes of precision `dtype`, with room for `stiffness_rows` rows of stiffnesses, in memory that is taken
     as it is written."""
     rows = place_count // ROW
-    zeros = partial(lazy_zeros, dtype=dtype)
+    zeros = partial(allocate_zeros, dtype=dtype)
     return LatticeNodes(
         u=zeros(2, 2, place_count),
         v=zeros(2, place_count),
         f=zeros(2, place_count),
         mass=zeros(place_count),
         inverse_mass=zeros(place_count),
-        node_kinds=lazy_zeros(place_count, dtype=np.uint8),
-        active_rows=lazy_zeros(rows, dtype=np.int64),
+        node_kinds=allocate_zeros(place_count, dtype=np.uint8),
+        active_rows=allocate_zeros(rows, dtype=np.int64),
         stiffness_index_of_row=np.full(rows, -1, dtype=np.int32),
         row_stiffness=zeros(stiffness_rows, spring_count, ROW),
-        spring_lane_masks=lazy_zeros(stiffness_rows, 2, spring_count, dtype=np.uint16),
-        uses_spring_lane_masks=lazy_zeros(stiffness_rows, dtype=np.bool_),
+        spring_lane_masks=allocate_zeros(stiffness_rows, 2, spring_count, dtype=np.uint16),
+        uses_spring_lane_masks=allocate_zeros(stiffness_rows, dtype=np.bool_),
         threshold_strain=zeros(stiffness_rows if softens_or_limits_vary else 0, spring_count, ROW),
-        has_extra_forces=lazy_zeros(rows, dtype=np.bool_),
-        has_large_stretch=lazy_zeros(rows, dtype=np.uint8),
-        half_shrinkage=zeros(place_count) if swells else None,
+        has_extra_forces=allocate_zeros(rows, dtype=np.bool_),
+        has_large_stretch=allocate_zeros(rows, dtype=np.uint8),
+        negative_half_swelling=zeros(place_count) if swells else None,
         damping=zeros(2, place_count) if damps else None,
-        damped_energy=lazy_zeros(place_count) if damps else None,
+        damped_energy=allocate_zeros(place_count) if damps else None,
     )
 
 
-def lazy_zeros(*shape: int, dtype: Any = np.float64) -> NDArray[Any]:
+def allocate_zeros(*shape: int, dtype: Any = np.float64) -> NDArray[Any]:
     """Zeros aligned to 64 bytes in small pages, which are taken as they are written.
 
     NumPy asks for large pages, all of which the edges of a plate touch.
@@ -299,7 +301,9 @@ def create_plate_zone(
 ) -> PlateZone:
     """A plate with these cells (c,) and idle nodes of precision `dtype`; it has room for `row_count` fine rows."""
     piece = ROW * row_count * spring_count // 4
-    nothing = LoadsOrHolds(np.zeros(0, LoadOrPrescribedMotion.fields()), np.zeros((0, 2), np.int64), np.zeros(0))
+    nothing = LoadsOrPrescribedMotions(
+        np.zeros(0, LoadOrPrescribedMotion.fields()), np.zeros((0, 2), np.int64), np.zeros(0)
+    )
 
     def pieces() -> ClippedPieces:
         return ClippedPieces(np.zeros(piece, PieceSpring.fields()), np.zeros((piece, 2), PieceEnd.fields()))
@@ -307,61 +311,63 @@ def create_plate_zone(
     events, nodes = ROW * row_count * spring_count, ROW * row_count
     return PlateZone(
         cell_kinds=cells,
-        broken_bond_bits=lazy_zeros(numbering.fine.place_count, dtype=np.uint64),
-        fine=create_idle_nodes(
+        broken_bond_bits=allocate_zeros(numbering.fine.place_count, dtype=np.uint64),
+        fine=allocate_idle_nodes(
             numbering.fine.place_count, spring_count, row_count, dtype, softens_or_limits_vary, swells, damps
         ),
-        coarse=create_idle_nodes(
+        coarse=allocate_idle_nodes(
             numbering.coarse.place_count, 8, numbering.coarse.place_count // ROW, dtype, swells=swells, damps=damps
         ),
-        far=create_idle_nodes(
+        far=allocate_idle_nodes(
             numbering.far.place_count, 8, numbering.far.place_count // ROW, dtype, swells=swells, damps=damps
         ),
-        tied_coarse_nodes=lazy_zeros(numbering.coarse.place_count, dtype=BorderNode.fields()),
+        tied_coarse_nodes=allocate_zeros(numbering.coarse.place_count, dtype=BorderNode.fields()),
         clipped_pieces=pieces(),
         spare_clipped_pieces=pieces(),
-        border_nodes=lazy_zeros(nodes, dtype=BorderNode.fields()),
+        border_nodes=allocate_zeros(nodes, dtype=BorderNode.fields()),
         break_events=BreakEvents(
             np.zeros(events, np.int32), np.zeros(events, np.int64), np.zeros(events, np.int32), *np.zeros((2, events))
         ),
-        node_dissipation=lazy_zeros(numbering.fine.place_count),
-        is_damaged=lazy_zeros(numbering.fine.place_count, dtype=np.bool_),
-        damaged_nodes=lazy_zeros(numbering.fine.place_count, dtype=np.int64),
+        node_dissipation=allocate_zeros(numbering.fine.place_count),
+        is_damaged=allocate_zeros(numbering.fine.place_count, dtype=np.bool_),
+        damaged_nodes=allocate_zeros(numbering.fine.place_count, dtype=np.int64),
         loads=nothing,
         holds=nothing,
-        is_node_marked=lazy_zeros(numbering.fine.place_count, dtype=np.bool_),
-        new_cells=lazy_zeros(numbering.cells.place_count, dtype=np.int64),
-        affected_fine_nodes=lazy_zeros(numbering.fine.place_count, dtype=np.int64),
-        affected_coarse_nodes=lazy_zeros(numbering.coarse.place_count, dtype=np.int64),
-        affected_coarsest_nodes=lazy_zeros(numbering.far.place_count, dtype=np.int64),
+        is_node_marked=allocate_zeros(numbering.fine.place_count, dtype=np.bool_),
+        new_cells=allocate_zeros(numbering.cells.place_count, dtype=np.int64),
+        affected_fine_nodes=allocate_zeros(numbering.fine.place_count, dtype=np.int64),
+        affected_coarse_nodes=allocate_zeros(numbering.coarse.place_count, dtype=np.int64),
+        affected_far_nodes=allocate_zeros(numbering.far.place_count, dtype=np.int64),
         counts=Counts.of(),
         totals=Totals.of(),
-        lane_sums=lazy_zeros(threads, 3 * ROW, dtype=dtype),
+        lane_sums=allocate_zeros(threads, 3 * ROW, dtype=dtype),
         job_counters=np.zeros(64, dtype=np.int64),
-        breaking_rows=lazy_zeros(threads, 2 * numbering.fine.place_count // ROW, dtype=np.int64),
+        breaking_rows=allocate_zeros(threads, 2 * numbering.fine.place_count // ROW, dtype=np.int64),
         breaking_row_counts=np.zeros(8 * threads, dtype=np.int64),
     )
 
 
-def enlarge_zone(zone: PlateZone) -> PlateZone:
+def double_array_lengths(zone: PlateZone) -> PlateZone:
     """The zone in arrays with room for twice as many entries."""
     fine, counts = zone.fine, zone.counts
 
-    def double_length(array: Any, used: int) -> NDArray[Any]:
-        more = lazy_zeros(2 * len(array), *array.shape[1:], dtype=array.dtype)
+    def double_array_length(array: Any, used: int) -> NDArray[Any]:
+        more = allocate_zeros(2 * len(array), *array.shape[1:], dtype=array.dtype)
         more[:used] = array[:used]
         return more
 
     rows = counts.used_stiffness_rows + 1  # the next one may have been begun
     return zone._replace(
         fine=fine._replace(
-            row_stiffness=double_length(fine.row_stiffness, rows),
-            threshold_strain=double_length(fine.threshold_strain, rows),
-            spring_lane_masks=double_length(fine.spring_lane_masks, rows),
-            uses_spring_lane_masks=double_length(fine.uses_spring_lane_masks, rows),
+            row_stiffness=double_array_length(fine.row_stiffness, rows),
+            threshold_strain=double_array_length(fine.threshold_strain, rows),
+            spring_lane_masks=double_array_length(fine.spring_lane_masks, rows),
+            uses_spring_lane_masks=double_array_length(fine.uses_spring_lane_masks, rows),
         ),
-        clipped_pieces=ClippedPieces(*(double_length(array, counts.clipped_pieces) for array in zone.clipped_pieces)),
-        spare_clipped_pieces=ClippedPieces(*(double_length(array, 0) for array in zone.spare_clipped_pieces)),
-        border_nodes=double_length(zone.border_nodes, counts.border_nodes),
-        break_events=BreakEvents(*(double_length(array, counts.broken_bonds) for array in zone.break_events)),
+        clipped_pieces=ClippedPieces(
+            *(double_array_length(array, counts.clipped_pieces) for array in zone.clipped_pieces)
+        ),
+        spare_clipped_pieces=ClippedPieces(*(double_array_length(array, 0) for array in zone.spare_clipped_pieces)),
+        border_nodes=double_array_length(zone.border_nodes, counts.border_nodes),
+        break_events=BreakEvents(*(double_array_length(array, counts.broken_bonds) for array in zone.break_events)),
     )

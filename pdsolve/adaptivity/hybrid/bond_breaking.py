@@ -20,7 +20,7 @@ from pdsolve.laws.pair_laws.bilinear import dissipated_share
 
 
 @njit(forceinline=True, **INNER)
-def _book_dissipation_of_node(zone, p, energy):  # type: ignore[no-untyped-def]
+def _record_node_dissipation(zone, p, energy):  # type: ignore[no-untyped-def]
     """Book an energy, J/m, dissipated by a bond of node p."""
     zone.totals.dissipated_energy += energy
     zone.node_dissipation[p] += energy
@@ -35,7 +35,7 @@ def _soften_bond(lattice, zone, p, stiffness_index, k, e, peak, limit):  # type:
     full_stiffness = row_stiffness[stiffness_index, k, lane] / remaining_stiffness_share(past, peak, limit)
     spent = dissipated_share(stretch_from_double_green_strain(now), peak_stretch, limit_stretch)
     spent -= dissipated_share(stretch_from_double_green_strain(max(past, peak)), peak_stretch, limit_stretch)
-    _book_dissipation_of_node(
+    _record_node_dissipation(
         zone, p, full_stiffness / lattice.spring_table[k, 4] * peak_stretch * limit_stretch * spent / 4
     )
     row_stiffness[stiffness_index, k, lane] = full_stiffness * remaining_stiffness_share(now, peak, limit)
@@ -52,16 +52,16 @@ def _mark_damaged_node(zone, p):  # type: ignore[no-untyped-def]
 
 
 @njit(**INNER)
-def _record_break(zone, step, p, k, pull, growth):  # type: ignore[no-untyped-def]
-    """Record a bond that breaks with a `pull` after some `growth` of its stretch."""
+def _record_break(zone, step, p, k, breaking_force, stretch_growth):  # type: ignore[no-untyped-def]
+    """Record a bond that breaks with a `breaking_force` after some `stretch_growth` of its stretch."""
     n = zone.counts.broken_bonds
     zone.break_events.step[n], zone.break_events.node[n], zone.break_events.bond_number[n] = step, p, k
-    zone.break_events.force_at_break[n], zone.break_events.stretch_growth_at_break[n] = pull, growth
+    zone.break_events.force_at_break[n], zone.break_events.stretch_growth_at_break[n] = breaking_force, stretch_growth
     zone.counts.broken_bonds += 1
 
 
 @njit(**INNER)
-def _ensure_own_stiffness_index(zone, row):  # type: ignore[no-untyped-def]
+def _ensure_row_stiffness_index(zone, row):  # type: ignore[no-untyped-def]
     """Index of a row's own stiffnesses, which it gets if it has none."""
     if zone.fine.stiffness_index_of_row[row] < 0:
         zone.fine.stiffness_index_of_row[row] = find_or_reserve_stiffness_index(
@@ -71,7 +71,7 @@ def _ensure_own_stiffness_index(zone, row):  # type: ignore[no-untyped-def]
 
 
 @njit(**INNER)
-def _unsoftened_stiffness_and_largest_past_strain(fine, stiffness_index, k, lane, stiffness, peak, limit):  # type: ignore[no-untyped-def]
+def _unsoftened_stiffness_and_history(fine, stiffness_index, k, lane, stiffness, peak, limit):  # type: ignore[no-untyped-def]
     """Stiffness of a bond before it softened, and the largest e it has had above the peak, 0 if it was never there."""
     if peak == limit or fine.threshold_strain[stiffness_index, k, lane] <= peak:
         return stiffness, 0.0
@@ -81,7 +81,7 @@ def _unsoftened_stiffness_and_largest_past_strain(fine, stiffness_index, k, lane
 
 
 @njit(**INNER)
-def _stretch_one_step_ago(lattice, fine, p, j, k, eta_x, eta_y):  # type: ignore[no-untyped-def]
+def _previous_stretch(lattice, fine, p, j, k, eta_x, eta_y):  # type: ignore[no-untyped-def]
     """The stretch one step ago of bond k from p to j, whose ends are (eta_x, eta_y) further apart now, m."""
     eta_x -= lattice.dt * (fine.v[0, j] - fine.v[0, p])
     eta_y -= lattice.dt * (fine.v[1, j] - fine.v[1, p])
@@ -89,7 +89,7 @@ def _stretch_one_step_ago(lattice, fine, p, j, k, eta_x, eta_y):  # type: ignore
 
 
 @njit(**INNER)
-def soften_and_break_bonds_and_add_pulls(lattice, zone, u, first_node, count, step):  # type: ignore[no-untyped-def]
+def soften_and_break_bonds(lattice, zone, u, first_node, count, step):  # type: ignore[no-untyped-def]
     """Soften and remove bonds of some nodes of a row, add the pulls that match their work to the forces f, and book the
     energy they dissipated.
 
@@ -105,7 +105,7 @@ def soften_and_break_bonds_and_add_pulls(lattice, zone, u, first_node, count, st
             if full_stiffness == 0 or is_unbreakable(lattice, p) or is_unbreakable(lattice, j):
                 continue
             eta_x, eta_y = displaced(
-                u, fine.half_shrinkage, lattice.spring_table[k, 0], lattice.spring_table[k, 1], p, j
+                u, fine.negative_half_swelling, lattice.spring_table[k, 0], lattice.spring_table[k, 1], p, j
             )
             e = spring_double_green_strain(lattice.spring_table, k, eta_x, eta_y)
             peak, limit = peak_and_limit_strain(lattice, p, k)
@@ -114,23 +114,21 @@ def soften_and_break_bonds_and_add_pulls(lattice, zone, u, first_node, count, st
             ):
                 continue
             _mark_damaged_node(zone, p)
-            entry = _ensure_own_stiffness_index(zone, row)
-            full_stiffness, past = _unsoftened_stiffness_and_largest_past_strain(
-                fine, entry, k, lane, full_stiffness, peak, limit
-            )
+            entry = _ensure_row_stiffness_index(zone, row)
+            full_stiffness, past = _unsoftened_stiffness_and_history(fine, entry, k, lane, full_stiffness, peak, limit)
             if peak < limit:
                 _soften_bond(lattice, zone, p, entry, k, e, peak, limit)
             before, now = (
-                _stretch_one_step_ago(lattice, fine, p, j, k, eta_x, eta_y),
+                _previous_stretch(lattice, fine, p, j, k, eta_x, eta_y),
                 stretch_from_double_green_strain(e),
             )
             worst, ends = (
                 stretch_from_double_green_strain(past),
                 (stretch_from_double_green_strain(peak), stretch_from_double_green_strain(limit)),
             )
-            pull = added_force(lattice.bond_law, now, before, worst, *ends) * full_stiffness
-            fine.f[0, p] += pull / (1 + now) * (lattice.spring_table[k, 0] + eta_x)
-            fine.f[1, p] += pull / (1 + now) * (lattice.spring_table[k, 1] + eta_y)
+            breaking_force = added_force(lattice.empty_law_columns, now, before, worst, *ends) * full_stiffness
+            fine.f[0, p] += breaking_force / (1 + now) * (lattice.spring_table[k, 0] + eta_x)
+            fine.f[1, p] += breaking_force / (1 + now) * (lattice.spring_table[k, 1] + eta_y)
             if e <= limit:
                 continue
             fine.row_stiffness[entry, k, lane] = 0.0
@@ -138,18 +136,18 @@ def soften_and_break_bonds_and_add_pulls(lattice, zone, u, first_node, count, st
             if k < half:
                 zone.broken_bond_bits[p] |= np.uint64(1) << np.uint64(k)
             if peak == limit:  # else it is booked as it softens
-                _book_dissipation_of_node(
+                _record_node_dissipation(
                     zone,
                     p,
                     broken_energy(
-                        lattice.bond_law, full_stiffness / lattice.spring_table[k, 4] / 4, now, before, *ends
+                        lattice.empty_law_columns, full_stiffness / lattice.spring_table[k, 4] / 4, now, before, *ends
                     ),
                 )
-            _record_break(zone, step, p, k, pull, now - before)
+            _record_break(zone, step, p, k, breaking_force, now - before)
 
 
 @njit(**INNER)
-def add_second_pulls_of_broken_bonds(lattice, zone, u, step):  # type: ignore[no-untyped-def]
+def add_second_forces(lattice, zone, u, step):  # type: ignore[no-untyped-def]
     """Add the second pulls of the bonds that broke one step ago to the forces f, which have all others."""
     fine, breaks, n = zone.fine, zone.break_events, zone.counts.broken_bonds
     while n > 0 and breaks.step[n - 1] == step:
@@ -158,9 +156,11 @@ def add_second_pulls_of_broken_bonds(lattice, zone, u, step):  # type: ignore[no
         n -= 1
         p, k = breaks.node[n], breaks.bond_number[n]
         j, x, y = p + lattice.neighbour_offsets[k], lattice.spring_table[k, 0], lattice.spring_table[k, 1]
-        eta_x, eta_y = displaced(u, fine.half_shrinkage, x, y, p, j)
+        eta_x, eta_y = displaced(u, fine.negative_half_swelling, x, y, p, j)
         now = stretch_from_double_green_strain(spring_double_green_strain(lattice.spring_table, k, eta_x, eta_y))
-        growth = now - _stretch_one_step_ago(lattice, fine, p, j, k, eta_x, eta_y)
-        pull = breaks.force_at_break[n] * second_share(breaks.stretch_growth_at_break[n], growth) / (1 + now)
-        fine.f[0, p] += pull * (x + eta_x)
-        fine.f[1, p] += pull * (y + eta_y)
+        stretch_growth = now - _previous_stretch(lattice, fine, p, j, k, eta_x, eta_y)
+        breaking_force = (
+            breaks.force_at_break[n] * second_share(breaks.stretch_growth_at_break[n], stretch_growth) / (1 + now)
+        )
+        fine.f[0, p] += breaking_force * (x + eta_x)
+        fine.f[1, p] += breaking_force * (y + eta_y)

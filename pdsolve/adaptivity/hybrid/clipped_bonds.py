@@ -28,24 +28,24 @@ EVERY = np.uint64(2**64 - 1)  # all cells that bonds of a node could pass throug
 
 
 @njit(**INNER)
-def _noncoarse_and_plate_cell_bits(lattice, cells, x):  # type: ignore[no-untyped-def]
+def _fine_and_plate_cell_bits(lattice, cells, x):  # type: ignore[no-untyped-def]
     """The cells around fine node x (2,) that are not coarse, so that bonds are whole there, and those of the plate: a
     bit each, as `BondParts.side_cell_bits` has them."""
-    whole_bond_bits, plate_bits, bit = EVERY, np.uint64(0), np.uint64(1)
+    unclipped_bond_bits, plate_bits, bit = EVERY, np.uint64(0), np.uint64(1)
     bond_parts = lattice.bond_parts
     (left_side, low), wide = lowest_cell_around(x, bond_parts.lowest_cell_offset), bond_parts.cells_around_per_axis
     for row in range(low, low + wide):
         first = place_at(lattice.numbering.cells, (left_side, row))
         for c in range(first, first + wide):
             cell_kind = cells[c]
-            whole_bond_bits &= EVERY if cell_kind in (FINE, EMPTY) else ~bit
+            unclipped_bond_bits &= EVERY if cell_kind in (FINE, EMPTY) else ~bit
             plate_bits |= bit if cell_kind < VOID else np.uint64(0)
             bit <<= np.uint64(1)
-    return whole_bond_bits, plate_bits
+    return unclipped_bond_bits, plate_bits
 
 
 @njit(forceinline=True, **INNER)
-def _count_bond_sides_in_plate_whole_and_fine(lattice, position, k, whole_bond_bits, plate_bits):  # type: ignore[no-untyped-def]
+def _count_bond_sides(lattice, position, k, unclipped_bond_bits, plate_bits):  # type: ignore[no-untyped-def]
     """On how many sides of a bond there are cells of the plate, on how many of them it is whole, and on how many it has
     a part in other cells than coarse ones."""
     sides = whole_sides = fine_sides = 0
@@ -53,8 +53,8 @@ def _count_bond_sides_in_plate_whole_and_fine(lattice, position, k, whole_bond_b
         bits = lattice.bond_parts.side_cell_bits[position, k, side, 0]
         if plate_bits & bits != 0:
             sides += 1
-            whole_sides += whole_bond_bits & bits == bits
-            fine_sides += whole_bond_bits & bits != 0
+            whole_sides += unclipped_bond_bits & bits == bits
+            fine_sides += unclipped_bond_bits & bits != 0
     return sides, whole_sides, fine_sides
 
 
@@ -147,12 +147,10 @@ def _set_lane_stiffness(lattice, cells, broken_bond_bits, node_kinds, p, row_sti
     row_stiffness[:, lane] = 0.0
     if node_kinds[p] == IDLE:
         return
-    whole_bond_bits, plate_bits = _noncoarse_and_plate_cell_bits(lattice, cells, x)
+    unclipped_bond_bits, plate_bits = _fine_and_plate_cell_bits(lattice, cells, x)
     for k in range(len(lattice.family_dx)):
         if is_bond_intact(lattice, broken_bond_bits, p, k):
-            sides, whole_sides, _ = _count_bond_sides_in_plate_whole_and_fine(
-                lattice, position, k, whole_bond_bits, plate_bits
-            )
+            sides, whole_sides, _ = _count_bond_sides(lattice, position, k, unclipped_bond_bits, plate_bits)
             row_stiffness[k, lane] = full_bond_stiffness(lattice, p, k) * (whole_sides / sides if sides > 0 else 0.0)
 
 
@@ -174,13 +172,11 @@ def append_pieces_of_node(lattice, cells, broken_bond_bits, node_kinds, p, piece
     numbering, bond_parts, half = lattice.numbering, lattice.bond_parts, len(lattice.family_dx) // 2
     x = coordinates(numbering.fine, p)
     position = position_in_cell(x)
-    whole_bond_bits, plate_bits = _noncoarse_and_plate_cell_bits(lattice, cells, x)
-    if whole_bond_bits == EVERY:
+    unclipped_bond_bits, plate_bits = _fine_and_plate_cell_bits(lattice, cells, x)
+    if unclipped_bond_bits == EVERY:
         return count
     for k in range(half):
-        sides, whole_sides, fine_sides = _count_bond_sides_in_plate_whole_and_fine(
-            lattice, position, k, whole_bond_bits, plate_bits
-        )
+        sides, whole_sides, fine_sides = _count_bond_sides(lattice, position, k, unclipped_bond_bits, plate_bits)
         if fine_sides == whole_sides or not is_bond_intact(lattice, broken_bond_bits, p, k):
             continue
         for side in range(2):

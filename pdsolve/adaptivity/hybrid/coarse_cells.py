@@ -121,13 +121,13 @@ class HybridPlate(NamedTuple):
         x, y = x - self.first_node_indices[0], y - self.first_node_indices[1]
         return np.asarray((y >= 0) & (y < self.node_counts[1]) & (x >= 0) & (x < self.node_counts[0]))
 
-    def grid_rows_in_lattice_rows(self, first_row: int, end_row: int) -> NDArray[np.int64]:
+    def grid_rows_of_lattice_rows(self, first_row: int, end_row: int) -> NDArray[np.int64]:
         """Rows (end_row - first_row, stride) of the grid at the fine places of these rows, -1 without a node."""
         places = np.arange(first_row * self.numbering.fine.strides[1], end_row * self.numbering.fine.strides[1])
         return self.grid_rows_or_none_at(places).reshape(-1, self.numbering.fine.strides[1])
 
     def mask_nodes_in_lattice_rows(self, first_row: int, end_row: int) -> NDArray[np.bool_]:
-        """Whether there are nodes at these places, as in `grid_rows_in_lattice_rows`."""
+        """Whether there are nodes at these places, as in `grid_rows_of_lattice_rows`."""
         if self.listed_nodes is not None:
             return (
                 self.listed_nodes.grid_row_at_place.reshape(-1, self.numbering.fine.strides[1])[first_row:end_row] >= 0
@@ -137,7 +137,7 @@ class HybridPlate(NamedTuple):
         return np.asarray(np.logical_and.outer((row >= 0) & (row < ny), (column >= 0) & (column < nx)))
 
     def area_shares_in_lattice_rows(self, first_row: int, end_row: int) -> NDArray[np.float64]:
-        """Areas of the cells of nodes at these places over h^2, 0 without a node, as in `grid_rows_in_lattice_rows`."""
+        """Areas of the cells of nodes at these places over h^2, 0 without a node, as in `grid_rows_of_lattice_rows`."""
         if self.listed_nodes is not None:
             rows = self.listed_nodes.grid_row_at_place.reshape(-1, self.numbering.fine.strides[1])[first_row:end_row]
             return np.where(rows >= 0, self.listed_nodes.cell_area_share[rows], 0.0)
@@ -153,10 +153,10 @@ class HybridPlate(NamedTuple):
         return np.asarray(np.multiply.outer(across[first_row:end_row], along))
 
     def material_numbers_in_lattice_rows(self, first_row: int, end_row: int) -> NDArray[np.uint8]:
-        """Numbers of the materials of nodes at these places, 0 without one, as in `grid_rows_in_lattice_rows`."""
+        """Numbers of the materials of nodes at these places, 0 without one, as in `grid_rows_of_lattice_rows`."""
         materials = np.zeros((end_row - first_row, self.numbering.fine.strides[1]), dtype=np.uint8)
         if self.model.settings.regions:
-            rows = self.grid_rows_in_lattice_rows(first_row, end_row)
+            rows = self.grid_rows_of_lattice_rows(first_row, end_row)
             materials[rows >= 0] = self.model.material_of[rows[rows >= 0]]
         return materials
 
@@ -262,7 +262,7 @@ def initial_cell_kinds(
     An edge along a line between cells cuts none, except at re-entrant corners.
     """
     numbering = plate.numbering
-    in_plate, good = _mask_plate_cells_and_whole_cells(plate)
+    in_plate, good = _mask_plate_and_full_cells(plate)
     cells = np.where(in_plate, np.uint8(FINE), np.uint8(VOID))
     cells[good] = COARSE
     cut = in_plate & ~good
@@ -286,7 +286,7 @@ def initial_cell_kinds(
     return cells.ravel()
 
 
-def _mask_plate_cells_and_whole_cells(plate: HybridPlate) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+def _mask_plate_and_full_cells(plate: HybridPlate) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
     """Masks (rows, columns) of the cells with some of the plate, and of those that are whole."""
     numbering = plate.numbering
     in_plate, is_whole = np.zeros((2, *numbering.cells.counts[::-1]), dtype=bool)

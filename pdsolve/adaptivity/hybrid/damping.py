@@ -43,36 +43,36 @@ def _overload_damp_forces(nodes, p, count, velocity_lag, lane_sums):  # type: ig
     return damp_forces_of_lanes
 
 
-def book_damped_energy(
-    nodes: Any, p: Any, count: Any, dt: Any, lane_sums: Any, half_step_before: Any, half_step_after: Any
+def record_damped_energy(
+    nodes: Any, p: Any, count: Any, dt: Any, lane_sums: Any, first_half_step: Any, second_half_step: Any
 ) -> None:
-    """Book the energy taken in half a step `half_step_before` and `half_step_after` from nodes moved by s, from p on.
+    """Book the energy taken in half a step `first_half_step` and `second_half_step` from nodes moved by s, from p on.
 
-    With `half_step_before`, velocities are those of half a step ago, else of now.
+    With `first_half_step`, velocities are those of half a step ago, else of now.
     """
 
 
-@overload(book_damped_energy, jit_options=INNER)
-def _overload_book_damped_energy(nodes, p, count, dt, lane_sums, half_step_before, half_step_after):  # type: ignore[no-untyped-def]
+@overload(record_damped_energy, jit_options=INNER)
+def _overload_record_damped_energy(nodes, p, count, dt, lane_sums, first_half_step, second_half_step):  # type: ignore[no-untyped-def]
     if not _is_damped_type(nodes):
-        return lambda nodes, p, count, dt, lane_sums, half_step_before, half_step_after: None
+        return lambda nodes, p, count, dt, lane_sums, first_half_step, second_half_step: None
 
-    def book_damping_of_lanes(nodes, p, count, dt, lane_sums, half_step_before, half_step_after):  # type: ignore[no-untyped-def]
+    def record_damping_of_lanes(nodes, p, count, dt, lane_sums, first_half_step, second_half_step):  # type: ignore[no-untyped-def]
         for at in range(p, p + count):
             first, last, half = 0.0, 0.0, dt / 2 * nodes.mass[at]
             for axis in range(2):
                 kick = dt / 2 * (lane_sums[axis * ROW + at - p] * nodes.inverse_mass[at])
                 speed = nodes.v[axis, at]
-                middle = speed + kick if half_step_before else speed
+                middle = speed + kick if first_half_step else speed
                 pull = nodes.damping[axis, at] * middle
                 first += pull * speed
                 last += pull * (middle + kick)
-            if half_step_before:
+            if first_half_step:
                 nodes.damped_energy[at] += half * first
-            if half_step_after:
+            if second_half_step:
                 nodes.damped_energy[at] += half * last
 
-    return book_damping_of_lanes
+    return record_damping_of_lanes
 
 
 def set_damping_of_node(lattice: Any, nodes: Any, p: Any, fine_place: Any) -> None:

@@ -31,12 +31,12 @@ def double_green_strain_of_spring(nodes, spring_table, offsets, u, q, k):  # typ
     entry, xi_x, xi_y = nodes.stiffness_index_of_row[q // ROW], spring_table[k, X], spring_table[k, Y]
     if entry >= 0 and nodes.row_stiffness[entry, k, q % ROW] == 0:
         return 0.0
-    eta_x, eta_y = displaced(u, nodes.half_shrinkage, xi_x, xi_y, q, q + offsets[k])
+    eta_x, eta_y = displaced(u, nodes.negative_half_swelling, xi_x, xi_y, q, q + offsets[k])
     return spring_double_green_strain(spring_table, k, eta_x, eta_y)
 
 
 @njit(**INNER)
-def half_spring_energy_of_node(nodes, spring_table, offsets, uses_green_strain, u, p):  # type: ignore[no-untyped-def]
+def spring_energy_of_node(nodes, spring_table, offsets, uses_green_strain, u, p):  # type: ignore[no-untyped-def]
     """Half of the energy of a node's springs, J/m; of coarse ones by Green's strain."""
     row, lane, energy = p // ROW, p % ROW, 0.0
     entry = nodes.stiffness_index_of_row[row]
@@ -45,28 +45,28 @@ def half_spring_energy_of_node(nodes, spring_table, offsets, uses_green_strain, 
         if stiffness == 0:
             continue
         xi_x, xi_y = spring_table[k, X], spring_table[k, Y]
-        eta_x, eta_y = displaced(u, nodes.half_shrinkage, xi_x, xi_y, p, p + offsets[k])
+        eta_x, eta_y = displaced(u, nodes.negative_half_swelling, xi_x, xi_y, p, p + offsets[k])
         e = spring_double_green_strain(spring_table, k, eta_x, eta_y)
         stretch = e * 0.5 if uses_green_strain else e / (np.sqrt(1 + e) + 1)
         energy += stiffness / spring_table[k, INVERSE] * stretch * stretch / 4
     return energy
 
 
-def _relative_displacement(u: Any, half_shrinkage: Any, x: Any, y: Any, p: Any, j: Any) -> Any:
+def _relative_displacement(u: Any, negative_half_swelling: Any, x: Any, y: Any, p: Any, j: Any) -> Any:
     """How far the nodes j are displaced from the nodes p, in lanes from these places on; less what swelling takes."""
 
 
 @overload(_relative_displacement, jit_options=INNER | {"forceinline": True})
-def _overload_relative_displacement(u, half_shrinkage, x, y, p, j):  # type: ignore[no-untyped-def]
-    if isinstance(half_shrinkage, types.NoneType):
-        return lambda u, half_shrinkage, x, y, p, j: _displacement_difference(u, p, j)
+def _overload_relative_displacement(u, negative_half_swelling, x, y, p, j):  # type: ignore[no-untyped-def]
+    if isinstance(negative_half_swelling, types.NoneType):
+        return lambda u, negative_half_swelling, x, y, p, j: _displacement_difference(u, p, j)
 
-    def displacement_less_swelling(u, half_shrinkage, x, y, p, j):  # type: ignore[no-untyped-def]
+    def displacement_without_swelling(u, negative_half_swelling, x, y, p, j):  # type: ignore[no-untyped-def]
         eta_x, eta_y = _displacement_difference(u, p, j)
-        both = beside(half_shrinkage, ONE, p)[0] + beside(half_shrinkage, ONE, j)[0]
+        both = beside(negative_half_swelling, ONE, p)[0] + beside(negative_half_swelling, ONE, j)[0]
         return eta_x + both * x, eta_y + both * y
 
-    return displacement_less_swelling
+    return displacement_without_swelling
 
 
 @njit(forceinline=True, **INNER)
@@ -76,14 +76,14 @@ def _displacement_difference(u, p, j):  # type: ignore[no-untyped-def]
 
 
 @njit(**INNER)
-def store_half_spring_energies(nodes, spring_table, offsets, uses_green_strain, row, u, lane_sums):  # type: ignore[no-untyped-def]
+def store_spring_energies(nodes, spring_table, offsets, uses_green_strain, row, u, lane_sums):  # type: ignore[no-untyped-def]
     """Set s to half the energies of the springs of a row's lanes, J/m; of coarse ones by Green's strain."""
     entry, slots, none = nodes.stiffness_index_of_row[row], len(offsets), same(u, 0.0)
     for lane in range(0, ROW, across(lane_sums)):
         p, energy = np.int64(row * ROW + lane), none
         for k in range(slots):
             x, y = spring_table[k, X], spring_table[k, Y]
-            eta_x, eta_y = _relative_displacement(u, nodes.half_shrinkage, x, y, p, np.int64(p + offsets[k]))
+            eta_x, eta_y = _relative_displacement(u, nodes.negative_half_swelling, x, y, p, np.int64(p + offsets[k]))
             e = spring_table[k, INVERSE] * (2 * (x * eta_x + y * eta_y) + eta_x * eta_x + eta_y * eta_y)
             w = same(u, spring_table[k, STIFFNESS])
             if entry >= 0:
@@ -133,20 +133,20 @@ def kinetic_energy_of_node(nodes, p):  # type: ignore[no-untyped-def]
 
 
 @njit(**INNER)
-def strain_and_kinetic_energy(lattice, zone, buffer, fine_nodes, coarse_nodes):  # type: ignore[no-untyped-def]
+def strain_and_kinetic_energy(lattice, zone, u_buffer, fine_nodes, coarse_nodes):  # type: ignore[no-untyped-def]
     """Strain and kinetic energy, J/m, of some nodes and of the pieces that some own; these fine nodes must be
     marked."""
     fine, coarse, energy = zone.fine, zone.coarse, 0.0
-    u, coarse_u = fine.u[buffer], coarse.u[buffer]
+    u, coarse_u = fine.u[u_buffer], coarse.u[u_buffer]
     for p in fine_nodes:
         if fine.node_kinds[p] == IDLE:
             continue
-        energy += half_spring_energy_of_node(fine, lattice.spring_table, lattice.neighbour_offsets, False, u, p)
+        energy += spring_energy_of_node(fine, lattice.spring_table, lattice.neighbour_offsets, False, u, p)
         if fine.node_kinds[p] == FREE:
             energy += kinetic_energy_of_node(fine, p)
     for q in coarse_nodes:
         if coarse.node_kinds[q] == FREE:
-            energy += half_spring_energy_of_node(
+            energy += spring_energy_of_node(
                 coarse, lattice.coarse_spring_table, lattice.coarse_neighbour_offsets, True, coarse_u, q
             ) + kinetic_energy_of_node(coarse, q)
     for n in range(zone.counts.clipped_pieces):
@@ -156,11 +156,11 @@ def strain_and_kinetic_energy(lattice, zone, buffer, fine_nodes, coarse_nodes): 
 
 
 @cached_njit(error_model="numpy")
-def fill_strain_energies(lattice, zone, buffer, fine_energy, coarse_energy, far_energy):  # type: ignore[no-untyped-def]
+def fill_strain_energies(lattice, zone, u_buffer, fine_energy, coarse_energy, far_energy):  # type: ignore[no-untyped-def]
     """Strain energies, J/m, of fine, coarse and far nodes, by their places; half of a piece's belongs to either end."""
     fine, coarse, pieces, s = zone.fine, zone.coarse, zone.clipped_pieces, zone.lane_sums[0]
     for row in fine.active_rows[: zone.counts.active_fine_rows]:
-        store_half_spring_energies(fine, lattice.spring_table, lattice.neighbour_offsets, False, row, fine.u[buffer], s)
+        store_spring_energies(fine, lattice.spring_table, lattice.neighbour_offsets, False, row, fine.u[u_buffer], s)
         for p in range(row * ROW, row * ROW + ROW):
             fine_energy[p] = s[p % ROW] if fine.node_kinds[p] != IDLE else 0.0
     lattices = (
@@ -181,11 +181,11 @@ def fill_strain_energies(lattice, zone, buffer, fine_energy, coarse_energy, far_
     )
     for nodes, count, table, ways, energies in lattices:
         for row in nodes.active_rows[:count]:
-            store_half_spring_energies(nodes, table, ways, True, row, nodes.u[buffer], s)
+            store_spring_energies(nodes, table, ways, True, row, nodes.u[u_buffer], s)
             for q in range(row * ROW, row * ROW + ROW):
                 energies[q] = s[q % ROW] if nodes.node_kinds[q] != IDLE else 0.0
     for n in range(zone.counts.clipped_pieces):
-        half = piece_energy(pieces, fine.u[buffer], coarse.u[buffer], n) / 2
+        half = piece_energy(pieces, fine.u[u_buffer], coarse.u[u_buffer], n) / 2
         for side in range(2):
             end = pieces.ends[n, side]
             if end.second_node < 0:

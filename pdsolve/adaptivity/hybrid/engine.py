@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pdsolve.adaptivity.hybrid import arrays
-from pdsolve.adaptivity.hybrid.arrays import HOLD_COLUMNS, STORED, LatticeConstants, LatticeNodes, PlateZone
+from pdsolve.adaptivity.hybrid.arrays import PRESCRIBED_COLUMNS, STORED, LatticeConstants, LatticeNodes, PlateZone
 from pdsolve.adaptivity.hybrid.clipped_bonds import stretch_from_double_green_strain
 from pdsolve.adaptivity.hybrid.coarse_cells import HybridPlate, count_full_squares_in_cells
 from pdsolve.adaptivity.hybrid.energy import fill_strain_energies
@@ -42,8 +42,8 @@ class ZoneSummary(NamedTuple):
     clipped_stretch: float  # the largest of clipped bonds so far, over that which softens or breaks one
 
 
-class HalfShrinkage(NamedTuple):
-    """Minus half the strains of free nodes, as `LatticeNodes.half_shrinkage` has them."""
+class NegativeHalfSwelling(NamedTuple):
+    """Minus half the strains of free nodes, as `LatticeNodes.negative_half_swelling` has them."""
 
     fine: NDArray[np.float64]
     coarse: NDArray[np.float64]
@@ -54,7 +54,7 @@ class HybridEngine:
 
     def __init__(self, plate: HybridPlate, lattice: LatticeConstants, zone: PlateZone, drive: Drive) -> None:
         """Cells of `zone` are those of the start."""
-        self.plate, self.lattice, self.zone, self.drive, self.buffer = plate, lattice, zone, drive, 0
+        self.plate, self.lattice, self.zone, self.drive, self.u_buffer = plate, lattice, zone, drive, 0
         self._squares = count_full_squares_in_cells(plate)
         self._whole, self._fine = int(self._squares.sum()), (-1, 0)  # squares in all cells; in fine ones, since when
 
@@ -93,7 +93,7 @@ class HybridEngine:
         zone.new_cells[: len(cells)] = cells
         zone.counts.new_cells = len(cells)
         self.compute_initial_forces()
-        around = arrays.lazy_zeros(len(zone.affected_coarse_nodes), dtype=np.int64)  # all coarse nodes were
+        around = arrays.allocate_zeros(len(zone.affected_coarse_nodes), dtype=np.int64)  # all coarse nodes were
         self.zone = self.zone._replace(totals=arrays.Totals.of(), affected_coarse_nodes=around)
 
     def fine_places_of_coarse(self, coarse: NDArray[np.int64]) -> NDArray[np.int64]:
@@ -121,14 +121,14 @@ class HybridEngine:
         limit.
         """
         lattice, counts = self.lattice, self.zone.counts
-        loads, holds, lattices = counts.load_shares, counts.held_components, (self.zone.fine, self.zone.coarse)
+        loads, holds, lattices = counts.node_loads, counts.prescribed_components, (self.zone.fine, self.zone.coarse)
         slowing = [nodes.damping for nodes in lattices]
-        counts.load_shares, counts.held_components, self.lattice = 0, 0, lattice._replace(dt=dt)
+        counts.node_loads, counts.prescribed_components, self.lattice = 0, 0, lattice._replace(dt=dt)
         try:
             self._replace_damping(None, None)
             self._advance(step + 1, step + 1)
         finally:
-            counts.load_shares, counts.held_components, self.lattice = loads, holds, lattice
+            counts.node_loads, counts.prescribed_components, self.lattice = loads, holds, lattice
             self._replace_damping(*slowing)
 
     def _replace_damping(self, fine: NDArray[np.float64] | None, coarse: NDArray[np.float64] | None) -> None:
@@ -140,7 +140,7 @@ class HybridEngine:
         """Take the steps `first_step` to `end_step` - 1; if there are none, only finish the previous step."""
         drifted = False
         while True:
-            how, step, self.buffer = self._advance_on_threads(first_step, end_step, drifted)
+            how, step, self.u_buffer = self._advance_on_threads(first_step, end_step, drifted)
             if how == DONE:
                 return
             if how == CLIP:
@@ -149,18 +149,18 @@ class HybridEngine:
                     f" {self.zone_summary().clipped_stretch:.2f} of critical)",
                     step,
                 )
-            self.zone = arrays.enlarge_zone(self.zone)
+            self.zone = arrays.double_array_lengths(self.zone)
             if first_step < end_step:
                 first_step, drifted = step, True
 
     def _advance_on_threads(self, *steps: int) -> tuple[int, int, int]:
         """Run the compiled march on all threads until it ends; returns its end code, step and buffer."""
         threads, end = len(self.zone.lane_sums), (0, 0, 0)
-        arguments, gate = (self.lattice, self.zone, self.drive.profiles, self.buffer, *steps), gate_of(threads)
+        arguments, barrier = (self.lattice, self.zone, self.drive.profiles, self.u_buffer, *steps), gate_of(threads)
 
         def work(thread: int) -> None:
             nonlocal end
-            end = advance(*arguments, thread, gate)
+            end = advance(*arguments, thread, barrier)
 
         side_by_side(work, threads)
         return end
@@ -173,39 +173,39 @@ class HybridEngine:
 
     def set_swelling_strain(self, strain: NDArray[np.float64]) -> None:
         """Let springs stretch from their lengths at these strains (n,) of all nodes of the grid, were they free."""
-        fine, coarse = self.zone.fine.half_shrinkage, self.zone.coarse.half_shrinkage
+        fine, coarse = self.zone.fine.negative_half_swelling, self.zone.coarse.negative_half_swelling
         assert fine is not None
         assert coarse is not None
         fine[self._fine_places_of_grid] = strain / -2
         average_fine_values_to_coarse(self.lattice, fine, coarse)
-        set_all_swelling_offsets(self.lattice, self.zone, self.buffer)
+        set_all_swelling_offsets(self.lattice, self.zone, self.u_buffer)
 
     def strain_energy(self) -> float:
         """Strain energy of all springs, J/m."""
-        return float(total_strain_energy(self.lattice, self.zone, self.buffer))
+        return float(total_strain_energy(self.lattice, self.zone, self.u_buffer))
 
-    def copy_half_shrinkage(self) -> HalfShrinkage:
+    def copy_negative_half_swelling(self) -> NegativeHalfSwelling:
         """A copy of the strains that springs have."""
-        fine, coarse = self.zone.fine.half_shrinkage, self.zone.coarse.half_shrinkage
+        fine, coarse = self.zone.fine.negative_half_swelling, self.zone.coarse.negative_half_swelling
         assert fine is not None
         assert coarse is not None
-        return HalfShrinkage(fine.copy(), coarse.copy())
+        return NegativeHalfSwelling(fine.copy(), coarse.copy())
 
-    def strain_energy_at_half_shrinkage(self, half_shrinkage: HalfShrinkage) -> float:
+    def strain_energy_at_swelling(self, negative_half_swelling: NegativeHalfSwelling) -> float:
         """Strain energy, J/m, that all springs would have at these strains."""
         now = self.zone
         fine, coarse = (
-            now.fine._replace(half_shrinkage=half_shrinkage.fine),
-            now.coarse._replace(half_shrinkage=half_shrinkage.coarse),
+            now.fine._replace(negative_half_swelling=negative_half_swelling.fine),
+            now.coarse._replace(negative_half_swelling=negative_half_swelling.coarse),
         )
         self.zone = now._replace(fine=fine, coarse=coarse)
-        set_all_swelling_offsets(self.lattice, self.zone, self.buffer)
+        set_all_swelling_offsets(self.lattice, self.zone, self.u_buffer)
         energy = self.strain_energy()
         self.zone = now
-        set_all_swelling_offsets(self.lattice, self.zone, self.buffer)
+        set_all_swelling_offsets(self.lattice, self.zone, self.u_buffer)
         return energy
 
-    def book_work(self, work: float) -> None:
+    def add_work(self, work: float) -> None:
         """Book an energy, J/m, as work done on the plate."""
         self.zone.totals.work += work
 
@@ -218,7 +218,7 @@ class HybridEngine:
         """Bonds broken so far."""
         return arrays.BreakEvents._make(column[: self.zone.counts.broken_bonds] for column in self.zone.break_events)
 
-    def places_with_broken_or_softened_bonds(self) -> NDArray[np.int64]:
+    def places_of_damaged_nodes(self) -> NDArray[np.int64]:
         """Fine places (k,) at which a bond has broken or softened, in order."""
         return np.unique(
             np.concatenate([self.break_events().node, self.zone.damaged_nodes[: self.zone.counts.damaged_nodes]])
@@ -252,7 +252,7 @@ class HybridEngine:
             np.zeros(places)
             for places in (numbering.fine.place_count, numbering.coarse.place_count, numbering.far.place_count)
         )
-        fill_strain_energies(self.lattice, self.zone, self.buffer, fine, coarse, far)
+        fill_strain_energies(self.lattice, self.zone, self.u_buffer, fine, coarse, far)
         return fine, coarse, far
 
     def kinetic_energy_and_momentum(self) -> NDArray[np.float64]:
@@ -266,7 +266,7 @@ class HybridEngine:
         return totals
 
     @property
-    def dissipation_work_and_refinement_energy(self) -> tuple[float, float, float]:
+    def energy_totals(self) -> tuple[float, float, float]:
         """Energy dissipated, work done, and energy created by refinement, J/m."""
         totals = self.zone.totals
         return float(totals.dissipated_energy), float(totals.work), float(totals.refinement_energy)
@@ -285,7 +285,7 @@ class HybridEngine:
         checkpoint |= pulls_to_arrays(broken.step, broken.force_at_break, broken.stretch_growth_at_break)
         for name, nodes, rows in self._lattice_nodes_and_rows():
             idle = nodes.node_kinds.reshape(-1, ROW)[rows] == IDLE
-            for field, values in (("u", nodes.u[self.buffer]), ("v", nodes.v), ("f", nodes.f)):
+            for field, values in (("u", nodes.u[self.u_buffer]), ("v", nodes.v), ("f", nodes.f)):
                 row_values = values.reshape(2, -1, ROW)[:, rows]
                 row_values[:, idle] = 0.0
                 checkpoint[f"{name}_{field}"] = row_values.reshape(2, -1)
@@ -303,9 +303,9 @@ class HybridEngine:
             }
         stirs = zone.damaged_nodes[: zone.counts.damaged_nodes].copy()
         checkpoint |= {
-            "holds": _held_component_columns(zone),
+            "holds": _prescribed_motion_columns(zone),
             "stirs": stirs,
-            "spent": zone.node_dissipation[self.places_with_broken_or_softened_bonds()],
+            "spent": zone.node_dissipation[self.places_of_damaged_nodes()],
         }
         number = zone.counts.values()[:STORED]  # the others say where rows are, and what changed last
         return checkpoint | {"cells": zone.cell_kinds.copy(), "total": zone.totals.values(), "number": number}
@@ -328,9 +328,9 @@ class HybridEngine:
         for _, nodes, rows in self._lattice_nodes_and_rows():
             for array in nodes[:3]:
                 array.reshape(-1, array.shape[-1] // ROW, ROW)[:, rows] = 0
-        zone.cell_kinds[:], self.buffer = cells, 0
+        zone.cell_kinds[:], self.u_buffer = cells, 0
         while len(self.zone.break_events.step) < len(node):
-            self.zone = arrays.enlarge_zone(self.zone)
+            self.zone = arrays.double_array_lengths(self.zone)
         self.derive_nodes_from_cells()
         zone = self.zone
         for name, values in breaks._asdict().items():
@@ -355,7 +355,7 @@ class HybridEngine:
             for field, values in (("u", nodes.u[0]), ("v", nodes.v), ("f", nodes.f)):
                 values[:, places] = entry(checkpoint, f"{name}_{field}", (2, len(places)), values.dtype)
             nodes.has_large_stretch[rows] = entry(checkpoint, f"{name}_wide", rows.shape, np.uint8)
-        _restore_holds(checkpoint, zone)
+        _restore_prescribed_motions(checkpoint, zone)
         _restore_damped_energies(checkpoint, zone)
         self.zone = zone._replace(totals=arrays.Totals.of(like(checkpoint, "total", zone.totals.values())))
 
@@ -404,7 +404,7 @@ class HybridEngine:
         zone.node_dissipation[:] = 0.0
         zone.counts.broken_bonds, zone.counts.damaged_nodes = past.broken_bonds, past.damaged_nodes
         zone.counts.refined_damaged_nodes, zone.counts.cell_changes = past.refined_damaged_nodes, past.cell_changes
-        spenders = self.places_with_broken_or_softened_bonds()
+        spenders = self.places_of_damaged_nodes()
         zone.node_dissipation[spenders] = entry(checkpoint, "spent", spenders.shape, float)
 
     def bytes(self) -> int:
@@ -413,14 +413,16 @@ class HybridEngine:
         return sum(array.nbytes for part in lattices for array in part if array is not None)
 
 
-def _held_component_columns(zone: PlateZone) -> NDArray[np.float64]:
+def _prescribed_motion_columns(zone: PlateZone) -> NDArray[np.float64]:
     """Values, velocities and forces (e, 4) of all held components, as checkpoints have them."""
-    return np.column_stack([zone.holds.entries[name] for name in HOLD_COLUMNS])
+    return np.column_stack([zone.holds.entries[name] for name in PRESCRIBED_COLUMNS])
 
 
-def _restore_holds(checkpoint: CheckpointArrays, zone: PlateZone) -> None:
+def _restore_prescribed_motions(checkpoint: CheckpointArrays, zone: PlateZone) -> None:
     """Restore values, velocities and forces of all held components."""
-    for name, column in zip(HOLD_COLUMNS, like(checkpoint, "holds", _held_component_columns(zone)).T, strict=True):
+    for name, column in zip(
+        PRESCRIBED_COLUMNS, like(checkpoint, "holds", _prescribed_motion_columns(zone)).T, strict=True
+    ):
         zone.holds.entries[name] = column
 
 

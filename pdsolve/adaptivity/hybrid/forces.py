@@ -15,10 +15,10 @@ import numpy as np
 from numba import njit
 
 from pdsolve.adaptivity.hybrid.bond_breaking import (
-    add_second_pulls_of_broken_bonds,
-    soften_and_break_bonds_and_add_pulls,
+    add_second_forces,
+    soften_and_break_bonds,
 )
-from pdsolve.adaptivity.hybrid.damping import book_damped_energy, damp_forces
+from pdsolve.adaptivity.hybrid.damping import damp_forces, record_damped_energy
 from pdsolve.adaptivity.hybrid.energy import piece_double_green_strain, piece_elongation, spring_double_green_strain
 from pdsolve.codegen.atomics import counted, take
 from pdsolve.codegen.inner_functions import INNER
@@ -82,7 +82,7 @@ def _sum_row_forces_by_square_roots(lattice, fine, u, first_node, count, lane_su
                 continue
             j = p + lattice.neighbour_offsets[k]
             eta_x, eta_y = displaced(
-                u, fine.half_shrinkage, lattice.spring_table[k, 0], lattice.spring_table[k, 1], p, j
+                u, fine.negative_half_swelling, lattice.spring_table[k, 0], lattice.spring_table[k, 1], p, j
             )
             e = spring_double_green_strain(lattice.spring_table, k, eta_x, eta_y)
             pull *= e / (1 + e + np.sqrt(1 + e))
@@ -99,7 +99,7 @@ def _compile_fine_row_sum(sum_row: Any) -> Any:
         table, ways, shrink, limit = (
             lattice.spring_table,
             lattice.neighbour_offsets,
-            fine.half_shrinkage,
+            fine.negative_half_swelling,
             lattice.least_strain_bounds[0],
         )
         if stiffness_index < 0:
@@ -134,13 +134,13 @@ sum_fine_narrow, sum_fine_wide = _compile_fine_row_sum(sum_narrow), _compile_fin
 
 
 @njit(**INNER)
-def _sum_forces_of_fine_rows(lattice, zone, buffer, step, thread, job):  # type: ignore[no-untyped-def]
+def _sum_forces_of_fine_rows(lattice, zone, u_buffer, step, thread, job):  # type: ignore[no-untyped-def]
     """Forces f on all fine rows.
 
     Rows with a bond about to break are set aside for the job `BROKEN` of the first thread.
     """
     fine, s = zone.fine, zone.lane_sums[thread]
-    wide, u, breaks, aside = across(s), fine.u[buffer], job == BROKEN, zone.breaking_rows[thread]
+    wide, u, breaks, aside = across(s), fine.u[u_buffer], job == BROKEN, zone.breaking_rows[thread]
     parts_per_row = ROW // wide
     count = zone.breaking_row_counts[0] if breaks else zone.counts.active_fine_rows * parts_per_row
     while True:
@@ -151,7 +151,7 @@ def _sum_forces_of_fine_rows(lattice, zone, buffer, step, thread, job):  # type:
             p = aside[n] if breaks else fine.active_rows[n // parts_per_row] * ROW + n % parts_per_row * wide
             row, flags = p // ROW, 1
             if breaks:
-                soften_and_break_bonds_and_add_pulls(lattice, zone, u, p, wide, step)
+                soften_and_break_bonds(lattice, zone, u, p, wide, step)
             elif fine.has_large_stretch[row] == 0:
                 flags = sum_fine_narrow(lattice, fine, u, fine.stiffness_index_of_row[row], p % ROW, p, s)
             if flags & 1:
@@ -206,10 +206,10 @@ def _kick_and_drift(nodes, u, after, dt, at, s):  # type: ignore[no-untyped-def]
 
 
 @njit(**INNER)
-def _move_fine_rows(zone, buffer, dt, velocity_lag, ends_sequence, thread):  # type: ignore[no-untyped-def]
+def _move_fine_rows(zone, u_buffer, dt, velocity_lag, ends_sequence, thread):  # type: ignore[no-untyped-def]
     """Kick and drift all fine rows; where a sequence `ends_sequence`, their damped forces are kept instead."""
     fine, s = zone.fine, zone.lane_sums[thread]
-    wide, u, after, count = across(s), fine.u[buffer], fine.u[1 - buffer], zone.counts.active_fine_rows
+    wide, u, after, count = across(s), fine.u[u_buffer], fine.u[1 - u_buffer], zone.counts.active_fine_rows
     while True:
         first = take(zone.job_counters, MOVE) * PART
         if first >= count:
@@ -222,12 +222,12 @@ def _move_fine_rows(zone, buffer, dt, velocity_lag, ends_sequence, thread):  # t
                 if ends_sequence:
                     store_lane_sums_as_forces(fine.f, p, wide, s)
                 else:
-                    book_damped_energy(fine, p, wide, dt, s, True, True)
+                    record_damped_energy(fine, p, wide, dt, s, True, True)
                     _kick_and_drift(fine, u, after, dt, p, s)
 
 
 @njit(**INNER)
-def _sum_and_move_coarse_rows(lattice, zone, buffer, velocity_lag, ends_sequence, thread, stage):  # type: ignore[no-untyped-def]
+def _sum_and_move_coarse_rows(lattice, zone, u_buffer, velocity_lag, ends_sequence, thread, stage):  # type: ignore[no-untyped-def]
     """Forces on coarse rows and their motion, see `_sum_and_move_rows`.
 
     The stage LOADED processes touched rows, an earlier stage the others until the first thread reaches LOADED.
@@ -237,12 +237,12 @@ def _sum_and_move_coarse_rows(lattice, zone, buffer, velocity_lag, ends_sequence
     touched = stage == LOADED
     job = TOUCHED if touched else PLAIN
     _sum_and_move_rows(
-        lattice, zone, nodes, rows, table, ways, buffer, velocity_lag, ends_sequence, thread, stage, job, touched
+        lattice, zone, nodes, rows, table, ways, u_buffer, velocity_lag, ends_sequence, thread, stage, job, touched
     )
 
 
 @njit(**INNER)
-def _sum_and_move_far_rows(lattice, zone, buffer, velocity_lag, ends_sequence, thread, gate):  # type: ignore[no-untyped-def]
+def _sum_and_move_far_rows(lattice, zone, u_buffer, velocity_lag, ends_sequence, thread, barrier):  # type: ignore[no-untyped-def]
     """Forces on far rows and their motion, see `_sum_and_move_rows`, once forces on tied nodes are passed on."""
     nodes, rows, table, ways = (
         zone.far,
@@ -250,15 +250,15 @@ def _sum_and_move_far_rows(lattice, zone, buffer, velocity_lag, ends_sequence, t
         lattice.far_spring_table,
         lattice.far_neighbour_offsets,
     )
-    meet(gate)
+    meet(barrier)
     if thread == 0:
         _pass_border_forces_to_carriers(zone.coarse.f, zone.far.f, zone.tied_coarse_nodes, zone.counts.tied_nodes)
     _sum_and_move_rows(
-        lattice, zone, nodes, rows, table, ways, buffer, velocity_lag, ends_sequence, thread, REST, FAR_PLAIN, False
+        lattice, zone, nodes, rows, table, ways, u_buffer, velocity_lag, ends_sequence, thread, REST, FAR_PLAIN, False
     )
-    meet(gate)
+    meet(barrier)
     _sum_and_move_rows(
-        lattice, zone, nodes, rows, table, ways, buffer, velocity_lag, ends_sequence, thread, REST, FAR_TOUCHED, True
+        lattice, zone, nodes, rows, table, ways, u_buffer, velocity_lag, ends_sequence, thread, REST, FAR_TOUCHED, True
     )
 
 
@@ -270,7 +270,7 @@ def _sum_and_move_rows(  # type: ignore[no-untyped-def]
     count,
     spring_table,
     offsets,
-    buffer,
+    u_buffer,
     velocity_lag,
     ends_sequence,
     thread,
@@ -285,7 +285,7 @@ def _sum_and_move_rows(  # type: ignore[no-untyped-def]
     """
     s, row_stiffness = zone.lane_sums[thread], nodes.row_stiffness
     dt, limit = lattice.dt, LOOKED_AT * lattice.least_strain_bounds[2]
-    wide, u, after = across(s), nodes.u[buffer], nodes.u[1 - buffer]
+    wide, u, after = across(s), nodes.u[u_buffer], nodes.u[1 - u_buffer]
     while counted(zone.job_counters, STAGE) < stage:
         first = take(zone.job_counters, job) * COARSE_PART
         if first >= count:
@@ -297,11 +297,22 @@ def _sum_and_move_rows(  # type: ignore[no-untyped-def]
             for lane in range(0, ROW, wide):
                 q = row * ROW + lane
                 if entry >= 0:
-                    w, shrink = row_stiffness, nodes.half_shrinkage
+                    w, shrink = row_stiffness, nodes.negative_half_swelling
                     hot |= sum_green(u, PLANE, spring_table, offsets, w, None, shrink, entry, lane, q, limit, s)
                 else:
                     hot |= sum_green(
-                        u, PLANE, spring_table, offsets, None, None, nodes.half_shrinkage, entry, lane, q, limit, s
+                        u,
+                        PLANE,
+                        spring_table,
+                        offsets,
+                        None,
+                        None,
+                        nodes.negative_half_swelling,
+                        entry,
+                        lane,
+                        q,
+                        limit,
+                        s,
                     )
                 if has_extra_forces:
                     add_stored_forces_to_lane_sums(nodes.f, q, wide, s)
@@ -309,7 +320,7 @@ def _sum_and_move_rows(  # type: ignore[no-untyped-def]
                 if has_extra_forces or ends_sequence:
                     store_lane_sums_as_forces(nodes.f, q, wide, s)
                 if not ends_sequence:
-                    book_damped_energy(nodes, q, wide, dt, s, True, True)
+                    record_damped_energy(nodes, q, wide, dt, s, True, True)
                     _kick_and_drift(nodes, u, after, dt, q, s)
             nodes.has_large_stretch[row] = hot > 0
 
@@ -365,51 +376,51 @@ def _add_loads(count, loads, fine, coarse, totals, profiles, time, dt):  # type:
 
 
 @njit(**INNER)
-def _start_forces_with_loads_and_pieces(lattice, zone, profiles, buffer, step):  # type: ignore[no-untyped-def]
+def _initialize_forces(lattice, zone, profiles, u_buffer, step):  # type: ignore[no-untyped-def]
     """Initialize the forces with those of loads and of clipped bonds."""
     fine, coarse, dt = zone.fine, zone.coarse, lattice.dt
     _clear_extra_forces(fine, zone.counts.active_fine_rows)
     _clear_extra_forces(coarse, zone.counts.active_coarse_rows)
     _clear_extra_forces(zone.far, zone.counts.active_far_node_rows)
     _add_loads(
-        zone.counts.load_shares, zone.loads, fine, coarse, zone.totals, profiles, step * dt, dt if step > 0 else 0.0
+        zone.counts.node_loads, zone.loads, fine, coarse, zone.totals, profiles, step * dt, dt if step > 0 else 0.0
     )
-    interpolate_border_nodes(fine.u[buffer], coarse.u[buffer], zone.border_nodes, zone.counts.border_nodes)
-    largest = _add_piece_forces(zone, fine.u[buffer], coarse.u[buffer], fine.f, coarse.f)
+    interpolate_border_nodes(fine.u[u_buffer], coarse.u[u_buffer], zone.border_nodes, zone.counts.border_nodes)
+    largest = _add_piece_forces(zone, fine.u[u_buffer], coarse.u[u_buffer], fine.f, coarse.f)
     zone.totals.clipped_strain = largest
     zone.totals.largest_clipped_strain = max(zone.totals.largest_clipped_strain, largest)
 
 
 @njit(**INNER)
-def sum_forces_and_move_nodes(lattice, zone, profiles, buffer, step, velocity_lag, ends_sequence, thread, gate):  # type: ignore[no-untyped-def]
-    """All forces at the displacements `buffer`, those of `step`; kick and drift unless the sequence `ends_sequence`.
+def sum_forces_and_move_nodes(lattice, zone, profiles, u_buffer, step, velocity_lag, ends_sequence, thread, barrier):  # type: ignore[no-untyped-def]
+    """All forces at the displacements `u_buffer`, those of `step`; kick and drift unless the sequence `ends_sequence`.
 
     Velocities are those of half of `velocity_lag`, s, ago.
     All threads call this together; the first thread calls `reset_job_counters` before each further call.
     """
     for stage in (ACTED, BROKE, LOADED, REST):
         if thread == 0 and stage == ACTED:
-            _start_forces_with_loads_and_pieces(lattice, zone, profiles, buffer, step)
+            _initialize_forces(lattice, zone, profiles, u_buffer, step)
             take(zone.job_counters, STAGE)
         elif thread == 0 and stage == BROKE:
             _merge_breaking_rows(zone)
         else:
-            _sum_and_move_coarse_rows(lattice, zone, buffer, velocity_lag, ends_sequence, thread, stage)
-            wait(zone.job_counters, STAGE, min(stage, BROKE), gate)
+            _sum_and_move_coarse_rows(lattice, zone, u_buffer, velocity_lag, ends_sequence, thread, stage)
+            wait(zone.job_counters, STAGE, min(stage, BROKE), barrier)
         if stage == ACTED or (thread == 0 and stage == BROKE):
-            _sum_forces_of_fine_rows(lattice, zone, buffer, step, thread, SUM if stage == ACTED else BROKEN)
+            _sum_forces_of_fine_rows(lattice, zone, u_buffer, step, thread, SUM if stage == ACTED else BROKEN)
         if stage == ACTED:
-            meet(gate)
+            meet(barrier)
         elif stage == BROKE:
             if thread == 0:
                 if velocity_lag > 0:
-                    add_second_pulls_of_broken_bonds(lattice, zone, zone.fine.u[buffer], step)
+                    add_second_forces(lattice, zone, zone.fine.u[u_buffer], step)
                 _pass_border_forces_to_carriers(zone.fine.f, zone.coarse.f, zone.border_nodes, zone.counts.border_nodes)
                 take(zone.job_counters, STAGE)
-            _move_fine_rows(zone, buffer, lattice.dt, velocity_lag, ends_sequence, thread)
+            _move_fine_rows(zone, u_buffer, lattice.dt, velocity_lag, ends_sequence, thread)
     if zone.counts.active_far_node_rows > 0:
-        _sum_and_move_far_rows(lattice, zone, buffer, velocity_lag, ends_sequence, thread, gate)
-    meet(gate)
+        _sum_and_move_far_rows(lattice, zone, u_buffer, velocity_lag, ends_sequence, thread, barrier)
+    meet(barrier)
 
 
 @njit(**INNER)

@@ -83,7 +83,7 @@ def _node_constants_by_rows(
         plate.numbering.fine.place_count // plate.numbering.fine.strides[1], plate.numbering.fine.strides[1]
     ):
         rows, material = (
-            plate.grid_rows_in_lattice_rows(low, high).ravel(),
+            plate.grid_rows_of_lattice_rows(low, high).ravel(),
             plate.material_numbers_in_lattice_rows(low, high).ravel(),
         )
         first, has_node = low * plate.numbering.fine.strides[1], rows >= 0

@@ -7,16 +7,16 @@ from __future__ import annotations
 
 from numba import njit
 
-from pdsolve.adaptivity.hybrid.damping import book_damped_energy
+from pdsolve.adaptivity.hybrid.damping import record_damped_energy
 from pdsolve.codegen.inner_functions import INNER
 from pdsolve.codegen.vector_code import ROW
 from pdsolve.conditions import DISPLACEMENT, VELOCITY, factor_at
 
 
 @njit(**INNER)
-def _half_kick_and_drift_rows(nodes, count, buffer, dt, drifts):  # type: ignore[no-untyped-def]
+def _half_kick_and_drift_rows(nodes, count, u_buffer, dt, drifts):  # type: ignore[no-untyped-def]
     """Half a kick, m/s, of all rows by the stored forces, and a drift over `dt`, s, if `drifts`."""
-    u, after, v, f = nodes.u[buffer], nodes.u[1 - buffer], nodes.v, nodes.f
+    u, after, v, f = nodes.u[u_buffer], nodes.u[1 - u_buffer], nodes.v, nodes.f
     for n in range(count):
         row = nodes.active_rows[n]
         for axis in range(2):
@@ -28,17 +28,17 @@ def _half_kick_and_drift_rows(nodes, count, buffer, dt, drifts):  # type: ignore
 
 
 @njit(**INNER)
-def _book_damped_energy_of_rows(nodes, count, dt, lane_sums, begins_sequence):  # type: ignore[no-untyped-def]
+def _record_damped_energy_of_rows(nodes, count, dt, lane_sums, begins_sequence):  # type: ignore[no-untyped-def]
     """Book what damping takes in the first half of a step, with `begins_sequence`, or the last; `lane_sums` scratch."""
     for n in range(count):
         p = nodes.active_rows[n] * ROW
         for k in range(ROW):
             lane_sums[k], lane_sums[ROW + k] = nodes.f[0, p + k], nodes.f[1, p + k]
-        book_damped_energy(nodes, p, ROW, dt, lane_sums, not begins_sequence, begins_sequence)
+        record_damped_energy(nodes, p, ROW, dt, lane_sums, not begins_sequence, begins_sequence)
 
 
 @njit(**INNER)
-def half_kick_and_drift_all(lattice, zone, buffer, drifts):  # type: ignore[no-untyped-def]
+def half_kick_and_drift_all(lattice, zone, u_buffer, drifts):  # type: ignore[no-untyped-def]
     """Half a kick of all nodes and a drift if `drifts`."""
     counts = zone.counts
     lattices = (
@@ -47,24 +47,27 @@ def half_kick_and_drift_all(lattice, zone, buffer, drifts):  # type: ignore[no-u
         (zone.far, counts.active_far_node_rows),
     )
     for nodes, rows in lattices:
-        _book_damped_energy_of_rows(nodes, rows, lattice.dt, zone.lane_sums[0], drifts)
-        _half_kick_and_drift_rows(nodes, rows, buffer, lattice.dt, drifts)
+        _record_damped_energy_of_rows(nodes, rows, lattice.dt, zone.lane_sums[0], drifts)
+        _half_kick_and_drift_rows(nodes, rows, u_buffer, lattice.dt, drifts)
 
 
 @njit(**INNER)
-def store_holding_forces(fine, coarse, holds, count):  # type: ignore[no-untyped-def]
+def store_constraint_forces(fine, coarse, holds, count):  # type: ignore[no-untyped-def]
     """Store forces and velocities of held components."""
     for n in range(count):
         on, entry = holds.node_and_entry[n, 0], holds.entries[holds.node_and_entry[n, 1]]
         axis = entry.axis
         if on >= 0:
-            entry.force_on_held_component, entry.speed_at_last_step = fine.f[axis, on], fine.v[axis, on]
+            entry.force_on_prescribed_component, entry.speed_at_last_step = fine.f[axis, on], fine.v[axis, on]
         else:
-            entry.force_on_held_component, entry.speed_at_last_step = coarse.f[axis, -1 - on], coarse.v[axis, -1 - on]
+            entry.force_on_prescribed_component, entry.speed_at_last_step = (
+                coarse.f[axis, -1 - on],
+                coarse.v[axis, -1 - on],
+            )
 
 
 @njit(**INNER)
-def restore_held_velocities(fine, coarse, holds, count):  # type: ignore[no-untyped-def]
+def restore_prescribed_velocities(fine, coarse, holds, count):  # type: ignore[no-untyped-def]
     """Give held components their prescribed velocities."""
     for n in range(count):
         on, entry = holds.node_and_entry[n, 0], holds.entries[holds.node_and_entry[n, 1]]
@@ -75,38 +78,38 @@ def restore_held_velocities(fine, coarse, holds, count):  # type: ignore[no-unty
 
 
 @njit(**INNER)
-def prescribe_held_components(  # type: ignore[no-untyped-def]
-    fine, coarse, holds, count, totals, dt, profiles, buffer, step, ends_sequence, begins_sequence
+def apply_prescribed_motions(  # type: ignore[no-untyped-def]
+    fine, coarse, holds, count, totals, dt, profiles, u_buffer, step, ends_sequence, begins_sequence
 ):
     """Book the holding forces until `step`, unless `begins_sequence`, and hold from there on unless `ends_sequence`."""
     for n in range(count):
         on, entry = holds.node_and_entry[n, 0], holds.entries[holds.node_and_entry[n, 1]]
         if on >= 0:
-            _prescribe_held_component(
-                fine, on, entry, totals, dt, profiles, buffer, step, ends_sequence, begins_sequence
+            _apply_prescribed_motion(
+                fine, on, entry, totals, dt, profiles, u_buffer, step, ends_sequence, begins_sequence
             )
         else:
-            _prescribe_held_component(
-                coarse, -1 - on, entry, totals, dt, profiles, buffer, step, ends_sequence, begins_sequence
+            _apply_prescribed_motion(
+                coarse, -1 - on, entry, totals, dt, profiles, u_buffer, step, ends_sequence, begins_sequence
             )
 
 
 @njit(**INNER)
-def _prescribe_held_component(nodes, p, entry, totals, dt, profiles, buffer, step, ends_sequence, begins_sequence):  # type: ignore[no-untyped-def]
+def _apply_prescribed_motion(nodes, p, entry, totals, dt, profiles, u_buffer, step, ends_sequence, begins_sequence):  # type: ignore[no-untyped-def]
     """Book the force on the held component of node p until `step`, and prescribe it from there; see above."""
     axis, profile, time, speed = entry.axis, entry.profile, step * dt, entry.mean_speed_since_last_step
     u, force = nodes.u, nodes.f[axis, p]
-    if entry.hold_kind == VELOCITY:
+    if entry.prescribed_kind == VELOCITY:
         speed = entry.value * factor_at(profiles, profile, time)
     if not begins_sequence:
-        totals.work -= (entry.force_on_held_component + force) / 2 * dt * entry.mean_speed_since_last_step
+        totals.work -= (entry.force_on_prescribed_component + force) / 2 * dt * entry.mean_speed_since_last_step
         totals.work += nodes.mass[p] / 2 * (speed**2 - entry.speed_at_last_step**2)
-        entry.force_on_held_component, entry.speed_at_last_step = force, speed
+        entry.force_on_prescribed_component, entry.speed_at_last_step = force, speed
     if ends_sequence:
         return
-    if entry.hold_kind == DISPLACEMENT:
-        speed = (entry.value * factor_at(profiles, profile, time + dt) - u[buffer, axis, p]) / dt
+    if entry.prescribed_kind == DISPLACEMENT:
+        speed = (entry.value * factor_at(profiles, profile, time + dt) - u[u_buffer, axis, p]) / dt
     else:
         speed = entry.value * factor_at(profiles, profile, time + dt / 2)
     nodes.v[axis, p] = entry.mean_speed_since_last_step = speed
-    u[1 - buffer, axis, p] = u[buffer, axis, p] + dt * speed
+    u[1 - u_buffer, axis, p] = u[u_buffer, axis, p] + dt * speed

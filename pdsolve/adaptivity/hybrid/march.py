@@ -17,16 +17,16 @@ from pdsolve.adaptivity.hybrid.energy import (
 from pdsolve.adaptivity.hybrid.far_cells import divide_far_cells
 from pdsolve.adaptivity.hybrid.forces import interpolate_border_nodes, reset_job_counters, sum_forces_and_move_nodes
 from pdsolve.adaptivity.hybrid.kicks_and_prescribed_velocities import (
+    apply_prescribed_motions,
     half_kick_and_drift_all,
-    prescribe_held_components,
-    restore_held_velocities,
-    store_holding_forces,
+    restore_prescribed_velocities,
+    store_constraint_forces,
 )
 from pdsolve.adaptivity.hybrid.node_constants import value_at_node
 from pdsolve.adaptivity.hybrid.precracks import is_unbreakable
 from pdsolve.adaptivity.hybrid.regrid import (
     list_nodes_near_new_cells,
-    rebuild_lists_of_rows_and_loads,
+    rebuild_node_lists,
     refine_cells,
 )
 from pdsolve.codegen.inner_functions import INNER
@@ -59,9 +59,9 @@ def _list_cells_near_damaged_nodes(lattice, zone):  # type: ignore[no-untyped-de
 
 
 @njit(**INNER)
-def _list_cells_near_stretched_bonds(lattice, zone, buffer, count):  # type: ignore[no-untyped-def]
+def _list_cells_near_stretched_bonds(lattice, zone, u_buffer, count):  # type: ignore[no-untyped-def]
     """List the cells to refine near the nodes of a stretched coarse bond; returns their new `count`."""
-    numbering, coarse, u = lattice.numbering, zone.coarse, zone.coarse.u[buffer]
+    numbering, coarse, u = lattice.numbering, zone.coarse, zone.coarse.u[u_buffer]
     table, offsets = lattice.coarse_spring_table, lattice.coarse_neighbour_offsets
     for n in range(zone.counts.active_coarse_rows):
         row = coarse.active_rows[n]
@@ -83,7 +83,7 @@ def _list_cells_near_stretched_bonds(lattice, zone, buffer, count):  # type: ign
 
 
 @njit(**INNER)
-def _list_cells_near_strained_pieces(lattice, zone, buffer, count):  # type: ignore[no-untyped-def]
+def _list_cells_near_strained_pieces(lattice, zone, u_buffer, count):  # type: ignore[no-untyped-def]
     """List the cells to refine near clipped bonds that would soften or break before the next look at the strain rates
     they have; returns the new `count`.
 
@@ -93,7 +93,7 @@ def _list_cells_near_strained_pieces(lattice, zone, buffer, count):  # type: ign
     (peak, _, bound), time = lattice.least_strain_bounds, EVERY * lattice.dt  # s, until the next look
     fine, coarse, pieces = zone.fine, zone.coarse, zone.clipped_pieces
     for n in range(zone.counts.clipped_pieces):
-        spring, (eta_x, eta_y) = pieces.springs[n], piece_elongation(pieces, fine.u[buffer], coarse.u[buffer], n)
+        spring, (eta_x, eta_y) = pieces.springs[n], piece_elongation(pieces, fine.u[u_buffer], coarse.u[u_buffer], n)
         e, (v_x, v_y) = piece_double_green_strain(spring, eta_x, eta_y), piece_elongation(pieces, fine.v, coarse.v, n)
         eta_x, eta_y = eta_x + time * (v_x - spring.swelling_x), eta_y + time * (v_y - spring.swelling_y)
         comes_near = e > bound and piece_double_green_strain(spring, eta_x, eta_y) > peak
@@ -130,53 +130,63 @@ def _arrays_have_room(zone, new_fine_rows):  # type: ignore[no-untyped-def]
 
 
 @njit(**INNER)
-def _divide_far_cells_if_due(lattice, zone, buffer):  # type: ignore[no-untyped-def]
+def _divide_far_cells_if_due(lattice, zone, u_buffer):  # type: ignore[no-untyped-def]
     """Make far cells coarse where it is due, before the cells in `zone.new_cells` become fine."""
     count = zone.counts.new_cells
-    if zone.counts.active_far_node_rows > 0 and divide_far_cells(lattice, zone, buffer):
-        rebuild_lists_of_rows_and_loads(lattice, zone)
+    if zone.counts.active_far_node_rows > 0 and divide_far_cells(lattice, zone, u_buffer):
+        rebuild_node_lists(lattice, zone)
         zone.counts.new_cells = count
         for c in zone.new_cells[:count]:
             zone.cell_kinds[c] = FINE
 
 
 @njit(**INNER)
-def _refine_cells_if_due(lattice, zone, buffer, checks_bonds):  # type: ignore[no-untyped-def]
-    """Refine where noted, or where found if it `checks_bonds`; or note that room is lacking."""
-    if checks_bonds:
-        count = _list_cells_near_stretched_bonds(lattice, zone, buffer, _list_cells_near_damaged_nodes(lattice, zone))
+def _refine_cells_if_due(lattice, zone, u_buffer, checks_stretches):  # type: ignore[no-untyped-def]
+    """Refine where noted, or where found if it `checks_stretches`; or note that room is lacking."""
+    if checks_stretches:
+        count = _list_cells_near_stretched_bonds(lattice, zone, u_buffer, _list_cells_near_damaged_nodes(lattice, zone))
         if zone.totals.clipped_strain > lattice.least_strain_bounds[2] / 2:
-            count = _list_cells_near_strained_pieces(lattice, zone, buffer, count)
+            count = _list_cells_near_strained_pieces(lattice, zone, u_buffer, count)
         zone.counts.new_cells = count
-        _divide_far_cells_if_due(lattice, zone, buffer)
+        _divide_far_cells_if_due(lattice, zone, u_buffer)
     begins, rows = zone.counts.cell_changes == 0, 0
     if begins or zone.counts.new_cells > 0:
         rows = list_nodes_near_new_cells(lattice, zone)
     zone.counts.lacks_array_room = not _arrays_have_room(zone, rows)
     if zone.counts.lacks_array_room == 0 and (begins or zone.counts.new_cells > 0):
-        refine_cells(lattice, zone, buffer)
+        refine_cells(lattice, zone, u_buffer)
 
 
 @njit(**INNER)
-def _drift_and_hold(lattice, zone, profiles, buffer, step, begins_sequence, ends_sequence):  # type: ignore[no-untyped-def]
+def _drift_and_prescribe(lattice, zone, profiles, u_buffer, step, begins_sequence, ends_sequence):  # type: ignore[no-untyped-def]
     """Begin a sequence by a drift and hold until the next step; at the start, only store the holding forces."""
-    fine, coarse, holds, count = zone.fine, zone.coarse, zone.holds, zone.counts.held_components
+    fine, coarse, holds, count = zone.fine, zone.coarse, zone.holds, zone.counts.prescribed_components
     if begins_sequence and ends_sequence:
-        store_holding_forces(fine, coarse, holds, count)
+        store_constraint_forces(fine, coarse, holds, count)
     else:
         if begins_sequence:
-            half_kick_and_drift_all(lattice, zone, buffer, begins_sequence)
-        prescribe_held_components(
-            fine, coarse, holds, count, zone.totals, lattice.dt, profiles, buffer, step, ends_sequence, begins_sequence
+            half_kick_and_drift_all(lattice, zone, u_buffer, begins_sequence)
+        apply_prescribed_motions(
+            fine,
+            coarse,
+            holds,
+            count,
+            zone.totals,
+            lattice.dt,
+            profiles,
+            u_buffer,
+            step,
+            ends_sequence,
+            begins_sequence,
         )
     if not ends_sequence:
         interpolate_border_nodes(
-            coarse.u[1 - buffer], zone.far.u[1 - buffer], zone.tied_coarse_nodes, zone.counts.tied_nodes
+            coarse.u[1 - u_buffer], zone.far.u[1 - u_buffer], zone.tied_coarse_nodes, zone.counts.tied_nodes
         )
 
 
 @cached_njit(nogil=True, error_model="numpy")
-def advance(lattice, zone, profiles, buffer, first_step, end_step, has_drifted, thread, gate):  # type: ignore[no-untyped-def]
+def advance(lattice, zone, profiles, u_buffer, first_step, end_step, has_drifted, thread, barrier):  # type: ignore[no-untyped-def]
     """Take the steps `first_step` to `end_step` - 1; returns the end code, the step, and the displacement buffer.
 
     At the end, velocities are synchronous with displacements and all forces are kept. With `has_drifted`, it
@@ -188,32 +198,32 @@ def advance(lattice, zone, profiles, buffer, first_step, end_step, has_drifted, 
         if not begins_sequence or ends_sequence:
             if begins_sequence or step % EVERY == 0:
                 if thread == 0:
-                    _refine_cells_if_due(lattice, zone, buffer, step >= first_step + has_drifted)
-                meet(gate)
+                    _refine_cells_if_due(lattice, zone, u_buffer, step >= first_step + has_drifted)
+                meet(barrier)
                 if zone.counts.lacks_array_room != 0:
-                    return ROOM, step, buffer
+                    return ROOM, step, u_buffer
             sum_forces_and_move_nodes(
                 lattice,
                 zone,
                 profiles,
-                buffer,
+                u_buffer,
                 step,
                 0.0 if begins_sequence else lattice.dt,
                 ends_sequence,
                 thread,
-                gate,
+                barrier,
             )
             largest = zone.totals.clipped_strain
-            meet(gate)
+            meet(barrier)
         if thread == 0:
             reset_job_counters(zone)
-            _drift_and_hold(lattice, zone, profiles, buffer, step, begins_sequence, ends_sequence)
-        meet(gate)
+            _drift_and_prescribe(lattice, zone, profiles, u_buffer, step, begins_sequence, ends_sequence)
+        meet(barrier)
         if largest > lattice.least_strain_bounds[0]:
-            return CLIP, step, buffer
+            return CLIP, step, u_buffer
         if not ends_sequence:
-            buffer = 1 - buffer
+            u_buffer = 1 - u_buffer
     if thread == 0 and end_step > first_step:
-        half_kick_and_drift_all(lattice, zone, buffer, end_step == first_step)
-        restore_held_velocities(zone.fine, zone.coarse, zone.holds, zone.counts.held_components)
-    return DONE, end_step - 1, buffer
+        half_kick_and_drift_all(lattice, zone, u_buffer, end_step == first_step)
+        restore_prescribed_velocities(zone.fine, zone.coarse, zone.holds, zone.counts.prescribed_components)
+    return DONE, end_step - 1, u_buffer

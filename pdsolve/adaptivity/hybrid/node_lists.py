@@ -55,13 +55,13 @@ def list_bonds_and_springs(  # type: ignore[no-untyped-def]
     coarse_row_stiffness,
     broken_bond_bits,
     offsets,
-    twin_bonds,
+    fine_bond_of_spring,
     lists,
     bonds,
     springs,
 ):
     """Set the mask (k, family) of past and present bonds of fine nodes to nodes that exist, and the bits (q, 1) of the
-    springs of coarse nodes, without those that are fine bonds too: `twin_bonds` (8,) says which, -1: none.
+    springs of coarse nodes, without those that are fine bonds too: `fine_bond_of_spring` (8,) says which, -1: none.
 
     The first five are columns of the `LatticeNodes` of both lattices.
     """
@@ -83,7 +83,7 @@ def list_bonds_and_springs(  # type: ignore[no-untyped-def]
         twin = i < len(fine) and fine_rows[i] == coarse_rows[j]
         for k in range(8):
             has_spring = coarse_stiffness_index[row] < 0 or coarse_row_stiffness[row, k, lane] > 0
-            if has_spring and not (twin and twin_bonds[k] >= 0 and bonds[i, twin_bonds[k]]):
+            if has_spring and not (twin and fine_bond_of_spring[k] >= 0 and bonds[i, fine_bond_of_spring[k]]):
                 spring_bits |= 128 >> k
         springs[j, 0] = spring_bits
 

@@ -258,7 +258,7 @@ def _average_visible_corners(numbering, cracks, values, ix, iy, x, y, out):  # t
 
 
 @njit(**INNER)
-def coarse_cell_beside(numbering, cells, ix, iy):  # type: ignore[no-untyped-def]
+def adjacent_coarse_cell(numbering, cells, ix, iy):  # type: ignore[no-untyped-def]
     """Lower left corner of a coarse cell that contains or touches a fine node; (-1, -1) without one."""
     for number in (3, 2, 1, 0):
         x, y = cell_around((ix, iy), number)
@@ -283,7 +283,7 @@ def far_carriers_of_coarse_node(numbering, x, y):  # type: ignore[no-untyped-def
 
 
 @njit(**INNER)
-def set_coarsest_node_properties(lattice, zone, q):  # type: ignore[no-untyped-def]
+def set_far_node_properties(lattice, zone, q):  # type: ignore[no-untyped-def]
     """Kind, mass and springs of a far node."""
     (x, y), far, mass = coordinates(lattice.numbering.far, q), zone.far, 0.0
     for sy in (-1, 0):

@@ -91,7 +91,7 @@ class HybridOperator(TwoLatticeOperator[HybridEngine]):
         self._far_springs = pack_spring_bits(
             zone.far.stiffness_index_of_row, zone.far.row_stiffness, self._far
         )  # likewise
-        self._changes = self._count_cell_changes_and_coarse_cells()
+        self._changes = self._count_changes_and_coarse_cells()
 
     @property
     def kind(self) -> np.dtype[Any]:
@@ -109,7 +109,7 @@ class HybridOperator(TwoLatticeOperator[HybridEngine]):
         self._fine_rows[:], self._coarse_rows[:] = rows[self._fine_rows], rows[self._coarse_rows]
         return np.searchsorted(self.places, beneath).astype(np.int32)
 
-    def _count_cell_changes_and_coarse_cells(self) -> tuple[int, int]:
+    def _count_changes_and_coarse_cells(self) -> tuple[int, int]:
         """How many changes of cells there have been, and how many cells are coarse."""
         zone = self.engine.zone
         return int(zone.counts.cell_changes), int(np.count_nonzero(zone.cell_kinds == COARSE))
@@ -201,7 +201,7 @@ class HybridOperator(TwoLatticeOperator[HybridEngine]):
     @property
     def is_current(self) -> bool:
         """Whether no cell has become fine or coarse since this operator was made."""
-        return self._count_cell_changes_and_coarse_cells() == self._changes
+        return self._count_changes_and_coarse_cells() == self._changes
 
     def operator_if_changed(self) -> HybridOperator | None:
         """The operator on the current nodes if they have changed, else None."""
@@ -235,7 +235,7 @@ class HybridOperator(TwoLatticeOperator[HybridEngine]):
 
     def _write_node_motion(self, state: State) -> None:
         """Set all lattices to the values and rates of a state; border nodes are interpolated."""
-        zone, now = self.engine.zone, self.engine.buffer
+        zone, now = self.engine.zone, self.engine.u_buffer
         border, tied = zone.border_nodes[: zone.counts.border_nodes], zone.tied_coarse_nodes[: zone.counts.tied_nodes]
         for nodes, places, rows in (
             (zone.coarse, self._coarse, self._coarse_rows),
@@ -254,16 +254,16 @@ class HybridOperator(TwoLatticeOperator[HybridEngine]):
 
     def copy_to_state(self, state: State) -> None:
         """Update a state from all lattices; work is known only to the ledger."""
-        zone, now = self.engine.zone, self.engine.buffer
+        zone, now = self.engine.zone, self.engine.u_buffer
         self._gather_values(zone.fine.u[now], zone.coarse.u[now], zone.far.u[now], state.value)
         border = zone.border_nodes[: zone.counts.border_nodes]
         swelling = np.column_stack([border["swelling_x"], border["swelling_y"]])
         state.value[self._rows_at_places(border["border_node"])] += swelling
         self._gather_values(zone.fine.v, zone.coarse.v, zone.far.v, state.rate)
         self._gather_accelerations(state.second)
-        holds = zone.holds.entries[zone.holds.node_and_entry[: zone.counts.held_components, 1]]
+        holds = zone.holds.entries[zone.holds.node_and_entry[: zone.counts.prescribed_components, 1]]
         state.second[self._rows_at_places(holds["fine_place"]), holds["axis"]] = 0.0
-        spenders = self.engine.places_with_broken_or_softened_bonds()
+        spenders = self.engine.places_of_damaged_nodes()
         rows = np.minimum(self._rows_at_places(spenders), len(self.places) - 1)
         rows = rows[self.places[rows] == spenders]
         if state.dissipated.any():  # zeros that have not been written take no memory
@@ -316,7 +316,7 @@ class HybridOperator(TwoLatticeOperator[HybridEngine]):
     def energy_balance_totals(self) -> EnergyBalanceTotals:
         """Energies, work and momentum at the state of the last call of `energies`."""
         kinetic, x, y = self.engine.kinetic_energy_and_momentum().tolist()
-        dissipated, work, _ = self.engine.dissipation_work_and_refinement_energy
+        dissipated, work, _ = self.engine.energy_totals
         return EnergyBalanceTotals(
             kinetic,
             self._strain,
@@ -337,8 +337,8 @@ class HybridOperator(TwoLatticeOperator[HybridEngine]):
     def holding_forces(self, profile_count: int) -> NDArray[np.float64]:
         """Forces (profiles, 2), N/m, that hold the nodes with prescribed motion."""
         zone, forces = self.engine.zone, np.zeros((profile_count, 2))
-        holds = zone.holds.entries[zone.holds.node_and_entry[: zone.counts.held_components, 1]]
-        np.add.at(forces, (holds["profile"], holds["axis"]), -holds["force_on_held_component"])
+        holds = zone.holds.entries[zone.holds.node_and_entry[: zone.counts.prescribed_components, 1]]
+        np.add.at(forces, (holds["profile"], holds["axis"]), -holds["force_on_prescribed_component"])
         return forces
 
     def bonds(

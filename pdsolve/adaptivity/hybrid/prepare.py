@@ -10,7 +10,12 @@ from numpy.typing import NDArray
 
 from pdmesh.model.document import Concentration, Exchange, InitialVelocity, Source, Velocity
 from pdsolve import conditions
-from pdsolve.adaptivity.hybrid.arrays import LatticeConstants, LoadOrPrescribedMotion, LoadsOrHolds, create_plate_zone
+from pdsolve.adaptivity.hybrid.arrays import (
+    LatticeConstants,
+    LoadOrPrescribedMotion,
+    LoadsOrPrescribedMotions,
+    create_plate_zone,
+)
 from pdsolve.adaptivity.hybrid.coarse_cells import CellAreas, HybridPlate, create_hybrid_plate, initial_cell_kinds
 from pdsolve.adaptivity.hybrid.engine import HybridEngine
 from pdsolve.adaptivity.hybrid.far_cells import coarsen_cells_away_from_features
@@ -37,9 +42,9 @@ ROOM = 64  # rows of fine nodes beyond those of the start, at least
 
 
 def create_hybrid_operator_and_stable_step(
-    model: Model, precision: str, choose_step: Callable[[Model, float], float], threads: int = 1
+    model: Model, precision: str, choose_time_step: Callable[[Model, float], float], threads: int = 1
 ) -> tuple[HybridOperator, float]:
-    """The operator at the start, and the surely stable step, s; `choose_step` chooses the step.
+    """The operator at the start, and the surely stable step, s; `choose_time_step` chooses the step.
 
     Raises ModelError for a model that the method does not support.
     """
@@ -51,7 +56,7 @@ def create_hybrid_operator_and_stable_step(
     give_back()
     bound = float(np.sqrt(2 / max(_stiffness_over_density(plate, springs, irregular_bonds))))
     kind = np.dtype(precision).type
-    lattice = create_lattice_constants(plate, springs, irregular_bonds, choose_step(model, bound), kind)
+    lattice = create_lattice_constants(plate, springs, irregular_bonds, choose_time_step(model, bound), kind)
     record_precrack_cuts(lattice)
     cut = np.append(irregular_bonds.family_size - np.count_nonzero(irregular_bonds.stiffness, axis=1), 0)
     cells = initial_cell_kinds(plate, lattice.family_reach, steep_content_rows=steep)
@@ -60,8 +65,8 @@ def create_hybrid_operator_and_stable_step(
     rows = ROOM + 6 * int(np.count_nonzero(cells == FINE))
     damps = lattice.node_constants.damping is not None
     loads, holds = (
-        _create_loads_or_holds(plate, plate_drive.loads, 4),
-        _create_loads_or_holds(plate, plate_drive.holds, 1),
+        _create_loads_or_prescribed_motions(plate, plate_drive.loads, 4),
+        _create_loads_or_prescribed_motions(plate, plate_drive.holds, 1),
     )
     loads.entries["value"] *= area[plate_drive.loads.node]
     loads = loads._replace(entries=loads.entries[loads.entries["value"] != 0])
@@ -123,7 +128,7 @@ def create_lattice_constants(
     cell, mix = _coarse_cell_constants(plate, springs)
     bind(bilinear.LAW)
     return LatticeConstants(
-        bond_law=no_bonds(bilinear.LAW),  # a brittle bond is one whose peak is its limit
+        empty_law_columns=no_bonds(bilinear.LAW),  # a brittle bond is one whose peak is its limit
         numbering=numbering,
         spacing=h,
         family_dx=first.family_dx,
@@ -208,18 +213,18 @@ def _stiffness_over_density(
     )
 
 
-def _create_loads_or_holds(
+def _create_loads_or_prescribed_motions(
     plate: HybridPlate, condition_entries: conditions.Entries, nodes_per_entry: int
-) -> LoadsOrHolds:
+) -> LoadsOrPrescribedMotions:
     """Entries with room for at most `nodes_per_entry` nodes each."""
     entries, room = (
         np.zeros(len(condition_entries.node), LoadOrPrescribedMotion.fields()),
         nodes_per_entry * len(condition_entries.node),
     )
     entries["fine_place"], entries["axis"] = plate.places_of_grid_rows(condition_entries.node), condition_entries.axis
-    entries["profile"], entries["hold_kind"], entries["value"] = (
+    entries["profile"], entries["prescribed_kind"], entries["value"] = (
         condition_entries.profile,
         condition_entries.kind,
         condition_entries.value,
     )
-    return LoadsOrHolds(entries, np.zeros((room, 2), dtype=np.int64), np.zeros(room))
+    return LoadsOrPrescribedMotions(entries, np.zeros((room, 2), dtype=np.int64), np.zeros(room))

@@ -11,15 +11,15 @@ from pdsolve.adaptivity.hybrid.far_cells import set_all_far_node_properties
 from pdsolve.adaptivity.hybrid.forces import interpolate_border_nodes
 from pdsolve.adaptivity.hybrid.node_constants import value_at_node
 from pdsolve.adaptivity.hybrid.nodes import (
+    adjacent_coarse_cell,
     coarse_carriers_of_border_node,
-    coarse_cell_beside,
     interpolate_coarse_at_fine_place,
     list_active_rows,
     list_far_rows_and_tied_nodes,
     set_coarse_node_properties,
     set_fine_node_kind_and_mass,
 )
-from pdsolve.adaptivity.hybrid.swelling import set_piece_swelling_offsets, swelling_offset_from_line
+from pdsolve.adaptivity.hybrid.swelling import set_piece_swelling_offsets, swelling_offset_from_chord
 from pdsolve.codegen.inner_functions import INNER
 from pdsolve.codegen.vector_code import ROW
 from pdsolve.zone.cells import (
@@ -38,7 +38,7 @@ from pdsolve.zone.cells import (
 
 
 @njit(**INNER)
-def _mark_reach_of_new_cells(lattice, zone):  # type: ignore[no-untyped-def]
+def _mark_nodes_near_new_cells(lattice, zone):  # type: ignore[no-untyped-def]
     """Mark all places within the family's reach of the new cells; returns their range of columns and rows."""
     numbering, reach = lattice.numbering, lattice.family_reach + 2
     (x0, y0), x1, y1 = numbering.fine.counts, 0, 0
@@ -59,7 +59,7 @@ def list_nodes_near_new_cells(lattice, zone):  # type: ignore[no-untyped-def]
 
     Affected are the fine nodes within the family's reach and the coarse nodes at corners; at the start, all of them.
     """
-    numbering, (x0, y0, x1, y1) = lattice.numbering, _mark_reach_of_new_cells(lattice, zone)
+    numbering, (x0, y0, x1, y1) = lattice.numbering, _mark_nodes_near_new_cells(lattice, zone)
     affected_fine, rows, last = 0, 0, -1
     for iy in range(y0, y1):
         for p in range(place_at(numbering.fine, (x0, iy)), place_at(numbering.fine, (x1, iy))):
@@ -70,12 +70,12 @@ def list_nodes_near_new_cells(lattice, zone):  # type: ignore[no-untyped-def]
                     rows += p // ROW != last
                     affected_fine, last = affected_fine + 1, p // ROW
     zone.counts.affected_fine_nodes = affected_fine
-    _list_corner_nodes(numbering, zone, x0, y0, x1, y1)
+    _list_coarse_nodes_at_corners(numbering, zone, x0, y0, x1, y1)
     return rows
 
 
 @njit(**INNER)
-def _list_corner_nodes(numbering, zone, x0, y0, x1, y1):  # type: ignore[no-untyped-def]
+def _list_coarse_nodes_at_corners(numbering, zone, x0, y0, x1, y1):  # type: ignore[no-untyped-def]
     """List, in order, the coarse nodes at the corners of the new cells; at the start, all coarse nodes that are
     not amid far cells.
 
@@ -99,8 +99,8 @@ def _list_corner_nodes(numbering, zone, x0, y0, x1, y1):  # type: ignore[no-unty
 
 
 @njit(**INNER)
-def refine_cells(lattice, zone, buffer):  # type: ignore[no-untyped-def]
-    """Make the marked cells in `zone.new_cells` fine at displacements `buffer`.
+def refine_cells(lattice, zone, u_buffer):  # type: ignore[no-untyped-def]
+    """Make the marked cells in `zone.new_cells` fine at displacements `u_buffer`.
 
     New nodes take the coarse displacements and velocities; the change of energy is booked.
     """
@@ -110,14 +110,16 @@ def refine_cells(lattice, zone, buffer):  # type: ignore[no-untyped-def]
         zone.affected_coarse_nodes,
     )
     affected_coarse = affected_coarse[: zone.counts.affected_coarse_nodes]
-    interpolate_border_nodes(zone.fine.u[buffer], zone.coarse.u[buffer], zone.border_nodes, zone.counts.border_nodes)
+    interpolate_border_nodes(
+        zone.fine.u[u_buffer], zone.coarse.u[u_buffer], zone.border_nodes, zone.counts.border_nodes
+    )
     for p in affected_fine:
         zone.is_node_marked[p] = True
     for c in new:
         zone.cell_kinds[c] = COARSE
-    before = strain_and_kinetic_energy(lattice, zone, buffer, affected_fine, affected_coarse)
-    _interpolate_new_nodes_and_refine_cells(lattice, zone, new, affected_fine, buffer)
-    set_affected_node_properties(lattice, zone, affected_fine, affected_coarse, buffer)
+    before = strain_and_kinetic_energy(lattice, zone, u_buffer, affected_fine, affected_coarse)
+    _interpolate_and_refine(lattice, zone, new, affected_fine, u_buffer)
+    set_affected_node_properties(lattice, zone, affected_fine, affected_coarse, u_buffer)
     if zone.counts.cell_changes == 0:
         set_all_far_node_properties(lattice, zone)
     replace_pieces_of_nodes(lattice, zone, affected_fine)
@@ -125,15 +127,15 @@ def refine_cells(lattice, zone, buffer):  # type: ignore[no-untyped-def]
     for p in affected_fine:
         zone.is_node_marked[p] = True
     zone.totals.refinement_energy += (
-        strain_and_kinetic_energy(lattice, zone, buffer, affected_fine, affected_coarse) - before
+        strain_and_kinetic_energy(lattice, zone, u_buffer, affected_fine, affected_coarse) - before
     )
     for p in affected_fine:
         zone.is_node_marked[p] = False
-    rebuild_lists_of_rows_and_loads(lattice, zone)
+    rebuild_node_lists(lattice, zone)
 
 
 @njit(**INNER)
-def set_affected_node_properties(lattice, zone, affected_fine, affected_coarse, buffer):  # type: ignore[no-untyped-def]
+def set_affected_node_properties(lattice, zone, affected_fine, affected_coarse, u_buffer):  # type: ignore[no-untyped-def]
     """Set kinds, masses and springs of these nodes."""
     fine, coarse, last = zone.fine, zone.coarse, -1
     for p in affected_fine:
@@ -152,10 +154,10 @@ def set_affected_node_properties(lattice, zone, affected_fine, affected_coarse, 
     for p in affected_fine:
         if fine.node_kinds[p] == BORDER:
             a, b, w = coarse_carriers_of_border_node(lattice, coarse.node_kinds, p)
-            off = swelling_offset_from_line(lattice, fine.half_shrinkage, a, b, w)
+            off = swelling_offset_from_chord(lattice, fine.negative_half_swelling, a, b, w)
             for axis in range(2):
-                fine.u[buffer, axis, p] = (
-                    (1 - w) * coarse.u[buffer, axis, a] + w * coarse.u[buffer, axis, b] + off[axis]
+                fine.u[u_buffer, axis, p] = (
+                    (1 - w) * coarse.u[u_buffer, axis, a] + w * coarse.u[u_buffer, axis, b] + off[axis]
                 )
                 fine.v[axis, p] = 0.0
     for p in affected_fine:
@@ -165,24 +167,24 @@ def set_affected_node_properties(lattice, zone, affected_fine, affected_coarse, 
 
 
 @njit(**INNER)
-def _interpolate_new_nodes_and_refine_cells(lattice, zone, new_cells, affected_fine, buffer):  # type: ignore[no-untyped-def]
+def _interpolate_and_refine(lattice, zone, new_cells, affected_fine, u_buffer):  # type: ignore[no-untyped-def]
     """Give nodes that become free the motion of the coarse ones around them, then make the new cells fine."""
     numbering, fine, coarse, two = lattice.numbering, zone.fine, zone.coarse, zone.lane_sums[0, :2]
     for p in affected_fine:
         if fine.node_kinds[p] == FREE:
             continue
         ix, iy = coordinates(numbering.fine, p)
-        x, y = coarse_cell_beside(numbering, zone.cell_kinds, ix, iy)
+        x, y = adjacent_coarse_cell(numbering, zone.cell_kinds, ix, iy)
         if x < 0:
             continue
-        interpolate_coarse_at_fine_place(lattice, coarse.node_kinds, coarse.u[buffer], ix, iy, x, y, two)
+        interpolate_coarse_at_fine_place(lattice, coarse.node_kinds, coarse.u[u_buffer], ix, iy, x, y, two)
         off = 0.0, 0.0
         if ix % 2 != iy % 2 and not lattice.is_cell_cut[place_at(numbering.cells, (x, y))]:
             q = place_at(numbering.coarse, (ix // 2, iy // 2))
-            off = swelling_offset_from_line(
-                lattice, fine.half_shrinkage, q, q + (1 if ix % 2 else numbering.coarse.strides[1]), 0.5
+            off = swelling_offset_from_chord(
+                lattice, fine.negative_half_swelling, q, q + (1 if ix % 2 else numbering.coarse.strides[1]), 0.5
             )
-        fine.u[buffer, 0, p], fine.u[buffer, 1, p] = two[0] + off[0], two[1] + off[1]
+        fine.u[u_buffer, 0, p], fine.u[u_buffer, 1, p] = two[0] + off[0], two[1] + off[1]
         interpolate_coarse_at_fine_place(lattice, coarse.node_kinds, coarse.v, ix, iy, x, y, two)
         fine.v[0, p], fine.v[1, p] = two[0], two[1]
     for c in new_cells:
@@ -204,14 +206,14 @@ def _list_fine_rows_and_border_nodes(lattice, zone):  # type: ignore[no-untyped-
             a, b, w = coarse_carriers_of_border_node(lattice, coarse.node_kinds, p)
             node = zone.border_nodes[borders]
             node.border_node, node.first_carrier, node.second_carrier, node.second_weight = p, a, b, w
-            node.swelling_x, node.swelling_y = swelling_offset_from_line(lattice, fine.half_shrinkage, a, b, w)
+            node.swelling_x, node.swelling_y = swelling_offset_from_chord(lattice, fine.negative_half_swelling, a, b, w)
             fine.has_extra_forces[row] = coarse.has_extra_forces[a // ROW] = coarse.has_extra_forces[b // ROW] = True
             borders += 1
     zone.counts.active_fine_rows, zone.counts.border_nodes = rows, borders
 
 
 @njit(**INNER)
-def rebuild_lists_of_rows_and_loads(lattice, zone):  # type: ignore[no-untyped-def]
+def rebuild_node_lists(lattice, zone):  # type: ignore[no-untyped-def]
     """Rebuild the lists of rows, border nodes, loads and holds once cells have become others."""
     fine, coarse = zone.fine, zone.coarse
     zone.counts.cell_changes += 1
@@ -230,8 +232,8 @@ def rebuild_lists_of_rows_and_loads(lattice, zone):  # type: ignore[no-untyped-d
             else:
                 coarse.has_extra_forces[end.first_node // ROW] = True
                 coarse.has_extra_forces[end.second_node // ROW] = True
-    zone.counts.load_shares = _distribute_loads(lattice.numbering, zone.cell_kinds, fine, coarse, zone.loads)
-    zone.counts.held_components = _list_prescribed_nodes(lattice.numbering, fine, coarse, zone.holds)
+    zone.counts.node_loads = _distribute_loads(lattice.numbering, zone.cell_kinds, fine, coarse, zone.loads)
+    zone.counts.prescribed_components = _list_prescribed_nodes(lattice.numbering, fine, coarse, zone.holds)
 
 
 @njit(**INNER)
@@ -246,7 +248,7 @@ def _distribute_loads(numbering, cells, fine, coarse, loads):  # type: ignore[no
             count += 1
             continue
         ix, iy = coordinates(numbering.fine, p)
-        x, y = coarse_cell_beside(numbering, cells, ix, iy)
+        x, y = adjacent_coarse_cell(numbering, cells, ix, iy)
         wx, wy = (ix - 2 * x) / 2, (iy - 2 * y) / 2
         for number in range(4):
             column, row = cell_corner((x, y), number)

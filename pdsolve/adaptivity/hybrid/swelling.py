@@ -15,7 +15,7 @@ from typing import Any
 from numba import njit, types
 from numba.extending import overload
 
-from pdsolve.adaptivity.hybrid.energy import piece_energy, store_half_spring_energies
+from pdsolve.adaptivity.hybrid.energy import piece_energy, store_spring_energies
 from pdsolve.adaptivity.hybrid.forces import interpolate_border_nodes
 from pdsolve.adaptivity.hybrid.node_constants import value_at_node
 from pdsolve.codegen.inner_functions import INNER
@@ -31,16 +31,18 @@ def set_piece_swelling_offsets(lattice: Any, zone: Any) -> None:
 @overload(set_piece_swelling_offsets, jit_options=INNER)
 def _overload_set_piece_swelling_offsets(lattice, zone):  # type: ignore[no-untyped-def]
     fine = zone.types[zone.fields.index("fine")]
-    if isinstance(fine.types[fine.fields.index("half_shrinkage")], types.NoneType):
+    if isinstance(fine.types[fine.fields.index("negative_half_swelling")], types.NoneType):
         return lambda lattice, zone: None
 
     def offset_pieces(lattice, zone):  # type: ignore[no-untyped-def]
-        fine, coarse, pieces = zone.fine.half_shrinkage, zone.coarse.half_shrinkage, zone.clipped_pieces
+        fine, coarse, pieces = zone.fine.negative_half_swelling, zone.coarse.negative_half_swelling, zone.clipped_pieces
         for n in range(zone.counts.clipped_pieces):
             spring, first, second = pieces.springs[n], pieces.ends[n, 0], pieces.ends[n, 1]
-            both = _half_shrinkage_at_end(fine, coarse, first) + _half_shrinkage_at_end(fine, coarse, second)
-            x0, y0 = swelling_offset_from_line(lattice, fine, first.first_node, first.second_node, first.second_weight)
-            x1, y1 = swelling_offset_from_line(
+            both = _negative_half_swelling_at_end(fine, coarse, first) + _negative_half_swelling_at_end(
+                fine, coarse, second
+            )
+            x0, y0 = swelling_offset_from_chord(lattice, fine, first.first_node, first.second_node, first.second_weight)
+            x1, y1 = swelling_offset_from_chord(
                 lattice, fine, second.first_node, second.second_node, second.second_weight
             )
             spring.swelling_x = both * spring.xi_x + x1 - x0
@@ -49,19 +51,21 @@ def _overload_set_piece_swelling_offsets(lattice, zone):  # type: ignore[no-unty
     return offset_pieces
 
 
-def swelling_offset_from_line(lattice: Any, half_shrinkage: Any, first_node: Any, second_node: Any, w: Any) -> Any:
+def swelling_offset_from_chord(
+    lattice: Any, negative_half_swelling: Any, first_node: Any, second_node: Any, w: Any
+) -> Any:
     """How far a place at share w from coarse `first_node` to `second_node` is off their line, (x, y) in m.
 
-    `half_shrinkage` (n,) is that of fine nodes. A `second_node` below 0 is none.
+    `negative_half_swelling` (n,) is that of fine nodes. A `second_node` below 0 is none.
     """
 
 
-@overload(swelling_offset_from_line, jit_options=INNER)
-def _overload_swelling_offset_from_line(lattice, half_shrinkage, first_node, second_node, w):  # type: ignore[no-untyped-def]
-    if isinstance(half_shrinkage, types.NoneType):
-        return lambda lattice, half_shrinkage, first_node, second_node, w: (0.0, 0.0)
+@overload(swelling_offset_from_chord, jit_options=INNER)
+def _overload_swelling_offset_from_line(lattice, negative_half_swelling, first_node, second_node, w):  # type: ignore[no-untyped-def]
+    if isinstance(negative_half_swelling, types.NoneType):
+        return lambda lattice, negative_half_swelling, first_node, second_node, w: (0.0, 0.0)
 
-    def offset_on_bent_line(lattice, half_shrinkage, first_node, second_node, w):  # type: ignore[no-untyped-def]
+    def offset_from_chord(lattice, negative_half_swelling, first_node, second_node, w):  # type: ignore[no-untyped-def]
         if second_node < 0 or first_node == second_node:
             return 0.0, 0.0
         numbering, q = lattice.numbering, min(first_node, second_node)
@@ -69,15 +73,15 @@ def _overload_swelling_offset_from_line(lattice, half_shrinkage, first_node, sec
         along, across = (1, numbering.fine.strides[1]) if level else (numbering.fine.strides[1], 1)
         p = place_on_finer_lattice(numbering.coarse, numbering.fine, 2, q)
         scale = -4 * lattice.spacing * w * (w - 1)
-        on = scale * (half_shrinkage[p + 2 * along] - half_shrinkage[p]) / 2
-        aside = -scale * _minmod_difference(half_shrinkage, lattice.node_constants, p + along, across)
+        on = scale * (negative_half_swelling[p + 2 * along] - negative_half_swelling[p]) / 2
+        aside = -scale * _limited_difference(negative_half_swelling, lattice.node_constants, p + along, across)
         return (on, aside) if level else (aside, on)
 
-    return offset_on_bent_line
+    return offset_from_chord
 
 
 @njit(**INNER)
-def _minmod_difference(values, node_constants, p, step):  # type: ignore[no-untyped-def]
+def _limited_difference(values, node_constants, p, step):  # type: ignore[no-untyped-def]
     """Difference of values from a place to the next: the smaller of both sides, 0 if they differ in sign.
 
     So it is that of linear values, and no leap at a crack is one.
@@ -95,7 +99,7 @@ def _minmod_difference(values, node_constants, p, step):  # type: ignore[no-unty
 
 
 @njit(forceinline=True, **INNER)
-def _half_shrinkage_at_end(fine, coarse, end):  # type: ignore[no-untyped-def]
+def _negative_half_swelling_at_end(fine, coarse, end):  # type: ignore[no-untyped-def]
     """Minus half the strain at an end of a piece."""
     if end.second_node < 0:
         return fine[end.first_node]
@@ -103,16 +107,16 @@ def _half_shrinkage_at_end(fine, coarse, end):  # type: ignore[no-untyped-def]
 
 
 @cached_njit(error_model="numpy")
-def set_all_swelling_offsets(lattice, zone, buffer):  # type: ignore[no-untyped-def]
+def set_all_swelling_offsets(lattice, zone, u_buffer):  # type: ignore[no-untyped-def]
     """See `set_piece_swelling_offsets`; border nodes too."""
     set_piece_swelling_offsets(lattice, zone)
     border, count = zone.border_nodes, zone.counts.border_nodes
     for n in range(count):
-        node, half_shrinkage = border[n], zone.fine.half_shrinkage
-        node.swelling_x, node.swelling_y = swelling_offset_from_line(
-            lattice, half_shrinkage, node.first_carrier, node.second_carrier, node.second_weight
+        node, negative_half_swelling = border[n], zone.fine.negative_half_swelling
+        node.swelling_x, node.swelling_y = swelling_offset_from_chord(
+            lattice, negative_half_swelling, node.first_carrier, node.second_carrier, node.second_weight
         )
-    interpolate_border_nodes(zone.fine.u[buffer], zone.coarse.u[buffer], border, count)
+    interpolate_border_nodes(zone.fine.u[u_buffer], zone.coarse.u[u_buffer], border, count)
 
 
 @cached_njit(error_model="numpy")
@@ -148,19 +152,19 @@ def _weighted_mean_along_line(values, node_constants, p, step):  # type: ignore[
 
 
 @cached_njit(error_model="numpy")
-def total_strain_energy(lattice, zone, buffer):  # type: ignore[no-untyped-def]
+def total_strain_energy(lattice, zone, u_buffer):  # type: ignore[no-untyped-def]
     """Strain energy of all springs and pieces, J/m."""
     fine, coarse, energy, s = zone.fine, zone.coarse, 0.0, zone.lane_sums[0]
     for row in fine.active_rows[: zone.counts.active_fine_rows]:
-        store_half_spring_energies(fine, lattice.spring_table, lattice.neighbour_offsets, False, row, fine.u[buffer], s)
+        store_spring_energies(fine, lattice.spring_table, lattice.neighbour_offsets, False, row, fine.u[u_buffer], s)
         for lane in range(ROW):
             energy += s[lane]
     for row in coarse.active_rows[: zone.counts.active_coarse_rows]:
-        store_half_spring_energies(
-            coarse, lattice.coarse_spring_table, lattice.coarse_neighbour_offsets, True, row, coarse.u[buffer], s
+        store_spring_energies(
+            coarse, lattice.coarse_spring_table, lattice.coarse_neighbour_offsets, True, row, coarse.u[u_buffer], s
         )
         for lane in range(ROW):
             energy += s[lane] if coarse.node_kinds[row * ROW + lane] == FREE else 0.0
     for n in range(zone.counts.clipped_pieces):
-        energy += piece_energy(zone.clipped_pieces, fine.u[buffer], coarse.u[buffer], n)
+        energy += piece_energy(zone.clipped_pieces, fine.u[u_buffer], coarse.u[u_buffer], n)
     return energy

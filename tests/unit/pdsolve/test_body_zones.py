@@ -56,7 +56,7 @@ class Zone:
         self.new, self.volume, self.refined = np.array(new, dtype=np.int64), np.array(volume), refined
         self.history, self.rows, self.asked = Made(100.0), ROWS, list[int]()
 
-    def mark_and_list_new_fine_cells(self, state: State, step: int) -> np.ndarray[Any, Any]:
+    def mark_new_fine_cells(self, state: State, step: int) -> np.ndarray[Any, Any]:
         self.asked.append(step)
         return self.new
 

@@ -51,8 +51,8 @@ def test_values_that_are_not_given_are_zero() -> None:
 def test_checkpoints_have_the_order_that_they_had() -> None:
     """Files hold these numbers without names."""
     stored = (
-        "active_fine_rows active_coarse_rows clipped_pieces border_nodes broken_bonds load_shares held_components"
-        " damaged_nodes cell_changes refined_damaged_nodes"
+        "active_fine_rows active_coarse_rows clipped_pieces border_nodes broken_bonds node_loads"
+        " prescribed_components damaged_nodes cell_changes refined_damaged_nodes"
     )
     assert list(arrays.Counts.__annotations__)[: arrays.STORED] == stored.split()
     assert list(arrays.Totals.__annotations__) == [

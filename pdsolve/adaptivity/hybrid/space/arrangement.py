@@ -70,7 +70,7 @@ class FineLattice(NamedTuple):
     part_ends: PartEnds
     reach: int  # spacings, along an axis
     node_volume: float  # h^3, m^3
-    least_over_own_limit_strain_of_material_pair: NDArray[
+    limit_strain_ratio_of_pair: NDArray[
         np.float64
     ]  # (p,) of pairs of materials: least e at which bonds break over theirs
     xi_row_of_piece_kind: NDArray[np.int32]  # (q,) row of `distinct_piece_xi` of a kind of pieces
@@ -85,7 +85,7 @@ class ClippedPiece(Record):
     near_end_place: int  # the place of one end, a node if one is; see `_blockwise_place_number`
     far_end_place: int  # of the other end
     stiffness: float  # N/m
-    least_over_own_limit_strain: float  # least e at which bonds break over that of its own; 0 if it never breaks
+    limit_strain_ratio: float  # least e at which bonds break over that of its own; 0 if it never breaks
 
 
 class PiecePoints(NamedTuple):
@@ -210,8 +210,8 @@ def _set_piece(fine, site, x, k, first, last, sides, piece):  # type: ignore[no-
     piece.near_end_place, piece.far_end_place = (far, near) if back else (near, far)
     piece.stiffness = _bond_stiffness(fine, site, slot) / (sides * length)
     i, j = tiles.node[site], tiles.node[site + tiles.offsets[slot]]
-    scale = fine.least_over_own_limit_strain_of_material_pair[pair_number(tiles, i, j)]
-    piece.least_over_own_limit_strain = 0.0 if tiles.unbreakable[i] or tiles.unbreakable[j] else scale
+    scale = fine.limit_strain_ratio_of_pair[pair_number(tiles, i, j)]
+    piece.limit_strain_ratio = 0.0 if tiles.unbreakable[i] or tiles.unbreakable[j] else scale
 
 
 @njit(**INNER)
@@ -297,7 +297,7 @@ def fill_piece_point_carriers(fine, node_kinds, places, points):  # type: ignore
             points.carrier_count[n] += w[m] > 0
 
 
-def create_piece_points(fine: FineLattice, node_kinds: NDArray[np.uint8], places: NDArray[np.int64]) -> PiecePoints:
+def create_piece_end_points(fine: FineLattice, node_kinds: NDArray[np.uint8], places: NDArray[np.int64]) -> PiecePoints:
     """The points at these places (q,); `node_kinds` is of fine nodes."""
     count = len(places)
     points = PiecePoints(np.zeros(count, np.int64), np.zeros((count, ENDS), np.int32), np.zeros((count, ENDS)))

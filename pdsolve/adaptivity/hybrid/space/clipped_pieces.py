@@ -4,7 +4,7 @@ u, force    (q, 4) displacements of points, m, and forces on them, N; the last c
 xi          (g, 4) xi from the near end to the far one, m, and 1 / |xi|^2
 far, row    (p,) points at the far ends of pieces, and their rows of xi
 k, breaks   (p,) stiffness, N/m, and the least e at which bonds break over that of the piece's
-top         (8,) the largest of e times `breaks` so far
+top         (8,) the largest of e times `limit_ratio` so far
 at, near    the first of the eight, and the point at their near end
 """
 
@@ -29,7 +29,7 @@ _FIRST, _LAST = (0, 1, 8, 9, 4, 5, 12, 13), (2, 3, 10, 11, 6, 7, 14, 15)
 
 
 @intrinsic
-def add_pieces(typingctx, u, force, xi, far, row, k, breaks, top, at, near):  # type: ignore[no-untyped-def]
+def add_pieces(typingctx, u, force, xi, far_points, row, k, limit_ratio, largest, at, near_point):  # type: ignore[no-untyped-def]
     """Add the forces of eight pieces on their ends."""
 
     def generate(context, builder, signature, values):  # type: ignore[no-untyped-def]
@@ -38,48 +38,48 @@ def add_pieces(typingctx, u, force, xi, far, row, k, breaks, top, at, near):  # 
         _add(builder, data, *values[8:])
         return context.get_dummy_value()
 
-    return types.void(u, force, xi, far, row, k, breaks, top, types.int64, types.int64), generate
+    return types.void(u, force, xi, far_points, row, k, limit_ratio, largest, types.int64, types.int64), generate
 
 
-def _add(builder: ir.IRBuilder, data: list[Any], at: Any, near: Any) -> None:
-    where, force, ways, far, row, k, breaks, top = data
-    others = [_integer(builder, far, at, n) for n in range(TOGETHER)]
-    near_u = _load(builder, where, builder.mul(near, INT(_ACROSS)), _ROW)
+def _add(builder: ir.IRBuilder, data: list[Any], at: Any, near_point: Any) -> None:
+    where, force, ways, far_points, row, k, limit_ratio, largest = data
+    others = [_load_integer(builder, far_points, at, n) for n in range(TOGETHER)]
+    near_u = _load(builder, where, builder.mul(near_point, INT(_ACROSS)), _ROW)
     far_u = _columns(builder, [_load(builder, where, builder.mul(j, INT(_ACROSS)), _ROW) for j in others])
-    eta = [builder.fsub(far_off, _spread(builder, near_u, axis)) for axis, far_off in enumerate(far_u[:3])]
-    of = (builder.mul(_integer(builder, row, at, n), INT(_ACROSS)) for n in range(TOGETHER))
+    eta = [builder.fsub(far_off, _broadcast_entry(builder, near_u, axis)) for axis, far_off in enumerate(far_u[:3])]
+    of = (builder.mul(_load_integer(builder, row, at, n), INT(_ACROSS)) for n in range(TOGETHER))
     *reference, inverse = _columns(builder, [_load(builder, ways, row_start, _ROW) for row_start in of])
-    e = _all(0.0)
+    e = _constant_vector(0.0)
     for x, y in zip(reference, eta, strict=True):
-        e = _fma(builder, _fma(builder, _all(2.0), x, y), y, e)
+        e = _fma(builder, _fma(builder, _constant_vector(2.0), x, y), y, e)
     e = builder.fmul(inverse, e)
-    risk, before = builder.fmul(_load(builder, breaks, at, _ROWS), e), _load(builder, top, INT(0), _ROWS)
-    _store(builder, call(builder, "maxnum", before, risk), top, INT(0))
-    pull = builder.fmul(_load(builder, k, at, _ROWS), builder.fmul(e, _shortened(builder, e)))
+    risk, before = builder.fmul(_load(builder, limit_ratio, at, _ROWS), e), _load(builder, largest, INT(0), _ROWS)
+    _store(builder, call(builder, "maxnum", before, risk), largest, INT(0))
+    pull = builder.fmul(_load(builder, k, at, _ROWS), builder.fmul(e, _emit_secant_factor(builder, e)))
     on = [builder.fmul(pull, builder.fadd(x, y)) for x, y in zip(reference, eta, strict=True)]
-    forces = _rows(builder, [*on, _all(0.0)])
+    forces = _rows(builder, [*on, _constant_vector(0.0)])
     for j, force_row in zip(others, forces, strict=True):
         place = builder.mul(j, INT(_ACROSS))
         _store(builder, builder.fsub(_load(builder, force, place, _ROW), force_row), force, place)
     while len(forces) > 1:
         forces = [builder.fadd(*forces[n : n + 2]) for n in range(0, len(forces), 2)]
-    place = builder.mul(near, INT(_ACROSS))
+    place = builder.mul(near_point, INT(_ACROSS))
     _store(builder, builder.fadd(_load(builder, force, place, _ROW), forces[0]), force, place)
 
 
-def _shortened(builder: ir.IRBuilder, e: Any) -> Any:
+def _emit_secant_factor(builder: ir.IRBuilder, e: Any) -> Any:
     """1 / (1 + e + sqrt(1 + e)), by a polynomial where that holds."""
     began, (exact, done) = builder.block, (builder.function.append_basic_block(name) for name in ("exact", "done"))
     factors = coefficients("float64")[0]
-    inner = _all(factors[-1])
+    inner = _constant_vector(factors[-1])
     for factor in factors[-2::-1]:
-        inner = _fma(builder, inner, e, _all(factor))
-    beyond = builder.fcmp_unordered(">", call(builder, "fabs", e), _all(NARROW))
+        inner = _fma(builder, inner, e, _constant_vector(factor))
+    beyond = builder.fcmp_unordered(">", call(builder, "fabs", e), _constant_vector(NARROW))
     bits = ir.IntType(TOGETHER)
     builder.cbranch(builder.icmp_unsigned("!=", builder.bitcast(beyond, bits), bits(0)), exact, done)
     builder.position_at_end(exact)
-    q2 = builder.fadd(_all(1.0), e)
-    root = builder.fdiv(_all(1.0), builder.fadd(q2, call(builder, "sqrt", q2)))
+    q2 = builder.fadd(_constant_vector(1.0), e)
+    root = builder.fdiv(_constant_vector(1.0), builder.fadd(q2, call(builder, "sqrt", q2)))
     outer = builder.select(beyond, root, inner)
     builder.branch(done)
     builder.position_at_end(done)
@@ -115,16 +115,16 @@ def _rows(builder: ir.IRBuilder, columns: list[Any]) -> list[Any]:
     ]
 
 
-def _shuffle(builder: ir.IRBuilder, first: Any, second: Any, which: tuple[int, ...]) -> Any:
-    return builder.shuffle_vector(first, second, ir.Constant(ir.VectorType(_ID, len(which)), list(which)))
+def _shuffle(builder: ir.IRBuilder, first: Any, second: Any, lanes: tuple[int, ...]) -> Any:
+    return builder.shuffle_vector(first, second, ir.Constant(ir.VectorType(_ID, len(lanes)), list(lanes)))
 
 
-def _spread(builder: ir.IRBuilder, row: Any, entry: int) -> Any:
+def _broadcast_entry(builder: ir.IRBuilder, row: Any, entry: int) -> Any:
     """An entry of a row in all eight."""
     return _shuffle(builder, row, ir.Constant(_ROW, ir.Undefined), (entry,) * TOGETHER)
 
 
-def _all(number: float) -> Any:
+def _constant_vector(number: float) -> Any:
     return ir.Constant(_ROWS, [number] * TOGETHER)
 
 
@@ -132,8 +132,8 @@ def _fma(builder: ir.IRBuilder, a: Any, b: Any, c: Any) -> Any:
     return call(builder, "fmuladd", a, b, c)
 
 
-def _integer(builder: ir.IRBuilder, data: Any, at: Any, more: int) -> Any:
-    return builder.sext(builder.load(builder.gep(data, [builder.add(at, INT(more))])), INT)
+def _load_integer(builder: ir.IRBuilder, data: Any, at: Any, offset: int) -> Any:
+    return builder.sext(builder.load(builder.gep(data, [builder.add(at, INT(offset))])), INT)
 
 
 def _load(builder: ir.IRBuilder, data: Any, at: Any, kind: Any) -> Any:

@@ -39,7 +39,7 @@ def fine_node_masses(model: Model, sites: Sites, fine: FineLattice) -> NDArray[n
     return mass
 
 
-def least_over_own_limit_strains_of_material_pairs(tiles: Tiles) -> NDArray[np.float64]:
+def limit_strain_ratios_of_pairs(tiles: Tiles) -> NDArray[np.float64]:
     """The least e at which bonds break over that (p,) of pairs of materials; 0 of those that never break."""
     e = tiles.peak.min(axis=1) * (2 + tiles.peak.min(axis=1))
     return np.asarray(np.divide(e.min(), e, out=np.zeros(len(e)), where=np.isfinite(e)))
@@ -50,7 +50,7 @@ def relative_cell_moduli(numbering: ZoneNumbering, tiles: Tiles) -> NDArray[np.f
     inside = tiles.cells[MODULUS, tiles.margin :][: numbering.fine.place_count]
     modulus = (2.0 * inside.astype(np.float64)).reshape(numbering.fine.shape)
     for axis, cells in enumerate(numbering.cells.counts[::-1]):
-        first, middle, last = (_take_every_second(modulus, axis, step, cells, 1.0) for step in range(3))
+        first, middle, last = (_every_second_value(modulus, axis, step, cells, 1.0) for step in range(3))
         modulus = (first + 2 * middle + last) / 4
     return np.pad(modulus, numbering.cells.margins[0], constant_values=1.0).ravel()
 
@@ -62,12 +62,12 @@ def least_peak_stretches(numbering: ZoneNumbering, tiles: Tiles) -> NDArray[np.f
     material_peak = tiles.peak[:: count + 1].min(axis=1)  # a bond between two materials has one between theirs
     least_peak = np.where(nodes < 0, np.inf, material_peak[tiles.material[nodes]]).reshape(numbering.fine.shape)
     for axis, count in enumerate(numbering.coarse.counts[::-1]):
-        ends = (_take_every_second(least_peak, axis, step, count, np.inf) for step in range(-BESIDE, BESIDE + 1))
+        ends = (_every_second_value(least_peak, axis, step, count, np.inf) for step in range(-BESIDE, BESIDE + 1))
         least_peak = np.minimum.reduce(list(ends))
     return least_peak.ravel()
 
 
-def _take_every_second(
+def _every_second_value(
     values: NDArray[np.float64], axis: int, first: int, count: int, outside: float
 ) -> NDArray[np.float64]:
     """So many of every second entry along an axis, from `first` on."""

@@ -29,7 +29,7 @@ from pdsolve.adaptivity.hybrid.space.layout import (
     zone_after_refinement,
 )
 from pdsolve.adaptivity.hybrid.space.materials import ModelWithMeanDensities, fine_node_masses
-from pdsolve.adaptivity.hybrid.space.zone import mark_and_list_new_fine_cells_in_balls
+from pdsolve.adaptivity.hybrid.space.zone import mark_fine_cells_in_balls
 from pdsolve.bonds.assembly import Counted
 from pdsolve.checkpoint_validation import PendingPulls, entry, like, pending_to_arrays, read_pending_pulls
 from pdsolve.codegen.vector_code import ROW
@@ -312,7 +312,7 @@ class HybridBodyOperator:
         above = at._replace(site=np.full(nodes, at.margin, dtype=np.int32), node=zone.coarse_springs.node)
         above.site[self._coarse] = self._coarse_sites
         piece_springs = self._pieces
-        of_pieces = pieces.list_stiff_springs(piece_springs)
+        of_pieces = pieces.list_springs_with_stiffness(piece_springs)
         free = np.append(self._free, nodes + np.arange(border))
         network = SpringNetwork(
             self.volume,
@@ -397,7 +397,7 @@ class HybridBodyOperator:
         stretch = self.history.largest_clipped_strain / (1 + np.sqrt(1 + self.history.largest_clipped_strain))
         return ZoneSummary(self.history.refinement_energy, float(share), float(stretch / (np.sqrt(1 + peak) - 1)))
 
-    def mark_and_list_new_fine_cells(self, state: State, after_step: int) -> NDArray[np.int64]:
+    def mark_new_fine_cells(self, state: State, after_step: int) -> NDArray[np.int64]:
         """Cells (k, 3) that become fine: around bonds broken after a step, and around stretched springs.
 
         They are marked as fine at once; `operator_after_refinement` makes the operator for them.
@@ -412,7 +412,7 @@ class HybridBodyOperator:
         )
         sites = np.unique(np.concatenate([sites, hot_sites[:count]]))
         new = np.zeros(np.count_nonzero(zone.cell_kinds == COARSE), dtype=np.int64)
-        count = mark_and_list_new_fine_cells_in_balls(numbering, zone.cell_kinds, sites, AHEAD, new)
+        count = mark_fine_cells_in_balls(numbering, zone.cell_kinds, sites, AHEAD, new)
         return np.column_stack(coordinates(numbering.cells, new[:count]))
 
     def operator_after_refinement(self, new_cells: NDArray[np.int64]) -> HybridBodyOperator:

@@ -19,7 +19,7 @@ from pdsolve.adaptivity.hybrid.space.arrangement import (
     FineLattice,
     PiecePoints,
     coordinates_of_place,
-    create_piece_points,
+    create_piece_end_points,
 )
 from pdsolve.adaptivity.hybrid.space.clipped_pieces import TOGETHER, add_pieces
 from pdsolve.codegen.inner_functions import INNER
@@ -39,7 +39,7 @@ class PieceGroups(NamedTuple):
     xi_row: NDArray[np.int32]  # (8 g,) row of xi
     stiffness: NDArray[np.float64]  # (8 g,) N/m
     # (8 g,) least e at which bonds break over that of its own; 0 if it never breaks
-    least_over_own_limit_strain: NDArray[np.float64]
+    limit_strain_ratio: NDArray[np.float64]
 
 
 class PieceSprings(NamedTuple):
@@ -50,7 +50,7 @@ class PieceSprings(NamedTuple):
     xi: NDArray[np.float64]  # (d, 4) xi, m, 1 / |xi|^2
     point_displacements: NDArray[np.float64]  # (q, 4) room for the displacements of points; the last column is 0
     point_forces: NDArray[np.float64]  # (q, 4) room for their forces
-    largest_scaled_strains: NDArray[np.float64]  # (8,) room for the largest e times `least_over_own_limit_strain`
+    largest_scaled_strains: NDArray[np.float64]  # (8,) room for the largest e times `limit_strain_ratio`
 
 
 class PlaceTable(NamedTuple):
@@ -87,7 +87,7 @@ def create_piece_springs(
         if points >= 0:
             break
         size *= 2
-    carriers = create_piece_points(fine, node_kinds, numbers.place_of_number[:points])
+    carriers = create_piece_end_points(fine, node_kinds, numbers.place_of_number[:points])
     u, force = (aligned(np.zeros((points, 4))) for _ in range(2))
     return PieceSprings(
         carriers._replace(carriers=row_at_site[carriers.carriers]),
@@ -107,7 +107,7 @@ class ListedSprings(NamedTuple):
     stiffness: NDArray[np.float64]  # (p,) N/m
 
 
-def list_stiff_springs(springs: PieceSprings) -> ListedSprings:
+def list_springs_with_stiffness(springs: PieceSprings) -> ListedSprings:
     """The springs with a stiffness."""
     groups, is_stiff = springs.groups, springs.groups.stiffness > 0
     ends = np.column_stack([np.repeat(groups.near_point, TOGETHER), groups.far_point])
@@ -122,16 +122,16 @@ def group_pieces(fine, pieces, place_table, groups):  # type: ignore[no-untyped-
         piece, place = pieces[n], pieces[n].near_end_place
         if n == 0 or place != pieces[n - 1].near_end_place:
             m = _fill_last_group(groups, m, i)
-            i, count = _find_or_add_place_number(place_table, place, count)
+            i, count = _number_place(place_table, place, count)
             run += 1
-        j, count = _find_or_add_place_number(place_table, piece.far_end_place, count)
+        j, count = _number_place(place_table, piece.far_end_place, count)
         if count > len(place_table.place_of_number) - 2:
             return -1, 0
         if place_table.last_near_end[j] == run:
             at = place_table.last_piece[j]
-            least = max(groups.least_over_own_limit_strain[at], piece.least_over_own_limit_strain)
+            least = max(groups.limit_strain_ratio[at], piece.limit_strain_ratio)
             groups.stiffness[at] += piece.stiffness
-            groups.least_over_own_limit_strain[at] = least
+            groups.limit_strain_ratio[at] = least
             continue
         if m % TOGETHER == 0:
             groups.near_point[m // TOGETHER] = i
@@ -140,7 +140,7 @@ def group_pieces(fine, pieces, place_table, groups):  # type: ignore[no-untyped-
         place_table.last_near_end[j], place_table.last_piece[j] = run, m
         groups.far_point[m], groups.xi_row[m] = j, fine.xi_row_of_piece_kind[piece.piece_kind]
         groups.stiffness[m] = piece.stiffness
-        groups.least_over_own_limit_strain[m] = piece.least_over_own_limit_strain
+        groups.limit_strain_ratio[m] = piece.limit_strain_ratio
         m += 1
     return count, _fill_last_group(groups, m, i) // TOGETHER
 
@@ -150,13 +150,13 @@ def _fill_last_group(groups, spring_count, near_point):  # type: ignore[no-untyp
     """Fill the last group with springs without stiffness; the entries used then."""
     while spring_count % TOGETHER:
         groups.far_point[spring_count], groups.xi_row[spring_count] = near_point, 0
-        groups.stiffness[spring_count] = groups.least_over_own_limit_strain[spring_count] = 0.0
+        groups.stiffness[spring_count] = groups.limit_strain_ratio[spring_count] = 0.0
         spring_count += 1
     return spring_count
 
 
 @njit(**INNER)
-def _find_or_add_place_number(place_table, place, count):  # type: ignore[no-untyped-def]
+def _number_place(place_table, place, count):  # type: ignore[no-untyped-def]
     """The number of a place, a new one if it has none; and how many there are then."""
     mask = np.uint64(len(place_table.places_by_hash) - 1)
     away = (np.uint64(place) >> np.uint64(4)) * np.uint64(0x9E3779B97F4A7C15) >> np.uint64(20)
@@ -179,10 +179,10 @@ def add_piece_forces(value, pieces, force):  # type: ignore[no-untyped-def]
 
     Returns the largest e of those that could break.
     """
-    _displace_points(value, pieces)
+    _set_point_displacements(value, pieces)
     u, sums, groups, points = pieces.point_displacements, pieces.point_forces, pieces.groups, pieces.points
     xi, far, rows = pieces.xi, groups.far_point, groups.xi_row
-    k, least = groups.stiffness, groups.least_over_own_limit_strain
+    k, least = groups.stiffness, groups.limit_strain_ratio
     sums[:] = 0
     pieces.largest_scaled_strains[:] = 0
     for g in range(len(groups.near_point)):
@@ -197,7 +197,7 @@ def add_piece_forces(value, pieces, force):  # type: ignore[no-untyped-def]
 
 
 @njit(**INNER)
-def _displace_points(value, pieces):  # type: ignore[no-untyped-def]
+def _set_point_displacements(value, pieces):  # type: ignore[no-untyped-def]
     """Fill in the displacements of the points."""
     points, u = pieces.points, pieces.point_displacements
     for q in range(len(points.carrier_count)):
@@ -212,7 +212,7 @@ def _displace_points(value, pieces):  # type: ignore[no-untyped-def]
 def add_piece_energies(value, pieces, site_mask, node_energy):  # type: ignore[no-untyped-def]
     """Add the energies of pieces, J, to `node_energy` (n,), half to each end; of those with their near ends at fine
     sites of `site_mask` (sites,) alone."""
-    _displace_points(value, pieces)
+    _set_point_displacements(value, pieces)
     energy, u, groups, points = pieces.point_forces, pieces.point_displacements, pieces.groups, pieces.points
     energy[:] = 0
     for n in range(len(groups.stiffness)):

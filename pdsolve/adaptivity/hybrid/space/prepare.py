@@ -18,8 +18,8 @@ from pdsolve.adaptivity.hybrid.space.arrangement import (
 )
 from pdsolve.adaptivity.hybrid.space.layout import NOTHING, FullBody, create_body_zone
 from pdsolve.adaptivity.hybrid.space.materials import (
-    least_over_own_limit_strains_of_material_pairs,
     least_peak_stretches,
+    limit_strain_ratios_of_pairs,
     relative_cell_moduli,
 )
 from pdsolve.adaptivity.hybrid.space.operator import HybridBodyOperator
@@ -102,7 +102,7 @@ def create_full_body(model: Model | None, sites: Sites, tiles: Tiles) -> FullBod
         locate_part_ends(parts, reach),
         reach,
         sites.spacing**3,
-        least_over_own_limit_strains_of_material_pairs(tiles),
+        limit_strain_ratios_of_pairs(tiles),
         *number_and_list_piece_vectors(parts, tiles.vectors, sites.spacing),
     )
     at = coarse_springs.create_coarse_sites(numbering.coarse, sites.spacing)

@@ -64,7 +64,7 @@ def _refine_around_cracks(cells: NDArray[np.uint8], cracks: NDArray[np.float64])
 
 
 @cached_njit(error_model="numpy")
-def mark_and_list_new_fine_cells_in_balls(numbering, cells, sites, radius, new_cells):  # type: ignore[no-untyped-def]
+def mark_fine_cells_in_balls(numbering, cells, sites, radius, new_cells):  # type: ignore[no-untyped-def]
     """Make coarse cells within `radius` of the fine nodes at these sites fine, and list their places in `new_cells`.
 
     Returns how many there are.
