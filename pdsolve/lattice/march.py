@@ -176,6 +176,8 @@ class LatticeMarch:
 
         A lane without a node has the density of another one, or 1, so that few groups differ.
         """
+        if len(rho) and rho.min() == rho.max():
+            return aligned(np.full(self._bonds.lanes, rho[0])), np.zeros(self._bonds.group_count, dtype=np.int32)
         rho_of_lanes = np.append(rho, rho.dtype.type(0))[self._bonds.nodes()].reshape(-1, self._bonds.lanes)
         largest = rho_of_lanes.max(axis=1, keepdims=True)
         rho_of_lanes = np.where(rho_of_lanes > 0, rho_of_lanes, np.where(largest > 0, largest, 1))

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import dataclasses
 from pathlib import Path
 
+import msgspec
 import numpy as np
 import pytest
 from database_contents import contents
@@ -11,7 +13,7 @@ from zoned_plates import struck
 
 from pdsolve.options import Options
 from pdsolve.results import Results
-from pdsolve.run.simulation import resume, simulate
+from pdsolve.run.simulation import prepare, resume, simulate
 
 pytestmark = pytest.mark.slow
 
@@ -22,6 +24,24 @@ def solved(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFact
     path = tmp_path_factory.mktemp("single") / "whole.sqlite"
     simulate(struck("hybrid", law=request.param), path, Options(threads=1, precision="float32")).close()
     return request.param, path
+
+
+@pytest.mark.parametrize("damping", [0.0, 1e4])
+def test_each_bit_is_the_same_however_steps_are_divided(damping: float) -> None:
+    """How many steps are taken at once follows from the time they take."""
+    plate = struck("hybrid")
+    run = msgspec.structs.replace(plate.settings.run, damping=damping)
+    plate = dataclasses.replace(plate, settings=msgspec.structs.replace(plate.settings, run=run))
+    motions = []
+    for together in (8, 80):
+        problem = prepare(plate, Options(threads=1, precision="float32"))
+        for step in range(1, 161, together):
+            problem.advance(step, step + together)
+        zone = problem.system.operator.engine
+        motions.append((zone.zone.fine.u[zone.u_buffer], zone.zone.coarse.v, zone.break_events().step))
+    assert len(motions[0][2]) > 100
+    for one, other in zip(*motions, strict=True):
+        assert np.array_equal(one, other)
 
 
 def test_the_same_plate_cracks(solved: tuple[str, Path]) -> None:

@@ -86,7 +86,7 @@ class LatticeNodes(NamedTuple):
     has_extra_forces: NDArray[np.bool_]  # (n / 16,) whether there are forces besides those of springs
     has_large_stretch: NDArray[
         np.uint8
-    ]  # (n / 16,) how far stretches went; of coarse rows whether one exceeds the bound
+    ]  # (n / 16,) how far stretches went; of coarse rows whether one comes near the bound
     negative_half_swelling: (
         NDArray[np.float64] | None
     )  # (n,) minus half the free strain, of idle nodes too; None: none swells

@@ -281,7 +281,7 @@ def _sum_and_move_rows(  # type: ignore[no-untyped-def]
     """Forces on rows of a compact lattice, then kick and drift; with `ends_sequence`, forces are kept instead.
 
     Rows are those with forces besides the springs', if `has_extra_forces`, or the others. Some are taken at a time, as
-    the `job` counts them, until the first thread reaches `stage`. Marks rows with a bond over its bound.
+    the `job` counts them, until the first thread reaches `stage`. Marks rows with a bond near or over its bound.
     """
     s, row_stiffness = zone.lane_sums[thread], nodes.row_stiffness
     dt, limit = lattice.dt, LOOKED_AT * lattice.least_strain_bounds[2]

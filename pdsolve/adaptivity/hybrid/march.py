@@ -87,21 +87,46 @@ def _list_cells_near_strained_pieces(lattice, zone, u_buffer, count):  # type: i
     """List the cells to refine near clipped bonds that would soften or break before the next look at the strain rates
     they have; returns the new `count`.
 
-    Those that are strained less than coarse bonds that make cells fine do not count, as their rates are noise; those
-    that are `NEARLY` there count at any rate.
+    Those that are strained less than coarse bonds that make cells fine do not count; those that are `NEARLY` there
+    count at any rate.
     """
     (peak, _, bound), time = lattice.least_strain_bounds, EVERY * lattice.dt  # s, until the next look
     fine, coarse, pieces = zone.fine, zone.coarse, zone.clipped_pieces
+    interpolate_border_nodes(fine.u[u_buffer], coarse.u[u_buffer], zone.border_nodes, zone.counts.border_nodes)
+    _set_border_velocities(zone, 1.0)
     for n in range(zone.counts.clipped_pieces):
         spring, (eta_x, eta_y) = pieces.springs[n], piece_elongation(pieces, fine.u[u_buffer], coarse.u[u_buffer], n)
         e, (v_x, v_y) = piece_double_green_strain(spring, eta_x, eta_y), piece_elongation(pieces, fine.v, coarse.v, n)
         eta_x, eta_y = eta_x + time * (v_x - spring.swelling_x), eta_y + time * (v_y - spring.swelling_y)
         comes_near = e > bound and piece_double_green_strain(spring, eta_x, eta_y) > peak
         if spring.is_breakable > 0 and (comes_near or e > NEARLY * peak):
-            x = coordinates(lattice.numbering.fine, spring.owner_node)
-            count = mark_and_list_new_fine_cells_near(
-                lattice.numbering.cells, zone.cell_kinds, x, AHEAD, zone.new_cells, count
-            )
+            for side in range(2):
+                count = _list_cells_near_end_of_piece(lattice, zone, pieces.ends[n, side], count)
+    _set_border_velocities(zone, 0.0)
+    return count
+
+
+@njit(**INNER)
+def _set_border_velocities(zone, factor):  # type: ignore[no-untyped-def]
+    """Set the velocities of fine nodes on the border, which are 0 otherwise, to a `factor` times those of the places
+    they lie on."""
+    for n in range(zone.counts.border_nodes):
+        node = zone.border_nodes[n]
+        a, b, w = node.first_carrier, node.second_carrier, node.second_weight
+        for axis in range(2):
+            v = (1 - w) * zone.coarse.v[axis, a] + w * zone.coarse.v[axis, b]
+            zone.fine.v[axis, node.border_node] = factor * v
+
+
+@njit(**INNER)
+def _list_cells_near_end_of_piece(lattice, zone, end, count):  # type: ignore[no-untyped-def]
+    """List the cells to refine near the nodes that an end of a piece moves with; returns the new `count`."""
+    numbering, x = lattice.numbering, coordinates(lattice.numbering.fine, end.first_node)
+    if end.second_node < 0:
+        return mark_and_list_new_fine_cells_near(numbering.cells, zone.cell_kinds, x, AHEAD, zone.new_cells, count)
+    for q in (end.first_node, end.second_node):
+        x = scale_coordinates(coordinates(numbering.coarse, q), 2)
+        count = mark_and_list_new_fine_cells_near(numbering.cells, zone.cell_kinds, x, AHEAD, zone.new_cells, count)
     return count
 
 

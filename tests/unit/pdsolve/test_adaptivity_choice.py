@@ -211,12 +211,12 @@ def test_in_the_end_all_nodes_are_fine(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("pdsolve.adaptivity.hybrid.adaptivity_choice.WIDER", (0.69,))  # at 0.5 this zone grows in time
     with warnings.catch_warnings(record=True) as found:
         warnings.simplefilter("always", ModelWarning)
-        one = simulate(stretched(4.0))
-    said = [str(each.message) for each in found if mentions(each.message, "step 39")]
+        one = simulate(stretched(5.0))
+    said = [str(each.message) for each in found if mentions(each.message, "step 36")]
     assert all(
         mentions(line, word) for line, word in zip(said, ("run.hybrid.kappa 0.69", "run.adapt none"), strict=True)
     )
-    other = simulate(stretched(4.0, "none"))
+    other = simulate(stretched(5.0, "none"))
     for name in ("energy", "broken_bonds", "balance", "kernel"):
         assert one.summary()[name] == other.summary()[name]
 

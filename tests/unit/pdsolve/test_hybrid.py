@@ -239,7 +239,7 @@ def test_the_command_says_how_much_is_fine(tmp_path: Path, capsys: pytest.Captur
     assert 0.1 < told["fine_share"] < 0.9
     assert solve_command([*words, "--force", "--mode", "thesis"]) == 2
     said = capsys.readouterr().err
-    assert mentions(said, "pdsolve: mode", found="thesis", expected=("conservative", "run.adapt", "hybrid"))
+    assert mentions(said, "mode", found="thesis", expected=("conservative", "run.adapt", "hybrid"))
     assert said.count("\n") == 1
 
 
