@@ -44,11 +44,12 @@ class Run(NamedTuple):
 
 def solved(plate: Model) -> Run:
     """A run of a plate."""
-    with warnings.catch_warnings(record=True) as said, simulate(plate, None, Options(threads=1)) as results:
+    with warnings.catch_warnings(record=True) as said:
         warnings.simplefilter("always")
-        dt, broken = float(results.meta()["time_step"]), results.breaks().step
+        with simulate(plate, None, Options(threads=1)) as results:
+            dt, broken = float(results.meta()["time_step"]), results.breaks().step
     late = sum("too late" in str(warning.message) for warning in said)
-    return Run(late, dt * float(broken.min(initial=1 << 62)) if len(broken) else 0.0, dt)
+    return Run(late, dt * float(broken.min()) if len(broken) else 0.0, dt)
 
 
 def scaled(file: str, factor: float) -> Model:

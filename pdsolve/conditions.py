@@ -78,7 +78,7 @@ def unbreakable(model: Model) -> NDArray[np.bool_]:
     return marked
 
 
-def loaded_or_held(model: Model) -> NDArray[np.bool_]:
+def mask_nodes_with_conditions(model: Model) -> NDArray[np.bool_]:
     """Mask (n,) of nodes with a condition that acts after the start."""
     marked = np.zeros(len(model.grid), dtype=bool)
     for condition in model.settings.conditions:

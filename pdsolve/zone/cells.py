@@ -101,11 +101,11 @@ def _place_at(numbering, x):  # type: ignore[no-untyped-def]
     if len(x) == 2:
         return lambda numbering, x: (x[1] + numbering.margins[1]) * numbering.strides[1] + numbering.margins[0] + x[0]
 
-    def place_in_space(numbering, x):  # type: ignore[no-untyped-def]
+    def place_in_3d(numbering, x):  # type: ignore[no-untyped-def]
         margins, strides = numbering.margins, numbering.strides
         return (x[2] + margins[2]) * strides[2] + (x[1] + margins[1]) * strides[1] + margins[0] + x[0]
 
-    return place_in_space
+    return place_in_3d
 
 
 def coordinates(numbering: LatticeNumbering, place: Any) -> Any:
@@ -125,7 +125,7 @@ def _coordinates(numbering, place):  # type: ignore[no-untyped-def]
             place // numbering.strides[1] - numbering.margins[1],
         )
 
-    def coordinates_in_space(numbering, place):  # type: ignore[no-untyped-def]
+    def coordinates_in_3d(numbering, place):  # type: ignore[no-untyped-def]
         margins, strides = numbering.margins, numbering.strides
         return (
             place % strides[1] - margins[0],
@@ -133,7 +133,7 @@ def _coordinates(numbering, place):  # type: ignore[no-untyped-def]
             place // strides[2] - margins[2],
         )
 
-    return coordinates_in_space
+    return coordinates_in_3d
 
 
 def along_each_axis(function: Any) -> Any:

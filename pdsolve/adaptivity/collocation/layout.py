@@ -24,7 +24,7 @@ from pdsolve.adaptivity.hybrid.coarse_cells import check_no_precrack_on_node
 from pdsolve.adaptivity.hybrid.precracks import is_visible, lengthen_cracks
 from pdsolve.codegen.jit_cache import cached_njit
 from pdsolve.codegen.vector_code import ROW
-from pdsolve.conditions import loaded_or_held, unbreakable
+from pdsolve.conditions import mask_nodes_with_conditions, unbreakable
 from pdsolve.laws.calls import bind
 from pdsolve.laws.pair import no_bonds
 from pdsolve.laws.pair_laws import brittle
@@ -161,7 +161,7 @@ def _create_plate(
     near = _mask_near_edges_and_cracks(lattice.cell_area_share[0], numbering, cracks) & has_node
     near_places, cut_counts = np.flatnonzero(near), np.zeros(numbering.place_count, dtype=np.int64)
     has_full_family, has_condition = has_node & ~near, lattice.no_fail.copy()
-    has_condition[place_of_grid_row] |= loaded_or_held(model)
+    has_condition[place_of_grid_row] |= mask_nodes_with_conditions(model)
     _cut_bonds_across_precracks(lattice, cut_bond_bits, near_places, cracks, cut_counts)
     _store_surface_correction_and_full_families(lattice, cut_bond_bits, near_places, has_full_family)
     return CollocationPlate(

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from pdmesh.model.document import InitialVelocity
 from pdmesh.model.visibility import plate_of
 from pdsolve.bonds.assembly import areas
-from pdsolve.conditions import loaded_or_held
+from pdsolve.conditions import mask_nodes_with_conditions
 from pdsolve.model import Model
 
 WHOLE = 1e-9  # of a cell: areas this near to its square's are that
@@ -62,7 +62,7 @@ class Tree:
         self.sides = np.asarray(self.spacing / 2.0 ** np.arange(self.levels + 1))  # m, of cells of each level
         self.horizons = model.settings.horizon.ratio * self.sides  # m, likewise
         self.area = areas(model, "cells")
-        self.pinned = loaded_or_held(model)  # which stay whole
+        self.pinned = mask_nodes_with_conditions(model)  # which stay whole
         self._by_id = np.argsort(grid.ids)
         self._first = int(grid.ids.max()) + 1
         self._shares = self._area_shares_at_edges()
