@@ -11,9 +11,9 @@
 # make sources the same, and a page for each of the other sources
 # make failures  where methods fail, measured anew on one page
 # make handbook  stress intensities of cracked plates beside the handbook's, measured anew on one page
-# make materials  what can be combined, settings of materials, what bodies do not have: a page and sections of pages
-# make forks   where a crack of particles forks, over time steps and grids: a section of a page
-# make split   what cells that split cost against threshold and interval: docs/verification/split.png and a section of a page
+# make materials  what can be combined, settings of materials, what bodies do not have: tables of pages
+# make forks   where a crack of particles forks, over time steps and grids: a table
+# make split   what cells that split cost against threshold and interval: docs/verification/split.png and a table
 # make bench    check what plans promise: benchmarks/planning.json
 # make bench-speed  measure the solver on all plates: benchmarks/speed.json and .png
 # make bench-quick  the same on one plate; fails where the fast kernel is too slow

@@ -172,9 +172,8 @@ def jobs(folder: Path) -> Iterator[Job]:
     """All that is measured, their models written to `folder`."""
     import msgspec
 
-    from benchmarks.claims import Case
-    from benchmarks.runs import built
-    from benchmarks.speed import GLASS, PLATES, square
+    from benchmarks.models import lattice_grid, scene_model
+    from benchmarks.speed import GLASS, PLATES
     from pdmesh.model.document import Horizon, Run, Settings
     from pdsolve.model import Model
 
@@ -187,11 +186,11 @@ def jobs(folder: Path) -> Iterator[Job]:
     for name, shape in {"4k": PLATES["4k"], "64k": PLATES["64k"], **strips}.items():
         for m in (3.0, 4.0):
             settings = Settings(material=GLASS, horizon=Horizon(m), run=Run(time_step=2e-8))
-            model = written(Model(square(*shape), settings), f"{name}-{m:g}")
+            model = written(Model(lattice_grid(*shape), settings), f"{name}-{m:g}")
             for precision in ("float64", "float32"):
                 yield Job(f"intact, {name}, m = {m:g}, {precision}", model, precision=precision)
     for name, law in (("duran50", "brittle"), ("kalthoff_winkler", "bilinear")):
-        scene = built(Case(name, "", f"{name}.geo", ()), folder)
+        scene = scene_model(f"{name}.geo")
         assert scene.settings.material is not None
         material = msgspec.structs.replace(
             scene.settings.material, law=law, **({"kr": 2.0} if law != "brittle" else {})
@@ -203,7 +202,7 @@ def jobs(folder: Path) -> Iterator[Job]:
         yield Job(f"{name}, {law}, with {FRAMES} frames", model, kind="frames")
     run = Run(time_step=2e-8, steps=1000, every=50)
     settings = Settings(material=GLASS, horizon=Horizon(3.0), run=run)
-    model = written(Model(square(*PLATES["64k"]), settings), "64k-frames")
+    model = written(Model(lattice_grid(*PLATES["64k"]), settings), "64k-frames")
     yield Job("64k, 1000 steps, the march", model, kind="whole")
     yield Job(f"64k, 1000 steps, with {FRAMES} frames", model, kind="frames")
     yield from _jobs_of_lattices(folder)
@@ -213,9 +212,7 @@ def _jobs_of_lattices(folder: Path) -> Iterator[Job]:
     """Intact steps of plates and bodies of one spacing and of several, and the bytes of their bonds."""
     from benchmarks.lattices import models
 
-    for name, (model, kernel) in models(folder).items():
-        if kernel is not None:
-            continue
+    for name, model in models().items():
         path = folder / f"{name.replace(' ', '_').replace('`', '')}.json"
         path.write_text(model.to_json())
         yield Job(f"intact, {name}", str(path))

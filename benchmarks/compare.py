@@ -234,7 +234,7 @@ def main() -> int:
     against = args.against.resolve()
     if not (against / "pdsolve" / "__main__.py").is_file():
         parser.error(f"{args.against}: found no pdsolve in it, expected a checkout")
-    from benchmarks.runs import PLATES  # here, as what works in another checkout has no need of it
+    from benchmarks.models import PLATES  # here, as what works in another checkout has no need of it
 
     wanted = [scene for scene in PLATES if not args.scenes or scene.stem in args.scenes.split(",")]
     began = time.perf_counter()

@@ -18,12 +18,11 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from benchmarks.models import lattice_grid, model_of
 from benchmarks.timing import least, timed
 from pdmesh import Body, Box
 from pdmesh.drawing.solids import meshed
-from pdmesh.grid.building import build
-from pdmesh.model.document import Horizon, InitialVelocity, Lattice, Material, Run, Settings
-from pdmesh.model.node_grid import whole_lattice
+from pdmesh.model.document import Horizon, InitialVelocity, Material, Run, Settings
 from pdsolve.device import tiles
 from pdsolve.device.runtime import Session
 from pdsolve.device.source import preamble
@@ -76,7 +75,6 @@ def taken(dimension: int, precision: str, family: float) -> Taken:
 
 def plate(columns: int, rows: int) -> Model:
     """A plate that flies apart without breaking."""
-    lattice = Lattice(origin=(0.0, 0.0), spacing=1e-3, columns=columns, rows=rows)
     half = (0.0, 0.0, columns * 1e-3, rows * 0.5e-3)
     settings = Settings(
         material=Material(E=65e9, rho=2235.0, G0=1e9),
@@ -84,15 +82,14 @@ def plate(columns: int, rows: int) -> Model:
         conditions=(InitialVelocity(box=half, x=1.0, y=0.1),),
         run=Run(steps=10, every=10),
     )
-    return Model(whole_lattice(lattice, cracks=np.empty((0, 4))), settings)
+    return Model(lattice_grid(columns, rows), settings)
 
 
 def cube() -> Model:
     """A cube of so many nodes that is pulled."""
     glass = Material(E=65e9, rho=2235.0, G0=1e9, plane="space", micromodulus="constant")
     h = 1.0 / CUBE
-    found = build(meshed(Body(Box((0, 0, 0), (1.0, 1.0, 1.0)), h, glass).load("right", (1e4, 0, 0))))
-    return Model(found.grid, found.settings)
+    return model_of(meshed(Body(Box((0, 0, 0), (1.0, 1.0, 1.0)), h, glass).load("right", (1e4, 0, 0))))
 
 
 def roofline(session: Session, precision: str, clock: Callable[[], float]) -> tuple[float, float]:

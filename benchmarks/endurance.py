@@ -21,45 +21,33 @@ import warnings
 from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
 
-from benchmarks import pages
 from benchmarks.endured import Part, Until, corruptions, forgeries, full_disks, kills, many_frames, order
 from benchmarks.endured_studies import scheduled, studies
 from benchmarks.endured_together import caches, large, readers
 from benchmarks.endured_variables import variables
 from benchmarks.kills import ROOT
+from benchmarks.pages import markdown_table, read_block, write_block
 from pdmesh import VERSION
 
-PARTS: dict[str, tuple[float, Callable[[Path, Until], Part]]] = {  # with its share of the time
-    "kills at calls, all kinds of run": (1.0, kills),
-    "files of each kind, corrupted": (0.45, corruptions),
-    "forged side files and studies": (0.25, forgeries),
-    "a study of 500 runs, killed": (0.5, studies),
-    "a study by a scheduler, killed": (0.15, scheduled),
-    "50 readers beside a writer": (0.1, readers),
-    "two processes, one compile cache": (0.15, caches),
-    "nodes in another order": (0.1, order),
-    "full disks": (0.1, full_disks),
-    "2000 frames": (0.1, many_frames),
-    "hostile variables": (0.3, variables),
-    "2 million nodes, Ctrl-C": (0.5, large),
-}
-LANES = (  # parts that are tried one after the other, beside those of the others
-    ["kills at calls, all kinds of run", "files of each kind, corrupted"],
-    [
-        "a study of 500 runs, killed",
-        "a study by a scheduler, killed",
-        "two processes, one compile cache",
-        "hostile variables",
-    ],
-    [
-        "forged side files and studies",
-        "50 readers beside a writer",
-        "nodes in another order",
-        "full disks",
-        "2000 frames",
-        "2 million nodes, Ctrl-C",
-    ],
+LANES: tuple[dict[str, tuple[float, Callable[[Path, Until], Part]]], ...] = (
+    # parts that are tried one after the other, beside those of the others, each with its share of the time
+    {"kills at calls, all kinds of run": (1.0, kills), "files of each kind, corrupted": (0.45, corruptions)},
+    {
+        "a study of 500 runs, killed": (0.5, studies),
+        "a study by a scheduler, killed": (0.15, scheduled),
+        "two processes, one compile cache": (0.15, caches),
+        "hostile variables": (0.3, variables),
+    },
+    {
+        "forged side files and studies": (0.25, forgeries),
+        "50 readers beside a writer": (0.1, readers),
+        "nodes in another order": (0.1, order),
+        "full disks": (0.1, full_disks),
+        "2000 frames": (0.1, many_frames),
+        "2 million nodes, Ctrl-C": (0.5, large),
+    },
 )
+PARTS = {name: part for lane in LANES for name, part in lane.items()}
 PAGE = ROOT / "docs" / "developers" / "endurance.md"
 
 
@@ -68,30 +56,19 @@ def limit(end: float) -> Until:
     return lambda seconds: time.monotonic() + seconds < end
 
 
-def page(parts: dict[str, tuple[Part, float]], minutes: float) -> str:
-    """The page."""
-    rows = [part for part, _ in parts.values()]
-    lines = [
-        "# Endurance test",
-        "",
-        f"Written by `make endurance` (here `python -m benchmarks.endurance --minutes {minutes:g}`), version {VERSION},"
-        f" {os.cpu_count()} cores, Python {platform.python_version()}. *Tried* are the cases that fitted into the"
-        " time, out of all. *Lost* counts runs that did not reach the same end as an undisturbed run, or left files"
-        " behind, and files of the user that were changed. *Tracebacks* counts errors that were not reported in one"
-        " line. *Wrong* counts numbers other than"
-        " expected. Parts run beside each other, so their minutes add up to more than the time.",
-        "",
-        "| what | tried | lost | tracebacks | wrong | minutes | found |",
-        "|---|---|---|---|---|---|---|",
+def block(parts: dict[str, tuple[Part, float]], minutes: float) -> str:
+    """The block of the page."""
+    rows = [
+        [name, f"{part.tried} of {part.of}", part.lost, part.traces, part.wrong, f"{seconds / 60:.1f}", part.said]
+        for name, (part, seconds) in parts.items()
     ]
-    for name, (part, seconds) in parts.items():
-        counts = f"{part.tried} of {part.of} | {part.lost} | {part.traces} | {part.wrong}"
-        lines.append(f"| {name} | {counts} | {seconds / 60:.1f} | {part.said} |")
-    total = f"{sum(row.lost for row in rows)} | {sum(row.traces for row in rows)} | {sum(row.wrong for row in rows)}"
-    lines.append(
-        f"| all | {sum(row.tried for row in rows)} | {total} | {sum(s for _, s in parts.values()) / 60:.1f} | |"
+    sums = [sum(getattr(part, count) for part, _ in parts.values()) for count in ("tried", "lost", "traces", "wrong")]
+    rows.append(["all", *sums, f"{sum(seconds for _, seconds in parts.values()) / 60:.1f}", ""])
+    return (
+        f"Written by `make endurance` (here `python -m benchmarks.endurance --minutes {minutes:g}`), version {VERSION},"
+        f" {os.cpu_count()} cores, Python {platform.python_version()}.\n\n"
+        + markdown_table(["what", "tried", "lost", "tracebacks", "wrong", "minutes", "found"], rows)
     )
-    return "\n".join([*lines, ""])
 
 
 ROW = re.compile(r"\| (.+) \| (\d+) of (\d+) \| (\d+) \| (\d+) \| (\d+) \| ([\d.]+) \| (.*) \|")
@@ -99,11 +76,11 @@ ROW = re.compile(r"\| (.+) \| (\d+) of (\d+) \| (\d+) \| (\d+) \| (\d+) \| ([\d.
 
 def known(text: str) -> dict[str, tuple[Part, float]]:
     """What a page says of each part."""
-    found = {}
+    parts = {}
     for name, *counts, minutes, said in ROW.findall(text):
         if name in PARTS:
-            found[name] = Part(*map(int, counts), said), 60 * float(minutes)
-    return found
+            parts[name] = Part(*map(int, counts), said), 60 * float(minutes)
+    return parts
 
 
 def tried(names: Iterable[str], minutes: float) -> Iterator[tuple[str, Part, float]]:
@@ -134,9 +111,9 @@ def side_by_side(minutes: float) -> Iterator[tuple[str, Part, float]]:
     children = [subprocess.Popen(lane, cwd=ROOT, stdout=subprocess.PIPE, text=True) for lane in lanes]
     for lane, child in zip(LANES, children, strict=True):
         lines = child.communicate()[0].splitlines()
-        found = {name: (Part(*part), seconds) for name, part, seconds in map(json.loads, lines)}
+        parts = {name: (Part(*part), seconds) for name, part, seconds in map(json.loads, lines)}
         for name in lane:
-            part, seconds = found.get(name, (Part(0, 1, traces=1, said=f"ended with {child.returncode}"), 0.0))
+            part, seconds = parts.get(name, (Part(0, 1, traces=1, said=f"ended with {child.returncode}"), 0.0))
             yield name, part, seconds
 
 
@@ -148,17 +125,16 @@ def main(arguments: list[str]) -> int:
     program.add_argument("--again", action="store_true", help="write what came of --part into the page that is there")
     args = program.parse_args(arguments)
     warnings.simplefilter("ignore")
-    found = {}
+    parts = {}
     for name, part, seconds in tried(args.part, args.minutes) if args.part else side_by_side(args.minutes):
-        found[name] = part, seconds
+        parts[name] = part, seconds
         if args.part:
             print(json.dumps([name, part, seconds]), flush=True)
-    whole = known(PAGE.read_text("utf-8")) | found if args.again else found
     if args.again or not args.part:
-        others = pages.sections(PAGE.read_text("utf-8"))[1:] if PAGE.exists() else []
-        PAGE.write_text("\n".join([page(whole, args.minutes), *others]), encoding="utf-8")
+        before = known(read_block(PAGE, "parts")) if args.again else {}
+        write_block(PAGE, "parts", block(before | parts, args.minutes))
         print(PAGE)
-    return int(any(part.lost or part.traces or part.wrong for part, _ in found.values()))
+    return int(any(part.lost or part.traces or part.wrong for part, _ in parts.values()))
 
 
 if __name__ == "__main__":

@@ -1,14 +1,13 @@
 """The gallery of the site: every shipped scene, built, solved and drawn by the commands that stand below its picture.
 
-`python -m benchmarks.gallery` writes docs/gallery.md and its pictures; names of scenes solve those alone, and keep the
-other pictures. A scene that takes minutes is solved in a coarser form, as its commands say. What its picture shows, its
-equation, its source and what was measured stand in benchmarks/gallery_texts.md.
+`python -m benchmarks.gallery` writes docs/gallery.md and its pictures; names of scenes solve those alone. A scene that
+takes minutes is solved in a coarser form, as its commands say. What its picture shows, its equation, its source and
+what was measured stand in benchmarks/gallery_texts.md.
 """
 
 from __future__ import annotations
 
 import argparse
-import io
 import re
 import subprocess
 import sys
@@ -18,8 +17,10 @@ from typing import NamedTuple
 
 from PIL import Image
 
-ROOT = Path(__file__).parent.parent
-PAGE = ROOT / "docs" / "gallery.md"
+from benchmarks.pages import DOCS, markdown_table, write_block
+
+ROOT = DOCS.parent
+PAGE = DOCS / "gallery.md"
 NAMES = {  # of people, materials and shapes, as a heading has them
     "kalthoff winkler": "Kalthoff-Winkler",
     "duran50": "Duran 50",
@@ -112,19 +113,16 @@ def caption(scene: Path) -> str:
 
 
 def draw(scene: Path) -> None:
-    """Solve a scene in a folder of its own and keep its picture. Raises CalledProcessError."""
+    """Solve a scene in a folder of its own and write its picture. Raises CalledProcessError."""
     with tempfile.TemporaryDirectory() as name:
         (Path(name) / "geometries").symlink_to(ROOT / "geometries")
         for line in commands(scene):
             program, *options = line.split()
             where = ["-o", "shown.png"] if program == "pdpost" else []
             subprocess.run([sys.executable, "-m", program, *options, "-q", *where], cwd=name, check=True)
-        found = Image.open(Path(name) / "shown.png").convert("RGB")
-        small = found.resize((WIDE, round(found.height * WIDE / found.width)), Image.Resampling.LANCZOS)
-        kept = io.BytesIO()
-        small.save(kept, "png", optimize=True)
-    picture_of(scene).parent.mkdir(exist_ok=True)
-    picture_of(scene).write_bytes(kept.getvalue())
+        image = Image.open(Path(name) / "shown.png").convert("RGB")
+        small = image.resize((WIDE, round(image.height * WIDE / image.width)), Image.Resampling.LANCZOS)
+        small.save(picture_of(scene), "png", optimize=True)
 
 
 def picture_of(scene: Path) -> Path:
@@ -151,30 +149,22 @@ def anchor(scene: Path) -> str:
     return re.sub(r"[^\w -]", "", title(scene).lower()).replace(" ", "-")
 
 
-def front(scenes: list[Path]) -> list[str]:
+def front(scenes: list[Path]) -> str:
     """A table of pictures, each of which leads to its scene."""
-    found = {scene.stem: f"[![{caption(scene)}](gallery/{scene.stem}.png)](#{anchor(scene)})" for scene in scenes}
-    shown = [found[name] for name in FRONT]
-    rows = [f"| {' | '.join(shown[at : at + ACROSS])} |" for at in range(0, len(shown), ACROSS)]
-    return [rows[0], "|---" * ACROSS + "|", *rows[1:], ""]
+    pictures = {scene.stem: f"[![{caption(scene)}](gallery/{scene.stem}.png)](#{anchor(scene)})" for scene in scenes}
+    shown = [pictures[name] for name in FRONT]
+    rows = [shown[at : at + ACROSS] for at in range(0, len(shown), ACROSS)]
+    return markdown_table(rows[0], rows[1:])
 
 
-def page(scenes: list[Path]) -> str:
-    """The page, in Markdown."""
-    lines = [
-        "# Gallery",
-        "",
-        "The gallery has the examples in `geometries/`: what each shows, its equation, its source, what was measured",
-        "beside it, and its commands. Written by `python -m benchmarks.gallery`.",
-        "",
-        *front(scenes),
-    ]
-    said = texts()
+def sections(scenes: list[Path]) -> str:
+    """The table of pictures, and a section for each scene."""
+    lines, explained = [front(scenes)], texts()
     for scene in scenes:
         picture = f"![{caption(scene)}](gallery/{scene.stem}.png)"
-        lines += [f"## {title(scene)}", "", f"`geometries/{scene.name}`", "", picture, "", said[scene.stem], ""]
+        lines += [f"## {title(scene)}", "", f"`geometries/{scene.name}`", "", picture, "", explained[scene.stem], ""]
         lines += ["```bash", *commands(scene), "```", ""]
-    return "\n".join(lines)
+    return "\n".join(lines).strip("\n")
 
 
 def shipped() -> list[Path]:
@@ -194,7 +184,7 @@ def main() -> None:
         if not asked or scene.name in asked:
             print(scene.name, flush=True)
             draw(scene)
-    PAGE.write_text(page(scenes), encoding="utf-8")
+    write_block(PAGE, "scenes", sections(scenes))
 
 
 if __name__ == "__main__":

@@ -1,56 +1,26 @@
-"""Stress intensities of cracked plates against the handbook's: python -m benchmarks.handbook [--wide N] [-o FILE]
+"""Stress intensities of cracked plates against the handbook's: python -m benchmarks.handbook
 
-Solves the plates of `specimens.py` and writes `docs/verification/stress_intensity.md`, the table of ours against
-theirs.
+Solves the plates of `specimens.py` and writes the tables of `docs/verification/stress_intensity.md`, ours over theirs.
 """
 
 from __future__ import annotations
 
-import argparse
 import sys
-from pathlib import Path
 from typing import NamedTuple
 
 import msgspec
 import numpy as np
 
 from benchmarks import ties
+from benchmarks.pages import DOCS, markdown_table, write_block
 from benchmarks.specimens import HORIZON, SPECIMENS, UNIT, WIDE, Specimen
-from pdmesh.files import write_atomically
 from pdmesh.model.document import Horizon
 from pdpost.measures.stress_intensities import TipIntensityHistory, follow_tip_intensities
 from pdsolve.model import Model
 from pdsolve.run.simulation import Options, simulate
 
 SHORT = 3.0  # spacings: the horizon that is shown beside
-HERE = Path(__file__).parent.parent
-
-ABOVE = """# Stress intensity factors
-
-Stress intensity factors of cracked plates beside the formulas of handbooks.
-
-`python -m benchmarks.handbook` writes this page. Its plates are {wide} spacings wide (conical, plane stress, one
-scale), are solved at rest, and are compared with formulas for the same geometry.
-
-- **ours** is K1 (K2) of `pdpost sif` over that of the formula, for the middle one of three rings and a horizon of
-  {horizon:g} spacings.
-- **rings** is the range over the three rings.
-- **from J** is the root of J E over that of K1^2 + K2^2.
-- **horizon {short:g}** is ours with a horizon of {short:g} spacings.
-
-Loads are tractions. The classical K then does not depend on Poisson's ratio, so the Poisson's ratio of bonds does no
-harm. Around the slanted crack alone the displacements of an infinite plate are held.
-
-| plate | formula | nodes | K | ours | rings | from J | horizon {short:g} |
-|---|---|---|---|---|---|---|---|
-"""
-BELOW = """
-Formulas: **Tada**: H. Tada, P. C. Paris, G. R. Irwin, The Stress Analysis of Cracks Handbook, 3rd edition, ASME, 2000;
-**ASTM**: E399, Standard Test Method for Plane-Strain Fracture Toughness. The table names the accuracy of each formula.
-A crack is as long as drawn, and ends half-way between two columns of nodes. With a horizon of 3 spacings the lattice
-is 5 % stiffer in tension than in shear. This affects most the plates whose cracks leave two narrow ligaments.
-`tests/verification/test_handbook.py` requires an error below 2 % with a horizon of {horizon:g}.
-"""
+PAGE = DOCS / "verification" / "stress_intensity.md"
 
 
 class Row(NamedTuple):
@@ -64,8 +34,8 @@ class Row(NamedTuple):
     from_J: float
 
     @property
-    def said(self) -> str:
-        """Its numbers."""
+    def intensities(self) -> str:
+        """Over those of the formula, as text."""
         return f"{self.K1:.4f}" if self.K2 is None else f"{self.K1:.4f}, {self.K2:.4f}"
 
 
@@ -86,35 +56,23 @@ def row(specimen: Specimen, wide: int = WIDE, horizon: float = HORIZON) -> Row:
     return Row(specimen, len(case.model.grid), first, (low, high), second, whole)
 
 
-def line(found: Row, shorter: Row) -> str:
-    """A row in Markdown, with that of a shorter horizon."""
-    low, high = found.ends
-    columns = (
-        found.specimen.name,
-        found.specimen.source,
-        f"{found.nodes}",
-        "K1" if found.K2 is None else "K1, K2",
-        f"**{found.said}**",
-        f"{low:.4f} to {high:.4f}",
-        f"{found.from_J:.4f}",
-        shorter.said,
-    )
-    return f"| {' | '.join(columns)} |\n"
+def cells(measured: Row, shorter: Row) -> list[str]:
+    """A line of the table, with the row of a shorter horizon."""
+    specimen, (low, high) = measured.specimen, measured.ends
+    kinds = "K1" if measured.K2 is None else "K1, K2"
+    ours = [f"**{measured.intensities}**", f"{low:.4f} to {high:.4f}", f"{measured.from_J:.4f}", shorter.intensities]
+    return [specimen.name, specimen.source, str(measured.nodes), kinds, *ours]
 
 
 def main() -> int:
-    """Write the table."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--wide", type=int, default=WIDE, help=f"spacings of a plate's width (default: {WIDE})")
-    parser.add_argument("-o", "--output", type=Path, default=HERE / "docs" / "verification" / "stress_intensity.md")
-    args = parser.parse_args()
-    lines = []
+    """Write the tables."""
+    rows = []
     for specimen in SPECIMENS:
-        lines.append(line(row(specimen, args.wide), row(specimen, args.wide, SHORT)))
-        print(lines[-1], end="", file=sys.stderr)
-    words = {"wide": args.wide, "horizon": HORIZON, "short": SHORT}
-    page = [ABOVE.format(**words), *lines, BELOW.format(**words), ties.section()]
-    write_atomically(args.output, "".join(page).encode())
+        rows.append(cells(row(specimen), row(specimen, horizon=SHORT)))
+        print(rows[-1], file=sys.stderr)
+    header = ["plate", "formula", "nodes", "K", "ours", "rings", "from J", f"horizon {SHORT:g}"]
+    write_block(PAGE, "plates", markdown_table(header, rows))
+    write_block(PAGE, "ties", ties.table())
     return 0
 
 

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from benchmarks.models import grid_of_nodes
 from pdmesh.model.document import (
     Collocation,
     Concentration,
@@ -38,19 +39,12 @@ def lattice(*counts: int) -> Grid:
     """So many nodes along each axis, half a cell from the edges; in the plane with a crack from the left."""
     axes = np.meshgrid(*[H * (np.arange(count) + 0.5) for count in counts], indexing="ij")
     position = np.column_stack([axis.ravel(order="F") for axis in axes])
-    count, high = len(position), H * np.array(counts[:2])
-    corners = high * np.array([[0, 0], [1, 0], [1, 1], [0, 1]])
-    level = round(counts[1] / 2) * H
-    flat = len(counts) == 2
-    return Grid(
-        ids=np.arange(1, count + 1),
-        position=position,
-        delta=np.full(count, H),
-        border=np.zeros(count, dtype=bool),
-        hole_id=np.full(count, -1),
-        cracks=np.array([[0.0, level, high[0] / 3, level]]) if flat else np.empty((0, 9)),
-        **({"outline": (corners,), "areas": np.full(count, H**2)} if flat else {"areas": np.full(count, H**3)}),  # type: ignore[arg-type]
-    )
+    areas = np.full(len(position), H ** len(counts))
+    if len(counts) == 3:
+        return grid_of_nodes(position, H, areas=areas)
+    wide, high = H * np.array(counts)
+    outline, level = np.array([[0, 0], [wide, 0], [wide, high], [0, high]]), round(counts[1] / 2) * H
+    return grid_of_nodes(position, H, [(0.0, level, wide / 3, level)], outline=(outline,), areas=areas)
 
 
 def _torn(counts: tuple[int, ...] = (24, 16), ratio: float = 3.0, pull: float = 4e10, **settings: Any) -> Model:

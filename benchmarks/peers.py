@@ -1,6 +1,6 @@
 """This solver beside pypd and LAMMPS (PERI package): the same plate and the same body, in turns, on one thread.
 
-`python -m benchmarks.peers --python PYTHON` writes peers.json and a section of docs/verification/accuracy_and_cost.md.
+`python -m benchmarks.peers --python PYTHON` writes peers.json and tables of docs/verification/accuracy_and_cost.md.
 PYTHON is an interpreter with the packages `lammps` and `pypd` (of peridynamics), by default this one; without one of
 them, what it has not is left out. Each code has a process of its own, and they take turns; the time of a code is the
 least user time of its turns. All begin with one pulse, and their displacements are compared before the clock starts.
@@ -29,7 +29,6 @@ if TYPE_CHECKING:  # another interpreter, which serves, has no benchmarks
     from benchmarks.timing import Served
 
 HERE = Path(__file__).resolve().parent.parent
-PAGE = HERE / "docs" / "verification" / "accuracy_and_cost.md"
 STORED = Path(__file__).with_suffix(".json")
 SPACING, RATIO, STEP = 1e-3, 3.0, 5e-8  # m; horizon over spacing; s
 THEIR_RATIO = 3.015  # of LAMMPS, whose families end at the horizon
@@ -181,17 +180,14 @@ def model(shape: NDArray[np.int64]) -> Any:
     """A plate or a body of glass, of so many nodes along each axis."""
     import msgspec
 
+    from benchmarks.models import lattice_grid
     from benchmarks.space import GLASS
-    from pdmesh.model.document import Horizon, Lattice, Run, Settings
-    from pdmesh.model.node_grid import whole_lattice
+    from pdmesh.model.document import Horizon, Run, Settings
     from pdsolve.model import Model
 
-    sides = [int(side) for side in shape]
-    flat = len(sides) == 2
-    lattice = Lattice((0.0,) * len(sides), SPACING, *sides)
-    grid = whole_lattice(lattice, cracks=np.zeros((0, 4 if flat else 9)))
-    material = msgspec.structs.replace(GLASS, plane="stress") if flat else GLASS
-    return Model(grid, Settings(material=material, horizon=Horizon(RATIO), run=Run(time_step=STEP)))
+    material = msgspec.structs.replace(GLASS, plane="stress" if len(shape) == 2 else "space")
+    settings = Settings(material=material, horizon=Horizon(RATIO), run=Run(time_step=STEP))
+    return Model(lattice_grid(*shape.tolist()), settings)
 
 
 def write_problem(shape: tuple[int, ...], file: Path) -> None:
@@ -337,63 +333,23 @@ def _difference(field: NDArray[np.float64], other: NDArray[np.float64]) -> float
     return float(np.abs(field - other).max() / np.abs(other).max())
 
 
-HEAD = (
-    "| code | version | bonds a node | ns a bond | over the first row | us a node and step | over the first row |"
-    " memory, MB | bytes a bond | difference of displacements |"
-)
+def block(measurement: dict[str, Any]) -> str:
+    """The block of the page: a table of the plate and one of the body."""
+    from benchmarks.pages import markdown_table
 
-
-def section(found: dict[str, Any]) -> str:
-    """The section of the page."""
-    plate, body = (" x ".join(map(str, SHAPES[kind])) for kind in ("plate", "body"))
-    lines = [
-        "## Beside pypd and LAMMPS",
-        "",
-        f"A plate of {plate} nodes and a body of {body} nodes, 1 mm apart, of glass with a constant micromodulus and a",
-        "horizon of three spacings, in whole steps on one thread. On a machine with other work, the codes take",
-        "turns in one run of `python -m benchmarks.peers`. Times are the least user time of a code's turns, over its",
-        "own directed bonds or over the nodes. Memory is the peak of the process beyond that of one with a small",
-        f"model, what it needs to prepare included. Processor: {found['processor']}.",
-    ]
-    for kind, rows in found["measured"].items():
-        lines += ["", f"The {kind}:", "", HEAD, "|" + 10 * "---|"]
-        for row in rows:
-            difference = "" if row is rows[0] else f"{row['difference']:.0e}"
-            per_bond, per_node = (row[key] / rows[0][key] for key in ("ns a bond", "us a node"))
-            lines.append(
-                f"| {row['code']} | {row['whole version']} | {row['whole bonds'] / row['nodes']:.1f} |"
-                f" {row['ns a bond']:.2f} | {per_bond:.1f} | {row['us a node']:.4f} | {per_node:.1f} |"
-                f" {row['megabytes']:.0f} | {row['bytes a bond']:.1f} | {difference} |"
-            )
-    return "\n".join([*lines, "", *remarks(found), ""])
-
-
-def remarks(found: dict[str, Any]) -> list[str]:
-    """What the numbers mean, and what is not measured."""
-    rows = [row for of in found["measured"].values() for row in of]
-    codes = {row["code"] for row in rows}
-    lines = [
-        f"The last column compares displacements after {CHECKED} steps of a pulse: the largest difference from those",
-        "of the first row, over the largest displacement.",
-    ]
-    if "pypd" in codes:
-        commit = f" (commit {found['pypd']})" if found["pypd"] else ""
-        lines += [
-            f"pypd{commit} has the bonds of `pdsolve` and their stiffness, so that it solves the same sums. It has no",
-            "bodies.",
-        ]
-    if "LAMMPS" in codes:
-        apart = max(row.get("difference from numpy", 0.0) for row in rows)
-        lines += [
-            f"LAMMPS is its pair style `peri/pmb`. Its families end at {THEIR_RATIO} spacings; those of `pdsolve` have",
-            "partial cells up to half a spacing beyond the horizon, and corrections at surfaces. The micromodulus of",
-            "LAMMPS gives its lattice the same stiffness. On a small plate and a small body its displacements are",
-            f"within {apart:.0e} of those of the same sums written in numpy.",
-        ]
-        if not any(row.get("whole has bpm/peri") for row in rows):
-            lines.append("The newer `bond_style bpm/peri` of LAMMPS is not in this package and is not measured.")
-    lines += [f"{code} is not measured." for code in ("pypd", "LAMMPS") if code not in codes]
-    return lines
+    header = ["code", "version", "bonds a node", "ns a bond", "over the first row", "us a node and step"]
+    header += ["over the first row", "memory, MB", "bytes a bond", "difference of displacements"]
+    text = f"Processor: {measurement['processor']}.\n"
+    for kind, measured_rows in measurement["measured"].items():
+        first, rows = measured_rows[0], []
+        for row in measured_rows:
+            difference = "" if row is first else f"{row['difference']:.0e}"
+            cells = [row["code"], row["whole version"], f"{row['whole bonds'] / row['nodes']:.1f}"]
+            cells += [f"{row['ns a bond']:.2f}", f"{row['ns a bond'] / first['ns a bond']:.1f}"]
+            cells += [f"{row['us a node']:.4f}", f"{row['us a node'] / first['us a node']:.1f}"]
+            rows.append([*cells, f"{row['megabytes']:.0f}", f"{row['bytes a bond']:.1f}", difference])
+        text += f"\nThe {kind}:\n\n{markdown_table(header, rows)}"
+    return text
 
 
 def processor() -> str:
@@ -409,23 +365,19 @@ def main() -> int:
     """Measure, or serve who measures; returns the exit code."""
     parser = argparse.ArgumentParser(prog="benchmarks.peers", description=__doc__)
     parser.add_argument("--python", default=sys.executable, help="an interpreter that has the other codes")
-    parser.add_argument("--pypd", default="", help="the commit of pypd, which its version does not tell")
-    parser.add_argument("--page", action="store_true", help="write the section from what is stored")
     parser.add_argument("--serve", nargs=2, help=argparse.SUPPRESS)
-    asked = parser.parse_args()
-    if asked.serve:
-        serve(*asked.serve)
+    args = parser.parse_args()
+    if args.serve:
+        serve(*args.serve)
         return 0
-    from benchmarks.pages import put_section
+    from benchmarks.pages import DOCS, write_block
 
-    if not asked.page:
-        with tempfile.TemporaryDirectory() as folder:
-            rows = {kind: measured(kind, asked.python, Path(folder)) for kind in SHAPES}
-        found = {"processor": processor(), "pypd": asked.pypd, "measured": rows}
-        STORED.write_text(json.dumps(found, indent=1) + "\n", encoding="utf-8")
-    text = section(json.loads(STORED.read_text(encoding="utf-8")))
-    put_section(PAGE, text)
-    print(text)
+    with tempfile.TemporaryDirectory() as folder:
+        rows = {kind: measured(kind, args.python, Path(folder)) for kind in SHAPES}
+    measurement = {"processor": processor(), "measured": rows}
+    STORED.write_text(json.dumps(measurement, indent=1) + "\n", encoding="utf-8")
+    write_block(DOCS / "verification" / "accuracy_and_cost.md", "peers", block(measurement))
+    print(block(measurement))
     return 0
 
 

@@ -23,7 +23,7 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmarks.runs import GEOMETRIES
+from benchmarks.models import GEOMETRIES
 from pdmesh import Circle, Scene, box
 from pdmesh.drawing.file_reading import read_scene
 from pdmesh.grid.building import build

@@ -24,10 +24,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks.devices import plate
+from benchmarks.models import lattice_grid
 from benchmarks.timing import timed
-from pdmesh.model.document import Concentration, Horizon, Lattice, Run, Settings
+from pdmesh.model.document import Concentration, Horizon, Run, Settings
 from pdmesh.model.medium import Medium
-from pdmesh.model.node_grid import whole_lattice
 from pdsolve.model import Model
 from pdsolve.numerics.memory import large_arrays_apart
 from pdsolve.numerics.team import Team, team
@@ -48,7 +48,6 @@ def square(nodes: int) -> Model:
 def spreading(nodes: int) -> Model:
     """A square plate of about so many nodes, which a content enters from below."""
     side = math.isqrt(nodes)
-    lattice = Lattice(origin=(0.0, 0.0), spacing=1e-3, columns=side, rows=side)
     settings = Settings(
         physics="diffusion",
         medium=Medium(D=1.0),
@@ -56,7 +55,7 @@ def spreading(nodes: int) -> Model:
         conditions=(Concentration(box=(0.0, 0.0, side * 1e-3, 2.5e-3), value=1.0),),
         run=Run(steps=10, every=10),
     )
-    return Model(whole_lattice(lattice, cracks=np.empty((0, 4))), settings)
+    return Model(lattice_grid(side, side), settings)
 
 
 def exchanges(ranks: Team, times: int) -> list[float]:

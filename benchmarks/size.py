@@ -13,7 +13,8 @@ import threading
 from pathlib import Path
 from types import FrameType
 
-from pdmesh import Material, Run, Scene, box, build
+from benchmarks.models import model_of
+from pdmesh import Material, Run, Scene, box
 from pdsolve import Model, simulate
 from pdsolve.lattice.march import LatticeMarch
 
@@ -35,8 +36,7 @@ def small_plate() -> Model:
     """A pulled plate with a pre-crack, of 50 nodes."""
     plate = Scene(box(0, 0, 0.1, 0.05), 1e-2, Material(E=65e9, rho=2235, G0=204), run=Run(duration=1e-5))
     plate = plate.crack([(0, 0.026), (0.05, 0.026)]).load("top", traction=(0, 12e6)).load("bottom", traction=(0, -12e6))
-    built = build(plate)
-    return Model(built.grid, built.settings)
+    return model_of(plate)
 
 
 def followed(model: Model) -> list[str]:

@@ -1,13 +1,11 @@
-"""Solve the examples of the other sources and write a page for each: claimed, accepted, measured.
+"""Solve the examples of the other sources: python -m benchmarks.sources
 
-    python -m benchmarks.sources [-o docs/verification/reproductions]
-
-Results are kept in `build/sources` and used again; delete that folder for a fresh run.
+Writes numbers (claimed, accepted, measured) and pictures of the pages below docs/verification/reproductions. Results
+stay in `build/sources` and are used again; delete that folder for a fresh run.
 """
 
 from __future__ import annotations
 
-import argparse
 import sys
 from collections.abc import Callable
 from pathlib import Path
@@ -16,20 +14,19 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmarks.pages import pictured
-from benchmarks.runs import GEOMETRIES
-from benchmarks.thesis import provenance, table
-from pdmesh.drawing.file_reading import build_file
+from benchmarks.models import scene_model
+from benchmarks.pages import DOCS, markdown_table, pictured, write_block
+from benchmarks.thesis import provenance
 from pdpost.figures import field_figure
 from pdpost.figures.style import save, styled
 from pdpost.measures.cracks import find_crack_events
 from pdsolve.laws.higher_order_correspondence import fit
-from pdsolve.model import Model
 from pdsolve.results import Results
 from pdsolve.run.simulation import Options, simulate
 
 CLASSICAL, FIBRES, ELEMENTS = "the classical bar", "fibres of the classical beam", "finite elements"
 INDEPENDENT, SOURCE = "an independent program", "the source"
+RESULTS = Path("build/sources")
 HEADER = ["", "claimed by the source", "accepted", "whose number", "measured", "accepted?"]
 
 
@@ -59,16 +56,6 @@ class Example(NamedTuple):
     times: tuple[float, ...]  # s, of pictures: the frame nearest to each
 
 
-class Page(NamedTuple):
-    """A source document."""
-
-    name: str
-    title: str
-    words: str
-    examples: tuple[Example, ...]
-    more: Callable[[], str] = lambda: ""
-
-
 def last(results: Results) -> int:
     """The step of the last frame."""
     return int(results.frames()[0][-1])
@@ -88,12 +75,12 @@ def within(middle: float, share: float) -> tuple[float, float]:
 
 def _bar(results: Results) -> list[Number]:
     x = results.nodes().position[:, 0]
-    end, found = x > x.max() - 1e-9, []
+    end, numbers = x > x.max() - 1e-9, []
     for time, exact in ((1.0, 1.0), (2.0, 2.0), (3.0, 1.0)):
         value = float(results.field("ux", near(results, time))[end].mean()) / 1e-3
         what = f"displacement of the end at {time:g} L / c, over sigma L / E"
-        found.append(Number(what, "none", *within(exact, 0.05), CLASSICAL, value))
-    return found
+        numbers.append(Number(what, "none", *within(exact, 0.05), CLASSICAL, value))
+    return numbers
 
 
 def _branching(results: Results) -> list[Number]:
@@ -124,12 +111,12 @@ def _rubber(results: Results) -> list[Number]:
 
 def _beam(results: Results) -> list[Number]:
     x, y = results.nodes().position.T
-    middle, found = np.abs(x) < 1e-6, []
+    middle, numbers = np.abs(x) < 1e-6, []
     cell = np.where(np.abs(y[middle]) > 0.0499, 0.5, 1.0) * 0.01
     for times, exact in ((1, 1.0), (2, 1.3930), (3, 1.4733), (4, 1.5022)):
         moment = float((results.field("sxx", 4 * times)[middle] * y[middle] * cell).sum() / 46.8787e4)
-        found.append(Number(f"moment at {times} times the first bend", "none", *within(exact, 0.03), FIBRES, moment))
-    return found
+        numbers.append(Number(f"moment at {times} times the first bend", "none", *within(exact, 0.03), FIBRES, moment))
+    return numbers
 
 
 def _orders() -> str:
@@ -144,7 +131,7 @@ def _orders() -> str:
         turned = float(np.degrees(np.arctan2(F[1, 0] - F[0, 1], F[0, 0] + F[1, 1])))
         what = f"rotation seen from the corner, order {order}, degrees"
         rows.append(Number(what, said, known - 1e-3, known + 1e-3, INDEPENDENT, turned).row())
-    return "## What orders of gradients see\n\n" + table(HEADER, rows)
+    return "## What orders of gradients see\n\n" + markdown_table(HEADER, rows)
 
 
 def _bent(X: NDArray[np.float64], Y: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -154,46 +141,31 @@ def _bent(X: NDArray[np.float64], Y: NDArray[np.float64]) -> NDArray[np.float64]
     return np.column_stack([c * x - s * y, s * x + c * y])
 
 
-PAGES = (
-    Page(
-        "correspondence",
-        "Reproduction of correspondence models: a bar and a branching plate",
-        "For the bar the source prints no number; it says only that the solution converges. For the plate it says when"
-        " the first bond breaks and when the crack reaches the far edge. The place of branching is chaotic, so a single"
-        " number cannot be compared closely: `tests/verification/test_branching.py` compares several runs.",
-        (
-            Example("A bar under sudden end stress", "bar.py", _bar, "displacement", (0.5, 1.0, 2.0)),
-            Example("A branching plate", "branching_plate.py", _branching, "damage", (7.6e-6, 45e-6, 60e-6)),
-        ),
+PAGES = {
+    "correspondence": (
+        Example("A bar under sudden end stress", "bar.py", _bar, "displacement", (0.5, 1.0, 2.0)),
+        Example("A branching plate", "branching_plate.py", _branching, "damage", (7.6e-6, 45e-6, 60e-6)),
     ),
-    Page(
-        "gradients",
-        "Reproduction of higher-order gradients and nonlinear materials",
-        "The source is a set of slides. Their only numbers are the rotations of the bent square; the nonlinear"
-        " materials are only named.",
-        (
-            Example("A square that bends and turns", "bent_square.py", _square, "rotation", (1.0,)),
-            Example("A block of rubber between clamps", "rubber_block.py", _rubber, "stress", (1.0,)),
-            Example("A beam of steel that flows", "plastic_beam.py", _beam, "plastic", (1.0, 2.0, 4.0)),
-        ),
-        _orders,
+    "gradients": (
+        Example("A square that bends and turns", "bent_square.py", _square, "rotation", (1.0,)),
+        Example("A block of rubber between clamps", "rubber_block.py", _rubber, "stress", (1.0,)),
+        Example("A beam of steel that flows", "plastic_beam.py", _beam, "plastic", (1.0, 2.0, 4.0)),
     ),
-)
+}
 
 
-def solved(example: Example, cache: Path) -> Path:
+def solved(example: Example) -> Path:
     """The results of an example, solved unless they are there already."""
-    path = cache / f"{Path(example.scene).stem}.sqlite"
+    path = RESULTS / f"{Path(example.scene).stem}.sqlite"
     if not path.exists():
-        made = build_file(GEOMETRIES / example.scene, trust=True)
-        simulate(Model(made.grid, made.settings), path, Options(threads=1)).close()
+        simulate(scene_model(example.scene), path, Options(threads=1)).close()
     return path
 
 
-def section(example: Example, folder: Path, cache: Path) -> str:
+def section(example: Example, folder: Path) -> str:
     """Numbers and pictures of an example."""
     pictures = []
-    with Results.open(solved(example, cache)) as results:
+    with Results.open(solved(example)) as results:
         rows = [number.row() for number in example.numbers(results)]
         steps, times = results.frames()
         for step in (near(results, time) for time in example.times):
@@ -202,26 +174,18 @@ def section(example: Example, folder: Path, cache: Path) -> str:
                 save(field_figure.field(results, example.field, step), folder / name)
             pictures.append([f"{example.field} at {times[list(steps).index(step)]:.4g} s", pictured(name)])
     title = f"## {example.title} (`geometries/{example.scene}`)\n\n"
-    return title + table(HEADER, rows) + "\n" + table(["", ""], pictures)
+    return title + markdown_table(HEADER, rows) + "\n" + markdown_table(["", ""], pictures)
 
 
 def main() -> int:
-    """Write the pages and their pictures."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument(
-        "-o", "--output", type=Path, default=Path("docs/verification/reproductions"), help="folder of the pages"
-    )
-    parser.add_argument("--cache", type=Path, default=Path("build/sources"), help="folder of the results")
-    args = parser.parse_args()
-    args.cache.mkdir(parents=True, exist_ok=True)
-    for page in PAGES:
-        folder = args.output / page.name
-        folder.mkdir(parents=True, exist_ok=True)
-        sections = [section(example, folder, args.cache) for example in page.examples]
-        more = [page.more()] if page.more() else []
-        text = "\n".join([f"# {page.title}\n", f"{page.words}\n", provenance(), *more, *sections])
-        (folder / "index.md").write_text(text, encoding="utf-8")
-        print(f"The page: {folder / 'index.md'}")
+    """Write the blocks of the pages and their pictures."""
+    RESULTS.mkdir(parents=True, exist_ok=True)
+    for name, examples in PAGES.items():
+        page = DOCS / "verification" / "reproductions" / name / "index.md"
+        sections = [_orders()] if name == "gradients" else []
+        sections += [section(example, page.parent) for example in examples]
+        write_block(page, "examples", "\n".join([provenance(), *sections]))
+        print(f"The page: {page}")
     return 0
 
 

@@ -1,14 +1,13 @@
 """How fast bodies in space are: tiles against the list of bonds, in one interleaved run.
 
-`python -m benchmarks.space` writes space.json and a section of docs/verification/accuracy_and_cost.md. Times of one
-thread are CPU time, those of two are by the clock; each is the least of `ROUNDS` interleaved repeats. Bytes are what
+`python -m benchmarks.space` writes space.json and tables of docs/verification/accuracy_and_cost.md. Times are
+CPU time of one thread, the least of `ROUNDS` interleaved repeats. Bytes are what
 the process of a large body has at its peak beyond that of a small one.
 """
 
 from __future__ import annotations
 
 import argparse
-import importlib.metadata
 import json
 import os
 import resource
@@ -16,26 +15,25 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from functools import partial
 from pathlib import Path
 from typing import Any
 
 import msgspec
-import numpy as np
 
-from benchmarks.pages import put_section
+from benchmarks.models import lattice_grid, shaken
+from benchmarks.pages import DOCS, markdown_table, write_block
 from benchmarks.timing import least, timed
-from pdmesh.model.document import Horizon, Lattice, Material, Run, Settings
-from pdmesh.model.node_grid import whole_lattice
+from pdmesh import VERSION
+from pdmesh.model.document import Horizon, Material, Run, Settings
 from pdsolve.model import Model
 from pdsolve.numerics.memory import large_arrays_apart
-from pdsolve.numerics.thread_team import cores
 from pdsolve.options import Options
 from pdsolve.run.prepare import prepare
 from pdsolve.run.system import PreparedRun
 
-PAGE = Path(__file__).parent.parent / "docs" / "verification" / "accuracy_and_cost.md"
+PAGE = DOCS / "verification" / "accuracy_and_cost.md"
 GLASS = Material(E=65e9, rho=2235.0, G0=204.0, micromodulus="constant", plane="space")
 DRAWN = """from pdmesh import Body, Box, Material, Run
 glass = Material(E=65e9, rho=2235.0, G0=204.0, micromodulus="constant", plane="space")
@@ -53,46 +51,41 @@ VARIANTS = {
     "list, float64": Options(kernel="listed", threads=1),
     "tiles, float64": Options(threads=1),
     "tiles, float32": Options(precision="float32", threads=1),
-    "tiles, float64, 2 threads": Options(threads=min(2, cores())),
 }
-
 
 STORED = Path(__file__).parent / "space.json"
 
 
 def cube(side: int, material: Material = GLASS) -> Model:
     """A cube of so many nodes a side, 1 mm apart, m = 3."""
-    grid = whole_lattice(Lattice((0.0, 0.0, 0.0), 1e-3, side, side, side), cracks=np.zeros((0, 9)))
-    return Model(grid, Settings(material=material, horizon=Horizon(3.0), run=Run(time_step=2e-8)))
+    settings = Settings(material=material, horizon=Horizon(3.0), run=Run(time_step=2e-8))
+    return Model(lattice_grid(side, side, side), settings)
 
 
-def shaken(model: Model, options: Options) -> PreparedRun:
-    """A body in small random motion that breaks nothing."""
-    problem = prepare(model, options)
-    problem.state.value[:] = 1e-10 * np.random.default_rng(0).standard_normal(problem.state.value.shape)
-    problem.advance(1, 2)
-    return problem
+def marched(model: Model, names: Iterable[str]) -> dict[str, PreparedRun]:
+    """Runs of a model in small random motion that breaks nothing, one for each variant, compiled."""
+    runs = {name: shaken(model, VARIANTS[name]) for name in names}
+    for run in runs.values():
+        run.advance(1, 2)
+    return runs
 
 
 def repeated(takes: dict[str, Callable[[], Any]], rounds: int = ROUNDS) -> dict[str, float]:
-    """Seconds that each takes, the least of interleaved repeats: by the clock where there are several threads."""
-    clocks = {name: time.perf_counter if "threads" in name else time.process_time for name in takes}
-    return least({name: partial(timed, take, clocks[name]) for name, take in takes.items()}, rounds)
+    """CPU seconds that each takes, the least of interleaved repeats."""
+    return least({name: partial(timed, take, time.process_time) for name, take in takes.items()}, rounds)
 
 
 def measured(side: int, names: list[str]) -> dict[str, Any]:
     """us a node of a step and of preparing, and bytes a node of the operator."""
     model, nodes = cube(side), side**3
-    problems = {name: shaken(model, VARIANTS[name]) for name in names}
-    clocked = {"tiles, float64, 1 of 2 threads": "tiles, float64"} if "tiles, float64, 2 threads" in names else {}
-    takes = {name: problems[clocked.get(name, name)] for name in (*names, *clocked)}
-    step = repeated({name: lambda problem=problem: problem.advance(1, 1 + STEPS) for name, problem in takes.items()})
-    assert not any(len(problem.system.operator.broken().step) for problem in problems.values())
-    operators = {name: problem.system.operator.bytes() / nodes for name, problem in problems.items()}  # type: ignore[attr-defined]
-    bonds = problems["tiles, float64"].system.directed_bond_count / nodes
-    del problems, takes
-    options = {name: VARIANTS[name] for name in names if "threads" not in name}
-    preparing = repeated({name: lambda of=of: prepare(model, of) for name, of in options.items()}, PREPARED)
+    runs = marched(model, names)
+    takes = {name: partial(run.advance, 1, 1 + STEPS) for name, run in runs.items()}
+    step = repeated(takes)
+    assert not any(len(run.system.operator.broken().step) for run in runs.values())
+    operators = {name: run.system.operator.bytes() / nodes for name, run in runs.items()}  # type: ignore[attr-defined]
+    bonds = runs["tiles, float64"].system.directed_bond_count / nodes
+    del runs, takes
+    preparing = repeated({name: partial(prepare, model, VARIANTS[name]) for name in names}, PREPARED)
     return {
         "nodes": nodes,
         "bonds a node": bonds,
@@ -104,17 +97,12 @@ def measured(side: int, names: list[str]) -> dict[str, Any]:
 
 def ordinary(side: int) -> dict[str, Any]:
     """us a node of a step of ordinary families that may break, in a list and in tiles."""
-    model, problems = cube(side, msgspec.structs.replace(GLASS, model="ordinary", nu=0.25)), {}
-    for name in ("list, float64", "tiles, float64", "tiles, float32"):
-        problems[name] = shaken(model, VARIANTS[name])
-    step = repeated({name: lambda problem=problem: problem.advance(1, 1 + STEPS) for name, problem in problems.items()})
-    assert not any(len(problem.system.operator.broken().step) for problem in problems.values())
-    bonds = problems["tiles, float64"].system.directed_bond_count / side**3
-    return {
-        "nodes": side**3,
-        "bonds a node": bonds,
-        "step": {name: 1e6 * seconds / side**3 / STEPS for name, seconds in step.items()},
-    }
+    runs = marched(cube(side, msgspec.structs.replace(GLASS, model="ordinary", nu=0.25)), VARIANTS)
+    step = repeated({name: partial(run.advance, 1, 1 + STEPS) for name, run in runs.items()})
+    assert not any(len(run.system.operator.broken().step) for run in runs.values())
+    bonds = runs["tiles, float64"].system.directed_bond_count / side**3
+    microseconds = {name: 1e6 * seconds / side**3 / STEPS for name, seconds in step.items()}
+    return {"nodes": side**3, "bonds a node": bonds, "step": microseconds}
 
 
 def peak(side: int, precision: str) -> int:
@@ -137,109 +125,90 @@ def whole(side: int) -> dict[str, dict[str, float]]:
     return found
 
 
-def section(found: dict[str, Any]) -> str:
-    """The section of the page."""
-    clocked = ", two by the clock" if any("2 threads" in name for name in found["bodies"][0]["step"]) else ""
-    versions = found.get("versions", {})
-    lines = [
-        "## Bodies in space",
-        "",
-        f"Cubes of glass, constant micromodulus, m = 3, {STEPS} whole steps at once. `python -m benchmarks.space`",
-        f"measures them on a machine with other work: one thread by CPU time{clocked}, each the least of",
-        "interleaved repeats.",
-        "",
-        "| nodes | bonds a node | kernel | us a node and step | ns a bond | times the list |"
-        " preparing, us a node | operator, B a node |",
-        "|---|---|---|---|---|---|---|---|",
-    ]
-    for body in found["bodies"]:
-        listed = body["step"].get("list, float64")
+def write_blocks(measurement: dict[str, Any]) -> None:
+    """Write the blocks of the page, and print them; of each measurement that there is."""
+    blocks = {"bodies in space": _of_bodies(measurement["bodies"])}
+    peaks = ", ".join(f"{value:.0f} bytes a node in {name}" for name, value in measurement["peak"].items())
+    blocks["a million nodes"] = (
+        "All in all, with the grid, the state and what preparing takes for a while, a process has at its peak\n"
+        f"{peaks}, of a million nodes.\n\n{_of_programs(measurement, 'whole', 'a million nodes')}"
+    )
+    blocks["eight million nodes"] = _of_programs(measurement, "largest", "eight million nodes")
+    blocks["ordinary families"] = _of_ordinary(measurement)
+    for name, block in blocks.items():
+        write_block(PAGE, name, block)
+        print(block)
+
+
+def _of_bodies(bodies: list[dict[str, Any]]) -> str:
+    rows = []
+    for body in bodies:
+        listed, bonds = body["step"].get("list, float64"), body["bonds a node"]
         for name, step in body["step"].items():
-            bonds = body["bonds a node"]
             times = f"{listed / step:.1f}" if listed else ""
-            preparing = f"{body['preparing'][name]:.1f}" if name in body["preparing"] else ""
-            operator = f"{body['operator'][name]:.0f}" if name in body["operator"] else ""
-            lines.append(
-                f"| {body['nodes']} | {bonds:.0f} | {name} | {step:.4f} | {1e3 * step / bonds:.2f} | {times} |"
-                f" {preparing} | {operator} |"
-            )
-    if "ordinary" in found:
-        lines += _of_ordinary(found["ordinary"], _measured(versions.get("ordinary")))
-    lines += [
-        "",
-        "All in all, with the grid, the state and what preparing takes for a while, a process has at its peak",
-    ]
-    peaks = ", ".join(f"{value:.0f} bytes a node in {name}" for name, value in found["peak"].items())
-    lines += [f"{peaks}, of a million nodes.", ""]
-    for key, nodes in (("whole", "a million nodes"), ("largest", "eight million nodes")):
-        if key in found:
-            lines += [
-                f"From a script to a picture, {nodes} in float64, {_measured(versions.get(key))}:",
-                "",
-                "| | CPU time, s | peak, MB |",
-                "|---|---|---|",
-            ]
-            lines += [f"| {name} | {of['seconds']:.1f} | {of['bytes'] / 1e6:.0f} |" for name, of in found[key].items()]
-            lines.append("")
-    return "\n".join(lines)
+            cells = [body["nodes"], f"{bonds:.0f}", name, f"{step:.4f}", f"{1e3 * step / bonds:.2f}", times]
+            rows.append([*cells, f"{body['preparing'][name]:.1f}", f"{body['operator'][name]:.0f}"])
+    header = ["nodes", "bonds a node", "kernel", "us a node and step", "ns a bond", "times the list"]
+    return markdown_table([*header, "preparing, us a node", "operator, B a node"], rows)
 
 
-def _measured(version: str | None) -> str:
-    """With which version: older numbers do not tell theirs."""
+def _of_ordinary(measurement: dict[str, Any]) -> str:
+    families = measurement["ordinary"]
+    rows = []
+    for name, step in families["step"].items():
+        times, per_bond = families["step"]["list, float64"] / step, 1e3 * step / families["bonds a node"]
+        rows.append([name, f"{step:.3f}", f"{per_bond:.2f}", f"{times:.1f}"])
+    return (
+        f"The same for `ordinary` families that may break, of {families['nodes']} nodes"
+        f" (`python -m benchmarks.space --ordinary`), {_version(measurement, 'ordinary')}:\n\n"
+        + markdown_table(["kernel", "us a node and step", "ns a bond", "times the list"], rows)
+    )
+
+
+def _of_programs(measurement: dict[str, Any], key: str, nodes: str) -> str:
+    rows = [[name, f"{of['seconds']:.1f}", f"{of['bytes'] / 1e6:.0f}"] for name, of in measurement[key].items()]
+    return f"From a script to a picture, {nodes} in float64, {_version(measurement, key)}:\n\n" + markdown_table(
+        ["", "CPU time, s", "peak, MB"], rows
+    )
+
+
+def _version(measurement: dict[str, Any], key: str) -> str:
+    """With which version something was measured: older numbers do not tell theirs."""
+    version = measurement["versions"].get(key)
     return f"measured with version {version}" if version else "measured before version 1.1.0"
 
 
-def _of_ordinary(of: dict[str, Any], measured_with: str) -> list[str]:
-    """Lines of the section on ordinary families."""
-    lines = [
-        "",
-        f"The same for `ordinary` families that may break, of {of['nodes']} nodes"
-        f" (`python -m benchmarks.space --ordinary`), {measured_with}:",
-        "",
-        "| kernel | us a node and step | ns a bond | times the list |",
-        "|---|---|---|---|",
-    ]
-    for name, step in of["step"].items():
-        times = of["step"]["list, float64"] / step
-        lines.append(f"| {name} | {step:.3f} | {1e3 * step / of['bonds a node']:.2f} | {times:.1f} |")
-    return lines
-
-
-def told(found: dict[str, Any]) -> None:
-    """Keep the numbers, put the section on its page, and print it."""
-    STORED.write_text(json.dumps(found, indent=1) + "\n", encoding="utf-8")
-    put_section(PAGE, section(found))
-    print(section(found))
-
-
 def main() -> None:
-    """Measure, write, tell."""
+    """Measure all, or what is asked for; write and print."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--two-threads", action="store_true", help="too; it wants two quiet cores")
     parser.add_argument("--ordinary", action="store_true", help="ordinary families alone")
     parser.add_argument("--largest", action="store_true", help="eight million nodes alone; they take 4 GB")
     parser.add_argument("--peak", type=int, help=argparse.SUPPRESS)
     parser.add_argument("--precision", default="float64", help=argparse.SUPPRESS)
-    asked = parser.parse_args()
-    if asked.peak:
+    args = parser.parse_args()
+    if args.peak:
         large_arrays_apart()
-        prepare(cube(asked.peak), Options(precision=asked.precision, threads=1)).advance(1, 11)
+        prepare(cube(args.peak), Options(precision=args.precision, threads=1)).advance(1, 11)
         print(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024)
         return
-    stored = json.loads(STORED.read_text(encoding="utf-8"))
-    versions, version = stored.get("versions", {}), importlib.metadata.version("pdsuite")
-    if asked.ordinary:
-        told(stored | {"ordinary": ordinary(SMALL), "versions": versions | {"ordinary": version}})
-        return
-    if asked.largest:
-        told(stored | {"largest": whole(LARGEST), "versions": versions | {"largest": version}})
-        return
-    more = LARGE**3 - TINY**3  # first, as a process is said to have had what the one that starts it has
-    peaks = {kind: (peak(LARGE, kind) - peak(TINY, kind)) / more for kind in ("float64", "float32")}
-    ended = whole(LARGE)
-    names = [name for name in VARIANTS if asked.two_threads or "threads" not in name]
-    bodies = [measured(SMALL, names), measured(LARGE, [name for name in names if "list" not in name])]
-    told(stored | {"bodies": bodies, "peak": peaks, "whole": ended, "versions": versions | {"whole": version}})
+    measurement: dict[str, Any] = {}
+    if args.ordinary:
+        measurement["ordinary"] = ordinary(SMALL)
+    elif args.largest:
+        measurement["largest"] = whole(LARGEST)
+    else:
+        more = LARGE**3 - TINY**3  # first, as a process is said to have had what the one that starts it has
+        measurement["peak"] = {
+            precision: (peak(LARGE, precision) - peak(TINY, precision)) / more for precision in ("float64", "float32")
+        }
+        measurement["whole"] = whole(LARGE)
+        in_tiles = [name for name in VARIANTS if "list" not in name]
+        measurement["bodies"] = [measured(SMALL, list(VARIANTS)), measured(LARGE, in_tiles)]
+    before = json.loads(STORED.read_text(encoding="utf-8"))
+    versions = before["versions"] | dict.fromkeys(measurement, VERSION)
+    measurement = before | measurement | {"versions": versions}
+    STORED.write_text(json.dumps(measurement, indent=1) + "\n", encoding="utf-8")
+    write_blocks(measurement)
 
 
 if __name__ == "__main__":

@@ -16,7 +16,8 @@ import msgspec
 import numpy as np
 
 from benchmarks.griffith import Griffith
-from pdmesh import Circle, Material, Run, Scene, Static, box, build
+from benchmarks.models import model_of
+from pdmesh import Circle, Material, Run, Scene, Static, box
 from pdmesh.model.document import Displacement
 from pdmesh.model.material_constants import BONDS_NU
 from pdmesh.model.tip_fields import Elastic
@@ -60,12 +61,7 @@ def _plate(wide: int, x0: float, x1: float, height: float) -> Scene:
 def _pulled(scene: Scene, crack: float, shape: float) -> Case:
     """A plate pulled apart, its intensity that of its crack's length times a shape."""
     pulled = scene.load("top", traction=(0, PULL)).load("bottom", traction=(0, -PULL))
-    return Case(_model(pulled), PULL * np.sqrt(np.pi * crack) * shape)
-
-
-def _model(scene: Scene) -> Model:
-    built = build(scene)
-    return Model(built.grid, built.settings)
+    return Case(model_of(pulled), PULL * np.sqrt(np.pi * crack) * shape)
 
 
 def edge_shape(part: float) -> float:
@@ -106,7 +102,7 @@ def slanted(wide: int) -> Case:
     exact, half = Griffith(Elastic(UNIT.E, BONDS_NU["stress"], "stress"), 45.0, syy=PULL), (wide - 1) / wide / 2
     a = RATIO / 2
     scene = Scene(box(-half, -half, half, half), 1 / wide, UNIT, HORIZON, STATIC)
-    model = _model(scene.crack([tuple(-a * exact.way), tuple(a * exact.way)]))
+    model = model_of(scene.crack([tuple(-a * exact.way), tuple(a * exact.way)]))
     grid = model.grid
     u = a * exact.displacement(grid.position / a)
     outer = np.abs(grid.position).max(axis=1) > half - 2 * HORIZON / wide
@@ -130,7 +126,7 @@ def compact_tension(wide: int) -> Case:
         node = box(-small, side * pin - small, small, side * pin + small)
         force = (0, side * PULL * wide**2)  # over the cell of one node: PULL in N/m
         scene = scene.region(Circle(0, side * pin, 0.125), steel).load(node, body_force=force)
-    return Case(_model(scene), PULL * shape)
+    return Case(model_of(scene), PULL * shape)
 
 
 def three_point_bend(wide: int) -> Case:
@@ -142,7 +138,7 @@ def three_point_bend(wide: int) -> Case:
     for middle, y, push in ((0.0, 1.0, -PULL), (2.0, 0.0, PULL / 2), (-2.0, 0.0, PULL / 2)):
         line = [(middle - width / 2, y), (middle + width / 2, y)]
         scene = scene.load(line, traction=(0, push / width))
-    return Case(_model(scene), 4 * PULL * shape)
+    return Case(model_of(scene), 4 * PULL * shape)
 
 
 SPECIMENS = (

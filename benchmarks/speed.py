@@ -28,12 +28,11 @@ from llvmlite.binding import get_host_cpu_name
 from tqdm import tqdm
 
 from benchmarks import beside, bound
-from benchmarks.claims import Case
+from benchmarks.models import lattice_grid, scene_model, shaken
 from benchmarks.processes import processes
-from benchmarks.runs import built
 from benchmarks.timing import least_of_steps, timed
-from pdmesh.model.document import Horizon, Lattice, Material, Run, Settings
-from pdmesh.model.node_grid import Grid, whole_lattice
+from pdmesh.model.document import Horizon, Material, Run, Settings
+from pdmesh.model.node_grid import Grid
 from pdsolve.model import Model
 from pdsolve.options import Options
 from pdsolve.run.prepare import prepare
@@ -50,31 +49,15 @@ PLATES = {"4k": (101, 42), "13k": (131, 101), "64k": (400, 160), "1M": (1000, 10
 LISTED_UP_TO = 2_000_000  # nodes; above, lists of bonds are too long for a desktop
 
 
-def square(columns: int, rows: int) -> Grid:
-    """A rectangle of nodes of 1 mm, row by row."""
-    return whole_lattice(Lattice((0.0, 0.0), 1e-3, columns, rows), cracks=np.empty((0, 4)))
-
-
 def grids(names: list[str]) -> dict[str, Grid]:
     """The plates of one scale of these names, and the grids of the shipped scenes."""
-    found = {name: square(*PLATES[name]) for name in names if name in PLATES}
-    scenes = sorted(Path(__file__).parent.parent.glob("geometries/*.geo"))
-    wanted = [scene for scene in scenes if scene.stem in names]
-    if wanted:
-        from pdmesh.drawing.geo import read_geo
-        from pdmesh.grid.lattice import build_grid
-
-        for scene in wanted:
-            found[scene.stem] = build_grid(read_geo(scene))[0]
-    return found
+    return {name: lattice_grid(*PLATES[name]) if name in PLATES else scene_model(f"{name}.geo").grid for name in names}
 
 
-def shaken(grid: Grid, law: str, options: Options) -> PreparedRun:
+def intact(grid: Grid, law: str, options: Options) -> PreparedRun:
     """A plate in small random motion that breaks nothing."""
-    model = Model(grid, Settings(material=LAWS[law], horizon=Horizon(3.0), run=Run(time_step=2e-8)))
-    problem = prepare(model, options)
-    problem.state.value[:] = 1e-9 * np.random.default_rng(0).standard_normal(problem.state.value.shape)
-    return problem
+    settings = Settings(material=LAWS[law], horizon=Horizon(3.0), run=Run(time_step=2e-8))
+    return shaken(Model(grid, settings), options, 1e-9)
 
 
 class NumpyBonds:
@@ -130,17 +113,17 @@ def measure(name: str, grid: Grid, law: str, mode: str, rounds: int, threads: in
     if len(grid) <= LISTED_UP_TO:
         variants += [("listed", precision, threads) for precision in precisions]
         variants += [("listed", "float64", 1)] if threads > 1 else []
-    made: dict[str, PreparedRun] = {}
+    runs: dict[str, PreparedRun] = {}
     measures: dict[str, Callable[[int], float]] = {}
     for kernel, precision, used in variants:
         key = f"{kernel} {precision}" + (", 1 thread" if used < threads else "")
-        made[key] = shaken(grid, law, Options(mode, precision, used, kernel))
-        measures[key] = stepper(made[key], used)
+        runs[key] = intact(grid, law, Options(mode, precision, used, kernel))
+        measures[key] = stepper(runs[key], used)
     if len(grid) <= LISTED_UP_TO:
-        bare = NumpyBonds(made["listed float64"])
+        bare = NumpyBonds(runs["listed float64"])
         measures["numpy float64"] = lambda steps: timed(lambda: bare.take(steps), time.perf_counter)
     seconds = least_of_steps(measures, rounds, SAMPLE)
-    system = made["blocks float64"].system
+    system = runs["blocks float64"].system
     assert not len(system.operator.broken().step), "a bond broke: this is not the intact cost"
     bonds = system.directed_bond_count
     ns = {key: 1e9 * value / bonds for key, value in seconds.items()}
@@ -161,9 +144,9 @@ def ratios(ns: dict[str, float]) -> dict[str, float]:
     return {name: ns[slow] / ns[quick] for name, (slow, quick) in pairs.items() if slow in ns and quick in ns}
 
 
-def scene_of(name: str, law: str, folder: Path) -> Model:
+def scene_of(name: str, law: str) -> Model:
     """A shipped scene whose bonds follow one of the two laws."""
-    model = built(Case(name, "", f"{name}.geo", ()), folder)
+    model = scene_model(f"{name}.geo")
     assert model.settings.material is not None
     other = {"law": "bilinear", "kr": 2.0} if law == "bilinear" else {"law": "brittle"}
     material = msgspec.structs.replace(model.settings.material, **other)
@@ -242,11 +225,11 @@ def tell(row: dict[str, Any]) -> None:
 
 def quick() -> int:
     """The check for continuous integration, on one thread: other work on the machine then slows all variants alike."""
-    row = measure("4k", square(*PLATES["4k"]), "brittle", "conservative", QUICK_ROUNDS, 1)
+    row = measure("4k", lattice_grid(*PLATES["4k"]), "brittle", "conservative", QUICK_ROUNDS, 1)
     tell(row)
-    found = row["ratios"]["listed / blocks, float64"]
-    if found < LEAST:
-        print(f"the fast kernel is {found:.3g} times the listed one, expected at least {LEAST:g}", file=sys.stderr)
+    ratio = row["ratios"]["listed / blocks, float64"]
+    if ratio < LEAST:
+        print(f"the fast kernel is {ratio:.3g} times the listed one, expected at least {LEAST:g}", file=sys.stderr)
         return 1
     return 0
 
@@ -273,11 +256,10 @@ def main(arguments: list[str] | None = None) -> int:
                 tell(rows[-1])
     numba.set_num_threads(threads)
     runs = []
-    with tempfile.TemporaryDirectory() as folder:
-        for name, law, mode in itertools.product(filter(None, args.runs.split(",")), LAWS, MODES):
-            runs.append({"scene": name, "law": law, **growing(scene_of(name, law, Path(folder)), mode, 3)})
-            told = ", ".join(f"{key} {value:.3g}" for key, value in runs[-1]["ratios"].items())
-            print(f"{name}, {law}, {mode}: {told}", flush=True)
+    for name, law, mode in itertools.product(filter(None, args.runs.split(",")), LAWS, MODES):
+        runs.append({"scene": name, "law": law, **growing(scene_of(name, law), mode, 3)})
+        shown = ", ".join(f"{key} {value:.3g}" for key, value in runs[-1]["ratios"].items())
+        print(f"{name}, {law}, {mode}: {shown}", flush=True)
     waiting = processes()
     print("; ".join(f"{what} {seconds:.2f} s" for what, seconds in waiting.items()))
     machine = {
@@ -288,12 +270,12 @@ def main(arguments: list[str] | None = None) -> int:
     }
     least = {precision: bound.ns_per_bond(precision) for precision in ("float64", "float32")}
     print("; ".join(f"the least of a thread, {precision}: {ns:.3g} ns a bond" for precision, ns in least.items()))
-    found = {"machine": machine, "bound": least, "intact": rows, "runs": runs, "processes": waiting}
+    measurement = {"machine": machine, "bound": least, "intact": rows, "runs": runs, "processes": waiting}
     if args.against:
-        found["against"] = list(beside.compared(args.against))
-        for measured in found["against"]:
-            beside.tell(measured)
-    args.output.write_text(json.dumps(found, indent=1))
+        measurement["against"] = list(beside.compared(args.against))
+        for comparison in measurement["against"]:
+            beside.tell(comparison)
+    args.output.write_text(json.dumps(measurement, indent=1))
     chart(rows, least, args.output.with_suffix(".png"))
     return 0
 

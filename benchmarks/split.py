@@ -1,15 +1,14 @@
-"""Cells that split where energy is, by threshold and by how often it is looked: python -m benchmarks.split [-o CHART].
+"""Cells that split where energy is, by threshold and by how often it is looked: python -m benchmarks.split.
 
 The Duran plate of the thesis from 1020 nodes 2 mm apart, whose cells split once, beside uniform runs of 2 and of 1 mm:
 when the crack starts, when and where it branches, and what the runs cost. A crack that branches is known no better than
 runs that differ by the time step alone differ from each other, so all are medians of several, with their range. Draws
-the chart, the nodes of one run at several times, in the manner of the thesis's figures 70 to 75, and writes its section
-of docs/verification/adaptivity.md.
+the chart, the nodes of one run at several times, in the manner of the thesis's figures 70 to 75, and writes a table of
+docs/verification/adaptivity.md.
 """
 
 from __future__ import annotations
 
-import argparse
 import itertools
 import sys
 import warnings
@@ -22,17 +21,14 @@ import msgspec
 import numpy as np
 from matplotlib.axes import Axes
 
-from benchmarks.pages import put_section
+from benchmarks.models import grid_of_nodes, with_run
+from benchmarks.pages import DOCS, markdown_table, write_block
 from pdmesh.model.document import Horizon, Load, Material, Run, Settings, Split
-from pdmesh.model.node_grid import Grid
 from pdpost import figures
 from pdsolve.model import Model, ModelWarning
 from pdsolve.run.simulation import Options, simulate
 
-ROOT = Path(__file__).parent.parent
-PAGE = ROOT / "docs" / "verification" / "adaptivity.md"
-CHART, PICTURES = PAGE.with_name("split.png"), PAGE.with_name("split")
-TITLE = "## Cells that split"
+PAGE = DOCS / "verification" / "adaptivity.md"
 GLASS = Material(E=65e9, rho=2235.0, G0=204.0)
 COARSE, DURATION, LOOK = 2e-3, 36e-6, 0.25e-6  # m; s; s between two frames
 STEPS = (25e-9, 24.5e-9, 24e-9)  # s
@@ -69,7 +65,7 @@ class Way(NamedTuple):
         return f"split above {self.threshold:g} of the {what}, every {self.every} steps"
 
 
-class Found(NamedTuple):
+class Measured(NamedTuple):
     """What came of one run."""
 
     start: float  # us; not a number where it did not
@@ -87,15 +83,7 @@ def plate(way: Way, dt: float, **more: object) -> Model:
     n = round(COARSE / way.spacing)
     y, x = np.mgrid[0 : 20 * n, 0 : 51 * n] + 0.5
     position = way.spacing * np.column_stack([x.ravel(), y.ravel()]) - (COARSE / 2, 20e-3)
-    count = len(position)
-    grid = Grid(
-        ids=np.arange(1, count + 1),
-        position=position,
-        delta=np.full(count, way.spacing),
-        border=np.zeros(count, dtype=bool),
-        hole_id=np.full(count, -1),
-        cracks=np.array([[-COARSE, 0.0, 50e-3, 0.0]]),
-    )
+    grid = grid_of_nodes(position, way.spacing, [(-COARSE, 0.0, 50e-3, 0.0)])
     pull = 12e6 / 6e-3
     ends = (
         Load(box=(-1.0, 14e-3, 1.0, 1.0), body_force=(0.0, pull), breakable=False),
@@ -110,7 +98,7 @@ def plate(way: Way, dt: float, **more: object) -> Model:
     return Model(grid, settings, "duran")
 
 
-def solved(way: Way, dt: float) -> Found:
+def solved(way: Way, dt: float) -> Measured:
     """One run."""
     with simulate(plate(way, dt), options=Options(way.mode, threads=1)) as results:
         start, branch, tip = np.nan, (np.nan, np.nan), np.nan
@@ -124,12 +112,12 @@ def solved(way: Way, dt: float) -> Found:
                 place = _branch(x, y)
                 branch = branch if place is None else (time, 1e3 * place)
             tip = 1e3 * x.max(initial=0.0) if time <= 30.0 + 1e-6 else tip
-        breaks, lives, told = results.breaks(), results.lives(), results.summary()
+        breaks, lives, summary = results.breaks(), results.lives(), results.summary()
         deltas = [lives.nodes.delta[lives.at(end, breaks.step)] for end in (breaks.node, breaks.neighbour)]
         coarse = int(np.count_nonzero(np.min(deltas, axis=0) > 0.75 * COARSE))
-        updates = float(results.bond_updates(told["steps"]))
-        made = told.get("split", {}).get("refinement", 0.0) / told["energy"]["work"]
-        return Found(start, *branch, tip, updates, coarse, made, told["balance"])
+        updates = float(results.bond_updates(summary["steps"]))
+        refinement = summary.get("split", {}).get("refinement", 0.0) / summary["energy"]["work"]
+        return Measured(start, *branch, tip, updates, coarse, refinement, summary["balance"])
 
 
 def _branch(x: np.ndarray, y: np.ndarray) -> float | None:
@@ -140,21 +128,21 @@ def _branch(x: np.ndarray, y: np.ndarray) -> float | None:
     return float(COARSE * column[order][1:][apart].min()) if apart.any() else None
 
 
-def several(way: Way) -> list[Found]:
+def several(way: Way) -> list[Measured]:
     """Runs that differ by the step alone."""
-    found = [solved(way, dt) for dt in STEPS]
-    print(way.mode, way.name, *found, sep="\n  ", file=sys.stderr, flush=True)
-    return found
+    runs = [solved(way, dt) for dt in STEPS]
+    print(way.mode, way.name, *runs, sep="\n  ", file=sys.stderr, flush=True)
+    return runs
 
 
-def middle(found: list[Found], what: str) -> tuple[float, float, float, int]:
+def median_and_range(runs: list[Measured], what: str) -> tuple[float, float, float, int]:
     """Median, least and most of those runs in which it happened, and how many they are."""
-    values = np.array([getattr(one, what) for one in found])
+    values = np.array([getattr(run, what) for run in runs])
     values = values[~np.isnan(values)]
     return (*(float(each) for each in np.quantile(values, [0.5, 0, 1])), len(values)) if len(values) else NONE
 
 
-def chart(runs: dict[Way, list[Found]], path: Path) -> None:
+def chart(runs: dict[Way, list[Measured]], path: Path) -> None:
     """Each of what is shown against the threshold, a column for each mode."""
     figure, panels = plt.subplots(4, 2, figsize=(9.0, 11.0), layout="constrained", sharex=True, sharey="row")
     for column, mode in zip(panels.T, MODES, strict=True):
@@ -169,46 +157,45 @@ def chart(runs: dict[Way, list[Found]], path: Path) -> None:
     figure.savefig(path, dpi=100)
 
 
-def _panel(axes: Axes, runs: dict[Way, list[Found]], mode: str, what: str) -> None:
+def _panel(axes: Axes, runs: dict[Way, list[Measured]], mode: str, what: str) -> None:
     """A line for each interval between two looks; uniform runs as bands."""
     fine, coarse = (runs[Way(spacing, mode=mode)] for spacing in (COARSE / 2, COARSE))
-    unit = middle(fine, "updates")[0] if what == "updates" else 1.0
-    for found, colour, label in ((fine, "0.35", "uniform, 1 mm"), (coarse, "0.75", "uniform, 2 mm")):
-        median, least, most = (value / unit for value in middle(found, what)[:3])
+    unit = median_and_range(fine, "updates")[0] if what == "updates" else 1.0
+    for uniform, colour, label in ((fine, "0.35", "uniform, 1 mm"), (coarse, "0.75", "uniform, 2 mm")):
+        median, least, most = (value / unit for value in median_and_range(uniform, what)[:3])
         axes.axhspan(least, most, color=colour, alpha=0.4, linewidth=0)
         axes.axhline(median, color=colour, label=label)
     for number, every in enumerate(EVERY):
-        found = [middle(runs[Way(COARSE, threshold, every, mode)], what) for threshold in THRESHOLDS]
-        median, least, most, count = np.array(found).T
+        ranges = [median_and_range(runs[Way(COARSE, threshold, every, mode)], what) for threshold in THRESHOLDS]
+        median, least, most, count = np.array(ranges).T
         place = np.array(THRESHOLDS) + 0.012 * (number - 1)
         spread = np.array([median - least, most - median]) / unit
         style = {"marker": "o", "markersize": 4, "capsize": 2, "linewidth": 1, "color": f"C{number}"}
         axes.errorbar(place, median / unit, spread, label=f"every {every} steps", **style)
-        for at, some in zip(place, count, strict=True):
-            if some < len(STEPS):
+        for at, happened in zip(place, count, strict=True):
+            if happened < len(STEPS):
                 where = {"xycoords": ("data", "axes fraction"), "rotation": 90, "ha": "center", "fontsize": 7}
-                words = f"{some:g} of {len(STEPS)}" if some else "none"
+                words = f"{happened:g} of {len(STEPS)}" if happened else "none"
                 axes.annotate(words, (at, 0.03), color=f"C{number}", **where)
 
 
-def rows(runs: dict[Way, list[Found]]) -> Iterator[str]:
-    """The table."""
-    yield (
-        "| mode | run | start, us | branches after, us | at, mm | tip at 30 us, mm | bonds times steps, of 1 mm |"
-        " coarse bonds broken | made by splitting, % of the work | balance, % |"
-    )
-    yield "|---|---|---|---|---|---|---|---|---|---|"
-    for way, found in runs.items():
-        whole = middle(runs[Way(COARSE / 2, mode=way.mode)], "updates")[0]
-        words = [_words(middle(found, what)) for what in ("start", "branch", "place", "tip")]
-        made, balance = (100 * middle(found, what)[0] for what in ("refinement", "balance"))
-        coarse = max(one.coarse for one in found) if way.threshold is not None else "-"
-        share = f"{middle(found, 'updates')[0] / whole:.2f}"
-        yield f"| {way.mode} | {way.name} | {' | '.join(words)} | {share} | {coarse} | {made:+.2f} | {balance:+.3f} |"
+def table(runs: dict[Way, list[Measured]]) -> str:
+    """The table of the page: a row for each way."""
+    header = ["mode", "run", "start, us", "branches after, us", "at, mm", "tip at 30 us, mm"]
+    header += ["bonds times steps, of 1 mm", "coarse bonds broken", "made by splitting, % of the work", "balance, %"]
+    rows = []
+    for way, of_way in runs.items():
+        share = median_and_range(of_way, "updates")[0]
+        share /= median_and_range(runs[Way(COARSE / 2, mode=way.mode)], "updates")[0]
+        cells = [_words(median_and_range(of_way, what)) for what in ("start", "branch", "place", "tip")]
+        refinement, balance = (100 * median_and_range(of_way, what)[0] for what in ("refinement", "balance"))
+        coarse = max(run.coarse for run in of_way) if way.threshold is not None else "-"
+        rows.append([way.mode, way.name, *cells, f"{share:.2f}", coarse, f"{refinement:+.2f}", f"{balance:+.3f}"])
+    return markdown_table(header, rows)
 
 
-def _words(found: tuple[float, float, float, int]) -> str:
-    median, least, most, count = found
+def _words(values: tuple[float, float, float, int]) -> str:
+    median, least, most, count = values
     if not count:
         return "none"
     return f"{median:.4g} ({least:.4g} to {most:.4g})" + (f", {count} of {len(STEPS)}" if count < len(STEPS) else "")
@@ -217,53 +204,12 @@ def _words(found: tuple[float, float, float, int]) -> str:
 def pictures(folder: Path) -> list[Path]:
     """The nodes of one run at several times."""
     folder.mkdir(parents=True, exist_ok=True)
-    model, found = plate(Way(COARSE, 0.3), STEPS[0]), []
-    run = msgspec.structs.replace(model.settings.run, fields=("ux", "uy", "damage"))
-    model = Model(model.grid, msgspec.structs.replace(model.settings, run=run), model.name)
+    model = with_run(plate(Way(COARSE, 0.3), STEPS[0]), fields=("ux", "uy", "damage"))
+    paths = [folder / f"nodes_{1e6 * time:.0f}.png" for time in TIMES]
     with simulate(model, options=Options(threads=1)) as results:
-        for time in TIMES:
-            path = folder / f"nodes_{1e6 * time:.0f}.png"
+        for time, path in zip(TIMES, paths, strict=True):
             figures.save(figures.nodes(results, round(time / STEPS[0])), path)
-            found.append(path)
-    return found
-
-
-HEAD = f"""{TITLE}
-
-`--adapt split` is the thesis's adaptive refinement (pp. 97-103), for comparison. The
-[guide](../guide/adaptivity.md) lists its keys. It works in both modes. A cell is a node with its square. A cell may
-split into four, whose nodes are a quarter of its spacing from its middle and have the horizon of their own spacing.
-
-- *Flags.* Every few steps the solver flags a node if its energy density is above a floor and above a share of the
-  plate's largest, which counts up to a ceiling, or if one of its bonds is stretched beyond a share of the critical
-  stretch. Nodes with conditions do not count for the largest energy density.
-- *Splitting.* All cells within the horizon of a flagged node split, by the visibility principle of F. Bobaru et al.
-  (2009). Cells that touch differ by one level at most. Displacements, velocities and accelerations are interpolated
-  linearly. A new bond is broken if the bond between the parents of its ends was broken.
-- *Merging.* Four cells merge if they stayed below the thresholds, two horizons away from flagged nodes and one horizon
-  away from broken bonds. Cracks therefore stay fine.
-- *Conservation.* Momentum is conserved to round-off. The ledger's `refinement` is the energy that splitting and merging
-  make, including that of interpolated accelerations.
-
-The table compares Duran's plate of 51 x 20 nodes 2 mm apart (m = 4, conical, 12 MPa, 36 us), whose cells split once,
-with uniform runs. `python -m benchmarks.split` (`make split`) writes it. Each row is the median, the least and the most
-of {len(STEPS)} runs with steps of {", ".join(f"{1e9 * dt:g}" for dt in STEPS)} ns, to {1e6 * LOOK:g} us. A crack has
-branched where a column of 2 mm has cracked nodes more than {1e3 * GAP:g} mm apart.
-
-![Start, branching and cost against the threshold, in both modes, for each interval between two looks](split.png)
-
-In the conservative mode the runs with every share are closer to the uniform plate of 1 mm than the plate of 2 mm is. An
-interval of 40 steps costs more and scatters more. In the thesis mode the thesis's share of 0.6 loses the branch: the
-refined strip is too narrow. With 0.3 nearly all runs branch; with 0.15 they branch too far ahead. A floor of 0.25
-instead of 0.1 loses the branch with 0.3 too in that mode, because cells then split only when the tip is loaded. In the
-thesis mode the crack starts late with any share: loaded rows do not split, and three softened rows of 2 mm transmit
-less of the load than six rows of 1 mm. Its balance shows how much energy the one-sided bonds between cells of
-two sizes make or lose.
-
-**When to use it**: to compare with the thesis, or to follow waves with finer nodes, which the hybrid does not do. For a
-crack the hybrid is cheaper. It sums its bonds in blocks, while the bonds of cells that split are summed one by one. Its
-coarse part costs next to nothing, and it is fine at the tips of pre-cracks before they are loaded.
-"""
+    return paths
 
 
 def ways(mode: str) -> Iterator[Way]:
@@ -273,30 +219,18 @@ def ways(mode: str) -> Iterator[Way]:
     yield Way(COARSE, 0.9, mode=mode, by="stretch")
 
 
-def publish(runs: dict[Way, list[Found]], output: Path, page: Path, folder: Path) -> None:
-    """Draw the chart and the pictures, write the section."""
-    chart(runs, output)
-    drawn = pictures(folder)
-    links = [f"[{1e6 * time:.0f} us]({folder.name}/{path.name})" for time, path in zip(TIMES, drawn, strict=True)]
-    after = f"Nodes of a run above 0.3, every 10 steps, as in the thesis's figures 70 to 75: {', '.join(links)}."
-    put_section(page, "\n".join([HEAD, *rows(runs), "", after]))
-
-
-def main(arguments: list[str]) -> int:
+def main() -> int:
     """Measure, draw, write."""
-    parser = argparse.ArgumentParser(description="Measure what splitting cells costs and is off by.")
-    parser.add_argument(
-        "-o", "--output", type=Path, default=CHART, help="the chart (default: docs/verification/split.png)"
-    )
-    parser.add_argument("--page", type=Path, default=PAGE, help="the page whose section is written")
-    parser.add_argument("--pictures", type=Path, default=PICTURES, help="a folder for nodes at several times")
-    args = parser.parse_args(arguments)
     warnings.simplefilter("ignore", ModelWarning)
     runs = {way: several(way) for mode in MODES for way in ways(mode)}
-    publish(runs, args.output, args.page, args.pictures)
-    print(args.output, args.page, sep="\n")
+    chart(runs, PAGE.with_name("split.png"))
+    drawn = pictures(PAGE.with_name("split"))
+    links = [f"[{1e6 * time:.0f} us](split/{path.name})" for time, path in zip(TIMES, drawn, strict=True)]
+    after = f"Nodes of a run above 0.3, every 10 steps, as in the thesis's figures 70 to 75: {', '.join(links)}."
+    write_block(PAGE, "split", f"{table(runs)}\n{after}")
+    print(PAGE)
     return 0
 
 
 if __name__ == "__main__":
-    sys.exit(main(sys.argv[1:]))
+    sys.exit(main())

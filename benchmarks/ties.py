@@ -15,11 +15,12 @@ from unittest import mock
 import msgspec
 import numpy as np
 
+from benchmarks.models import grid_of_nodes
+from benchmarks.pages import markdown_table
 from benchmarks.specimens import PULL, STATIC, UNIT, centre_shape, edge_shape
 from pdmesh.model.document import Horizon, Load, Material, Settings
 from pdmesh.model.domain_integrals import Ring
 from pdmesh.model.lattice_calibration import calibration, lattice_ratios
-from pdmesh.model.node_grid import Grid
 from pdpost.measures.stress_intensities import follow_tip_intensities
 from pdsolve.laws import MODELS, ordinary
 from pdsolve.laws.law import Law
@@ -50,31 +51,6 @@ INDEPENDENT = {  # K1 of another code, in which round-off decides ties; in the o
 }
 SHOWN = {("edge", 40): tuple(TIES), ("edge", 80): ("cut", ONE_WAY), ("centre", 40): (ONE_WAY,)}
 
-ABOVE = """
-## Where a tip ends
-
-A tip half-way between two columns and two rows lies on bonds that cross there. These bonds are ties. A program may cut
-all of them, leave all of them, or cut only those that lean one way, as round-off decides. The table has K1 over the
-handbook's on a ring from 0.2 to 0.45 widths. The nodes are in the middle of their cells, and m = 3. Bonds are in plane
-stress, the other laws in plane strain with a Poisson's ratio of 0.3. The influence function is constant
-(correspondence: cubic spline).
-
-"""
-BELOW = """
-With ties cut one way the numbers of the other code come out within {off:.4f}: it cuts ties one way, apart from
-round-off. Here all ties are cut, because a bond that lies on a crack carries no force. Mirror images then stay mirror
-images. Ties cut one way turn the tip: K2 is {leans:.1e} of K1.
-
-**Ordinary** is {ours:.4f} and not {theirs:.4f}. Ties cut on both sides account for {both:+.4f}. Weights that are exact
-at faces, where the published solid is too stiff, account for {faces:+.4f}. The rest depends on which ties round-off
-cuts.
-
-A crack longer by one spacing adds {share:.0%} to K1 of this plate. The four laws with the material's C11 therefore
-correspond to a tip between {least:.2f} spacings behind and {most:.2f} spacings ahead of the drawn one. This error
-halves with the spacing. Bonds are calibrated to the mean stiffness over all strains, and are {c11:.1%} stiffer in
-tension with this m. This error does not decrease with the spacing.
-"""
-
 
 class Felt(NamedTuple):
     """K1 over the handbook's, K2 over K1."""
@@ -100,40 +76,14 @@ def felt(law: str, ties: str = "cut", kind: str = "edge", wide: int = 40) -> Fel
     return Felt(float(share * K1 / expected), K2 / K1)
 
 
-def section() -> str:
-    """What docs/verification/stress_intensity.md says of ties."""
-    found = {
-        (kind, wide, ties, law): felt(law, ties, kind, wide)
-        for (kind, wide), every in SHOWN.items()
-        for ties in every
-        for law in LAWS
-    }
-    lines = [("plate", "ties", *LAWS), ("---",) * (2 + len(LAWS))]
+def table() -> str:
+    """The table of docs/verification/stress_intensity.md on ties."""
+    rows = []
     for (kind, wide), every in SHOWN.items():
         plate = f"{kind} crack, {wide} spacings"
-        lines += [(plate, ties, *(f"{found[kind, wide, ties, law].K1:.4f}" for law in LAWS)) for ties in every]
-        lines += [(plate, "*another code*", *("" if K1 is None else f"{K1:.4f}" for K1 in INDEPENDENT[kind, wide]))]
-    off = max(
-        abs(found[kind, wide, ONE_WAY, law].K1 - K1)
-        for (kind, wide), row in INDEPENDENT.items()
-        for law, K1 in zip(LAWS, row, strict=True)
-        if K1 is not None
-    )
-    edge = {(ties, law): felt.K1 for (kind, wide, ties, law), felt in found.items() if (kind, wide) == ("edge", 40)}
-    share, own = per_spacing(40), [K1 for (_, law), K1 in edge.items() if law != "bonds"]
-    words = {
-        "off": off,
-        "leans": abs(found["edge", 40, ONE_WAY, "ordinary"].leans),
-        "ours": edge["cut", "ordinary"],
-        "theirs": INDEPENDENT["edge", 40][list(LAWS).index("ordinary, as published")],
-        "both": edge["cut", "ordinary, as published"] - edge[ONE_WAY, "ordinary, as published"],
-        "faces": edge["cut", "ordinary"] - edge["cut", "ordinary, as published"],
-        "share": share,
-        "least": (1 - min(own)) / share,
-        "most": (max(own) - 1) / share,
-        "c11": C11 - 1,
-    }
-    return ABOVE + "".join(f"| {' | '.join(line)} |\n" for line in lines) + BELOW.format(**words)
+        rows += [[plate, ties, *(f"{felt(law, ties, kind, wide).K1:.4f}" for law in LAWS)] for ties in every]
+        rows.append([plate, "*another code*", *("" if K1 is None else f"{K1:.4f}" for K1 in INDEPENDENT[kind, wide])])
+    return markdown_table(["plate", "ties", *LAWS], rows)
 
 
 def per_spacing(wide: int) -> float:
@@ -147,20 +97,13 @@ def _model(material: Material, ties: str, kind: str, wide: int) -> Model:
     columns, rows = (wide, 3 * wide) if kind == "edge" else (2 * wide, 4 * wide)
     x, y = np.meshgrid(np.arange(columns) + 0.5, np.arange(rows) + 0.5 - rows / 2)
     position = np.column_stack([x.ravel() - (0 if kind == "edge" else wide), y.ravel()]) / wide
-    count, half = columns * rows, rows / 2 / wide
+    half = rows / 2 / wide
     left = 0.0 if kind == "edge" else -1.0
     across, back = (part / wide for part in TIES[ties])
     end = 0.5 - back
-    grid = Grid(
-        ids=np.arange(1, count + 1),
-        position=position,
-        delta=np.full(count, 1 / wide),
-        border=np.zeros(count, dtype=bool),
-        hole_id=np.full(count, -1),
-        cracks=np.array([[0.0 if kind == "edge" else -end, across, end, across]]),
-        outline=(np.array([[left, -half], [1.0, -half], [1.0, half], [left, half]]),),
-        areas=np.full(count, 1 / wide**2),
-    )
+    outline = np.array([[left, -half], [1.0, -half], [1.0, half], [left, half]])
+    crack = (0.0 if kind == "edge" else -end, across, end, across)
+    grid = grid_of_nodes(position, 1 / wide, [crack], outline=(outline,), areas=np.full(len(position), 1 / wide**2))
     inner = half - 1 / wide
     loads = (
         Load(box=(-2.0, inner, 2.0, half), body_force=(0.0, PULL * wide)),

@@ -12,7 +12,7 @@ import pytest
 from plates import GEOMETRIES, GLASS
 from shapely import box
 
-from benchmarks.runs import PLATES
+from benchmarks.models import PLATES
 from pdmesh import Scene
 from pdmesh.grid.bodies_beside import build_scene
 from pdmesh.grid.lattice import build_grid

@@ -9,7 +9,7 @@ import pytest
 from messages import naming
 from plates import ROOT, shipped
 
-from benchmarks.forks import SPACINGS, STEPS, forked, section
+from benchmarks.forks import SPACINGS, STEPS, forked, table
 from pdmesh.model.crack_particles import Particles
 from pdmesh.model.domain_integrals import kink
 from pdsolve.model import Model, ModelWarning
@@ -64,4 +64,4 @@ def test_a_crack_that_runs_forks() -> None:
     assert max(run.off for run in every) < 1e-9
     assert max(abs(run.balance) for run in every) < 1e-3
     page = (ROOT / "docs" / "verification" / "crack_particles.md").read_text()
-    assert all(line.split("|")[1] in page for line in section(found).splitlines() if line.startswith("|"))
+    assert all(line.split("|")[1] in page for line in table(found).splitlines() if line.startswith("|"))

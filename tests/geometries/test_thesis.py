@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from benchmarks.claims import CASES, Case, measured
-from benchmarks.runs import built, solved
+from benchmarks.runs import case_model, solved
 from pdmesh.model.output_fields import CRACKED
 from pdpost.measures.cracked_nodes import damage_without_pre_cracks_at
 from pdsolve.options import Options
@@ -68,7 +68,7 @@ def test_one_scale_and_two_agree(one: str, two: str, cache: Path) -> None:
 def test_table_5_bonds(cache: Path) -> None:
     """Two scales have 0.675 of the bonds of one."""
     two, one = (
-        prepare(built(by_name(name), cache), Options("thesis")).system.directed_bond_count
+        prepare(case_model(by_name(name)), Options("thesis")).system.directed_bond_count
         for name in ("duran50", "duran50_one_scale")
     )
     assert (two, one) == (127028, 188284)

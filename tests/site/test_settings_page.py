@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
-from benchmarks.settings import PAGE, page
+from benchmarks.pages import read_block
+from benchmarks.settings import PAGE
+from pdmesh.model.settings_table import markdown, settings
 
 
 def test_the_page_is_as_written() -> None:
-    assert PAGE.read_text(encoding="utf-8") == page()
+    assert read_block(PAGE, "settings") == "\n".join(markdown(settings()))

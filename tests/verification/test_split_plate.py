@@ -7,26 +7,15 @@ medians of three are compared. docs/verification/adaptivity.md has more threshol
 from __future__ import annotations
 
 import warnings
-from pathlib import Path
 
 import numpy as np
 import pytest
 
-from benchmarks.pages import put_section
 from benchmarks.split import COARSE, Way, plate, solved
 from pdsolve.model import ModelWarning
 from pdsolve.run.simulation import Options, simulate
 
 STEPS = (25e-9, 24.5e-9, 24e-9)  # s
-
-
-def test_a_page_keeps_the_sections_of_others(tmp_path: Path) -> None:
-    """A section is put in place of its own, or last."""
-    page = tmp_path / "page.md"
-    page.write_text("# Page\n\nIntroduction.\n\n## One\n\n1\n", encoding="utf-8")
-    for text in ("## Two\n\n2\n", "## One\n\n### More\n\n3", "## Two\n\n4\n"):
-        put_section(page, text)
-    assert page.read_text(encoding="utf-8") == "# Page\n\nIntroduction.\n\n## One\n\n### More\n\n3\n\n## Two\n\n4\n"
 
 
 @pytest.mark.slow

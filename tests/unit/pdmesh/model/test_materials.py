@@ -6,8 +6,8 @@ from typing import get_args, get_type_hints
 
 import pytest
 
-from benchmarks.combinations import ALL, PAGE, combinations, every_feature, parameters
-from benchmarks.pages import sections
+from benchmarks.combinations import ALL, PAGE, combinations, every_feature, instead, parameters
+from benchmarks.pages import read_block
 from pdmesh.model.document import Material
 from pdmesh.model.materials import KINDS
 from pdmesh.model.materials.solids import SOLIDS
@@ -30,10 +30,10 @@ def test_every_word_of_the_file_is_a_kind_and_a_solid() -> None:
 
 
 def test_the_page_of_combinations_is_what_the_table_says() -> None:
-    assert ALL.read_text(encoding="utf-8") == every_feature()
+    assert read_block(ALL, "features") == every_feature()
+    assert read_block(ALL, "instead") == instead()
 
 
-@pytest.mark.parametrize("section", [parameters(), combinations()], ids=["settings", "combinations"])
-def test_the_page_is_what_materials_say(section: str) -> None:
-    parts = [part.strip("\n") for part in sections(PAGE.read_text(encoding="utf-8"))]
-    assert section.strip("\n") in parts
+@pytest.mark.parametrize(("name", "table"), [("settings", parameters()), ("combinations", combinations())])
+def test_the_page_is_what_materials_say(name: str, table: str) -> None:
+    assert read_block(PAGE, name) == table
