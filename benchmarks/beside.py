@@ -153,9 +153,9 @@ def started(model: str, other: Path, rounds: int) -> Iterator[dict[str, Any]]:
     with tempfile.TemporaryDirectory() as folder:
 
         def seconds(checkout: Path) -> float:
-            own = environment(PYTHONPATH=str(checkout), NUMBA_CACHE_DIR=f"{folder}/{checkout.name}")
+            variables = environment(PYTHONPATH=str(checkout), NUMBA_CACHE_DIR=f"{folder}/{checkout.name}")
             command = [sys.executable, "-P", "-m", "pdsolve", model, "-o", f"{folder}/run.sqlite", "--force", "-q"]
-            return timed(partial(subprocess.run, command, env=own, cwd=checkout, check=True), time.perf_counter)
+            return timed(partial(subprocess.run, command, env=variables, cwd=checkout, check=True), time.perf_counter)
 
         cold = [seconds(checkout) for checkout in (other, HERE)]
         yield row("the first run, which compiles", *cold, unit="s")
@@ -232,10 +232,10 @@ def compared(other: Path, rounds: int = ROUNDS, only: str = "") -> Iterator[dict
         yield from started(str(Path(folder) / "duran50-brittle.json"), other.resolve(), 5)
 
 
-def tell(found: dict[str, Any]) -> None:
-    """A row as a line."""
-    told = f"{found['ratio']:.2f} ({found['other']:.3g} and {found['here']:.3g} {found['unit']})"
-    print(f"{found['what']}: {told}", flush=True)
+def tell(row: dict[str, Any]) -> None:
+    """Print a row as a line."""
+    seconds = f"{row['other']:.3g} and {row['here']:.3g} {row['unit']}"
+    print(f"{row['what']}: {row['ratio']:.2f} ({seconds})", flush=True)
 
 
 def main() -> int:
@@ -248,8 +248,8 @@ def main() -> int:
     if args.serve:
         serve(Job(*json.loads(args.serve)))
         return 0
-    for found in compared(args.other, only=args.only):
-        tell(found)
+    for comparison in compared(args.other, only=args.only):
+        tell(comparison)
     return 0
 
 

@@ -56,11 +56,11 @@ class Case:
 
 
 def _time(event: str) -> Callable[[Results, CrackEvents], float]:
-    return lambda _, found: np.nan if getattr(found, event) is None else getattr(found, event).time * 1e6
+    return lambda _, events: np.nan if getattr(events, event) is None else getattr(events, event).time * 1e6
 
 
 def _step(event: str) -> Callable[[Results, CrackEvents], float]:
-    return lambda _, found: np.nan if getattr(found, event) is None else float(getattr(found, event).step)
+    return lambda _, events: np.nan if getattr(events, event) is None else float(getattr(events, event).step)
 
 
 def _apart(results: Results, _: CrackEvents) -> float:
@@ -73,7 +73,7 @@ def _apart(results: Results, _: CrackEvents) -> float:
 
 
 def _place(event: str, sign: float = 1.0) -> Callable[[Results, CrackEvents], float]:
-    return lambda _, found: np.nan if getattr(found, event) is None else sign * getattr(found, event).along * 1e3
+    return lambda _, events: np.nan if getattr(events, event) is None else sign * getattr(events, event).along * 1e3
 
 
 def _angle(results: Results, _: CrackEvents) -> float:
@@ -208,5 +208,5 @@ CASES = (
 
 def measured(case: Case, results: Results) -> list[float]:
     """The case's numbers as this run has them."""
-    found = find_crack_events(results, DIRECTIONS[case.along])
-    return [claim.measure(results, found) for claim in case.claims]
+    events = find_crack_events(results, DIRECTIONS[case.along])
+    return [claim.measure(results, events) for claim in case.claims]

@@ -63,22 +63,22 @@ def instead() -> str:
     """What to use instead of a feature: a section for each that excludes it."""
     parts = []
     for by in dict.fromkeys(exclusion.by for exclusion in TABLE):
-        rows = (f"- {one.name}: {reason(use, because)}" for one, other, use, because in TABLE if other == by)
+        rows = (f"- {out.name}: {reason(use, because)}" for out, excluder, use, because in TABLE if excluder == by)
         parts.append(f"### With {by.name}\n\n" + "\n".join(dict.fromkeys(rows)))
     return "\n\n".join(parts)
 
 
-def _implies(one: str, other: str) -> bool:
-    """Whether a model with one feature has the other too."""
-    return SAMPLES[other].items() < SAMPLES[one].items()
+def _implies(feature: str, implied: str) -> bool:
+    """Whether a model with a feature has the implied one too."""
+    return SAMPLES[implied].items() < SAMPLES[feature].items()
 
 
 @cache
-def _refused_pair(one: str, other: str) -> str:
+def _refused_pair(first: str, second: str) -> str:
     """The sentence that refuses two features together, "" for none."""
-    if one > other:
-        return _refused_pair(other, one)
-    changes = together(one, other)
+    if first > second:
+        return _refused_pair(second, first)
+    changes = together(first, second)
     return "" if changes is None else refused(changes)
 
 

@@ -23,7 +23,6 @@ import tempfile
 import time
 import warnings
 from collections.abc import Iterator
-from importlib.util import find_spec
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -37,9 +36,8 @@ WEAKER = 0.1  # of its fracture energy
 STEPS, EVERY, LEDGER = 400, 200, 50
 LAWS = ("as shipped", "bilinear")
 MODES, KERNELS, PRECISIONS = ("thesis", "conservative"), ("blocks", "listed"), ("float64", "float32")
-FORMER = {"u": "value", "v": "rate", "a": "second", "softened_worst": "worst"}  # names in checkpoints
 STATE = ("value", "rate", "second", "dissipated", "damped", "work", "held_force")
-Found = dict[str, NDArray[Any]]
+Arrays = dict[str, NDArray[Any]]
 
 
 class Way(NamedTuple):
@@ -61,7 +59,7 @@ ADAPTED = ("hybrid", "split", "collocation")  # with the law as shipped; a grid 
 # In the process of each checkout
 
 
-def solve(scene: Path, overrides: list[str], folder: Path) -> Iterator[tuple[str, Found]]:
+def solve(scene: Path, overrides: list[str], folder: Path) -> Iterator[tuple[str, Arrays]]:
     """The grid of a scene, and what each way to solve it finds."""
     from pdmesh.__main__ import main as pdmesh
     from pdsolve import Options, read_model
@@ -73,13 +71,11 @@ def solve(scene: Path, overrides: list[str], folder: Path) -> Iterator[tuple[str
     model = read_model(path)
     for adapt in ADAPTED:
         yield f"adapted, {adapt}", adapted(scene, overrides, folder, adapt)
-    listed = "listed" if find_spec("pdsolve.operators") else "textbook"  # what it was called before
     for way in WAYS:
-        kernel = listed if way.kernel == "listed" else way.kernel
-        yield str(way), solved(model, way.law, Options(way.mode, way.precision, 1, kernel))
+        yield str(way), solved(model, way.law, Options(way.mode, way.precision, 1, way.kernel))
 
 
-def adapted(scene: Path, overrides: list[str], folder: Path, adapt: str) -> Found:
+def adapted(scene: Path, overrides: list[str], folder: Path, adapt: str) -> Arrays:
     """What a run finds whose nodes come and go, or why there is none."""
     from pdmesh.__main__ import main as pdmesh
     from pdsolve import Options, read_model
@@ -87,9 +83,9 @@ def adapted(scene: Path, overrides: list[str], folder: Path, adapt: str) -> Foun
     # a grid that all of them can have; collocation with so few nodes in a horizon has to be damped
     grid = "split" if adapt == "split" else "hybrid"
     path, words = folder / f"{scene.stem}.{adapt}.json", ["--adapt", grid, "--trust", "-q", *overrides]
-    with contextlib.redirect_stderr(io.StringIO()) as said:
+    with contextlib.redirect_stderr(io.StringIO()) as stderr:
         if pdmesh(["build", str(scene), "-o", str(path), *words]):
-            return refused(said.getvalue())
+            return refused(stderr.getvalue())
     model = read_model(path)
     settings, run = model.settings, model.settings.run
     seam = msgspec.structs.replace(run.collocation, damped=True)
@@ -98,7 +94,7 @@ def adapted(scene: Path, overrides: list[str], folder: Path, adapt: str) -> Foun
     return solved(model, LAWS[0], Options("conservative", threads=1), 1.0)
 
 
-def solved(model: Any, law: str, options: Any, toughness: float = WEAKER) -> Found:
+def solved(model: Any, law: str, options: Any, toughness: float = WEAKER) -> Arrays:
     """What a run of a model finds whose bonds are of this law and that tough, or why there is none."""
     from pdsolve import simulate
 
@@ -110,7 +106,7 @@ def solved(model: Any, law: str, options: Any, toughness: float = WEAKER) -> Fou
         return refused(str(error))
 
 
-def refused(why: str) -> Found:
+def refused(why: str) -> Arrays:
     """What is found where there is no run; names of folders do not count."""
     return {"refused": np.frombuffer(re.sub(r"/\S*/", "", why).encode(), dtype=np.uint8)}
 
@@ -119,8 +115,8 @@ def weakened(settings: Any, law: str, toughness: float) -> Any:
     """The settings of a model that breaks soon, its bonds of this law."""
 
     def material(given: Any) -> Any:
-        other = {"law": "bilinear", "kr": 2.0} if law == "bilinear" else {}
-        return msgspec.structs.replace(given, G0=toughness * given.G0, **other)
+        softening = {"law": "bilinear", "kr": 2.0} if law == "bilinear" else {}
+        return msgspec.structs.replace(given, G0=toughness * given.G0, **softening)
 
     regions = tuple(msgspec.structs.replace(region, material=material(region.material)) for region in settings.regions)
     run = msgspec.structs.replace(
@@ -129,21 +125,21 @@ def weakened(settings: Any, law: str, toughness: float) -> Any:
     return msgspec.structs.replace(settings, material=material(settings.material), regions=regions, run=run)
 
 
-def everything(results: Any) -> Found:
+def everything(results: Any) -> Arrays:
     """All that a run has computed."""
-    found: Found = {}
+    arrays: Arrays = {}
     for step in results.frames()[0].tolist():
-        found |= {f"{name} at step {step}": results.field(name, step) for name in results.stored(step)}
-    found |= {f"broken bonds: {name}": column for name, column in results.breaks()._asdict().items()}
+        arrays |= {f"{name} at step {step}": results.field(name, step) for name in results.stored(step)}
+    arrays |= {f"broken bonds: {name}": column for name, column in results.breaks()._asdict().items()}
     for name in ("history", "probes", "reactions"):
         table = getattr(results, name)()
-        found |= {f"{name}: {column}": np.ascontiguousarray(table[column]) for column in table.dtype.names}
-    kept = {FORMER.get(name, name): values for name, values in results.checkpoint()[1].items()}
-    own = [name for name in STATE if name in kept] or [name for name in kept if name != "number"]  # of a fine zone
-    found |= {f"checkpoint: {name}": kept[name].ravel() for name in own}
-    if len(kept.get("worst", ())):
-        found["checkpoint: worst"] = np.sort(kept["worst"])
-    return found
+        arrays |= {f"{name}: {column}": np.ascontiguousarray(table[column]) for column in table.dtype.names}
+    state = results.checkpoint()[1]
+    names = [name for name in STATE if name in state] or [name for name in state if name != "number"]  # of a fine zone
+    arrays |= {f"checkpoint: {name}": state[name].ravel() for name in names}
+    if len(state.get("worst", ())):
+        arrays["checkpoint: worst"] = np.sort(state["worst"])
+    return arrays
 
 
 def work(jobs: dict[str, list[str]], folder: Path, tree: Path) -> None:
@@ -154,9 +150,9 @@ def work(jobs: dict[str, list[str]], folder: Path, tree: Path) -> None:
         raise SystemExit(f"{pdsolve.__file__}: found this package, expected that of {tree}")
     warnings.simplefilter("ignore")
     for scene, overrides in jobs.items():
-        for number, (name, found) in enumerate(solve(Path(scene), overrides, folder)):
+        for number, (name, arrays) in enumerate(solve(Path(scene), overrides, folder)):
             part = folder / f"{Path(scene).stem}.{number}"
-            np.savez(part.with_suffix(".part.npz"), name=np.array(name), **found)
+            np.savez(part.with_suffix(".part.npz"), name=np.array(name), **arrays)
             part.with_suffix(".part.npz").rename(f"{part}.npz")
 
 
@@ -166,25 +162,24 @@ def work(jobs: dict[str, list[str]], folder: Path, tree: Path) -> None:
 def coarsened(scene: Path) -> list[str]:
     """Words for `pdmesh build` that double a scene's spacings."""
     words = [sys.executable, "-m", "pdmesh", "params", str(scene), "--trust", "--json"]
-    told = subprocess.run(words, capture_output=True, text=True, check=True)
-    found = json.loads(told.stdout)
-    spacings = {name: row["value"] for name, row in found.items() if name.lower().endswith("spacing")}
+    parameters = json.loads(subprocess.run(words, capture_output=True, text=True, check=True).stdout)
+    spacings = {name: row["value"] for name, row in parameters.items() if name.lower().endswith("spacing")}
     return [word for name, value in spacings.items() for word in ("--set", f"{name}={COARSER * value:g}")]
 
 
-def differing(one: Found, other: Found) -> list[str]:
+def differing(here: Arrays, there: Arrays) -> list[str]:
     """What differs, and by how much at most, as a share of the largest."""
-    told = [f"{name}: only in one" for name in sorted(one.keys() ^ other.keys())]
-    for name in one.keys() & other.keys():
-        a, b = one[name], other[name]
+    lines = [f"{name}: only in one" for name in sorted(here.keys() ^ there.keys())]
+    for name in here.keys() & there.keys():
+        a, b = here[name], there[name]
         if (a.shape, a.dtype) != (b.shape, b.dtype):
-            told.append(f"{name}: {a.dtype}{a.shape} and {b.dtype}{b.shape}")
+            lines.append(f"{name}: {a.dtype}{a.shape} and {b.dtype}{b.shape}")
         elif a.tobytes() != b.tobytes():
             apart = ""
             if np.issubdtype(a.dtype, np.number):
                 apart = f" by {np.abs(a - b.astype(a.dtype)).max() / max(float(np.abs(a).max()), 1e-300):.1e}"
-            told.append(f"{name}: differ{apart}")
-    return sorted(told)
+            lines.append(f"{name}: differ{apart}")
+    return sorted(lines)
 
 
 def compare(against: Path, scenes: list[Path], folder: Path) -> int:
@@ -192,30 +187,30 @@ def compare(against: Path, scenes: list[Path], folder: Path) -> int:
     jobs = {str(scene): coarsened(scene) for scene in scenes}
     running = []
     for tree in (ROOT, against):
-        own = folder / ("this" if tree == ROOT else "other")
-        own.mkdir()
-        words = [sys.executable, "-P", __file__, "--work", json.dumps(jobs), str(own), str(tree)]
-        running.append((own, subprocess.Popen(words, env={**os.environ, "PYTHONPATH": str(tree)})))
+        scratch = folder / ("this" if tree == ROOT else "other")
+        scratch.mkdir()
+        words = [sys.executable, "-P", __file__, "--work", json.dumps(jobs), str(scratch), str(tree)]
+        running.append((scratch, subprocess.Popen(words, env={**os.environ, "PYTHONPATH": str(tree)})))
     different = 0
     for scene in scenes:
         for number in range(1 + len(ADAPTED) + len(WAYS)):
-            parts = [own / f"{scene.stem}.{number}.npz" for own, _ in running]
+            parts = [scratch / f"{scene.stem}.{number}.npz" for scratch, _ in running]
             while not all(part.exists() for part in parts):
                 if any(process.poll() not in (None, 0) for _, process in running):
                     for _, process in running:
                         process.terminate()
                     raise SystemExit(f"{scene.name} was not solved by both")
                 time.sleep(0.1)
-            one, other = (dict(np.load(part)) for part in parts)
-            name, broken = one.pop("name"), len(one.get("broken bonds: step", ()))
-            told = differing(one, {key: values for key, values in other.items() if key != "name"})
-            different += bool(told)
-            verdict = "DIFFERENT" if told else "the same"
+            here, there = (dict(np.load(part)) for part in parts)
+            name, broken = here.pop("name"), len(here.get("broken bonds: step", ()))
+            lines = differing(here, {key: values for key, values in there.items() if key != "name"})
+            different += bool(lines)
+            verdict = "DIFFERENT" if lines else "the same"
             what = f", {broken} bonds broken" if number else ""
-            if "refused" in one:
-                what = f", refused: {one['refused'].tobytes().decode().strip()}"
+            if "refused" in here:
+                what = f", refused: {here['refused'].tobytes().decode().strip()}"
             print(f"{scene.stem}: {name}: {verdict}{what}", flush=True)
-            for line in told:
+            for line in lines:
                 print(f"    {line}")
     for _, process in running:
         process.wait()

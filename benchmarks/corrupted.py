@@ -67,28 +67,29 @@ def _jobs(folder: Path) -> dict[str, Callable[[int], Tried]]:
     if str(ROOT / "tests") not in sys.path:
         sys.path.append(str(ROOT / "tests"))
     forged = importlib.import_module("forged_databases")
-    own = {name: folder / name for name in ("finished", "stopped", "study", "grids")}
-    for path in own.values():
+    folders = {name: folder / name for name in ("finished", "stopped", "study", "grids")}
+    for path in folders.values():
         path.mkdir()
     for kind in FINISHED:
         model, options = KINDS[kind]()
-        simulate(model, own["finished"] / f"{kind}.sqlite", options).close()
-    (own["finished"] / "bonds.sqlite").rename(own["finished"] / "whole.sqlite")  # as one of the commands names it
+        simulate(model, folders["finished"] / f"{kind}.sqlite", options).close()
+    bonds = folders["finished"] / "bonds.sqlite"
+    bonds.rename(bonds.with_stem("whole"))  # as one of the commands names it
 
     def finished(seed: int) -> Tried:
-        return [str(found) for found in forged.forged_runs(own["finished"], seed, BATCH, 1)], []
+        return [str(failure) for failure in forged.forged_runs(folders["finished"], seed, BATCH, 1)], []
 
     return {
         "finished databases": finished,
-        "stopped databases": partial(_stopped, own["stopped"], forged, _halves(own["stopped"])),
-        "grid files": partial(_grid_files, own["grids"], forged),
-        "tables of studies": partial(_tables, own["study"], forged, _solved_study(own["study"])),
+        "stopped databases": partial(_stopped, folders["stopped"], forged, _halves(folders["stopped"])),
+        "grid files": partial(_grid_files, folders["grids"], forged),
+        "tables of studies": partial(_tables, folders["study"], forged, _solved_study(folders["study"])),
     }
 
 
 def _halves(folder: Path) -> list[tuple[Path, dict[str, Any]]]:
     """Databases of runs that were stopped half way, each with what is in that of one that was not."""
-    found = []
+    halves = []
     for kind in STOPPED:
         model, options = KINDS[kind]()
         path, half = folder / f"{kind}.whole", model.settings.run.steps // 2
@@ -97,8 +98,8 @@ def _halves(folder: Path) -> list[tuple[Path, dict[str, Any]]]:
         resume(path).close()
         expected = contents(path)
         path.write_bytes(data)
-        found.append((path, expected))
-    return found
+        halves.append((path, expected))
+    return halves
 
 
 def _stopped(folder: Path, forged: Any, halves: list[tuple[Path, dict[str, Any]]], seed: int) -> Tried:

@@ -106,32 +106,34 @@ def roofline(session: Session, precision: str, clock: Callable[[], float]) -> tu
     works = {"moved": (copied, (COPIED, 64), [a, b]), "added": (summed, (items, 64), [a])}
     for work in works.values():
         seconds(*work)
-    found = least({name: partial(seconds, *work) for name, work in works.items()}, ROUNDS)
-    return 2 * COPIED * np.dtype(precision).itemsize / found["moved"], 8 * EIGHT * CHAINS * items / found["added"]
+    best = least({name: partial(seconds, *work) for name, work in works.items()}, ROUNDS)
+    return 2 * COPIED * np.dtype(precision).itemsize / best["moved"], 8 * EIGHT * CHAINS * items / best["added"]
 
 
 def measured(name: str, device: str) -> list[dict[str, Any]]:
     """What a model takes on a device and on one thread, in both precisions."""
-    model, found = cube() if name == "body" else plate(*SIDES[name]), []
+    model, rows = cube() if name == "body" else plate(*SIDES[name]), []
     for precision in ("float64", "float32"):
         here = prepare(model, Options("conservative", precision, threads=1))
         there = prepare(on_device(model, device), Options("conservative", precision))
         session = there.system.operator.session  # type: ignore[attr-defined]
         clock = time.process_time if session.about.kind == "CPU" else time.perf_counter
-        runs = {"here": (here, time.process_time), "there": (there, clock)}
-        for run, _ in runs.values():
-            run.advance(1, 1 + STEPS)  # compiles
-        measures = {key: partial(timed, partial(run.advance, 1, 1 + STEPS), own) for key, (run, own) in runs.items()}
-        own, other = (seconds / STEPS for seconds in least(measures, ROUNDS).values())
+        measures = {
+            "processor": partial(timed, partial(here.advance, 1, 1 + STEPS), time.process_time),
+            "on the device": partial(timed, partial(there.advance, 1, 1 + STEPS), clock),
+        }
+        for measure in measures.values():
+            measure()  # compiles
         bonds, nodes = float(here.system.directed_bond_count), len(model.grid)
+        speeds = {place: STEPS * bonds / seconds for place, seconds in least(measures, ROUNDS).items()}
         bandwidth, operations = roofline(session, precision, clock)
         each = taken(model.grid.dimension, precision, bonds / nodes)
         row = {"model": name, "nodes": nodes, "precision": precision, "device": session.about.summary}
-        row |= {"bonds": bonds, "processor": bonds / own, "on the device": bonds / other}
+        row |= {"bonds": bonds, **speeds}
         row |= {"bytes a second": bandwidth, "operations a second": operations, **each._asdict()}
         row["roofline"] = min(bandwidth / each.bytes, operations / each.operations)
-        found.append(row)
-    return found
+        rows.append(row)
+    return rows
 
 
 def chart(rows: list[dict[str, Any]], path: Path) -> None:

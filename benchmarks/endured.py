@@ -48,23 +48,23 @@ def kills(folder: Path, until: Until) -> Part:
     if compiler() is None:
         return Part(0, KILLS, said="found no C compiler, or not Linux")
     jobs = [(kind, resumed) for kind in KINDS for resumed in (False, True)]
-    found, died = [], 0
+    ended, died = [], 0
     try:
         for trial in trials(jobs, folder, EVERY, left(until)):
-            found.append(trial)
+            ended.append(trial)
     except RuntimeError as error:
         print(error, file=sys.stderr, flush=True)
         died = 1
-    bad = [trial for trial in found if trial.said]
+    bad = [trial for trial in ended if trial.said]
     for trial in bad[:10]:
         print(trial, file=sys.stderr, flush=True)
-    met = {(trial.kind, trial.resumed) for trial in found}
+    met = {(trial.kind, trial.resumed) for trial in ended}
     missing = [f"{kind}, resumed" if resumed else kind for kind, resumed in jobs if (kind, resumed) not in met]
-    states = ", ".join(f"{sum(one.state == kind.name for one in found)} {kind.name.lower()}" for kind in StateKind)
+    states = ", ".join(f"{sum(trial.state == kind.name for trial in ended)} {kind.name.lower()}" for kind in StateKind)
     unmet = f"; no time for {', '.join(missing)}" if missing else ""
     said = f"{len(met)} of {len(jobs)} kinds, resumed ones included; left {states}{unmet}"
     traces = sum(trial.trace for trial in bad)
-    return Part(len(found), max(KILLS, len(found)), len(bad) - traces, traces + died, 0, said)
+    return Part(len(ended), max(KILLS, len(ended)), len(bad) - traces, traces + died, 0, said)
 
 
 def left(until: Until) -> float:
@@ -77,15 +77,15 @@ def left(until: Until) -> float:
 
 def corruptions(folder: Path, until: Until) -> Part:
     """Files of each kind, something of them changed: refused in a line, or as if nothing were."""
-    found = list(batches(folder, until))
-    for batch in found:
+    every = list(batches(folder, until))
+    for batch in every:
         for said in (*batch.fell, *batch.wrong):
             print(f"{batch.kind}: {said}", file=sys.stderr, flush=True)
     tried = Counter[str]()
-    for batch in found:
+    for batch in every:
         tried[batch.kind] += batch.tried
     said = ", ".join(f"{count} {kind}" for kind, count in tried.items())
-    fell, wrong = (sum(map(len, bad)) for bad in ([one.fell for one in found], [one.wrong for one in found]))
+    fell, wrong = (sum(len(getattr(batch, kind)) for batch in every) for kind in ("fell", "wrong"))
     return Part(tried.total(), COUNT * max(len(tried), 1), 0, fell, wrong, said or "no time")
 
 
@@ -104,12 +104,12 @@ def forgeries(folder: Path, until: Until) -> Part:
             break
         answer, code = forked(
             lambda first=first: json.dumps(  # type: ignore[misc]
-                [(one["intact"], f"{one['file']}: {one['command']}: {one['wrong'][-300:]}") for one in
+                [(case["intact"], f"{case['file']}: {case['command']}: {case['wrong'][-300:]}") for case in
                  beside.forged_cases(folder, SEED, BATCH, first)][:5]
             )
         )  # fmt: skip
-        found = [["True", f"from {first} on: ended with {code} {answer.strip()}"]] if code else json.loads(answer)
-        for intact, said in found:
+        failures = [["True", f"from {first} on: ended with {code} {answer.strip()}"]] if code else json.loads(answer)
+        for intact, said in failures:
             print(said, file=sys.stderr, flush=True)
             lost, traces = lost + (intact == "False"), traces + (intact == "True")
         tried.update(beside.TURNS[number % len(beside.TURNS)] for number in range(first, first + BATCH))

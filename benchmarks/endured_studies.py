@@ -177,8 +177,8 @@ def _ends(study: Study, child: subprocess.Popen[bytes], until: Until) -> bool:
         if not until(20.0):
             child.send_signal(signal.SIGINT)
             child.wait()
-        elif (found := len(list(study.table.with_suffix(".runs").glob("*.sqlite")))) != files:
-            files, since = found, time.monotonic()
+        elif (count := len(list(study.table.with_suffix(".runs").glob("*.sqlite")))) != files:
+            files, since = count, time.monotonic()
         elif time.monotonic() - since > STUCK:
             child.kill()
             child.wait()

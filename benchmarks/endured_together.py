@@ -117,19 +117,19 @@ def caches(folder: Path, until: Until) -> Part:
             words, cwd=ROOT, env=os.environ | {"NUMBA_CACHE_DIR": str(cache)}, stderr=subprocess.PIPE
         )
 
-    def kept() -> dict[str, int]:
+    def compiled() -> dict[str, int]:
         return {str(file): file.stat().st_mtime_ns for file in cache.rglob("*.nb[ic]")}
 
     both = [begun("one.sqlite"), begun("two.sqlite")]
     errors = [child.communicate()[1] for child in both]
-    after = kept()
+    after = compiled()
     third = begun("three.sqlite")
     errors.append(third.communicate()[1])
-    again = {file for file, changed in kept().items() if after.get(file) != changed}
-    found = [contents(folder / f"{name}.sqlite") for name in ("one", "two", "three")]
+    again = {file for file, changed in compiled().items() if after.get(file) != changed}
+    databases = [contents(folder / f"{name}.sqlite") for name in ("one", "two", "three")]
     usual = folder / "usual.sqlite"
     simulate(model, usual, ALONE).close()
-    wrong = sum(one != contents(usual) for one in found)
+    wrong = sum(database != contents(usual) for database in databases)
     traces = sum(b"Traceback" in error for error in errors)
     return Part(
         2,

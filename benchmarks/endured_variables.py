@@ -29,14 +29,14 @@ def variables(folder: Path, until: Until) -> Part:
     model, options = KINDS["bonds"]()
     (here / "plate.json").write_text(model.to_json(), encoding="utf-8")
     simulate(model, here / "small.sqlite", options).close()
-    chosen = [one for one in hostile.FORGERIES[::EVERY] if one[0].name not in OF_LINKER]
+    chosen = [forgery for forgery in hostile.FORGERIES[::EVERY] if forgery[0].name not in OF_LINKER]
     marks, traces, wrong, tried = [], 0, 0, 0
     for number, (variable, form) in enumerate(chosen):
         if not until(30.0):
             break
-        own = folder / str(number)
-        own.mkdir()
-        value = hostile.FORMS[form](variable, here, own)
+        scratch = folder / str(number)
+        scratch.mkdir()
+        value = hostile.FORMS[form](variable, here, scratch)
         ended = hostile.run_command(hostile.COMMANDS[number % 2], here, {variable.name: value})
         tried += 1
         traces += "Traceback" in ended.stderr

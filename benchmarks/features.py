@@ -7,7 +7,6 @@ A sample is what its feature changes in the plate or the body below, by dotted n
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import replace
 from itertools import combinations
 from math import prod
 from typing import Any, NamedTuple
@@ -16,6 +15,7 @@ import msgspec
 import numpy as np
 
 from benchmarks.kinds_of_run import BOND, H, lattice
+from benchmarks.models import grid_of_nodes
 from pdmesh.model.contact import Contact
 from pdmesh.model.contradictions import Case
 from pdmesh.model.document import (
@@ -162,19 +162,19 @@ class Sample(NamedTuple):
     case: Case
 
 
-def together(one: str, other: str) -> Changes | None:
+def together(first: str, second: str) -> Changes | None:
     """The changes of two features; None where both are values of one setting, or only one is of a motion."""
-    first, second = SAMPLES[one], SAMPLES[other]
-    if any(first[key] != second[key] for key in first.keys() & second.keys() if key != "conditions"):
+    one, two = SAMPLES[first], SAMPLES[second]
+    if any(one[key] != two[key] for key in one.keys() & two.keys() if key != "conditions"):
         return None
-    changes = first | second | {"conditions": (*first.get("conditions", ()), *second.get("conditions", ()))}
-    still = changes.get("physics") == "diffusion" and any(key.startswith(OF_MOTION) for key in first | second)
+    changes = one | two | {"conditions": (*one.get("conditions", ()), *two.get("conditions", ()))}
+    still = changes.get("physics") == "diffusion" and any(key.startswith(OF_MOTION) for key in one | two)
     return None if still else changes
 
 
 def pairs() -> Iterator[tuple[str, str]]:
     """Every two features that a model could be asked for together."""
-    return ((one, other) for one, other in combinations(SAMPLES, 2) if together(one, other) is not None)
+    return (pair for pair in combinations(SAMPLES, 2) if together(*pair) is not None)
 
 
 def sample(changes: Changes) -> Sample:
@@ -250,8 +250,8 @@ def _spin(at: Places) -> float | tuple[float, float, float]:
 def _usual_conditions(settings: Settings, at: Places, changes: Changes) -> Iterator[AnyCondition]:
     """The lowest row held and the highest moved; contents on the left and on the right."""
     if settings.physics != "diffusion":
-        profile, held = changes.get("profile", ()), dict.fromkeys("xyz"[: at.dimension], 0.0)
-        yield Displacement(box=at.low, **held)
+        profile, zero = changes.get("profile", ()), dict.fromkeys("xyz"[: at.dimension], 0.0)
+        yield Displacement(box=at.low, **zero)
         yield Displacement(box=at.high, y=1e-7, profile=profile)
     if settings.physics != "mechanics":
         yield Concentration(box=at.right, value=0.1 if settings.physics == "diffusion" else 290.0)
@@ -280,14 +280,11 @@ def _with_striker(grid: Grid) -> Grid:
     cells = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, grid.dimension)
     start = grid.position.max(axis=0) * np.where(np.arange(grid.dimension) == 0, 1.0, 0.5)
     place = start + H * (cells + 1.5 * (np.arange(grid.dimension) == 0))
-    more, nodes = len(cells), len(grid) + len(cells)
-    return replace(
-        grid,
-        ids=np.arange(1, nodes + 1),
-        position=np.vstack([grid.position, place]),
-        delta=np.full(nodes, H),
-        border=np.zeros(nodes, dtype=bool),
-        hole_id=np.full(nodes, -1),
-        areas=np.full(nodes, H**grid.dimension),
-        bodies=Bodies(np.repeat([0, 1], [len(grid), more]), ("plate", "striker")),
+    return grid_of_nodes(
+        np.vstack([grid.position, place]),
+        H,
+        grid.cracks,
+        outline=grid.outline,
+        areas=np.full(len(grid) + len(cells), H**grid.dimension),
+        bodies=Bodies(np.repeat([0, 1], [len(grid), len(cells)]), ("plate", "striker")),
     )

@@ -52,11 +52,11 @@ def contents(path: Path) -> dict[str, list[tuple[object, ...]]]:
     from pdsolve.results.schema import TABLES
 
     with closing(sqlite3.connect(path)) as connection:
-        found = {table: connection.execute(f"SELECT rowid, * FROM {table}").fetchall() for table in TABLES}
-    found["meta"] = sorted(row[1:] for row in found["meta"] if row[1] not in OWN)
-    found["checkpoint"] = sorted(row[1:] for row in found["checkpoint"])
-    found["checksum"] = [row for row in found["checksum"] if row[1] != "meta"]
-    return found
+        rows = {table: connection.execute(f"SELECT rowid, * FROM {table}").fetchall() for table in TABLES}
+    rows["meta"] = sorted(row[1:] for row in rows["meta"] if row[1] not in OWN)
+    rows["checkpoint"] = sorted(row[1:] for row in rows["checkpoint"])
+    rows["checksum"] = [row for row in rows["checksum"] if row[1] != "meta"]
+    return rows
 
 
 def compiler() -> str | None:
@@ -74,9 +74,9 @@ def trials(jobs: Sequence[tuple[str, bool]], folder: Path, every: int = 1, secon
         source = str(ROOT / "benchmarks" / "kills.c")
         words = [str(compiler()), "-O1", "-shared", "-fPIC", "-o", str(library), source, "-ldl"]
         subprocess.run(words, check=True)
-    words = ["-m", "benchmarks.kills", str(folder), str(every), str(seconds), json.dumps(jobs)]
-    own = os.environ | {"LD_PRELOAD": str(library)}
-    with subprocess.Popen([sys.executable, *words], cwd=ROOT, env=own, stdout=subprocess.PIPE, text=True) as child:
+    words = [sys.executable, "-m", "benchmarks.kills", str(folder), str(every), str(seconds), json.dumps(jobs)]
+    variables = os.environ | {"LD_PRELOAD": str(library)}
+    with subprocess.Popen(words, cwd=ROOT, env=variables, stdout=subprocess.PIPE, text=True) as child:
         assert child.stdout is not None
         try:
             for line in child.stdout:
@@ -126,10 +126,10 @@ class _Ended:
         path = self._begun("count")
         self.library.kills_arm(str(path.parent).encode(), 0, 0)
         self._run(path)
-        found = int(self.library.kills_counted())
+        calls = int(self.library.kills_counted())
         self.library.kills_arm(b"", 0, 0)
         shutil.rmtree(path.parent)
-        return found
+        return calls
 
     def _begun(self, name: str) -> Path:
         path = self.folder / name / "x.sqlite"
@@ -183,9 +183,9 @@ class _Ended:
         left = sorted(file.name for file in path.parent.iterdir())
         if left != [path.name]:
             return state.kind.name, f"left {', '.join(left)}"
-        found = contents(path)
-        other = [table for table in self.expected if found[table] != self.expected[table]]
-        return state.kind.name, f"other {', '.join(other)}" if other else ""
+        rows = contents(path)
+        different = [table for table in self.expected if rows[table] != self.expected[table]]
+        return state.kind.name, f"other {', '.join(different)}" if different else ""
 
 
 def forked(work: Callable[[], str]) -> tuple[str, int]:
@@ -224,9 +224,9 @@ def main(folder: str, every: str, seconds: str, jobs: str) -> None:
     """Print a line of JSON for each run that is ended."""
     warnings.simplefilter("ignore")
     until = time.monotonic() + float(seconds)
-    with tempfile.TemporaryDirectory(dir=folder, prefix="ended-") as own:
+    with tempfile.TemporaryDirectory(dir=folder, prefix="ended-") as scratch:
         under_way = deque(
-            _ended(kind, resumed, Path(own) / str(number), int(every))
+            _ended(kind, resumed, Path(scratch) / str(number), int(every))
             for number, (kind, resumed) in enumerate(json.loads(jobs))
         )
         while under_way and time.monotonic() < until:

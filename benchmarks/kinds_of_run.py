@@ -78,12 +78,12 @@ def _at_rest(
 ) -> tuple[Model, Options]:
     """A plate stretched between its edges in load steps."""
     high = H * counts[1]
-    held = (
+    edges = (
         Displacement(box=_box(2, high - H, high), x=0.0, y=apart, profile=profile),
         Displacement(box=_box(2, 0.0, H), x=0.0, y=0.0),
     )
     run = {"time_step": None, "steps": 8, "every": 1, "ledger": 1} | run
-    return _torn(counts, conditions=held, run=run), Options(threads=1)
+    return _torn(counts, conditions=edges, run=run), Options(threads=1)
 
 
 def _diffusing(medium: Medium, **run: Any) -> tuple[Model, Options]:
@@ -104,7 +104,7 @@ def _diffusing(medium: Medium, **run: Any) -> tuple[Model, Options]:
 def _quenched(cold: float = 260.0, **run: Any) -> tuple[Model, Options]:
     """A held plate of 300 K whose left edge is quenched to `cold`, K: bonds break while heat goes through it."""
     grid = lattice(24, 16)
-    edge, held = _rows(grid, grid.position[:, 0] < H), _rows(grid, np.abs(grid.position[:, 1] - 8 * H) > 7 * H)
+    edge, ends = _rows(grid, grid.position[:, 0] < H), _rows(grid, np.abs(grid.position[:, 1] - 8 * H) > 7 * H)
     settings = Settings(
         physics="thermoelastic",
         material=Material(E=72e9, rho=2440.0, G0=3.8, alpha=1e-5, T0=300.0),
@@ -112,7 +112,7 @@ def _quenched(cold: float = 260.0, **run: Any) -> tuple[Model, Options]:
         horizon=Horizon(3.0),
         conditions=(
             Concentration(nodes=edge, value=cold),
-            Displacement(nodes=held, x=0.0, y=0.0),
+            Displacement(nodes=ends, x=0.0, y=0.0),
         ),
         run=Run(**{"steps": 40, "every": 5, "ledger": 5} | run),
     )

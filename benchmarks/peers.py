@@ -328,9 +328,9 @@ def _field(process: Served, folder: Path) -> NDArray[np.float64]:
     return np.asarray(np.load(folder / "field.npy"))
 
 
-def _difference(field: NDArray[np.float64], other: NDArray[np.float64]) -> float:
+def _difference(field: NDArray[np.float64], reference: NDArray[np.float64]) -> float:
     """The largest difference of displacements over the largest displacement."""
-    return float(np.abs(field - other).max() / np.abs(other).max())
+    return float(np.abs(field - reference).max() / np.abs(reference).max())
 
 
 def block(measurement: dict[str, Any]) -> str:

@@ -23,10 +23,9 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmarks.models import GEOMETRIES
+from benchmarks.models import GEOMETRIES, model_of, with_run
 from pdmesh import Circle, Scene, box
 from pdmesh.drawing.file_reading import read_scene
-from pdmesh.grid.building import build
 from pdmesh.grid.lattice import build_grid
 from pdmesh.model.document import Horizon, Material
 from pdmesh.reports.accuracy_estimate import changed, feature, proposal
@@ -53,48 +52,40 @@ REFERENCE = 0.5  # of the finest spacing measured
 
 def solved(scene: Scene, path: Path, number: int = 0) -> Path:
     """The results of a scene; those of a further run, by its `number`, take somewhat shorter steps."""
-    built = build(scene)
-    grid, settings = built.grid, built.settings
-    run, share = settings.run, 1 - SHORTER * number
+    model = model_of(scene)
+    run, share = model.settings.run, 1 - SHORTER * number
+    assert run.time_step is not None
     steps = round(run.steps / share)
-    run = with_values(run, steps=steps, every=max(1, steps // FRAMES), time_step=share * run.time_step)
-    settings = with_values(settings, run=run)
-    simulate(Model(grid, settings, scene.source), path, Options()).close()
+    model = with_run(model, steps=steps, every=max(1, steps // FRAMES), time_step=share * run.time_step)
+    simulate(model, path, Options()).close()
     return path
-
-
-def with_values(struct: Any, **values: Any) -> Any:
-    """A struct with some values changed."""
-    return msgspec.structs.replace(struct, **values)
 
 
 def uniform(scene: Scene, finest: float, ratio: float) -> Scene:
     """The scene with one spacing."""
     flat = dataclasses.replace(scene, spacing=scene.finest, zones=(), refinements=())
-    rows = [
-        dataclasses.replace(
-            one, place=dataclasses.replace(one.place, rows=max(1, round(one.place.rows * scene.spacing / scene.finest)))
-        )
-        for one in scene.conditions
-    ]
-    return changed(dataclasses.replace(flat, conditions=tuple(rows)), finest, ratio)
+    conditions = []
+    for condition in scene.conditions:
+        rows = max(1, round(condition.place.rows * scene.spacing / scene.finest))
+        conditions.append(dataclasses.replace(condition, place=dataclasses.replace(condition.place, rows=rows)))
+    return changed(dataclasses.replace(flat, conditions=tuple(conditions)), finest, ratio)
 
 
 def errors(scene: Scene, references: list[Path], folder: Path) -> list[float]:
     """The displacement errors of as many runs of a scene, each against a reference of its own."""
-    found = []
+    of_runs = []
     for number, reference in enumerate(references):
         path = solved(scene, folder / f"run {number}", number)
-        with Results.open(path) as one, Results.open(reference) as other:
-            off = tradeoff.relative_displacement_error(one, other)
+        with Results.open(path) as results, Results.open(reference) as finer:
+            off = tradeoff.relative_displacement_error(results, finer)
         path.unlink()
-        found.append(np.nan if off is None else off)
-    return found
+        of_runs.append(np.nan if off is None else off)
+    return of_runs
 
 
-def relative(found: NDArray[np.float64], exact: NDArray[np.float64], area: NDArray[np.float64]) -> float:
+def relative(u: NDArray[np.float64], exact: NDArray[np.float64], area: NDArray[np.float64]) -> float:
     """L2 norm of the error over that of the solution."""
-    return float(np.sqrt(np.sum(area[:, None] * (found - exact) ** 2) / np.sum(area[:, None] * exact**2)))
+    return float(np.sqrt(np.sum(area[:, None] * (u - exact) ** 2) / np.sum(area[:, None] * exact**2)))
 
 
 def kirsch() -> Iterator[dict[str, Any]]:
@@ -109,13 +100,13 @@ def kirsch() -> Iterator[dict[str, Any]]:
             scene = Scene(box(-HALF, -HALF, HALF, HALF), 2 * spacing, unit, ratio).hole(Circle(0.0, 0.0, RADIUS))
             scene = scene.zone(box(-FINE_ZONE, -FINE_ZONE, FINE_ZONE, FINE_ZONE), spacing, grown=False)
             grid, settings, _ = build_grid(scene)
-            settings = with_values(settings, horizon=Horizon(ratio))
+            settings = msgspec.structs.replace(settings, horizon=Horizon(ratio))
             problem = prepare(Model(grid, settings), Options())
             exact = classical(grid.position)
             outer = np.abs(grid.position).max(axis=1) > HALF - (ratio + 0.5) * grid.delta
-            found = equilibrium(problem, np.column_stack([outer, outer]), exact)
+            u = equilibrium(problem, np.column_stack([outer, outer]), exact)
             inside = np.abs(grid.position).max(axis=1) < FINE_ZONE
-            off = relative(found[inside], exact[inside], problem.system.area[inside])
+            off = relative(u[inside], exact[inside], problem.system.area[inside])
             yield {"problem": "hole in tension", "ratio": ratio, "spacing_over_feature": 1 / fineness, "error": off}
 
 
@@ -130,8 +121,8 @@ def cracks(adapt: str = "none") -> Iterator[dict[str, Any]]:
             references = [solved(finer, Path(folder) / f"{number}", number) for number in range(RUNS)]
             for ratio in RATIOS[adapt]:
                 for spacing in spacings:
-                    found = errors(changed(scene, spacing, ratio, adapt), references, Path(folder))
-                    off = float(np.median(found))
+                    of_runs = errors(changed(scene, spacing, ratio, adapt), references, Path(folder))
+                    off = float(np.median(of_runs))
                     point = {"problem": name, "ratio": ratio, "spacing_over_feature": spacing / size, "error": off}
                     yield point | ({} if adapt == "none" else {"adapt": adapt})
 
@@ -142,10 +133,10 @@ def checks() -> Iterator[dict[str, Any]]:
         scene = read_scene(GEOMETRIES / name, [], [], True)
         with tempfile.TemporaryDirectory() as folder:
             proposals = {within: proposal(scene, within) for within in WITHIN}
-            finer = uniform(scene, REFERENCE * min(found.scene.finest for found in proposals.values()), 4.0)
+            finer = uniform(scene, REFERENCE * min(plan.scene.finest for plan in proposals.values()), 4.0)
             references = [solved(finer, Path(folder) / f"{number}", number) for number in range(RUNS)]
             for within, proposed in proposals.items():
-                found = errors(proposed.scene, references, Path(folder))
+                of_runs = errors(proposed.scene, references, Path(folder))
                 yield {
                     "scene": name,
                     "within": within,
@@ -153,9 +144,9 @@ def checks() -> Iterator[dict[str, Any]]:
                     "spacing": proposed.scene.finest,
                     "ratio": proposed.scene.horizon,
                     "adapt": proposed.adapt,
-                    "error": float(np.median(found)),
-                    "least": min(found),
-                    "most": max(found),
+                    "error": float(np.median(of_runs)),
+                    "least": min(of_runs),
+                    "most": max(of_runs),
                 }
 
 
@@ -179,15 +170,15 @@ def main(arguments: list[str] | None = None) -> int:
             for point in problem():
                 points.append(point)
                 print(point, flush=True)
-        made = {"date": datetime.now(UTC).date().isoformat(), "mode": "conservative", "points": points}
-        args.output.write_text(json.dumps(made, indent=1) + "\n")
+        table = {"date": datetime.now(UTC).date().isoformat(), "mode": "conservative", "points": points}
+        args.output.write_text(json.dumps(table, indent=1) + "\n")
     if args.adapt is not None:
         return 0
-    found = []
+    promises = []
     for row in checks():
-        found.append(row)
+        promises.append(row)
         print(row, flush=True)
-    args.report.write_text(json.dumps(found, indent=1) + "\n")
+    args.report.write_text(json.dumps(promises, indent=1) + "\n")
     return 0
 
 

@@ -60,13 +60,13 @@ def spreading(nodes: int) -> Model:
 
 def exchanges(ranks: Team, times: int) -> list[float]:
     """Seconds of so many exchanges of ghosts, begun together."""
-    part, found = ranks.part, []
+    part, seconds = ranks.part, []
     for _ in range(times):
         ranks.comm.Barrier()
         began = time.perf_counter()
         part.ghosts.receive_values(part.operator.tracks.u[0])
-        found.append(time.perf_counter() - began)
-    return found
+        seconds.append(time.perf_counter() - began)
+    return seconds
 
 
 def own_values(ranks: Team) -> NDArray[Any]:
@@ -85,16 +85,16 @@ def peak(ranks: Team | None) -> float:
 def measured(ranks: Team, nodes: int) -> dict[str, Any]:
     """What a plate of so many nodes takes, on all ranks and on as many threads."""
     model = square(nodes)
-    many = start.prepare_run_on_ranks(model, Options(), ranks)
+    on_many = start.prepare_run_on_ranks(model, Options(), ranks)
     memory = ranks.everywhere(peak)
-    one = prepare(model, Options(threads=ranks.size))
+    on_one = prepare(model, Options(threads=ranks.size))
     times: tuple[list[float], list[float]] = ([], [])
     for turn in range(REPEATS):
-        for prepared, found in zip((many, one), times, strict=True):
+        for prepared, seconds in zip((on_many, on_one), times, strict=True):
             steps = partial(prepared.advance, 1 + turn * STEPS, 1 + (turn + 1) * STEPS)
-            found.append(timed(steps, time.perf_counter) / STEPS)
-    found = ranks.everywhere(own_values)
-    same = np.concatenate(found).tobytes() == np.ascontiguousarray(one.state.value).tobytes()
+            seconds.append(timed(steps, time.perf_counter) / STEPS)
+    displacements = ranks.everywhere(own_values)
+    same = np.concatenate(displacements).tobytes() == np.ascontiguousarray(on_one.state.value).tobytes()
     swaps = np.max(ranks.everywhere(exchanges, 200), axis=0)
     on_ranks, on_threads = min(times[0]), min(times[1])
     return {
@@ -108,7 +108,7 @@ def measured(ranks: Team, nodes: int) -> dict[str, Any]:
         "exchange_share": float(swaps.min()) / on_ranks,
         "same_bits": same,
         "memory": memory,
-        "bonds_per_second": many.system.directed_bond_count / on_ranks,
+        "bonds_per_second": on_many.system.directed_bond_count / on_ranks,
     }
 
 
@@ -119,14 +119,16 @@ def memory_of_a_run(ranks: Team | None, model: Model) -> dict[str, Any]:
     return {"nodes": len(model.grid), "memory": [peak(None)] if ranks is None else ranks.everywhere(peak)}
 
 
-def lines(found: dict[str, Any]) -> list[str]:
+def lines(measurement: dict[str, Any]) -> list[str]:
     """What to say of a measurement."""
+    on_ranks, on_threads = (1e3 * measurement[name] for name in ("step_on_ranks", "step_on_threads"))
+    least, median = (1e6 * measurement[name] for name in ("exchange", "exchange_median"))
     return [
-        f"{found['nodes']} nodes on {found['ranks']} ranks: {found['step_on_ranks'] * 1e3:.2f} ms a step, on as many"
-        f" threads {found['step_on_threads'] * 1e3:.2f} ms ({found['speed_of_threads']:.2f} of their speed)",
-        f"exchange {found['exchange'] * 1e6:.0f} us at least, {found['exchange_median'] * 1e6:.0f} us median,"
-        f" {found['exchange_share']:.1%} of a step; the same bits: {found['same_bits']}",
-        "memory at most, of each rank, MB: " + ", ".join(f"{one:.0f}" for one in found["memory"]),
+        f"{measurement['nodes']} nodes on {measurement['ranks']} ranks: {on_ranks:.2f} ms a step, on as many threads"
+        f" {on_threads:.2f} ms ({measurement['speed_of_threads']:.2f} of their speed)",
+        f"exchange {least:.0f} us at least, {median:.0f} us median, {measurement['exchange_share']:.1%} of a step;"
+        f" the same bits: {measurement['same_bits']}",
+        "memory at most, of each rank, MB: " + ", ".join(f"{memory:.0f}" for memory in measurement["memory"]),
     ]
 
 
@@ -137,22 +139,22 @@ def main() -> int:
     options.add_argument("-o", "--output", type=Path)
     options.add_argument("--memory", action="store_true")
     options.add_argument("--fick", action="store_true")
-    given, ranks = options.parse_args(), team()
+    args, ranks = options.parse_args(), team()
     large_arrays_apart()
     if ranks is not None and ranks.rank > 0:
         return ranks.serve()
-    if given.memory:
-        print(json.dumps(memory_of_a_run(ranks, (spreading if given.fick else square)(given.nodes))), flush=True)
+    if args.memory:
+        print(json.dumps(memory_of_a_run(ranks, (spreading if args.fick else square)(args.nodes))), flush=True)
         if ranks is not None:
             ranks.end(0)
         return 0
     if ranks is None:
         print("found one process, expected ranks: mpiexec -n 2 python -m benchmarks.ranks", file=sys.stderr)
         return 2
-    found = measured(ranks, given.nodes)
-    print("\n".join(lines(found)))
-    if given.output is not None:
-        given.output.write_text(json.dumps(found, indent=2) + "\n", encoding="utf-8")
+    measurement = measured(ranks, args.nodes)
+    print("\n".join(lines(measurement)))
+    if args.output is not None:
+        args.output.write_text(json.dumps(measurement, indent=2) + "\n", encoding="utf-8")
     ranks.end(0)
     return 0
 

@@ -75,8 +75,8 @@ def main() -> None:
         total += count
         print(f"{package}: {count} lines in {files} files, the longest of {longest}")
     print(f"together: {total} lines")
-    found = followed(small_plate())
-    print(f"{len(found)} files from `simulate` to the first step:", *found, sep="\n  ")
+    files = followed(small_plate())
+    print(f"{len(files)} files from `simulate` to the first step:", *files, sep="\n  ")
 
 
 if __name__ == "__main__":

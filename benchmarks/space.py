@@ -113,7 +113,7 @@ def peak(side: int, precision: str) -> int:
 
 def whole(side: int) -> dict[str, dict[str, float]]:
     """CPU seconds and peak bytes of each program on a cube of so many nodes a side, from a script to a picture."""
-    found, programs = {}, Path(sys.executable).parent
+    used_by, programs = {}, Path(sys.executable).parent
     with tempfile.TemporaryDirectory() as folder:
         (Path(folder) / "cube.py").write_text(DRAWN.replace("SIDE", str(side)), encoding="utf-8")
         for name, line in WHOLE.items():
@@ -121,8 +121,8 @@ def whole(side: int) -> dict[str, dict[str, float]]:
             process = subprocess.Popen([programs / program, *arguments], cwd=folder, stdout=subprocess.DEVNULL)
             _, status, used = os.wait4(process.pid, 0)
             assert status == 0, name
-            found[name] = {"seconds": used.ru_utime + used.ru_stime, "bytes": 1024.0 * used.ru_maxrss}
-    return found
+            used_by[name] = {"seconds": used.ru_utime + used.ru_stime, "bytes": 1024.0 * used.ru_maxrss}
+    return used_by
 
 
 def write_blocks(measurement: dict[str, Any]) -> None:

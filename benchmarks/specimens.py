@@ -106,13 +106,13 @@ def slanted(wide: int) -> Case:
     grid = model.grid
     u = a * exact.displacement(grid.position / a)
     outer = np.abs(grid.position).max(axis=1) > half - 2 * HORIZON / wide
-    held = tuple(
+    prescribed = tuple(
         Displacement(nodes=(int(grid.ids[row]),), x=float(u[row, 0]), y=float(u[row, 1]))
         for row in np.flatnonzero(outer)
     )
-    found = exact.tip
-    settings = msgspec.structs.replace(model.settings, conditions=held)
-    return Case(Model(grid, settings), float(np.sqrt(a) * found.K1), float(np.sqrt(a) * found.K2))
+    tip = exact.tip
+    settings = msgspec.structs.replace(model.settings, conditions=prescribed)
+    return Case(Model(grid, settings), float(np.sqrt(a) * tip.K1), float(np.sqrt(a) * tip.K2))
 
 
 def compact_tension(wide: int) -> Case:

@@ -45,8 +45,8 @@ def plate(material: Material, time_step: float | None) -> Model:
 def torn(speed: float, share: float, material: Material = GLASS, options: Options | None = None) -> Cut:
     """Tear the plate at a speed, m/s, in steps that are a share of the program's own."""
     options = options or Options(threads=1)
-    own = prepare(plate(material, None), options).system.time_step
-    return cut(plate(material, share * own), speed, options, ROWS * SPACING)
+    step = prepare(plate(material, None), options).system.time_step
+    return cut(plate(material, share * step), speed, options, ROWS * SPACING)
 
 
 def cut(model: Model, speed: float, options: Options, area: float) -> Cut:

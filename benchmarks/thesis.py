@@ -140,14 +140,14 @@ def _waves() -> str:
 def _histories() -> str:
     """Figures 34, 35, 68 and 69: displacements of two nodes that are mirror images of each other."""
     rows = []
-    for name, one, other, mirrored in (
+    for name, node, image, mirrored in (
         ("duran50", (0.05, 0.0005), (0.05, -0.0005), "uy"),
         ("soda_lime", (0.05, 0.0005), (0.05, -0.0005), "uy"),
         ("v_notch", (0.0395, 0.03), (0.0405, 0.03), "ux"),
     ):
         for mode in MODES:
             with Results.open(solved(_case(name), mode, RESULTS)) as results:
-                times, histories = _history(results, (one, other))
+                times, histories = _history(results, (node, image))
             picture = f"history.{name}.{mode}.png"
             _plot_history(times, histories, PAGE.with_name(picture))
             along = "ux" if mirrored == "uy" else "uy"

@@ -88,8 +88,8 @@ def table() -> str:
 
 def per_spacing(wide: int) -> float:
     """The share by which K1 of an edge crack half-way across grows with a spacing of crack."""
-    one, other = (np.sqrt(part) * edge_shape(part) for part in (0.5 - 0.5 / wide, 0.5 + 0.5 / wide))
-    return float(np.log(other / one))
+    shorter, longer = (np.sqrt(part) * edge_shape(part) for part in (0.5 - 0.5 / wide, 0.5 + 0.5 / wide))
+    return float(np.log(longer / shorter))
 
 
 def _model(material: Material, ties: str, kind: str, wide: int) -> Model:

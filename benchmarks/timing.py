@@ -13,9 +13,9 @@ from pathlib import Path
 from typing import Any
 
 
-def environment(**own: str) -> dict[str, str]:
-    """Variables for a process, with those of its own; Python keeps what it compiles, as on a user's machine."""
-    return {name: value for name, value in os.environ.items() if name != "PYTHONDONTWRITEBYTECODE"} | own
+def environment(**variables: str) -> dict[str, str]:
+    """Variables for a process, with these of its own; Python keeps what it compiles, as on a user's machine."""
+    return {name: value for name, value in os.environ.items() if name != "PYTHONDONTWRITEBYTECODE"} | variables
 
 
 def user_time() -> float:

@@ -32,20 +32,22 @@ def main(words: Sequence[str]) -> int:
     parser = argparse.ArgumentParser(prog="python -m benchmarks.mutants")
     parser.add_argument("words", nargs="*", metavar="WORD", help="mutants with a word in file or line (all)")
     args = parser.parse_args(words)
-    chosen = [one for one in MUTANTS if not args.words or any(word in one.file + one.line for word in args.words)]
+    chosen = MUTANTS
+    if args.words:
+        chosen = tuple(mutant for mutant in MUTANTS if any(word in mutant.file + mutant.line for word in args.words))
     alive = 0
     with tempfile.TemporaryDirectory() as folder:
         tree = trees.copied(Path(folder) / "tree")
-        tests = list(dict.fromkeys(test for one in chosen for test in one.tests.split()))
+        tests = list(dict.fromkeys(test for mutant in chosen for test in mutant.tests.split()))
         if failure := trees.first_failure(tree, tests, with_kernels=True):
             print(f"a test fails without a mutant: {failure}")
             return 1
-        for one in chosen:
+        for mutant in chosen:
             start = time.perf_counter()
-            became = outcome(tree, one)
+            became = outcome(tree, mutant)
             alive += became != "killed"
-            what = one.becomes.strip() or one.line.strip()
-            print(f"{became}, {time.perf_counter() - start:.0f} s: {one.file}: {what}", flush=True)
+            what = mutant.becomes.strip() or mutant.line.strip()
+            print(f"{became}, {time.perf_counter() - start:.0f} s: {mutant.file}: {what}", flush=True)
     print(f"{len(chosen)} mutants, {alive} alive")
     return int(alive > 0)
 

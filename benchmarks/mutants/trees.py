@@ -13,8 +13,8 @@ from contextlib import contextmanager, suppress
 from itertools import zip_longest
 from pathlib import Path
 
-from benchmarks.mutants import kept as kept_kernels
-from benchmarks.mutants.kept import VARIABLE
+from benchmarks.mutants import stored_kernels
+from benchmarks.mutants.stored_kernels import VARIABLE
 
 ROOT = Path(__file__).parent.parent.parent
 LEFT_OUT = (".git", ".venv", "__pycache__", ".*_cache", ".hypothesis", "*.sqlite", "*.sqlite-*")
@@ -42,7 +42,7 @@ def first_failure(tree: Path, tests: Sequence[str], *, with_kernels: bool) -> st
         Where the tests could not be run; the message has the end of what pytest wrote.
     """
     words = [sys.executable, "-m", "pytest", "-x", "-p", "no:cacheprovider", "--tb=no", "-m", "not endurance", *tests]
-    words += ["-p", kept_kernels.__name__] if with_kernels else []
+    words += ["-p", stored_kernels.__name__] if with_kernels else []
     kernels, shared = (tree.with_name(name) for name in (f"{tree.name} kernels", "kernels"))
     for folder, is_by_state in ((kernels, True), (shared, False)):
         if not folder.exists():
@@ -59,14 +59,14 @@ def first_failure(tree: Path, tests: Sequence[str], *, with_kernels: bool) -> st
 
 
 def _begin(folder: Path, is_by_state: bool) -> None:
-    """Begin a folder with the kernels that this checkout compiled, as `jit_cache` names their places or as `kept`."""
+    """Begin a folder with the kernels that this checkout compiled, as `jit_cache` or `stored_kernels` names their places."""
     from pdsolve.codegen import jit_cache, kernel_sources  # slow
 
     for file in kernel_sources.with_kernels():
-        own = jit_cache.folder_of(file)
-        place = Path(own.parent.name) / own.name if is_by_state else Path(file).relative_to(ROOT).with_suffix("")
+        compiled = jit_cache.folder_of(file)
+        by_state, by_file = Path(compiled.parent.name) / compiled.name, Path(file).relative_to(ROOT).with_suffix("")
         with suppress(OSError, shutil.Error):  # another process clears it meanwhile
-            shutil.copytree(own, folder / place)
+            shutil.copytree(compiled, folder / (by_state if is_by_state else by_file))
 
 
 @contextmanager
@@ -89,19 +89,19 @@ def same_kernels(file: str, before: str, after: str) -> bool:
     if file.startswith(LAWS):
         return False
     every = ast.parse(before).body
-    marked = "\n".join(ast.unparse(one) for one in every if COMPILED.search(ast.unparse(one)))
+    marked = "\n".join(ast.unparse(statement) for statement in every if COMPILED.search(ast.unparse(statement)))
     return all(
-        isinstance(one, ast.FunctionDef)
-        and not COMPILED.search(ast.unparse(one))
-        and not re.search(rf"\b(?<!def ){one.name}\b(?!\()", marked)  # nor what an overload returns
-        for one in _different(every, ast.parse(after).body)
+        isinstance(statement, ast.FunctionDef)
+        and not COMPILED.search(ast.unparse(statement))
+        and not re.search(rf"\b(?<!def ){statement.name}\b(?!\()", marked)  # nor what an overload returns
+        for statement in _different(every, ast.parse(after).body)
     )
 
 
 def _different(before: Sequence[ast.stmt], after: Sequence[ast.stmt]) -> Iterator[ast.stmt | None]:
     """Statements that differ; of classes, those in them."""
-    for one, other in zip_longest(before, after):
-        if isinstance(one, ast.ClassDef) and isinstance(other, ast.ClassDef) and one.name == other.name:
-            yield from _different(one.body, other.body)
-        elif one is None or other is None or ast.dump(one) != ast.dump(other):
-            yield one
+    for old, new in zip_longest(before, after):
+        if isinstance(old, ast.ClassDef) and isinstance(new, ast.ClassDef) and old.name == new.name:
+            yield from _different(old.body, new.body)
+        elif old is None or new is None or ast.dump(old) != ast.dump(new):
+            yield old
