@@ -7,22 +7,19 @@ they try.
 from __future__ import annotations
 
 import contextlib
-import importlib
 import io
 import json
 import random
 import sqlite3
-import sys
 import warnings
 from collections.abc import Callable, Iterator, Sequence
 from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
 
-import msgspec
-
-from benchmarks.kills import ROOT, contents, forked
+from benchmarks.kills import contents, forked, module_of_tests
 from benchmarks.kinds_of_run import KINDS
+from benchmarks.models import with_run
 from pdmesh.__main__ import main as pdmesh
 from pdmesh.model.document import write_file
 from pdmesh.model.node_grid import document_of
@@ -64,9 +61,7 @@ def batches(folder: Path, until: Callable[[float], bool]) -> Iterator[Batch]:
 
 def _jobs(folder: Path) -> dict[str, Callable[[int], Tried]]:
     """By kind of file: what tries a batch of them, by its seed."""
-    if str(ROOT / "tests") not in sys.path:
-        sys.path.append(str(ROOT / "tests"))
-    forged = importlib.import_module("forged_databases")
+    forged = module_of_tests("forged_databases")
     folders = {name: folder / name for name in ("finished", "stopped", "study", "grids")}
     for path in folders.values():
         path.mkdir()
@@ -111,8 +106,9 @@ def _stopped(folder: Path, forged: Any, halves: list[tuple[Path, dict[str, Any]]
         remove(path)
         path.write_bytes(forged.damaged(whole.read_bytes(), chance))
         name = f"{whole.stem}, {seed} {number}"
-        if (said := _says(pdsolve, "--resume", str(path), "-q"))[0]:
-            fell += [f"{name}: {said[1]}"] if said[0] != REFUSED or said[1].count("\n") != 1 else []
+        code, stderr = _run_command(pdsolve, "--resume", str(path), "-q")
+        if code:
+            fell += [f"{name}: {stderr}"] if code != REFUSED or stderr.count("\n") != 1 else []
         elif contents(path) != expected:
             wrong.append(name)
     return fell, wrong
@@ -128,23 +124,22 @@ def _grid_files(folder: Path, forged: Any, seed: int) -> Tried:
         write_file(document_of(model.grid, model.settings), path)
         path.write_text(forged.forged_json(path.read_text(), chance), "utf-8", errors="replace")
         for main, *words in ((pdsolve, str(path), "--dry-run", "-q"), (pdmesh, "info", str(path))):
-            code, said = _says(main, *words)
-            lines = [line for line in said.splitlines() if " warning: " not in line and not line.startswith("  ")]
+            code, stderr = _run_command(main, *words)
+            lines = [line for line in stderr.splitlines() if " warning: " not in line and not line.startswith("  ")]
             if code not in (0, 1, REFUSED, 3) or len(lines) != bool(code):
-                fell.append(f"{kind}, {seed} {number}, {words}: {code} {said}")
+                fell.append(f"{kind}, {seed} {number}, {words}: {code} {stderr}")
     return fell, []
 
 
 def _solved_study(folder: Path) -> Path:
     """The table of a study that is solved, with its runs beside it."""
     model, _ = KINDS["bonds"]()
-    run = msgspec.structs.replace(model.settings.run, steps=10)
-    write_file(document_of(model.grid, msgspec.structs.replace(model.settings, run=run)), folder / "plate.json")
+    write_file(document_of(model.grid, with_run(model, steps=10).settings), folder / "plate.json")
     (folder / "study.toml").write_text(STUDY)
     with contextlib.chdir(folder):
-        code, said = _says(pdsolve, "study", "study.toml", "-q", "--workers", "1")
+        code, stderr = _run_command(pdsolve, "study", "study.toml", "-q", "--workers", "1")
     if code:
-        raise RuntimeError(said)
+        raise RuntimeError(stderr)
     return (folder / "study.sqlite").rename(folder / "whole.sqlite")
 
 
@@ -165,9 +160,9 @@ def _tables(folder: Path, forged: Any, whole: Path, seed: int) -> Tried:
                 (pdpost, "study", path.name, "-o", "x.png", "--force"),
                 (pdsolve, "study", "study.toml"),
             ):
-                code, said = _says(main, *words, "-q")
-                if code and (code not in (1, REFUSED) or said.count("\n") != 1):
-                    fell.append(f"{seed} {number}, {words}: {code} {said}")
+                code, stderr = _run_command(main, *words, "-q")
+                if code and (code not in (1, REFUSED) or stderr.count("\n") != 1):
+                    fell.append(f"{seed} {number}, {words}: {code} {stderr}")
                 elif not code and path.stat().st_size and _rows(path) != expected:
                     wrong.append(f"{seed} {number}, {words}")
     return fell, wrong
@@ -189,7 +184,7 @@ def _rows(path: Path) -> list[tuple[Any, ...]]:
         return connection.execute("SELECT * FROM run ORDER BY number").fetchall()
 
 
-def _says(main: Callable[[list[str]], int], *words: str) -> tuple[int, str]:
+def _run_command(main: Callable[[list[str]], int], *words: str) -> tuple[int, str]:
     """The exit code of a command, and what it says on stderr; an error that it does not expect is raised."""
     err = io.StringIO()
     with contextlib.redirect_stderr(err), contextlib.redirect_stdout(io.StringIO()), warnings.catch_warnings():

@@ -1,4 +1,4 @@
-"""An OpenCL device beside the processor and its own roofline: python -m benchmarks.devices [-o FILE] [--chart PNG].
+"""An OpenCL device beside the processor and its own roofline: python -m benchmarks.devices [-o FILE].
 
 Plates and a body of brittle bonds, none of which breaks, march on the device and on one thread of the processor in
 turns; the least time of a step counts. Where the device is the processor itself (PoCL) processor time counts, else that
@@ -136,35 +136,17 @@ def measured(name: str, device: str) -> list[dict[str, Any]]:
     return rows
 
 
-def chart(rows: list[dict[str, Any]], path: Path) -> None:
-    """Bonds a second of the processor, the device, and the device's roofline."""
-    from matplotlib.figure import Figure
-
-    figure = Figure(figsize=(8, 4), layout="constrained")
-    axes = figure.subplots()
-    names = [name for name in ("processor", "on the device", "roofline") if any(name in r for r in rows)]
-    for number, name in enumerate(names):
-        place = np.arange(len(rows)) + 0.8 * (number / len(names) - 0.4)
-        axes.bar(place, [row.get(name, np.nan) / 1e6 for row in rows], 0.8 / len(names), label=name)
-    axes.set_xticks(range(len(rows)), [f"{row['model']}\n{row['precision']}" for row in rows])
-    axes.set(yscale="log", ylabel="million bonds a second")
-    axes.set_title(rows[0]["device"].rpartition(":")[0], fontsize="small")
-    figure.legend(loc="outside lower center", ncols=len(names))
-    figure.savefig(path, dpi=120)
-
-
 def main() -> None:
     """Print, and write, what was measured."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--device", default="opencl")
     parser.add_argument("--models", nargs="+", choices=[*SIDES, "body"], default=[*SIDES, "body"])
     parser.add_argument("--lanes", action="store_true", help="a node a work item, as on a GPU, on any device")
-    parser.add_argument("--chart", type=Path)
     parser.add_argument("-o", "--output", type=Path)
-    given = parser.parse_args()
-    if given.lanes:
+    args = parser.parse_args()
+    if args.lanes:
         tiles.together = lambda kind, precision: 1
-    rows = [row for name in given.models for row in measured(name, given.device)]
+    rows = [row for name in args.models for row in measured(name, args.device)]
     for row in rows:
         speeds = {name: value for name, value in row.items() if name in ("processor", "on the device")}
         words = ", ".join(f"{name} {value / 1e6:.0f}" for name, value in speeds.items())
@@ -174,10 +156,8 @@ def main() -> None:
             f" {row['bytes a second'] / 1e9:.3g} GB/s, {row['operations a second'] / 1e9:.3g} Gflop/s)"
         )
     print(rows[0]["device"])
-    if given.output:
-        given.output.write_text(json.dumps(rows, indent=1) + "\n", encoding="utf-8")
-    if given.chart:
-        chart(rows, given.chart)
+    if args.output:
+        args.output.write_text(json.dumps(rows, indent=1) + "\n", encoding="utf-8")
 
 
 if __name__ == "__main__":

@@ -59,7 +59,7 @@ def limit(end: float) -> Until:
 def block(parts: dict[str, tuple[Part, float]], minutes: float) -> str:
     """The block of the page."""
     rows = [
-        [name, f"{part.tried} of {part.of}", part.lost, part.traces, part.wrong, f"{seconds / 60:.1f}", part.said]
+        [name, f"{part.tried} of {part.of}", part.lost, part.traces, part.wrong, f"{seconds / 60:.1f}", part.note]
         for name, (part, seconds) in parts.items()
     ]
     sums = [sum(getattr(part, count) for part, _ in parts.values()) for count in ("tried", "lost", "traces", "wrong")]
@@ -77,9 +77,9 @@ ROW = re.compile(r"\| (.+) \| (\d+) of (\d+) \| (\d+) \| (\d+) \| (\d+) \| ([\d.
 def known(text: str) -> dict[str, tuple[Part, float]]:
     """What a page says of each part."""
     parts = {}
-    for name, *counts, minutes, said in ROW.findall(text):
+    for name, *counts, minutes, note in ROW.findall(text):
         if name in PARTS:
-            parts[name] = Part(*map(int, counts), said), 60 * float(minutes)
+            parts[name] = Part(*map(int, counts), note), 60 * float(minutes)
     return parts
 
 
@@ -99,7 +99,7 @@ def tried(names: Iterable[str], minutes: float) -> Iterator[tuple[str, Part, flo
                 part = work(folder, until)
             except Exception:
                 traceback.print_exc()
-                part = Part(0, 1, traces=1, said="ended with a traceback")
+                part = Part(0, 1, traces=1, note="ended with a traceback")
             print(f"{name}: {part}", file=sys.stderr, flush=True)
             yield name, part, time.monotonic() - began
 
@@ -113,7 +113,7 @@ def side_by_side(minutes: float) -> Iterator[tuple[str, Part, float]]:
         lines = child.communicate()[0].splitlines()
         parts = {name: (Part(*part), seconds) for name, part, seconds in map(json.loads, lines)}
         for name in lane:
-            part, seconds = parts.get(name, (Part(0, 1, traces=1, said=f"ended with {child.returncode}"), 0.0))
+            part, seconds = parts.get(name, (Part(0, 1, traces=1, note=f"ended with {child.returncode}"), 0.0))
             yield name, part, seconds
 
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import importlib
 import json
 import resource
 import signal
@@ -13,15 +12,14 @@ from collections import Counter
 from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
-import msgspec
 import numpy as np
 
 from benchmarks.corrupted import COUNT, batches
-from benchmarks.kills import ROOT, compiler, contents, forked, trials
+from benchmarks.kills import compiler, contents, forked, module_of_tests, trials
 from benchmarks.kinds_of_run import KINDS
-from pdsolve.model import Model
+from benchmarks.models import with_run
 from pdsolve.results import ResultsError, StateKind, remove, state_of
 from pdsolve.run.simulation import Progress, resume, simulate
 
@@ -37,7 +35,7 @@ class Part(NamedTuple):
     lost: int = 0
     traces: int = 0
     wrong: int = 0
-    said: str = ""  # what was found, and what did not fit
+    note: str = ""  # what was found, and what did not fit
 
 
 Until = Callable[[float], bool]  # whether there is time left for something that takes so many seconds
@@ -46,7 +44,7 @@ Until = Callable[[float], bool]  # whether there is time left for something that
 def kills(folder: Path, until: Until) -> Part:
     """Runs of all kinds, ended at every 20th call that changes a file; every kind anew, and going on with another."""
     if compiler() is None:
-        return Part(0, KILLS, said="found no C compiler, or not Linux")
+        return Part(0, KILLS, note="found no C compiler, or not Linux")
     jobs = [(kind, resumed) for kind in KINDS for resumed in (False, True)]
     ended, died = [], 0
     try:
@@ -55,16 +53,16 @@ def kills(folder: Path, until: Until) -> Part:
     except RuntimeError as error:
         print(error, file=sys.stderr, flush=True)
         died = 1
-    bad = [trial for trial in ended if trial.said]
+    bad = [trial for trial in ended if trial.fault]
     for trial in bad[:10]:
         print(trial, file=sys.stderr, flush=True)
     met = {(trial.kind, trial.resumed) for trial in ended}
     missing = [f"{kind}, resumed" if resumed else kind for kind, resumed in jobs if (kind, resumed) not in met]
     states = ", ".join(f"{sum(trial.state == kind.name for trial in ended)} {kind.name.lower()}" for kind in StateKind)
     unmet = f"; no time for {', '.join(missing)}" if missing else ""
-    said = f"{len(met)} of {len(jobs)} kinds, resumed ones included; left {states}{unmet}"
+    note = f"{len(met)} of {len(jobs)} kinds, resumed ones included; left {states}{unmet}"
     traces = sum(trial.trace for trial in bad)
-    return Part(len(ended), max(KILLS, len(ended)), len(bad) - traces, traces + died, 0, said)
+    return Part(len(ended), max(KILLS, len(ended)), len(bad) - traces, traces + died, 0, note)
 
 
 def left(until: Until) -> float:
@@ -79,22 +77,20 @@ def corruptions(folder: Path, until: Until) -> Part:
     """Files of each kind, something of them changed: refused in a line, or as if nothing were."""
     every = list(batches(folder, until))
     for batch in every:
-        for said in (*batch.fell, *batch.wrong):
-            print(f"{batch.kind}: {said}", file=sys.stderr, flush=True)
+        for note in (*batch.fell, *batch.wrong):
+            print(f"{batch.kind}: {note}", file=sys.stderr, flush=True)
     tried = Counter[str]()
     for batch in every:
         tried[batch.kind] += batch.tried
-    said = ", ".join(f"{count} {kind}" for kind, count in tried.items())
+    note = ", ".join(f"{count} {kind}" for kind, count in tried.items())
     fell, wrong = (sum(len(getattr(batch, kind)) for batch in every) for kind in ("fell", "wrong"))
-    return Part(tried.total(), COUNT * max(len(tried), 1), 0, fell, wrong, said or "no time")
+    return Part(tried.total(), COUNT * max(len(tried), 1), 0, fell, wrong, note or "no time")
 
 
 def forgeries(folder: Path, until: Until) -> Part:
     """Forged files beside databases, tables and folders of studies: one line or an answer, and no file of the user
     touched; see `tests/forged_side_files.py`."""
-    if str(ROOT / "tests") not in sys.path:
-        sys.path.append(str(ROOT / "tests"))
-    beside = importlib.import_module("forged_side_files")
+    beside = module_of_tests("forged_side_files")
     tried = Counter[str]()
     lost = traces = 0
     (folder / "sound").mkdir()
@@ -109,12 +105,12 @@ def forgeries(folder: Path, until: Until) -> Part:
             )
         )  # fmt: skip
         failures = [["True", f"from {first} on: ended with {code} {answer.strip()}"]] if code else json.loads(answer)
-        for intact, said in failures:
-            print(said, file=sys.stderr, flush=True)
+        for intact, note in failures:
+            print(note, file=sys.stderr, flush=True)
             lost, traces = lost + (intact == "False"), traces + (intact == "True")
         tried.update(beside.TURNS[number % len(beside.TURNS)] for number in range(first, first + BATCH))
-    said = ", ".join(f"{count} {kind}" for kind, count in tried.items()) or "no time"
-    return Part(tried.total(), FORGED, lost, traces, 0, said)
+    note = ", ".join(f"{count} {kind}" for kind, count in tried.items()) or "no time"
+    return Part(tried.total(), FORGED, lost, traces, 0, note)
 
 
 def full_disks(folder: Path, until: Until) -> Part:
@@ -146,12 +142,6 @@ def full_disks(folder: Path, until: Until) -> Part:
     return Part(tried, count, lost, traces, 0, "by the process's limit of the size of a file")
 
 
-def with_run(model: Model, **run: Any) -> Model:
-    """The model with its run another."""
-    settings = msgspec.structs.replace(model.settings, run=msgspec.structs.replace(model.settings.run, **run))
-    return dataclasses.replace(model, settings=settings)
-
-
 def many_frames(folder: Path, until: Until) -> Part:
     """2000 frames: each takes as long as the first, and all are read."""
     model, options = KINDS["bonds"]()
@@ -159,7 +149,7 @@ def many_frames(folder: Path, until: Until) -> Part:
     path = folder / "frames.sqlite"
     frames = 2000
     if not until(30.0):
-        return Part(0, frames, said="no time")
+        return Part(0, frames, note="no time")
 
     def watch(_: Progress) -> bool:
         times.append(time.perf_counter())
@@ -171,8 +161,8 @@ def many_frames(folder: Path, until: Until) -> Part:
     longer = np.diff(times)
     part = max(len(longer) // 10, 1)
     grown = np.median(longer[-part:]) / max(np.median(longer[:part]), 1e-9)
-    said = f"{path.stat().st_size / 1e6:.0f} MB; a look in the last tenth takes {grown:.2f} times that in the first"
-    return Part(len(steps) - 1, frames, said=said)
+    note = f"{path.stat().st_size / 1e6:.0f} MB; a look in the last tenth takes {grown:.2f} times that in the first"
+    return Part(len(steps) - 1, frames, note=note)
 
 
 def order(folder: Path, until: Until) -> Part:
@@ -184,14 +174,14 @@ def order(folder: Path, until: Until) -> Part:
             break
         model, options = KINDS[kind]()
         model = with_run(model, steps=5, every=5, ledger=5)
-        mixed = np.random.default_rng(3).permutation(len(model.grid))
+        places = np.random.default_rng(3).permutation(len(model.grid))
         grid = model.grid
         names = ("ids", "position", "delta", "border", "hole_id", "areas")
-        turned = {name: getattr(grid, name)[mixed] for name in names}
-        other = dataclasses.replace(model, grid=dataclasses.replace(grid, **turned))
-        with simulate(model, None, options) as one, simulate(other, None, options) as two:
-            fields = [results.field("uy", 5)[np.argsort(results.nodes(5).ids)] for results in (one, two)]
+        turned = {name: getattr(grid, name)[places] for name in names}
+        reordered = dataclasses.replace(model, grid=dataclasses.replace(grid, **turned))
+        with simulate(model, None, options) as usual, simulate(reordered, None, options) as mixed:
+            fields = [results.field("uy", 5)[np.argsort(results.nodes(5).ids)] for results in (usual, mixed)]
         worst = max(worst, float(np.abs(fields[0] - fields[1]).max() / np.abs(fields[0]).max()))
         tried, wrong = tried + 1, wrong + (worst > 1e-5)
-    said = f"after 5 steps displacements differ by {worst:.1e} of the largest" if tried else "no time"
-    return Part(tried, len(kinds), 0, 0, wrong, said)
+    note = f"after 5 steps displacements differ by {worst:.1e} of the largest" if tried else "no time"
+    return Part(tried, len(kinds), 0, 0, wrong, note)

@@ -14,9 +14,10 @@ from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
 
-from benchmarks.endured import Part, Until, with_run
+from benchmarks.endured import Part, Until
 from benchmarks.kills import ROOT, contents
 from benchmarks.kinds_of_run import KINDS
+from benchmarks.models import with_run
 from pdmesh.model.document import write_file
 from pdmesh.model.node_grid import document_of
 from pdsolve.model import read_model
@@ -43,24 +44,24 @@ class Study:
     def begin(self) -> subprocess.Popen[bytes]:
         """Begin it, or go on with it, as a user does."""
         words = [sys.executable, "-m", "pdsolve", "study", str(self.folder / "study.toml"), "-o", str(self.table)]
-        with (self.folder / "said").open("wb") as said, (self.folder / "rows").open("wb") as rows:
+        with (self.folder / "stderr").open("wb") as stderr, (self.folder / "rows").open("wb") as rows:
             return subprocess.Popen(
-                [*words, *self.words, "--json"], cwd=ROOT, stdout=rows, stderr=said, start_new_session=True
+                [*words, *self.words, "--json"], cwd=ROOT, stdout=rows, stderr=stderr, start_new_session=True
             )
 
     def ended(self, child: subprocess.Popen[bytes]) -> None:
         """What became of the process."""
-        said = (self.folder / "said").read_bytes()
-        if b"Traceback" in said:
+        stderr = (self.folder / "stderr").read_bytes()
+        if b"Traceback" in stderr:
             self.traces += 1
-            print(said.decode(), file=sys.stderr, flush=True)
+            print(stderr.decode(), file=sys.stderr, flush=True)
         self.rows = (self.folder / "rows").read_bytes() if child.returncode in (0, 1) else b""
 
     def part(self) -> Part:
         """What came of it; of some runs that are finished it is asked whether they are as if left alone."""
         by = ", ".join(f"{count} of {what}" for what, count in self.kills.items())
         if not self.table.exists():
-            return Part(0, self.runs, traces=self.traces, said="no time")
+            return Part(0, self.runs, traces=self.traces, note="no time")
         with Table.open(self.table) as table:
             rows = table.rows()
         states = Counter(row.status for row in rows)
@@ -72,8 +73,8 @@ class Study:
             simulate(read_model(self.folder / "plate.json", None, values), alone).close()
             wrong += contents(row.file) != contents(alone)
         over = bool(self.rows)
-        said = f"kills: {by or 'none'}; {'all' if over else len(finished)} runs solved{'' if over else ', no time'}"
-        return Part(states.total() - states["waiting"], self.runs, states["failed"], self.traces, wrong, said)
+        note = f"kills: {by or 'none'}; {'all' if over else len(finished)} runs solved{'' if over else ', no time'}"
+        return Part(states.total() - states["waiting"], self.runs, states["failed"], self.traces, wrong, note)
 
 
 def _worker(process: int, dice: random.Random) -> None:

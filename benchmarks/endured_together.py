@@ -11,9 +11,10 @@ from collections.abc import Callable, Iterator
 from contextlib import suppress
 from pathlib import Path
 
-from benchmarks.endured import Part, Until, with_run
+from benchmarks.endured import Part, Until
 from benchmarks.kills import ROOT, contents
 from benchmarks.kinds_of_run import ALONE, KINDS, lattice
+from benchmarks.models import with_run
 from pdmesh.model.document import write_file
 from pdmesh.model.node_grid import document_of
 from pdsolve.results import Results, ResultsError, StateKind, state_of
@@ -26,7 +27,7 @@ WRITTEN = 30  # s that it goes on after its first frame
 def large(folder: Path, until: Until) -> Part:
     """2 million nodes, stopped by Ctrl-C: memory over time, and a checkpoint."""
     if not until(400.0):
-        return Part(0, 1, said="no time")
+        return Part(0, 1, note="no time")
     model, _ = KINDS["bonds"]()
     path, output = folder / "large.json", folder / "large.sqlite"
     settings = with_run(model, time_step=None, steps=100_000, every=50, ledger=50).settings
@@ -37,12 +38,12 @@ def large(folder: Path, until: Until) -> Part:
         child.send_signal(signal.SIGINT)
         code = child.wait()
     heard, begun, state, late = time.monotonic() - began, output.exists(), state_of(output), used[-WRITTEN:]
-    said = (
+    note = (
         f"{max(used) / 1e9:.2f} GB at most, in the end {late[-1] / late[0]:.2f} times what it is at the first frame;"
         f" Ctrl-C heard in {heard:.1f} s; {state.message}"
     )
     right = code == 130 and (state.kind is StateKind.STOPPED or not begun)
-    return Part(int(begun), 1, int(not right), said=said)
+    return Part(int(begun), 1, int(not right), note=note)
 
 
 def _memory(process: int, output: Path, goes_on: Callable[[], bool]) -> Iterator[int]:
@@ -105,7 +106,7 @@ def _read(path: Path) -> int:
 def caches(folder: Path, until: Until) -> Part:
     """A compile cache of its own, filled by two processes at once: nothing is compiled again, results are the same."""
     if not until(150.0):
-        return Part(0, 2, said="no time")
+        return Part(0, 2, note="no time")
     model, _ = KINDS["bonds"]()
     grid, cache = folder / "plate.json", folder / "cache"
     write_file(document_of(model.grid, model.settings), grid)

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import importlib
 import sys
 from pathlib import Path
 
 from benchmarks.endured import Part, Until
-from benchmarks.kills import ROOT
+from benchmarks.kills import module_of_tests
 from benchmarks.kinds_of_run import KINDS
 from pdsolve.run.simulation import simulate
 
@@ -18,11 +17,9 @@ EVERY = 4  # of the forgeries, one in so many is tried by a command; the unit te
 
 def variables(folder: Path, until: Until) -> Part:
     """Commands with hostile variables, beside a library in the current folder that makes a file when loaded."""
-    if str(ROOT / "tests") not in sys.path:
-        sys.path.append(str(ROOT / "tests"))
-    hostile = importlib.import_module("hostile_variables")
+    hostile = module_of_tests("hostile_variables")
     if hostile.COMPILER is None or sys.platform != "linux":
-        return Part(0, 1, said="no C compiler, or not Linux")
+        return Part(0, 1, note="no C compiler, or not Linux")
     here = folder / "here"
     here.mkdir()
     mark = hostile.plant_library(here)

@@ -9,6 +9,7 @@ compared with what a run left alone has written. Linux with a C compiler.
 from __future__ import annotations
 
 import ctypes
+import importlib
 import json
 import os
 import random
@@ -25,6 +26,7 @@ from collections import deque
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import closing
 from pathlib import Path
+from types import ModuleType
 from typing import TYPE_CHECKING, NamedTuple
 
 if TYPE_CHECKING:
@@ -43,7 +45,7 @@ class Trial(NamedTuple):
     call: int  # at which it was ended
     of: int  # calls of a run that is left alone
     state: str  # in which it was left
-    said: str  # what is wrong; empty where the run came to the same end
+    fault: str  # what is wrong; empty where the run came to the same end
     trace: bool = False  # whether that is an error nobody expects
 
 
@@ -57,6 +59,13 @@ def contents(path: Path) -> dict[str, list[tuple[object, ...]]]:
     rows["checkpoint"] = sorted(row[1:] for row in rows["checkpoint"])
     rows["checksum"] = [row for row in rows["checksum"] if row[1] != "meta"]
     return rows
+
+
+def module_of_tests(name: str) -> ModuleType:
+    """A module of tests/, which is on no path of benchmarks."""
+    if str(ROOT / "tests") not in sys.path:
+        sys.path.append(str(ROOT / "tests"))
+    return importlib.import_module(name)
 
 
 def compiler() -> str | None:
@@ -153,14 +162,14 @@ class _Ended:
         _, code = forked(ended)
         if code != -signal.SIGKILL:
             shutil.rmtree(path.parent)
-            said = f"ended with {code}, expected SIGKILL"
-            return Trial(self.kind, self.resumed, call, of, "", said, True) if code else None
+            fault = f"ended with {code}, expected SIGKILL"
+            return Trial(self.kind, self.resumed, call, of, "", fault, True) if code else None
         answer, code = forked(lambda: "\n".join(self._went_on(path)))
-        state, _, said = answer.partition("\n")
+        state, _, fault = answer.partition("\n")
         shutil.rmtree(path.parent)
         if code:
-            return Trial(self.kind, self.resumed, call, of, state, said or f"ended with {code}", True)
-        return Trial(self.kind, self.resumed, call, of, state, said)
+            return Trial(self.kind, self.resumed, call, of, state, fault or f"ended with {code}", True)
+        return Trial(self.kind, self.resumed, call, of, state, fault)
 
     def _went_on(self, path: Path) -> tuple[str, str]:
         """The state of a run that was ended, and what is wrong with how it goes on."""

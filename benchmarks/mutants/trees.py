@@ -59,7 +59,7 @@ def first_failure(tree: Path, tests: Sequence[str], *, with_kernels: bool) -> st
 
 
 def _begin(folder: Path, is_by_state: bool) -> None:
-    """Begin a folder with the kernels that this checkout compiled, as `jit_cache` or `stored_kernels` names their places."""
+    """Begin a folder with the kernels that this checkout compiled, named as in `jit_cache` or `stored_kernels`."""
     from pdsolve.codegen import jit_cache, kernel_sources  # slow
 
     for file in kernel_sources.with_kernels():

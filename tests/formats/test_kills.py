@@ -15,7 +15,7 @@ pytestmark = pytest.mark.skipif(compiler() is None, reason="found no C compiler,
 
 def check(found: Sequence[Trial], states: set[str]) -> None:
     """Nothing is lost, and all these states were met."""
-    assert [trial for trial in found if trial.said] == []
+    assert [trial for trial in found if trial.fault] == []
     assert {trial.state for trial in found} == states
 
 
@@ -43,6 +43,6 @@ def test_a_kill_at_every_call(tmp_path: Path, resumed: bool, every: int) -> None
 def test_a_kill_between_jumps_and_while_heat_goes_through(kind: str, tmp_path: Path) -> None:
     """At calls all over a run, begun anew and resumed: what is in a checkpoint is enough for the same end."""
     found = list(islice(trials([(kind, False), (kind, True)], tmp_path, 2), 16))
-    assert [trial for trial in found if trial.said] == []
+    assert [trial for trial in found if trial.fault] == []
     assert {trial.resumed for trial in found} == {False, True}
     assert "STOPPED" in {trial.state for trial in found}

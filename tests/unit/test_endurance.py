@@ -57,7 +57,7 @@ def test_parts_are_tried_in_processes_of_their_own(monkeypatch: pytest.MonkeyPat
     """What such a process says is read; one that dies is a part that fell."""
     monkeypatch.setattr(endurance, "LANES", (["nodes in another order"], ["none such"]))
     found = {name: part for name, part, _ in endurance.side_by_side(0.01)}
-    assert found["nodes in another order"] == Part(0, 7, said="no time")
+    assert found["nodes in another order"] == Part(0, 7, note="no time")
     assert found["none such"].traces == 1
 
 
