@@ -138,7 +138,7 @@ def parameters() -> str:
         used = "" if switch is None else f"`{switch[0]}` {switch[1]}"
         value = "" if default is None else str(default).lower() if isinstance(default, bool) else f"{default}"
         rows.append([f"`{name}`", DECLARED[name].unit, bounds(name), value, ", ".join(kinds[name]), used])
-    return markdown_table(["setting", "unit", "values", "default", "of", "used with"], rows).strip("\n")
+    return markdown_table(["setting", "unit", "values", "default", "models", "used with"], rows).strip("\n")
 
 
 PROGRAMS: dict[str, Callable[[list[str]], int]] = {"pdmesh": pdmesh, "pdsolve": pdsolve, "pdpost": pdpost}

@@ -129,7 +129,7 @@ AT_REST, BREAKING, GROWN = setting("run.solver", "static"), setting("run.cracks"
 MOTION, ARC_LENGTH = setting("physics", "mechanics", "thermoelastic"), setting("run.static.control", ARC)
 LAWS = (USUAL_LAW, "bilinear", "cohesive")  # whose bonds break at rest
 OTHERS = "'bond', 'ordinary' or 'correspondence'"
-ROTATIONS = ": load steps solve for displacements, not for the rotations that nodes of 'micropolar' have too"
+ROTATIONS = " (load steps solve for displacements, not for the rotations that 'micropolar' needs)"
 CONSERVATIVE = "conservative"
 
 
@@ -171,8 +171,8 @@ AFTER = Feature(
     "motion after a path", both(setting("run.after", "motion"), AT_REST), "path or stop", ", as run.after is motion"
 )
 START = Feature("a static start", setting("run.start"), "unloaded", ", as run.start is static")
-FATIGUE = Feature("fatigue", both(setting("run.fatigue"), AT_REST), why=", as loads repeat")
-BOND_FATIGUE = Feature("fatigue of bonds", both(FATIGUE.occurrences, BREAKING), why=", as loads repeat")
+FATIGUE = Feature("fatigue", both(setting("run.fatigue"), AT_REST), why=" in fatigue analysis")
+BOND_FATIGUE = Feature("fatigue of bonds", both(FATIGUE.occurrences, BREAKING), why=" in fatigue analysis")
 PROFILE = Feature("profiles of loads", conditions(Condition, key="profile"))
 DAMPING = Feature("damping", setting("run.damping"))
 UNTIL = Feature("an early end", setting("run.until"))
@@ -180,7 +180,7 @@ PROBES = Feature("probes", setting("run.probes"))
 # Discretization
 SPACE = Feature("3D", option("dimension", 3), why=" in a body in space")
 AREA_RULE = Feature("another area rule", setting("area_rule", "eq19", "square"), "cells")
-EQ19 = Feature("the area rule of eq. 19", setting("area_rule", "eq19"), "cells or square")
+EQ19 = Feature("the area rule of the thesis (eq. 19)", setting("area_rule", "eq19"), "cells or square")
 ADAPTIVE = Feature("adaptivity", adaptive(), why=", as run.adapt is {}")
 ZONES = Feature("adaptivity of plates", adaptive("split", "collocation"), "none or hybrid")
 HYBRID = Feature("hybrid", adaptive("hybrid"), why=", as run.adapt is {}")
@@ -252,9 +252,9 @@ def excluded(by: Feature, *features: Feature, use: str = "", because: str = "") 
     return (Exclusion(feature, by, use or feature.use, because) for feature in features)
 
 
-ONE_BODY = ": adaptive cells are those of one body alone, and coarse ones would miss contact"
-NO_HEAT = ": contact is that of mechanics alone, and no heat passes from body to body"
-UNHELD = ": it has no way to tell a slow motion from one that nothing holds"
+ONE_BODY = " (adaptive cells exist for a single body only, and coarse cells would not detect contact)"
+NO_HEAT = " (contact transmits forces but no heat)"
+UNHELD = " (dynamic relaxation cannot distinguish slow convergence from free motion)"
 LAST = "bond (or --adapt none; version 1.0.0 was the last with zones of ordinary solids)"
 TABLE: tuple[Exclusion, ...] = (
     *excluded(DIFFUSION, UNTIL, START, DAMPING, PROBES, PARTICLES, CONDUCTANCE, HEATING, EQ19, THESIS, SINGLE),
@@ -281,7 +281,7 @@ TABLE: tuple[Exclusion, ...] = (
     *excluded(FLOW, SINGLE),
     *excluded(STATIC, START, use="none"),
     *excluded(STATIC, VELOCITY, ACCELERATION, DISPLACED, ABSORB, RIGID, use="a load or a displacement"),
-    *excluded(STATIC, BEAMS, use=f"{OTHERS} (or law 'cohesive')", because=ROTATIONS),
+    *excluded(STATIC, BEAMS, use=f"{OTHERS}, or law 'cohesive'", because=ROTATIONS),
     *excluded(PARTICLES_AT_REST, MICROPOLAR, use=OTHERS, because=ROTATIONS),
     *excluded(RELAXATION, FLOATING, because=UNHELD),
     *excluded(PATH, RELAXATION, FLOATING, ARC_STEPS, THESIS),
@@ -289,10 +289,10 @@ TABLE: tuple[Exclusion, ...] = (
     *excluded(CRACK_STEPS, FATIGUE, AFTER, HEAT, RATE),
     *excluded(ARC_STEPS, FATIGUE, RELAXATION, FLOATING, CONTACT, HEAT),
     *excluded(FATIGUE, FLOATING, COUNT, HEAT, LAW),
-    *excluded(FATIGUE, PROFILE, because=": they are the largest of a cycle"),
+    *excluded(FATIGUE, PROFILE, because=" (the loads of the model are the maximum loads of a cycle)"),
     *excluded(BOND_FATIGUE, STATE_BASED, THESIS),
     *excluded(ADAPTIVE, AREA_RULE, STATIC, START, COARSE, ACCELERATION, SPRINGS, PINS, SPIN, DISPLACED),
-    *excluded(HYBRID, HEATING, because=": coarse nodes have no heat of deformation"),
+    *excluded(HYBRID, HEATING, because=" (coarse nodes have no heat of deformation)"),
     *excluded(HYBRID, CURVED, DIFFRACTION, THESIS),
     *excluded(PLATES, ORDINARY, use=LAST),
     *excluded(ADAPTIVE, STATE_BASED, use="bond (or --adapt none)"),
@@ -310,7 +310,7 @@ TABLE: tuple[Exclusion, ...] = (
     *excluded(RANKS, START, ADAPTIVE, COLLOCATION, PARTICLES, DEVICE, SPIN, CORRESPONDENCE, MICROPOLAR, ENERGY),
     *excluded(RANKS, CONTACT, RIGID, SPRINGS, PINS, DISPLACED, use="none"),
     *excluded(THESIS, STATE_BASED, DIFFRACTION, CALIBRATION, COARSE),
-    *excluded(THESIS, COHESIVE, because=", whose lattice is not calibrated"),
+    *excluded(THESIS, COHESIVE, because=" (cohesive bonds need a calibrated lattice)"),
 )
 
 

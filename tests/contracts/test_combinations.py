@@ -21,7 +21,7 @@ from pdsolve.run.prepare import prepare
 from pdsolve.run.simulation import simulate
 
 # Features that no sample has, and rows of two media
-OTHERS = {"a number of load steps", "another area rule", "the area rule of eq. 19", "probes"}
+OTHERS = {"a number of load steps", "another area rule", "the area rule of the thesis (eq. 19)", "probes"}
 OTHERS |= {"conductance of broken bonds"}
 TWO_MEDIA = {("heat of deformation", "diffusion"), ("dissolution", "thermal stress")}
 TWO_SPACINGS = {"diffusion", "dissolution"}  # which collocation needs of them; tests/unit/pdsolve/diffusion has it

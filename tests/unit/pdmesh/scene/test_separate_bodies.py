@@ -255,19 +255,19 @@ TOGETHER: dict[str, tuple[Callable[[], Scene | Body], str, str]] = {
             .temperature("left", 300.0)
         ),
         "$.physics is 'thermoelastic'",
-        "contact is that of mechanics alone",
+        "contact transmits forces but no heat",
     ),
     "heat in space": (
         lambda: Body(brick((0, 0, 0), (5 * MM, 5 * MM, 5 * MM)), MM, WARM, medium=Heat(k=1.0, c=800.0)).body(
             brick((6 * MM, 0, 0), (9 * MM, 5 * MM, 5 * MM)), "striker"
         ),
         "$.physics is 'thermoelastic'",
-        "contact is that of mechanics alone",
+        "contact transmits forces but no heat",
     ),
     "a fine zone": (
         lambda: scene().adapt("hybrid"),
         "$.run.adapt ('hybrid')",
-        "adaptive cells are those of one body alone",
+        "adaptive cells exist for a single body only",
     ),
 }
 
