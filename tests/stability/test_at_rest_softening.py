@@ -102,7 +102,7 @@ def test_a_smooth_edge_in_bending(failure: Callable[..., None]) -> None:
         noticed="By a warning, where supports are points and no notch, hole, pre-crack or re-entrant corner is drawn.",
         says=said[:1],
         cure="A notch: the energy of its crack decides then. Neither another strength of the bonds nor uncorrected"
-        " surfaces converge (softening.md).",
+        " surfaces converge ([measured](cohesive.md)).",
     )
 
 
