@@ -1,4 +1,4 @@
-"""A steel ball of 10 mm goes through a plate of glass at 30 m/s: it crushes what it meets, and radial cracks run out.
+"""A steel ball of 10 mm goes through a plate of glass at 30 m/s. It crushes the glass, and radial cracks grow.
 
 Source: none; mechanics. The plate of 60 x 60 x 4 mm is free, and so is the ball, which is rigid with a round surface.
 Elastic, brittle, bonds in space; contact without friction.

@@ -1,4 +1,4 @@
-"""A bar held at its left end and pulled at its right end from time 0 on, by correspondence: 1111 nodes, 10 mm apart.
+"""A bar, fixed at its left end, is pulled at its right end from time 0 on (correspondence model, 1111 nodes).
 
 Source: the bar of the correspondence model's source (figures 7.1 to 7.7), which gives no numbers. The reference is the
 classical bar: at 1, 2, 3, 4 times L / c its end has moved by 1, 2, 1, 0 times sigma L / E.

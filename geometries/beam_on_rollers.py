@@ -1,4 +1,4 @@
-"""A steel beam in three-point bending on rollers that are bodies, at rest: nothing else holds it.
+"""A steel beam in quasi-static three-point bending. Contact with rollers, which are bodies, is its only support.
 
 Source: the beam of Timoshenko, F L^3 / (48 E I) + F L / (4 k G A) with k = 5/6, for the sag between the rollers.
 Calibrated: nothing. Bonds have nu = 1/3. The lower halves of two rollers and the upper half of the third one are held;

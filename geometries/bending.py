@@ -1,4 +1,4 @@
-"""A beam in three-point bending, ten times as long as it is high, at rest.
+"""A beam in quasi-static three-point bending, ten times as long as it is high.
 
 Source: S. P. Timoshenko's beam, w = F L^3 / (48 E I) + F L / (4 k G A) with k = 5/6. Single nodes at
 mid-height of the ends support the beam, so that nothing is indented.

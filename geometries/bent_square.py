@@ -1,4 +1,4 @@
-"""A square of rubber bent about an axis below it and turned by 30 degrees, in plane strain, at rest.
+"""A square of rubber is bent about an axis below it and rotated by 30 degrees (plane strain, quasi-static).
 
 Source: a reconstruction of the example of bending and turning in the slides on gradients of higher order. A node moves
 to R ((1/2 + Y) sin X, (1/2 + Y) cos X - 1/2), which turns the corner (0, 0) by 30 degrees. Gradients of order 1, 3, 5

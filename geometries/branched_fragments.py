@@ -1,4 +1,4 @@
-"""A pre-cracked plate of glass whose crack branches; its three fragments come back from walls and collide.
+"""The crack of a pre-cracked glass plate branches. Its three fragments bounce from walls and collide.
 
 Source: mechanics. The halves move apart at the start, the crack runs and branches, the fragments bounce from rigid
 walls and meet again where the plate broke. All is symmetric about the middle.

@@ -1,4 +1,4 @@
-"""A block of glass with an inclined edge crack, pulled apart fast: the crack runs, and branches into three sheets.
+"""A block of glass with an inclined edge crack is pulled apart fast. The crack branches into three sheets.
 
 Source: none. It is a thick plate like those whose cracks branch, with a crack inclined along its thickness.
 20 480 nodes 0.5 mm apart, in space.

@@ -1,4 +1,4 @@
-"""A pre-cracked glass plate whose crack branches, by correspondence: 16482 nodes, 0.5 mm apart.
+"""The crack of a pre-cracked glass plate branches (correspondence model, 16482 nodes, 0.5 mm apart).
 
 Source: the plate of J.-H. Song, H. Wang, T. Belytschko (2008) and M. J. Borden and others (2012), the latter with 3
 J/m^2, with the strength of X. Zhou, Y. Wang, Q. Qian (2016).

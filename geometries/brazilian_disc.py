@@ -1,4 +1,4 @@
-"""A disc of concrete, pressed between two flats until it splits along its diameter, at rest: the Brazilian test.
+"""A disc of concrete is pressed between two flats until it splits: the Brazilian test, quasi-static.
 
 Source: the splitting test, as in ASTM C496, has a strength of 2 F / (pi D t). The disc has 100 mm and two flat arcs of
 10 degrees.

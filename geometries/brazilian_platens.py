@@ -1,4 +1,4 @@
-"""A disc of concrete that steel platens press until it splits along its diameter, at rest: the Brazilian test.
+"""Steel platens press a disc of concrete until it splits: the Brazilian test, quasi-static.
 
 Source: the splitting test, as in ASTM C496, has a strength of 2 F / (pi D t). The disc has 100 mm; platens of 10 mm
 touch it along a line, as drawn, and rub. Nothing else holds it.

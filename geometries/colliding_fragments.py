@@ -1,4 +1,4 @@
-"""A notched bar of glass that is torn in two; its halves come back from walls and collide with their broken faces.
+"""A notched bar of glass is torn in two. Its halves bounce from walls and collide with their broken faces.
 
 Source: mechanics. The halves move apart at the start, the ligament between the notches breaks, each half bounces from a
 rigid wall, and both collide where the bar broke. All is symmetric, so that a perfect collision exchanges velocities.

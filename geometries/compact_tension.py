@@ -1,4 +1,4 @@
-"""A compact-tension specimen of PMMA, pulled apart slowly: its crack grows stably as the pins move.
+"""A compact-tension specimen of PMMA is pulled apart slowly. Its crack grows stably as the pins move.
 
 Source: the shape is that of ASTM E399 (W = 50 mm, a / W = 0.5). Pins are stiff discs instead of holes; each turns about
 the node at which it is pulled. The load line is x = 0, and the pins are moved apart by 1 mm a minute.

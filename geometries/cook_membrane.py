@@ -1,4 +1,4 @@
-"""Cook's membrane: a tapered panel, clamped at one side and sheared at the other, at rest.
+"""Cook's membrane: a tapered panel is clamped at one side and sheared at the other (quasi-static).
 
 Source: R. D. Cook, J. Struct. Div. ASCE 100 (1974) 1851-1863: 48 wide, 44 and 16 high, thickness, E and load 1. The
 middle of the loaded side moves by 23.96 with nu = 1/3 in plane stress, and by 18.50 with nu = 0.4999 in plane strain.

@@ -1,4 +1,4 @@
-"""A disc of glass with a scratch at its rim, heated in the middle until it cracks, at rest after each second.
+"""A disc of glass with a scratch at its rim is heated in the middle until it cracks (quasi-static).
 
 Source: the free disc of S. P. Timoshenko, J. N. Goodier, Theory of Elasticity, 3rd ed., section 150: the hoop stress at
 the rim is E alpha times the mean temperature less that of the rim.

@@ -1,4 +1,4 @@
-// A disc of magnesium dissolves in a liquid whose edge is kept clean: the plane model of a corroding screw.
+// A disc of magnesium dissolves in a liquid, at whose edge the concentration is 0: a corroding screw in 2D.
 //
 // Source: the corrosion example of A. Ongaro, A. Shojaei, F. Mossaiby, A. Hermann, C. J. Cyron, P. Trovalusci, Int. J.
 // Fract. (2023), doi 10.1007/s10704-023-00709-8, in the plane. C solid is magnesium's density over its molar mass.

@@ -1,4 +1,4 @@
-"""A double-cantilever beam of glass, opened at the ends of its arms, at rest.
+"""The arms of a double-cantilever beam of glass are opened at their ends (quasi-static).
 
 Source: arms of height h and a crack of length a from the load, as beams on an elastic foundation: K = 2 sqrt(3) P a
 (1 + 0.64 h / a) / h^1.5 with the load P per thickness (M. F. Kanninen, Int. J. Fract. 9 (1973) 83-92).

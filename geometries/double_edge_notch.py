@@ -1,4 +1,4 @@
-"""Two edge cracks, one above the other, grow towards each other as a plate is pulled apart slowly.
+"""Two edge cracks, one above the other, grow towards each other in a plate that is pulled apart slowly.
 
 Source: the usual specimen of PMMA with notches that are not in one line. It is solved at rest. Each crack grows when
 the stress intensity at its tip reaches the toughness, sqrt(E G0). A tip without room for a ring around it does not

@@ -1,4 +1,4 @@
-"""A drop weight on a beam of PMMA over two rollers: force against time, and rebound.
+"""A drop weight hits a beam of PMMA on two rollers and rebounds.
 
 Source: mechanics of a mass on a spring. The hammer, a rigid body of 100 kg per metre of thickness, hits a beam of 200 x
 30 mm over a span of 160 mm at 1 m/s. On a beam without mass it would stay for pi sqrt(M / k) = 3.6 ms, with k of

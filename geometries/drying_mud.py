@@ -1,4 +1,4 @@
-"""A layer of mud on a base, which dries until it is torn into polygons.
+"""A layer of mud on a base dries until it cracks into polygons.
 
 Water leaves everywhere at once, and the layer shrinks; its base, springs to the ground, holds it back. Pieces are a few
 times as wide as the length sqrt(E thickness / stiffness) within which the base takes over what a crack lets go.

@@ -1,4 +1,4 @@
-"""The pre-cracked plate of Duran 50 glass of duran50.geo on one scale: 4242 nodes, 1 mm apart.
+"""The pre-cracked plate of Duran 50 glass of duran50.geo with a uniform spacing of 1 mm: 4242 nodes.
 
 Source: A. De Checchi, master's thesis, University of Padua 2012/13, "Implementazione di tecniche di grid generation
 e refinement nell'analisi peridinamica 2D", after Y. D. Ha and F. Bobaru, Int. J. Fract. 162 (2010) 229-244. The

@@ -1,4 +1,4 @@
-"""A ring of glass that flies apart: all of it moves outwards from the start, and it breaks into fragments.
+"""Every point of a glass ring has an initial velocity outwards. The ring breaks into fragments.
 
 Source: the question is that of N. F. Mott ("Fragmentation of shell cases", Proc. R. Soc. Lond. A 189 (1947) 300-308)
 and of D. E. Grady ("Local inertial effects in dynamic fragmentation", J. Appl. Phys. 53 (1982) 322-325); the ring is of

@@ -1,4 +1,4 @@
-"""A compact-tension specimen of steel under a load that repeats: its crack grows a little with every cycle.
+"""A compact-tension specimen of steel under repeated loads. Its crack grows a little with every cycle.
 
 Source: the shape is that of ASTM E647 (W = 50 mm, a / W = 0.3); the growth is da/dN = C dK^m, after P. Paris and
 F. Erdogan, J. Basic Engng 85 (1963) 528. Bonds tire after S. A. Silling and A. Askari, SAND2014-18590 (2014): each

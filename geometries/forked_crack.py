@@ -1,4 +1,4 @@
-"""A pre-cracked glass plate whose crack forks, with cracks as particles: 16482 nodes, 0.5 mm apart.
+"""The crack of a pre-cracked glass plate branches, modelled by crack particles (16482 nodes, 0.5 mm apart).
 
 Source: the plate of `branching_plate.py`, made of bonds; J.-H. Song, H. Wang, T. Belytschko, Comput. Mech. 42 (2008)
 239-250, whose crack forks 65 to 70 mm from the left edge.

@@ -1,4 +1,4 @@
-"""A disc of glass whose middle is heated: pressed there, its rim stretched, at rest after each second of conduction.
+"""A glass disc is heated in the middle. The middle is under compression, the rim under tension (quasi-static).
 
 Source: the free disc of S. P. Timoshenko, J. N. Goodier, Theory of Elasticity, 3rd ed., section 150: the hoop stress at
 the rim is E alpha times the mean temperature less that of the rim.

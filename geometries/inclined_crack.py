@@ -1,4 +1,4 @@
-"""An inclined crack in the middle of a pulled plate, at rest: it kinks where the hoop stress ahead of it is largest.
+"""An inclined crack in a pulled plate kinks in the direction of the largest hoop stress (quasi-static).
 
 Source: F. Erdogan, G. C. Sih, J. Basic Eng. 85 (1963) 519-525, with K1 = s sqrt(pi a) cos^2 b and K2 = s sqrt(pi a)
 sin b cos b of a crack at b in an infinite plate.

@@ -1,4 +1,4 @@
-"""A block of glass with an inclined penny-shaped crack, pulled apart fast: the crack runs, and turns across the pull.
+"""A block of glass with an inclined penny-shaped crack is pulled apart fast. The crack turns as it grows.
 
 Source: the shape is that of M. K. Kassir and G. C. Sih, J. Appl. Mech. 33 (1966) 601-611, whose crack is elliptical.
 27 000 nodes 1 mm apart, in space; the normal of the crack is 30 degrees from the pull.

@@ -1,5 +1,5 @@
-// Kalthoff and Winkler's experiment: a plate with two edge notches is struck between them; each notch sends a crack
-// away at about 70 degrees to its line.
+// Kalthoff and Winkler's experiment: a plate with two edge notches is struck between them. A crack leaves each
+// notch at about 70 degrees to the line of the notch.
 //
 // Source: A. De Checchi, master's thesis, University of Padua 2012/13, "Implementazione di tecniche di grid
 // generation e refinement nell'analisi peridinamica 2D"; the experiment is J. F. Kalthoff, S. Winkler, "Failure mode

@@ -1,4 +1,4 @@
-"""Kalthoff and Winkler's plate in space, at the settings of a regression test of CabanaPD.
+"""Kalthoff and Winkler's plate in 3D, with the settings of a regression test of CabanaPD.
 
 Source: CabanaPD (Oak Ridge National Laboratory), regression_test/inputs/kalthoff_winkler.json: 75 x 151 x 7 cells in a
 steel plate of 100 x 200 x 9 mm with two notches of 50 mm, horizon 2 mm, 16 m/s of the first layer between the notches,

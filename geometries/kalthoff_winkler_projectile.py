@@ -1,4 +1,4 @@
-"""Kalthoff and Winkler's experiment with the projectile as a body of its own, which is free to leave.
+"""Kalthoff and Winkler's experiment with the projectile as a second body, which is free to bounce back.
 
 Source: J. F. Kalthoff, S. Winkler, "Failure mode transition at high rates of shear loading", Impact Loading and Dynamic
 Behavior of Materials 1 (1988) 185-195; A. De Checchi, thesis, Padua 2013, figure 77. A maraging steel plate of 100 x

@@ -1,4 +1,4 @@
-"""Kalthoff and Winkler's experiment with the steel's own fracture energy and half of the impactor's speed.
+"""Kalthoff and Winkler's experiment with the fracture energy of the steel and half of the impactor's speed.
 
 Source: J. F. Kalthoff, S. Winkler, "Failure mode transition at high rates of shear loading", Impact Loading and Dynamic
 Behavior of Materials 1 (1988) 185-195. A maraging steel plate of 100 x 200 mm with two notches of 50 mm; the impactor

@@ -1,4 +1,4 @@
-"""An L-shaped panel of concrete, lifted slowly at its short arm until the crack from its corner has gone through.
+"""The short arm of an L-shaped panel of concrete is lifted until the crack from its corner has grown through.
 
 Source: B. Winkler, thesis, Innsbruck (2001): 0.5 x 0.5 m, 0.1 m thick, E = 25.85 GPa, f_t = 2.7 MPa, G_f = 65 J/m^2.
 Tests carry 7 to 7.5 kN, and their cracks rise from the corner by some 40 to 60 mm; the one here stays nearly level.

@@ -1,4 +1,4 @@
-// A lug of PMMA, read from a STEP file in mm: the surface of its hole is moved, and the lug is torn off behind it.
+// A lug of PMMA is read from a STEP file in mm. The surface of its hole is moved, and the lug tears behind it.
 //
 // Source: none, an example of a part that was drawn elsewhere; the PMMA is that of slanted_notch.py.
 // 4236 nodes 1 mm apart; the lug is 40 mm long, 20 mm wide and 6 mm thick, its hole 8 mm wide.

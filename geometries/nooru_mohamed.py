@@ -1,4 +1,4 @@
-"""A double-edge-notched plate of concrete, sheared by a dead load and then pulled apart, at rest.
+"""A double-edge-notched plate of concrete is sheared by a dead load and then pulled apart (quasi-static).
 
 Source: M. B. Nooru-Mohamed, thesis, Delft (1992), load path 4b: 200 x 200 x 50 mm, notches of 25 x 5 mm, E = 32.8 GPa,
 f_t = 3 MPa, G_f = 110 J/m^2, a shear of 10 kN at the left of the upper half, then a pull of the upper edge.

@@ -1,4 +1,4 @@
-"""A notched beam of concrete in three-point bending, at rest, until its crack has grown through the beam.
+"""A notched beam of concrete in quasi-static three-point bending, until its crack has grown through the beam.
 
 Source: P.-E. Petersson, report TVBM-1006, Lund (1981): 2 x 0.2 m, 50 mm thick, notched to half its height, E = 30 GPa,
 f_t = 3.33 MPa, G_f = 124 J/m^2. Independent programs have its peak at 0.75 to 0.85 kN.

@@ -1,4 +1,4 @@
-"""A beam of mortar in three-point bending with a notch beside its middle, at rest: a crack of mixed mode.
+"""A beam of mortar with a notch beside its middle in quasi-static three-point bending: a mixed-mode crack.
 
 Source: R. John, S. P. Shah, J. Struct. Eng. ASCE 116 (1990) 585-602: 229 x 76 x 25 mm, a span of 203 mm, a notch of
 19 mm at a share `offset` of half the span. Cracks start at the notch below an offset of some 0.7 and rise to the load.

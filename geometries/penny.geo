@@ -1,4 +1,4 @@
-// A block of glass with a penny-shaped crack in its middle, pulled suddenly: the crack runs to the sides.
+// A block of glass with a penny-shaped crack in its middle is pulled suddenly. The crack runs to the sides.
 //
 // Source: the shape is that of I. N. Sneddon, Proc. R. Soc. Lond. A 187 (1946) 229-260; the glass is that of duran50.geo.
 // 27 000 nodes 1 mm apart; the crack has a radius of 4 mm.

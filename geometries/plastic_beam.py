@@ -1,4 +1,4 @@
-"""A beam of steel bent by its ends to four times the curvature of first yield, in plane strain, at rest.
+"""A beam of steel is bent to four times the curvature of first yield (plane strain, quasi-static).
 
 Source: an example of the forming that the slides on gradients of higher order mention. The moments of the classical
 beam, fibre by fibre (sigma_yy = 0, no strain out of the plane), are 1, 1.3930, 1.4733 and 1.5022 of the yield moment.

@@ -1,4 +1,4 @@
-"""A slab of alumina that falls hot into water: parallel cracks, of which fewer and fewer go on.
+"""A hot slab of alumina falls into water. Parallel cracks grow; more and more of them stop.
 
 Source: slabs of 99 % alumina of 50 x 10 x 1 mm in stacks, whose rims alone meet the water (C. P. Jiang, X. F. Wu,
 J. Li, F. Song, Y. F. Shao, X. H. Xu, P. Yan, Acta Mater. 60 (2012) 4540-4550); a quarter of one is solved.

@@ -1,4 +1,4 @@
-"""A block of rubber between clamps, stretched to one and a half times its length, in plane strain, at rest.
+"""A block of rubber is stretched between clamps to one and a half times its length (plane strain, quasi-static).
 
 Source: the nonlinear materials that the slides on gradients of higher order name (Psi = mu / 2 (I1 - 3) - mu ln J +
 lambda / 2 (ln J)^2). Finite elements give a reaction of 0.42257 E; the middle narrows by 0.08558 of the side.

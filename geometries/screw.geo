@@ -1,5 +1,5 @@
-// A magnesium screw dissolves in a ball of liquid whose outside is kept clean: fine nodes in a cylinder around
-// the screw, coarse ones elsewhere.
+// A magnesium screw dissolves in a ball of liquid, at whose surface the concentration is 0. Nodes are fine in a
+// cylinder around the screw, and coarse elsewhere.
 //
 // Source: sizes of screw, cylinder and ball as in the second example (corrosion of Mg-10Gd) of the paper on multi-adaptive
 // spatial discretization of bond-based peridynamics; the slot is not stated there.

@@ -1,4 +1,4 @@
-"""A glass strip that is held stretched between its long edges; its crack is released and runs at a steady speed.
+"""A glass strip is stretched between its long edges and held. Its crack is released and runs at a steady speed.
 
 Source: the strip of J. R. Rice, J. Appl. Mech. 35 (1968) 379-386. Far ahead of the tip the strip stores the energy E
 e^2 h / (2 (1 - nu^2)) per length, with strain e, height h and the nu = 1/3 of bonds. Far behind the tip it stores

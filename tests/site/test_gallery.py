@@ -32,10 +32,10 @@ def test_twelve_pictures_stand_above_of_which_one_is_a_fork_in_a_plate() -> None
 
 
 @pytest.mark.parametrize("name", [path.stem for path in shipped()])
-def test_a_scene_is_explained_in_five_sentences_with_an_equation_and_a_number(name: str) -> None:
+def test_a_scene_is_explained_in_short_with_an_equation_and_a_number(name: str) -> None:
     text = texts()[name]
     plain = re.sub(r"\$[^$]+\$", "x", re.sub(r"\]\([^)]*\)", "]", text))
     plain = re.sub(rf"\b({SHORT}|[A-Z])\. ", r"\1 ", plain)
-    assert len(re.findall(r"\.(?: |$)", plain)) == 5
+    assert 5 <= len(re.findall(r"\.(?: |$)", plain)) <= 9
     assert "$" in text
     assert re.search(r"\d", plain)
