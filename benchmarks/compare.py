@@ -33,7 +33,8 @@ from numpy.typing import NDArray
 ROOT = Path(__file__).parent.parent
 COARSER = 2.0  # times the spacings of a scene
 WEAKER = 0.1  # of its fracture energy
-STEPS, EVERY, LEDGER = 400, 200, 50
+# How many in all, between frames, between ledger entries; a load step takes as long as some fifty time steps
+TIME_STEPS, LOAD_STEPS = (400, 200, 50), (8, 4, 2)
 LAWS = ("as shipped", "bilinear")
 MODES, KERNELS, PRECISIONS = ("thesis", "conservative"), ("blocks", "listed"), ("float64", "float32")
 STATE = ("value", "rate", "second", "dissipated", "damped", "work", "held_force")
@@ -119,8 +120,9 @@ def weakened(settings: Any, law: str, toughness: float) -> Any:
         return msgspec.structs.replace(given, G0=toughness * given.G0, **softening)
 
     regions = tuple(msgspec.structs.replace(region, material=material(region.material)) for region in settings.regions)
+    steps, every, ledger = LOAD_STEPS if settings.run.solver == "static" else TIME_STEPS
     run = msgspec.structs.replace(
-        settings.run, steps=STEPS, every=EVERY, ledger=LEDGER, until=None, quiet=None, time_step=None
+        settings.run, steps=steps, every=every, ledger=ledger, until=None, quiet=None, time_step=None
     )
     return msgspec.structs.replace(settings, material=material(settings.material), regions=regions, run=run)
 
