@@ -78,10 +78,8 @@ class ArcLengthSteps(PathStepper):
         self._steps = static.load_steps or CRACK_STEPS
         self._largest = 0.0  # N/m, norm of the forces from outside so far: the measure of residuals
         self._most = self._more = 0.0  # m, the first step and the next one
-        self._last, self._before = (
-            PathPoint(np.zeros(shape), 0.0, 0.0),
-            PathPoint(np.zeros(shape), 0.0, 0.0),
-        )  # with arc lengths
+        self._last = PathPoint(np.zeros(shape), 0.0, 0.0)  # with arc lengths, as the one before
+        self._before = PathPoint(np.zeros(shape), 0.0, 0.0)
         self._pushed = np.zeros(shape), np.zeros(shape)  # loads and reactions there, N/m
 
     def checkpoint_arrays(self) -> dict[str, Array]:
@@ -139,9 +137,8 @@ class ArcLengthSteps(PathStepper):
             way, turned = last.displacement - self._before.displacement, last.load_factor - self._before.load_factor
             size = norm(way)
         else:
-            way = self._displacement_derivative_by_load_factor(
-                *self._compute_and_factorize_tangent(state)
-            )  # the derivative of the displacements by the factor
+            # The derivative of the displacements by the factor
+            way = self._displacement_derivative_by_load_factor(*self._compute_and_factorize_tangent(state))
             size = norm(way)
             turned = -1.0 if not begins and (way * (last.displacement - self._before.displacement)).sum() < 0 else 1.0
             way *= turned
@@ -158,9 +155,13 @@ class ArcLengthSteps(PathStepper):
                 new, count, residual = self._solve_from_guess(state, guess, 1 / size * way, step)
                 if not norm(new.displacement - guess.displacement) < BENT * self._more:
                     raise NotConvergedError("the path bends within the shortest step")
-                if new.load_factor >= 1:
-                    new, more, residual = self._find_equilibrium_at_full_loads(state, new, step)
+                if new.load_factor >= 1:  # the loads end between the last equilibrium and this one
+                    ahead = (1 - last.load_factor) / (new.load_factor - last.load_factor)
+                    near = last.displacement + ahead * (new.displacement - last.displacement)
+                    new, more, residual = self._find_equilibrium_at_load_factor(state, near, 1.0, step)
                     count += more
+                    if not norm(new.displacement - near) < BENT * self._more:
+                        raise NotConvergedError("the path bends within the shortest step")
                 if self._largest_bond_overload(state) > 1 + PAST:
                     raise NotConvergedError("a bond passes its limit within the shortest step")
                 break
@@ -168,21 +169,7 @@ class ArcLengthSteps(PathStepper):
                 state.value[:], self._largest, self._more = last.displacement, largest, self._more / 2
                 if self._more < LEAST * self._most:
                     raise
-        if count <= FEW:
-            self._more = min(GROWTH * self._more, LONGEST * self._most)
-        return new, count, residual
-
-    def _find_equilibrium_at_full_loads(
-        self, state: State, point_beyond_full_loads: PathPoint, step: int
-    ) -> PathSolution:
-        """The equilibrium at the end of the loads, between the last one and one beyond."""
-        last = self._last
-        beyond = point_beyond_full_loads
-        share = (1 - last.load_factor) / (beyond.load_factor - last.load_factor)
-        near = last.displacement + share * (beyond.displacement - last.displacement)
-        new, count, residual = self._find_equilibrium_at_load_factor(state, near, 1.0, step)
-        if not norm(new.displacement - near) < BENT * self._more:
-            raise NotConvergedError("the path bends within the shortest step")
+        self._more = min((GROWTH if count <= FEW else 1.0) * self._more, LONGEST * self._most)
         return new, count, residual
 
     def _largest_bond_overload(self, state: State) -> float:

@@ -116,11 +116,9 @@ class CrackLengthSteps(PathStepper):
         """
         growth, operator, motion, last = self._cracks, self._operator, self._motion, self.step_results[-1]
         checkpoint, value, area = CrackedBodySnapshot.capture(state, operator, growth), state.value.copy(), self._area
-        outside, inside, spent = (
-            motion.loads_and_reactions(state, self._drive.force.astype(float)),
-            force_densities(operator, state),
-            float(area @ state.dissipated),
-        )
+        outside = motion.loads_and_reactions(state, self._drive.force.astype(float))
+        inside = force_densities(operator, state)
+        spent = float(area @ state.dissipated)
         held_force = self._drive.held_force.copy()
         start = last.load_factor if not self._start.any() else STEP_BACK * last.load_factor
         try:
@@ -139,10 +137,7 @@ class CrackLengthSteps(PathStepper):
                 motion.solve_equilibrium_at_time(state, step, start)
                 previous_point = start, self._largest_intensity_to_toughness_ratio_or_raise(state)
             equilibrium, factor = self._find_load_factor_of_tip_growth(
-                state,
-                previous_point,
-                last.load_factor,
-                lambda at: motion.solve_equilibrium_at_time(state, step, at),
+                state, previous_point, last.load_factor, lambda at: motion.solve_equilibrium_at_time(state, step, at)
             )
         except NoGrowingTipError as error:
             checkpoint.restore(state, operator, growth)
@@ -176,10 +171,8 @@ class CrackLengthSteps(PathStepper):
             slope = (share - previous_load_factor_and_ratio[1]) / (load_factor - previous_load_factor_and_ratio[0])
             if not slope > 0:
                 raise NotConvergedError(f"a tip has {share:.3g} of what lets it grow, and no more under larger loads")
-            previous_load_factor_and_ratio, load_factor = (
-                (load_factor, share),
-                min(load_factor + (1 - share) / slope, 1.0),
-            )
+            previous_load_factor_and_ratio = (load_factor, share)
+            load_factor = min(load_factor + (1 - share) / slope, 1.0)
         raise NotConvergedError(f"no loads let a tip grow after {TRIES} tries")
 
     def _intensity_to_toughness_ratios(self, evaluated_tips: list[EvaluatedTip]) -> Array:

@@ -6,11 +6,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pdsolve.bonds.static_breakage import Breakable
-from pdsolve.model import Model
+from pdsolve.model import Model, ModelError
 from pdsolve.operators.protocol import Operator
 from pdsolve.steppers.arc_length_steps import ArcLengthSteps
 from pdsolve.steppers.crack_length_steps import CrackLengthSteps
-from pdsolve.steppers.fatigue_steps import BondFatigueSteps, make_bond_fatigue_steps
+from pdsolve.steppers.fatigue_steps import BondFatigueSteps
 from pdsolve.steppers.growing_cracks import CrackGrowth
 from pdsolve.steppers.load_steps import LoadSteps
 from pdsolve.steppers.paris_steps import ParisSteps
@@ -28,9 +28,12 @@ def make_fatigue_stepper(
     uncut_bond_count: NDArray[np.int64],
     growth: CrackGrowth | None,
 ) -> BondFatigueSteps | ParisSteps:
-    """Steps of a model with fatigue: of cracks that `growth` grows, or of bonds; see `make_bond_fatigue_steps`. Raises
+    """Steps of a model with fatigue: of cracks that `growth` grows, or of bonds; see `BondFatigueSteps`. Raises
     ModelError."""
     law = model.settings.run.fatigue
-    if growth is not None and law is not None:
+    assert law is not None
+    if growth is not None:
         return ParisSteps(law, operator, load_steps, growth)
-    return make_bond_fatigue_steps(model, operator, load_steps, breakable, family_size, uncut_bond_count)
+    if breakable is None:
+        raise ModelError(f"{model.name}: $.run.fatigue: no bond may break; let some tire")
+    return BondFatigueSteps(law, operator, load_steps, breakable, family_size, uncut_bond_count)

@@ -78,7 +78,15 @@ class DowndatedTangent:
 
     def solve(self, right_side: Array) -> Array:
         """The solution for a right side (k,)."""
-        solution = self._solve_with_original_tangent(right_side)
+        solution = None
+        if self._last:  # by the columns of the bonds that broke last, where the right side is of them
+            ways, columns = self._ways[-self._last :], self._columns[-self._last :]
+            self._last = 0
+            share = np.linalg.lstsq(ways @ ways.T, ways @ right_side, rcond=1e-12)[0]
+            if np.linalg.norm(right_side - share @ ways) < LEFT * np.linalg.norm(right_side):
+                solution = np.asarray(share @ columns)
+        if solution is None:
+            solution = self._solve(right_side)
         if not len(self._ways):
             return solution
         try:
@@ -86,16 +94,6 @@ class DowndatedTangent:
         except np.linalg.LinAlgError:  # nothing else holds a node: iterations will find out
             return solution
         return np.asarray(solution + share @ self._columns)
-
-    def _solve_with_original_tangent(self, right_side: Array) -> Array:
-        """The solution with all bonds, by the columns of those that broke last where the right side is of them."""
-        if self._last:
-            ways, columns = self._ways[-self._last :], self._columns[-self._last :]
-            self._last = 0
-            share = np.linalg.lstsq(ways @ ways.T, ways @ right_side, rcond=1e-12)[0]
-            if np.linalg.norm(right_side - share @ ways) < LEFT * np.linalg.norm(right_side):
-                return np.asarray(share @ columns)
-        return self._solve(right_side)
 
 
 def _unordered_node_pair_ids(broken_bonds: Broken, node_count: int) -> NDArray[np.int64]:

@@ -96,10 +96,8 @@ def relative_residual(
     """
     load = norm(conditions.body_force[~conditions.constrained])
     outside = max(load if load > 0 else norm(neighbour_forces[conditions.constrained]), conditions.swelling_force_norm)
-    imbalance, scale = (
-        norm((neighbour_forces + conditions.body_force)[~conditions.constrained]),
-        max(outside, reference_stiffness * max(norm(state.value), previous_displacement_norm)),
-    )
+    imbalance = norm((neighbour_forces + conditions.body_force)[~conditions.constrained])
+    scale = max(outside, reference_stiffness * max(norm(state.value), previous_displacement_norm))
     return imbalance / scale if scale > 0 else float(imbalance > 0)
 
 

@@ -19,7 +19,6 @@ from pdsolve.bonds.fatigue_life import LEFT, Place, jump, shares
 from pdsolve.bonds.static_breakage import Breakable
 from pdsolve.checkpoint_validation import entry
 from pdsolve.errors import CheckpointError
-from pdsolve.model import Model, ModelError
 from pdsolve.operators.protocol import Operator
 from pdsolve.state import State
 from pdsolve.steppers.cycle_steps import CycleSteps
@@ -106,19 +105,3 @@ class BondFatigueSteps(CycleSteps):
             self._operator.restore(self._operator.checkpoint_arrays(), broken)
             self._record_end_of_life("what was left could not bear the largest loads")
             return previous_equilibrium
-
-
-def make_bond_fatigue_steps(
-    model: Model,
-    operator: Operator,
-    load_steps: LoadSteps,
-    breakable: Breakable | None,
-    family_size: NDArray[np.int64],
-    uncut_bond_count: NDArray[np.int64],
-) -> BondFatigueSteps:
-    """Steps of jumps of a model with fatigue; arguments are those of `BondFatigueSteps`. Raises ModelError."""
-    law = model.settings.run.fatigue
-    assert law is not None
-    if breakable is None:
-        raise ModelError(f"{model.name}: $.run.fatigue: no bond may break; let some tire")
-    return BondFatigueSteps(law, operator, load_steps, breakable, family_size, uncut_bond_count)

@@ -109,7 +109,37 @@ class LoadSteps:
     def advance(self, state: State, first_step: int, end_step: int) -> None:
         """Take the load steps `first_step` to `end_step` - 1, in place. Raises NotConvergedError."""
         for step in range(first_step, end_step):
-            self._take_load_step(state, step)
+            before = self._drive.force.astype(float) if self.step_results else np.zeros(self._drive.force.shape)
+            put_loads(self._drive, step * self._dt)
+            self.method.discard_reused_tangent()
+            start = self._loading_norm(state, before)
+            spent = self._dissipated_and_released_energy(state)
+            try:
+                self._check_balance_of_loose_bodies("")
+                equilibrium = self._solve_in_parts_and_add_work(state, before, step, step * self._dt)
+                self._on_next_equilibrium(state)
+                equilibrium, breaks, least = self.break_overstretched_bonds_and_solve_equilibrium(
+                    state, step, equilibrium
+                )
+                equilibrium, growth_count = self._grow_cracks_and_solve_equilibrium(state, step, equilibrium)
+                if self._drive.force[~self.held].any():  # dead loads, under which the body might not stay
+                    ways = self.method.count_unstable_modes(state, self.held)
+                    if ways:
+                        raise NotConvergedError(
+                            f"the equilibrium is not stable, as energy falls in {ways} independent ways: a body under"
+                            " dead loads leaves it; use smaller loads, prescribed displacements, or motion"
+                            " (run.solver)"
+                        )
+            except NotConvergedError as error:
+                raise NotConvergedError(
+                    f"{self._model.name}: load step {step}, {step * self._dt:.4g} s: {error}"
+                ) from None
+            self.step_results.append(
+                LoadStepStatistics(step, equilibrium.iterations, equilibrium.residual, breaks + growth_count, least)
+            )
+            self._warn_of_unstable_crack_growth(
+                step, least * self._loading_norm(state, self._drive.force.astype(float)) < start, least, spent, state
+            )
 
     def set_swelling_strain(self, strain: Array, state: State, on_next_equilibrium: Callable[[State], object]) -> None:
         """Break bonds by their stretch from these strains (n,), with which the operator has been strained.
@@ -165,43 +195,6 @@ class LoadSteps:
             self._breaking.restore(broken)
         count = len(broken.step)
         self._restrain_loose_bodies(broken, f"after {count} directed bonds broke: " if count else "")
-
-    def _take_load_step(self, state: State, step: int) -> None:
-        before = self._drive.force.astype(float) if self.step_results else np.zeros(self._drive.force.shape)
-        put_loads(self._drive, step * self._dt)
-        self.method.discard_reused_tangent()
-        start = self._loading_norm(state, before)
-        spent = self._dissipated_and_released_energy(state)
-        try:
-            self._check_balance_of_loose_bodies("")
-            equilibrium = self._solve_in_parts_and_add_work(state, before, step, step * self._dt)
-            self._on_next_equilibrium(state)
-            equilibrium, breaks, least = self.break_overstretched_bonds_and_solve_equilibrium(state, step, equilibrium)
-            equilibrium, growth_count = self._grow_cracks_and_solve_equilibrium(state, step, equilibrium)
-            self._raise_if_unstable(state)
-        except NotConvergedError as error:
-            raise NotConvergedError(f"{self._model.name}: load step {step}, {step * self._dt:.4g} s: {error}") from None
-        self.step_results.append(
-            LoadStepStatistics(step, equilibrium.iterations, equilibrium.residual, breaks + growth_count, least)
-        )
-        self._warn_of_unstable_crack_growth(
-            step,
-            least * self._loading_norm(state, self._drive.force.astype(float)) < start,
-            least,
-            spent,
-            state,
-        )
-
-    def _raise_if_unstable(self, state: State) -> None:
-        """Raise NotConvergedError under dead loads where the body would not stay."""
-        if not self._drive.force[~self.held].any():
-            return
-        ways = self.method.count_unstable_modes(state, self.held)
-        if ways:
-            raise NotConvergedError(
-                f"the equilibrium is not stable, as energy falls in {ways} independent ways: a body under dead"
-                " loads leaves it; use smaller loads, prescribed displacements, or motion (run.solver)"
-            )
 
     def _warn_of_unstable_crack_growth(
         self, step: int, load_is_smaller: bool, breaking_load_share: float, dissipated_before: float, state: State

@@ -122,7 +122,17 @@ class Newton:
         start, free, done = state.value.copy(), ~conditions.constrained, 0
         self._before = norm(start)
         if (state.value != np.where(free, state.value, conditions.prescribed_displacement)).any():
-            self._predict_displacements(state, conditions)
+            free = ~conditions.constrained
+            if self._matrix is None:
+                self._set_up_tangent_solver(state, free)
+                self._fresh = False
+            assert self._matrix is not None
+            assert self._inverse is not None
+            way = np.where(free, 0.0, conditions.prescribed_displacement - state.value).ravel()
+            along = -(self._matrix @ way)[free.ravel()]
+            move = way.copy()
+            move[free.ravel()] = self._inverse(along)
+            state.value[:] = np.where(free, state.value + move.reshape(free.shape), conditions.prescribed_displacement)
         if self._lost is not None and not self._lost.remove_bonds_if_few(self._operator.broken()):
             self.discard_reused_tangent()
         if self._inverse is not None and not self._fresh:
@@ -184,20 +194,6 @@ class Newton:
                 break
         return None, done
 
-    def _predict_displacements(self, state: State, conditions: EquilibriumConditions) -> None:
-        """Move held components to their prescribed positions, and the rest by the linear response."""
-        free = ~conditions.constrained
-        if self._matrix is None:
-            self._set_up_tangent_solver(state, free)
-            self._fresh = False
-        assert self._matrix is not None
-        assert self._inverse is not None
-        way = np.where(free, 0.0, conditions.prescribed_displacement - state.value).ravel()
-        along = -(self._matrix @ way)[free.ravel()]
-        move = way.copy()
-        move[free.ravel()] = self._inverse(along)
-        state.value[:] = np.where(free, state.value + move.reshape(free.shape), conditions.prescribed_displacement)
-
     def _iterate_with_old_tangent(
         self, state: State, conditions: EquilibriumConditions, report_progress: ProgressReport
     ) -> tuple[Equilibrium | None, int]:
@@ -210,10 +206,8 @@ class Newton:
         milestone, reached, done = np.inf, 0, 0
         while True:
             out = force_densities(self._operator, state)
-            residual, rest = (
-                relative_residual(state, conditions, out, self._least, self._before),
-                (out + conditions.body_force)[free],
-            )
+            residual = relative_residual(state, conditions, out, self._least, self._before)
+            rest = (out + conditions.body_force)[free]
             if residual < max(self._tolerance, conditions.sufficient_residual):
                 return Equilibrium(done, residual), done
             report_progress(done, residual)
@@ -236,7 +230,8 @@ class Newton:
     def _set_up_tangent_solver(self, state: State, free: NDArray[np.bool_], residual: float = 1.0) -> None:
         """Set up the equations of this state. A body that nothing supports is held the less, the smaller the residual
         is: it turns by its load's own stiffness then, and converges as one that is supported."""
-        from scipy.sparse import diags_array  # here and below: SciPy takes long to import, and few runs ask
+        from scipy.sparse import diags_array  # SciPy takes long to import, and few runs ask
+        from scipy.sparse.linalg import bicgstab, cg
 
         symmetric = self._operator.symmetric
         matrix = self._symmetric_part_of_weighted_tangent(state) if symmetric else self._operator.tangent(state).tocsr()
@@ -250,8 +245,22 @@ class Newton:
             )
             matrix = (matrix + diags_array(soft)).tocsr()
         inner = matrix[free.ravel()][:, free.ravel()]
-        self._inverse = self._make_direct_solver(inner) if self._factored else self._make_iterative_solver(inner)
-        if self._factored and self._pairs:
+        if not self._factored:
+            diagonal = inner.diagonal()
+            light = diags_array(1 / np.where(diagonal > 0, diagonal, 1.0))
+            method = cg if symmetric else bicgstab
+            self._inverse = lambda right_side: np.asarray(
+                method(inner, right_side, rtol=INNER, maxiter=INNER_MOST, M=light)[0]
+            )
+            return
+        try:
+            self._inverse = factorize(inner, symmetric)
+        except RuntimeError:
+            raise NotConvergedError(
+                "a body is free to move in its own plane without a force; add supports, or use run.static.floating"
+                " (--float)"
+            ) from None
+        if self._pairs:
             self._lost = DowndatedTangent(matrix, free, self._inverse, self._operator.broken())
             self._inverse = self._lost.solve
 
@@ -259,29 +268,6 @@ class Newton:
         """The symmetric part of the tangent times the nodes' areas, N/m^2."""
         matrix = area_weighted_tangent(self._operator, self._area, state)
         return ((matrix + matrix.T) / 2).tocsr()
-
-    def _make_direct_solver(self, matrix: csr_array) -> Callable[[Array], Array]:
-        try:
-            return factorize(matrix, self._operator.symmetric)
-        except RuntimeError:
-            raise NotConvergedError(
-                "a body is free to move in its own plane without a force; add supports, or use run.static.floating"
-                " (--float)"
-            ) from None
-
-    def _make_iterative_solver(self, matrix: csr_array) -> Callable[[Array], Array]:
-        from scipy.sparse import diags_array
-        from scipy.sparse.linalg import bicgstab, cg
-
-        diagonal = matrix.diagonal()
-        light = diags_array(1 / np.where(diagonal > 0, diagonal, 1.0))
-        method = cg if self._operator.symmetric else bicgstab
-
-        def solve(right_side: Array) -> Array:
-            solution, _ = method(matrix, right_side, rtol=INNER, maxiter=INNER_MOST, M=light)
-            return np.asarray(solution)
-
-        return solve
 
 
 class _AndersonMixing:

@@ -142,7 +142,22 @@ class ParisSteps(CycleSteps):
         )
         self._tips = {tip.particle: _TipHistory(part, r, way) for (tip, _), part, r, way, due in rows if not due}
         chosen = [evaluated_tip for evaluated_tip, due in zip(evaluated_tips, grows, strict=True) if due]
-        return self._grow_tips_or_end_life(state, step, chosen, growth_rate[grows].tolist())
+        growth, before = self._growth, self._take_snapshot(state)
+        if not growth.grow_tips_and_cut_bonds(chosen, state, step, self._share):
+            self._record_end_of_life("no crack goes on")
+            return None
+        parent = growth.particles.parent.tolist()
+        of = {
+            tip.particle: _TipHistory(0.0, r, growth.growth_length(tip, self._share))
+            for (tip, _), r in zip(chosen, growth_rate[grows].tolist(), strict=True)
+        }
+        self._tips |= {number: of[above] for number, above in enumerate(parent) if above in of}
+        try:
+            return self._motion.solve_equilibrium_after_breakage(state, step)
+        except NotConvergedError:
+            self._restore_snapshot(state, before)
+            self._record_end_of_life("what was left could not bear the largest loads")
+            return None
 
     def _largest_growth_rate_ratios(self, state: State) -> tuple[float, float]:
         """Growth of the tips over what it was in the step before, the largest: of all, and of those that have grown."""
@@ -156,28 +171,6 @@ class ParisSteps(CycleSteps):
         ]
         grown_ratios = (ratio for ratio, grown_length in more if grown_length == 0)
         return max((ratio for ratio, _ in more), default=1.0), max(grown_ratios, default=1.0)
-
-    def _grow_tips_or_end_life(
-        self, state: State, step: int, evaluated_tips: list[EvaluatedTip], growth_rate: list[float]
-    ) -> Equilibrium | None:
-        """Let these tips grow and settle; their children remember their `growth_rate`. Without rest, life ends before
-        that."""
-        growth, before = self._growth, self._take_snapshot(state)
-        if not growth.grow_tips_and_cut_bonds(evaluated_tips, state, step, self._share):
-            self._record_end_of_life("no crack goes on")
-            return None
-        parent = growth.particles.parent.tolist()
-        of = {
-            tip.particle: _TipHistory(0.0, r, growth.growth_length(tip, self._share))
-            for (tip, _), r in zip(evaluated_tips, growth_rate, strict=True)
-        }
-        self._tips |= {number: of[above] for number, above in enumerate(parent) if above in of}
-        try:
-            return self._motion.solve_equilibrium_after_breakage(state, step)
-        except NotConvergedError:
-            self._restore_snapshot(state, before)
-            self._record_end_of_life("what was left could not bear the largest loads")
-            return None
 
     def _take_snapshot(self, state: State) -> _StepSnapshot:
         return _StepSnapshot(

@@ -69,11 +69,9 @@ class LoadingReversals:
     """How often bonds (b,) have begun or ceased to load within a step."""
 
     def __init__(self, is_loading: NDArray[np.bool_]) -> None:
-        self._loads, self._times, self._since = (
-            is_loading,
-            np.zeros(len(is_loading), dtype=int),
-            np.zeros(len(is_loading), dtype=int),
-        )
+        self._loads = is_loading
+        self._times = np.zeros(len(is_loading), dtype=int)
+        self._since = np.zeros(len(is_loading), dtype=int)
 
     def update_and_count_reversed_bonds(self, is_loading: NDArray[np.bool_], counts_reversals: bool) -> int:
         """Take those that load in the next iteration, whose turns count or not; returns how many have turned."""

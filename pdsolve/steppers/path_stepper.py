@@ -121,10 +121,6 @@ class PathStepper:
         """Record a step that ended under loads and reactions `external_forces` (n, w), N/m."""
         pull = float((external_forces * self._growth)[self._driven].sum())
         self.step_results.append(PathStepResult(step, iterations, residual, load_factor, pull, dissipated_energy))
-        self._warn_past_peak_load_or_end_path(step)
-
-    def _warn_past_peak_load_or_end_path(self, step: int) -> None:
-        """Warn once of a load that has passed its peak; end the path where it has nearly vanished."""
         pulls = [abs(path_step.work_conjugate_force) for path_step in self.step_results]
         most, now = max(pulls), pulls[-1]
         if now < self.end_load_share * most:

@@ -86,18 +86,28 @@ class SofteningPathSteps(PathStepper):
         if loose_bodies.description:
             raise ModelError(f"{model.name}: $.conditions: {loose_bodies.description}; add supports")
         static = model.settings.run.static
-        control = _make_path_control(model, bonds)
+        control: PathControl = DissipationControl(bonds)
+        for gap in model.settings.run.gaps:
+            if gap.name == static.control:
+                first, second = tree_of(model.grid.position).query(np.array(gap.ends))[1].tolist()
+                control = OpeningControl(gap.name, model.grid.position, (first, second))
+                break
         self._follower = PathFollower(
             bonds, ProportionalLoads(constrained, self._start, self._growth), max(static.tolerance, COARSEST), control
         )
-        self._most = _largest_control_increment(model)
-        self._whole = self._most * (static.load_steps or CRACK_STEPS)  # of the control
+        # The largest step along a path: m of the gap that controls it, or J/m that bonds spend
+        steps = static.load_steps or CRACK_STEPS
+        if static.opening is None:
+            extent = float(np.ptp(model.grid.position, axis=0).min() + model.grid.delta.min())
+            cost = min(material.G0 for material in model.materials)
+            self._most = float(cost * extent ** (d - 1) / steps)
+        else:
+            self._most = static.opening / steps
+        self._whole = self._most * steps  # of the control
         self._opening = np.inf if static.opening is None else static.opening  # m, of the gap that controls, in the end
         self._more = FIRST * self._most
-        self._last, self._before = (
-            PathPoint(np.zeros(constrained.shape), 0.0, 0.0),
-            PathPoint(np.zeros(constrained.shape), 0.0, 0.0),
-        )
+        self._last = PathPoint(np.zeros(constrained.shape), 0.0, 0.0)
+        self._before = PathPoint(np.zeros(constrained.shape), 0.0, 0.0)
         self._pushed = np.zeros(constrained.shape), np.zeros(constrained.shape)  # loads and reactions there, N/m
         self._told = False  # of bonds that must not break where a crack would pass
 
@@ -162,10 +172,6 @@ class SofteningPathSteps(PathStepper):
             path_point = self._find_equilibrium_at_load_factor(start, 0.0)
             if not (bonds.stretches(path_point[0].displacement)[k] >= bonds.peak[k]).any():
                 return self._load_until_first_bond_peaks(path_point[0])
-        return self._apply_constant_loads_in_parts(state)
-
-    def _apply_constant_loads_in_parts(self, state: State) -> PathSolution:
-        """In parts up to all that does not grow, under which bonds soften; books the work but for the last part's."""
         full_drive, count = self._follower.drive, 0
         try:
             for part in range(1, PARTS + 1):
@@ -202,7 +208,12 @@ class SofteningPathSteps(PathStepper):
             grows = rate > 0
             reach = ((peak - first)[grows] / rate[grows]).min(initial=1.0)
             if np.isfinite(self._opening):
-                reach = min(reach, self._load_factor_increment_to_final_opening(start_point, near))
+                opened = self._control_value(near) - self._control_value(start_point)
+                if not opened > 0:
+                    said = f"{self._follower.control.description} {opened:.3g} m under growing loads"
+                    raise NotConvergedError(f"{said}; use a gap that grows")
+                left = self._opening - self._control_value(start_point)
+                reach = min(reach, left / opened * (near.load_factor - start_point.load_factor))
             current_point, factor = near, min(float(start_point.load_factor + reach), 1.0)
         path_point = self._find_equilibrium_at_load_factor(current_point, factor)
         self.ended = factor == 1.0 or self._is_final_opening_reached(path_point[0])
@@ -214,18 +225,6 @@ class SofteningPathSteps(PathStepper):
     def _is_final_opening_reached(self, point: PathPoint) -> bool:
         """Whether the gap that controls is as wide as it is to be in the end."""
         return self._control_value(point) > self._opening - NEAR * self._most
-
-    def _load_factor_increment_to_final_opening(self, start_point: PathPoint, elastic_point: PathPoint) -> float:
-        """The factor by which loads grow from the start until an elastic body has the last opening."""
-        opened = self._control_value(elastic_point) - self._control_value(start_point)
-        if not opened > 0:
-            said = f"{self._follower.control.description} {opened:.3g} m under growing loads"
-            raise NotConvergedError(f"{said}; use a gap that grows")
-        return (
-            (self._opening - self._control_value(start_point))
-            / opened
-            * (elastic_point.load_factor - start_point.load_factor)
-        )
 
     def _find_equilibrium_at_load_factor(self, near_point: PathPoint, load_factor: float) -> PathSolution:
         return solve_until_contact_converges(
@@ -311,10 +310,8 @@ class SofteningPathSteps(PathStepper):
         old = self._operator.broken()
         is_broken = np.isfinite(bonds.limit) & (bonds.kappa >= bonds.limit)
         k = np.flatnonzero(is_broken)
-        source, target = (
-            np.concatenate([bonds.source[k], bonds.target[k]]),
-            np.concatenate([bonds.target[k], bonds.source[k]]),
-        )
+        source = np.concatenate([bonds.source[k], bonds.target[k]])
+        target = np.concatenate([bonds.target[k], bonds.source[k]])
         was_broken = np.isin(source * len(self._area) + target, old.source * len(self._area) + old.target)
         half = np.tile(bonds.dissipated_energy(bonds.kappa)[k], 2) / 2
         new = ~was_broken
@@ -340,26 +337,6 @@ class SofteningPathSteps(PathStepper):
         return report_iteration
 
 
-def _make_path_control(model: Model, bonds: SofteningBonds) -> PathControl:
-    """The control that a model asks for."""
-    for gap in model.settings.run.gaps:
-        if gap.name == model.settings.run.static.control:
-            first, second = tree_of(model.grid.position).query(np.array(gap.ends))[1].tolist()
-            return OpeningControl(gap.name, model.grid.position, (first, second))
-    return DissipationControl(bonds)
-
-
-def _largest_control_increment(model: Model) -> float:
-    """The largest step along a path: m of the gap that controls it, or J/m that bonds spend."""
-    static = model.settings.run.static
-    steps = static.load_steps or CRACK_STEPS
-    if static.opening is not None:
-        return static.opening / steps
-    extent = float(np.ptp(model.grid.position, axis=0).min() + model.grid.delta.min())
-    cost = min(material.G0 for material in model.materials)
-    return float(cost * extent ** (model.grid.dimension - 1) / steps)
-
-
 def work_of_last_path_step(
     three_points: tuple[PathPoint, PathPoint, PathPoint], external_forces: tuple[Array, Array, Array]
 ) -> Array:
@@ -373,9 +350,8 @@ def work_of_last_path_step(
     if not ALIKE * ahead > back > ahead / ALIKE:
         return np.asarray((f1 + f2) / 2 * (new.displacement - last.displacement))
     steep = ahead / back
-    bend = (new.displacement - last.displacement) - steep * (
-        last.displacement - first.displacement
-    )  # of a parabola through the three places
+    # The bend of a parabola through the three places
+    bend = (new.displacement - last.displacement) - steep * (last.displacement - first.displacement)
     bow = (f2 - f1) - steep * (f1 - f0)
     # So that u = u1 + t (u2 - u1) - t (1 - t) bend, t from 0 to 1
     bend, bow = bend / (1 + 1 / steep), bow / (1 + 1 / steep)

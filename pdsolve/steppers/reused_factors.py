@@ -51,23 +51,36 @@ class ReusedFactorSolver:
             None if force_new_factors or self._old is None else self._solve_with_old_factors_if_fast(matrix, rights)
         )
         if solution is None:
-            self._old, self._inverse = matrix, _factorize_without_warnings(matrix, self._symmetric)
+            with warnings.catch_warnings():
+                warnings.simplefilter("ignore")  # SuperLU's
+                try:
+                    self._inverse = factorize(matrix, self._symmetric)
+                except RuntimeError:
+                    raise NotConvergedError("the tangent is singular") from None
+            self._old = matrix
             self._changed, self._columns = np.zeros(0, dtype=np.int64), np.zeros((len(right_side), 0))
             solution = self._inverse(rights)
         return solution.reshape(right_side.shape)
 
     def _solve_with_old_factors_if_fast(self, matrix: csr_array, right_side: Array) -> Array | None:
         """The solutions; None if they take long."""
-        matrix_change = matrix - self._old
-        if not self._add_inverse_columns_if_few(matrix_change):
-            return None
-        changed_rows, inverse = self._changed, self._inverse
+        matrix_change, inverse = matrix - self._old, self._inverse
+        assert self._old is not None
         assert inverse is not None
+        entries = matrix_change.tocoo()
+        large = np.abs(entries.data) > SLIGHT * np.abs(self._old.diagonal()).max()
+        new = np.setdiff1d(np.union1d(entries.row[large], entries.col[large]), self._changed)
+        if len(new) > AT_ONCE or len(self._changed) + len(new) > CHANGED:
+            return None
+        if len(new):
+            unit_columns = np.zeros((len(self._columns), len(new)), order="F")
+            unit_columns[new, np.arange(len(new))] = 1.0
+            self._changed = np.concatenate([self._changed, new])
+            self._columns = np.hstack([self._columns, solve_right_sides_in_blocks(inverse, unit_columns)])
+        changed_rows = self._changed
         change = matrix_change[changed_rows][:, changed_rows].toarray()
-        capacitance_matrix, size = (
-            np.eye(len(changed_rows)) + self._columns[changed_rows] @ change,
-            np.linalg.norm(right_side, axis=0),
-        )
+        capacitance_matrix = np.eye(len(changed_rows)) + self._columns[changed_rows] @ change
+        size = np.linalg.norm(right_side, axis=0)
         solution: Array = np.zeros_like(right_side)
         residual, most = right_side, np.inf
         for _ in range(1 + REFINED):
@@ -86,34 +99,8 @@ class ReusedFactorSolver:
                 return None
         return None
 
-    def _add_inverse_columns_if_few(self, matrix_change: csr_array) -> bool:
-        """Add the columns of components that have changed; returns whether these are few."""
-        assert self._old is not None
-        assert self._inverse is not None
-        entries = matrix_change.tocoo()
-        large = np.abs(entries.data) > SLIGHT * np.abs(self._old.diagonal()).max()
-        new = np.setdiff1d(np.union1d(entries.row[large], entries.col[large]), self._changed)
-        if len(new) > AT_ONCE or len(self._changed) + len(new) > CHANGED:
-            return False
-        if len(new):
-            unit_columns = np.zeros((len(self._columns), len(new)), order="F")
-            unit_columns[new, np.arange(len(new))] = 1.0
-            self._changed = np.concatenate([self._changed, new])
-            self._columns = np.hstack([self._columns, solve_right_sides_in_blocks(self._inverse, unit_columns)])
-        return True
-
 
 def solve_right_sides_in_blocks(solve: Callable[[Array], Array], right_sides: Array) -> Array:
     """The solutions for right sides (k, p), some at once."""
     blocks = range(0, right_sides.shape[1], BLOCK)
     return np.hstack([right_sides[:, :0], *(solve(np.asfortranarray(right_sides[:, k : k + BLOCK])) for k in blocks)])
-
-
-def _factorize_without_warnings(matrix: csr_array, symmetric: bool) -> Callable[[Array], Array]:
-    """The function that solves with a matrix; SuperLU's warnings are left out. Raises NotConvergedError."""
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")
-        try:
-            return factorize(matrix, symmetric)
-        except RuntimeError:
-            raise NotConvergedError("the tangent is singular") from None

@@ -27,10 +27,7 @@ class LooseBodies(NamedTuple):
 
 
 def find_loose_bodies(
-    position: NDArray[np.float64],
-    ids: NDArray[np.int64],
-    bonds: Pairs,
-    constrained: NDArray[np.bool_],
+    position: NDArray[np.float64], ids: NDArray[np.int64], bonds: Pairs, constrained: NDArray[np.bool_]
 ) -> LooseBodies:
     """Bodies with too few supports, and nodes whose bonds lie in one line, in space in one plane.
 
@@ -90,9 +87,8 @@ def _find_unsupported_bodies(
     number of its nodes and not by how far the body reaches from it.
     """
     count, supported = len(body_size), constrained.any(axis=1)
-    rows = (
-        supported | ~np.bincount(body_number_of_node, supported, count).astype(bool)[body_number_of_node]
-    )  # all nodes where none is supported
+    # All nodes of bodies of which none is supported
+    rows = supported | ~np.bincount(body_number_of_node, supported, count).astype(bool)[body_number_of_node]
     inside = np.maximum(np.bincount(body_number_of_node[rows], minlength=count), 1)
     centre = np.stack(
         [np.bincount(body_number_of_node[rows], column[rows], count) / inside for column in position.T], axis=1
@@ -103,9 +99,8 @@ def _find_unsupported_bodies(
     scale = np.where(extent > 0, extent, np.where(reach > 0, reach, 1.0))
     arm = arm / scale[body_number_of_node][:, None]
     n, d = arm.shape
-    modes = np.concatenate(
-        [np.broadcast_to(np.eye(d), (n, d, d)), _rotation_modes(arm)], axis=2
-    )  # translations, rotations
+    # Translations and rotations
+    modes = np.concatenate([np.broadcast_to(np.eye(d), (n, d, d)), _rotation_modes(arm)], axis=2)
     resistance = _gram_matrices_of_bodies(modes, constrained, body_number_of_node, count)
     free = _are_singular(resistance)
     if free.any():  # unless the motion moves nothing: a turn of one node, or of a row of nodes about itself
@@ -206,10 +201,8 @@ class SupportChecker:
         near = {row: self._target[numbers] for row, numbers in zip(rows.tolist(), intact_numbers, strict=True)}
         if not all(np.isin(near[i], near[j]).any() for i, j in zip(source.tolist(), target.tolist(), strict=True)):
             return False
-        numbers, row_of_bond = (
-            np.concatenate([broken[:0], *intact_numbers]),
-            np.repeat(np.arange(len(rows)), [len(row_numbers) for row_numbers in intact_numbers]),
-        )
+        numbers = np.concatenate([broken[:0], *intact_numbers])
+        row_of_bond = np.repeat(np.arange(len(rows)), [len(row_numbers) for row_numbers in intact_numbers])
         xi = self._position[self._target[numbers]] - self._position[self._source[numbers]]
         if _find_nodes_with_collinear_or_coplanar_bonds(xi, row_of_bond, self._held[rows]).any():
             return False

@@ -88,24 +88,22 @@ class StepsOnDevice:
                     operator.fetch(first_step + sweep - 2)  # there is room for so many breaks
                 self._factors.write(first_step + sweep - 1, min(AT_ONCE, steps + 1 - sweep))
             phase = STARTS * (sweep == 0) + ENDS * (sweep == steps)
-            self._launch_step(first_step + sweep - 1, phase, sweep % AT_ONCE)
-        self._rotate_buffers(
-            "before", "u", "after"
-        )  # the last sweep wrote none, or amounts that the next start writes anew
+            step = first_step + sweep - 1
+            if not phase & STARTS and operator.needs_host(buffers["u"], step):
+                for name, values in (("u", self._state.value), ("rate", self._state.rate)):
+                    self._download_buffer(buffers[name], values)
+                operator.break_bonds_on_host(buffers["u"], self._state, step, self._dt)
+            numbers = np.int32(self._factors.count), np.int32(self._drive.varies), np.float64(self._dt)
+            last = (np.int32(number) for number in (operator.room, step, phase, sweep % AT_ONCE))
+            arguments = [*operator.buffers.values(), *buffers.values(), self._factors.buffer, *numbers, *last]
+            self.session.launch(
+                self._kernel, (operator.room // operator.together, LANES // operator.together), arguments
+            )
+            self._rotate_buffers("after", "u", "before")
+            self._rotate_buffers("rate", "rate_after")
+        # The last sweep wrote no displacements, or amounts that the next start writes anew
+        self._rotate_buffers("before", "u", "after")
         self.session.finish()
-
-    def _launch_step(self, step: int, phase: int, profile_factor_row: int) -> None:
-        operator, buffers = self._operator, self._buffers
-        if not phase & STARTS and operator.needs_host(buffers["u"], step):
-            for name, values in (("u", self._state.value), ("rate", self._state.rate)):
-                self._download_buffer(buffers[name], values)
-            operator.break_bonds_on_host(buffers["u"], self._state, step, self._dt)
-        numbers = np.int32(self._factors.count), np.int32(self._drive.varies), np.float64(self._dt)
-        last = (np.int32(number) for number in (operator.room, step, phase, profile_factor_row))
-        arguments = [*operator.buffers.values(), *buffers.values(), self._factors.buffer, *numbers, *last]
-        self.session.launch(self._kernel, (operator.room // operator.together, LANES // operator.together), arguments)
-        self._rotate_buffers("after", "u", "before")
-        self._rotate_buffers("rate", "rate_after")
 
     def _rotate_buffers(self, *names: str) -> None:
         """Give each of these buffers the next one's name, and the last one that of the first."""
