@@ -12,14 +12,7 @@ from numpy.typing import NDArray
 from pdsolve.bonds.assembly import BondSource, Counted
 from pdsolve.bonds.static_breakage import StaticBreakage
 from pdsolve.checks import refuse_fields
-from pdsolve.conditions import (
-    Drive,
-    damping,
-    drive,
-    initial_acceleration,
-    initial_velocity,
-    widened,
-)
+from pdsolve.conditions import Drive, damping, drive, initial_acceleration, initial_velocity, widened
 from pdsolve.device.families import FluxesOnDevice
 from pdsolve.device.nodes import NodesOnDevice
 from pdsolve.device.runtime import Session
@@ -102,10 +95,8 @@ def assemble_system(
     velocity, nodes = initial_velocity(model, width), len(model.grid)
     u, v = np.zeros((2, nodes, width), dtype=kind)
     state = State(u, v, initial_acceleration(conditions, rho), *np.zeros((3, nodes)))
-    state, damped = (
-        operator.to_own_layout(state),
-        damping(model) if rank_coupling is None else rank_coupling.damping_rates,
-    )
+    state = operator.to_own_layout(state)
+    damped = damping(model) if rank_coupling is None else rank_coupling.damping_rates
     set_initial_velocity_and_acceleration(state, velocity, damped, conditions)
     ghosts = None if rank_coupling is None else rank_coupling.ghosts
     stepper = make_stepper(operator, state, conditions, rho, time_step, damped, ghosts)

@@ -76,10 +76,8 @@ def prepare_quasi_static_run(
     growth = make_crack_particle_growth(model, bonds, filling, driven, None) if grows else None
     fatigue, look = model.settings.run.fatigue, growth.look if growth and not follows_crack_length(model) else None
     stepper = LoadSteps(model, operator, driven, area, method, breaking, None if fatigue else look, **remember)
-    step, bound = (
-        float(model.settings.run.time_step or 0.0),
-        stable_time_step_from_stiffness_bound(operator.stiffness_bound(), model.rho),
-    )
+    step = float(model.settings.run.time_step or 0.0)
+    bound = stable_time_step_from_stiffness_bound(operator.stiffness_bound(), model.rho)
     system = System(model, options, scheme, operator, stepper, driven, *filled, step, bound, 0.0)
     system = replace(system, crack_growth=growth, contact=contact)
     if fatigue is not None and (bonds_may_break or grows):
@@ -108,10 +106,8 @@ def _prepare_softening_equilibrium_path(model: Model, options: Options, scheme: 
     if ground is not None:
         bonds.stand_on(np.repeat(area, width)[:, None] * ground.tangent(state))
     stepper = SofteningPathSteps(model, bonded, driven, area, bonds, contact)
-    step, bound = (
-        model.settings.run.time_step or 1.0,
-        stable_time_step_from_stiffness_bound(operator.stiffness_bound(), model.rho),
-    )
+    step = model.settings.run.time_step or 1.0
+    bound = stable_time_step_from_stiffness_bound(operator.stiffness_bound(), model.rho)
     system = System(model, options, scheme, operator, stepper, driven, *filled, step, bound, 0.0, contact=contact)
     return PreparedRun(system, state)
 

@@ -5,14 +5,10 @@ from __future__ import annotations
 import dataclasses
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pdsolve.adaptivity.quadtree import criteria
 from pdsolve.adaptivity.quadtree.incremental_bonds import create_leaf_bonds, update_leaf_bonds
-from pdsolve.adaptivity.quadtree.inherited_cracks import (
-    PreviousBonds,
-    inherit_break_steps,
-)
+from pdsolve.adaptivity.quadtree.inherited_cracks import PreviousBonds, inherit_break_steps
 from pdsolve.adaptivity.quadtree.interpolation import interpolate_state
 from pdsolve.adaptivity.quadtree.leaf_mapping import LeafOrigins, map_leaves
 from pdsolve.adaptivity.quadtree.operator import LeafHistory, QuadtreeOperator, read_leaf_history
@@ -43,59 +39,56 @@ class CellSplitting:
 
     def change_nodes(self, system: System, state: State, step: int) -> SystemAfterNodeChange | None:
         """Split and merge cells after `step`; None if all stay."""
-        operator, wanted = expect_quadtree_operator(system), self.settings
-        energy, before = operator.energies(state)[0], PreviousBonds(operator.all_bonds, operator.columns.broken)
+        old_operator, wanted = expect_quadtree_operator(system), self.settings
+        energy = old_operator.energies(state)[0]
+        before = PreviousBonds(old_operator.all_bonds, old_operator.columns.broken)
         if wanted.by == "energy":
-            height = criteria.relative_energy_densities(self.tree, operator.cells, energy, self._critical)
+            height = criteria.relative_energy_densities(self.tree, old_operator.cells, energy, self._critical)
         else:
             height = criteria.largest_relative_stretches(
-                self.tree, operator.cells, operator.all_bonds, before.break_steps, state.value
+                self.tree, old_operator.cells, old_operator.all_bonds, before.break_steps, state.value
             )
-        leaf_states = criteria.LeafStates(operator.cells, system.model.grid.position, height, before.has_broken_bond)
-        operator.history = operator.history._replace(
+        leaf_states = criteria.LeafStates(
+            old_operator.cells, system.model.grid.position, height, before.has_broken_bond
+        )
+        old_operator.history = old_operator.history._replace(
             checks_below_threshold=np.where(
-                leaf_states.criterion_value < wanted.merge, operator.history.checks_below_threshold + 1, 0
+                leaf_states.criterion_value < wanted.merge, old_operator.history.checks_below_threshold + 1, 0
             )
         )
         splits = criteria.mask_leaves_to_split(self.tree, leaf_states, wanted.threshold)
         merged = criteria.list_cells_to_merge(
-            self.tree, leaf_states, operator.history.checks_below_threshold >= wanted.hold, splits, wanted.threshold
+            self.tree, leaf_states, old_operator.history.checks_below_threshold >= wanted.hold, splits, wanted.threshold
         )
         if not splits.any() and not len(merged.root_row):
             return None
-        cells, origins = map_leaves(self.tree, operator.cells, splits, merged)
-        return self._make_node_change(system, state, step, cells, origins, before, energy)
-
-    def _make_node_change(
-        self,
-        system: System,
-        state: State,
-        step: int,
-        cells: Cells,
-        origins: LeafOrigins,
-        previous_bonds: PreviousBonds,
-        previous_energies: NDArray[np.float64],
-    ) -> SystemAfterNodeChange:
-        """The leaves `cells` after this step, made from the bonds before and their energies (n,), J/m^3."""
-        old_operator = expect_quadtree_operator(system)
+        cells, origins = map_leaves(self.tree, old_operator.cells, splits, merged)
         new, begun = self._prepare_run_with_cells(system, cells, origins)
         operator = expect_quadtree_operator(new)
-        operator.columns.broken[:] = inherit_break_steps(previous_bonds, operator.all_bonds, origins)
+        operator.columns.broken[:] = inherit_break_steps(before, operator.all_bonds, origins)
         for values, moved_values in zip(
-            begun,
-            interpolate_state(state, origins, old_operator.all_bonds, previous_bonds.break_steps == 0),
-            strict=True,
+            begun, interpolate_state(state, origins, old_operator.all_bonds, before.break_steps == 0), strict=True
         ):
             values[:] = moved_values
         new.drive.held_force[:] = system.drive.held_force
         put_loads(new.drive, step * system.time_step)
-        created = energy_of(new, begun, operator.energies(begun)[0]) - energy_of(system, state, previous_energies)
+        created = energy_of(new, begun, operator.energies(begun)[0]) - energy_of(system, state, energy)
         created += half_kick_work_of_acceleration_error(
             new, begun, force_densities(operator, begun._replace(dissipated=np.zeros_like(begun.dissipated)))
         )
         calm = np.where(origins.is_unchanged, old_operator.history.checks_below_threshold[origins.origin_rows[:, 0]], 0)
         operator.history = LeafHistory(calm, old_operator.history.refinement_energy + created)
-        return SystemAfterNodeChange(new, begun, self._previous_rows_with_same_bonds(system, new, origins))
+        # Former rows of nodes that keep their bonds; -1 for others
+        old_bonds, new_bonds = old_operator.all_bonds, operator.all_bonds
+        origin = np.where(origins.is_unchanged, origins.origin_rows[:, 0], -1)
+        removed = np.ones(len(old_bonds.start) - 1, dtype=bool)
+        removed[origin[origins.is_unchanged]] = False
+        changed = np.zeros(len(origin), dtype=bool)
+        changed[new_bonds.source[~origins.is_unchanged[new_bonds.neighbour]]] = True
+        lost = np.zeros(len(removed), dtype=bool)
+        lost[old_bonds.source[removed[old_bonds.neighbour]]] = True
+        same = origins.is_unchanged & ~changed & ~lost[origin] & (system.family_sizes[origin] == new.family_sizes)
+        return SystemAfterNodeChange(new, begun, np.where(same, origin, -1))
 
     def _prepare_run_with_cells(self, system: System, cells: Cells, origins: LeafOrigins | None = None) -> PreparedRun:
         """The system of these leaves at rest; `origins` is their origin, if any.
@@ -120,26 +113,6 @@ class CellSplitting:
                 f" {system.time_step:.4g} s; use a smaller run.time_step"
             )
         return PreparedRun(dataclasses.replace(rest.system, full_model=tree.model), rest.state)
-
-    def _previous_rows_with_same_bonds(
-        self, old_system: System, new_system: System, origins: LeafOrigins
-    ) -> NDArray[np.int64]:
-        """Former rows (m,) of nodes that keep their bonds; -1 for others."""
-        before, now = expect_quadtree_operator(old_system).all_bonds, expect_quadtree_operator(new_system).all_bonds
-        origin = np.where(origins.is_unchanged, origins.origin_rows[:, 0], -1)
-        removed = np.ones(len(before.start) - 1, dtype=bool)
-        removed[origin[origins.is_unchanged]] = False
-        changed = np.zeros(len(origin), dtype=bool)
-        changed[now.source[~origins.is_unchanged[now.neighbour]]] = True
-        lost = np.zeros(len(removed), dtype=bool)
-        lost[before.source[removed[before.neighbour]]] = True
-        same = (
-            origins.is_unchanged
-            & ~changed
-            & ~lost[origin]
-            & (old_system.family_sizes[origin] == new_system.family_sizes)
-        )
-        return np.where(same, origin, -1)
 
     def restore_system(self, initial_system: System, checkpoint: CheckpointArrays) -> PreparedRun:
         """The system of a checkpoint's cells. Raises CheckpointError for ids that are no set of leaves."""

@@ -21,7 +21,16 @@ def warn_of_doubtful_conditions(model: Model, time_step: float) -> None:
     restitution that bodies do not show."""
     _warn_of_profiles_far_below_peak(model, time_step)
     _warn_of_ignored_zero_velocities(model)
-    _warn_of_restitution_of_deformable_bodies(model)
+    contact, bodies = model.settings.contact, model.grid.bodies
+    if contact is None or contact.restitution == 1 or bodies is None or len(bodies.rigid) == len(bodies.names):
+        return
+    warnings.warn(
+        f"{model.name}: $.contact.restitution is {contact.restitution:g} with bodies that deform, which usually"
+        " rebound with more: it holds for pairs of nodes in contact, and the elastic energy inside the bodies returns"
+        " in full; rigid bodies rebound with it",
+        ModelNote,
+        stacklevel=2,
+    )
 
 
 def _warn_of_profiles_far_below_peak(model: Model, time_step: float) -> None:
@@ -44,20 +53,6 @@ def _warn_of_profiles_far_below_peak(model: Model, time_step: float) -> None:
                 f" {end:.3g} s: the peak comes at {at:.3g} s; use a longer run.duration or a shorter profile"
                 " (quasi-static: run.solver static)",
             )
-
-
-def _warn_of_restitution_of_deformable_bodies(model: Model) -> None:
-    """Say that bodies that deform rebound with more than the restitution of contact."""
-    contact, bodies = model.settings.contact, model.grid.bodies
-    if contact is None or contact.restitution == 1 or bodies is None or len(bodies.rigid) == len(bodies.names):
-        return
-    warnings.warn(
-        f"{model.name}: $.contact.restitution is {contact.restitution:g} with bodies that deform, which usually"
-        " rebound with more: it holds for pairs of nodes in contact, and the elastic energy inside the bodies returns"
-        " in full; rigid bodies rebound with it",
-        ModelNote,
-        stacklevel=2,
-    )
 
 
 def _warn_of_ignored_zero_velocities(model: Model) -> None:

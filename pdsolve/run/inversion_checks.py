@@ -137,7 +137,16 @@ class MotionChecks:
         broken_keys = (nodes * broken.source + broken.target)[near[broken.source]]
         for end in (1, 2):
             turned = turned[~np.isin(nodes * turned[:, 0] + turned[:, end], broken_keys, assume_unique=True)]
-        if len(turned := self._select_initially_bonded_triangles(turned)):
+        were_bonded = np.zeros(len(turned), dtype=bool)
+        for part in np.unique(turned[:, 0] // TOGETHER).tolist():
+            rows = np.flatnonzero(turned[:, 0] // TOGETHER == part)
+            source, target = self._bonds(part * TOGETHER, min((part + 1) * TOGETHER, nodes))
+            keys, corner_keys = nodes * source + target, nodes * turned[rows, 0]
+            bonded = [np.isin(corner_keys + turned[rows, end], keys, assume_unique=True) for end in (1, 2)]
+            were_bonded[rows] = bonded[0] & bonded[1]
+        self._apart[turned[~were_bonded, 0]] = True
+        turned = turned[were_bonded]
+        if len(turned):
             return ", ".join(named(self._model, int(corner)) for corner in turned[0])
         return None
 
@@ -150,7 +159,16 @@ class MotionChecks:
             inverted = find_inverted_lattice_triangles(position, u, self._own, flat, self._apart)
         if inverted is not None:
             return inverted
-        self._triangles = self._triangles or _find_largest_triangle_per_node(position, flat, self._own)
+        if self._triangles is None:
+            near = tree_of(position).query(position, min(AROUND + 1, len(position)))[1][:, 1:]
+            ends, twice = np.zeros((2, len(position)), dtype=np.int64), np.zeros(len(position))
+            for pair in combinations(near.T, 2):
+                twice_area = _cross_product(*(position[end] - position for end in pair))
+                larger = np.abs(twice_area) > np.abs(twice) * (1 + ROUND_OFF)
+                ends[:, larger], twice[larger] = np.array(pair)[:, larger], twice_area[larger]
+            low, high, _ = self._own.indices(len(position))
+            rows = low + np.flatnonzero(np.abs(twice[low:high]) >= flat)
+            self._triangles = _NodeTriangles(np.column_stack([rows, *ends[:, rows]]), twice[rows])
         corners, before = self._triangles
         current_position = position + u
         turned = (
@@ -160,40 +178,12 @@ class MotionChecks:
         )
         return corners[turned & ~self._apart[corners[:, 0]]]
 
-    def _select_initially_bonded_triangles(self, triangles: NDArray[np.int64]) -> NDArray[np.int64]:
-        """The triangles (t, 3) whose nodes were bonded at the start."""
-        assert self._apart is not None
-        nodes, were_bonded = len(self._model.grid), np.zeros(len(triangles), dtype=bool)
-        for part in np.unique(triangles[:, 0] // TOGETHER).tolist():
-            rows = np.flatnonzero(triangles[:, 0] // TOGETHER == part)
-            source, target = self._bonds(part * TOGETHER, min((part + 1) * TOGETHER, nodes))
-            keys, corner_keys = nodes * source + target, nodes * triangles[rows, 0]
-            bonded = [np.isin(corner_keys + triangles[rows, end], keys, assume_unique=True) for end in (1, 2)]
-            were_bonded[rows] = bonded[0] & bonded[1]
-        self._apart[triangles[~were_bonded, 0]] = True
-        return triangles[were_bonded]
-
 
 class _NodeTriangles(NamedTuple):
-    """For each node, a triangle with two of its nearest nodes not in line with it; t of them."""
+    """For each node, the largest triangle with two of its nearest nodes, if they are not in line with it; t of them."""
 
     corner_rows: NDArray[np.int64]  # (t, 3)
     signed_double_areas: NDArray[np.float64]  # (t,) twice its area, m^2, with the sign of its sense
-
-
-def _find_largest_triangle_per_node(
-    position: NDArray[np.float64], least_double_area: float, local_rows: slice
-) -> _NodeTriangles:
-    """The largest triangle of each of `local_rows`, if twice its area is at least `least_double_area` (m^2)."""
-    near = tree_of(position).query(position, min(AROUND + 1, len(position)))[1][:, 1:]
-    ends, twice = np.zeros((2, len(position)), dtype=np.int64), np.zeros(len(position))
-    for pair in combinations(near.T, 2):
-        twice_area = _cross_product(*(position[end] - position for end in pair))
-        larger = np.abs(twice_area) > np.abs(twice) * (1 + ROUND_OFF)
-        ends[:, larger], twice[larger] = np.array(pair)[:, larger], twice_area[larger]
-    low, high, _ = local_rows.indices(len(position))
-    rows = low + np.flatnonzero(np.abs(twice[low:high]) >= least_double_area)
-    return _NodeTriangles(np.column_stack([rows, *ends[:, rows]]), twice[rows])
 
 
 def _cross_product(a: NDArray[np.float64], b: NDArray[np.float64]) -> NDArray[np.float64]:

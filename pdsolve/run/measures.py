@@ -72,10 +72,8 @@ def compute_energy_balance_row(
     known."""
     strain, softened, broken = bond_state or compute_node_energies_and_breaks(system, state)
     if system.moving_zone_operator is not None:
-        sums, zone = (
-            system.moving_zone_operator.energy_balance_totals()._asdict(),
-            system.moving_zone_operator.zone_summary()._asdict(),
-        )
+        sums = system.moving_zone_operator.energy_balance_totals()._asdict()
+        zone = system.moving_zone_operator.zone_summary()._asdict()
         return EnergyBalanceRow(step, step * system.time_step, **sums, **zone)
     with np.errstate(over="ignore", invalid="ignore"):  # of a run that becomes unstable
         return EnergyBalanceRow(

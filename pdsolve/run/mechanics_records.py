@@ -35,10 +35,8 @@ class MechanicsRecords:
         self._motion_checks: MotionChecks | None = None
         self._given = False, False
         self._find_monitored_nodes()
-        self.last, self._heat_energy = (
-            compute_energy_balance_row(system, state, step, bond_state),
-            self._compute_clamped_swelling_energy(state),
-        )
+        self.last = compute_energy_balance_row(system, state, step, bond_state)
+        self._heat_energy = self._compute_clamped_swelling_energy(state)
 
     def _initialize_records(self, system: System, step: int, past_results: Results | None) -> None:
         self._system, materials = system, system.model.materials
@@ -88,10 +86,8 @@ class MechanicsRecords:
 
     def progress_text(self, broken_directed_bond_count: int) -> str:
         """State of the balance in words, with so many broken bonds, for a progress display."""
-        fine, text = (
-            self._system.zone_summary,
-            f"broken bonds {pair_count(broken_directed_bond_count)}, balance {self.balance_error:+.1e}",
-        )
+        fine = self._system.zone_summary
+        text = f"broken bonds {pair_count(broken_directed_bond_count)}, balance {self.balance_error:+.1e}"
         if fine is not None:
             text += f", fine {fine.fine_share:.1%}"
             text += f", clipped stretch {fine.clipped_stretch:.2f}" if fine.clipped_stretch else ""
@@ -100,10 +96,8 @@ class MechanicsRecords:
     def evaluate_balance(self, state: State, step: int, bond_state: NodeEnergiesAndBreaks) -> None:
         """Evaluate the balance at this step, unless it is the last entry."""
         if self.last.step != step:
-            self.last, self._heat_energy = (
-                compute_energy_balance_row(self._system, state, step, bond_state),
-                self._compute_clamped_swelling_energy(state),
-            )
+            self.last = compute_energy_balance_row(self._system, state, step, bond_state)
+            self._heat_energy = self._compute_clamped_swelling_energy(state)
 
     def record_step(self, state: State, step: int, bond_state: NodeEnergiesAndBreaks) -> None:
         """Record the ledger, the probes and the reactions of this step. Raises UnstableError."""

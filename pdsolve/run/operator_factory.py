@@ -76,7 +76,7 @@ def make_operator(
             "kernel is blocks; use listed: blocks need nodes on a lattice, a law that is written for them, and"
             " compiled code"
         )
-    return BondList(law, model, bonds, scheme.symmetric, options.precision, threads), counted
+    return BondList(*of), counted
 
 
 def _make_family_layout(
@@ -143,10 +143,8 @@ def add_penalty_contact(
     """The operator of a model's bonds and of what touches; and the latter. `volume` (n,), m^d. Raises ModelError."""
     if model.settings.contact is None:
         return bond_operator, None
-    longest, step = (
-        stable_time_step_from_stiffness_bound(touch_bound(model, volume), model.rho),
-        model.settings.run.time_step,
-    )
+    longest = stable_time_step_from_stiffness_bound(touch_bound(model, volume), model.rho)
+    step = model.settings.run.time_step
     if step is not None and step > longest:
         raise ModelError(
             f"{model.name}: $.contact.stiffness is {model.settings.contact.stiffness:g} with steps of {step:.3g} s;"

@@ -16,12 +16,7 @@ from pdsolve.adaptivity.quadtree.incremental_bonds import create_leaf_bonds
 from pdsolve.adaptivity.quadtree.operator import SURE, QuadtreeOperator, create_tree
 from pdsolve.adaptivity.two_lattice_operator import TwoLatticeStepper
 from pdsolve.checks import refuse_combinations, refuse_numbers
-from pdsolve.conditions import (
-    constrained_components,
-    damping,
-    initial_velocity,
-    refuse_layers,
-)
+from pdsolve.conditions import constrained_components, damping, initial_velocity, refuse_layers
 from pdsolve.diffusion import system as diffusion
 from pdsolve.diffusion.swelling import BrokenBonds, Swelling, cycle_of
 from pdsolve.lattice.operator import BlockLattice

@@ -70,7 +70,23 @@ def compute_reactions(
     displacement or velocity is taken as 0: only the inertia of the held nodes is neglected while their speed changes.
     The force of a rigid body is that on what it touches.
     """
-    pulls, pushes = _compute_constraint_and_load_forces(system, state, len(conditions))
+    condition_count = len(conditions)
+    if system.moving_zone_operator is not None:
+        pulls = system.moving_zone_operator.holding_forces(condition_count)
+        pushes = system.moving_zone_operator.load_forces(condition_count)
+    else:
+        drive, area, rho = system.drive, system.area, system.model.rho
+        holds, loads = drive.holds, drive.loads
+        pull = area[holds.node] * (
+            rho[holds.node] * state.second[holds.node, holds.axis].astype(float) - drive.held_force
+        )
+        push = area[loads.node] * loads.value
+        d = system.model.grid.dimension
+        # What holds each condition, and its loads at factor 1, N/m (in a body N)
+        pulls, pushes = (
+            np.bincount(d * entries.profile + entries.axis, values, d * condition_count).reshape(-1, d).astype(float)
+            for entries, values in ((holds, pull), (loads, push))
+        )
     reaction_rows, at = [], system.profile_time_or_load_factor(step)
     supports = supports_of(system.operator) if any(grip.condition_kind in GROUND for grip in conditions) else None
     for profile, grip in enumerate(conditions):
@@ -85,23 +101,3 @@ def compute_reactions(
             Reaction(step, time, grip.condition_number, grip.condition_kind, *plane, *force[2:], *mean[2:])
         )
     return reaction_rows
-
-
-def _compute_constraint_and_load_forces(
-    system: System, state: State, condition_count: int
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Holding forces (profiles, d), and load forces at factor 1, N/m (in a body N)."""
-    if system.moving_zone_operator is not None:
-        return system.moving_zone_operator.holding_forces(condition_count), system.moving_zone_operator.load_forces(
-            condition_count
-        )
-    drive, area, rho = system.drive, system.area, system.model.rho
-    holds, loads = drive.holds, drive.loads
-    pull = area[holds.node] * (rho[holds.node] * state.second[holds.node, holds.axis].astype(float) - drive.held_force)
-    push = area[loads.node] * loads.value
-    d = system.model.grid.dimension
-    pulls, pushes = (
-        np.bincount(d * entries.profile + entries.axis, values, minlength=d * condition_count).reshape(-1, d)
-        for entries, values in ((holds, pull), (loads, push))
-    )
-    return np.asarray(pulls), np.asarray(pushes)

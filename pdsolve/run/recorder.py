@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import time as clock
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -62,7 +62,11 @@ def collect_born_nodes_and_families(
 ) -> tuple[Nodes, Families]:
     """Nodes born after `step`, `born_rows` (b,) of a set of nodes, and their remaining bonds; `rows_in_results` (n,) as
     in `FrameRecord`."""
-    ends = [*_iterate_bonds_of_nodes(system, born_rows)]
+    if isinstance(system.operator, HybridOperator):
+        ends = [system.operator.bonds_of(born_rows)]
+    else:
+        runs = np.split(born_rows, np.flatnonzero(np.diff(born_rows) > GAP) + 1) if len(born_rows) else []
+        ends = [system.operator.bonds(int(run[0]), int(run[-1]) + 1) for run in runs]
     since, is_born = system.operator.broken(step), np.zeros(len(system.family_sizes), dtype=np.bool_)
     is_born[born_rows] = True
     ends.append((since.source, since.target))
@@ -73,17 +77,6 @@ def collect_born_nodes_and_families(
     count = np.bincount(source, minlength=len(system.family_sizes))[born_rows]
     born_nodes = taken(nodes_for_results(system), born_rows)._replace(cut=system.family_sizes[born_rows] - count)
     return born_nodes, Families(np.concatenate([[0], np.cumsum(count)]), rows_in_results[target])
-
-
-def _iterate_bonds_of_nodes(
-    system: System, node_rows: NDArray[np.int64]
-) -> Iterator[tuple[NDArray[np.int64], NDArray[np.int64]]]:
-    """Source and target rows (k,) of the bonds of at least these nodes."""
-    if isinstance(system.operator, HybridOperator):
-        yield system.operator.bonds_of(node_rows)
-        return
-    for run in np.split(node_rows, np.flatnonzero(np.diff(node_rows) > GAP) + 1) if len(node_rows) else ():
-        yield system.operator.bonds(int(run[0]), int(run[-1]) + 1)
 
 
 def list_breaks_since(system: System, after_step: int, broken: Broken | None = None) -> Breaks:
@@ -133,9 +126,8 @@ def restore_state(
     system: System, state: State, step: int, checkpoint: Mapping[str, NDArray[Any]], breaks: Breaks
 ) -> None:
     """Restore the state after `step` with the bonds `breaks` until then. Raises CheckpointError."""
-    for name, values in (
-        state._asdict().items() if system.moving_zone_operator is None else ()
-    ):  # which has gone back with it
+    # The operator of a moving zone has gone back with its state
+    for name, values in state._asdict().items() if system.moving_zone_operator is None else ():
         values[:] = like(checkpoint, name, values)
     system.drive.held_force[:] = like(checkpoint, "held_force", system.drive.held_force)
     nodes = len(system.family_sizes)
@@ -220,10 +212,8 @@ class Recorder:
         history = history or HistoryUntilCheckpoint(0, 0.0, 0, 0, None, len(system.model.grid))
         self._past, self._began = history._replace(past_results=None), running_time()
         self._changes, self._rows, self._count = nodes_may_change, history.rows_in_results, history.node_count_ever
-        self._updates, self._since = (
-            history.directed_bond_updates,
-            history.checkpoint_step,
-        )  # until the last change, or where a run goes on
+        # Until the last change of nodes, or where a run goes on
+        self._updates, self._since = history.directed_bond_updates, history.checkpoint_step
         self._latest = history.last_break_step  # likewise
         # Of clouds that are no more, or of before the run began
         self._breaks: list[Breaks] = [list_breaks_since(system, 0)] if self.is_new else []

@@ -148,9 +148,8 @@ def _restart_with_earlier_refinement(
 
 def _prepare_new_recorder(model: Model, options: Options, request: RunRequest) -> tuple[Recorder, RunRequest]:
     """The records of a run that begins, which alone keep its system and its state."""
-    with (
-        stopping.patience(stopping.AT_ONCE) if request.earlier_refinements else nullcontext()
-    ):  # where a run before was saved
+    # A run that goes back was saved before: to stop loses nothing
+    with stopping.patience(stopping.AT_ONCE) if request.earlier_refinements else nullcontext():
         if options.team is None or model.diffuses:
             prepared = prepare(model, options)
         else:

@@ -85,19 +85,15 @@ def _equilibrium_summary(load_stepper: LoadSteps | CycleOrPathSteps | None) -> d
     """Iterations and residuals of each load step."""
     if isinstance(load_stepper, BondFatigueSteps | ParisSteps):
         rows = [cycled._asdict() for cycled in load_stepper.step_results]
+        by_bonds = load_stepper if isinstance(load_stepper, BondFatigueSteps) and rows else None
+        by_tips = load_stepper if isinstance(load_stepper, ParisSteps) else None
         return {
             "method": load_stepper.description,
             "fatigue_steps": rows,
-            "first_break": load_stepper.first
-            if isinstance(load_stepper, BondFatigueSteps) and load_stepper.step_results
-            else None,
-            "first_range": load_stepper.range
-            if isinstance(load_stepper, BondFatigueSteps) and load_stepper.step_results
-            else None,
-            "cycles_error": load_stepper.estimated_cycle_error if isinstance(load_stepper, ParisSteps) else None,
-            "cycles_error_of_jumps": load_stepper.cycle_error_of_steps
-            if isinstance(load_stepper, ParisSteps)
-            else None,
+            "first_break": by_bonds and by_bonds.first,
+            "first_range": by_bonds and by_bonds.range,
+            "cycles_error": by_tips and by_tips.estimated_cycle_error,
+            "cycles_error_of_jumps": by_tips and by_tips.cycle_error_of_steps,
             "ended": load_stepper.end_reason or None,
         }
     if isinstance(load_stepper, ArcLengthSteps | CrackLengthSteps | SofteningPathSteps):

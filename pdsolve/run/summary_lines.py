@@ -51,10 +51,8 @@ def format_summary_lines(results_path: Path, summary: dict[str, Any]) -> list[st
     """What a run has computed, in lines: its size, time, energies and cracks."""
     if summary.get("physics") == "diffusion":
         return _diffusion_summary_lines(results_path, summary)
-    energy, rested = (
-        summary["energy"],
-        summary.get("load_steps") or summary.get("path_steps") or summary.get("fatigue_steps"),
-    )
+    energy = summary["energy"]
+    rested = summary.get("load_steps") or summary.get("path_steps") or summary.get("fatigue_steps")
     what, until = _step_kind_and_end_text(summary)
     how = None
     if rested:

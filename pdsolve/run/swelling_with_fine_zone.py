@@ -58,9 +58,8 @@ class SwellingStepperWithFineZone(Swelling):
         """The energy densities (n,) of the current nodes at no displacement, J/m^3, inside of one material."""
         hybrid, rows = self._operator.engine, self._operator.grid_rows
         lattice, plate = hybrid.lattice, hybrid.plate
-        density = (
-            (lattice.material_bond_stiffness / lattice.spring_table[:, 4]).sum(axis=1) / 4 / lattice.spacing**2
-        )  # by material, at a stretch of 1
+        # Of each material, at a stretch of 1
+        density = (lattice.material_bond_stiffness / lattice.spring_table[:, 4]).sum(axis=1) / 4 / lattice.spacing**2
         return np.asarray(density[plate.model.material_of[rows]] * self._strain()[rows] ** 2)
 
     def advance(self, state: State, first_step: int, end_step: int) -> None:
@@ -73,21 +72,15 @@ class SwellingStepperWithFineZone(Swelling):
             until = min(end_step, step + (self.steps_per_content_step // 2 + 1 - step) % self.steps_per_content_step)
             hybrid.advance(step, until)
             if until < end_step:
-                self._take_coupled_step(until)
+                if self._broken is not None:
+                    self._broken.update(self._content)
+                before, energy_before = hybrid.copy_negative_half_swelling(), hybrid.strain_energy()
+                content_step = (until - 1) // self.steps_per_content_step + 1
+                self._content.advance(self._h, content_step, content_step + 1)
+                hybrid.set_swelling_strain(self._strain())
+                hybrid.add_work((hybrid.strain_energy() - energy_before) / 2)
+                hybrid.advance(until, until + 1)
+                hybrid.add_work((hybrid.strain_energy() - hybrid.strain_energy_at_swelling(before)) / 2)
             step = until + 1
         if self._operator.is_current:
             self._operator.copy_to_state(state)
-
-    def _take_coupled_step(self, step: int) -> None:
-        """Take a step of the content and the one of the motion after it."""
-        hybrid = self._operator.engine
-        if self._broken is not None:
-            self._broken.update(self._content)
-        before, energy_before = hybrid.copy_negative_half_swelling(), hybrid.strain_energy()
-        self._content.advance(
-            self._h, (step - 1) // self.steps_per_content_step + 1, (step - 1) // self.steps_per_content_step + 2
-        )
-        hybrid.set_swelling_strain(self._strain())
-        hybrid.add_work((hybrid.strain_energy() - energy_before) / 2)
-        hybrid.advance(step, step + 1)
-        hybrid.add_work((hybrid.strain_energy() - hybrid.strain_energy_at_swelling(before)) / 2)

@@ -13,9 +13,7 @@ from pdsolve.adaptivity.hybrid.operator import HybridOperator
 from pdsolve.adaptivity.hybrid.space.operator import HybridBodyOperator
 from pdsolve.adaptivity.quadtree.operator import QuadtreeOperator
 from pdsolve.adaptivity.two_lattice_operator import TwoLatticeOperator, TwoLatticeStepper
-from pdsolve.conditions import (
-    Drive,
-)
+from pdsolve.conditions import Drive
 from pdsolve.diffusion.swelling import Swelling
 from pdsolve.diffusion.system import Transport
 from pdsolve.lattice.operator import BlockLattice

@@ -75,10 +75,14 @@ def send_frame_to_rank_0(
             compute_rank_bond_state_once(team, step) if subdomain.bond_state_step == step else None,
         )
         local_fields = {name: values[part.own].astype("<f4") for name, values in subdomain_fields.items()}
-    sent = (
-        {name: [values] for name, values in local_fields.items()},
-        _copy_local_checkpoint_arrays(part) if with_checkpoint else {},
-    )
+    local_arrays: dict[str, Columns] = {}
+    if with_checkpoint:  # a copy of what a resumed run needs of own nodes; of held components by condition and axis
+        operator_arrays = dict(parts.checkpoint_arrays(part))  # before the state, which it may bring up to date
+        local_arrays = {name: [values[part.own].copy()] for name, values in subdomain.state._asdict().items()}
+        held_force = subdomain.system.drive.held_force
+        local_arrays[HELD] = [held_force[rows] for rows in prescribed_components_by_condition(subdomain)]
+        local_arrays |= {name: [np.array(values)] for name, values in operator_arrays.items()}
+    sent = {name: [values] for name, values in local_fields.items()}, local_arrays
     if subdomain.file is not None:
         checkpoint = {name: pieces[0] for name, pieces in sent[1].items() if name != HELD}
         subdomain.file.write_frame(
@@ -99,17 +103,6 @@ def send_frame_to_rank_0(
         for columns in sent
     )
     return FrameHeaderAndBreaks(field_descriptions, checkpoint_descriptions, breaks)
-
-
-def _copy_local_checkpoint_arrays(part: Part) -> dict[str, Columns]:
-    """A copy of what a resumed run needs of own nodes; of held components by condition and axis."""
-    subdomain: RankSystem = part.now
-    operator_arrays = dict(parts.checkpoint_arrays(part))  # before the state, which it may bring up to date
-    local_arrays = {name: [values[part.own].copy()] for name, values in subdomain.state._asdict().items()}
-    local_arrays[HELD] = [
-        subdomain.system.drive.held_force[rows] for rows in prescribed_components_by_condition(subdomain)
-    ]
-    return local_arrays | {name: [np.array(values)] for name, values in operator_arrays.items()}
 
 
 def prescribed_components_by_condition(subdomain: RankSystem) -> list[NDArray[np.int64]]:

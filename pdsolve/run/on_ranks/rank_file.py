@@ -31,11 +31,7 @@ class RankDatabase:
         self._kept = 0  # step of the last checkpoint
 
     def write_frame(
-        self,
-        step: int,
-        time: float,
-        fields: Mapping[str, NDArray[Any]] | None,
-        checkpoint: Mapping[str, NDArray[Any]],
+        self, step: int, time: float, fields: Mapping[str, NDArray[Any]] | None, checkpoint: Mapping[str, NDArray[Any]]
     ) -> None:
         """Write a frame when the last one is written. Raises WriteError if that failed."""
         self._thread.wait()

@@ -12,7 +12,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pdmesh.model.node_grid import Grid
 from pdsolve.checkpoint_validation import entry, expect_broken, expect_found
 from pdsolve.codegen.compile_time import processor_kind
 from pdsolve.conditions import put_loads
@@ -23,7 +22,7 @@ from pdsolve.operators.protocol import CheckpointArrays
 from pdsolve.options import Options
 from pdsolve.ranks import part as parts
 from pdsolve.ranks.part import Part
-from pdsolve.results import Breaks, Results, ResultsError, ResultsWarning, gone_back
+from pdsolve.results import Results, ResultsError, ResultsWarning, gone_back
 from pdsolve.run.on_ranks.frames import HELD, prescribed_components_by_condition
 from pdsolve.run.on_ranks.recorder import BATCH, RecorderOnRanks
 from pdsolve.run.on_ranks.start import RankSystem, SystemOnRanks, prepare_run_on_ranks
@@ -116,7 +115,18 @@ def restore_all_ranks(system: SystemOnRanks, state: State, step: int, results: R
     ends = np.concatenate([[0], np.cumsum(counts.ravel())])
     runs = [held_force[first:last] for first, last in pairwise(ends)]
     team.everywhere(_set_prescribed_component_forces, items=[runs[rank :: team.size] for rank in range(team.size)])
-    broken = _find_broken_bonds_by_rows(system.model.grid, results.breaks(), step)
+    breaks, grid = results.breaks(), system.model.grid
+    before = breaks.step <= step
+    ids = [column[before] for column in breaks[1:]]
+    if grid.lattice is not None:
+        source, target = (end - 1 for end in ids)
+        expect_found(np.all([(end >= 1) & (end <= nodes) for end in ids], axis=0), *ids)
+    else:
+        order = np.argsort(grid.ids)
+        source, target = (order[np.searchsorted(grid.ids, end, sorter=order).clip(max=nodes - 1)] for end in ids)
+        expect_found((grid.ids[source] == ids[0]) & (grid.ids[target] == ids[1]), *ids)
+    broken = Broken(breaks.step[before], source, target)
+    expect_broken(broken, step, nodes)
     of_bonds, of_nodes = (set().union(*names) for names in zip(*team.everywhere(_checkpoint_array_names), strict=True))
     node_arrays = _read_checkpoint_arrays(results, of_nodes)
     shared = [
@@ -155,23 +165,6 @@ def _scatter_state_array_to_ranks(
         first = last
     if first != nodes:
         raise CheckpointError(f"'{array_name}' has {first} nodes; it must have {nodes}")
-
-
-def _find_broken_bonds_by_rows(grid: Grid, breaks: Breaks, last_step: int) -> Broken:
-    """The bonds broken until a step, by rows. Raises CheckpointError."""
-    before = breaks.step <= last_step
-    ends = [column[before] for column in breaks[1:]]
-    if grid.lattice is not None:
-        source, target = (end - 1 for end in ends)
-        expect_found(np.all([(end >= 1) & (end <= len(grid)) for end in ends], axis=0), *ends)
-    else:
-        order = np.argsort(grid.ids)
-        place = (np.searchsorted(grid.ids, end, sorter=order).clip(max=len(grid) - 1) for end in ends)
-        source, target = (order[at] for at in place)
-        expect_found((grid.ids[source] == ends[0]) & (grid.ids[target] == ends[1]), *ends)
-    broken = Broken(breaks.step[before], source, target)
-    expect_broken(broken, last_step, len(grid))
-    return broken
 
 
 def _set_local_state_rows(team: Team, array_name: str, first_row_and_values: tuple[int, NDArray[Any]]) -> None:

@@ -22,11 +22,7 @@ from pdsolve.run.assembly import RankCoupling, assemble_system, choose_time_step
 from pdsolve.run.inversion_checks import MotionChecks
 from pdsolve.run.measures import NodeEnergiesAndBreaks, compute_node_energies_and_breaks
 from pdsolve.run.on_ranks.rank_file import RankDatabase
-from pdsolve.run.operator_factory import (
-    make_operator,
-    make_tiled_operator,
-    stable_time_step_from_stiffness_bound,
-)
+from pdsolve.run.operator_factory import make_operator, make_tiled_operator, stable_time_step_from_stiffness_bound
 from pdsolve.run.prepare import select_scheme
 from pdsolve.run.reactions import ActingCondition
 from pdsolve.run.system import PreparedRun, System
@@ -73,11 +69,7 @@ class RankSystem:
         self.system, self.state = prepared
         own = part.own
         self.acting_conditions = tuple(
-            ActingCondition(
-                number,
-                str(condition.__struct_config__.tag),
-                rows[(rows >= own.start) & (rows < own.stop)],
-            )
+            ActingCondition(number, str(condition.__struct_config__.tag), rows[(rows >= own.start) & (rows < own.stop)])
             for number, condition in enumerate(self.system.model.settings.conditions)
             if isinstance(condition, Driving)
             for rows in (self.system.model.selected(condition),)
