@@ -198,7 +198,12 @@ def log_of(connection: sqlite3.Connection, path: Path) -> Log:
             if version != VERSION or len(header) < HEADER or header[:4] not in LOGS:
                 return Log()
             _, _, size, _, *salt = struct.unpack_from(">6I", header)
-            salt_known = _is_whole(header)
+            first_sum = second_sum = 0  # of the header: whether its checksum is correct
+            words = "<" if header[3] == LITTLE else ">"
+            for first, second in struct.iter_unpack(f"{words}2I", header[:24]):
+                first_sum = (first_sum + first + second_sum) & MASK
+                second_sum = (second_sum + second + first_sum) & MASK
+            salt_known = (first_sum, second_sum) == struct.unpack_from(">2I", header, 24)
             ends = []  # of each page of this round of the log, whether it is the last of a transaction
             while len(head := log.read(FRAME)) == FRAME:
                 page, end, *frame_salt = struct.unpack_from(">4I", head)
@@ -211,13 +216,3 @@ def log_of(connection: sqlite3.Connection, path: Path) -> Log:
     except (OSError, struct.error):
         return Log()
     return Log(sum(ends[:pages]), sum(ends[pages:]))
-
-
-def _is_whole(header: bytes) -> bool:
-    """Whether the checksum in a log's header is correct."""
-    first_sum = second_sum = 0
-    words = "<" if header[3] == LITTLE else ">"
-    for first, second in struct.iter_unpack(f"{words}2I", header[:24]):
-        first_sum = (first_sum + first + second_sum) & MASK
-        second_sum = (second_sum + second + first_sum) & MASK
-    return (first_sum, second_sum) == struct.unpack_from(">2I", header, 24)

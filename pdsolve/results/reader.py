@@ -190,7 +190,20 @@ class Results:
         with self._tables.snapshot():
             counts = self._tables.count("node"), self._tables.count("node_death")
             if self._lives is None or self._lives[0] != counts:
-                self._lives = counts, self._read_lives()
+                table = self._tables.records("node")
+                row, ids, x, y, z, *others = (np.ascontiguousarray(table[name]) for name in table.dtype.names or ())
+                nodes = Nodes(ids, np.column_stack([x, y, z][: self.dimension]), *others[:4])
+                birth, death = np.zeros(len(ids), dtype=np.int64), np.full(len(ids), NEVER)
+                if self._tables.epochs:
+                    birth = others[4]
+                self._tables.expect("node", validation.wrong_nodes(nodes, row, birth))
+                if self._tables.epochs:
+                    deaths = self._tables.records("node_death")
+                    self._tables.expect("node_death", validation.wrong_deaths(deaths["f0"], deaths["f1"], birth))
+                    death[deaths["f1"]] = deaths["f0"]
+                for column in (*nodes, birth, death):
+                    column.flags.writeable = False
+                self._lives = counts, Lives(nodes, birth, death)
         return self._lives[1]
 
     def nodes(self, step: int | None = None) -> Nodes:
@@ -218,32 +231,27 @@ class Results:
         place."""
         bonds, neighbour = written_families(self._tables, self.lives().nodes)
         if len(self.epochs()) > 1:
-            bonds, neighbour = self._bonded(self.epoch(step), bonds, neighbour)
-        return Families(np.concatenate([[0], np.cumsum(bonds)]), neighbour)
-
-    def _bonded(
-        self, step: int, bonds: NDArray[np.int64], neighbour: NDArray[np.int64]
-    ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-        """Families of the nodes at a step, numbered among them; broken bonds to dead nodes are left out."""
-        lives = self.lives()
-        rows, ids = lives.rows(step), lives.nodes.ids
-        alive = np.zeros(len(bonds), dtype=bool)
-        alive[rows] = True
-        node, neighbour = np.repeat(rows, bonds[rows]), neighbour[np.repeat(alive, bonds)]
-        place = lives.now(step)[neighbour]
-        dead_ends = np.flatnonzero(place < 0)
-        intact = (
-            dead_ends[~lives.broke(self.breaks(), node[dead_ends], ids[neighbour[dead_ends]])]
-            if len(dead_ends)
-            else dead_ends
-        )
-        if len(intact):
-            raise ResultsError(
-                f"{self.name}: a bond of node {ids[node[intact[0]]]} leads to one that is gone at step {step}; nodes"
-                " whose bonds change must be born anew"
+            # Those of the nodes at a step are numbered among them; broken bonds to dead nodes are left out
+            step, lives = self.epoch(step), self.lives()
+            rows, ids = lives.rows(step), lives.nodes.ids
+            alive = np.zeros(len(bonds), dtype=bool)
+            alive[rows] = True
+            node, neighbour = np.repeat(rows, bonds[rows]), neighbour[np.repeat(alive, bonds)]
+            place = lives.now(step)[neighbour]
+            dead_ends = np.flatnonzero(place < 0)
+            intact = (
+                dead_ends[~lives.broke(self.breaks(), node[dead_ends], ids[neighbour[dead_ends]])]
+                if len(dead_ends)
+                else dead_ends
             )
-        living = place >= 0
-        return np.bincount(node[living], minlength=len(bonds))[rows], place[living]
+            if len(intact):
+                raise ResultsError(
+                    f"{self.name}: a bond of node {ids[node[intact[0]]]} leads to one that is gone at step {step};"
+                    " nodes whose bonds change must be born anew"
+                )
+            living = place >= 0
+            bonds, neighbour = np.bincount(node[living], minlength=len(bonds))[rows], place[living]
+        return Families(np.concatenate([[0], np.cumsum(bonds)]), neighbour)
 
     def cracks(self) -> NDArray[np.float64]:
         """Segments (k, 4) of pre-cracks x0, y0, x1, y1, or triangles (k, 9) in a body, m."""
@@ -313,22 +321,6 @@ class Results:
             rows = self._tables.rows("SELECT DISTINCT field FROM field_chunk WHERE step = ?", (int(step),))
             names = [row[0] for row in rows]
         return [name for name in UNITS if name in names]
-
-    def _read_lives(self) -> Lives:
-        table = self._tables.records("node")
-        row, ids, x, y, z, *others = (np.ascontiguousarray(table[name]) for name in table.dtype.names or ())
-        nodes = Nodes(ids, np.column_stack([x, y, z][: self.dimension]), *others[:4])
-        birth, death = np.zeros(len(ids), dtype=np.int64), np.full(len(ids), NEVER)
-        if self._tables.epochs:
-            birth = others[4]
-        self._tables.expect("node", validation.wrong_nodes(nodes, row, birth))
-        if self._tables.epochs:
-            deaths = self._tables.records("node_death")
-            self._tables.expect("node_death", validation.wrong_deaths(deaths["f0"], deaths["f1"], birth))
-            death[deaths["f1"]] = deaths["f0"]
-        for column in (*nodes, birth, death):
-            column.flags.writeable = False
-        return Lives(nodes, birth, death)
 
     def breaks(self) -> Breaks:
         """All bonds broken so far, read once: the arrays are shared and read-only."""

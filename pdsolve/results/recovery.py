@@ -85,7 +85,16 @@ def state_of(path: Path) -> State:
         return State(StateKind.NONE)
     try:
         with Results.open(path) as results, explained(path):
-            return _read(results, path)
+            meta, connection = results.meta(), results.connection
+            log = log_of(connection, path)
+            step, frame = (_last(connection, table) for table in ("checkpoint", "frame"))
+            status = meta.get("status")
+            kind = StateKind.UNBEGUN if step is None else StateKind.STOPPED
+            if status == "finished":
+                kind = StateKind.FINISHED
+            elif status in BADLY:
+                kind = StateKind.FAILED
+            return State(kind, meta, step, frame, log=log)
     except EmptyError:
         with explained(path), closing(read_only(path)) as connection:
             return State(StateKind.EMPTY, log=log_of(connection, path))
@@ -100,19 +109,6 @@ def is_empty(path: Path) -> bool:
     except (ResultsError, OSError):
         return False
     return state.kind is StateKind.EMPTY and not state.log.lost
-
-
-def _read(results: Results, path: Path) -> State:
-    meta, connection = results.meta(), results.connection
-    log = log_of(connection, path)
-    step, frame = (_last(connection, table) for table in ("checkpoint", "frame"))
-    status = meta.get("status")
-    kind = StateKind.UNBEGUN if step is None else StateKind.STOPPED
-    if status == "finished":
-        kind = StateKind.FINISHED
-    elif status in BADLY:
-        kind = StateKind.FAILED
-    return State(kind, meta, step, frame, log=log)
 
 
 def _last(connection: sqlite3.Connection, table: str) -> int | None:

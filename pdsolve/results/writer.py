@@ -192,7 +192,15 @@ class Writer:
                 while not self._alone() and time.monotonic() < deadline:
                     time.sleep(0.02)
         except GoneError:
-            self._leave(status)
+            # All of SQLite's log goes into the file, even if that was renamed and its log stayed behind
+            self._token = None
+            with suppress(ResultsError, sqlite3.Error):
+                with self._transaction() as connection:
+                    connection.execute("DELETE FROM meta WHERE key = ?", (KEY,))
+                    self._write_meta({"status": status})
+                self.connection.execute("PRAGMA wal_checkpoint(TRUNCATE)")
+                if not self._place.exists():
+                    remove(self._place)  # what SQLite kept beside it
             raise
         finally:
             self.connection.close()
@@ -202,17 +210,6 @@ class Writer:
         self.stop = lambda: True
         with suppress(ResultsError):
             self.close(status)
-
-    def _leave(self, status: str) -> None:
-        """Move everything from SQLite's log into the file, even if it was renamed and its log stayed behind."""
-        self._token = None
-        with suppress(ResultsError, sqlite3.Error):
-            with self._transaction() as connection:
-                connection.execute("DELETE FROM meta WHERE key = ?", (KEY,))
-                self._write_meta({"status": status})
-            self.connection.execute("PRAGMA wal_checkpoint(TRUNCATE)")
-            if not self._place.exists():
-                remove(self._place)  # what SQLite kept beside it
 
     def discard(self) -> None:
         """Delete the database, as far as possible."""
@@ -314,12 +311,7 @@ class Writer:
         self._append("epoch", [(epoch.step, epoch.nodes, epoch.bonds)])
 
     def _write_field(
-        self,
-        step: int,
-        name: str,
-        first: int,
-        values: NDArray[np.floating] | Column,
-        rows: NDArray[np.int64] | None,
+        self, step: int, name: str, first: int, values: NDArray[np.floating] | Column, rows: NDArray[np.int64] | None
     ) -> None:
         """Write the values (n,) of the nodes `rows`, NaN for others in a chunk; chunks without values are left out.
 

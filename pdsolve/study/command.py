@@ -5,14 +5,10 @@ from __future__ import annotations
 import argparse
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from pdmesh import commandline, stopping
 from pdmesh.file_kinds import FileKind
 from pdmesh.printing import print_to_stderr
-
-if TYPE_CHECKING:
-    from pdsolve.study.table import Row
 
 LISTED = 10  # runs that failed, in lines
 
@@ -80,10 +76,6 @@ def _study(args: argparse.Namespace) -> int:
         except KeyboardInterrupt:
             commandline.note("pdsolve study: interrupted; the same command goes on", args)
             raise
-    return _report(path, rows, args)
-
-
-def _report(path: Path, rows: list[Row], args: argparse.Namespace) -> int:
     failed = [row for row in rows if row.status == "failed"]
     lines = [f"{path}: {len(rows)} runs, {len(rows) - len(failed)} finished, {len(failed)} failed"]
     for row in failed[:LISTED]:  # said to who wants nothing but errors too

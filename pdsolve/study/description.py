@@ -8,7 +8,7 @@ import json
 import math
 import sys
 import tomllib
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from datetime import date, time
 from pathlib import Path
@@ -147,7 +147,13 @@ class Study:
     def cases(self) -> list[Case]:
         """All runs: each of `runs` combined with all combinations of `vary`, and repeated. Raises StudyError."""
         about, cases = self.description, {}
-        ranges = list(_ranges(about.vary, str(self.path)))
+        vary = about.vary
+        ranges = [("drawing", *item) for item in vary.drawing.items()]  # kind, name and values of each parameter
+        ranges += [("model", *item) for item in _flatten_to_dotted_names(vary.model).items()]
+        ranges += [("options", name, getattr(vary, name)) for name in OPTIONS if getattr(vary, name) is not None]
+        for _, name, values in ranges:
+            if not isinstance(values, list | tuple) or not values:
+                raise StudyError(f"{self.path}: $.vary: {name} is {values!r:.60}; use a list of values")
         count = math.prod(len(values) for _, _, values in ranges) * max(len(about.runs), 1) * about.repeat.times
         if count > MOST:
             raise StudyError(f"{self.path} has {count} runs; use at most {MOST}")
@@ -211,20 +217,6 @@ def format_value(value: Any, toml: bool = False) -> str:
     if isinstance(value, str):
         return json.dumps(value) if toml else value
     return json.dumps(value) if isinstance(value, list) else repr(value)
-
-
-def _ranges(vary: Vary, name: str) -> Iterator[tuple[str, str, Sequence[Any]]]:
-    """Kind, name and values of each varied parameter. Raises StudyError for an empty list or another type."""
-    parameters = [("drawing", *item) for item in vary.drawing.items()]
-    parameters += [("model", *item) for item in _flatten_to_dotted_names(vary.model).items()]
-    parameters += [
-        ("options", option, getattr(vary, option)) for option in OPTIONS if getattr(vary, option) is not None
-    ]
-    for kind, parameter, values in parameters:
-        if not isinstance(values, list | tuple) or not values:
-            value_text = f"{values!r:.60}"
-            raise StudyError(f"{name}: $.vary: {parameter} is {value_text}; use a list of values")
-        yield kind, parameter, values
 
 
 def _override_parts(parts: dict[str, dict[str, Any]], above: Set) -> None:

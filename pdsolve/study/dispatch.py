@@ -65,7 +65,10 @@ def solve_study(
             if crew.scheduler is not None:
                 expect_scheduler(crew.scheduler)
             _clear(study, output)
-        with _create_table_and_run_folder(study, output) as table:
+        if not output.exists():
+            kept(run_folder(output), study)
+        with Table.create(output, study, f"pdsolve {VERSION}") as table:
+            run_folder(output).mkdir(exist_ok=True)
             runs = {} if table.rows() else kept(run_folder(table.path), study)
             numbers = table.add(study.cases(), _describe_parameters(study, crew.trust), measures_of(dimension), runs)
             rows = table.rows(numbers.values())
@@ -94,16 +97,6 @@ def solve_study(
 def _report_progress(watch: Callable[[StudyProgress], None] | None, progress: StudyProgress) -> None:
     if watch is not None:
         watch(progress)
-
-
-def _create_table_and_run_folder(study: Study, output: Path) -> Table:
-    """The study's table and a folder for its runs. Raises StudyError, ResultsError."""
-    runs = run_folder(output)
-    if not output.exists():
-        kept(runs, study)
-    table = Table.create(output, study, f"pdsolve {VERSION}")
-    runs.mkdir(exist_ok=True)
-    return table
 
 
 def _clear(study: Study, output: Path) -> None:

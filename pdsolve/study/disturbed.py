@@ -64,6 +64,8 @@ def _moved(grid: Grid, far: float) -> NDArray[np.float64]:
 
     An end on the plate's edge stays there: the crack is extended.
     """
+    import shapely
+
     ends = grid.cracks.reshape(-1, 2)  # of segment i: 2 i and 2 i + 1
     owner = np.repeat(np.arange(len(grid.cracks)), 2)
     _, place = np.unique(np.round(ends / (NEAR * float(grid.delta.min()))), axis=0, return_inverse=True)
@@ -75,17 +77,12 @@ def _moved(grid: Grid, far: float) -> NDArray[np.float64]:
     leader = along[np.unique(part, return_index=True)[1]][part]
     shift = far * np.column_stack([-leader[:, 1], leader[:, 0]])
     outward = np.stack([-along, along], axis=1).reshape(-1, 2)
-    drawn_out = (abs(far) * _on_edge(grid, ends))[:, None] * outward
-    return np.asarray((ends + np.repeat(shift, 2, axis=0) + drawn_out).reshape(-1, 4))
-
-
-def _on_edge(grid: Grid, points: NDArray[np.float64]) -> NDArray[np.bool_]:
-    """Mask (k,) of points (k, 2) on the plate's edge or a hole's; for a bare list of nodes, on its bounding box."""
-    import shapely
-
+    # The plate's edge and those of holes; for a bare list of nodes, its bounding box
     rings = [*grid.outline, *grid.holes]
     if not rings:
         low, high = grid.position.min(axis=0), grid.position.max(axis=0)
         rings = [np.array([low, (high[0], low[1]), high, (low[0], high[1])])]
     edges = shapely.MultiLineString([np.vstack([ring, ring[:1]]) for ring in rings])
-    return np.asarray(shapely.dwithin(edges, shapely.points(points), NEAR * float(grid.delta.min())))
+    is_on_edge = np.asarray(shapely.dwithin(edges, shapely.points(ends), NEAR * float(grid.delta.min())))
+    drawn_out = (abs(far) * is_on_edge)[:, None] * outward
+    return np.asarray((ends + np.repeat(shift, 2, axis=0) + drawn_out).reshape(-1, 4))

@@ -29,10 +29,8 @@ def compute_run_measures(results: Results) -> dict[str, float | None]:
 def _crack_measures(summary: CrackPathSummary) -> dict[str, Any]:
     events = {name: getattr(summary.events, name) for name in ("first_break", "start", "branching", "split")}
     times = {name: None if event is None else event.time for name, event in events.items()}
-    branching, spent = (
-        events["branching"],
-        summary.energy_release.release_rate[np.isfinite(summary.energy_release.release_rate)],
-    )
+    branching = events["branching"]
+    spent = summary.energy_release.release_rate[np.isfinite(summary.energy_release.release_rate)]
     sound = [branch for branch in summary.branches if (branch.mean_speed or math.inf) <= summary.rayleigh_speed]
     fork = summary.forks[0] if summary.forks else None
     return times | {

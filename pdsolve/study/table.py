@@ -82,10 +82,24 @@ class Table:
             table._expect_whole()
         with _explained(path), table._transaction():
             if new:
-                table._make()
+                for statement in (
+                    "CREATE TABLE study (name TEXT PRIMARY KEY, value)",
+                    "CREATE TABLE column_unit (name TEXT PRIMARY KEY, kind TEXT, unit TEXT, meaning TEXT)",
+                    "CREATE TABLE run (number INTEGER PRIMARY KEY, key TEXT UNIQUE NOT NULL, status TEXT NOT NULL,"
+                    " error TEXT, file TEXT, repetition INTEGER)",
+                    f"PRAGMA application_id = {APPLICATION_ID}",
+                ):
+                    table.connection.execute(statement)
+                table_checksums.begin(table.connection)
             elif not table_checksums.has(table.connection):
                 table_checksums.begin(table.connection)
-            table._store_study(study, version)
+            mark = study.digest
+            stored_mark = table.about().get("drawing_sha256", mark)
+            if stored_mark != mark:
+                raise StudyError(f"{table.path} has runs of another {study.drawing}; use --force to begin anew")
+            about = {"program": version, "study": study.text, "drawing": str(study.drawing), "drawing_sha256": mark}
+            about["varied"] = json.dumps(study.varied)
+            table.connection.executemany("INSERT OR REPLACE INTO study VALUES (?, ?)", list(about.items()))
             table_checksums.seal(table.connection)
         return table
 
@@ -118,27 +132,6 @@ class Table:
 
     def __exit__(self, *_: object) -> None:
         self.close()
-
-    def _make(self) -> None:
-        for statement in (
-            "CREATE TABLE study (name TEXT PRIMARY KEY, value)",
-            "CREATE TABLE column_unit (name TEXT PRIMARY KEY, kind TEXT, unit TEXT, meaning TEXT)",
-            "CREATE TABLE run (number INTEGER PRIMARY KEY, key TEXT UNIQUE NOT NULL, status TEXT NOT NULL, error TEXT,"
-            " file TEXT, repetition INTEGER)",
-            f"PRAGMA application_id = {APPLICATION_ID}",
-        ):
-            self.connection.execute(statement)
-        table_checksums.begin(self.connection)
-
-    def _store_study(self, study: Study, version: str) -> None:
-        """Store the study and its drawing. Raises StudyError if the table is of another drawing."""
-        mark = study.digest
-        stored_mark = self.about().get("drawing_sha256", mark)
-        if stored_mark != mark:
-            raise StudyError(f"{self.path} has runs of another {study.drawing}; use --force to begin anew")
-        about = {"program": version, "study": study.text, "drawing": str(study.drawing), "drawing_sha256": mark}
-        about["varied"] = json.dumps(study.varied)
-        self.connection.executemany("INSERT OR REPLACE INTO study VALUES (?, ?)", list(about.items()))
 
     def about(self) -> dict[str, str]:
         """Metadata of the study: its text, its drawing, the names of varied parameters."""

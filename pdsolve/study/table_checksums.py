@@ -51,28 +51,24 @@ def expect_whole(connection: sqlite3.Connection) -> None:
     """Read and check the whole table. Raises DamagedTableError, sqlite3.Error, UnicodeDecodeError."""
     connection.execute("BEGIN")  # of one moment: another process may write
     try:
-        _expect_whole(connection)
+        (said,) = connection.execute("PRAGMA integrity_check(1)").fetchone()
+        if said != "ok":
+            raise DamagedTableError(f"{' '.join(said.split())}")
+        kinds = dict(connection.execute("SELECT name, type FROM sqlite_master"))
+        for name in (*WHOLE, "run"):
+            if kinds.get(name) != "table":
+                raise DamagedTableError(f"there is no table {name}")
+        columns = [name for _, name, *_ in connection.execute("PRAGMA table_info(run)")]
+        units = [name for (name,) in connection.execute("SELECT name FROM column_unit")]
+        if missing := [name for name in (*OWN, *units) if name not in columns]:
+            raise DamagedTableError(f"there is no column {missing[0]} of run")
+        for number, file in connection.execute("SELECT number, file FROM run"):
+            if not isinstance(file, str) or not FILE.fullmatch(file):
+                raise DamagedTableError(f"the file of run {number} is {str(file)[:60]!r}")
+        if has(connection):
+            _expect_sums(connection)
     finally:
         connection.execute("ROLLBACK")
-
-
-def _expect_whole(connection: sqlite3.Connection) -> None:
-    (said,) = connection.execute("PRAGMA integrity_check(1)").fetchone()
-    if said != "ok":
-        raise DamagedTableError(f"{' '.join(said.split())}")
-    kinds = dict(connection.execute("SELECT name, type FROM sqlite_master"))
-    for name in (*WHOLE, "run"):
-        if kinds.get(name) != "table":
-            raise DamagedTableError(f"there is no table {name}")
-    columns = [name for _, name, *_ in connection.execute("PRAGMA table_info(run)")]
-    units = [name for (name,) in connection.execute("SELECT name FROM column_unit")]
-    if missing := [name for name in (*OWN, *units) if name not in columns]:
-        raise DamagedTableError(f"there is no column {missing[0]} of run")
-    for number, file in connection.execute("SELECT number, file FROM run"):
-        if not isinstance(file, str) or not FILE.fullmatch(file):
-            raise DamagedTableError(f"the file of run {number} is {str(file)[:60]!r}")
-    if has(connection):
-        _expect_sums(connection)
 
 
 def _expect_sums(connection: sqlite3.Connection) -> None:
