@@ -31,13 +31,7 @@ class BondList:
     name = "listed"
 
     def __init__(
-        self,
-        law: Law,
-        model: Model,
-        exact: Bonds,
-        symmetric: bool,
-        precision: str = "float64",
-        threads: int = 1,
+        self, law: Law, model: Model, exact: Bonds, symmetric: bool, precision: str = "float64", threads: int = 1
     ) -> None:
         """The model's law for bonds in double precision, to be summed in this `precision`."""
         bind(law)
@@ -279,11 +273,19 @@ class BondList:
 
     def restore(self, checkpoint: CheckpointArrays, broken: Broken) -> None:
         """Restore the history of bonds and the broken bonds of a checkpoint."""
-        memory = {name: self._memory(checkpoint, name) for name in self._bond_history_names() if name != "pending"}
-        if "pending" in self._bond_history_names():
-            pending = read_pending_pulls(checkpoint, self._nodes, self.columns.pending.dtype)
-            memory["pending"] = pending.stretch, pending.source, pending.target
-        for name, (values, source, target) in {"broken": broken, **memory}.items():
+        memory: dict[str, Any] = {"broken": broken}
+        for name in self._bond_history_names():
+            if name == "pending":
+                pending = read_pending_pulls(checkpoint, self._nodes, self.columns.pending.dtype)
+                memory[name] = pending.stretch, pending.source, pending.target
+                continue
+            values = entry(checkpoint, name, (None,), getattr(self.columns, name).dtype)
+            ends_of = (f"{name}_source", f"{name}_target")
+            memory[name] = (
+                values,
+                *(entry(checkpoint, end, values.shape, np.int64, 0, self._nodes - 1) for end in ends_of),
+            )
+        for name, (values, source, target) in memory.items():
             column, bonds = getattr(self.columns, name), find(self._bonds, source, target)
             column[:] = 0
             column[bonds] = values
@@ -291,29 +293,15 @@ class BondList:
             column = getattr(self.columns, name)
             column[:] = like(checkpoint, name, column)
         if not lacks_all(checkpoint, "torn", "torn_source", "torn_target"):
-            self._restore_torn_bonds(checkpoint)
+            width = sum(unknown.width for unknown in self.unknowns)
+            torn = entry(checkpoint, "torn", (None, width + 1), float)
+            source, target = (
+                entry(checkpoint, f"torn_{end}", (len(torn),), np.int64, 0, self._nodes - 1)
+                for end in ("source", "target")
+            )
+            bonds, self._torn_in = find(self._bonds, source, target), int(self._steps().max(initial=0))
+            self._torn_bonds = loops.TornBonds(bonds, source, torn[:, :-1].copy(), torn[:, -1].copy())
         self._lose(np.flatnonzero(self._steps()), self._every)
-
-    def _restore_torn_bonds(self, checkpoint: CheckpointArrays) -> None:
-        """Restore the bonds that failed in the last step in which any did. Raises CheckpointError."""
-        width = sum(unknown.width for unknown in self.unknowns)
-        torn = entry(checkpoint, "torn", (None, width + 1), float)
-        source, target = (
-            entry(checkpoint, f"torn_{end}", (len(torn),), np.int64, 0, self._nodes - 1) for end in ("source", "target")
-        )
-        bonds, self._torn_in = find(self._bonds, source, target), int(self._steps().max(initial=0))
-        self._torn_bonds = loops.TornBonds(bonds, source, torn[:, :-1].copy(), torn[:, -1].copy())
-
-    def _memory(
-        self, checkpoint: CheckpointArrays, name: str
-    ) -> tuple[NDArray[Any], NDArray[np.int64], NDArray[np.int64]]:
-        """History of bonds (k,) in a checkpoint, and the rows of their sources and targets."""
-        values = entry(checkpoint, name, (None,), getattr(self.columns, name).dtype)
-        source, target = (
-            entry(checkpoint, f"{name}_{end}", values.shape, np.int64, 0, self._nodes - 1)
-            for end in ("source", "target")
-        )
-        return values, source, target
 
     def reweigh(self, share: NDArray[np.float64]) -> None:
         """Set each bond to a share (b,) of its initial weight, or stiffness; broken bonds and other history stay."""

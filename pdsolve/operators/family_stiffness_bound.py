@@ -15,10 +15,7 @@ SMALL = 1e-6  # of the shortest bond: values at which all laws are linear
 
 
 def resistance(
-    pulls: Callable[[NDArray[np.float64]], NDArray[np.float64]],
-    scale: NDArray[np.float64],
-    bonds: Bonds,
-    width: int,
+    pulls: Callable[[NDArray[np.float64]], NDArray[np.float64]], scale: NDArray[np.float64], bonds: Bonds, width: int
 ) -> NDArray[np.float64]:
     """A bound (n,) of the stiffness of nodes, N/m^4, by power iteration at rest.
 

@@ -55,7 +55,13 @@ class GroundSupports(UnbreakableOperator):
                 rows = model.selected(condition)
                 self._k[rows] += _resistance(condition, model, volume, rows)
             elif isinstance(condition, Pin):
-                self._rings.append(_ring(condition, model, volume))
+                ring_rows = model.selected(condition)
+                E = np.array([material.E for material in model.materials])[model.material_of[ring_rows]]
+                arm = model.grid.position[ring_rows] - np.array(condition.centre)
+                turn = np.column_stack([-arm[:, 1], arm[:, 0]])
+                k = np.full(len(ring_rows), TIED * float((E / model.grid.delta[ring_rows] ** 2).min()))
+                moment = volume[ring_rows] @ (arm**2).sum(axis=1)
+                self._rings.append(Ring(ring_rows, k, turn, volume[ring_rows, None] * turn / moment))
         self._rows = np.flatnonzero(self._k.any(axis=1))
 
     def accumulate_force(self, state: State, out: NDArray[Any], step: int, dt: float) -> None:
@@ -155,16 +161,6 @@ def _resistance(spring: Spring, model: Model, volume: Array, rows: NDArray[np.in
     per = np.full(len(rows), extent / volume[rows].sum()) if extent else 1 / (spring.rows * model.grid.delta[rows])
     assert spring.stiffness is not None
     return np.asarray(per[:, None] * np.array(spring.stiffness))
-
-
-def _ring(pin: Pin, model: Model, volume: Array) -> Ring:
-    rows = model.selected(pin)
-    E = np.array([material.E for material in model.materials])[model.material_of[rows]]
-    arm = model.grid.position[rows] - np.array(pin.centre)
-    turn = np.column_stack([-arm[:, 1], arm[:, 0]])
-    k = np.full(len(rows), TIED * float((E / model.grid.delta[rows] ** 2).min()))
-    moment = volume[rows] @ (arm**2).sum(axis=1)
-    return Ring(rows, k, turn, volume[rows, None] * turn / moment)
 
 
 def _slip(ring: Ring, u: NDArray[Any]) -> Array:

@@ -66,7 +66,7 @@ class SofteningBonds:
         assert curve is not None
         assert curve.softening is not None
         bonds, nodes = assembly.bonds, len(assembly.area)
-        source, target = np.repeat(np.arange(nodes), np.diff(bonds.start)), bonds.neighbour.astype(np.int64)
+        source, target = bonds.source, bonds.neighbour.astype(np.int64)
         once = np.flatnonzero(source < target)
         self.source, self.target, self.xi = source[once], target[once], bonds.xi[once].astype(float)
         self.length = np.sqrt((self.xi**2).sum(axis=1))
@@ -124,12 +124,10 @@ class SofteningBonds:
 
     def _soften(self, drive: Array) -> Softened:
         """The state of bonds (b,) at these drives, of springs their stretches, after the history `kappa`."""
-        slope, releases, kappa, omega = (
-            np.ones(len(drive)),
-            np.zeros(len(drive)),
-            self.kappa.copy(),
-            np.ones(len(drive)),
-        )
+        slope = np.ones(len(drive))
+        releases = np.zeros(len(drive))
+        kappa = self.kappa.copy()
+        omega = np.ones(len(drive))
         k = self.breaks
         bond_drive, before, peak, limit = drive[k], self.kappa[k], self.peak[k], self.limit[k]
         grows = bond_drive > np.maximum(before, peak)
@@ -192,20 +190,16 @@ class SofteningBonds:
         from scipy.sparse import csr_array  # SciPy takes long to import, and few runs ask
 
         w = blocks.shape[1]
-        indptr, indices, place = self._structure(w)
-        data = np.bincount(place, blocks.ravel(), len(indices))
-        matrix = csr_array((data, indices, indptr), (w * self._nodes, w * self._nodes))
-        return matrix if self._ground is None else (matrix + self._ground).tocsr()
-
-    def _structure(self, d: int) -> tuple[Index, Index, Index]:
-        """Row starts and columns of the tangent, and where each entry of each bond's four blocks belongs."""
         if self._pattern is None:
             i, j = self.source, self.target
             rows, columns = np.concatenate([i, j, i, j]), np.concatenate([i, j, j, i])
-            a, b = (index.ravel() for index in np.indices((d, d)))
-            key = (d * rows[:, None] + a) * (d * self._nodes) + d * columns[:, None] + b
+            a, b = (index.ravel() for index in np.indices((w, w)))
+            key = (w * rows[:, None] + a) * (w * self._nodes) + w * columns[:, None] + b
             unique, place = np.unique(key.ravel(), return_inverse=True)
-            row, column = np.divmod(unique, d * self._nodes)
-            indptr = np.searchsorted(row, np.arange(d * self._nodes + 1))
+            row, column = np.divmod(unique, w * self._nodes)
+            indptr = np.searchsorted(row, np.arange(w * self._nodes + 1))
             self._pattern = indptr.astype(np.int64), column, place.ravel()
-        return self._pattern
+        indptr, indices, place = self._pattern
+        data = np.bincount(place, blocks.ravel(), len(indices))
+        matrix = csr_array((data, indices, indptr), (w * self._nodes, w * self._nodes))
+        return matrix if self._ground is None else (matrix + self._ground).tocsr()

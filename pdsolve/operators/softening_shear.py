@@ -39,7 +39,7 @@ class SofteningShear(SofteningBonds):
         """Bonds that conserve momentum: area times stiffness is the same from both ends."""
         super().__init__(law, assembly)
         stiffness, ratio = shear_of(model, assembly.bonds)
-        once = np.repeat(np.arange(self._nodes), np.diff(assembly.bonds.start)) < assembly.bonds.neighbour
+        once = assembly.bonds.source < assembly.bonds.neighbour
         self.stiffness, self.ratio = stiffness[once] * assembly.area[self.source], ratio[once]
         self._root = np.sqrt(self.ratio)
         turn = 1 / np.broadcast_to(model.horizons, self._nodes)

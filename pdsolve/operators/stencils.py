@@ -141,8 +141,13 @@ def stencil_of(ratio: float, J: NDArray[np.float64], dimension: int) -> Stencil:
         elif apart == 1:
             return candidate
         else:
-            near = _summed(ball(COMPACT, dimension), J, NEAR)
-            return _checked(*_mixed(_summed(xi, J, alpha), near), f"alpha {alpha}")
+            parts = (1 - SHARE, *_summed(xi, J, alpha)), (SHARE, *_summed(ball(COMPACT, dimension), J, NEAR))
+            offsets = np.unique(np.concatenate([part_offsets for _, part_offsets, _ in parts]), axis=0)
+            number = {tuple(offset): k for k, offset in enumerate(offsets.tolist())}
+            theta = np.zeros((len(offsets), *J.shape[1:]))
+            for share, part_offsets, sums in parts:
+                theta[[number[tuple(offset)] for offset in part_offsets.tolist()]] += share * sums
+            return _checked(offsets, theta, f"alpha {alpha}")
     raise refused
 
 
@@ -151,23 +156,11 @@ def longest(stencil: Stencil, spacing: float, rho: float) -> float:
     return float(2 * spacing * np.sqrt(rho / stencil.most))
 
 
-Sums = tuple[NDArray[np.int64], NDArray[np.float64]]  # offsets, theta
-
-
-def _summed(xi: NDArray[np.int64], J: NDArray[np.float64], alpha: float | None) -> Sums:
+def _summed(
+    xi: NDArray[np.int64], J: NDArray[np.float64], alpha: float | None
+) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
     rows, d = coefficients(xi, alpha), xi.shape[1]
     return xi, np.einsum("mab,mk->kab", J, rows[1 + d :])
-
-
-def _mixed(first: Sums, second: Sums) -> Sums:
-    """`first` mixed with a share of `second`."""
-    xi = np.unique(np.concatenate([first[0], second[0]]), axis=0)
-    number = {tuple(offset): k for k, offset in enumerate(xi.tolist())}
-    theta = np.zeros((len(xi), *first[1].shape[1:]))
-    for share, (offsets, sums) in ((1 - SHARE, first), (SHARE, second)):
-        at = [number[tuple(offset)] for offset in offsets.tolist()]
-        theta[at] += share * sums
-    return xi, theta
 
 
 def symbols(xi: NDArray[np.int64], theta: NDArray[np.float64], waves: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -131,7 +131,10 @@ def of_passes(
     Appl. Math. 13 (1974) 117-119).
     """
     nodes, width = value.shape
-    near = _reach(bonds, far)
+    bonded = np.ones(len(bonds.neighbour)), bonds.neighbour, bonds.start
+    near = direct = (csr_array(bonded, (nodes, nodes)) + eye_array(nodes)).tocsr()
+    for _ in range(far - 1):  # pairs of nodes at most `far` bonds apart
+        near = (near @ direct).tocsr()
     colour = _colours(near.indptr, near.indices)
     i, rows, columns_of, values = np.repeat(np.arange(nodes), np.diff(near.indptr)), [], [], []
     for number in range(int(colour.max()) + 1):
@@ -169,17 +172,6 @@ def _slope(bonds, law, now, m, step, i, j, k, node, a, f, slope):  # type: ignor
     now.value[node, a] = before
     for c in range(len(f)):
         slope[k, c, a] = f[c].imag / step
-
-
-def _reach(bonds: AnyList, far: int) -> csr_array:
-    """Pairs (n, n) of nodes at most so many bonds apart."""
-    nodes = len(bonds.start) - 1
-    entries = np.ones(len(bonds.neighbour)), bonds.neighbour, bonds.start
-    near = (csr_array(entries, (nodes, nodes)) + eye_array(nodes)).tocsr()
-    pattern = near
-    for _ in range(far - 1):
-        pattern = pattern @ near
-    return pattern.tocsr()
 
 
 @cached_njit()

@@ -70,22 +70,19 @@ class RestingContact(PenaltyContact):
         self.widths: dict[tuple[int, int], Width] = {}  # of round bodies, under their largest force
         self.see(self._at)
         if self._joined.drawn.round.any():
-            self._close_gaps()
+            # The nearest nodes of round bodies that hold each other touch: they lie beside where the drawing does
+            assert self._body is not None
+            pairs, drawn_faces = self._pairs, self._joined.drawn
+            gap = self._gap(self.seen) - pairs.touch
+            near = self._parted(pairs.i, pairs.j) & (drawn_faces.round[pairs.i] | drawn_faces.round[pairs.j])
+            near &= (self._stiffness > 0) & (gap < HOLDS * pairs.touch)
+            first, second = self._body[pairs.i[near]], self._body[pairs.j[near]]
+            bodies = int(self._body.max()) + 1
+            least = np.full((bodies, bodies), np.inf)
+            np.minimum.at(least, (first, second), gap[near])
+            np.minimum.at(least, (second, first), gap[near])
+            self._closing = np.where(np.isfinite(least), np.maximum(least, 0.0), 0.0)
             self.see(self._at)
-
-    def _close_gaps(self) -> None:
-        """Let the nearest nodes of round bodies touch that hold each other: they lie beside where the drawing does."""
-        assert self._body is not None
-        pairs, drawn_faces = self._pairs, self._joined.drawn
-        gap = self._gap(self.seen) - pairs.touch
-        near = self._parted(pairs.i, pairs.j) & (drawn_faces.round[pairs.i] | drawn_faces.round[pairs.j])
-        near &= (self._stiffness > 0) & (gap < HOLDS * pairs.touch)
-        first, second = self._body[pairs.i[near]], self._body[pairs.j[near]]
-        bodies = int(self._body.max()) + 1
-        least = np.full((bodies, bodies), np.inf)
-        np.minimum.at(least, (first, second), gap[near])
-        np.minimum.at(least, (second, first), gap[near])
-        self._closing = np.where(np.isfinite(least), np.maximum(least, 0.0), 0.0)
 
     def _listed(self, i: NDArray[np.int64], j: NDArray[np.int64]) -> PairList:
         """These pairs (p,), at rest."""

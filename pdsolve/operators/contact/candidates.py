@@ -7,7 +7,6 @@ from numpy.typing import NDArray
 
 from pdmesh.model.kd_trees import tree_of
 from pdmesh.model.neighbours import lengths, row_chunks
-from pdmesh.model.node_grid import Bodies, Grid
 from pdsolve.model import Model
 from pdsolve.operators.contact.drawn_faces import drawn_faces
 from pdsolve.operators.contact.kernel import Faces, Nodes, learn_faces, surface_nodes
@@ -31,7 +30,14 @@ class Joined:
         source, target = (np.concatenate(column) for column in zip(*ends, strict=True))
         x, delta, self._bodies = model.grid.position, model.grid.delta, model.grid.bodies
         if self._bodies is not None and self._bodies.rigid:
-            source, target = _and_rigid(model.grid, self._bodies, source, target)
+            # As if bonds joined the nearest nodes of rigid bodies, for their normals
+            rows = np.flatnonzero(np.isin(self._bodies.number, self._bodies.rigid))
+            reach = NEAREST[model.grid.dimension] * float(model.grid.delta[rows].max())
+            pairs = rows[tree_of(model.grid.position[rows]).query_pairs(reach, output_type="ndarray")].reshape(-1, 2)
+            i, j = pairs[self._bodies.moving_as_one(*pairs.T)].T
+            source, target = np.concatenate([source, i, j]), np.concatenate([target, j, i])
+            order = np.lexsort((target, source))
+            source, target = source[order], target[order]
         once = source < target
         self._key = source[once] * self._nodes + target[once]
         self.intact = np.ones(len(self._key), dtype=np.bool_)
@@ -66,14 +72,8 @@ class Joined:
         near, inverse, is_known = nodes.near[bonds].astype(np.int64), nodes.inverse[bonds], np.zeros(m, dtype=np.bool_)
         faces = Faces(rows, start, near, inverse, np.zeros((m, 3)), np.zeros(m), np.zeros((m, 3)), is_known)
         learn_faces(nodes, faces)
-        self._lay(faces)
-        return faces
-
-    def _lay(self, faces: Faces) -> None:
-        """Give intact nodes the normals of their drawn surface, which turn with the nearest nodes.
-
-        A normal is a sum over the vectors to these, with the factors nearest to the usual ones, one over the length.
-        """
+        # Intact nodes get the normals of their drawn surface, which turn with the nearest nodes: a normal is a sum over
+        # the vectors to these, with the factors nearest to the usual ones, one over the length
         d = self.nodes.x.shape[1]
         wanted = np.where(self._marred[faces.rows, None], 0.0, self.drawn.normal[faces.rows])
         count = np.diff(faces.start)
@@ -91,6 +91,7 @@ class Joined:
         more[laid_nodes] = np.linalg.solve(moment[laid_nodes], change[:, :, None])[:, :, 0]
         faces.inverse[bonds] += (apart * more[node]).sum(axis=1)
         faces.still[laid_nodes, :d], faces.bent[laid_nodes] = LENGTH[d] * wanted[laid_nodes], 0.0
+        return faces
 
     def behind(self, rows: NDArray[np.int64]) -> NDArray[np.bool_]:
         """Mask (k,) of rows whose nodes are behind others at their drawn surface, as long as they have all bonds."""
@@ -128,19 +129,6 @@ class Joined:
         number = self._found(source, target)
         key = np.minimum(source, target) * self._nodes + np.maximum(source, target)
         return np.asarray((self._key[number] == key) & self.intact[number] | as_one)
-
-
-def _and_rigid(
-    grid: Grid, bodies: Bodies, source: NDArray[np.int64], target: NDArray[np.int64]
-) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Bonds, in order, with the nearest nodes of rigid bodies as if bonds joined them, for their normals."""
-    rows = np.flatnonzero(np.isin(bodies.number, bodies.rigid))
-    reach = NEAREST[grid.dimension] * float(grid.delta[rows].max())
-    pairs = rows[tree_of(grid.position[rows]).query_pairs(reach, output_type="ndarray")].reshape(-1, 2)
-    i, j = pairs[bodies.moving_as_one(*pairs.T)].T
-    source, target = np.concatenate([source, i, j]), np.concatenate([target, j, i])
-    order = np.lexsort((target, source))
-    return source[order], target[order]
 
 
 def candidates(

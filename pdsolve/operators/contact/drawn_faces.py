@@ -67,26 +67,32 @@ def drawn_faces(grid: Grid, surface: NDArray[np.bool_]) -> DrawnFaces:
     facets = _facets(grid)
     number, near = grid.bodies.number[rows], NEAR * float(grid.delta[rows].max())
     pieces = _pieces(facets, grid.position[rows], near, FINEST[d] * float(grid.delta[rows].min()))
-    body_of = _bodies(grid, rows, pieces)
+    # The body of each facet, that of the node that is nearest inside of most of its pieces; else -1
+    nearest, body_of = np.full(len(pieces.facet), np.inf), np.zeros(len(pieces.facet), dtype=np.int64)
+    for candidate in np.unique(grid.bodies.number[rows]):
+        candidate_rows = rows[grid.bodies.number[rows] == candidate]
+        way, at = tree_of(grid.position[candidate_rows]).query(pieces.middle)
+        inside = ((pieces.middle - grid.position[candidate_rows[at]]) * pieces.normal).sum(axis=1) > 0
+        inside &= (way < NEAR * grid.delta[candidate_rows[at]]) & (way < nearest)
+        nearest[inside], body_of[inside] = way[inside], candidate + 1
+    bodies, facet_count = len(grid.bodies.names) + 1, int(pieces.facet.max(initial=-1)) + 1
+    votes = np.bincount(pieces.facet * bodies + body_of, minlength=facet_count * bodies).reshape(facet_count, bodies)
+    body_of = np.asarray(np.where(votes[:, 1:].any(axis=1), votes[:, 1:].argmax(axis=1), -1))
     for body in np.unique(number):
         body_rows = rows[number == body]
         mine = Pieces(*(column[body_of[pieces.facet] == body] for column in pieces))
         if len(mine.facet):
             ball = _on_ball(grid, body_rows, facets[np.unique(mine.facet)])
-            _lay(faces, grid, body_rows, ball or _on_pieces(grid, body_rows, mine))
+            normal, depth, smooth, curved = ball or _on_pieces(grid, body_rows, mine)
+            delta = grid.delta[body_rows]
+            along_axis = np.abs(normal).max(axis=1) > 1 - ON_AXIS
+            laid = smooth & (curved | ~along_axis) & (np.abs(depth) < NEAR * delta)
+            covered = laid & (depth > (1 + ROUND_OFF) * delta)
+            faces.behind[body_rows[covered]] = True
+            laid &= ~covered
+            faces.normal[body_rows[laid]], faces.beyond[body_rows[laid]] = normal[laid], (depth - delta / 2)[laid]
+            faces.round[body_rows[laid]] = curved[laid]
     return faces
-
-
-def _lay(faces: DrawnFaces, grid: Grid, rows: Rows, surface: Surface) -> None:
-    """Set what the surface of one body says of its nodes in these rows (k,)."""
-    delta, (normal, depth, smooth, curved) = grid.delta[rows], surface
-    along_axis = np.abs(normal).max(axis=1) > 1 - ON_AXIS
-    laid = smooth & (curved | ~along_axis) & (np.abs(depth) < NEAR * delta)
-    covered = laid & (depth > (1 + ROUND_OFF) * delta)
-    faces.behind[rows[covered]] = True
-    laid &= ~covered
-    faces.normal[rows[laid]], faces.beyond[rows[laid]] = normal[laid], (depth - delta / 2)[laid]
-    faces.round[rows[laid]] = curved[laid]
 
 
 def _on_ball(grid: Grid, rows: Rows, facets: Array) -> Surface | None:
@@ -124,21 +130,6 @@ def _on_pieces(grid: Grid, rows: Rows, pieces: Pieces) -> Surface:
             mean[near_nodes, axis] = np.bincount(pairs["i"], column[pairs["j"]], len(near_nodes)) / count
     length = np.sqrt((mean**2).sum(axis=1))
     return Surface(mean / np.maximum(length, 1e-300)[:, None], depth, length > SMOOTH, length < 1 - STRAIGHT)
-
-
-def _bodies(grid: Grid, rows: Rows, pieces: Pieces) -> Rows:
-    """The body of each facet, that of the node of these rows that is nearest inside of most of its pieces; else -1."""
-    assert grid.bodies is not None
-    nearest, body_of = np.full(len(pieces.facet), np.inf), np.zeros(len(pieces.facet), dtype=np.int64)
-    for body in np.unique(grid.bodies.number[rows]):
-        body_rows = rows[grid.bodies.number[rows] == body]
-        way, at = tree_of(grid.position[body_rows]).query(pieces.middle)
-        inside = ((pieces.middle - grid.position[body_rows[at]]) * pieces.normal).sum(axis=1) > 0
-        inside &= (way < NEAR * grid.delta[body_rows[at]]) & (way < nearest)
-        nearest[inside], body_of[inside] = way[inside], body + 1
-    bodies, facets = len(grid.bodies.names) + 1, int(pieces.facet.max(initial=-1)) + 1
-    votes = np.bincount(pieces.facet * bodies + body_of, minlength=facets * bodies).reshape(facets, bodies)
-    return np.asarray(np.where(votes[:, 1:].any(axis=1), votes[:, 1:].argmax(axis=1), -1))
 
 
 def _facets(grid: Grid) -> Array:

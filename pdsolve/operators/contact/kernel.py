@@ -315,12 +315,6 @@ def _push_alone(pairs, inverse_volume, u, out):  # type: ignore[no-untyped-def]
 
 
 @njit(forceinline=True, **INNER)
-def _felt_depth(depth, most, e):  # type: ignore[no-untyped-def]
-    """The depth, m, whose force acts at a depth after the largest one so far."""
-    return min(depth, max(depth - (1.0 - e * e) * most, 0.0) / (e * e)) if depth > 0.0 else 0.0
-
-
-@njit(forceinline=True, **INNER)
 def _give(pairs, v, e, dt, q, stiffness, depth, n, lost):  # type: ignore[no-untyped-def]
     """Take the largest depth of pair q through a step; returns the depth whose force acts, m.
 
@@ -330,7 +324,9 @@ def _give(pairs, v, e, dt, q, stiffness, depth, n, lost):  # type: ignore[no-unt
     for a in range(v.shape[1]):
         along += (np.float64(v[j, a]) - np.float64(v[i, a])) * n[a]
     pairs.most[q] = max(pairs.most[q], depth) if depth > 0.0 else 0.0
-    felt, before = _felt_depth(depth, pairs.most[q], e), pairs.short[q]
+    felt, before = 0.0, pairs.short[q]
+    if depth > 0.0:
+        felt = min(depth, max(depth - (1.0 - e * e) * pairs.most[q], 0.0) / (e * e))
     pairs.short[q] = stiffness * (depth - felt) if depth > 0.0 else 0.0
     work = (before + pairs.short[q]) * along * dt / 2
     lost[i] += work / 2

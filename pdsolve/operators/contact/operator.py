@@ -195,11 +195,9 @@ class PenaltyContact(UnbreakableOperator):
         """Energies (n,), J, of all springs and of those of friction; stiffness, depth, normal of pairs (p, 2 + d)."""
         self._relearn()
         pairs, nodes = self._pairs, len(self._volume)
-        node_energy, rubbed, pair_state = (
-            np.zeros(nodes),
-            np.zeros(nodes),
-            np.zeros((len(pairs.i), 2 + pairs.slip.shape[1])),
-        )
+        node_energy = np.zeros(nodes)
+        rubbed = np.zeros(nodes)
+        pair_state = np.zeros((len(pairs.i), 2 + pairs.slip.shape[1]))
         pressed_pairs(pairs, value, node_energy, rubbed, pair_state)
         self.round.store(value, node_energy, rubbed)
         return node_energy, rubbed, pair_state
