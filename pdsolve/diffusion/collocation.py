@@ -23,7 +23,7 @@ from pdsolve.diffusion.walls import Array, parts_of
 from pdsolve.lattice.flux_operator import FluxesInTiles
 from pdsolve.lattice.tile_bonds import bits_of_pairs
 from pdsolve.model import ModelError
-from pdsolve.operators.stencils import Stencil, diffusion, stencil_of
+from pdsolve.operators.stencils import diffusion, stencil_of
 
 if TYPE_CHECKING:
     from scipy.sparse import csr_array
@@ -46,7 +46,18 @@ class Collocated:
         )  # in halves of the fine spacing
         steps, conductance = families.full_family(h, D)
         stencil = stencil_of(3.0, diffusion(D, d), d)
-        self._look_whole(stencil, far, free[coarse], near)
+        # Coarse nodes without a whole stencil are prescribed
+        keys = _Keys(np.concatenate([far, near - 1]))
+        complete = np.ones(len(far), dtype=bool)
+        for step in stencil.xi:
+            complete &= keys.rows(far + 4 * step) >= 0
+        lost = np.flatnonzero(free[coarse] & ~complete)
+        if len(lost):
+            place = ", ".join(f"{x:.6g}" for x in self._model.grid.position[self._coarse[lost[0]]])
+            raise ModelError(
+                f"{self._model.name}: $.run.adapt: {len(lost)} coarse nodes near an edge are not held, the first at"
+                f" ({place}) m; use fine nodes or a held layer of {np.abs(stencil.xi).max()} there"
+            )
         inner_at, self._inner = _between(_lacking(far, 4 * stencil.xi, near), near, 2)
         every = np.concatenate([far, inner_at])
         missing = _lacking(near, 2 * steps, every)
@@ -84,22 +95,6 @@ class Collocated:
     def conductance(self, pairs: Pairs) -> Array:
         """Conductance (b,) that bonds of these lengths between fine nodes would have; 0 between coarse ones."""
         return np.where(self._far[pairs.source], 0.0, self._families.conductance(pairs))
-
-    def _look_whole(
-        self, stencil: Stencil, far: NDArray[np.int64], free: NDArray[np.bool_], near: NDArray[np.int64]
-    ) -> None:
-        """Raise ModelError for a coarse node without a whole stencil that is `free`, not prescribed."""
-        keys = _Keys(np.concatenate([far, near - 1]))
-        complete = np.ones(len(far), dtype=bool)
-        for step in stencil.xi:
-            complete &= keys.rows(far + 4 * step) >= 0
-        lost = np.flatnonzero(free & ~complete)
-        if len(lost):
-            place = ", ".join(f"{x:.6g}" for x in self._model.grid.position[self._coarse[lost[0]]])
-            raise ModelError(
-                f"{self._model.name}: $.run.adapt: {len(lost)} coarse nodes near an edge are not held, the first at"
-                f" ({place}) m; use fine nodes or a held layer of {np.abs(stencil.xi).max()} there"
-            )
 
     def rates(self, potential: Array, out: Array) -> None:
         """Add the rates of change (n,) of contents, per volume and time, at this `potential` (n,) to `out`."""

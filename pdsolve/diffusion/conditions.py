@@ -54,38 +54,31 @@ class BoundaryConditions:
         self._holds, self._sources = list[Entries](), list[Entries]()  # of two of one node the later one counts
         self.fluxes = list[Flux]()
         for number, condition in enumerate(model.settings.conditions):
+            if not isinstance(condition, Concentration | Source | Exchange):
+                continue
+            profile, rows = len(self._profiles), model.selected(condition)
+            self._profiles.append(condition.profile)
             if isinstance(condition, Concentration):
-                self._hold(number, condition)
-            elif isinstance(condition, Source | Exchange):
-                self._let_through(number, condition)
-
-    def _hold(self, number: int, condition: Concentration) -> None:
-        """Prescribe a content."""
-        model, profile, rows = self._model, len(self._profiles), self._model.selected(condition)
-        self._profiles.append(condition.profile)
-        values = partial(model.values, condition.value)
-        most = float(np.max(values(rows))) * max((at for _, at in condition.profile), default=1.0)
-        _expect_possible(model, number, most)
-        if condition.edge is not None and self._has_edges:
-            rows, faces = held_edge(model, number, len(self._at_edges))
-            self._at_edges.append(AtEdge(faces, 0.0, values, profile))
-            self._on_edge[rows] = True
-        self._holds.append(entries(rows, 0, values(rows), profile))
-        self.free[rows] = False
-
-    def _let_through(self, number: int, condition: Source | Exchange) -> None:
-        """Let something into nodes, or through an edge."""
-        model, profile, rows = self._model, len(self._profiles), self._model.selected(condition)
-        self._profiles.append(condition.profile)
-        if isinstance(condition, Source) and condition.rate is not None:
-            self._sources.append(entries(rows, 0, model.values(condition.rate, rows), profile))
-            return
-        through = condition.flux if isinstance(condition, Source) else condition.value
-        values, walled = partial(model.values, through or 0.0), None if self._corrects else np.zeros(len(rows), bool)
-        if isinstance(condition, Exchange) and self._has_edges:
-            rows, walled, faces, extent = outer_faces(model, number, self._volume, len(self._at_edges))
-            self._at_edges.append(AtEdge(faces, extent, values, profile))
-        self.fluxes.append(Flux(condition, rows, profile, walled, values))
+                values = partial(model.values, condition.value)
+                most = float(np.max(values(rows))) * max((at for _, at in condition.profile), default=1.0)
+                _expect_possible(model, number, most)
+                if condition.edge is not None and self._has_edges:
+                    rows, faces = held_edge(model, number, len(self._at_edges))
+                    self._at_edges.append(AtEdge(faces, 0.0, values, profile))
+                    self._on_edge[rows] = True
+                self._holds.append(entries(rows, 0, values(rows), profile))
+                self.free[rows] = False
+            elif isinstance(condition, Source) and condition.rate is not None:
+                self._sources.append(entries(rows, 0, model.values(condition.rate, rows), profile))
+            else:  # lets something into nodes, or through an edge
+                through = condition.flux if isinstance(condition, Source) else condition.value
+                values, walled = partial(model.values, through or 0.0), None
+                if isinstance(condition, Exchange) and self._has_edges:
+                    rows, walled, faces, extent = outer_faces(model, number, volume, len(self._at_edges))
+                    self._at_edges.append(AtEdge(faces, extent, values, profile))
+                elif not self._corrects:
+                    walled = np.zeros(len(rows), bool)
+                self.fluxes.append(Flux(condition, rows, profile, walled, values))
 
     @property
     def edges(self) -> Edges:

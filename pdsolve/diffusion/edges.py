@@ -158,14 +158,10 @@ def outer_faces(model: Model, number: int, volume: Array, edge: int) -> tuple[Ro
         normal = way / np.where(on, 1.0, far)[:, None]
         if on.any():  # across the edge, as no way says where it is
             normal[on] = outward(position, grid.delta, 2 * grid.delta, rows)[0][on]
-        free = _is_free(position, delta, position[rows] + way, normal)
+        foot = position[rows] + way
+        near = tree_of(position).query_ball_point(foot + AHEAD * delta[:, None] * normal, AROUND * delta)
+        heights = ((position[nodes] - foot[at]) @ normal[at] for at, nodes in enumerate(near))
+        free = np.array([not (height > BEYOND * delta[at]).any() for at, height in enumerate(heights)], dtype=bool)
     faces = _faces(model, rows, way, normal, edge, diffusivities(model)[rows] / condition.coefficient).chosen(free)
     part, _ = parts(volume[rows], delta)
     return rows, free, faces, extent_of(condition) * float(part[free].sum())
-
-
-def _is_free(position: Array, delta: Array, foot: Array, normal: Array) -> NDArray[np.bool_]:
-    """Mask (k,) of places on an edge beyond which there is no node."""
-    near = tree_of(position).query_ball_point(foot + AHEAD * delta[:, None] * normal, AROUND * delta)
-    heights = ((position[nodes] - foot[at]) @ normal[at] for at, nodes in enumerate(near))
-    return np.array([not (height > BEYOND * delta[at]).any() for at, height in enumerate(heights)], dtype=bool)

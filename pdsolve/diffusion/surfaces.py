@@ -78,24 +78,17 @@ class Surfaces:
         source, target = np.concatenate([source, target[outward]]), np.concatenate([target, source[outward]])
         change = np.concatenate([change, change[outward]])
         order = np.lexsort((target, source))
-        to_edge = np.stack([enters[0], *self._exchanged(enters[1:])])
-        edge = np.stack([wall.edge for wall in self._walls])
-        return links_between(source[order], target[order], len(free)), change[order], to_edge, edge
-
-    def _exchanged(self, enters: Array) -> Iterator[Array]:
-        """What comes to nodes (n,), 1/s, for each mol/m^3 outside, by walls; `enters` (w, n), m/s, for each mol/m^4
-        there.
-
-        All nodes of an exchange together take what its whole extent lets through.
-        """
+        # All nodes of an exchange together take what its whole extent lets through
         share, edges = np.zeros(len(self._edges.extent)), self._edges
-        for entering, wall in zip(enters, self._walls[1:], strict=True):
+        for entering, wall in zip(enters[1:], self._walls[1:], strict=True):
             has_wall = wall.edge >= 0
-            np.add.at(share, wall.edge[has_wall], (entering * self._volume / self._bonds.diffusivity)[has_wall])
+            np.add.at(share, wall.edge[has_wall], (entering * self._volume / bonds.diffusivity)[has_wall])
         extents = np.where(share > 0, edges.extent, 1.0)
-        for entering, wall in zip(enters, self._walls[1:], strict=True):
+        for entering, wall in zip(enters[1:], self._walls[1:], strict=True):
             way = wall.depth + wall.beyond * np.where(share > 0, share / extents, 1.0)[wall.edge]
-            yield entering / np.maximum(way, edges.nearest * self._bonds.delta)
+            entering /= np.maximum(way, edges.nearest * bonds.delta)
+        edge = np.stack([wall.edge for wall in self._walls])
+        return links_between(source[order], target[order], len(free)), change[order], enters, edge
 
     def _images(self, pairs: Pairs) -> Iterator[_Images]:
         """The images of the targets of bonds (b,)."""
@@ -153,7 +146,27 @@ class Surfaces:
         square = (xi**2).sum(axis=1)
         n = xi / np.sqrt(np.where(square > 0, square, 1.0))[:, None]
         g = np.concatenate([g[counts], *(image.conductance for image in images)])
-        return _solved(rows, i, n, g * self._volume[j] * square * (1 / D[i] + 1 / D[j]) / 4)
+        energy = g * self._volume[j] * square * (1 / D[i] + 1 / D[j]) / 4
+        # M with sum(energy (n . M n) n n) = I over the bonds of each row, eigenvalues from `LEAST` to `MOST`; I without
+        # bonds
+        d = n.shape[1]
+        entries = list(combinations_with_replacement(range(d), 2))
+        twice = np.array([1.0 if a == b else 2.0 for a, b in entries])
+        products = np.stack([n[:, a] * n[:, b] for a, b in entries], axis=1)
+        matrices = summed(rows, i, energy[:, None, None] * products[:, :, None] * (products * twice)[:, None, :])
+        right = np.array([float(a == b) for a, b in entries])
+        good = np.linalg.cond(matrices) < 1 / FLAT
+        matrices[~good] = np.eye(len(entries))
+        coefficients = np.linalg.solve(matrices, np.tile(right[:, None], (len(rows), 1, 1)))[:, :, 0]
+        tensor = np.empty((len(rows), d, d))
+        for number, (a, b) in enumerate(entries):
+            tensor[:, a, b] = tensor[:, b, a] = coefficients[:, number]
+        value, axes = np.linalg.eigh(tensor)
+        bounded = np.clip(value, LEAST, MOST)
+        tensor = np.where(np.abs(tensor - np.eye(d)) < FLAT, np.eye(d), tensor)
+        changed = (bounded != value).any(axis=1)
+        tensor[changed] = np.einsum("rac,rc,rbc->rab", axes[changed], bounded[changed], axes[changed])
+        return tensor
 
     def _weights(self, i: Rows, j: Rows, *ways: Array) -> Array:
         """Factors n . (M_i + M_j) n / 2 (b,) of bonds from i to j; `ways` (b, d) are their vectors from either end."""
@@ -181,21 +194,6 @@ class Surfaces:
         pull = summed(rows, i, (new * V)[:, None] * xi)
         share = summed(rows, i, np.where(free, 0.0, np.abs(g)) * V)
         least = summed(rows, i, np.where(free, 0.0, g) * V)  # of a layer whose nodes hold the value
-        enters, wall = self._entering(rows, pull, guess), self._walls[0]
-        enters[0] = np.maximum(enters[0] / wall.depth[rows], least)
-        at_edge = wall.edge[rows] >= 0
-        factor = (np.where(at_edge, least, enters[0]) / np.where(share > 0, share, 1.0))[np.searchsorted(rows, i)]
-        new = np.where(free, new, factor * np.abs(g))
-        changed = np.abs(new - g) > FLAT * np.abs(g)
-        enters[0] = np.where(at_edge, enters[0], 0.0)
-        return i[changed], j[changed], (new - g)[changed], enters
-
-    def _entering(self, rows: Rows, pull: Array, guess: Array) -> Array:
-        """What walls (w, r) give to nodes in a field that rises by 1 in a metre away from each, m/s.
-
-        Their sum along the normals is minus what bonds give, `pull` (r, d), so that linear fields are exact. Where
-        several walls leave that open, they give what `guess` (w, r), of their images, says.
-        """
         normals = np.stack([wall.normal[rows] for wall in self._walls], axis=2)  # (r, d, w)
         entering = np.maximum(-(pull[:, :, None] * normals).sum(axis=1).T, 0.0)
         several = np.flatnonzero((normals != 0).any(axis=1).sum(axis=1) > 1)
@@ -204,29 +202,11 @@ class Surfaces:
             missing = -pull[several] - np.einsum("rdw,rw->rd", normals[several], first)
             change = np.einsum("rwd,rd->rw", np.linalg.pinv(normals[several], rcond=ALIKE / 2), missing)
             entering[:, several] = np.maximum(first + change, 0.0).T
-        return np.asarray(entering)
-
-
-def _solved(rows: Rows, source: Rows, n: Array, energy: Array) -> Array:
-    """M (r, d, d) with sum(energy (n . M n) n n) = I over the bonds of each row, eigenvalues from `LEAST` to `MOST`.
-
-    I for a row without bonds.
-    """
-    d = n.shape[1]
-    entries = list(combinations_with_replacement(range(d), 2))
-    twice = np.array([1.0 if a == b else 2.0 for a, b in entries])
-    products = np.stack([n[:, a] * n[:, b] for a, b in entries], axis=1)
-    matrices = summed(rows, source, energy[:, None, None] * products[:, :, None] * (products * twice)[:, None, :])
-    right = np.array([float(a == b) for a, b in entries])
-    good = np.linalg.cond(matrices) < 1 / FLAT
-    matrices[~good] = np.eye(len(entries))
-    coefficients = np.linalg.solve(matrices, np.tile(right[:, None], (len(rows), 1, 1)))[:, :, 0]
-    tensor = np.empty((len(rows), d, d))
-    for number, (a, b) in enumerate(entries):
-        tensor[:, a, b] = tensor[:, b, a] = coefficients[:, number]
-    value, axes = np.linalg.eigh(tensor)
-    bounded = np.clip(value, LEAST, MOST)
-    tensor = np.where(np.abs(tensor - np.eye(d)) < FLAT, np.eye(d), tensor)
-    changed = (bounded != value).any(axis=1)
-    tensor[changed] = np.einsum("rac,rc,rbc->rab", axes[changed], bounded[changed], axes[changed])
-    return tensor
+        enters, wall = np.asarray(entering), self._walls[0]
+        enters[0] = np.maximum(enters[0] / wall.depth[rows], least)
+        at_edge = wall.edge[rows] >= 0
+        factor = (np.where(at_edge, least, enters[0]) / np.where(share > 0, share, 1.0))[np.searchsorted(rows, i)]
+        new = np.where(free, new, factor * np.abs(g))
+        changed = np.abs(new - g) > FLAT * np.abs(g)
+        enters[0] = np.where(at_edge, enters[0], 0.0)
+        return i[changed], j[changed], (new - g)[changed], enters

@@ -79,7 +79,14 @@ def prepare(model: Model, threads: int | None = None, listed: bool = False) -> t
     operator, drive = Fick(exchange, listing, medium, conditions.exchange, change), conditions.drive()
     content, operator.solid = begin(model, drive)
     most = stable_time_step(operator, free)
-    step = _step(model, most)
+    step = most if run.time_step is None else run.time_step
+    if not np.isfinite(step):
+        raise ModelError(f"{model.name}: $.run.time_step is missing, which a model without bonds needs; give one")
+    if run.solver != "implicit" and step > most * (1 + SLACK):
+        raise ModelError(
+            f"{model.name}: $.run.time_step is {step:.6g} s, more than the stable time step; use at most {most:.6g} s,"
+            " or run.solver = 'implicit'"
+        )
     stepper: ForwardEuler | ThetaSteps = ForwardEuler(operator, drive, step)
     if run.solver == "implicit":
         factor_once = medium.C_sat is None and operator.count.sum() <= FACTORED
@@ -90,18 +97,3 @@ def prepare(model: Model, threads: int | None = None, listed: bool = False) -> t
     )  # fmt: skip
     state = zero_state(len(content), 1)
     return transport, state._replace(value=content[:, None], second=np.zeros((len(content), 0)))
-
-
-def _step(model: Model, most: float) -> float:
-    """Time step of a run, s; `most` is the surely stable one. Raises ModelError for a longer one."""
-    run = model.settings.run
-    if run.time_step is None:
-        if not np.isfinite(most):
-            raise ModelError(f"{model.name}: $.run.time_step is missing, which a model without bonds needs; give one")
-        return most
-    if run.solver != "implicit" and run.time_step > most * (1 + SLACK):
-        raise ModelError(
-            f"{model.name}: $.run.time_step is {run.time_step:.6g} s, more than the stable time step; use at most"
-            f" {most:.6g} s, or run.solver = 'implicit'"
-        )
-    return run.time_step

@@ -121,7 +121,19 @@ def walls(bonds: Bonds, free: NDArray[np.bool_], edges: Edges) -> list[Wall]:
     is_prescribed = edges.faces.beyond == 0
     prescribed, exchanged = edges.faces.chosen(is_prescribed), edges.faces.chosen(~is_prescribed)
     rows = np.flatnonzero(free & (beside(bonds, bonds.position[~free]) | beside(bonds, prescribed.middle)))
-    faces = _faces(bonds, free, edges.nodes, prescribed, rows)
+    # Prescribed edges, and the faces between free nodes of these rows and prescribed cells beside them
+    face_groups = [prescribed]
+    for part_rows in parts_of(rows):
+        i, j, length = bonds.of(part_rows)[0]
+        size = bonds.delta[i] + bonds.delta[j]
+        face = np.flatnonzero(~free[j] & (length <= ADJACENT * size / 2))
+        free_node, prescribed_node = i[face], j[face]
+        share = np.where(edges.nodes[prescribed_node], 1.0, bonds.delta[free_node] / size[face])[:, None]  # of the way
+        middle = bonds.position[free_node] * (1 - share) + bonds.position[prescribed_node] * share
+        area = np.minimum(bonds.delta[free_node], bonds.delta[prescribed_node]) ** (bonds.position.shape[1] - 1)
+        normal = (bonds.position[prescribed_node] - bonds.position[free_node]) / length[face, None]
+        face_groups.append(Faces(middle, normal, area, np.full(len(face), -1), np.zeros(len(face))))
+    faces = Faces(*(np.concatenate(column) for column in zip(*face_groups, strict=True)))
     wall_list = [_wall_of(bonds, rows if len(faces.area) else rows[:0], partial(_prescribed, bonds, faces, free))]
     rows = np.flatnonzero(free & beside(bonds, exchanged.middle))
     while len(exchanged.area) and len(wall_list) <= bonds.position.shape[1]:
@@ -142,24 +154,6 @@ def _wall_of(bonds: Bonds, rows: Rows, wall_of_rows: Callable[[Rows], Wall]) -> 
         for column, of_rows in zip(wall, wall_of_rows(part), strict=True):
             column[part] = of_rows
     return wall
-
-
-def _faces(
-    bonds: Bonds, free: NDArray[np.bool_], on_edge: NDArray[np.bool_], prescribed_faces: Faces, rows: Rows
-) -> Faces:
-    """Prescribed edges, and the faces between free nodes of these rows and prescribed cells beside them."""
-    face_groups = [prescribed_faces]
-    for part_rows in parts_of(rows):
-        i, j, length = bonds.of(part_rows)[0]
-        size = bonds.delta[i] + bonds.delta[j]
-        face = np.flatnonzero(~free[j] & (length <= ADJACENT * size / 2))
-        free_node, prescribed_node = i[face], j[face]
-        share = np.where(on_edge[prescribed_node], 1.0, bonds.delta[free_node] / size[face])[:, None]  # of the way
-        middle = bonds.position[free_node] * (1 - share) + bonds.position[prescribed_node] * share
-        area = np.minimum(bonds.delta[free_node], bonds.delta[prescribed_node]) ** (bonds.position.shape[1] - 1)
-        normal = (bonds.position[prescribed_node] - bonds.position[free_node]) / length[face, None]
-        face_groups.append(Faces(middle, normal, area, np.full(len(face), -1), np.zeros(len(face))))
-    return Faces(*(np.concatenate(column) for column in zip(*face_groups, strict=True)))
 
 
 class _Near(NamedTuple):
