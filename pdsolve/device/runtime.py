@@ -208,9 +208,8 @@ def _all() -> list[Any]:
 def _library() -> Any:
     """The module pyopencl; PoCL keeps compiled code in the user's own folder, pyopencl keeps none."""
     place, _ = trust.private_folder()
-    trust.settle_variables(
-        "OpenCL loader", "PoCL", "pyopencl", "drivers of GPUs"
-    )  # a model alone can choose a device, in a process that no command has prepared
+    # A model alone can choose a device, in a process that no command has prepared
+    trust.settle_variables("OpenCL loader", "PoCL", "pyopencl", "drivers of GPUs")
     os.environ.setdefault("POCL_CACHE_DIR", str(place / "pocl"))
     os.environ.setdefault("PYOPENCL_NO_CACHE", "1")
     try:

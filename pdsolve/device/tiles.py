@@ -101,7 +101,15 @@ class BondsOnDevice(NodesOnDevice, ABC):
     def fetch(self, step: int) -> None:
         """Bring the history of bonds up to the device's after a step. Raises UnstableError if more have broken than
         there is room for."""
-        softened = self._remembers and self._fetch_history()
+        softened = False
+        if self._remembers:
+            memory = self.read("memory", np.zeros(len(self._starts) - 1, dtype=np.int32))
+            changes = np.flatnonzero(np.diff(np.concatenate([[0], memory == CHANGED, [0]])))
+            for first, last in changes.reshape(-1, 2).tolist():  # groups side by side are copied together
+                self._enter_history(first, last)
+            softened = len(changes) > 0
+            if softened:
+                self.write("memory", np.minimum(memory, SOFTENED))
         count = int(self.read("used", np.zeros(1, dtype=np.int32))[0])
         if count > self._most:
             raise UnstableError(
@@ -115,16 +123,6 @@ class BondsOnDevice(NodesOnDevice, ABC):
         order = self._known + np.lexsort(breaks[self._known :].T[[1, 0, 2]])
         self._enter_breaks(breaks[order, :3].astype(np.int64), stretch[order], step)
         self._write_pending()
-
-    def _fetch_history(self) -> bool:
-        """Bring what bonds remember up to the device's, in groups of which one has softened; whether there are any."""
-        memory = self.read("memory", np.zeros(len(self._starts) - 1, dtype=np.int32))
-        changes = np.flatnonzero(np.diff(np.concatenate([[0], memory == CHANGED, [0]])))
-        for first, last in changes.reshape(-1, 2).tolist():  # groups side by side are copied together
-            self._enter_history(first, last)
-        if len(changes):
-            self.write("memory", np.minimum(memory, SOFTENED))
-        return len(changes) > 0
 
     def _read_groups(self, name: str, first: int, last: int) -> NDArray[Any]:
         """What the bonds of the groups `first` to `last` - 1 remember (slots, lanes)."""
@@ -214,11 +212,9 @@ class BlocksOnDevice(BondsOnDevice, BlockLattice):
         """Put the bonds on a device, which takes the steps from here on. Raises ModelError if it has too little
         memory."""
         blocks = self.blocks
-        self.dimension, self.room, self.place = (
-            len(blocks.axes),
-            self.tracks.v.shape[1],
-            slice(0, len(self._stiffness_bound)),
-        )
+        self.dimension = len(blocks.axes)
+        self.room = self.tracks.v.shape[1]
+        self.place = slice(0, len(self._stiffness_bound))
         self._remembers, self._starts, self._lanes = bool(self.tracks.worst.size), blocks.start, LANES
         self._own_edge = np.zeros_like(self.tracks.worst)
         slots, shared = blocks.slots.copy(), -len(blocks.mask) or None  # rows before those of slots with broken bonds

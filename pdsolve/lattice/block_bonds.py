@@ -135,7 +135,14 @@ def join_parts(law: Law, tables: Tables, slots: list[Slots], kind: type[np.float
     limit = np.append(tables.limits.values[number % SIDES**2], np.inf)[bounds]
     assert law.pair is not None
     ways = np.concatenate(way)
-    start_of_rows, of_rows = _rows_of_slots(counts, ways, mask if tables.dimension == 3 else np.zeros_like(mask))
+    # The slots in which rows have bonds, those with consecutive neighbours first
+    slot, row = np.nonzero(
+        (mask if tables.dimension == 3 else np.zeros_like(mask)).view(np.uint16).reshape(-1, LANES // ROW)
+    )
+    row_number = np.repeat(np.arange(len(counts)), counts)[slot] * (LANES // ROW) + row
+    order = np.argsort(2 * row_number + (ways[slot, row] >= FAR), kind="stable")
+    ends = np.cumsum(np.bincount(row_number, minlength=len(counts) * (LANES // ROW)))
+    start_of_rows, of_rows = np.concatenate([[0], ends]), slot[order].astype(np.int32)
     first = limit if law.pair.softening is None else peak
     edge = first * (first + 2)
     near = np.where(bounds == LAST, np.inf, np.minimum(edge, NARROW))
@@ -210,11 +217,28 @@ def place_bonds(bonds: Any, first: int, room: int, tables: Tables) -> Placed | N
     off = float(np.abs(size - tables.components.values[component]).max(initial=0.0))
     shortest = float(lengths(bonds.xi).min(initial=np.inf))
     tables.pulls.loosen(NOISE * off / shortest)
-    vector = _vectors(sides.reshape(bonds.xi.shape).astype(np.int64), tables)
+    sides = sides.reshape(bonds.xi.shape).astype(np.int64)
+    key = sides[:, 0]  # the numbers of reference vectors, from those of their signed components
+    for side in sides.T[1:]:
+        key = key * SIDES + side
+    if tables.dimension == 3:
+        vector = _look_up_keys(key, tables.keys)
+        if (new := np.unique(key[vector < 0])).size:
+            tables.keys = np.append(tables.keys, new)
+            vector = _look_up_keys(key, tables.keys)
+    else:
+        new = np.unique(key[tables.vectors[key] < 0])
+        tables.vectors[new] = np.arange(len(tables.keys), len(tables.keys) + len(new))
+        tables.keys = np.append(tables.keys, new)
+        vector = np.asarray(tables.vectors[key])
     count = len(bonds.start) - 1
-    row = np.repeat(np.arange(count, dtype=np.int64), np.diff(bonds.start))
+    row = bonds.source
     blocks, vectors = -(-count // LANES), max(len(tables.keys), 1)
-    slot, keys = _numbered(row // LANES * vectors + vector, blocks * vectors)
+    keys = row // LANES * vectors + vector
+    occurs = np.zeros(blocks * vectors, dtype=bool)
+    occurs[keys] = True
+    number = np.cumsum(occurs, dtype=np.int32) - np.int32(1)
+    slot, keys = number[keys], np.flatnonzero(occurs)
     lane = np.full((len(keys), LANES), -1, dtype=np.int32)
     lane[slot, row % LANES] = np.arange(len(row), dtype=np.int32)
     nodes = first + keys // vectors * LANES
@@ -229,23 +253,6 @@ def place_bonds(bonds: Any, first: int, room: int, tables: Tables) -> Placed | N
 def are_sparse(placed: Placed, bonds: int) -> bool:
     """Whether so few lanes have bonds that the nodes are on no lattice."""
     return not fill_lanes(bonds, placed.lane.size, 2)  # families look at rows without bonds in space too
-
-
-def _vectors(sides: NDArray[np.int64], tables: Tables) -> NDArray[np.int32]:
-    """The numbers (b,) of reference vectors, from the numbers (b, d) of their signed components."""
-    key = sides[:, 0]
-    for side in sides.T[1:]:
-        key = key * SIDES + side
-    if tables.dimension == 3:
-        number = _look_up_keys(key, tables.keys)
-        if (new := np.unique(key[number < 0])).size:
-            tables.keys = np.append(tables.keys, new)
-            number = _look_up_keys(key, tables.keys)
-        return number
-    new = np.unique(key[tables.vectors[key] < 0])
-    tables.vectors[new] = np.arange(len(tables.keys), len(tables.keys) + len(new))
-    tables.keys = np.append(tables.keys, new)
-    return np.asarray(tables.vectors[key])
 
 
 def _look_up_keys(key: NDArray[np.int64], keys: NDArray[np.int64]) -> NDArray[np.int32]:
@@ -284,42 +291,23 @@ def _rows(numbers: NDArray[np.int32], lane: NDArray[np.int32], has_bond: NDArray
     return _Rows(number[:, 0], mixed, number[mixed])
 
 
-def _rows_of_slots(
-    counts: NDArray[np.int64], ways: NDArray[np.int64], mask: NDArray[np.uint64]
-) -> tuple[NDArray[np.int64], NDArray[np.int32]]:
-    """Where the slots of each row begin, and the slots (.,) in which a row has bonds, those with consecutive neighbours
-    first; `counts` are the slots of blocks, `ways` (s, 4) and `mask` (s,) those of slots."""
-    slot, row = np.nonzero(mask.view(np.uint16).reshape(-1, LANES // ROW))
-    row_number = np.repeat(np.arange(len(counts)), counts)[slot] * (LANES // ROW) + row
-    order = np.argsort(2 * row_number + (ways[slot, row] >= FAR), kind="stable")
-    ends = np.cumsum(np.bincount(row_number, minlength=len(counts) * (LANES // ROW)))
-    return np.concatenate([[0], ends]), slot[order].astype(np.int32)
-
-
 def _shared(rows: list[_Rows]) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
     """The row of each slot (s,), and the values of each row's lanes (., 64)."""
     first, mixed, mixed_values = (np.concatenate(column) for column in zip(*rows, strict=True))
     row, uniform = np.zeros(len(first), np.int32), np.unique(first[~mixed])
     row[~mixed] = np.searchsorted(uniform, first[~mixed])
-    mixed_values, which = _distinct_rows(mixed_values)
-    row[mixed] = len(uniform) + which
-    return row, np.concatenate([np.repeat(uniform[:, None], LANES, axis=1), mixed_values])
-
-
-def _distinct_rows(rows: NDArray[np.int32]) -> tuple[NDArray[np.int32], NDArray[np.int64]]:
-    """The distinct ones of rows (r, 64) in the order in which they occur, so that neighbours in memory are read
-    together; and the number (r,) of each among them.
-
-    Rows are told apart by a sum with random weights, which is quick to sort, and compared.
-    """
+    # The distinct rows in the order in which they occur, so that neighbours in memory are read together. They are told
+    # apart by a sum with random weights, which is quick to sort, and compared.
     weights = np.random.default_rng(0).integers(np.iinfo(np.int64).max, size=LANES)
-    _, first, which = np.unique(rows @ weights, return_index=True, return_inverse=True)
-    if (rows[first][which] != rows).any():
-        _, first, which = np.unique(rows, axis=0, return_index=True, return_inverse=True)
+    _, first, which = np.unique(mixed_values @ weights, return_index=True, return_inverse=True)
+    if (mixed_values[first][which] != mixed_values).any():
+        _, first, which = np.unique(mixed_values, axis=0, return_index=True, return_inverse=True)
     order = np.argsort(first)
     number = np.empty_like(order)
     number[order] = np.arange(len(order))
-    return rows[first[order]], number[which.ravel()]
+    mixed_values, which = mixed_values[first[order]], number[which.ravel()]
+    row[mixed] = len(uniform) + which
+    return row, np.concatenate([np.repeat(uniform[:, None], LANES, axis=1), mixed_values])
 
 
 def numbers_of_bits(mask: NDArray[np.uint64], first: int = 0) -> NDArray[np.int64]:
@@ -386,10 +374,8 @@ def restore_bonds(
     `intact` (s,) were the masks of the unbroken plate.
     """
     has_bond = _bits(intact)
-    is_broken, soft = (
-        has_bond & (broken != 0),
-        np.broadcast_to(worst > 0, has_bond.shape) if len(worst) else np.zeros_like(has_bond),
-    )
+    is_broken = has_bond & (broken != 0)
+    soft = np.broadcast_to(worst > 0, has_bond.shape) if len(worst) else np.zeros_like(has_bond)
     blocks.mask[:] = np.packbits(has_bond & ~is_broken, axis=1, bitorder="little").view(np.uint64)[:, 0]
     blocks.slots[:, PULL], blocks.slots[:, BOUND] = blocks.whole, blocks.slots[:, LIMITS]
     torn = np.flatnonzero((is_broken | soft).any(axis=1))
@@ -415,14 +401,6 @@ def restore_bonds(
 def _bits(mask: NDArray[np.uint64]) -> NDArray[np.bool_]:
     """The bits (s, 64) of masks (s,)."""
     return np.unpackbits(mask[:, None].view(np.uint8), axis=1, bitorder="little").view(np.bool_)
-
-
-def _numbered(keys: NDArray[np.int64], most: int) -> tuple[NDArray[np.int32], NDArray[np.int64]]:
-    """Numbers of the distinct keys, all below `most`, and the keys."""
-    occurs = np.zeros(most, dtype=bool)
-    occurs[keys] = True
-    number = np.cumsum(occurs, dtype=np.int32) - np.int32(1)
-    return number[keys], np.flatnonzero(occurs)
 
 
 class Distinct:

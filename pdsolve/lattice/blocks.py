@@ -33,14 +33,7 @@ from pdsolve.codegen.vector_code import ROW
 from pdsolve.lattice.bond import displaced_along, entries, sums_in, where_inverse
 from pdsolve.lattice.force_polynomials import NARROW
 from pdsolve.lattice.layout import FAR, LANES, ONE, VECTOR, pair_law_of
-from pdsolve.laws.calls import (
-    added_force,
-    broken_energy,
-    dissipated_energy,
-    pair_of,
-    secant,
-    second_force,
-)
+from pdsolve.laws.calls import added_force, broken_energy, dissipated_energy, pair_of, secant, second_force
 
 PULL, BOUND, LIMITS = 5, 6, 7  # of a slot: row of `stiffness`, of `near` and `edge`, and of `peak` and `limit`
 # Edges of a bond that broke in the last step, so that it is looked at in this one: minus its `near` is the size of its
@@ -161,7 +154,10 @@ def _update_bonds(blocks, tracks, motion, slot, b, first, over):  # type: ignore
             if stretch > limit:
                 c = blocks.stiffness[blocks.whole[slot], lane] / inverse_of(blocks, slot) / 4
                 tracks.dissipated[i] += broken_energy(blocks.law, c, stretch, last, peak, limit)
-                _break(blocks, tracks, step, slot, lane)
+                tracks.broken[slot, lane] = step
+                blocks.mask[slot] &= ~(np.uint64(1) << np.uint64(lane))
+                blocks.stiffness[blocks.slots[slot, PULL], lane] = 0
+                blocks.edge[row, lane] = blocks.near[row, lane] = np.inf
                 if blocks.law.matches_work and last < limit and last < stretch:
                     blocks.edge[row, lane] = PENDING if last >= 0 else PENDING_SHORT
                     blocks.near[row, lane] = -abs(last)
@@ -199,21 +195,14 @@ def _weaken(blocks, tracks, slot, b, lane, stretch, peak, limit):  # type: ignor
 def _stretch_before(blocks, tracks, before, slot, i, lane):  # type: ignore[no-untyped-def]
     """The stretch of a bond of node i at the displacements one step ago."""
     xi = entries(blocks.vectors[blocks.slots[slot, VECTOR]], blocks.axes)
-    return _stretch(
-        xi, displaced_along(before, tracks.shrink, xi, i, neighbour(blocks, slot, i, lane)), inverse_of(blocks, slot)
-    )
-
-
-@njit(forceinline=True, **INNER)
-def _stretch(xi, eta, inverse):  # type: ignore[no-untyped-def]
-    """The stretch of a bond whose 1 / |xi|^2 is `inverse`."""
+    eta = displaced_along(before, tracks.shrink, xi, i, neighbour(blocks, slot, i, lane))
     along = xi[0] * eta[0]
     for axis in range(1, len(xi)):
         along += xi[axis] * eta[axis]
     along *= 2
     for axis in range(len(xi)):
         along += eta[axis] * eta[axis]
-    e = inverse * along
+    e = inverse_of(blocks, slot) * along
     return e / (np.sqrt(1 + e) + 1)
 
 
@@ -249,16 +238,6 @@ def _add_force(blocks, tracks, u, slot, i, lane, pull, k, s):  # type: ignore[no
     pull *= blocks.stiffness[blocks.whole[slot], lane]
     for axis in range(len(xi)):
         s[axis * ROW + k] += pull * (xi[axis] + eta[axis])
-
-
-@njit(**INNER)
-def _break(blocks, tracks, step, slot, lane):  # type: ignore[no-untyped-def]
-    """Remove a bond that breaks in this `step` from a slot with rows of its own."""
-    row = blocks.slots[slot, BOUND]
-    tracks.broken[slot, lane] = step
-    blocks.mask[slot] &= ~(np.uint64(1) << np.uint64(lane))
-    blocks.stiffness[blocks.slots[slot, PULL], lane] = 0
-    blocks.edge[row, lane] = blocks.near[row, lane] = np.inf
 
 
 @njit(**INNER)

@@ -37,7 +37,27 @@ class FamiliesInBlocks:
         bond_lanes = np.flatnonzero(lane >= 0)
         self.lane_of = np.empty(len(bond_lanes), dtype=np.int64)  # (b,) of each bond
         self.lane_of[lane[bond_lanes]] = bond_lanes
-        kinds, rows, self._intact_kinds = _shared(where.lane, tabled)
+        # Numbers common to all lanes of a slot, numbers (., c, 64) of other slots, and the index of each slot's
+        columns = [column.astype(float) for column in tabled.columns]
+        distinct_values = [Distinct(SAME_STIFFNESS) for _ in columns]
+        for alike, column in zip(tabled.alike, columns, strict=True):
+            distinct_values[alike].numbers(column)
+        number = np.zeros(len(columns[0]), dtype=np.int64)
+        for at, column in enumerate(columns):  # one number for all that a bond has
+            distinct = distinct_values[tabled.alike[at]]
+            value_numbers = distinct.numbers(column).astype(np.int64)
+            columns[at] = distinct.values[value_numbers]
+            number = np.unique(number * len(distinct.values) + value_numbers, return_inverse=True)[1].ravel()
+        last = int(number.max(initial=-1))
+        values = np.zeros((last + 2, len(columns)))  # the last of them for lanes without a bond
+        for c, column in enumerate(columns):
+            values[number, c] = column
+        lane_numbers = np.where(where.lane >= 0, number[where.lane], last + 1)
+        mixed = (lane_numbers != lane_numbers[:, :1]).any(axis=1)
+        distinct_rows, which = np.unique(lane_numbers[mixed], axis=0, return_inverse=True)
+        rows = values[distinct_rows].transpose(0, 2, 1).copy()
+        self._intact_kinds = lane_numbers[:, 0].astype(np.int32)
+        self._intact_kinds[mixed] = -1 - which.ravel()
         self.nodes, self.tiles, self.room = nodes, len(where.counts), LANES * len(where.counts)
         self.shared_rows = len(rows)  # of `rows`; those of slots with broken bonds follow
         self.bonds = FamilySlots(
@@ -45,7 +65,7 @@ class FamiliesInBlocks:
             slots=np.column_stack([where.way, where.vector, self._intact_kinds]).astype(np.int32),
             ids=where.ids,
             vectors=aligned(block_bonds.reference_table(tables).astype(kind)),
-            kinds=kinds.astype(kind),
+            kinds=values.astype(kind),
             rows=aligned(rows.astype(kind), len(self._intact_kinds)),
         )
 
@@ -86,32 +106,3 @@ class FamiliesInBlocks:
         """Memory of all arrays, bytes, without the rows that slots get as their bonds break."""
         arrays = *self.bonds, self.lane_of, self._intact_kinds
         return sum(array.nbytes for array in arrays) - self.bonds.rows[self.shared_rows :].nbytes
-
-
-def _shared(
-    lane: NDArray[np.int32], tabled: Tabled
-) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.int32]]:
-    """Numbers (., c) common to all lanes of a slot, numbers (., c, 64) of other slots, and the index of each slot's.
-
-    Slots are (s, 64), as in `Slots`.
-    """
-    columns = [column.astype(float) for column in tabled.columns]
-    kinds = [Distinct(SAME_STIFFNESS) for _ in columns]
-    for kind, column in zip(tabled.alike, columns, strict=True):
-        kinds[kind].numbers(column)
-    number = np.zeros(len(columns[0]), dtype=np.int64)
-    for at, column in enumerate(columns):  # one number for all that a bond has
-        distinct = kinds[tabled.alike[at]]
-        value_numbers = distinct.numbers(column).astype(np.int64)
-        columns[at] = distinct.values[value_numbers]
-        number = np.unique(number * len(distinct.values) + value_numbers, return_inverse=True)[1].ravel()
-    last = int(number.max(initial=-1))
-    values = np.zeros((last + 2, len(columns)))  # the last of them for lanes without a bond
-    for c, column in enumerate(columns):
-        values[number, c] = column
-    lane_numbers = np.where(lane >= 0, number[lane], last + 1)
-    mixed = (lane_numbers != lane_numbers[:, :1]).any(axis=1)
-    distinct_rows, which = np.unique(lane_numbers[mixed], axis=0, return_inverse=True)
-    of_slot = lane_numbers[:, 0].astype(np.int32)
-    of_slot[mixed] = -1 - which.ravel()
-    return values, values[distinct_rows].transpose(0, 2, 1).copy(), of_slot

@@ -106,7 +106,7 @@ def _add_rows(site, values, out, first, last):  # type: ignore[no-untyped-def]
 def _tiles(placed: Placed, bonds: Bonds, tabled: Tabled, kind: np.dtype[Any]) -> FamilyTiles:
     """The tiles of bonds with these numbers, in a precision."""
     sites, slot, volume = placed
-    (x, y, _), count, reach = sites.sides, len(sites.ways), int(np.abs(sites.ways).max())
+    (x, y, z), count, reach = sites.sides, len(sites.ways), int(np.abs(sites.ways).max())
     xi = sites.ways * sites.spacing
     squared = (xi**2).sum(axis=1)
     length = np.sqrt(squared)
@@ -116,7 +116,25 @@ def _tiles(placed: Placed, bonds: Bonds, tabled: Tabled, kind: np.dtype[Any]) ->
     np.bitwise_or.at(bits, (source // ROW, slot), np.uint16(1) << (source % ROW).astype(np.uint16))
     size, beyond = np.zeros((1, sites.size)), reach * (y + 1)
     size[0, sites.site] = volume
-    lines, numbers = _lines(placed, bonds, tabled.columns[::2])
+    columns = tabled.columns[::2]
+    # The line of each row of sites, and the numbers (q, l k w) in lines; the first has no bonds
+    scale = np.array([np.abs(c[np.isfinite(c)]).max(initial=1e-300) for c in columns])[:, None, None]
+    lines, line_values = np.zeros(y * z, dtype=np.int32), [np.zeros((len(columns), count, x + 2 * ROW))]
+    numbers_by_digest: dict[bytes, list[int]] = {}
+    order = np.argsort(site, kind="stable")
+    ends = np.searchsorted(site[order], np.arange(z + 1) * x * y)
+    for plane in range(z):
+        nodes = order[ends[plane] : ends[plane + 1]]
+        many = bonds.start[nodes + 1] - bonds.start[nodes]
+        first = np.cumsum(many) - many
+        which = np.arange(many.sum()) + np.repeat(bonds.start[nodes] - first, many)
+        row, along = np.divmod(np.repeat(site[nodes] - plane * x * y, many), x)
+        dense = np.zeros((len(columns), y, count, x + 2 * ROW))
+        for values, column in zip(dense, columns, strict=True):
+            values[row, slot[which], ROW + along] = column[which] / volume[bonds.neighbour[which]]
+        for at in np.unique(row).tolist():
+            lines[plane * y + at] = _number(dense[:, at], scale, numbers_by_digest, line_values)
+    numbers = np.stack(line_values, axis=1).reshape(len(columns), -1)
     return FamilyTiles(
         offsets=sites.steps.astype(np.int32),
         rows=(sites.ways[:, 1:] @ np.array([1, y])).astype(np.int32),
@@ -132,31 +150,6 @@ def _tiles(placed: Placed, bonds: Bonds, tabled: Tabled, kind: np.dtype[Any]) ->
         margin=sites.margin,
         beyond=beyond,
     )
-
-
-def _lines(
-    placed: Placed, bonds: Bonds, columns: tuple[NDArray[np.floating], ...]
-) -> tuple[NDArray[np.int32], NDArray[np.float64]]:
-    """The line of each row of sites, and the numbers (q, l k w) in lines; the first has no bonds."""
-    (x, y, z), count, margin = placed.sites.sides, len(placed.sites.ways), placed.sites.margin
-    wide, site = x + 2 * ROW, placed.sites.site.astype(np.int64) - margin
-    scale = np.array([np.abs(c[np.isfinite(c)]).max(initial=1e-300) for c in columns])[:, None, None]
-    lines, line_values = np.zeros(y * z, dtype=np.int32), [np.zeros((len(columns), count, wide))]
-    numbers_by_digest: dict[bytes, list[int]] = {}
-    order = np.argsort(site, kind="stable")
-    ends = np.searchsorted(site[order], np.arange(z + 1) * x * y)
-    for plane in range(z):
-        nodes = order[ends[plane] : ends[plane + 1]]
-        many = bonds.start[nodes + 1] - bonds.start[nodes]
-        first = np.cumsum(many) - many
-        which = np.arange(many.sum()) + np.repeat(bonds.start[nodes] - first, many)
-        row, along = np.divmod(np.repeat(site[nodes] - plane * x * y, many), x)
-        dense = np.zeros((len(columns), y, count, wide))
-        for values, column in zip(dense, columns, strict=True):
-            values[row, placed.slot[which], ROW + along] = column[which] / placed.volume[bonds.neighbour[which]]
-        for at in np.unique(row).tolist():
-            lines[plane * y + at] = _number(dense[:, at], scale, numbers_by_digest, line_values)
-    return lines, np.stack(line_values, axis=1).reshape(len(columns), -1)
 
 
 def _number(

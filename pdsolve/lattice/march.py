@@ -265,7 +265,11 @@ def sweep_groups_of_thread(bonds, history, arrays, drive, state, pushes, dt, swe
         step, is_last = sweeps.first_step + number - 1, number == sweeps.end_step - sweeps.first_step
         sweep = Sweep(number, step, dt, *of_u, *of_v, number == 0, is_last)
         if number > 0 and not sweeps.only_waiting_groups:
-            _begin_step(bonds, history, arrays, drive, state, sweep, thread, gate)
+            if drive.varies:
+                if thread == 0:
+                    apply_loads(drive, sweep.step * sweep.dt)
+                meet(gate)
+            add_second_forces(bonds, history, state, sweep, arrays.has_failure_forces)
         for turn in range(count * thread // gate.threads, count * (thread + 1) // gate.threads):
             which = arrays.groups[turn]
             if not sweeps.only_waiting_groups or arrays.waiting_reason[which] != READY:
@@ -286,16 +290,6 @@ def _push_pairs_anew(pushes, arrays, number, thread, gate):  # type: ignore[no-u
         arrays.next_sweep[0] = number
     meet(gate)
     return arrays.next_sweep[0] != number
-
-
-@njit(**INNER)
-def _begin_step(bonds, history, arrays, drive, state, sweep, thread, gate):  # type: ignore[no-untyped-def]
-    """Apply the loads of a step, and begin the sums of the thread's groups."""
-    if drive.varies:
-        if thread == 0:
-            apply_loads(drive, sweep.step * sweep.dt)
-        meet(gate)
-    add_second_forces(bonds, history, state, sweep, arrays.has_failure_forces)
 
 
 @njit(**IN_PLACE)
@@ -388,45 +382,35 @@ def _accelerate_and_half_kick_group(arrays, drive, state, sweep, group):  # type
     axes, f, a = arrays.axes, group.f, group.a
     half, minus_half = same(sweep.u, sweep.dt / 2), same(sweep.u, -sweep.dt / 2)
     if arrays.has_loads[group.number]:
-        _add_loads_and_book_work(arrays, drive, state, sweep, group)
+        for lane in range(group.lanes):
+            i = arrays.node[group.number * group.lanes + lane]
+            if i >= 0:
+                for axis in range(len(group.f)):
+                    group.f[axis, lane] += drive.force[i, axis]
+                    mean = (drive.before[i, axis] + drive.force[i, axis]) / 2
+                    state.work[i] += mean * (sweep.dt * sweep.v[axis, group.place + lane])
     for lane in range(0, group.lanes, across(f)):
         at = group.place + lane
         v = beside(sweep.v, axes, at)
         keep(advanced(v, beside(a, axes, lane), minus_half), group.previous_v, lane)
         keep(over_density(beside(f, axes, lane), arrays.rho, arrays.inverse_rho, group.rho_place + lane), a, lane)
         keep(v, sweep.next_v, at)
-    _accelerate_held_components(arrays, drive, state, sweep, group)
+    # The accelerations of prescribed components, and the work of holding them
+    end, time, work = group.place + group.lanes, sweep.step * sweep.dt, group.work
+    held_v = sweep.next_v[:, group.place : end].T
+    rho_of_lanes = arrays.rho[group.rho_place : group.rho_place + group.lanes]
+    of_holds = drive.holds, drive.profiles, drive.held_speed, drive.held_force
+    for k in range(arrays.first_held_entry[group.number], arrays.first_held_entry[group.number + 1]):
+        entry = arrays.held_entries[k]
+        held_lane = drive.holds.node[entry]
+        i = arrays.node[group.number * group.lanes + held_lane]
+        work[held_lane] = state.work[i]
+        accelerate_held_component_and_book_work(held_v, group.a.T, rho_of_lanes, work, *of_holds, entry, sweep.dt, time)
+        state.work[i] = work[held_lane]
     for lane in range(0, group.lanes, across(f)):
         at = group.place + lane
         keep(advanced(beside(sweep.next_v, axes, at), beside(a, axes, lane), half), sweep.next_v, at)
     damp_group(arrays, arrays.damping, state, sweep, group)
-
-
-@njit(**INNER)
-def _add_loads_and_book_work(arrays, drive, state, sweep, group):  # type: ignore[no-untyped-def]
-    """Add the loads to the force densities on a group, and book their work."""
-    for lane in range(group.lanes):
-        i = arrays.node[group.number * group.lanes + lane]
-        if i >= 0:
-            for axis in range(len(group.f)):
-                group.f[axis, lane] += drive.force[i, axis]
-                mean = (drive.before[i, axis] + drive.force[i, axis]) / 2
-                state.work[i] += mean * (sweep.dt * sweep.v[axis, group.place + lane])
-
-
-@njit(**INNER)
-def _accelerate_held_components(arrays, drive, state, sweep, group):  # type: ignore[no-untyped-def]
-    """Set the accelerations of the prescribed components of a group, and book the work of holding them."""
-    end, time, work = group.place + group.lanes, sweep.step * sweep.dt, group.work
-    v, rho = sweep.next_v[:, group.place : end].T, arrays.rho[group.rho_place : group.rho_place + group.lanes]
-    of_holds = drive.holds, drive.profiles, drive.held_speed, drive.held_force
-    for k in range(arrays.first_held_entry[group.number], arrays.first_held_entry[group.number + 1]):
-        entry = arrays.held_entries[k]
-        lane = drive.holds.node[entry]
-        i = arrays.node[group.number * group.lanes + lane]
-        work[lane] = state.work[i]
-        accelerate_held_component_and_book_work(v, group.a.T, rho, work, *of_holds, entry, sweep.dt, time)
-        state.work[i] = work[lane]
 
 
 def damp_group(arrays: Any, damping: Any, state: Any, sweep: Any, group: Any) -> None:
@@ -447,11 +431,9 @@ def _damp(arrays, damping, state, sweep, group):  # type: ignore[no-untyped-def]
         row = slice(axis, axis + 1)
         for lane in range(0, group.lanes, across(energy)):
             at = group.place + lane
-            (rho,), (c,), (v,) = (
-                beside(arrays.rho, ONE, group.rho_place + lane),
-                beside(damping[row], ONE, at),
-                beside(sweep.next_v[row], ONE, at),
-            )
+            (rho,) = beside(arrays.rho, ONE, group.rho_place + lane)
+            (c,) = beside(damping[row], ONE, at)
+            (v,) = beside(sweep.next_v[row], ONE, at)
             (undamped,), (before,) = beside(group.a[row], ONE, lane), beside(group.previous_v[row], ONE, lane)
             middle = v - dt / 2 * undamped
             v = v / (1.0 + c * dt / 2)

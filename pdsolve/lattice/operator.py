@@ -245,10 +245,8 @@ class BlockLattice(LatticeOperator):
         values = entry(checkpoint, "worst", rows, self.tracks.worst.dtype)
         edges = entry(checkpoint, "worst_edge", values.shape, self.blocks.edge.dtype, high=np.inf)
         ends = (entry(checkpoint, f"worst_{end}", values.shape, np.int64, 0, nodes) for end in ("source", "target"))
-        softened, pending = (
-            block_bonds.find_bonds(self.blocks, self._whole, *ends),
-            read_pending_pulls(checkpoint, nodes + 1, self.blocks.near.dtype),
-        )
+        softened = block_bonds.find_bonds(self.blocks, self._whole, *ends)
+        pending = read_pending_pulls(checkpoint, nodes + 1, self.blocks.near.dtype)
         steps[:] = worst[:] = 0
         steps[torn] = broken.step
         worst[softened], edge.ravel()[softened] = values, edges
@@ -264,10 +262,8 @@ class BlockLattice(LatticeOperator):
         last, (near, edge) = last_breaks(self.broken()), (self.blocks.near, self.blocks.edge)
         slot, lane = np.divmod(block_bonds.find_bonds(self.blocks, self._whole, last.source, last.target), LANES)
         row = self.blocks.slots[slot, BOUND]
-        is_pending, stretch = (
-            edge[row, lane] <= PENDING_SHORT,
-            np.where(edge[row, lane] == PENDING, -1, 1) * near[row, lane],
-        )
+        is_pending = edge[row, lane] <= PENDING_SHORT
+        stretch = np.where(edge[row, lane] == PENDING, -1, 1) * near[row, lane]
         return PendingPulls(last.source[is_pending], last.target[is_pending], stretch[is_pending].astype(near.dtype))
 
     def _set_pending(self, slot: NDArray[np.int64], lane: NDArray[np.int64], stretch: NDArray[Any]) -> None:
@@ -428,21 +424,18 @@ class TileLattice(LatticeOperator):
         pending = read_pending_pulls(checkpoint, len(self._stiffness_bound), np.float64)
         self.pending = tile_bonds.place_pending(self.sites, pending, broken)
         if self._softens:
-            self._recall(checkpoint, tile_bonds.with_pending(bits, self.pending))
+            worst = entry(checkpoint, "worst", (None,), np.float64)
+            nodes = len(self._stiffness_bound) - 1
+            source, target = (
+                entry(checkpoint, f"worst_{end}", worst.shape, np.int64, 0, nodes) for end in ("source", "target")
+            )
+            remembering = tile_bonds.with_pending(bits, self.pending).copy()
+            tile_bonds.remove_bonds(self.sites, source, target, remembering)  # raises for what is no bond
+            tile, slot, bit = tile_bonds.find_slots(self.sites, source, target)
+            self.tiles = tile_bonds.with_memory(tile_bonds.without_memory(self.tiles), np.unique(tile))
+            recall(self.tiles, tile, slot, np.log2(bit).astype(np.int64), worst)
         self.tiles.bits[:] = bits
         self._broken, self._new = Broken(*(column.astype(np.int64) for column in broken)), []
-
-    def _recall(self, checkpoint: CheckpointArrays, bits: NDArray[np.uint16]) -> None:
-        """Restore what the bonds in the bits (t, k) remember."""
-        worst = entry(checkpoint, "worst", (None,), np.float64)
-        nodes = len(self._stiffness_bound) - 1
-        source, target = (
-            entry(checkpoint, f"worst_{end}", worst.shape, np.int64, 0, nodes) for end in ("source", "target")
-        )
-        tile_bonds.remove_bonds(self.sites, source, target, bits.copy())  # raises for what is no bond
-        tile, slot, bit = tile_bonds.find_slots(self.sites, source, target)
-        self.tiles = tile_bonds.with_memory(tile_bonds.without_memory(self.tiles), np.unique(tile))
-        recall(self.tiles, tile, slot, np.log2(bit).astype(np.int64), worst)
 
     def bytes(self) -> int:
         """The memory of all arrays, bytes."""

@@ -78,11 +78,7 @@ def beyond_edge(edges: Any, e: Any, entry: Any, slot: Any, lane: Any) -> Any:
 def _beyond_edge(edges, e, entry, slot, lane):  # type: ignore[no-untyped-def]
     if isinstance(edges, types.NoneType):
         return lambda edges, e, entry, slot, lane: e
-    return _above_edge
-
-
-def _above_edge(edges, e, entry, slot, lane):  # type: ignore[no-untyped-def]
-    return e - beside(edges[np.uint64(entry)], ONE, slot * ROW + lane)[0]
+    return lambda edges, e, entry, slot, lane: e - beside(edges[np.uint64(entry)], ONE, slot * ROW + lane)[0]
 
 
 def shrinkage(shrink: Any, at: Any) -> Any:

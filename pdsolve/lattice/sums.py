@@ -18,15 +18,7 @@ from numba.extending import overload
 from pdsolve.codegen.jit_cache import cached_njit
 from pdsolve.codegen.lanes import across, beside, bonded, keep, magnitude, same, unless_none, where_above
 from pdsolve.codegen.vector_code import ROW
-from pdsolve.lattice.blocks import (
-    BOUND,
-    LIMITS,
-    PULL,
-    BlockMotion,
-    row_of,
-    update_lanes_of_block,
-    worst_lanes,
-)
+from pdsolve.lattice.blocks import BOUND, LIMITS, PULL, BlockMotion, row_of, update_lanes_of_block, worst_lanes
 from pdsolve.lattice.bond import IN_PLACE, any_beyond, difference, elongation, factor, factor_near, pulled, zeros
 from pdsolve.lattice.force_polynomials import NARROW
 from pdsolve.lattice.layout import (

@@ -30,13 +30,7 @@ from pdsolve.codegen.lanes import across, beside, same
 from pdsolve.codegen.vector_code import ROW
 from pdsolve.lattice.bond import corrected_weight, where_inverse, where_weight
 from pdsolve.lattice.layout import pair_law_of
-from pdsolve.laws.calls import (
-    added_force,
-    broken_energy,
-    dissipated_energy,
-    secant,
-    second_force,
-)
+from pdsolve.laws.calls import added_force, broken_energy, dissipated_energy, secant, second_force
 
 # Tiles: without a node; what their bonds' stiffnesses are made of; and the same of tiles with a memory
 EMPTY, ALIKE, CORRECTED, GENERAL, SOFT_ALIKE, SOFT_CORRECTED, SOFT_GENERAL = range(7)
@@ -204,17 +198,12 @@ def _update_slot(tiles, motion, breaks, t, lane, slot):  # type: ignore[no-untyp
         modulus = w / row[where_inverse(len(u))] / 4
         motion.dissipated[i] += broken_energy(tiles.law, modulus, stretch, last, peak, limit)
         tiles.bits[t, slot] &= ~(np.uint16(1) << np.uint16(k))
-        _record(breaks, motion.step, i, j, site, slot, last if tiles.law.matches_work and last < limit else limit)
+        n = breaks.used[0]
+        breaks.bonds[n, 0], breaks.bonds[n, 1], breaks.bonds[n, 2] = motion.step, i, j
+        breaks.places[n, 0], breaks.places[n, 1] = site, slot
+        breaks.stretch_before[n] = last if tiles.law.matches_work and last < limit else limit
+        breaks.used[0] = n + 1
     return True
-
-
-@njit(**INNER)
-def _record(breaks, step, i, j, site, slot, stretch_before):  # type: ignore[no-untyped-def]
-    """Record a bond that breaks."""
-    n = breaks.used[0]
-    breaks.bonds[n, 0], breaks.bonds[n, 1], breaks.bonds[n, 2] = step, i, j
-    breaks.places[n, 0], breaks.places[n, 1], breaks.stretch_before[n] = site, slot, stretch_before
-    breaks.used[0] = n + 1
 
 
 @njit(**INNER)
