@@ -109,8 +109,8 @@ MUTANTS = (
     ),
     Mutant(
         "pdsolve/laws/calls.py",
-        "def _energy_by_line(law, c, stretch, worst, peak, limit):  # type: ignore[no-untyped-def]\n    return c *",
-        "def _held_by_line(law, c, stretch, worst, peak, limit):  # type: ignore[no-untyped-def]\n    return 2 * c *",
+        '"bond_strain_energy": lambda law, c, stretch, worst, peak, limit: c *',
+        '"bond_strain_energy": lambda law, c, stretch, worst, peak, limit: 2 * c *',
         f"{CONTRACTS}::test_force_is_minus_the_slope_of_energy",
     ),
     Mutant(

@@ -190,7 +190,7 @@ def stiffness_bound(bonds: Bonds, stiffness: NDArray[np.floating], symmetric: bo
     nodes, dimension = len(bonds.start) - 1, bonds.xi.shape[1]
     length = lengths(bonds.xi)
     k, n = stiffness / length, (bonds.xi / length[:, None]).T
-    row = np.repeat(np.arange(nodes), np.diff(bonds.start))
+    row = bonds.source
 
     def total(terms: NDArray[np.floating]) -> NDArray[np.float64]:
         return np.asarray(np.bincount(row, terms, minlength=nodes))

@@ -72,12 +72,7 @@ class Breakable(NamedTuple):
         return most if most > 1 else 0.0
 
     def part(
-        self,
-        operator: Operator,
-        state: State,
-        step: int,
-        which: NDArray[np.int64],
-        stretches: NDArray[np.float64],
+        self, operator: Operator, state: State, step: int, which: NDArray[np.int64], stretches: NDArray[np.float64]
     ) -> None:
         """Break these bonds (k,), of all with stretches (b,), and book half of what each holds at its own node."""
         length = np.sqrt((self.xi[which] ** 2).sum(axis=1))
@@ -176,7 +171,7 @@ class StaticBreakage:
         part = self._filling.part(rows)
         bonds = part.bonds
         which = np.flatnonzero(np.isfinite(bonds.limit))
-        source = np.repeat(np.arange(len(bonds.start) - 1), np.diff(bonds.start))[which] + part.first
+        source = bonds.source[which] + part.first
         target = bonds.neighbour[which].astype(np.int64)
         self._columns[part.first] = (source, target, bonds.xi[which], bonds.stiffness[which], bonds.limit[which])
         for_ever = np.full(len(bonds.limit), np.inf)

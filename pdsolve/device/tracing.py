@@ -124,11 +124,12 @@ class Functions:
 
     def write(self, function: Function, *arguments: Any) -> str:
         """Write a function of such arguments, of which numbers are its parameters in C; returns its name there."""
+        called = function.__name__
         if function.__module__ == calls.__name__:  # where the law's own may be called by the same name
-            function = self._bound.get(function.__name__, function)
+            function = self._bound.get(called, function)
         if function not in self._names:
             body = "\n".join(self._statements(function, arguments, []))
-            name = f"{function.__name__}_{len(self.texts)}"
+            name = f"{called}_{len(self.texts)}"
             parameters = ", ".join(f"double p{k}" for k in range(sum(map(_is_number, arguments))))
             self.texts.append(f"inline double {name}({parameters}) {{\n{body}\n}}")
             self._names[function] = name

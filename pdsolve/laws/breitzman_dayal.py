@@ -52,8 +52,7 @@ class BreitzmanDayalColumns(NamedTuple):
 def columns(model: Model, bonds: Bonds) -> BreitzmanDayalColumns:
     """Columns of these bonds (b,) and their nodes."""
     nodal, nodes = correspondence.columns(model, bonds), len(bonds.start) - 1
-    source = np.repeat(np.arange(nodes), np.diff(bonds.start))
-    total = np.bincount(source, bonds.weight, minlength=nodes).astype(bonds.xi.dtype)
+    total = np.bincount(bonds.source, bonds.weight, minlength=nodes).astype(bonds.xi.dtype)
     shared = {name: getattr(nodal, name) for name in BreitzmanDayalColumns._fields if name != "total"}
     return BreitzmanDayalColumns(total=total, **shared)
 

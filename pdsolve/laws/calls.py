@@ -13,7 +13,7 @@ from numba.extending import overload, register_jitable
 from numpy.typing import NDArray
 
 from pdsolve.laws.bond_arrays import INLINE, INNER, AnyList, Bond, Ends, Now
-from pdsolve.laws.law import Failure, Function, IntermediatePass, Law, NodeHistory, Pair, Passes, Softening
+from pdsolve.laws.law import Function, Law, Pair, Passes
 
 
 def first_pass(law: Any, bond: Bond, now: Now, i: int, j: int, k: int, m: NDArray[Any]) -> None:
@@ -217,45 +217,18 @@ def broken_energy(law, c, stretch, before, peak, limit):  # type: ignore[no-unty
     return dissipated_at_break(law, c, stretch, before, peak, limit)
 
 
-def _no_first_pass(law, bond, now, i, j, k, m):  # type: ignore[no-untyped-def]
-    pass
-
-
-def _finish_nothing(law, i, m):  # type: ignore[no-untyped-def]
-    pass
-
-
-def _update_no_bond(law, bond, now, m, i, j, k, f):  # type: ignore[no-untyped-def]
-    return 0.0
-
-
-def _no_intermediate_pass(law, bond, now, i, j, k, m, more):  # type: ignore[no-untyped-def]
-    pass
-
-
-def _finish_no_intermediate_pass(law, i, m, more):  # type: ignore[no-untyped-def]
-    pass
-
-
-def _no_bond_may_fail(law, i, m):  # type: ignore[no-untyped-def]
-    return False
-
-
-def _never_fails(law, bond, now, m, i, j, k):  # type: ignore[no-untyped-def]
-    return False
-
-
-def _no_failure_stretch(law, bond, now, m, i, j, k):  # type: ignore[no-untyped-def]
-    return -1.0
-
-
-def _update_no_history(law, bonds, now, i, m):  # type: ignore[no-untyped-def]
-    pass
-
-
-def _no_nodal_energy(law, i, m):  # type: ignore[no-untyped-def]
-    return 0.0, 0.0
-
+_DEFAULTS: dict[str, Function] = {  # of what a law does not have
+    "first_pass": lambda law, bond, now, i, j, k, m: None,
+    "finish_pass": lambda law, i, m: None,
+    "update_bond": lambda law, bond, now, m, i, j, k, f: 0.0,
+    "intermediate_pass": lambda law, bond, now, i, j, k, m, more: None,
+    "finish_intermediate_pass": lambda law, i, m, more: None,
+    "may_fail": lambda law, i, m: False,
+    "fails": lambda law, bond, now, m, i, j, k: False,
+    "failure_stretch": lambda law, bond, now, m, i, j, k: -1.0,
+    "update_history": lambda law, bonds, now, i, m: None,
+    "nodal_energy": lambda law, i, m: (0.0, 0.0),
+}
 
 GROWTH = 1e-9  # of the stretch in a step: less may be round-off
 
@@ -296,51 +269,47 @@ def bound_functions(columns: Any) -> dict[str, Function]:
 
 def functions_of(law: Law) -> dict[str, Function]:
     """The functions of a law by the names of this file, with defaults for those it does not have."""
-    passes = law.passes
-    functions: dict[str, Function] = {"energy": law.energy, "update_bond": law.update_bond or _update_no_bond}
-    if isinstance(passes, Passes):
-        functions |= {
-            "accumulate_bond_force": passes.accumulate_bond_force,
-            "first_pass": passes.first_pass or _no_first_pass,
-        }
-        functions["finish_pass"] = passes.finish_pass or _finish_nothing
-    else:
-        functions |= vars(passes) | {"accumulate_bond_force": _accumulate_by_numbers, "first_pass": _no_first_pass}
-    again = law.again or IntermediatePass(_no_intermediate_pass, _finish_no_intermediate_pass)
-    functions |= {
-        "intermediate_pass": again.intermediate_pass,
-        "finish_intermediate_pass": again.finish_intermediate_pass,
-    }
-    failure = law.failure or Failure(_no_bond_may_fail, _never_fails)
-    functions |= vars(failure) | {"failure_stretch": failure.failure_stretch or _no_failure_stretch}
-    functions |= vars(law.nodes or NodeHistory((), _update_no_history, _no_nodal_energy))
+    functions: dict[str, Function | None] = {"energy": law.energy, "update_bond": law.update_bond}
+    if not isinstance(law.passes, Passes):
+        functions["accumulate_bond_force"] = _accumulate_by_numbers
+    for part in (law.passes, law.again, law.failure, law.nodes):
+        functions |= {} if part is None else vars(part)
     curve = law.pair or law.curve
     if curve is not None:
         functions |= _of_pair(curve)
     if law.lanes is not None:
         functions |= {"finish_sums": law.lanes.finish_sums, "margin": law.lanes.margin}
-    return functions
+    return _DEFAULTS | {name: function for name, function in functions.items() if function is not None}
 
 
 def _of_pair(pair: Pair) -> dict[str, Function]:
     """The functions of a pair law."""
-    softens = pair.softening is not None
-    by_secant = _energy_by_secant_of_tension if pair.elastic_in_compression else _energy_by_secant
-    straight = by_secant if softens else _energy_by_line
+    one_sided = pair.elastic_in_compression
     functions: dict[str, Function] = {
-        "secant": pair.secant or _one,
-        "bond_strain_energy": pair.bond_strain_energy or straight,
-    }
-    functions |= vars(pair.softening or Softening(_dissipate_nothing, _energy_at_limit, _slope_without_softening))
-    line = _force_if_stretched if pair.elastic_in_compression else _force_by_secant
-    functions |= {
+        "secant": pair.secant or (lambda law, stretch, worst, peak, limit: 1.0),
         "matching_force": _match_work,
-        "force_over_stiffness": _force_of_curve if pair.is_curved else line,
+        "force_over_stiffness": _force_if_stretched if one_sided else _force_by_secant,
     }
-    if softens:
-        functions["dissipated_at_break"] = _dissipated_softly
+    if pair.is_curved:
+        functions["force_over_stiffness"] = lambda law, stretch, worst, peak, limit: (
+            stretch * secant(law, stretch, worst, peak, limit)
+        )
+    if pair.softening is None:
+        functions |= {
+            "bond_strain_energy": lambda law, c, stretch, worst, peak, limit: c * stretch * stretch,
+            "dissipated_energy": lambda law, c, worst, peak, limit: 0.0,
+            "total_dissipated_energy": lambda law, c, peak, limit: bond_strain_energy(law, c, limit, 0.0, peak, limit),
+            "softening_slope": lambda law, worst, peak, limit: 1.0,
+            "dissipated_at_break": lambda law, c, stretch, before, peak, limit: c * (stretch * before),
+        }
+        if pair.is_curved:
+            functions["dissipated_at_break"] = _dissipated_at_once
     else:
-        functions["dissipated_at_break"] = _dissipated_at_once if pair.is_curved else _dissipated_by_line
+        functions |= vars(pair.softening)
+        functions["bond_strain_energy"] = _energy_by_secant_of_tension if one_sided else _energy_by_secant
+        functions["dissipated_at_break"] = _dissipated_softly
+    if pair.bond_strain_energy is not None:
+        functions["bond_strain_energy"] = pair.bond_strain_energy
     return functions
 
 
@@ -349,14 +318,6 @@ def _accumulate_by_numbers(law, bond, now, m, i, j, k, f):  # type: ignore[no-un
     force = bond_force(law, bond, numbers(law, i, j, k), node_numbers, neighbour_numbers)
     for a in range(len(force)):
         f[a] += force[a]
-
-
-def _one(law, stretch, worst, peak, limit):  # type: ignore[no-untyped-def]
-    return 1.0
-
-
-def _energy_by_line(law, c, stretch, worst, peak, limit):  # type: ignore[no-untyped-def]
-    return c * stretch * stretch
 
 
 def _energy_by_secant(law, c, stretch, worst, peak, limit):  # type: ignore[no-untyped-def]
@@ -369,22 +330,6 @@ def _energy_by_secant_of_tension(law, c, stretch, worst, peak, limit):  # type: 
     if worst > 0 and stretch > 0:
         c *= secant(law, stretch, worst, peak, limit)
     return c * stretch * stretch
-
-
-def _dissipate_nothing(law, c, worst, peak, limit):  # type: ignore[no-untyped-def]
-    return 0.0
-
-
-def _energy_at_limit(law, c, peak, limit):  # type: ignore[no-untyped-def]
-    return bond_strain_energy(law, c, limit, 0.0, peak, limit)
-
-
-def _slope_without_softening(law, worst, peak, limit):  # type: ignore[no-untyped-def]
-    return 1.0
-
-
-def _dissipated_by_line(law, c, stretch, before, peak, limit):  # type: ignore[no-untyped-def]
-    return c * (stretch * before)
 
 
 def _dissipated_at_once(law, c, stretch, before, peak, limit):  # type: ignore[no-untyped-def]
@@ -410,10 +355,6 @@ def _force_if_stretched(law, stretch, worst, peak, limit):  # type: ignore[no-un
     if worst > 0 and stretch > 0:
         force *= secant(law, stretch, worst, peak, limit)
     return force
-
-
-def _force_of_curve(law, stretch, worst, peak, limit):  # type: ignore[no-untyped-def]
-    return stretch * secant(law, stretch, worst, peak, limit)
 
 
 def _match_work(law, stretch, before, worst, peak, limit):  # type: ignore[no-untyped-def]

@@ -59,8 +59,7 @@ class ExponentialColumns(CohesiveMicropolarColumns):
 
 def shear_of(model: Model, bonds: Bonds) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Stiffness (b,) of bonds, N/m^3, and r (b,), from those of springs; at an interface the mean of both ends."""
-    source = np.repeat(np.arange(len(bonds.start) - 1), np.diff(bonds.start))
-    ratio = model.settings.horizon.ratio
+    source, ratio = bonds.source, model.settings.horizon.ratio
     constants = np.array([(material.E, *sheared(material, ratio)) for material in model.materials])
     (E, c, r), (E_j, c_j, r_j) = constants[model.material_of][source].T, constants[model.material_of][bonds.neighbour].T
     share = (E * c + E_j * c_j) / (E + E_j)
@@ -85,9 +84,8 @@ def columns_of(kind: type[Any]) -> Callable[[Model, Bonds], Any]:
 
 def scale(law: CohesiveMicropolarColumns, bonds: Bonds) -> NDArray[np.float64]:
     """Relative stiffness of nodes (n,), N/m^4."""
-    source = np.repeat(np.arange(len(law.turn)), np.diff(bonds.start))
     length = np.sqrt((bonds.xi.astype(float) ** 2).sum(axis=1))
-    return np.bincount(source, law.stiffness * (1 + law.ratio) / length, minlength=len(law.turn)).astype(float)
+    return np.bincount(bonds.source, law.stiffness * (1 + law.ratio) / length, minlength=len(law.turn)).astype(float)
 
 
 @njit(**INLINE)

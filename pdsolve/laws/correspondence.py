@@ -80,15 +80,14 @@ class CorrespondenceColumns(NamedTuple):
     least: float  # the least limit of all
     d: int
     horizon: NDArray[np.float64]  # (n,) m
-    stiffest: NDArray[
-        np.float64
-    ]  # (1,) largest q, times the horizon squared, with which torn families have all of their stress
+    # (1,) largest q, times the horizon squared, with which torn families have all of their stress
+    stiffest: NDArray[np.float64]
 
 
 def columns(model: Model, bonds: Bonds) -> CorrespondenceColumns:
     """Columns of these bonds (b,) and their nodes."""
     kind, d, nodes = bonds.xi.dtype, bonds.xi.shape[1], len(bonds.start) - 1
-    source = np.repeat(np.arange(nodes), np.diff(bonds.start))
+    source = bonds.source
     total = np.bincount(source, bonds.weight, minlength=nodes).astype(float)
     solid, first = solid_of(model, kind, d), model.materials[0]
     control = silling(model, total, d) if first.control == "silling" else np.zeros(nodes)
@@ -191,8 +190,7 @@ def torn_stiffness(law: CorrespondenceColumns, start: NDArray[np.float64]) -> ND
 def scale(law: CorrespondenceColumns, bonds: Bonds) -> NDArray[np.float64]:
     """Relative stiffness of nodes (n,), N/m^4."""
     trace = law.inverse[:, :: law.d + 1].sum(axis=1)
-    source = np.repeat(np.arange(len(trace)), np.diff(bonds.start))
-    total = np.bincount(source, law.weight, minlength=len(trace))
+    total = np.bincount(bonds.source, law.weight, minlength=len(trace))
     usual = np.median(trace * total)
     return np.asarray((law.solid.first + 2 * law.solid.shear) * usual + 0 * trace)
 
@@ -293,8 +291,7 @@ def lifted(m, i, at, d):  # type: ignore[no-untyped-def]
 
 def tabled(law: CorrespondenceColumns, bonds: Bonds) -> Tabled:
     """Data of bonds (b,) for the block kernels."""
-    source = np.repeat(np.arange(len(law.control)), np.diff(bonds.start))
-    return watched(law, (law.weight, law.control[source] + law.control[bonds.neighbour]), nodal_count=4)
+    return watched(law, (law.weight, law.control[bonds.source] + law.control[bonds.neighbour]), nodal_count=4)
 
 
 def watched(law: CorrespondenceColumns, columns: tuple[NDArray[np.floating], ...], nodal_count: int) -> Tabled:

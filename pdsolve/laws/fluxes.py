@@ -44,18 +44,6 @@ class Dissolution(NamedTuple):
     broken: None = None
 
 
-def _number(law, i, j, k):  # type: ignore[no-untyped-def]
-    return (law.g[k],)
-
-
-def _nothing(law, xi, none):  # type: ignore[no-untyped-def]
-    return none, none
-
-
-def _bring(law, bond, c, sums):  # type: ignore[no-untyped-def]
-    return sums[1], fused(c[0], bond.far_end[0], sums[0])
-
-
 def _differ(law, bond, c, sums):  # type: ignore[no-untyped-def]
     difference = bond.far_end[1] - bond.near_end[1]
     return sums[1], fused(c[0] * bond.far_end[0], np.sqrt(difference * difference), sums[0])
@@ -72,22 +60,22 @@ def _dissolve(law, bond, c, sums):  # type: ignore[no-untyped-def]
     return sums[1], fused(factor * c[0] * V, neighbour_concentration - concentration, sums[0])
 
 
+def _bring(law, bond, c, sums):  # type: ignore[no-untyped-def]
+    return sums[1], fused(c[0], bond.far_end[0], sums[0])
+
+
 def _join(law, i, m):  # type: ignore[no-untyped-def]
     m[i, 0] += m[i, 1]
-
-
-def _times_diffusivity(law, sums, node_constants):  # type: ignore[no-untyped-def]
-    return (node_constants[0] * (sums[0] + sums[1]),)
 
 
 for _law, _accumulate in ((Conduction, _bring), (Contrast, _differ), (Dissolution, _dissolve)):
     bind_functions(
         _law,
         {
-            "numbers": _number,
-            "initial_sums": _nothing,
+            "numbers": lambda law, i, j, k: (law.g[k],),
+            "initial_sums": lambda law, xi, none: (none, none),
             "accumulate": _accumulate,
             "finish_pass": _join,
-            "finish_sums": _times_diffusivity,
+            "finish_sums": lambda law, sums, node_constants: (node_constants[0] * (sums[0] + sums[1]),),
         },
     )

@@ -63,7 +63,7 @@ class HigherOrderCorrespondenceColumns(NamedTuple):
 def columns(model: Model, bonds: Bonds) -> HigherOrderCorrespondenceColumns:
     """Columns of these bonds (b,) and their nodes. Raises ModelError for an order that no family can determine."""
     kind, d, nodes = bonds.xi.dtype, bonds.xi.shape[1], len(bonds.start) - 1
-    source, first = np.repeat(np.arange(nodes), np.diff(bonds.start)), model.materials[0]
+    source, first = bonds.source, model.materials[0]
     total = np.bincount(source, bonds.weight, minlength=nodes).astype(float)
     solid, constant = solid_of(model, kind, d), first.constant_term
     wide = len(powers(first.order, d)) + constant
@@ -163,7 +163,12 @@ def _refit(law: HigherOrderCorrespondenceColumns, bonds: AnyList, rows: NDArray[
                 break
             order -= 1
         if order == 0 and not intact.all():
-            Q = _spanned(xi, root, itself, law.horizon[i])
+            linear, roots = xi / law.horizon[i], root
+            if itself > 0:
+                linear, roots = np.vstack([linear, np.zeros((1, xi.shape[1]))]), np.append(root, itself)
+                linear = np.column_stack([np.ones(len(linear)), linear])
+            U, sizes, _ = np.linalg.svd(roots[:, None] * linear, full_matrices=False)
+            Q = np.asarray(U[:, sizes > CARRIED * sizes.max(initial=0.0)])
         share = 0.0 if order == 0 else 1.0 if q <= limit else (limit / q) ** POWER
         law.share[i] = np.floor(share) if law.history.shape[1] else share
         most = max(most, q)
@@ -173,16 +178,6 @@ def _refit(law: HigherOrderCorrespondenceColumns, bonds: AnyList, rows: NDArray[
         law.own[i, : Q.shape[1]] = Q[len(xi)] if len(Q) > len(xi) else 0
         law.t[i, : len(t)] = t
     return most
-
-
-def _spanned(xi: NDArray[np.float64], root: NDArray[np.float64], itself: float, horizon: float) -> NDArray[np.float64]:
-    """Q (k, p) of a family that determines no gradient, so that the control resists no linear displacement."""
-    linear, roots = xi / horizon, root
-    if itself > 0:
-        linear, roots = np.vstack([linear, np.zeros((1, xi.shape[1]))]), np.append(root, itself)
-        linear = np.column_stack([np.ones(len(linear)), linear])
-    U, sizes, _ = np.linalg.svd(roots[:, None] * linear, full_matrices=False)
-    return np.asarray(U[:, sizes > CARRIED * sizes.max(initial=0.0)])
 
 
 def scale(law: HigherOrderCorrespondenceColumns, bonds: Bonds) -> NDArray[np.float64]:

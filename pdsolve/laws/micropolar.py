@@ -46,7 +46,7 @@ def columns(model: Model, bonds: Bonds) -> MicropolarColumns:
     """Columns of these bonds (b,). Raises ModelError in space."""
     if bonds.xi.shape[1] != 2:
         raise ModelError(f"{model.place_of(0)}.model is 'micropolar' in space; use it in the plane")
-    source = np.repeat(np.arange(len(bonds.start) - 1), np.diff(bonds.start))
+    source = bonds.source
     horizon = np.broadcast_to(model.horizons, len(bonds.start) - 1)
     reach, length = (horizon[source] + horizon[bonds.neighbour]) / 2, np.hypot(*bonds.xi.T.astype(float))
     constants = np.array([stiffnesses(material.E, material.nu or 0.0, material.plane) for material in model.materials])
@@ -92,8 +92,7 @@ def unknowns(dimension: int) -> tuple[Unknown, ...]:
 
 def scale(law: MicropolarColumns, bonds: Bonds) -> NDArray[np.float64]:
     """Relative stiffness of nodes (n,), N/m^4."""
-    source = np.repeat(np.arange(len(law.turn)), np.diff(bonds.start))
-    return np.bincount(source, law.along + law.across, minlength=len(law.turn)).astype(float)
+    return np.bincount(bonds.source, law.along + law.across, minlength=len(law.turn)).astype(float)
 
 
 def rows(law: MicropolarColumns, dimension: int) -> int:

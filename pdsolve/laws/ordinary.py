@@ -69,7 +69,7 @@ def columns(model: Model, bonds: Bonds, corrected: bool = True) -> OrdinaryState
     dimension, exact = bonds.xi.shape[1], bonds._replace(xi=bonds.xi.astype(float), weight=bonds.weight.astype(float))
     bulk, shear = (values[model.material_of] for values in np.array([_moduli(m, dimension) for m in model.materials]).T)
     dilating, shearing = (_weights if corrected else _plain_weights)(exact)
-    source = np.repeat(np.arange(len(bonds.start) - 1), np.diff(bonds.start))
+    source = bonds.source
     back = find(bonds, bonds.neighbour.astype(np.int64), source)
     ratio = exact.weight / exact.weight[back]  # V_j / V_i, as influence and share are the same both ways
     shearing = shear[source] * shearing
@@ -104,7 +104,7 @@ def rows(law: OrdinaryStateBasedColumns, dimension: int) -> int:
 
 def _plain_weights(bonds: Bonds) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """D and S (b,) as if all families were full."""
-    source, d = _sources(bonds), bonds.xi.shape[1]
+    source, d = bonds.source, bonds.xi.shape[1]
     squared = (bonds.xi**2).sum(axis=1)
     m = np.bincount(source, bonds.weight * squared, minlength=len(bonds.start) - 1)[source]
     return d / m * bonds.weight * np.sqrt(squared), d * (d + 2) / (2 * m) * bonds.weight
@@ -116,45 +116,35 @@ def _weights(bonds: Bonds) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     for node in range(0, len(bonds.start) - 1, TOGETHER):
         start = bonds.start[node : node + TOGETHER + 1]
         bond_range = slice(start[0], start[-1])
-        weights[:, bond_range] = _weights_of(
-            bonds._replace(start=start - start[0], xi=bonds.xi[bond_range], weight=bonds.weight[bond_range])
+        part = bonds._replace(start=start - start[0], xi=bonds.xi[bond_range], weight=bonds.weight[bond_range])
+        source, d, nodes = part.source, part.xi.shape[1], len(part.start) - 1
+        length = np.sqrt((part.xi**2).sum(axis=1))
+        # Components of n n^T, off-diagonal ones doubled, and of its traceless part in an orthonormal basis
+        n = part.xi / length[:, None]
+        off = [n[:, a] * n[:, b] for a in range(d) for b in range(a + 1, d)]
+        traceless = [(n[:, 0] ** 2 - n[:, 1] ** 2) / np.sqrt(2)]
+        if d == 3:
+            traceless.append((n[:, 0] ** 2 + n[:, 1] ** 2 - 2 * n[:, 2] ** 2) / np.sqrt(6))
+        root = np.sqrt(2)
+        nn, y = (
+            np.column_stack([*(n.T**2), *(2 * x for x in off)]),
+            np.column_stack([*traceless, *(root * x for x in off)]),
         )
+        share, trace = part.weight * length**2, np.zeros(nn.shape[1])
+        trace[:d] = 1
+        B = _least(_moments(source, nodes, share, nn), np.broadcast_to(trace, (nodes, len(trace))))
+        dilating = part.weight * length * np.einsum("ba,ba->b", nn, B[source])
+        first, second = np.triu_indices(y.shape[1])
+        products = y[:, first] * y[:, second]
+        wanted = np.broadcast_to((first == second).astype(float), (nodes, len(first)))
+        A = _least(_moments(source, nodes, share, products), wanted)
+        factor = np.einsum("ba,ba->b", products, A[source])
+        least = LEAST * d * (d + 2) / (2 * np.bincount(source, share, minlength=nodes)[source])
+        shearing = np.maximum(factor, least)
+        raised = np.bincount(source, factor < least, minlength=nodes) > 0
+        mean = np.bincount(source, share * shearing * (y**2).sum(axis=1), minlength=nodes) / y.shape[1]
+        weights[:, bond_range] = dilating, part.weight * shearing / np.where(raised, mean, 1.0)[source]
     return weights[0], weights[1]
-
-
-def _weights_of(bonds: Bonds) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """D and S (b,) of whole families, of which nothing but `start`, `xi` and `weight` is read."""
-    source, d, nodes = _sources(bonds), bonds.xi.shape[1], len(bonds.start) - 1
-    length = np.sqrt((bonds.xi**2).sum(axis=1))
-    nn, y = _dyads(bonds.xi / length[:, None])
-    share, trace = bonds.weight * length**2, np.zeros(nn.shape[1])
-    trace[:d] = 1
-    B = _least(_moments(source, nodes, share, nn), np.broadcast_to(trace, (nodes, len(trace))))
-    dilating = bonds.weight * length * np.einsum("ba,ba->b", nn, B[source])
-    first, second = np.triu_indices(y.shape[1])
-    products = y[:, first] * y[:, second]
-    wanted = np.broadcast_to((first == second).astype(float), (nodes, len(first)))
-    A = _least(_moments(source, nodes, share, products), wanted)
-    factor = np.einsum("ba,ba->b", products, A[source])
-    least = LEAST * d * (d + 2) / (2 * np.bincount(source, share, minlength=nodes)[source])
-    shearing = np.maximum(factor, least)
-    raised = np.bincount(source, factor < least, minlength=nodes) > 0
-    mean = np.bincount(source, share * shearing * (y**2).sum(axis=1), minlength=nodes) / y.shape[1]
-    return dilating, bonds.weight * shearing / np.where(raised, mean, 1.0)[source]
-
-
-def _dyads(n: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Components of n n^T (b, d (d + 1) / 2), off-diagonal ones doubled, and of its traceless part.
-
-    The latter are in an orthonormal basis (b, d (d + 1) / 2 - 1).
-    """
-    d = n.shape[1]
-    off = [n[:, a] * n[:, b] for a in range(d) for b in range(a + 1, d)]
-    traceless = [(n[:, 0] ** 2 - n[:, 1] ** 2) / np.sqrt(2)]
-    if d == 3:
-        traceless.append((n[:, 0] ** 2 + n[:, 1] ** 2 - 2 * n[:, 2] ** 2) / np.sqrt(6))
-    root = np.sqrt(2)
-    return np.column_stack([*(n.T**2), *(2 * x for x in off)]), np.column_stack([*traceless, *(root * x for x in off)])
 
 
 def _moments(
@@ -179,23 +169,14 @@ def _least(moments: NDArray[np.float64], wanted: NDArray[np.float64]) -> NDArray
 
 def scale(law: OrdinaryStateBasedColumns, bonds: Bonds) -> NDArray[np.float64]:
     """Relative stiffness of nodes (n,), N/m^4."""
-    source, nodes = _sources(bonds), len(bonds.start) - 1
+    source, nodes = bonds.source, len(bonds.start) - 1
     squared = np.bincount(source, law.weight * (bonds.xi**2).sum(axis=1), minlength=nodes)
     weight = np.bincount(source, law.weight, minlength=nodes)
     return np.asarray((law.bulk + law.shear) * np.divide(weight, squared, out=np.zeros(nodes), where=squared > 0))
 
 
-def _sources(bonds: Bonds) -> NDArray[np.int64]:
-    return np.repeat(np.arange(len(bonds.start) - 1), np.diff(bonds.start))
-
-
 def numbers(law, i, j, k):  # type: ignore[no-untyped-def]
-    return (
-        law.shearing[k],
-        law.shearing_back[k],
-        law.dilating[k],
-        law.dilating_back[k],
-    )
+    return (law.shearing[k], law.shearing_back[k], law.dilating[k], law.dilating_back[k])
 
 
 def initial_sums(law, xi, none):  # type: ignore[no-untyped-def]

@@ -38,15 +38,7 @@ from pdsolve.laws.materials.tensors import (
     symmetric,
     transposed,
 )
-from pdsolve.laws.small_tensors import (
-    blank_moments,
-    mapped,
-    mapped_both,
-    product,
-    square,
-    summed,
-    with_moments,
-)
+from pdsolve.laws.small_tensors import blank_moments, mapped, mapped_both, product, square, summed, with_moments
 from pdsolve.model import Model
 
 LINEAR_PART = 1e-5  # of the terms of a sum: more is not round-off, even in single precision
@@ -76,10 +68,17 @@ class PlasticCorrespondenceColumns(NamedTuple):
 
 def columns(model: Model, bonds: Bonds) -> PlasticCorrespondenceColumns:
     """Columns of these bonds (b,) and their nodes."""
-    elastic, nodes = correspondence.columns(model, bonds), len(bonds.start) - 1
-    source, slip = np.repeat(np.arange(nodes), np.diff(bonds.start)), np.zeros_like(bonds.xi.T, order="C")
+    elastic, source, slip = correspondence.columns(model, bonds), bonds.source, np.zeros_like(bonds.xi.T, order="C")
     shared = {name: getattr(elastic, name) for name in PlasticCorrespondenceColumns._fields if hasattr(elastic, name)}
-    initial_control = _control(model, elastic)
+    d, unit = elastic.d, np.eye(elastic.d).ravel()
+    if model.materials[0].control != "wan":
+        initial_control = np.asarray(elastic.control[:, None] * unit, elastic.control.dtype)
+    else:
+        first, twice = elastic.solid.first, 2 * elastic.solid.shear
+        if elastic.solid.plane_stress:
+            first = first * twice / (first + twice)
+        trace = first * elastic.inverse[:, :: d + 1].sum(axis=1)
+        initial_control = np.asarray(trace[:, None] * unit + twice[:, None] * elastic.inverse, elastic.control.dtype)
     return PlasticCorrespondenceColumns(
         **shared
         | {
@@ -90,18 +89,6 @@ def columns(model: Model, bonds: Bonds) -> PlasticCorrespondenceColumns:
             "back": find(bonds, bonds.neighbour.astype(np.int64), source),
         }
     )
-
-
-def _control(model: Model, law: correspondence.CorrespondenceColumns) -> NDArray[np.floating]:
-    """Z (n, d d) of whole families."""
-    d, unit = law.d, np.eye(law.d).ravel()
-    if model.materials[0].control != "wan":
-        return np.asarray(law.control[:, None] * unit, law.control.dtype)
-    first, twice = law.solid.first, 2 * law.solid.shear
-    if law.solid.plane_stress:
-        first = first * twice / (first + twice)
-    trace = first * law.inverse[:, :: d + 1].sum(axis=1)
-    return np.asarray(trace[:, None] * unit + twice[:, None] * law.inverse, law.control.dtype)
 
 
 def update_after_breakage(law: PlasticCorrespondenceColumns, bonds: AnyList, rows: NDArray[np.int64]) -> None:
@@ -166,7 +153,14 @@ def finish_pass(law, i, m):  # type: ignore[no-untyped-def]
     P = _put_response(law, i, m, 3 * g, h, deviation_square)
     c = m[i, _behind(law)]
     if _turns(law, i):
-        P = summed(P, _couple(h, R, product(Z, difference(M, D)), c))
+        N = product(Z, difference(M, D))
+        U, none = symmetric(product(transposed(R), grown(h))), h[0] * 0
+        G = inverse(full((U[1] + U[2], U[0] + U[2], U[0] + U[1], -U[3], -U[4], -U[5])))
+        t = (c * (N[5] - N[7]), c * (N[6] - N[2]), c * (N[1] - N[3]))
+        x = G[0] * t[0] + G[1] * t[1] + G[2] * t[2]
+        y = G[3] * t[0] + G[4] * t[1] + G[5] * t[2]
+        z = G[6] * t[0] + G[7] * t[1] + G[8] * t[2]
+        P = summed(P, product(R, (none, -z, y, z, none, -x, -y, x, none)))
     RZ = product(R, Z)
     Y = product(RZ, transposed(R))
     A = difference(product(P, back), _scaled(c, product(Y, h)))
@@ -203,18 +197,6 @@ def _rotation(law, i, h):  # type: ignore[no-untyped-def]
     none = h[0] * 0
     unit = none + 1
     return (unit, none, none, none, unit, none, none, none, unit)
-
-
-@njit(**INNER)
-def _couple(h, R, N, c):  # type: ignore[no-untyped-def]
-    """R [g], nine components; N is Z times the sum of w y (R^T z)^T."""
-    U, none = symmetric(product(transposed(R), grown(h))), h[0] * 0
-    G = inverse(full((U[1] + U[2], U[0] + U[2], U[0] + U[1], -U[3], -U[4], -U[5])))
-    t = (c * (N[5] - N[7]), c * (N[6] - N[2]), c * (N[1] - N[3]))
-    x = G[0] * t[0] + G[1] * t[1] + G[2] * t[2]
-    y = G[3] * t[0] + G[4] * t[1] + G[5] * t[2]
-    z = G[6] * t[0] + G[7] * t[1] + G[8] * t[2]
-    return product(R, (none, -z, y, z, none, -x, -y, x, none))
 
 
 @njit(**INNER)

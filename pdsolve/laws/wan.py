@@ -31,15 +31,7 @@ from pdsolve.laws.correspondence import (
 )
 from pdsolve.laws.law import INLINE, INNER, Failure, Lanes, Law, NodeHistory, Sums
 from pdsolve.laws.materials.solid import NEO_HOOKE, SVK
-from pdsolve.laws.materials.tensors import (
-    difference,
-    full,
-    grown,
-    inverse,
-    rotation,
-    symmetric,
-    transposed,
-)
+from pdsolve.laws.materials.tensors import difference, full, grown, inverse, rotation, symmetric, transposed
 from pdsolve.laws.small_tensors import (
     blank_square,
     blank_symmetric,

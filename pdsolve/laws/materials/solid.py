@@ -97,7 +97,8 @@ def respond(solid, i, h, deviation_square):  # type: ignore[no-untyped-def]
         E = neo_hooke.strain(h, first, shear, solid.plane_stress)
         return _finite(neo_hooke.stress(h, E, first, shear), h, E, solid.plane_stress)
     if kind == J2:
-        e = _elastic(solid, i, h)
+        s, p = symmetric(h), solid.history[i]
+        e = (s[0] - p[0], s[1] - p[1], s[2] - p[2], s[3] - p[3], s[4] - p[4], s[5] - p[5])  # the elastic strain
         trial, alpha = hooke(first, shear, e), solid.history[i, ALPHA_TOTAL]
         zz = h[0] * 0
         if solid.plane_stress:
@@ -202,13 +203,6 @@ def _put(row, at, values):  # type: ignore[no-untyped-def]
     for value in literal_unroll(values):  # some of which are of double precision where others are not
         row[at] = value
         at += 1
-
-
-@njit(**INNER)
-def _elastic(solid, i, h):  # type: ignore[no-untyped-def]
-    """The elastic strain, six components: total minus plastic."""
-    e, p = symmetric(h), solid.history[i]
-    return (e[0] - p[0], e[1] - p[1], e[2] - p[2], e[3] - p[3], e[4] - p[4], e[5] - p[5])
 
 
 @njit(**INNER)
