@@ -125,7 +125,15 @@ def warn_of_model(model: Model, unbonded: NDArray[np.int64], partial_cells: bool
             f"$.regions: E goes from {softest:g} to {stiffest:g} Pa, and the thesis mode needs one E: a bond has"
             " the constants of its own node there, and carries no stress from one material to the other",
         )
-    _digits(model)
+    farthest, least = float(np.abs(_ends(model.grid)).max()), float(model.horizons.min())
+    precision = float(np.spacing(farthest))
+    needed = ROUND_OFF * least / 4  # both ends of a bond, up and down
+    if precision > needed:
+        warn(
+            model,
+            f"$.nodes: coordinates up to {farthest:.3g} m are known to {precision:.2g} m, and horizons of {least:.3g} m"
+            f" need {needed:.2g} m: round-off decides who sees whom; move the plate to the origin",
+        )
     if model.grid.lattice is None:
         _places(model, nearest(model))
     lonely = np.setdiff1d(unbonded, _cracks(model))
@@ -138,7 +146,15 @@ def warn_of_model(model: Model, unbonded: NDArray[np.int64], partial_cells: bool
         )
     _shapes(model)
     _probes(model)
-    _coarse(model)
+    for number, material in enumerate(model.materials):
+        if material.law == "cohesive":
+            widest, most = _widest(model, number), COARSE * characteristic_length(material)
+            if widest > most:
+                warn(
+                    model,
+                    f"$.horizon is {widest:g} m, more than {most:.4g} m, {COARSE:.2g} of l_ch = E G0 / f_t^2:"
+                    " strengths of coarser lattices are not known; use a finer spacing",
+                )
     for remark_on_material in material_checks.remarks(model):
         warn(model, remark_on_material)
     _smooth_edges(model)
@@ -174,19 +190,6 @@ def _few_neighbours(model: Model, partial_cells: bool, symmetric: bool) -> None:
 def _widest(model: Model, number: int) -> float:
     """The largest horizon of the nodes of a material, m."""
     return float(np.max(model.horizons[model.material_of == number], initial=0.0))
-
-
-def _coarse(model: Model) -> None:
-    """Warn of horizons at which the strength and the energy of cohesive bonds were not measured."""
-    for number, material in enumerate(model.materials):
-        if material.law == "cohesive":
-            widest, most = _widest(model, number), COARSE * characteristic_length(material)
-            if widest > most:
-                warn(
-                    model,
-                    f"$.horizon is {widest:g} m, more than {most:.4g} m, {COARSE:.2g} of l_ch = E G0 / f_t^2:"
-                    " strengths of coarser lattices are not known; use a finer spacing",
-                )
 
 
 def _smooth_edges(model: Model) -> None:
@@ -227,19 +230,6 @@ def named(model: Model, row: int) -> str:
     node = model.grid.part(np.array([row]))
     place = ", ".join(f"{value:.6g}" for value in node.position[0])
     return f"node {node.ids[0]} at ({place}) m"
-
-
-def _digits(model: Model) -> None:
-    """Warn of plates so far from the origin that round-off decides who is within whose horizon."""
-    farthest, least = float(np.abs(_ends(model.grid)).max()), float(model.horizons.min())
-    precision = float(np.spacing(farthest))
-    needed = ROUND_OFF * least / 4  # both ends of a bond, up and down
-    if precision > needed:
-        warn(
-            model,
-            f"$.nodes: coordinates up to {farthest:.3g} m are known to {precision:.2g} m, and horizons of {least:.3g} m"
-            f" need {needed:.2g} m: round-off decides who sees whom; move the plate to the origin",
-        )
 
 
 def _places(model: Model, nearest: Nearest) -> None:

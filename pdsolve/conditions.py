@@ -26,7 +26,6 @@ from pdmesh.model.document import (
 from pdmesh.model.kd_trees import tree_of
 from pdmesh.model.load_resultants import shares_of
 from pdmesh.model.material_constants import pressure_speed
-from pdmesh.model.node_arrays import Grid
 from pdmesh.model.rigid_bodies import first_velocities, rigid_velocities
 from pdmesh.model.selection import components
 from pdsolve.model import Model, ModelError
@@ -162,7 +161,14 @@ def damping(model: Model, first: int = 0, last: int | None = None) -> NDArray[np
         if isinstance(condition, Absorb):
             rows = model.selected(condition)
             speed = np.array([pressure_speed(material) for material in model.materials])[model.material_of[rows]]
-            depth = _depths(model.grid, rows)
+            position = model.grid.part(rows).position
+            if model.grid.lattice is None:
+                others = np.delete(model.grid.position, rows, axis=0)
+            else:  # the nearest one is beside a node of these rows
+                margin = BESIDE * model.grid.lattice.spacing
+                around = model.grid.chosen(None, [*(position.min(axis=0) - margin), *(position.max(axis=0) + margin)])
+                others = model.grid.part(np.setdiff1d(around, rows, assume_unique=True)).position
+            depth = np.asarray(tree_of(others).query(position)[0])
             layer_depth = condition.depth or depth.max(initial=0.0)
             layer = ABSORBED * speed / layer_depth * np.minimum(depth / layer_depth, 1.0)
             in_range = (rows >= first) & (rows < last)
@@ -173,18 +179,6 @@ def damping(model: Model, first: int = 0, last: int | None = None) -> NDArray[np
             rows = model.selected(condition)
             coefficients[rows[(rows >= first) & (rows < last)] - first] = 0.0
     return coefficients
-
-
-def _depths(grid: Grid, rows: NDArray[np.int64]) -> NDArray[np.float64]:
-    """Distance (k,) of the nodes `rows` (k,) from all others, m."""
-    position = grid.part(rows).position
-    if grid.lattice is None:
-        others = np.delete(grid.position, rows, axis=0)
-    else:  # the nearest one is beside a node of these rows
-        margin = BESIDE * grid.lattice.spacing
-        around = grid.chosen(None, [*(position.min(axis=0) - margin), *(position.max(axis=0) + margin)])
-        others = grid.part(np.setdiff1d(around, rows, assume_unique=True)).position
-    return np.asarray(tree_of(others).query(position)[0])
 
 
 class Areas(Protocol):

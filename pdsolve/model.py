@@ -183,10 +183,8 @@ class Model:
 
     def diffusing_part(self, time_step: float) -> Model:
         """The diffusion of a model that swells, in steps of `time_step`, s."""
-        mine, run = (
-            tuple(condition for condition in self.settings.conditions if isinstance(condition, OfDiffusion)),
-            self.settings.run,
-        )
+        mine = tuple(condition for condition in self.settings.conditions if isinstance(condition, OfDiffusion))
+        run = self.settings.run
         assert self.settings.material is not None
         # nodes begin with the contents T0 of the materials where no condition says another
         every = self.grid.dimension * (-LARGEST,) + self.grid.dimension * (LARGEST,)
@@ -372,7 +370,14 @@ def overlaid(
         value = _toml_value(name, text)
         layers = _without_other_end(layers, _nested(name, value))
         if name == "run.fields" and isinstance(value, str):
-            value = _fields(value, layers["run"])
+            # All, the listed ones, or after a plus the listed ones besides those there are
+            run, fields = layers["run"], value.removeprefix("+").split(",")
+            if value == "all":
+                fields = list(Run().fields)
+            elif value.startswith("+") and isinstance(run, dict):
+                earlier = run.get("fields", Run().fields)
+                fields = [*earlier, *fields] if isinstance(earlier, list | tuple) else fields
+            value = list(dict.fromkeys(fields))
         layers = _laid_over(layers, _nested(name, value))
     try:
         merged = msgspec.convert(layers, Settings)
@@ -434,15 +439,6 @@ def _word(name: str, text: str) -> float | str | None:
         return number_in(text, unit) if unit else text
     except ValueError as error:
         raise ModelError(f"$.{name} is '{text}'; use {error}") from None
-
-
-def _fields(text: str, run: Any) -> list[str]:
-    """Field names in a user's list: all, the listed ones, or after a plus the listed ones besides those `below`."""
-    if text == "all":
-        return list(Run().fields)
-    names = text.removeprefix("+").split(",")
-    below = run.get("fields", Run().fields) if isinstance(run, dict) and text.startswith("+") else ()
-    return list(dict.fromkeys([*below, *names] if isinstance(below, list | tuple) else names))
 
 
 def _nested(name: str, value: Any) -> dict[str, Any]:

@@ -85,26 +85,22 @@ def folder_of(file: str) -> Path:
         folder.mkdir(exist_ok=True)
         os.utime(folder)
         if is_new:
-            _clear(folder)
+            # Unused folders beside this one go: of this file all but a few, of other files the very old ones
+            now, name = time.time(), folder.name.rpartition("-")[0]
+            others = sorted(
+                ((other_folder.stat().st_mtime, other_folder) for other_folder in folder.parent.iterdir()), reverse=True
+            )
+            same = [other_folder for _, other_folder in others if other_folder.name.rpartition("-")[0] == name]
+            for used, other_folder in others:
+                unused = now - used > (DAY if other_folder in same[KEPT:] else UNUSED)
+                if unused and other_folder != folder and other_folder.is_dir():
+                    shutil.rmtree(other_folder, ignore_errors=True)
     return folder
 
 
 def is_kept() -> bool:
     """Whether any kernel of these sources is stored."""
     return any(any(folder_of(file).glob("*.nbi")) for file in kernel_sources.with_kernels())
-
-
-def _clear(folder: Path) -> None:
-    """Remove unused folders beside this one: of this file all but a few, of other files the very old ones."""
-    now, name = time.time(), folder.name.rpartition("-")[0]
-    others = sorted(
-        ((other_folder.stat().st_mtime, other_folder) for other_folder in folder.parent.iterdir()), reverse=True
-    )
-    same = [other_folder for _, other_folder in others if other_folder.name.rpartition("-")[0] == name]
-    for used, other_folder in others:
-        unused = now - used > (DAY if other_folder in same[KEPT:] else UNUSED)
-        if unused and other_folder != folder and other_folder.is_dir():
-            shutil.rmtree(other_folder, ignore_errors=True)
 
 
 class _Locator(_SourceFileBackedLocatorMixin, _CacheLocator):
@@ -182,11 +178,19 @@ class _Cache(FunctionCache):
         if kernel is None:
             with suppress(OSError):
                 lock = ExitStack()
-                lock.enter_context(self._cache_file.alone(f".{_short(sig)}", WAIT))
+                lock.enter_context(
+                    self._cache_file.alone(f".{hashlib.sha256(str(sig).encode()).hexdigest()[:16]}", WAIT)
+                )
                 self._compiling[str(sig)] = lock
                 kernel = self._loaded(sig, target_context)  # another process may have kept it meanwhile
         if kernel is None:
-            _leave_out_blas()
+            blas = "scipy.linalg.cython_blas"
+            if blas not in sys.modules:
+                sys.modules[blas] = None  # type: ignore[assignment]
+                try:
+                    import numba.np.arraymath  # noqa: F401
+                finally:
+                    del sys.modules[blas]
         else:
             self._release(sig)
         return kernel
@@ -206,18 +210,3 @@ class _Cache(FunctionCache):
     def _release(self, sig: Any) -> None:
         if (lock := self._compiling.pop(str(sig), None)) is not None:
             lock.close()
-
-
-def _leave_out_blas() -> None:
-    """Load numba's array support without SciPy's BLAS: no kernel uses it, and its import is slow."""
-    blas = "scipy.linalg.cython_blas"
-    if blas not in sys.modules:
-        sys.modules[blas] = None  # type: ignore[assignment]
-        try:
-            import numba.np.arraymath  # noqa: F401
-        finally:
-            del sys.modules[blas]
-
-
-def _short(sig: Any) -> str:
-    return hashlib.sha256(str(sig).encode()).hexdigest()[:16]

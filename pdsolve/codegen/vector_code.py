@@ -68,15 +68,12 @@ def split(builder: ir.IRBuilder, value: Any) -> list[Any]:
 def join(builder: ir.IRBuilder, parts: list[Any]) -> Any:
     """One vector of the lanes of its parts: one, two or four of them."""
     if len(parts) > 1 and has_feature("avx"):
-        parts = [_hide(builder, part) for part in parts]
+        # The compiler does not see where the parts are from: else it does to one after the other what is done
+        # to all side by side, which takes a tenth longer; its own fence for numbers does not keep it from
+        # that
+        parts = [builder.asm(ir.FunctionType(part.type, [part.type]), "", "=x,0", [part], False) for part in parts]
     while len(parts) > 1:
         count = 2 * parts[0].type.count
         which = ir.Constant(ir.VectorType(_ID, count), [_ID(lane) for lane in range(count)])
         parts = [builder.shuffle_vector(*pair, which) for pair in zip(parts[::2], parts[1::2], strict=True)]
     return parts[0]
-
-
-def _hide(builder: ir.IRBuilder, part: Any) -> Any:
-    """The part, whose origin the compiler does not see: else it does to one part after the other what is done to all
-    side by side, which takes a tenth longer; its own fence for numbers does not keep it from that."""
-    return builder.asm(ir.FunctionType(part.type, [part.type]), "", "=x,0", [part], False)

@@ -72,12 +72,7 @@ def by_release(
 
 
 def by_stress(
-    at: Sampled,
-    tip: NDArray[np.float64],
-    way: NDArray[np.float64],
-    horizon: float,
-    rules: ParticleRules,
-    forks: bool,
+    at: Sampled, tip: NDArray[np.float64], way: NDArray[np.float64], horizon: float, rules: ParticleRules, forks: bool
 ) -> Verdict:
     """Decide by the stress of the nodes ahead, against the strength of the rules; `forks`: whether the crack may
     fork."""

@@ -77,7 +77,15 @@ class Growth:
         due = [(tip, verdict) for tip, verdict in judged if verdict.share >= 1]
         new = self.grow_tips_and_cut_bonds(due, state, step)
         if new and self.every is None:
-            self._watch(max(verdict.share for _, verdict in judged), new, step)
+            # Cracks at rest that run unstably: the farther they run, the larger the driving force
+            share = max(verdict.share for _, verdict in judged)
+            began = self._began if self._began.step == step else _Began(step, share, 0)
+            self._began = began = began._replace(particles=began.particles + new)
+            if began.particles > self._long and share > RISES * began.share:
+                message = f"cracks run on under the same load: after {began.particles} particles a tip feels"
+                message += f" {share:.3g} of what lets it grow, at first {began.share:.3g}"
+                expected = "load steps follow stable growth only; their path from there on is not known in"
+                self.add_warning_once("runs", f"load step {step}: {message}; {expected} quasi-static analysis")
         return new > 0
 
     def evaluate_tips(self, state: State) -> list[tuple[Tip, Verdict]]:
@@ -144,38 +152,21 @@ class Growth:
                 return
             toward = float(np.arctan2(way[1], way[0])) + angle
             place = self._ground.end(tip.place, toward, length, arms(self.particles))
-            if self._folds(tip, place):
+            line, at = [place], tip.particle
+            while self.particles.step[at] > 0:
+                line.append(self.particles.place[at])
+                at = int(self.particles.parent[at])
+            line.append(self.particles.place[at])
+            points = np.array(line)
+            along = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(points, axis=0).T))])
+            straight = np.hypot(*(points - place).T)
+            if bool(((along > BLURRED * self._horizon(tip)) & (straight < FOLDED * along)).any()):
                 self.add_warning_once(
                     f"folds {tip.particle}",
                     f"step {step}: a crack turns back on itself at {_at(tip.place)}, and stops there",
                 )
                 return
             self.particles = grown(self.particles, place, tip.particle, step)
-
-    def _folds(self, tip: Tip, place: NDArray[np.float64]) -> bool:
-        """Whether a crack extended to a place (2,) would return to its own path, over more than two horizons of
-        growth."""
-        line, at = [place], tip.particle
-        while self.particles.step[at] > 0:
-            line.append(self.particles.place[at])
-            at = int(self.particles.parent[at])
-        line.append(self.particles.place[at])
-        points = np.array(line)
-        along = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(points, axis=0).T))])
-        straight = np.hypot(*(points - place).T)
-        return bool(((along > BLURRED * self._horizon(tip)) & (straight < FOLDED * along)).any())
-
-    def _watch(self, share: float, new: int, step: int) -> None:
-        """Remark on cracks at rest that run unstably: the farther they run, the larger the driving force."""
-        began = self._began if self._began.step == step else _Began(step, share, 0)
-        self._began = began = began._replace(particles=began.particles + new)
-        if began.particles > self._long and share > RISES * began.share:
-            message = f"cracks run on under the same load: after {began.particles} particles a tip feels"
-            message += f" {share:.3g} of what lets it grow, at first {began.share:.3g}"
-            expected = (
-                "load steps follow stable growth only; their path from there on is not known in quasi-static analysis"
-            )
-            self.add_warning_once("runs", f"load step {step}: {message}; {expected}")
 
     def _cut(self, new: NDArray[np.float64], state: State, step: int) -> None:
         """Cut the bonds that cross new arms (k, 4)."""
@@ -217,19 +208,6 @@ class Growth:
 
     def restore(self, checkpoint: Mapping[str, NDArray[Any]], broken: Broken) -> None:
         """Restore a checkpoint with these broken bonds. Raises CheckpointError."""
-        particles = self._kept_particles(checkpoint)
-        letters = entry(checkpoint, "particle_remarks", (None,), np.uint8).tobytes()
-        try:
-            self.particles, self._remarks = particles, msgspec.json.decode(letters, type=dict[str, str])
-        except (msgspec.DecodeError, UnicodeDecodeError):
-            raise CheckpointError("'particle_remarks' are none; they must be texts with names") from None
-        near, nodes = self._near, len(self._near.start) - 1
-        near.intact[:] = ~np.isin(near.source * nodes + near.target, broken.source * nodes + broken.target)
-        if self._round is not None:
-            self._reweigh(self._round.share(arms(self.particles)))
-
-    def _kept_particles(self, checkpoint: Mapping[str, NDArray[Any]]) -> Particles:
-        """Particles of a checkpoint: those of pre-cracks, and those grown from them inside the plate."""
         first, position = self._first, self._model.grid.position
         far = float(np.abs(position).max() + self._model.grid.delta.max())
         step = entry(checkpoint, "particle_step", (None,), np.int64, 0, MOST_STEPS)
@@ -245,7 +223,16 @@ class Growth:
         later = np.arange(first, len(step))
         if ((parent[first:] < 0) | (parent[first:] >= later) | (step[first:] < 1)).any() or (np.diff(step) < 0).any():
             raise CheckpointError("a particle grew from none or a later one; it must grow from one before it")
-        return Particles(place, normal, parent, step)
+        particles = Particles(place, normal, parent, step)
+        letters = entry(checkpoint, "particle_remarks", (None,), np.uint8).tobytes()
+        try:
+            self.particles, self._remarks = particles, msgspec.json.decode(letters, type=dict[str, str])
+        except (msgspec.DecodeError, UnicodeDecodeError):
+            raise CheckpointError("'particle_remarks' are none; they must be texts with names") from None
+        near, nodes = self._near, len(self._near.start) - 1
+        near.intact[:] = ~np.isin(near.source * nodes + near.target, broken.source * nodes + broken.target)
+        if self._round is not None:
+            self._reweigh(self._round.share(arms(self.particles)))
 
     def rows(self, after: int) -> list[tuple[float, ...]]:
         """Particles created after a step, as rows of results."""

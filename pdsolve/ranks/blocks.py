@@ -14,15 +14,7 @@ from numpy.typing import NDArray
 from pdmesh.model.neighbours import ROWS
 from pdsolve.bonds.assembly import BondSource, BondStatistics, Part
 from pdsolve.codegen.vector_code import ROW
-from pdsolve.lattice.block_bonds import (
-    Slots,
-    Tables,
-    bonds_and_lanes,
-    fill_lanes,
-    join_parts,
-    room_of,
-    slots_of,
-)
+from pdsolve.lattice.block_bonds import Slots, Tables, bonds_and_lanes, fill_lanes, join_parts, room_of, slots_of
 from pdsolve.lattice.blocks import Blocks
 from pdsolve.lattice.layout import LANES
 from pdsolve.laws.law import Law

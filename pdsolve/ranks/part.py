@@ -65,8 +65,9 @@ def build(team: Team, options: Options, starts: NDArray[np.int64], share: tuple[
     if blocks is None:
         return None
     statistics = bond_survey.statistics
-    arrays = statistics.stiffness_bound, statistics.family, statistics.count
-    bound, family, count = (_padded(array, slab) for array in arrays)
+    arrays: tuple[NDArray[Any], ...] = statistics.stiffness_bound, statistics.family, statistics.count
+    around = slab.first - slab.begin, slab.end - slab.last  # nodes of the window that are not its own
+    bound, family, count = (np.pad(own_values, around) for own_values in arrays)
     operator = BlockLattice(law, blocks, bound, scheme.symmetric, softens)
     reached = np.unique(np.concatenate(bond_survey.reached)).astype(np.int64)
     return _taken(team, starts, Bonded(slab, model, operator, Counted(filling.area, family, count)), reached)
@@ -127,13 +128,6 @@ def _taken(team: Team, starts: NDArray[np.int64], bonded: Bonded, reached: NDArr
     resistance = operator.stiffness_bound()[own_rows] / model.rho[own_rows]
     lonely = np.flatnonzero(counted.bonds[own_rows] == 0) + slab.first
     return Built(float(resistance.max(initial=0.0)), int(counted.bonds[own_rows].sum()), lonely, operator.name)
-
-
-def _padded(own_values: NDArray[Any], slab: Slab) -> NDArray[Any]:
-    """Values (m,) of a window from those (k,) of own nodes."""
-    window_values = np.zeros(slab.end - slab.begin, dtype=own_values.dtype)
-    window_values[slab.first - slab.begin : slab.last - slab.begin] = own_values
-    return window_values
 
 
 def added_up(team: Team, values: NDArray[np.float64]) -> float:

@@ -10,7 +10,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pdmesh.model.neighbours import ROUND_OFF, ROWS, Neighbours
-from pdmesh.model.node_grid import Grid
 from pdsolve.lattice.layout import LANES
 from pdsolve.model import Model, ModelError
 
@@ -34,16 +33,28 @@ class Slab(NamedTuple):
 def slabs_of(model: Model, ranks: int, unit: int = LANES) -> list[Slab]:
     """The slabs of a model, of about as many bonds each, cut between so many rows. Raises ModelError for fewer of these
     units than ranks."""
-    nodes = len(model.grid)
+    grid, nodes, slabs = model.grid, len(model.grid), []
     units = -(-nodes // unit)
     if units < ranks:
         raise ModelError(
             f"{model.name}: $.nodes: {nodes} on {ranks} ranks are too few; use at least {unit} a rank: fewer ranks"
         )
     cuts = [min(unit * at, nodes) for at in cuts_of(costs_of(model, unit), ranks)]
-    widest = float(model.grid.delta.max())
+    widest = float(grid.delta.max())
     around = BESIDE * (model.settings.horizon.ratio * widest + widest)
-    return [_slab(model.grid, first, last, around) for first, last in pairwise(cuts)]
+    for first, last in pairwise(cuts):
+        chunks = first // ROWS * ROWS, min(-(-last // ROWS) * ROWS, nodes)
+        own_positions = grid.window(*chunks).position
+        near = grid.chosen(None, [*(own_positions.min(axis=0) - around), *(own_positions.max(axis=0) + around)])
+        begin, end = int(near[0]), int(near[-1]) + 1
+        if grid.lattice is not None and grid.dimension == 3:
+            # The fewest layers of a box that fill blocks and tiles: the window then has those of the whole
+            layer = grid.lattice.columns * grid.lattice.rows
+            begin -= begin % (LANES // math.gcd(LANES, layer) * layer)
+        else:
+            begin = max(begin // LANES - 1, 0) * LANES
+        slabs.append(Slab(first, last, begin, min((-(-end // LANES) + 1) * LANES, nodes), chunks, nodes))
+    return slabs
 
 
 def cuts_of(costs: NDArray[np.float64], ranks: int) -> list[int]:
@@ -77,19 +88,3 @@ def costs_of(model: Model, unit: int) -> NDArray[np.float64]:
 def starts_of(slabs: list[Slab]) -> NDArray[np.int64]:
     """The first rows (ranks + 1,) of slabs, and the number of all nodes."""
     return np.array([*(slab.first for slab in slabs), slabs[-1].last], dtype=np.int64)
-
-
-def _slab(grid: Grid, first: int, last: int, around: float) -> Slab:
-    """The slab of the rows `first` to `last` - 1, whose window has all nodes `around` its chunks, m."""
-    nodes = len(grid)
-    chunks = first // ROWS * ROWS, min(-(-last // ROWS) * ROWS, nodes)
-    own_positions = grid.window(*chunks).position
-    near = grid.chosen(None, [*(own_positions.min(axis=0) - around), *(own_positions.max(axis=0) + around)])
-    begin, end = int(near[0]), int(near[-1]) + 1
-    if grid.lattice is not None and grid.dimension == 3:
-        # the fewest layers of a box that fill blocks and tiles of the kernels: the window then has those of the whole
-        layer = grid.lattice.columns * grid.lattice.rows
-        begin -= begin % (LANES // math.gcd(LANES, layer) * layer)
-    else:
-        begin = max(begin // LANES - 1, 0) * LANES
-    return Slab(first, last, begin, min((-(-end // LANES) + 1) * LANES, nodes), chunks, nodes)

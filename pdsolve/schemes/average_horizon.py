@@ -116,13 +116,11 @@ class Rule:
         modulus, peak, limit = _mean_of_ends(self._model, pairs, reach, self._corrections)
         pair_numbers = np.flatnonzero(self._strong(modulus, reach))
         pair_numbers = pair_numbers[self.sight.inside(chosen(pairs, pair_numbers))]
-        pairs, modulus, peak, limit, reach = (
-            chosen(pairs, pair_numbers),
-            modulus[pair_numbers],
-            peak[pair_numbers],
-            limit[pair_numbers],
-            reach[pair_numbers],
-        )
+        pairs = chosen(pairs, pair_numbers)
+        modulus = modulus[pair_numbers]
+        peak = peak[pair_numbers]
+        limit = limit[pair_numbers]
+        reach = reach[pair_numbers]
         far = self.sight.apart(pairs, self._model.materials[0].detour, self.farthest)
         round_a_tip = (far > pairs.length) & (far < 2 * self.farthest)
         if round_a_tip.any():
@@ -268,9 +266,8 @@ def _corrections_in_space(full: NDArray[np.float64], bond_energy: NDArray[np.flo
     """Factors c (k, 3) that give nodes of `bond_energy` (k, 3, 3) the energy `full` (k,), Pa; see `shares`."""
     lacks = full[:, None] - bond_energy.sum(axis=2)  # before what follows, so that nodes inside lack nothing
     scale = bond_energy.trace(axis1=1, axis2=2)
-    bond_energy += (
-        ROUND_OFF * np.where(scale > 0, scale, 1.0)[:, None, None] * np.eye(3)
-    )  # bonds may all lie in a plane
+    # Bonds may all lie in a plane
+    bond_energy += ROUND_OFF * np.where(scale > 0, scale, 1.0)[:, None, None] * np.eye(3)
     factors = 1 + np.linalg.solve(bond_energy, lacks[..., None])[..., 0]
     factors = np.where(scale[:, None] > 0, np.clip(factors, LEAST, MOST), 1.0)
     factors[np.abs(factors - 1).max(axis=1) <= ROUND_OFF] = 1

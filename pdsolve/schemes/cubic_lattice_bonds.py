@@ -64,7 +64,13 @@ def tiled(model: Model, kind: type[np.floating], unbreakable: bool = False) -> T
     for rows, bond_energy in _in_parts(tiles, sites, shares(n) * squared[:, None] / 2):  # surface corrections
         tiles.c[:, sites.site[rows]] = rule.lack_in_space(rows, bond_energy.reshape(-1, 3, 3)).T
     tile_bonds.classify_tiles(tiles)
-    stiffness_bound = _bound(tiles, sites)
+    # The largest eigenvalue of the sum of k n n^T over a node's bonds; see `stiffness_bound` of lists
+    n = tiles.vectors[:, :3] * np.sqrt(tiles.vectors[:, INVERSE])[:, None]
+    weights = (n[:, :, None] * n[:, None, :]).reshape(-1, 9)
+    inner = np.einsum("k,kp->p", tiles.vectors[:, PULL], weights)
+    stiffness_bound = np.full(len(sites.site), float(np.linalg.eigvalsh(inner.reshape(3, 3))[-1]))
+    for rows, sums in _in_parts(tiles, sites, weights):
+        stiffness_bound[rows] = np.linalg.eigvalsh(sums.reshape(-1, 3, 3))[:, -1]
     family = count + cut if cut.any() else count
     return Tiled(tile_bonds.in_precision(tiles, kind), sites, Counted(rule.area, family, count), stiffness_bound)
 
@@ -82,12 +88,10 @@ def _springs(model: Model, rule: Rule, sites: Sites, unbreakable: bool) -> tuple
     has_bond = modulus[0, 0] > 0
     if not has_bond.any() or ((modulus > 0) != has_bond).any():
         return None
-    sites, modulus, peak, limit = (
-        sites._replace(ways=sites.ways[has_bond]),
-        modulus[..., has_bond],
-        peak[..., has_bond],
-        limit[..., has_bond],
-    )
+    sites = sites._replace(ways=sites.ways[has_bond])
+    modulus = modulus[..., has_bond]
+    peak = peak[..., has_bond]
+    limit = limit[..., has_bond]
     ratio = modulus[:, :, 0] / modulus[0, 0, 0]
     half = ratio.diagonal() / 2
     if (np.abs(modulus - ratio[..., None] * modulus[0, 0]) > SAME * modulus).any():
@@ -116,14 +120,3 @@ def _in_parts(
         tile_bonds.sum_weighted_bonds(tiles, weights, tile_numbers, sums)
         rows = tiles.node.reshape(-1, ROW)[tile_numbers].ravel().astype(np.int64)
         yield rows[rows >= 0], sums[rows >= 0]
-
-
-def _bound(tiles: Tiles, sites: Sites) -> NDArray[np.float64]:
-    """The largest eigenvalue (n,) of the sum of k n n^T over a node's bonds; see `stiffness_bound` of lists."""
-    n = tiles.vectors[:, :3] * np.sqrt(tiles.vectors[:, INVERSE])[:, None]
-    weights = (n[:, :, None] * n[:, None, :]).reshape(-1, 9)
-    inner = np.einsum("k,kp->p", tiles.vectors[:, PULL], weights)
-    stiffness_bound = np.full(len(sites.site), float(np.linalg.eigvalsh(inner.reshape(3, 3))[-1]))
-    for rows, sums in _in_parts(tiles, sites, weights):
-        stiffness_bound[rows] = np.linalg.eigvalsh(sums.reshape(-1, 3, 3))[:, -1]
-    return stiffness_bound

@@ -98,7 +98,32 @@ Limit = Callable[[NDArray[np.int64], NDArray[np.float64]], NDArray[np.float64]] 
 def fill(model: Model) -> BondSource:
     """The families of the model. Raises ModelError, GridError."""
     law_of(model)
-    return filled(model, _limits(model))
+    ratio = model.settings.horizon.ratio
+    strength = np.array([model_material.strength or np.inf for model_material in model.materials])
+    cost_of = np.array(
+        [
+            _cost(_unit(model_material), ratio) if model_material.failure in SPENT else np.nan
+            for model_material in model.materials
+        ]
+    )
+
+    def limits(rows: NDArray[np.int64], reach: NDArray[np.float64]) -> NDArray[np.float64]:
+        limit, numbers = np.full_like(reach, np.inf), model.material_of[rows]
+        for material_rows, material in model.material_columns.of(numbers):
+            spent, far = cost_of[numbers[material_rows]], reach[material_rows]
+            near = strength_reach(model, material, rows[material_rows], far)
+            if material.failure == "stress":
+                limit[material_rows] = strength[numbers[material_rows]]
+            elif material.failure == "stretch":
+                limit[material_rows] = np.sqrt(material.G0 / (spent * material.E * near))
+            elif material.failure == "energy":
+                d = dimension_of(material.plane)  # of one stretch, it falls with the square or the cube of the horizon
+                limit[material_rows] = material.G0 / (spent * near ** (d + 1)) * (near / far) ** d
+            unbreakable_bonds = is_unbreakable(model, material, rows[material_rows], far)
+            limit[material_rows] = np.where(unbreakable_bonds, np.inf, limit[material_rows])
+        return limit
+
+    return filled(model, limits)
 
 
 def filled(model: Model, limits: Limit) -> BondSource:
@@ -130,36 +155,6 @@ def filled(model: Model, limits: Limit) -> BondSource:
         return part_of(grid.position, unbreakable_nodes, rows, paired_of(rows))
 
     return BondSource(area, part, paired_of, counts)
-
-
-def _limits(model: Model) -> Limit:
-    """Failure limits of bonds by the material of a node."""
-    ratio = model.settings.horizon.ratio
-    strength = np.array([model_material.strength or np.inf for model_material in model.materials])
-    cost_of = np.array(
-        [
-            _cost(_unit(model_material), ratio) if model_material.failure in SPENT else np.nan
-            for model_material in model.materials
-        ]
-    )
-
-    def limits(rows: NDArray[np.int64], reach: NDArray[np.float64]) -> NDArray[np.float64]:
-        limit, numbers = np.full_like(reach, np.inf), model.material_of[rows]
-        for material_rows, material in model.material_columns.of(numbers):
-            spent, far = cost_of[numbers[material_rows]], reach[material_rows]
-            near = strength_reach(model, material, rows[material_rows], far)
-            if material.failure == "stress":
-                limit[material_rows] = strength[numbers[material_rows]]
-            elif material.failure == "stretch":
-                limit[material_rows] = np.sqrt(material.G0 / (spent * material.E * near))
-            elif material.failure == "energy":
-                d = dimension_of(material.plane)  # of one stretch, it falls with the square or the cube of the horizon
-                limit[material_rows] = material.G0 / (spent * near ** (d + 1)) * (near / far) ** d
-            unbreakable_bonds = is_unbreakable(model, material, rows[material_rows], far)
-            limit[material_rows] = np.where(unbreakable_bonds, np.inf, limit[material_rows])
-        return limit
-
-    return limits
 
 
 def _unit(material: Material) -> Material:

@@ -121,7 +121,7 @@ def _constrained(model: Model) -> NDArray[np.bool_]:
 def _ends(part: Part) -> _Ends:
     """The bonds of a part by their ends."""
     bonds = part.bonds
-    source = np.repeat(np.arange(len(bonds.start) - 1), np.diff(bonds.start)) + part.first
+    source = bonds.source + part.first
     length = np.sqrt((bonds.xi.astype(np.float64) ** 2).sum(axis=1))
     return _Ends(source, bonds.neighbour.astype(np.int64), bonds.xi / length[:, None], bonds.stiffness, length)
 
