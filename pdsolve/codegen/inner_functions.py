@@ -6,11 +6,14 @@ which does all of that again: a function at depth n is compiled n times. Here th
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from functools import wraps
 from itertools import count
 from typing import Any
 
 from numba.core.codegen import JITCodeLibrary
 from numba.core.compiler import Compiler
+from numba.extending import overload
 
 _numbers = count()
 
@@ -57,3 +60,17 @@ INNER: dict[str, Any] = {
     "_nrt": False,
     "pipeline_class": _PartCompiler,
 }
+
+
+def overloaded(jit_options: dict[str, Any]) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
+    """What decorates a function of the types of its arguments that returns what compiled code calls in its place."""
+
+    def decorate(choose: Callable[..., Any]) -> Callable[..., Any]:
+        @wraps(choose)
+        def of_values(*_: Any) -> Any:
+            raise NotImplementedError(f"{choose.__name__} is compiled for types of its arguments")
+
+        overload(of_values, jit_options=jit_options)(choose)
+        return of_values
+
+    return decorate

@@ -19,7 +19,7 @@ LAWS = "pdsolve.laws."
 PUBLIC = "pdsolve"  # the package's own file imports nothing before it is asked
 IMPORT = re.compile(r"^\s*from ((?:pdsolve|pdmesh)[\w.]*) import (\([^)]*\)|.*)", re.MULTILINE)
 KERNEL = re.compile(r"^from \S+ import .*\bcached_njit\b", re.MULTILINE)
-OVERLOAD = re.compile(r"^\s*@overload\(", re.MULTILINE)
+OVERLOAD = re.compile(r"^\s*@overload(?:ed)?\(", re.MULTILINE)
 
 
 @cache

@@ -2,13 +2,10 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 from numba import njit, types
-from numba.extending import overload
 
-from pdsolve.codegen.inner_functions import INNER
+from pdsolve.codegen.inner_functions import INNER, overloaded
 from pdsolve.codegen.jit_cache import cached_njit
 from pdsolve.codegen.lanes import across, beside, keep, magnitude, same, unless_none, where_above
 from pdsolve.codegen.vector_code import ROW
@@ -66,13 +63,9 @@ def _stretch(bonds, e):  # type: ignore[no-untyped-def]
     return stretch
 
 
-def stored(bonds: Any, history: Any, common: Any, w: Any, quarter: Any, e: Any, slot: Any, lane: Any) -> Any:
+@overloaded(IN_PLACE)
+def stored(bonds, history, common, w, quarter, e, slot, lane):  # type: ignore[no-untyped-def]
     """Stored energies of the bonds of some lanes, J/m^3; w is what `weight` gives of them, `quarter` |xi|^2 / 4."""
-    raise NotImplementedError("compiled for each law")
-
-
-@overload(stored, jit_options=IN_PLACE)
-def _stored(bonds, history, common, w, quarter, e, slot, lane):  # type: ignore[no-untyped-def]
     return _stored_by_curve if pair_law_of(bonds).is_curved else _stored_by_line
 
 
@@ -86,13 +79,9 @@ def _stored_by_line(bonds, history, common, w, quarter, e, slot, lane):  # type:
     return secant_weight(bonds, history, common, w, e, e, slot, lane) * quarter * stretch * stretch
 
 
-def has_lanes(mask: Any, first: Any, count: Any) -> bool:
+@overloaded(INNER)
+def has_lanes(mask, first, count):  # type: ignore[no-untyped-def]
     """Whether a mask has any of so many lanes from `first` on; without a mask, None, all are asked for."""
-    raise NotImplementedError("compiled with and without a mask")
-
-
-@overload(has_lanes, jit_options=INNER)
-def _has_lanes(mask, first, count):  # type: ignore[no-untyped-def]
     if isinstance(mask, types.NoneType):
         return lambda mask, first, count: True
 
@@ -106,13 +95,9 @@ def node_of(bonds, number):  # type: ignore[no-untyped-def]
     return number
 
 
-def sum_dissipated(bonds: Any, history: Any, dissipated: Any, group: Any, mask: Any) -> None:
+@overloaded(INNER)
+def sum_dissipated(bonds, history, dissipated, group, mask):  # type: ignore[no-untyped-def]
     """Add what softening has dissipated in the intact bonds of a group, J/m^3, bond by bond."""
-    raise NotImplementedError("compiled for each law")
-
-
-@overload(sum_dissipated, jit_options=INNER)
-def _sum_dissipated(bonds, history, dissipated, group, mask):  # type: ignore[no-untyped-def]
     if pair_law_of(bonds).softening is None:
         return lambda bonds, history, dissipated, group, mask: None
     if is_in_tiles(bonds):

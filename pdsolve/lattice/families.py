@@ -13,13 +13,13 @@ row    (.,) of a reference vector: xi, 2 xi / xi.xi, 1 / xi.xi, |xi|, 1 / |xi|
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numba import njit
-from numba.extending import overload
 from numpy.typing import NDArray
 
+from pdsolve.codegen.inner_functions import overloaded
 from pdsolve.codegen.jit_cache import cached_njit
 from pdsolve.codegen.lanes import (
     across,
@@ -100,13 +100,9 @@ class FamilyTiles(NamedTuple):
     beyond: int  # rows before the first
 
 
-def numbers(bonds: Any, tile: Any, slot: Any, lane: Any, at: Any, like: Any) -> Any:
+@overloaded(IN_PLACE)
+def numbers(bonds, tile, slot, lane, at, like):  # type: ignore[no-untyped-def]
     """Numbers of the bonds of some lanes, as the law's `tabled` has them."""
-    raise NotImplementedError("compiled for each layout")
-
-
-@overload(numbers, jit_options=IN_PLACE)
-def _numbers(bonds, tile, slot, lane, at, like):  # type: ignore[no-untyped-def]
     if bonds.instance_class is FluxTiles:
         return lambda bonds, tile, slot, lane, at, like: conductances(bonds, tile, slot, lane, at)
     if is_in_tiles(bonds):
@@ -151,13 +147,9 @@ def intact(bonds, tile, slot, lane, c, eta):  # type: ignore[no-untyped-def]
     return where_nonzero(c[0], eta)
 
 
-def bonds_at(bonds: Any, tile: Any, slot: Any, lane: Any, at: Any, c: Any, u: Any, here: Any) -> Bond | Ends:
+@overloaded(IN_PLACE)
+def bonds_at(bonds, tile, slot, lane, at, c, u, here):  # type: ignore[no-untyped-def]
     """The bonds of some lanes whose nodes have the values `here`: deformed, or in `FluxTiles` what their ends have."""
-    raise NotImplementedError("compiled for each layout")
-
-
-@overload(bonds_at, jit_options=IN_PLACE)
-def _bonds_at(bonds, tile, slot, lane, at, c, u, here):  # type: ignore[no-untyped-def]
     if bonds.instance_class is FluxTiles:
         return lambda bonds, tile, slot, lane, at, c, u, here: Ends(here, neighbours(bonds, u, here, at, slot, lane))
     return lambda bonds, tile, slot, lane, at, c, u, here: _deform(bonds, tile, slot, lane, at, c, u, here)

@@ -13,8 +13,8 @@ from functools import wraps
 from typing import Any
 
 import numpy as np
-from numba.extending import overload
 
+from pdsolve.codegen.inner_functions import overloaded
 from pdsolve.codegen.lanes import beside, listed
 from pdsolve.codegen.vector_code import ROW
 from pdsolve.lattice.bond import IN_PLACE
@@ -53,15 +53,10 @@ def in_tiles(
 
     def decorate(for_blocks: Callable[..., Any]) -> Any:
         @wraps(for_blocks)
-        def for_any(*arguments: Any) -> Any:
-            raise NotImplementedError("compiled for blocks and tiles")
-
-        @wraps(for_blocks)
         def choose(bonds: Any, *arguments: Any) -> Any:
             return for_tiles if is_in_tiles(bonds) else for_blocks
 
-        overload(for_any, jit_options=jit_options)(choose)
-        return for_any
+        return overloaded(jit_options)(choose)
 
     return decorate
 
@@ -72,14 +67,10 @@ def places_of(bonds, group):  # type: ignore[no-untyped-def]
     return group * LANES, LANES
 
 
-def turns_of(bonds: Any, group: Any, lane: Any) -> Any:
+@overloaded(IN_PLACE)
+def turns_of(bonds, group, lane):  # type: ignore[no-untyped-def]
     """The first turn of a row of lanes and the one after the last: slots of the group or, in blocks with `of_rows`,
     entries of the row."""
-    raise NotImplementedError("compiled for each layout")
-
-
-@overload(turns_of, jit_options=IN_PLACE)
-def _turns_of(bonds, group, lane):  # type: ignore[no-untyped-def]
     if _has_field(bonds, "filled"):
         return lambda bonds, group, lane: (0, len(bonds.offsets) if bonds.filled[group] else 0)
     if is_in_tiles(bonds):
@@ -94,13 +85,9 @@ def _turns_of(bonds, group, lane):  # type: ignore[no-untyped-def]
     return of_row
 
 
-def slot_at(bonds: Any, turn: Any) -> Any:
+@overloaded(IN_PLACE)
+def slot_at(bonds, turn):  # type: ignore[no-untyped-def]
     """The slot whose turn it is."""
-    raise NotImplementedError("compiled for each layout")
-
-
-@overload(slot_at, jit_options=IN_PLACE)
-def _slot_at(bonds, turn):  # type: ignore[no-untyped-def]
     if _looks_at_rows(bonds):
         return lambda bonds, turn: np.uint64(bonds.of_rows[turn])
     return lambda bonds, turn: np.uint64(turn)  # unsigned saves a look whether it counts from the end
@@ -112,13 +99,9 @@ def _looks_at_rows(bonds: Any) -> bool:
     return "of_rows" in fields and len(bonds.types[fields.index("axes")]) == 3
 
 
-def has_bonds(bonds: Any, group: Any, slot: Any) -> bool:
+@overloaded(IN_PLACE)
+def has_bonds(bonds, group, slot):  # type: ignore[no-untyped-def]
     """Whether a slot may have bonds in a group."""
-    raise NotImplementedError("compiled for each layout")
-
-
-@overload(has_bonds, jit_options=IN_PLACE)
-def _has_bonds(bonds, group, slot):  # type: ignore[no-untyped-def]
     if is_in_tiles(bonds) and not _has_field(bonds, "general"):  # else bits are looked at in few tiles alone
         return lambda bonds, group, slot: bonds.bits[np.uint64(group), slot] != 0
     return lambda bonds, group, slot: True

@@ -12,10 +12,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from numba import njit, types
-from numba.extending import overload
 from numpy.typing import NDArray
 
-from pdsolve.codegen.inner_functions import INNER
+from pdsolve.codegen.inner_functions import INNER, overloaded
 from pdsolve.codegen.jit_cache import cached_njit
 from pdsolve.codegen.lanes import across, beside, keep, same
 from pdsolve.conditions import (
@@ -332,13 +331,9 @@ def _add_contact_forces(arrays, group):  # type: ignore[no-untyped-def]
                 group.f[axis, lane] += arrays.contact_force[i, axis]
 
 
-def over_density(force: Any, rho: Any, inverse_rho: Any, at: Any) -> Any:
+@overloaded(IN_PLACE)
+def over_density(force, rho, inverse_rho, at):  # type: ignore[no-untyped-def]
     """Accelerations of lanes from `at` on from force densities."""
-    raise NotImplementedError("compiled for products and quotients")
-
-
-@overload(over_density, jit_options=IN_PLACE)
-def _over_density(force, rho, inverse_rho, at):  # type: ignore[no-untyped-def]
     if isinstance(inverse_rho, types.NoneType):
         return lambda force, rho, inverse_rho, at: divided(force, beside(rho, ONE, at)[0])
     return lambda force, rho, inverse_rho, at: multiplied(force, beside(inverse_rho, ONE, at)[0])
@@ -413,13 +408,9 @@ def _accelerate_and_half_kick_group(arrays, drive, state, sweep, group):  # type
     damp_group(arrays, arrays.damping, state, sweep, group)
 
 
-def damp_group(arrays: Any, damping: Any, state: Any, sweep: Any, group: Any) -> None:
+@overloaded(INNER)
+def damp_group(arrays, damping, state, sweep, group):  # type: ignore[no-untyped-def]
     """Damp the end of a step of a group as its beginning, and book the energy taken; see `holds`."""
-    raise NotImplementedError("compiled with and without damping")
-
-
-@overload(damp_group, jit_options=INNER)
-def _damp_group(arrays, damping, state, sweep, group):  # type: ignore[no-untyped-def]
     if isinstance(damping, types.NoneType):
         return lambda arrays, damping, state, sweep, group: None
     return _damp

@@ -18,8 +18,8 @@ from typing import Any
 
 import numpy as np
 from numba import njit, types
-from numba.extending import overload
 
+from pdsolve.codegen.inner_functions import overloaded
 from pdsolve.codegen.lanes import beside, bonded, keep, larger, magnitude, same, uncut, unless_none
 from pdsolve.codegen.vector_code import ROW
 from pdsolve.lattice.bond import (
@@ -38,13 +38,9 @@ from pdsolve.lattice.force_polynomials import NARROW, WIDE
 from pdsolve.lattice.layout import ONE
 
 
-def own_weight(weights: Any, w: Any, e: Any, entry: Any, slot: Any, lane: Any) -> Any:
+@overloaded(IN_PLACE)
+def own_weight(weights, w, e, entry, slot, lane):  # type: ignore[no-untyped-def]
     """The stiffness of lanes whose table says w, and e, 0 in lanes without a bond."""
-    raise NotImplementedError("compiled for each kind of weights")
-
-
-@overload(own_weight, jit_options=IN_PLACE)
-def _own_weight(weights, w, e, entry, slot, lane):  # type: ignore[no-untyped-def]
     if isinstance(weights, types.NoneType):
         return lambda weights, w, e, entry, slot, lane: (w, e)
     if isinstance(weights, types.BaseTuple):
@@ -69,37 +65,25 @@ def _listed_weight_unless_cut(weights, w, e, entry, slot, lane):  # type: ignore
     return uncut((own, e), cut, entry, slot, lane)
 
 
-def beyond_edge(edges: Any, e: Any, entry: Any, slot: Any, lane: Any) -> Any:
+@overloaded(IN_PLACE)
+def beyond_edge(edges, e, entry, slot, lane):  # type: ignore[no-untyped-def]
     """How far e is beyond its edge, or e without any."""
-    raise NotImplementedError("compiled with and without edges")
-
-
-@overload(beyond_edge, jit_options=IN_PLACE)
-def _beyond_edge(edges, e, entry, slot, lane):  # type: ignore[no-untyped-def]
     if isinstance(edges, types.NoneType):
         return lambda edges, e, entry, slot, lane: e
     return lambda edges, e, entry, slot, lane: e - beside(edges[np.uint64(entry)], ONE, slot * ROW + lane)[0]
 
 
-def shrinkage(shrink: Any, at: Any) -> Any:
+@overloaded(IN_PLACE)
+def shrinkage(shrink, at):  # type: ignore[no-untyped-def]
     """Minus half the strain of free lanes from `at` on; None of None."""
-    raise NotImplementedError("compiled with and without strain")
-
-
-@overload(shrinkage, jit_options=IN_PLACE)
-def _shrinkage(shrink, at):  # type: ignore[no-untyped-def]
     if isinstance(shrink, types.NoneType):
         return lambda shrink, at: None
     return lambda shrink, at: beside(shrink, ONE, at)[0]
 
 
-def relieve(eta: Any, near: Any, far: Any, row: Any) -> Any:
+@overloaded(IN_PLACE)
+def relieve(eta, near, far, row):  # type: ignore[no-untyped-def]
     """The eta of bonds of this row whose ends shrink by `near` and `far`."""
-    raise NotImplementedError("compiled with and without strain")
-
-
-@overload(relieve, jit_options=IN_PLACE)
-def _relieve(eta, near, far, row):  # type: ignore[no-untyped-def]
     if isinstance(near, types.NoneType):
         return lambda eta, near, far, row: eta
     return lambda eta, near, far, row: relieved(eta, far + near, row)

@@ -13,8 +13,8 @@ from typing import Any
 
 import numpy as np
 from numba import njit, types
-from numba.extending import overload
 
+from pdsolve.codegen.inner_functions import overloaded
 from pdsolve.codegen.jit_cache import cached_njit
 from pdsolve.codegen.lanes import across, beside, bonded, keep, magnitude, same, unless_none, where_above
 from pdsolve.codegen.vector_code import ROW
@@ -112,25 +112,17 @@ def weigh_and_stretch(bonds, history, u, common, here, relief, group, own, slot,
     return row, w, eta, elongation_of_bonds(bonds, group, slot, lane, elongation(eta, row))
 
 
-def own_shrinkage(history: Any, at: Any) -> Any:
+@overloaded(IN_PLACE)
+def own_shrinkage(history, at):  # type: ignore[no-untyped-def]
     """Minus half the strain of free lanes from the place `at` on; None where nothing swells."""
-    raise NotImplementedError("compiled with and without strain")
-
-
-@overload(own_shrinkage, jit_options=IN_PLACE)
-def _own_shrinkage(history, at):  # type: ignore[no-untyped-def]
     if not _swells(history):
         return lambda history, at: None
     return lambda history, at: beside(history.shrink, ONE, at)[0]
 
 
-def neighbour_shrinkage(bonds: Any, history: Any, at: Any, slot: Any, lane: Any) -> Any:
+@overloaded(IN_PLACE)
+def neighbour_shrinkage(bonds, history, at, slot, lane):  # type: ignore[no-untyped-def]
     """Minus half the strain of the free neighbours of some lanes, from the place `at` on; None where nothing swells."""
-    raise NotImplementedError("compiled with and without strain")
-
-
-@overload(neighbour_shrinkage, jit_options=IN_PLACE)
-def _neighbour_shrinkage(bonds, history, at, slot, lane):  # type: ignore[no-untyped-def]
     if not _swells(history):
         return lambda bonds, history, at, slot, lane: None
     return lambda bonds, history, at, slot, lane: neighbours(bonds, history.shrink, ONE, at, slot, lane)[0]
@@ -179,13 +171,9 @@ def multiply(bonds, w, e, g):  # type: ignore[no-untyped-def]
     return w * e * g
 
 
-def secant_weight(bonds: Any, history: Any, common: Any, w: Any, e: Any, g: Any, slot: Any, lane: Any) -> Any:
+@overloaded(IN_PLACE)
+def secant_weight(bonds, history, common, w, e, g, slot, lane):  # type: ignore[no-untyped-def]
     """The secant of some lanes at e, over the bonds' lengths, from the stiffness over length w."""
-    raise NotImplementedError("compiled for each law")
-
-
-@overload(secant_weight, jit_options=IN_PLACE)
-def _secant_weight(bonds, history, common, w, e, g, slot, lane):  # type: ignore[no-untyped-def]
     pair = pair_law_of(bonds)
     if pair.is_curved:
         return _curve

@@ -21,10 +21,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from numba import njit
-from numba.extending import overload, register_jitable
+from numba.extending import register_jitable
 from numpy.typing import NDArray
 
-from pdsolve.codegen.inner_functions import INNER
+from pdsolve.codegen.inner_functions import INNER, overloaded
 from pdsolve.codegen.jit_cache import cached_njit
 from pdsolve.codegen.lanes import across, beside, same
 from pdsolve.codegen.vector_code import ROW
@@ -241,13 +241,9 @@ def pair_number(tiles, i, j):  # type: ignore[no-untyped-def]
     return tiles.material[i] * int(np.sqrt(len(tiles.peak)) + 0.5) + tiles.material[j]
 
 
-def soften(tiles: Any, t: Any, slot: Any, lane: Any, stretch: Any, peak: Any, limit: Any) -> bool:
+@overloaded(INNER)
+def soften(tiles, t, slot, lane, stretch, peak, limit):  # type: ignore[no-untyped-def]
     """Store the stretch of a bond above its peak, if its law softens; False if its tile has no memory."""
-    raise NotImplementedError("compiled for each law")
-
-
-@overload(soften, jit_options=INNER)
-def _soften(tiles, t, slot, lane, stretch, peak, limit):  # type: ignore[no-untyped-def]
     pair = pair_law_of(tiles)
     if pair.softening is None:
         return lambda tiles, t, slot, lane, stretch, peak, limit: True

@@ -8,13 +8,12 @@ scheme: kinetic energy changes by (F_n + F_(n+1)) / 2 . (u_(n+1) - u_n), and no 
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any
 
 import numpy as np
 from numba import types
-from numba.extending import overload
 from numpy.typing import NDArray
 
+from pdsolve.codegen.inner_functions import overloaded
 from pdsolve.codegen.jit_cache import cached_njit
 from pdsolve.conditions import (
     Drive,
@@ -76,13 +75,9 @@ class Verlet:
                 _damp_velocity_and_add_energy(state, previous_velocity, self._rho, self._held, self._damping, rows, dt)
 
 
-def _listed(rows: Any, count: Any) -> Any:
+@overloaded({"error_model": "numpy"})  # not INNER, whose functions return no arrays
+def _listed(rows, count):  # type: ignore[no-untyped-def]
     """The `rows`, or without any, None, so many from 0 on."""
-    raise NotImplementedError("compiled with and without rows")
-
-
-@overload(_listed, jit_options={"error_model": "numpy"})  # not INNER, whose functions return no arrays
-def _listed_rows(rows, count):  # type: ignore[no-untyped-def]
     return (lambda rows, count: range(count)) if isinstance(rows, types.NoneType) else lambda rows, count: rows
 
 
