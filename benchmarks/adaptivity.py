@@ -28,7 +28,6 @@ from pdsolve.options import Options
 from pdsolve.run.measures import compute_energy_balance_row, compute_node_damage
 from pdsolve.run.node_changes import find_zone_change_since_last_call
 from pdsolve.run.prepare import prepare
-from pdsolve.run.simulation import required_adaptation
 
 PAGE = DOCS / "verification" / "adaptivity.md"
 STEPS = (1.0, 0.9625, 0.925, 0.8875)  # of the surely stable step: ratios of 0.80, 0.77, 0.74 and 0.71
@@ -104,7 +103,7 @@ def solved(
         plate = with_run(plate, time_step=step, steps=round(duration / step))
     (system, state), steps = prepare(plate, Options(threads=1)), plate.settings.run.steps
     begins = system.zone_summary.fine_share if system.zone_summary else 1.0
-    splits = required_adaptation(system)
+    splits = system.regridder
     began, done = time.thread_time(), 0
     while done < steps:
         change = splits.change_nodes(system, state, done) if splits else None

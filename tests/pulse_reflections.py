@@ -28,7 +28,6 @@ from pdsolve.adaptivity.hybrid.operator import HybridOperator
 from pdsolve.adaptivity.quadtree.leaf_mapping import map_leaves
 from pdsolve.model import Model
 from pdsolve.options import Options
-from pdsolve.run.cell_splitting import CellSplitting
 from pdsolve.run.prepare import prepare
 from pdsolve.run.system import PreparedRun
 from pdsolve.zone.cells import AROUND, COARSE, FINE, FREE, VOID
@@ -117,7 +116,7 @@ def _bonds(problem: PreparedRun) -> Marching:
 
 def split_where(problem: PreparedRun, where: Callable[[NDArray[np.float64]], NDArray[np.bool_]]) -> PreparedRun:
     """Cells, by the places (n, 2) of their middles, are split there and nowhere else."""
-    splitting = CellSplitting(problem.system)
+    splitting = problem.system.regridder
     tree = splitting.tree
     cells = tree.roots()
     splits = tree.mask_splittable(cells) & where(tree.centres(cells))

@@ -11,10 +11,12 @@ from numpy.typing import NDArray
 from pdsolve.model import Model
 from pdsolve.operators.protocol import CheckpointArrays
 from pdsolve.state import Broken, State, Unknown, zero_state
+from pdsolve.stepper import Stepper
 
 if TYPE_CHECKING:
     from scipy.sparse import csr_array
 
+    from pdsolve.adaptivity.factory import MovingZoneOperator
     from pdsolve.adaptivity.hybrid.engine import ZoneSummary
 
 
@@ -161,24 +163,24 @@ class TwoLatticeOperator(ABC, Generic[N]):
         return self.engine.bytes()
 
 
-class TwoLatticeStepper:
+class TwoLatticeStepper(Stepper):
     """Takes steps with a two-lattice operator: forces and motion in one sweep, during which nodes may change."""
+
+    operator_has_state = True
 
     def __init__(self, operator: TwoLatticeOperator[Any]) -> None:
         self._operator = operator
 
-    def advance(self, state: State, first_step: int, end_step: int) -> None:
-        """Take the steps `first_step` to `end_step` - 1; the state is updated as long as it has the operator's nodes.
+    def advance(self, state: State, first_step: int, end_step: int) -> int:
+        """Take the steps `first_step` to `end_step` - 1; returns the last one. Raises UnstableError.
 
-        Raises UnstableError.
-        """
-        self.advance_engine(first_step, end_step)
-        if self._operator.is_current:
-            self._operator.copy_to_state(state)
-
-    def advance_engine(self, first_step: int, end_step: int) -> None:
-        """Take the steps `first_step` to `end_step` - 1, after which the operator has the state.
-
-        Raises UnstableError.
+        The state is updated as long as it has the operator's nodes; it may have none.
         """
         self._operator.engine.advance(first_step, end_step)
+        if self._operator.is_current and len(state.value):
+            self._operator.copy_to_state(state)
+        return end_step - 1
+
+    def on_operator(self, operator: MovingZoneOperator) -> Stepper:
+        """The stepper of the same plate with other current nodes."""
+        return TwoLatticeStepper(operator)

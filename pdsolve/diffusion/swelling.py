@@ -13,8 +13,8 @@ bonds.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
-from typing import Protocol
+from collections.abc import Callable, Mapping
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,8 +29,8 @@ from pdsolve.lattice.flux_operator import FluxesInList, links_between
 from pdsolve.model import Model
 from pdsolve.operators.protocol import Operator
 from pdsolve.state import Broken, State
+from pdsolve.stepper import Stepper
 from pdsolve.steppers.load_steps import LoadSteps
-from pdsolve.steppers.protocol import Stepper
 from pdsolve.steppers.theta import ThetaSteps
 
 SMALL = 1e-5  # of strain: energies that far apart tell their derivative
@@ -86,7 +86,7 @@ class BrokenBonds:
         return conductance + np.where(keys[at] == wanted, more[at], 0.0) if len(keys) else conductance
 
 
-class Swelling:
+class Swelling(Stepper):
     """Steps of a content and of the motion, or load steps, that it swells; n nodes."""
 
     def __init__(
@@ -136,8 +136,12 @@ class Swelling:
         state.value[:] = now  # blocks have one place for displacements
         return strain_energy
 
-    def advance(self, state: State, first_step: int, end_step: int) -> None:
-        """Take the steps `first_step` to `end_step` - 1 of both, in place; `state` is that of the motion."""
+    def advance(self, state: State, first_step: int, end_step: int) -> int:
+        """Take the steps `first_step` to `end_step` - 1 of both, in place; returns the last one.
+
+        `state` is that of the motion.
+        """
+        self.motion.on_progress = self.on_progress
         step, strain_energy = first_step, None
         while step < end_step:
             until = min(end_step, step + (self.steps_per_content_step // 2 + 1 - step) % self.steps_per_content_step)
@@ -147,6 +151,20 @@ class Swelling:
                 continue
             strain_energy = self._heat(state, step, strain_energy)
             step += 1
+        return end_step - 1
+
+    def checkpoint_arrays(self) -> Mapping[str, NDArray[Any]]:
+        """Those of the motion."""
+        return self.motion.checkpoint_arrays()
+
+    def restore(self, checkpoint: Mapping[str, NDArray[Any]], state: State, step: int, broken: Broken) -> None:
+        """Restore the motion, and strain the bonds by the contents, which have been restored."""
+        self.motion.restore(checkpoint, state, step, broken)
+        self.swell()
+
+    def summary(self) -> dict[str, Any]:
+        """That of the motion."""
+        return self.motion.summary()
 
     def _heat(self, state: State, step: int, strain_energy: Array | None) -> Array | None:
         """Take a step of the content and the one of the motion after it; returns what bonds hold then, if known.

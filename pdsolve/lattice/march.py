@@ -43,6 +43,7 @@ from pdsolve.operators.contact.kernel import Pushes, push_anew
 from pdsolve.operators.contact.operator import PenaltyContact
 from pdsolve.operators.ghosts import Ghosts
 from pdsolve.state import State
+from pdsolve.stepper import Stepper
 
 
 class MarchArrays(NamedTuple):
@@ -94,7 +95,7 @@ class Group(NamedTuple):
     work: NDArray[np.float64]  # (lanes,) see `State`
 
 
-class LatticeMarch:
+class LatticeMarch(Stepper):
     """Takes steps of bonds in groups of lanes, changing the placed state."""
 
     def __init__(
@@ -183,12 +184,12 @@ class LatticeMarch:
         distinct, number = np.unique(rho_of_lanes, axis=0, return_inverse=True)
         return aligned(distinct.ravel()), number.ravel().astype(np.int32)
 
-    def advance(self, state: State, first_step: int, end_step: int) -> None:
-        """Take the steps `first_step` to `end_step` - 1, in place."""
+    def advance(self, state: State, first_step: int, end_step: int) -> int:
+        """Take the steps `first_step` to `end_step` - 1, in place; returns the last one."""
         bonds, sweep, end_sweep = self._bonds, 0, end_step - first_step + 1
         if end_step <= first_step:
             self._sweep_in_threads(state, SweepRange(first_step, end_step, 0, False), 0, None)  # compiles
-            return
+            return end_step - 1
         bonds.place_motion(state)
         while sweep < end_sweep:
             count, pushes = bonds.sweeps_at_once if self._ghosts is None else 1, None
@@ -205,6 +206,7 @@ class LatticeMarch:
                 if len(bonds.v) > 1:  # with which bonds know where nodes were a step ago
                     self._ghosts.receive_values(bonds.v[sweep % len(bonds.v)], at_places=True)
         bonds.finish(state, end_sweep, end_step - 1)
+        return end_step - 1
 
     def _sweep_in_threads(self, state: State, sweeps: SweepRange, end_sweep: int, pushes: Pushes | None) -> int:
         """Do sweeps of these steps until `end_sweep`, fewer if pairs are to be found; returns the one to go on with."""

@@ -15,6 +15,7 @@ from pdsolve.operators.protocol import Operator
 from pdsolve.ranks.ghost_exchange import GhostExchange
 from pdsolve.ranks.slabs import Slab, slabs_of, starts_of
 from pdsolve.state import State
+from pdsolve.stepper import Stepper
 from pdsolve.steppers.euler import ForwardEuler
 
 
@@ -42,7 +43,7 @@ class DiffusingPart:
         self.operator, self.stepper, self.drive, self.own = operator, stepper, drive, own_rows
 
 
-class EulerOnRanks:
+class EulerOnRanks(Stepper):
     """Forward Euler on all ranks together."""
 
     name = ForwardEuler.name
@@ -57,8 +58,8 @@ class EulerOnRanks:
         ]
         team.everywhere(build, starts_of(self._slabs), dt, items=parts)
 
-    def advance(self, state: State, first_step: int, end_step: int) -> None:
-        """Take the steps `first_step` to `end_step` - 1, in place."""
+    def advance(self, state: State, first_step: int, end_step: int) -> int:
+        """Take the steps `first_step` to `end_step` - 1, in place; returns the last one."""
         windows = [slice(slab.begin, slab.end) for slab in self._slabs]
         shares = [
             Share(State(*(values[rows] for values in state)), self._operator.solid[rows], self._drive.force[rows])
@@ -73,6 +74,7 @@ class EulerOnRanks:
                 values[rows] = new_values
             solid[rows], self._drive.force[rows] = share.solid, share.force
         self._operator.solid = solid
+        return end_step - 1
 
 
 def _of_slab(drive: Drive, slab: Slab) -> Drive:

@@ -35,7 +35,7 @@ from pdsolve.run.operator_factory import (
 from pdsolve.run.system import PreparedRun, System
 from pdsolve.schemes.scheme import Scheme
 from pdsolve.state import State
-from pdsolve.steppers.protocol import Stepper
+from pdsolve.stepper import Stepper
 from pdsolve.steppers.steps_on_device import StepsOnDevice
 from pdsolve.steppers.verlet import Verlet
 

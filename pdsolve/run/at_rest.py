@@ -28,10 +28,11 @@ from pdsolve.state import zero_state
 from pdsolve.steppers.arc_length_steps import ArcLengthSteps
 from pdsolve.steppers.contact_method import EquilibriumMethodWithContact
 from pdsolve.steppers.crack_length_steps import CrackLengthSteps
-from pdsolve.steppers.cycle_or_path_steps import make_fatigue_stepper
 from pdsolve.steppers.equilibrium import EquilibriumMethod
+from pdsolve.steppers.fatigue_steps import BondFatigueSteps
 from pdsolve.steppers.load_steps import LoadSteps
 from pdsolve.steppers.newton import FACTORED, FACTORED_IN, Newton
+from pdsolve.steppers.paris_steps import ParisSteps
 from pdsolve.steppers.path_steps import SofteningPathSteps
 from pdsolve.steppers.relaxation import DynamicRelaxation
 from pdsolve.steppers.static_loads import follows_arc_length, follows_crack_length, follows_softening_path
@@ -80,8 +81,13 @@ def prepare_quasi_static_run(
     bound = stable_time_step_from_stiffness_bound(operator.stiffness_bound(), model.rho)
     system = System(model, options, scheme, operator, stepper, driven, *filled, step, bound, 0.0)
     system = replace(system, crack_growth=growth, contact=contact)
-    if fatigue is not None and (bonds_may_break or grows):
-        system = replace(system, stepper=make_fatigue_stepper(model, operator, stepper, breakable, *filled[1:], growth))
+    if fatigue is not None and growth is not None:
+        system = replace(system, stepper=ParisSteps(fatigue, operator, stepper, growth))
+    elif fatigue is not None and bonds_may_break:
+        if breakable is None:
+            raise ModelError(f"{model.name}: $.run.fatigue: no bond may break; let some tire")
+        fatigue_steps = BondFatigueSteps(fatigue, operator, stepper, breakable, *filled[1:])
+        system = replace(system, stepper=fatigue_steps)
     if bonds_may_break and follows_arc_length(model):
         _refuse_body_too_large_for_path(model, driven)
         arc = ArcLengthSteps(model, operator, driven, area, breaking, **remember, has_plastic_flow=flows)

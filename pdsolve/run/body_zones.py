@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import dataclasses
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from pdsolve.adaptivity.hybrid.arrays import EVERY
+from pdsolve.adaptivity.hybrid.engine import ZoneSummary
 from pdsolve.adaptivity.hybrid.space.operator import HybridBodyOperator
 from pdsolve.adaptivity.hybrid.space.prepare import create_current_drive
 from pdsolve.errors import CheckpointError
@@ -54,6 +56,14 @@ class BodyRefinement:
         after.history = after.history._replace(refinement_energy=after.history.refinement_energy + energy_created)
         return SystemAfterNodeChange(fresh, new_state, _previous_rows_with_same_bonds(system, fresh, rows))
 
+    def zone_summary(self, system: System) -> ZoneSummary:
+        """Summary of the fine cells."""
+        return expect_body_zone_operator(system).zone_summary()
+
+    def summary(self, zone_summary: ZoneSummary) -> dict[str, Any]:
+        """The whole zone summary, as of a plate with a moving zone."""
+        return {"hybrid": zone_summary._asdict()}
+
     def restore_system(self, initial_system: System, checkpoint: CheckpointArrays) -> PreparedRun:
         """The system of a checkpoint's cells. Raises CheckpointError for cells that no run from here can have."""
         after = expect_body_zone_operator(initial_system).operator_with_checkpoint_cells(checkpoint)
@@ -81,7 +91,7 @@ def _system_with_refined_operator(system: System, operator: HybridBodyOperator, 
         *steps,
         conditions=driven,
     )
-    return dataclasses.replace(prepared.system, full_model=system.full_model)
+    return dataclasses.replace(prepared.system, full_model=system.full_model, regridder=system.regridder)
 
 
 def _previous_rows_with_same_bonds(

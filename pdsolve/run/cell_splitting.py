@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 import dataclasses
+from typing import Any
 
 import numpy as np
 
+from pdsolve.adaptivity.hybrid.engine import ZoneSummary
 from pdsolve.adaptivity.quadtree import criteria
 from pdsolve.adaptivity.quadtree.incremental_bonds import create_leaf_bonds, update_leaf_bonds
 from pdsolve.adaptivity.quadtree.inherited_cracks import PreviousBonds, inherit_break_steps
 from pdsolve.adaptivity.quadtree.interpolation import interpolate_state
 from pdsolve.adaptivity.quadtree.leaf_mapping import LeafOrigins, map_leaves
 from pdsolve.adaptivity.quadtree.operator import LeafHistory, QuadtreeOperator, read_leaf_history
-from pdsolve.adaptivity.quadtree.tree import Cells
+from pdsolve.adaptivity.quadtree.tree import Cells, Tree
 from pdsolve.checkpoint_validation import entry
 from pdsolve.conditions import put_loads
 from pdsolve.errors import CheckpointError, UnstableError
@@ -30,10 +32,10 @@ from pdsolve.steppers.equilibrium import force_densities
 class CellSplitting:
     """Splits and merges the cells of a run; its history is stored in the operator."""
 
-    def __init__(self, initial_system: System) -> None:
-        """`initial_system` is the system at the start."""
-        self.tree = expect_quadtree_operator(initial_system).tree
-        self.settings = self.tree.model.settings.run.split
+    def __init__(self, tree: Tree) -> None:
+        """`tree` has the cells that can split."""
+        self.tree = tree
+        self.settings = tree.model.settings.run.split
         self.steps_between_checks = self.settings.every
         self._critical = criteria.critical_energy_densities(self.tree)
 
@@ -112,7 +114,15 @@ class CellSplitting:
                 f"{model.name}: cells have a stable time step of {sure:.4g} s, less than the run's,"
                 f" {system.time_step:.4g} s; use a smaller run.time_step"
             )
-        return PreparedRun(dataclasses.replace(rest.system, full_model=tree.model), rest.state)
+        return PreparedRun(dataclasses.replace(rest.system, full_model=tree.model, regridder=self), rest.state)
+
+    def zone_summary(self, system: System) -> ZoneSummary:
+        """Summary of the cells that have split."""
+        return expect_quadtree_operator(system).zone_summary()
+
+    def summary(self, zone_summary: ZoneSummary) -> dict[str, Any]:
+        """The energy that splitting and merging created, and the share of split cells."""
+        return {"split": {"refinement": zone_summary.refinement, "fine_share": zone_summary.fine_share}}
 
     def restore_system(self, initial_system: System, checkpoint: CheckpointArrays) -> PreparedRun:
         """The system of a checkpoint's cells. Raises CheckpointError for ids that are no set of leaves."""

@@ -9,7 +9,7 @@ from __future__ import annotations
 import dataclasses
 import time
 from functools import cache
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, cast
 
 import msgspec
 import numpy as np
@@ -154,8 +154,8 @@ def estimate_run(model: Model, options: Options = DEFAULT) -> Plan:
     else:
         system = prepare(model, options).system
         model = system.model
-        if isinstance(system.stepper, Swelling) and system.load_stepper is None:
-            cycle = system.stepper.steps_per_content_step
+        if system.coupled_runs and settings.run.solver != "static":
+            cycle = cast("Swelling", system.stepper).steps_per_content_step
         summed = bond_arrangement(system.operator) if paired and summed == "listed" else summed
         count, family, settings = system.initial_bond_counts, system.family_sizes, system.model.settings
         bound, step = system.stable_time_step, system.time_step

@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 
 from pdmesh.model.graphs import connected
 from pdmesh.model.output_fields import CRACKED, USUAL, usual
-from pdsolve.run.swelling_with_fine_zone import SwellingStepperWithFineZone
 from pdsolve.run.system import System
 from pdsolve.state import Broken, State
 
@@ -137,9 +136,7 @@ def compute_output_fields(
     operator_fields: dict[str, NDArray[np.float64]] = {}
     if chosen == USUAL or not set(chosen) <= set(usual_ones):
         operator_fields |= system.operator.fields(state)
-        rows = (
-            system.stepper.current_node_rows if isinstance(system.stepper, SwellingStepperWithFineZone) else slice(None)
-        )
+        rows = system.stepper.content_rows
         for prepared in system.coupled_runs:
             operator_fields |= {
                 name: values[rows] for name, values in prepared.system.operator.fields(prepared.state).items()

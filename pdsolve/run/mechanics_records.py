@@ -10,7 +10,6 @@ import numpy as np
 from pdmesh.model.bond_counts import pair_count
 from pdmesh.model.broken_area import broken_area
 from pdsolve.checks import closing, warn_of_created_energy, warn_of_damping, warn_of_missing_dissipation
-from pdsolve.diffusion.swelling import Swelling
 from pdsolve.errors import UnstableError
 from pdsolve.laws.material_checks import negative_secants
 from pdsolve.results import FrameRecord, Results
@@ -52,12 +51,7 @@ class MechanicsRecords:
 
     def _compute_clamped_swelling_energy(self, state: State) -> float:
         """What heat can do at most, J/m, against which little is round-off; 0 without it."""
-        swelling = self._system.stepper
-        return (
-            float(np.sum(self._system.area * swelling.energy_density_at_zero_displacement(state)))
-            if isinstance(swelling, Swelling)
-            else 0.0
-        )
+        return float(np.sum(self._system.area * self._system.stepper.energy_density_at_zero_displacement(state)))
 
     def switch_system(self, system: System) -> None:
         """Continue with changed nodes."""

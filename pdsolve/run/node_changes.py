@@ -6,11 +6,12 @@ stored about a node holds for its whole life.
 
 from __future__ import annotations
 
-from typing import NamedTuple, Protocol
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
+from pdsolve.adaptivity.hybrid.engine import ZoneSummary
 from pdsolve.operators.protocol import CheckpointArrays
 from pdsolve.run.system import PreparedRun, System, system_with_moved_zone
 from pdsolve.state import State, zero_state
@@ -37,6 +38,16 @@ class NodeAdaptation(Protocol):
 
         `initial_system` is that of the start. The caller restores state, loads and broken bonds.
         """
+
+
+class Regridder(NodeAdaptation, Protocol):
+    """The adaptation that a model asks for, with what a run says of it."""
+
+    def zone_summary(self, system: System) -> ZoneSummary:
+        """Summary of the finer nodes."""
+
+    def summary(self, zone_summary: ZoneSummary) -> dict[str, Any]:
+        """Entries for the summary of the results."""
 
 
 def find_zone_change_since_last_call(system: System, with_state: bool = True) -> SystemAfterNodeChange | None:

@@ -32,6 +32,8 @@ from pdsolve.run.assembly import (
     set_initial_velocity_and_acceleration,
 )
 from pdsolve.run.at_rest import prepare_quasi_static_run
+from pdsolve.run.body_zones import BodyRefinement
+from pdsolve.run.cell_splitting import CellSplitting
 from pdsolve.run.operator_factory import (
     choose_kernel_for_swelling,
     stable_time_step_from_stiffness_bound,
@@ -185,6 +187,7 @@ def _prepare_plate_with_moving_zone(model: Model, options: Options, scheme: Sche
         options=options._replace(threads=threads),
         scheme=scheme,
         operator=shown,
+        moving_zone_operator=shown,
         stepper=TwoLatticeStepper(shown),
         drive=shown.engine.drive,
         area=shown.area,
@@ -210,7 +213,8 @@ def _prepare_cell_splitting(model: Model, options: Options, scheme: Scheme) -> P
     )
     step = choose_time_step(model, bound)
     rest = assemble_system(now, options, scheme, operator, bonds.assembly.counted, step, bound)
-    return _set_initial_velocity(rest, tree.model, initial_velocity(model))  # of which `now` knows nothing
+    prepared = _set_initial_velocity(rest, tree.model, initial_velocity(model))  # of which `now` knows nothing
+    return prepared._replace(system=replace(prepared.system, regridder=CellSplitting(tree)))
 
 
 def _prepare_body_with_moving_zone(model: Model, options: Options, scheme: Scheme) -> PreparedRun:
@@ -222,7 +226,8 @@ def _prepare_body_with_moving_zone(model: Model, options: Options, scheme: Schem
     bound = stable_time_step_from_stiffness_bound(operator.stiffness_bound(), now.rho)
     steps, driven = (choose_time_step(model, bound), bound), create_current_drive(operator, 0.0)
     rest = assemble_system(now, options, scheme, operator, operator.volumes_and_bond_counts, *steps, conditions=driven)
-    return _set_initial_velocity(rest, model, initial_velocity(model)[operator.rows])
+    prepared = _set_initial_velocity(rest, model, initial_velocity(model)[operator.rows])
+    return prepared._replace(system=replace(prepared.system, regridder=BodyRefinement()))
 
 
 def _set_initial_velocity(

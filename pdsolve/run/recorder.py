@@ -13,13 +13,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pdsolve.adaptivity.hybrid.operator import HybridOperator
-from pdsolve.adaptivity.two_lattice_operator import TwoLatticeStepper
 from pdsolve.checkpoint_validation import entry, expect_broken, expect_found, like
 from pdsolve.codegen.compile_time import running_time
 from pdsolve.conditions import put_loads
 from pdsolve.diffusion.masses import MassAccounts
-from pdsolve.diffusion.swelling import Swelling
-from pdsolve.errors import CheckpointError
 from pdsolve.results import Breaks, Epoch, Families, FrameRecord, Nodes, Results, Writer
 from pdsolve.results.schema import taken
 from pdsolve.run.measures import (
@@ -34,9 +31,6 @@ from pdsolve.run.node_changes import SystemAfterNodeChange
 from pdsolve.run.physics_records import CoupledRecords, PhysicsRecords
 from pdsolve.run.system import System
 from pdsolve.state import Broken, State, zero_state
-from pdsolve.steppers.cycle_or_path_steps import CycleOrPathSteps
-from pdsolve.steppers.load_steps import LoadStepStatistics
-from pdsolve.steppers.path_stepper import PathStepper
 
 GAP = 64  # rows between born nodes whose bonds are asked for together
 KEPT = 1.0  # s between checkpoints in full precision, with frames
@@ -93,10 +87,7 @@ def make_checkpoint(system: System, state: State) -> dict[str, NDArray[Any]]:
     arrays = {"held_force": system.drive.held_force}
     if system.moving_zone_operator is None:  # whose operator has the state
         arrays |= state._asdict()
-    if system.load_stepper is not None:
-        arrays["rested"] = system.load_stepper.load_step_rows()
-    if isinstance(system.stepper, CycleOrPathSteps):
-        arrays |= system.stepper.checkpoint_arrays()
+    arrays |= system.stepper.checkpoint_arrays()
     crack_arrays = {} if system.crack_growth is None else system.crack_growth.checkpoint_arrays()
     copies = {  # zeros alone, which the system makes when they are read, take no memory
         name: values.copy() if values.any() else np.zeros_like(values) for name, values in arrays.items()
@@ -144,31 +135,16 @@ def restore_state(
     expect_broken(past, step, nodes)
     if system.moving_zone_operator is None:  # whose nodes are not known before it has gone back
         system.operator.restore(checkpoint, past)
-    if system.load_stepper is not None:
-        load_step_rows = entry(checkpoint, "rested", (step, len(LoadStepStatistics._fields)), float)
-        if not np.array_equal(load_step_rows[:, 0], np.arange(1, step + 1)):
-            raise CheckpointError(f"load steps are not 1 to {step}, those until the checkpoint")
-        system.load_stepper.restore(load_step_rows, past)
-    if isinstance(system.stepper, CycleOrPathSteps):
-        system.stepper.restore(checkpoint, step)
-    if system.crack_growth is not None:
-        system.crack_growth.restore(checkpoint, past)
-    put_loads(system.drive, system.profile_time_or_load_factor(step))
     for prepared in system.coupled_runs:
         start = _checkpoint_name_of_coupled_array(prepared.system, "")
         coupled_checkpoint = {
             name.removeprefix(start): values for name, values in checkpoint.items() if name.startswith(start)
         }
         restore_state(*prepared, step, coupled_checkpoint, Breaks(*np.zeros((3, 0), dtype=np.int64)))
-    if isinstance(system.stepper, Swelling):
-        _swell_restored_bonds(system, system.stepper, state)
-
-
-def _swell_restored_bonds(system: System, stepper: Swelling, state: State) -> None:
-    """Swell the bonds of a restored system; nodes at the border of a fine zone move with that."""
-    stepper.swell()
-    if system.moving_zone_operator is not None:
-        system.moving_zone_operator.copy_to_state(state)
+    system.stepper.restore(checkpoint, state, step, past)
+    if system.crack_growth is not None:
+        system.crack_growth.restore(checkpoint, past)
+    put_loads(system.drive, system.profile_time_or_load_factor(step))
 
 
 class HistoryUntilCheckpoint(NamedTuple):
@@ -270,13 +246,9 @@ class Recorder:
 
         Returns the last step that is there: the one before, where a path ended as a step was taken back.
         """
-        stepper = self.system.stepper
-        if isinstance(stepper, TwoLatticeStepper):
+        if self.system.stepper.operator_has_state:
             self.drop_state()
-            stepper.advance_engine(first_step, end_step)
-        else:
-            stepper.advance(self.state, first_step, end_step)
-        return stepper.step_results[-1].step if isinstance(stepper, PathStepper) else end_step - 1
+        return self.system.stepper.advance(self.state, first_step, end_step)
 
     def drop_state(self) -> None:
         """Forget the state, which the operator of a moving fine zone has, and energies of nodes."""
@@ -287,7 +259,7 @@ class Recorder:
 
     def _fetch_state(self) -> None:
         """Bring the state up to the steps taken."""
-        self.system.fetch_state_from_device()
+        self.system.stepper.synchronize()
         if self.system.moving_zone_operator is not None and not len(self.state.value):
             self.state = self.system.moving_zone_operator.state()
 
@@ -366,7 +338,7 @@ class Recorder:
                 name: of.astype("<f4")
                 for name, of in compute_output_fields(system, self.state, names, bond_state).items()
             }
-        if isinstance(system.stepper, TwoLatticeStepper):
+        if system.stepper.operator_has_state:
             self.drop_state()
         checkpoint_arrays = make_checkpoint(system, self.state) if with_checkpoint else None
         if checkpoint_arrays is not None and self._changes:

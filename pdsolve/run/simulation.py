@@ -17,8 +17,6 @@ from pdmesh.files import FilePath
 from pdsolve.adaptivity.hybrid.adaptivity_choice import choose_adaptivity, explain_fine_zone_too_late
 from pdsolve.adaptivity.hybrid.arrays import EVERY
 from pdsolve.adaptivity.hybrid.engine import ZoneSummary
-from pdsolve.adaptivity.hybrid.space.operator import HybridBodyOperator
-from pdsolve.adaptivity.quadtree.operator import QuadtreeOperator
 from pdsolve.checks import warn_of_model, warn_of_unused
 from pdsolve.codegen.compile_time import compile_seconds, processor_kind, running_time
 from pdsolve.conditions import has_initial_displacement
@@ -30,8 +28,6 @@ from pdsolve.options import Options
 from pdsolve.results import Behind, Results, ResultsError, Writer, behind, gone_back, is_empty, put_away, writing_to
 from pdsolve.run import zone_restarts
 from pdsolve.run.after_path import motion_results_file, needs_motion_after_path, prepare_motion_after_path
-from pdsolve.run.body_zones import BodyRefinement
-from pdsolve.run.cell_splitting import CellSplitting
 from pdsolve.run.coarse_breaks import warn_of_broken_bonds_outside_finest_zone
 from pdsolve.run.doubtful_conditions import warn_of_doubtful_conditions
 from pdsolve.run.initial_displacements import apply_initial_displacements
@@ -54,9 +50,8 @@ from pdsolve.run.summary import run_metadata, run_summary
 from pdsolve.run.system import System
 from pdsolve.run.zone_restarts import EarlierRefinement
 from pdsolve.state import State
-from pdsolve.steppers.cycle_or_path_steps import CycleOrPathSteps
+from pdsolve.stepper import LoadStepProgress
 from pdsolve.steppers.equilibrium import NotConvergedError
-from pdsolve.steppers.load_steps import LoadStepProgress
 
 PATIENCE = 4e8  # bond updates between two looks at the watcher, some 0.2 s; fewer where they take longer
 DEFAULT = Options()
@@ -166,7 +161,7 @@ def _prepare_new_recorder(model: Model, options: Options, request: RunRequest) -
 
 def _make_new_recorder(system: System, state: State, request: RunRequest) -> tuple[Recorder, RunRequest]:
     """The records of a run that begins, of all ranks if there are many."""
-    request = request._replace(adaptation=request.adaptation or required_adaptation(system))
+    request = request._replace(adaptation=request.adaptation or system.regridder)
     if isinstance(system, on_ranks.SystemOnRanks):
         return RecorderOnRanks(system, state, None), request
     return Recorder(system, state, None, _nodes_may_change(system, request.adaptation)), request
@@ -222,13 +217,6 @@ def _solve_motion_after_path_if_asked(
             Recorder(system, state, past, False),
             RunRequest(target, watch, provenance, previous_compile_seconds=compile_seconds()),
         )
-
-
-def required_adaptation(system: System) -> NodeAdaptation | None:
-    """What changes the nodes of a run as its model requires; None if nothing does, or the operator itself does."""
-    if isinstance(system.operator, HybridBodyOperator):
-        return BodyRefinement()
-    return CellSplitting(system) if isinstance(system.operator, QuadtreeOperator) else None
 
 
 def _nodes_may_change(system: System, adaptation: NodeAdaptation | None) -> bool:
@@ -326,7 +314,7 @@ def _resume_from_checkpoint(output: Path, request: RunRequest) -> Results:
             system, state = prepare(model, options)
         if system.moving_zone_operator is None and not checkpoint.keys() >= set(State._fields):
             raise ResultsError(f"{output} has a checkpoint that only {meta['program']} reads; solve it anew")
-        adapt = request.adaptation or required_adaptation(system)
+        adapt = request.adaptation or system.regridder
         same = float(meta["time_step"]) == system.time_step and np.array_equal(
             initial_nodes.family, system.family_sizes
         )
@@ -410,8 +398,7 @@ def _advance_to_end(recorder: Recorder, writer: Behind, request: RunRequest) -> 
         if watch is not None and watch(_make_progress(recorder, step, load_step_progress)):
             raise KeyboardInterrupt("within a load step, which is lost")
 
-    if recorder.system.equilibrium_stepper is not None:
-        recorder.system.equilibrium_stepper.on_progress = show_load_step_progress
+    recorder.system.stepper.on_progress = show_load_step_progress
     writer.stop = watcher_requests_stop
     while step < run.steps and not (interrupted or done):
         looks = run.steps if adapt is None else change_nodes_if_due_and_find_next_step(recorder, adapt, step)
@@ -457,9 +444,7 @@ def _make_progress(recorder: Recorder, step: int, load_step_progress: LoadStepPr
     """Data for a progress display after `step`, or within a load step `load_step_progress`."""
     records, steps = recorder.physics_records, recorder.system.model.settings.run.steps
     broken = (load_step_progress or records).broken_directed_bond_count
-    words, stepper = records.progress_text(broken), recorder.system.stepper
-    if isinstance(stepper, CycleOrPathSteps):
-        words = f"{stepper.progress_text()}, {words}"
+    words = ", ".join(filter(None, [recorder.system.stepper.progress_text(), records.progress_text(broken)]))
     return Progress(step, steps, broken, records.balance_error, words, recorder.system.zone_summary, load_step_progress)
 
 
@@ -478,8 +463,8 @@ def _stop_criterion_is_met(recorder: Recorder, step: int) -> bool:
     """Whether the model's stop criterion is met."""
     system, latest = recorder.system, recorder.last_break_step
     run = system.model.settings.run
-    if isinstance(system.stepper, CycleOrPathSteps):
-        return system.stepper.ended
+    if system.stepper.finished:
+        return True
     if run.until == "split":
         return recorder.bodies_are_split()
     if run.until == "quiet":

@@ -6,6 +6,9 @@ theirs. Coarse nodes have that of the fine nodes they lie on.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any, cast
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -15,7 +18,10 @@ from pdsolve.adaptivity.two_lattice_operator import TwoLatticeStepper
 from pdsolve.diffusion.swelling import BrokenBonds, Swelling
 from pdsolve.model import Model
 from pdsolve.state import Broken, State
-from pdsolve.steppers.protocol import Stepper
+from pdsolve.stepper import Stepper
+
+if TYPE_CHECKING:
+    from pdsolve.adaptivity.factory import MovingZoneOperator
 
 
 def broken_bonds_of_plate(hybrid: HybridEngine) -> Broken:
@@ -45,14 +51,19 @@ class SwellingStepperWithFineZone(Swelling):
         operator.engine.compute_initial_forces()
 
     @property
-    def current_node_rows(self) -> NDArray[np.int64]:
+    def content_rows(self) -> NDArray[np.int64]:
         """The rows (n,) in the grid of the current nodes."""
         return self._operator.grid_rows
 
-    def switch_operator(self, operator: HybridOperator) -> SwellingStepperWithFineZone:
-        """The stepper of the same plate with other current nodes."""
-        self._operator = self._bonds = operator
+    def on_operator(self, operator: MovingZoneOperator) -> SwellingStepperWithFineZone:
+        """This stepper, with other current nodes of the same plate."""
+        self._operator = self._bonds = cast("HybridOperator", operator)
         return self
+
+    def restore(self, checkpoint: Mapping[str, NDArray[Any]], state: State, step: int, broken: Broken) -> None:
+        """Strain the bonds by the contents, with which nodes at the border of the fine zone move."""
+        super().restore(checkpoint, state, step, broken)
+        self._operator.copy_to_state(state)
 
     def energy_density_at_zero_displacement(self, state: State) -> NDArray[np.float64]:
         """The energy densities (n,) of the current nodes at no displacement, J/m^3, inside of one material."""
@@ -62,10 +73,10 @@ class SwellingStepperWithFineZone(Swelling):
         density = (lattice.material_bond_stiffness / lattice.spring_table[:, 4]).sum(axis=1) / 4 / lattice.spacing**2
         return np.asarray(density[plate.model.material_of[rows]] * self._strain()[rows] ** 2)
 
-    def advance(self, state: State, first_step: int, end_step: int) -> None:
-        """Take the steps `first_step` to `end_step` - 1 of both; the state is updated as long as its nodes are current.
+    def advance(self, state: State, first_step: int, end_step: int) -> int:
+        """Take the steps `first_step` to `end_step` - 1 of both; returns the last one. Raises UnstableError.
 
-        Raises UnstableError.
+        The state is updated as long as its nodes are current.
         """
         hybrid, step = self._operator.engine, first_step
         while step < end_step:
@@ -84,3 +95,4 @@ class SwellingStepperWithFineZone(Swelling):
             step = until + 1
         if self._operator.is_current:
             self._operator.copy_to_state(state)
+        return end_step - 1

@@ -3,18 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, NamedTuple, cast
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from pdsolve.adaptivity.hybrid.engine import ZoneSummary
-from pdsolve.adaptivity.hybrid.operator import HybridOperator
-from pdsolve.adaptivity.hybrid.space.operator import HybridBodyOperator
-from pdsolve.adaptivity.quadtree.operator import QuadtreeOperator
-from pdsolve.adaptivity.two_lattice_operator import TwoLatticeOperator, TwoLatticeStepper
 from pdsolve.conditions import Drive
-from pdsolve.diffusion.swelling import Swelling
 from pdsolve.diffusion.system import Transport
 from pdsolve.lattice.operator import BlockLattice
 from pdsolve.model import Model, counted
@@ -22,19 +17,14 @@ from pdsolve.operators.contact.operator import PenaltyContact
 from pdsolve.operators.protocol import Operator
 from pdsolve.options import Options, threads_of
 from pdsolve.run.operator_factory import unwrap_bond_operator
-from pdsolve.run.swelling_with_fine_zone import SwellingStepperWithFineZone
 from pdsolve.schemes.scheme import Scheme
 from pdsolve.state import State
-from pdsolve.steppers.cycle_or_path_steps import CycleOrPathSteps
-from pdsolve.steppers.load_steps import LoadSteps
-from pdsolve.steppers.protocol import Stepper
-from pdsolve.steppers.steps_on_device import StepsOnDevice
+from pdsolve.stepper import Stepper
 
 if TYPE_CHECKING:
     from pdsolve.adaptivity.factory import MovingZoneOperator
     from pdsolve.crack_growth.growth import Growth
-
-OperatorWithZone = QuadtreeOperator | HybridBodyOperator  # operators with finer nodes that come, and their own summary
+    from pdsolve.run.node_changes import Regridder
 
 
 @dataclass(frozen=True)
@@ -57,6 +47,8 @@ class System:
     crack_growth: Growth | None = None  # cracks that are particles
     contact: PenaltyContact | None = None  # of bodies and crack faces; a part of the operator
     transport: Transport | None = None  # what carries a substance; None: the model moves
+    moving_zone_operator: MovingZoneOperator | None = None  # the operator, if it has the state and an energy ledger
+    regridder: Regridder | None = None  # what changes the nodes between steps
     coupled_runs: tuple[PreparedRun, ...] = ()  # other unknowns of the same nodes, which the stepper marches too
     broken_bonds_of_removed_nodes: int = (
         0  # directed bonds that broke and are none of the operator's: of nodes that are gone
@@ -73,41 +65,16 @@ class System:
         return unwrap_bond_operator(self.operator).name
 
     @property
-    def device_name(self) -> str:
-        """What sums bonds: cpu, or the name of a device."""
-        return self.stepper.session.about.name.strip() if isinstance(self.stepper, StepsOnDevice) else "cpu"
-
-    @property
-    def moving_zone_operator(self) -> MovingZoneOperator | None:
-        """The operator if it has a moving fine zone and its own energy ledger; otherwise None."""
-        return cast("MovingZoneOperator", self.operator) if isinstance(self.operator, TwoLatticeOperator) else None
-
-    @property
-    def load_stepper(self) -> LoadSteps | None:
-        """What takes load steps, if the model is solved at rest."""
-        stepper = self.stepper.motion if isinstance(self.stepper, Swelling) else self.stepper
-        return stepper if isinstance(stepper, LoadSteps) else None
-
-    @property
-    def equilibrium_stepper(self) -> LoadSteps | CycleOrPathSteps | None:
-        """What steps from equilibrium to equilibrium: load steps, cycles or steps along a path."""
-        return self.stepper if isinstance(self.stepper, CycleOrPathSteps) else self.load_stepper
-
-    @property
     def zone_summary(self) -> ZoneSummary | None:
         """Summary of finer nodes that come and go; None without any."""
         if self.moving_zone_operator is not None:
             return self.moving_zone_operator.zone_summary()
-        return self.operator.zone_summary() if isinstance(self.operator, OperatorWithZone) else None
-
-    def fetch_state_from_device(self) -> None:
-        """Bring the state up to the steps taken, if a device takes them."""
-        if isinstance(self.stepper, StepsOnDevice):
-            self.stepper.download_state()
+        return None if self.regridder is None else self.regridder.zone_summary(self)
 
     def profile_time_or_load_factor(self, step_number: int) -> float:
         """Time of the profiles of conditions after `step_number`, s."""
-        return self.stepper.load_factor if isinstance(self.stepper, CycleOrPathSteps) else step_number * self.time_step
+        factor = self.stepper.load_factor
+        return step_number * self.time_step if factor is None else factor
 
     @property
     def thread_count(self) -> int:
@@ -139,21 +106,18 @@ class PreparedRun(NamedTuple):
     def advance(self, first_step: int, end_step: int) -> None:
         """Take the steps `first_step` to `end_step` - 1, in place."""
         self.system.stepper.advance(self.state, first_step, end_step)
-        self.system.fetch_state_from_device()
+        self.system.stepper.synchronize()
 
 
 def system_with_moved_zone(system: System, zone_operator: MovingZoneOperator) -> System:
     """The system of changed nodes of the same plate."""
     count, family = zone_operator.initial_bond_counts_and_family_sizes
-    stepper: Stepper = TwoLatticeStepper(zone_operator)
-    if isinstance(system.stepper, SwellingStepperWithFineZone):
-        assert isinstance(zone_operator, HybridOperator)
-        stepper = system.stepper.switch_operator(zone_operator)
     return replace(
         system,
         model=counted(zone_operator.current_nodes_model, system.time_step),
         operator=zone_operator,
-        stepper=stepper,
+        moving_zone_operator=zone_operator,
+        stepper=system.stepper.on_operator(zone_operator),
         area=zone_operator.area,
         family_sizes=family,
         initial_bond_counts=count,

@@ -24,10 +24,10 @@ from pdsolve.checkpoint_validation import entry
 from pdsolve.conditions import Drive, put_loads
 from pdsolve.model import Model
 from pdsolve.operators.protocol import Operator
-from pdsolve.state import State
+from pdsolve.state import Broken, State
+from pdsolve.stepper import LoadStepProgress
 from pdsolve.steppers.equilibrium import NotConvergedError, area_weighted_tangent, force_densities, norm
 from pdsolve.steppers.factors import factorize
-from pdsolve.steppers.load_steps import LoadStepProgress
 from pdsolve.steppers.path_following import PathPoint, PathSolution
 from pdsolve.steppers.path_stepper import REACHED, PathStepper
 from pdsolve.steppers.path_steps import CRACK_STEPS, work_of_last_path_step
@@ -92,9 +92,9 @@ class ArcLengthSteps(PathStepper):
             | {"path_pushed": np.array(self._pushed), "path_numbers": np.array(numbers)}
         )
 
-    def restore(self, checkpoint: Mapping[str, NDArray[Any]], step: int) -> None:
+    def restore(self, checkpoint: Mapping[str, NDArray[Any]], state: State, step: int, broken: Broken) -> None:
         """Restore a checkpoint after `step`. Raises CheckpointError."""
-        super().restore(checkpoint, step)
+        super().restore(checkpoint, state, step, broken)
         self._pushed = tuple(entry(checkpoint, "path_pushed", (2, *self._held.shape), float).copy())
         value, before = (entry(checkpoint, f"path_{name}", self._held.shape, float) for name in ("value", "before"))
         factor, length, earlier, less, *rest = entry(checkpoint, "path_numbers", (7,), float).tolist()
@@ -118,7 +118,7 @@ class ArcLengthSteps(PathStepper):
         state.work[:] += work / self._area
         state.rate[:] = state.second[:] = 0
         if new.load_factor == 1:
-            self.ended, self.end_reason = True, REACHED
+            self.finished, self.end_reason = True, REACHED
         self._remember(state)
         drive, node, axis = self._drive, self._drive.holds.node, self._drive.holds.axis
         drive.held_force[:] = (drive.force - after / self._area[:, None])[node, axis]
@@ -126,7 +126,7 @@ class ArcLengthSteps(PathStepper):
         spent = float(self._area @ (state.dissipated + self._operator.energies(state)[1]))
         self._record_step(step, iterations, residual, new.load_factor, after, spent)
         if self._largest_bond_overload(state) > 0:
-            self.ended, self.end_reason = True, "a bond has reached its limit"
+            self.finished, self.end_reason = True, "a bond has reached its limit"
 
     def _advance_to_next_equilibrium(self, state: State, step: int) -> PathSolution:
         """The next equilibrium, as far along the path as it converges; the state is there then."""

@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 from pdsolve.conditions import Drive, put_loads
 from pdsolve.model import Model
 from pdsolve.operators.protocol import Operator
-from pdsolve.state import State
+from pdsolve.state import Broken, State
 from pdsolve.steppers.equilibrium import Equilibrium, NotConvergedError, force_densities
 from pdsolve.steppers.growing_cracks import CrackedBodySnapshot, CrackGrowth, EvaluatedTip, stress_intensities_of_tips
 from pdsolve.steppers.load_steps import LoadSteps, LoadStepStatistics
@@ -53,10 +53,11 @@ class CrackLengthSteps(PathStepper):
         self._operator, self._motion, self._cracks = operator, load_steps, growth
         self.description = f"crack length as the control, {load_steps.method.description}"
 
-    def restore(self, checkpoint: Mapping[str, NDArray[Any]], step: int) -> None:
+    def restore(self, checkpoint: Mapping[str, NDArray[Any]], state: State, step: int, broken: Broken) -> None:
         """Restore a checkpoint after `step`. Raises CheckpointError."""
-        super().restore(checkpoint, step)
-        self._motion.restore(np.zeros((0, len(LoadStepStatistics._fields))), self._operator.broken())
+        super().restore(checkpoint, state, step, broken)
+        none = {"rested": np.zeros((0, len(LoadStepStatistics._fields)))}
+        self._motion.restore(none, state, 0, broken)
 
     def _finished_path_share(self) -> float:
         """How much of the path is done: of its steps, or of the loads."""
@@ -143,7 +144,7 @@ class CrackLengthSteps(PathStepper):
             checkpoint.restore(state, operator, growth)
             put_loads(self._drive, last.load_factor)
             self._drive.held_force[:], self._drive.before[:] = held_force, self._drive.force
-            self.ended, self.end_reason = True, str(error)
+            self.finished, self.end_reason = True, str(error)
             return None
         way, outside_now = state.value - value, motion.loads_and_reactions(state, self._drive.force.astype(float))
         state.work[:] += ((outside + outside_now) / 2 * way).sum(axis=1)
@@ -166,7 +167,7 @@ class CrackLengthSteps(PathStepper):
             share = self._largest_intensity_to_toughness_ratio_or_raise(state)
             if abs(share - 1) < NEAR or (load_factor == 1 and share < 1):
                 if load_factor == 1:
-                    self.ended, self.end_reason = True, REACHED
+                    self.finished, self.end_reason = True, REACHED
                 return Equilibrium(iterations, equilibrium.residual), load_factor
             slope = (share - previous_load_factor_and_ratio[1]) / (load_factor - previous_load_factor_and_ratio[0])
             if not slope > 0:

@@ -9,9 +9,10 @@ from pdsolve.conditions import Drive, prescribe_values, put_loads
 from pdsolve.operators.ghosts import Ghosts
 from pdsolve.operators.protocol import Operator
 from pdsolve.state import State
+from pdsolve.stepper import Stepper
 
 
-class ForwardEuler:
+class ForwardEuler(Stepper):
     """Forward Euler with any operator of one unknown of first order and one component."""
 
     name = "forward Euler"
@@ -21,8 +22,8 @@ class ForwardEuler:
         self._operator, self._drive, self._dt, self._ghosts = operator, drive, dt, ghosts
         self._change = np.zeros(len(drive.force))
 
-    def advance(self, state: State, first_step: int, end_step: int) -> None:
-        """Take the steps `first_step` to `end_step` - 1, in place."""
+    def advance(self, state: State, first_step: int, end_step: int) -> int:
+        """Take the steps `first_step` to `end_step` - 1, in place; returns the last one."""
         drive, dt, constrained_nodes = self._drive, self._dt, self._drive.holds.node
         value, rate, source = state.value[:, 0], state.rate[:, 0], drive.force[:, 0]
         for step in range(first_step, end_step):
@@ -38,6 +39,7 @@ class ForwardEuler:
                 rate += source
             value += np.multiply(rate, dt, out=self._change)
             prescribe_values(drive, value, step * dt)
+        return end_step - 1
 
 
 def stable_time_step(operator: Operator, free: NDArray[np.bool_]) -> float:

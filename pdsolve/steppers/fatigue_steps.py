@@ -20,7 +20,7 @@ from pdsolve.bonds.static_breakage import Breakable
 from pdsolve.checkpoint_validation import entry
 from pdsolve.errors import CheckpointError
 from pdsolve.operators.protocol import Operator
-from pdsolve.state import State
+from pdsolve.state import Broken, State
 from pdsolve.steppers.cycle_steps import CycleSteps
 from pdsolve.steppers.equilibrium import Equilibrium, NotConvergedError
 from pdsolve.steppers.load_steps import LoadSteps
@@ -52,7 +52,7 @@ class BondFatigueSteps(CycleSteps):
     def _take_cycle_step(self, state: State, step: int, previous_equilibrium: Equilibrium) -> Equilibrium:
         equilibrium = previous_equilibrium
         for _ in range(JUMPS):
-            if not self.ended:
+            if not self.finished:
                 equilibrium = self._jump_cycles_to_next_bond_breaks(state, step, equilibrium)
         return equilibrium
 
@@ -62,15 +62,20 @@ class BondFatigueSteps(CycleSteps):
         numbers = np.array([self._cycles, first, self.range, *self._at])
         return super().checkpoint_arrays() | {"fatigue_life": self._life, "fatigue_numbers": numbers}
 
-    def restore(self, checkpoint: Mapping[str, NDArray[Any]], step: int) -> None:
+    def restore(self, checkpoint: Mapping[str, NDArray[Any]], state: State, step: int, broken: Broken) -> None:
         """Restore a checkpoint after `step`. Raises CheckpointError."""
-        super().restore(checkpoint, step)
+        super().restore(checkpoint, state, step, broken)
         self._life[:] = entry(checkpoint, "fatigue_life", self._life.shape, float)
         self._cycles, self.first, self.range, block, done = entry(checkpoint, "fatigue_numbers", (5,), float).tolist()
         self.first = np.inf if self.first == NONE_BROKE else self.first
         if not 0 <= block < max(len(self._law.blocks), 1):
             raise CheckpointError(f"block {block:g} of the loading does not exist; there are {len(self._law.blocks)}")
         self._at = Place(int(block), done)
+
+    def summary(self) -> dict[str, Any]:
+        """Those of `CycleSteps`, with the cycles until the first bonds broke and their range of stretch."""
+        first = {"first_break": self.first, "first_range": self.range} if self.step_results else {}
+        return super().summary() | first
 
     def _jump_cycles_to_next_bond_breaks(
         self, state: State, step: int, previous_equilibrium: Equilibrium

@@ -11,19 +11,22 @@ checks the bookkeeping.
 from __future__ import annotations
 
 import warnings
-from collections.abc import Callable
-from typing import NamedTuple, cast
+from collections.abc import Callable, Mapping
+from typing import Any, NamedTuple, cast
 
 import numpy as np
 from numpy.typing import NDArray
 
 from pdmesh.model.bond_counts import pair_count
 from pdsolve.bonds.static_breakage import Breaking
+from pdsolve.checkpoint_validation import entry
 from pdsolve.conditions import DISPLACEMENT, Drive, factors_at, put_loads
+from pdsolve.errors import CheckpointError
 from pdsolve.model import Model, ModelError, ModelWarning
 from pdsolve.operators.ground_supports import grounded
 from pdsolve.operators.protocol import Operator
 from pdsolve.state import Broken, State
+from pdsolve.stepper import LoadStepProgress, Stepper
 from pdsolve.steppers.contact_method import EquilibriumMethodWithContact, append_contact_pairs
 from pdsolve.steppers.equilibrium import (
     Equilibrium,
@@ -43,6 +46,8 @@ GROWTH = 1.5
 BETWEEN = 1e-5  # tolerance of equilibria between rounds of breaking: bonds are as bad within a thousandth
 JUMP = 4  # horizons: cracks that grow by more in a load step, by themselves, jump; by less they go from node to node
 
+SUMMARY_KEYS = "step", "iterations", "residual", "breaks", "least"  # of `LoadStepStatistics`, in the results
+
 
 class LoadStepStatistics(NamedTuple):
     """How one load step came to rest."""
@@ -54,16 +59,7 @@ class LoadStepStatistics(NamedTuple):
     least_breaking_load_share: float  # of this step's loads, to break the next bond; 1 if none broke
 
 
-class LoadStepProgress(NamedTuple):
-    """Progress of a load step."""
-
-    step: int
-    iterations: int
-    residual: float
-    broken_directed_bond_count: int  # directed bonds so far
-
-
-class LoadSteps:
+class LoadSteps(Stepper):
     """Takes load steps with a method and any operator whose own bonds do not break."""
 
     def __init__(
@@ -90,7 +86,6 @@ class LoadSteps:
         self.step_results: list[LoadStepStatistics] = []
         self._remember, self._grow = on_equilibrium, grow_cracks
         self._contact = method.contact if isinstance(method, EquilibriumMethodWithContact) else None
-        self.on_progress: Callable[[LoadStepProgress], None] | None = None
         self._inner = 0.0  # N/m^3, of `EquilibriumConditions`
         self._on_next_equilibrium: Callable[[State], object] = lambda state: None
         self._warned, self._told_loose, self._loose = False, False, cast("LooseBodies | None", None)
@@ -106,8 +101,11 @@ class LoadSteps:
                 raise ModelError(f"{model.name}: $.conditions: {error}") from None
         drive.force[:] = 0
 
-    def advance(self, state: State, first_step: int, end_step: int) -> None:
-        """Take the load steps `first_step` to `end_step` - 1, in place. Raises NotConvergedError."""
+    def advance(self, state: State, first_step: int, end_step: int) -> int:
+        """Take the load steps `first_step` to `end_step` - 1, in place; returns the last one.
+
+        Raises NotConvergedError.
+        """
         for step in range(first_step, end_step):
             before = self._drive.force.astype(float) if self.step_results else np.zeros(self._drive.force.shape)
             put_loads(self._drive, step * self._dt)
@@ -140,6 +138,7 @@ class LoadSteps:
             self._warn_of_unstable_crack_growth(
                 step, least * self._loading_norm(state, self._drive.force.astype(float)) < start, least, spent, state
             )
+        return end_step - 1
 
     def set_swelling_strain(self, strain: Array, state: State, on_next_equilibrium: Callable[[State], object]) -> None:
         """Break bonds by their stretch from these strains (n,), with which the operator has been strained.
@@ -182,19 +181,27 @@ class LoadSteps:
         broken = self._operator.broken()
         self._restrain_loose_bodies(broken, f"after {pair_count(len(broken.step))} bonds broke: ")
 
-    def load_step_rows(self) -> Array:
+    def checkpoint_arrays(self) -> dict[str, NDArray[Any]]:
         """Convergence data (k, 5) of the load steps so far, for a checkpoint."""
-        return np.array(self.step_results, dtype=float).reshape(-1, len(LoadStepStatistics._fields))
+        return {"rested": np.array(self.step_results, dtype=float).reshape(-1, len(LoadStepStatistics._fields))}
 
-    def restore(self, load_step_rows: Array, broken: Broken) -> None:
-        """Restore a checkpoint (k, 5) with these broken bonds."""
+    def restore(self, checkpoint: Mapping[str, NDArray[Any]], state: State, step: int, broken: Broken) -> None:
+        """Restore a checkpoint after `step` with these broken bonds. Raises CheckpointError."""
+        rows = entry(checkpoint, "rested", (step, len(LoadStepStatistics._fields)), float)
+        if not np.array_equal(rows[:, 0], np.arange(1, step + 1)):
+            raise CheckpointError(f"load steps are not 1 to {step}, those until the checkpoint")
         self.step_results = [
-            LoadStepStatistics(int(s), int(i), r, int(b), least) for s, i, r, b, least in load_step_rows.tolist()
+            LoadStepStatistics(int(s), int(i), r, int(b), least) for s, i, r, b, least in rows.tolist()
         ]
         if self._breaking is not None:
             self._breaking.restore(broken)
         count = len(broken.step)
         self._restrain_loose_bodies(broken, f"after {count} directed bonds broke: " if count else "")
+
+    def summary(self) -> dict[str, Any]:
+        """Iterations and residuals of each load step."""
+        steps = [dict(zip(SUMMARY_KEYS, row, strict=True)) for row in self.step_results]
+        return {"method": self.method.description, "load_steps": steps}
 
     def _warn_of_unstable_crack_growth(
         self, step: int, load_is_smaller: bool, breaking_load_share: float, dissipated_before: float, state: State

@@ -27,7 +27,7 @@ from numpy.typing import NDArray
 from pdmesh.model.fatigue import Fatigue
 from pdsolve.checkpoint_validation import entry
 from pdsolve.operators.protocol import Operator
-from pdsolve.state import State
+from pdsolve.state import Broken, State
 from pdsolve.steppers.cycle_steps import CycleSteps
 from pdsolve.steppers.equilibrium import Equilibrium, NotConvergedError
 from pdsolve.steppers.growing_cracks import (
@@ -193,13 +193,18 @@ class ParisSteps(CycleSteps):
         numbers = np.array([self._cycles, self._share, self.cycle_error_of_steps, self.cycle_error_of_K, self._apart])
         return super().checkpoint_arrays() | {"paris_tips": tips, "paris_cycles": numbers}
 
-    def restore(self, checkpoint: Mapping[str, NDArray[Any]], step: int) -> None:
+    def restore(self, checkpoint: Mapping[str, NDArray[Any]], state: State, step: int, broken: Broken) -> None:
         """Restore a checkpoint after `step`. Raises CheckpointError."""
-        super().restore(checkpoint, step)
+        super().restore(checkpoint, state, step, broken)
         tips = entry(checkpoint, "paris_tips", (None, 4), float)
         self._tips = {int(number): _TipHistory(*history) for number, *history in tips.tolist()}
         numbers = entry(checkpoint, "paris_cycles", (5,), float).tolist()
         self._cycles, self._share, self.cycle_error_of_steps, self.cycle_error_of_K, self._apart = numbers
+
+    def summary(self) -> dict[str, Any]:
+        """Those of `CycleSteps`, with the estimated errors of the cycles: of all, and of the length of particles."""
+        errors = {"cycles_error": self.estimated_cycle_error, "cycles_error_of_jumps": self.cycle_error_of_steps}
+        return super().summary() | errors
 
 
 def cycle_ratio_at_growing_rate(rate_ratio: float) -> float:

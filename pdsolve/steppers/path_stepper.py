@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import time as clock
 import warnings
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -18,14 +18,16 @@ from pdsolve.checkpoint_validation import entry
 from pdsolve.conditions import Drive, put_loads
 from pdsolve.errors import CheckpointError
 from pdsolve.model import Model, ModelWarning
-from pdsolve.state import State
-from pdsolve.steppers.load_steps import LoadStepProgress, prescribed_displacements
+from pdsolve.state import Broken, State
+from pdsolve.stepper import Stepper
+from pdsolve.steppers.load_steps import prescribed_displacements
 
 Array = NDArray[np.float64]
 
 PASSED = 0.98  # of the largest load so far: what has fallen below is past its peak
 END = 0.01  # of the largest load: as good as gone
 REACHED = "the loads are reached"
+SUMMARY_KEYS = "step", "iterations", "residual", "factor", "pull", "spent"  # of `PathStepResult`, in the results
 
 
 class PathStepResult(NamedTuple):
@@ -39,7 +41,7 @@ class PathStepResult(NamedTuple):
     dissipated_energy: float  # J/m, by bonds or cracks
 
 
-class PathStepper:
+class PathStepper(Stepper):
     """Takes the steps of a path, in a way that others say, and keeps their records."""
 
     description = ""  # how, for the record
@@ -54,36 +56,39 @@ class PathStepper:
         self._driven = self._held if self._growth[self._held].any() else ~self._held
         self._began: tuple[float, float] | None = None  # s, and the share of the path that was done then
         self.step_results: list[PathStepResult] = []
-        self.on_progress: Callable[[LoadStepProgress], None] | None = None
-        self.ended, self.end_reason = False, ""
+        self.load_factor = 0.0
+        self.end_reason = ""
         self.peak_load_factor: float | None = None  # of dead loads, where no equilibrium further on bears as much
         drive.force[:] = 0
 
-    @property
-    def load_factor(self) -> float:
-        """The factor of loads and prescribed displacements now: the time of their profiles, s."""
-        return self.step_results[-1].load_factor if self.step_results else 0.0
-
-    def advance(self, state: State, first_step: int, end_step: int) -> None:
-        """Take the steps `first_step` to `end_step` - 1, in place, unless the path has ended.
+    def advance(self, state: State, first_step: int, end_step: int) -> int:
+        """Take the steps `first_step` to `end_step` - 1, in place, unless the path has ended; returns the last one.
 
         Raises NotConvergedError.
         """
         self._began = self._began or (clock.monotonic(), self._finished_path_share())
         for step in range(first_step, end_step):
-            if not self.ended:
+            if not self.finished:
                 self._take_path_step(state, step)
+        return self.step_results[-1].step
 
     def checkpoint_arrays(self) -> dict[str, Array]:
         """The steps so far, for a checkpoint."""
         return {"stepped": np.array(self.step_results, dtype=float).reshape(-1, len(PathStepResult._fields))}
 
-    def restore(self, checkpoint: Mapping[str, NDArray[Any]], step: int) -> None:
+    def restore(self, checkpoint: Mapping[str, NDArray[Any]], state: State, step: int, broken: Broken) -> None:
         """Restore a checkpoint after `step`. Raises CheckpointError."""
         rows = entry(checkpoint, "stepped", (step, len(PathStepResult._fields)), float)
         if not np.array_equal(rows[:, 0], np.arange(1, step + 1)):
             raise CheckpointError(f"path steps are not 1 to {step}, those until the checkpoint")
         self.step_results = [PathStepResult(int(row[0]), int(row[1]), *row[2:]) for row in rows.tolist()]
+        self.load_factor = self.step_results[-1].load_factor if step else 0.0
+
+    def summary(self) -> dict[str, Any]:
+        """Each step, the load factor of the peak that was passed, and why the path ended."""
+        steps = [dict(zip(SUMMARY_KEYS, path_step, strict=True)) for path_step in self.step_results]
+        lost, ended = self.peak_load_factor, self.end_reason or None
+        return {"method": self.description, "path_steps": steps, "lost": lost, "ended": ended}
 
     def progress_text(self) -> str:
         """The load, the spent energy and the time that is left, for a progress display."""
@@ -121,18 +126,19 @@ class PathStepper:
         """Record a step that ended under loads and reactions `external_forces` (n, w), N/m."""
         pull = float((external_forces * self._growth)[self._driven].sum())
         self.step_results.append(PathStepResult(step, iterations, residual, load_factor, pull, dissipated_energy))
+        self.load_factor = load_factor
         pulls = [abs(path_step.work_conjugate_force) for path_step in self.step_results]
         most, now = max(pulls), pulls[-1]
         if now < self.end_load_share * most:
-            self.ended, self.end_reason = True, f"the load has fallen to {self.end_load_share:.0%} of its peak"
-        elif step == self._model.settings.run.steps and not self.ended:
+            self.finished, self.end_reason = True, f"the load has fallen to {self.end_load_share:.0%} of its peak"
+        elif step == self._model.settings.run.steps and not self.finished:
             self.end_reason = "the steps are over"
         if self._driven[self._held].any() or now >= PASSED * most:
             return
         self.peak_load_factor = max(path_step.load_factor for path_step in self.step_results)
         after = self._model.settings.run.after
         if after != "path":
-            self.ended, self.end_reason = True, "the load has passed its peak"
+            self.finished, self.end_reason = True, "the load has passed its peak"
         if min(pulls[pulls.index(most) : -1]) < PASSED * most:
             return
         follows = {"path": "goes on at smaller loads", "stop": "ends here", "motion": "ends here, and a motion begins"}

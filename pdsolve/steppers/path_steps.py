@@ -25,10 +25,10 @@ from pdsolve.operators.ground_supports import grounded
 from pdsolve.operators.protocol import Operator
 from pdsolve.operators.softening_bonds import Response, SofteningBonds
 from pdsolve.state import Broken, State
+from pdsolve.stepper import LoadStepProgress
 from pdsolve.steppers.contact_method import append_contact_pairs, solve_until_contact_converges
 from pdsolve.steppers.cracks_at_no_fail_bonds import describe_crack_at_no_fail_bonds
 from pdsolve.steppers.equilibrium import NotConvergedError
-from pdsolve.steppers.load_steps import LoadStepProgress
 from pdsolve.steppers.path_control import DissipationControl, OpeningControl, PathControl
 from pdsolve.steppers.path_following import (
     FEW,
@@ -120,9 +120,9 @@ class SofteningPathSteps(PathStepper):
             "path_numbers": np.array([*self._last[1:], *self._before[1:], self._more, self._follower.largest]),
         }
 
-    def restore(self, checkpoint: Mapping[str, NDArray[Any]], step: int) -> None:
+    def restore(self, checkpoint: Mapping[str, NDArray[Any]], state: State, step: int, broken: Broken) -> None:
         """Restore a checkpoint after `step`, with the history that its operator has. Raises CheckpointError."""
-        super().restore(checkpoint, step)
+        super().restore(checkpoint, state, step, broken)
         self._pushed = tuple(entry(checkpoint, "path_pushed", (2, *self._held.shape), float).copy())
         value, before = (entry(checkpoint, f"path_{name}", self._held.shape, float) for name in ("value", "before"))
         factor, spent, earlier, less, self._more, self._follower.largest = entry(
@@ -216,7 +216,7 @@ class SofteningPathSteps(PathStepper):
                 reach = min(reach, left / opened * (near.load_factor - start_point.load_factor))
             current_point, factor = near, min(float(start_point.load_factor + reach), 1.0)
         path_point = self._find_equilibrium_at_load_factor(current_point, factor)
-        self.ended = factor == 1.0 or self._is_final_opening_reached(path_point[0])
+        self.finished = factor == 1.0 or self._is_final_opening_reached(path_point[0])
         return path_point[0], count + path_point[1], max(residual, path_point[2])
 
     def _control_value(self, point: PathPoint) -> float:
@@ -270,8 +270,8 @@ class SofteningPathSteps(PathStepper):
                 count += more
             except NotConvergedError:  # the path turns round beyond
                 pass
-            self.ended = True
-        self.ended |= self._is_final_opening_reached(new)
+            self.finished = True
+        self.finished |= self._is_final_opening_reached(new)
         return new, iterations + count, residual
 
     def _choose_next_try(self, secant_iterations: int, error: NotConvergedError) -> int:

@@ -1,7 +1,7 @@
 """Velocity Verlet, or forward Euler of a content, on a device, to the same bits as on the processor.
 
 State and conditions stay there between records.
-The host computes the factors of profiles of some steps at a time, and reads the state only in `download_state`.
+The host computes the factors of profiles of some steps at a time, and reads the state only in `synchronize`.
 """
 
 from __future__ import annotations
@@ -16,13 +16,14 @@ from pdsolve.device.nodes import AT_ONCE, Factors, NodesOnDevice
 from pdsolve.device.source import declare, preamble, text_of
 from pdsolve.lattice.layout import LANES
 from pdsolve.state import State
+from pdsolve.stepper import Stepper
 
 STARTS, ENDS = 1, 2  # phases of the kernel
 MOTION_ARRAYS = "before", "u", "after", "rate", "rate_after", "a"
 
 
-class StepsOnDevice:
-    """Takes steps on a device; the state on the host is that of the last `download_state`; it may be changed then."""
+class StepsOnDevice(Stepper):
+    """Takes steps on a device; the state on the host is that of the last `synchronize`; it may be changed then."""
 
     def __init__(
         self,
@@ -39,6 +40,7 @@ class StepsOnDevice:
         self._operator, self._state, self._drive = bonds_state_drive
         operator, drive = self._operator, self._drive
         self.session, self._ahead, self._last, self._dt = operator.session, False, 0, dt
+        self.device_name = self.session.about.name.strip()
         self.session.expect_countable(operator.dimension * operator.room)
         self._nodes = np.union1d(drive.loads.node, drive.holds.node)
         hold_order, holds = _sort_entries_by_node(drive.holds, self._nodes)
@@ -68,10 +70,10 @@ class StepsOnDevice:
         moments = ((-1, 0.0), (0, 0.0), (0, 0.0)) if is_first_order else ((0, 0.0), (1, 0.0), (1, dt / 2))
         self._factors = Factors(self.session, drive.profiles, dt, moments)
 
-    def advance(self, state: State, first_step: int, end_step: int) -> None:
-        """Take the steps `first_step` to `end_step` - 1. Raises DeviceLostError."""
+    def advance(self, state: State, first_step: int, end_step: int) -> int:
+        """Take the steps `first_step` to `end_step` - 1; returns the last one. Raises DeviceLostError."""
         if end_step <= first_step:
-            return
+            return end_step - 1
         operator, write, buffers = self._operator, self.session.write, self._buffers
         if not self._ahead:  # the device has not the state of the host
             operator.hand_over()
@@ -104,6 +106,7 @@ class StepsOnDevice:
         # The last sweep wrote no displacements, or amounts that the next start writes anew
         self._rotate_buffers("before", "u", "after")
         self.session.finish()
+        return end_step - 1
 
     def _rotate_buffers(self, *names: str) -> None:
         """Give each of these buffers the next one's name, and the last one that of the first."""
@@ -123,7 +126,7 @@ class StepsOnDevice:
         names |= {"dissipated": state.dissipated, "work": state.work, "damped": state.damped}
         return [(buffers[name], values) for name, values in names.items()]
 
-    def download_state(self) -> None:
+    def synchronize(self) -> None:
         """Bring the state on the host, and the history of bonds, up to the device's. Raises DeviceLostError."""
         if not self._ahead:
             return

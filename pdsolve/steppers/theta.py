@@ -16,6 +16,7 @@ from pdsolve.conditions import Drive, constrained_components, prescribe_values, 
 from pdsolve.errors import UnstableError
 from pdsolve.operators.protocol import FluxOperator
 from pdsolve.state import State
+from pdsolve.stepper import Stepper
 from pdsolve.steppers.factors import factorize
 
 TOLERANCE = 1e-12  # of the right-hand side
@@ -24,7 +25,7 @@ ITERATIONS, MOST = 60, 10_000  # of Newton's method, of conjugate gradients
 Solve = Callable[[NDArray[np.float64]], NDArray[np.float64]]
 
 
-class ThetaSteps:
+class ThetaSteps(Stepper):
     """Implicit steps with an operator whose rates are linear in a potential."""
 
     def __init__(self, operator: FluxOperator, drive: Drive, time_step: float, theta: float, factor_once: bool) -> None:
@@ -43,8 +44,8 @@ class ThetaSteps:
         """Factor the equations anew, as the operator has changed."""
         self._factors = None
 
-    def advance(self, state: State, first_step: int, end_step: int) -> None:
-        """Take the steps `first_step` to `end_step` - 1, in place.
+    def advance(self, state: State, first_step: int, end_step: int) -> int:
+        """Take the steps `first_step` to `end_step` - 1, in place; returns the last one.
 
         Raises UnstableError if the equations do not converge.
         """
@@ -62,6 +63,7 @@ class ThetaSteps:
             rate = self._compute_rates_and_add_flows(state, end_content, theta, step)
             content[free] = (fixed + dt * theta * rate)[free]
             state.rate[:, 0] = (content - before) / dt
+        return end_step - 1
 
     def _compute_rates_and_add_flows(
         self, state: State, content: NDArray[np.float64], step_share: float, step: int

@@ -26,9 +26,10 @@ from pdsolve.conditions import (
 from pdsolve.operators.ghosts import Ghosts
 from pdsolve.operators.protocol import Forces
 from pdsolve.state import State
+from pdsolve.stepper import Stepper
 
 
-class Verlet:
+class Verlet(Stepper):
     """Velocity Verlet with any operator."""
 
     def __init__(
@@ -53,8 +54,8 @@ class Verlet:
         self._damping = damping if damping is not None and damping.any() else None
         self._held = constrained_components(drive) if self._damping is not None else None
 
-    def advance(self, state: State, first_step: int, end_step: int) -> None:
-        """Take the steps `first_step` to `end_step` - 1, in place."""
+    def advance(self, state: State, first_step: int, end_step: int) -> int:
+        """Take the steps `first_step` to `end_step` - 1, in place; returns the last one."""
         drive, dt = self._drive, self._dt
         # forces take the place of the accelerations that they become, where those are as precise and damping does not
         # ask for what they were
@@ -73,6 +74,7 @@ class Verlet:
             _accelerate_kick_and_add_work(state, drive, out, self._rho, rows, previous_velocity, dt, step * dt)
             if previous_velocity is not None:
                 _damp_velocity_and_add_energy(state, previous_velocity, self._rho, self._held, self._damping, rows, dt)
+        return end_step - 1
 
 
 @overloaded({"error_model": "numpy"})  # not INNER, whose functions return no arrays

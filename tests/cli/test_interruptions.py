@@ -24,7 +24,7 @@ from pdsolve.results import Results, Writer
 from pdsolve.run.prepare import prepare
 from pdsolve.run.simulation import simulate
 from pdsolve.state import State
-from pdsolve.steppers.protocol import Stepper
+from pdsolve.stepper import Stepper
 
 READING = ("msgspec", "numpy._core.multiarray", "numpy.random")  # what all that is read takes
 

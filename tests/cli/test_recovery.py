@@ -26,7 +26,7 @@ from pdsolve.results.writer_token import Token
 from pdsolve.run.prepare import prepare
 from pdsolve.run.simulation import Progress, resume, simulate
 from pdsolve.state import State
-from pdsolve.steppers.protocol import Stepper
+from pdsolve.stepper import Stepper
 
 ENDS = [signal.SIGTERM, signal.SIGHUP]
 

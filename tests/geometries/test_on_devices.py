@@ -46,7 +46,7 @@ def test_a_scene(scene: str, precision: str) -> None:
         problem.state.value[:] = SHAKEN * model.grid.delta[:, None] * random.standard_normal(shape)
         problem.advance(1, 2)
         problem.advance(2, 12)
-    assert there.system.device_name != "cpu"
+    assert there.system.stepper.device_name != "cpu"
     assert (len(broken(here).step) > 0) == (scene not in TOUGH)
     assert all(map(np.array_equal, here.state, there.state))
     assert all(map(np.array_equal, broken(here), broken(there)))

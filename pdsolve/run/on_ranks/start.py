@@ -28,6 +28,7 @@ from pdsolve.run.reactions import ActingCondition
 from pdsolve.run.system import PreparedRun, System
 from pdsolve.schemes import SCHEMES
 from pdsolve.state import State
+from pdsolve.stepper import Stepper
 
 
 @dataclass(frozen=True)
@@ -51,15 +52,16 @@ class SystemOnRanks(System):
         return self.directed_bonds_of_all_ranks
 
 
-class StepperOnRanks:
+class StepperOnRanks(Stepper):
     """The stepper of all ranks together."""
 
     def __init__(self, team: Team) -> None:
         self._team = team
 
-    def advance(self, state: State, first_step: int, end_step: int) -> None:
+    def advance(self, state: State, first_step: int, end_step: int) -> int:
         """Take the steps `first_step` to `end_step` - 1 on all ranks; `state` is that of this rank."""
         self._team.everywhere(advance_this_rank, first_step, end_step)
+        return end_step - 1
 
 
 class RankSystem:

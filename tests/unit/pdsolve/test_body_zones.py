@@ -161,9 +161,11 @@ def test_loads_of_new_nodes_are_those_of_the_time_of_the_step(monkeypatch: pytes
     monkeypatch.setattr(body_zones, "create_current_drive", lambda after, time: times.append(time))
     assemble: Any = lambda *words, conditions: Part(system=PreparedRun(words[5:7], None))  # noqa: E731
     monkeypatch.setattr(body_zones, "assemble_system", assemble)
-    monkeypatch.setattr(body_zones.dataclasses, "replace", lambda system, full_model: (system, full_model))
-    system: Any = Part(time_step=0.5, stable_time_step=0.7, options=None, scheme=None, full_model="whole")
+    monkeypatch.setattr(body_zones.dataclasses, "replace", lambda system, **changes: (system, changes))
+    system: Any = Part(
+        time_step=0.5, stable_time_step=0.7, options=None, scheme=None, full_model="whole", regridder="zone"
+    )
     operator: Any = Part(current_nodes_model=None, volumes_and_bond_counts=None)
     found: Any = body_zones._system_with_refined_operator(system, operator, 8)
     assert times == [4.0]
-    assert (found[0][0], found[1]) == ((0.5, 0.7), "whole")
+    assert (found[0][0], found[1]) == ((0.5, 0.7), {"full_model": "whole", "regridder": "zone"})

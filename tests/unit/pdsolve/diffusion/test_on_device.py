@@ -61,7 +61,7 @@ def test_steps(name: str) -> None:
             problem.advance(first, last)
     assert np.abs(here.state.value - begin).max() > 0.05
     assert all(map(np.array_equal, here.state, there.state))
-    assert there.system.device_name != "cpu"
+    assert there.system.stepper.device_name != "cpu"
 
 
 @pytest.mark.slow
