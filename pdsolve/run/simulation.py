@@ -32,17 +32,10 @@ from pdsolve.run.coarse_breaks import warn_of_broken_bonds_outside_finest_zone
 from pdsolve.run.doubtful_conditions import warn_of_doubtful_conditions
 from pdsolve.run.initial_displacements import apply_initial_displacements
 from pdsolve.run.narrow_contact import warn_of_unresolved_contact_width
-from pdsolve.run.node_changes import NodeAdaptation, restore_system_with_moving_zone
+from pdsolve.run.node_changes import NodeAdaptation, find_zone_change_since_last_call, restore_system_with_moving_zone
 from pdsolve.run.on_ranks import resuming
 from pdsolve.run.on_ranks import start as on_ranks
 from pdsolve.run.on_ranks.recorder import RecorderOnRanks
-from pdsolve.run.pace import (
-    StepBatchTimer,
-    change_nodes_if_due_and_find_next_step,
-    grow_cracks_if_due_and_find_next_step,
-    next_multiple,
-    record_zone_motion,
-)
 from pdsolve.run.prepare import prepare
 from pdsolve.run.recorder import HistoryUntilCheckpoint, Recorder, restore_state
 from pdsolve.run.static_start import start_in_static_equilibrium
@@ -55,6 +48,9 @@ from pdsolve.steppers.equilibrium import NotConvergedError
 
 PATIENCE = 4e8  # bond updates between two looks at the watcher, some 0.2 s; fewer where they take longer
 DEFAULT = Options()
+BATCH_TIME, SLOW = 0.25, 1e7  # s that a batch is to take; bonds or links a second, as is supposed until it is measured
+# Steps that a batch has at least, as what begins one costs a part of a step, where it takes no longer than so many s
+LEAST_STEPS, LONGEST_BATCH = 4, 1.0
 
 
 class Progress(NamedTuple):
@@ -381,6 +377,65 @@ def _advance_to_end_and_close_results(
         warn_of_broken_bonds_outside_finest_zone(recorder.system.requested_model, results)
         warn_of_unresolved_contact_width(recorder.system, recorder.state)
     return results
+
+
+class StepBatchTimer:
+    """Measures the duration of steps; results do not depend on it."""
+
+    def __init__(self, updates_per_step: int) -> None:
+        """`updates_per_step` is the number of bond or link updates of a step."""
+        self._each = updates_per_step / SLOW  # s of a step
+
+    def choose_batch_step_count(self, min_steps: int, max_steps: int) -> int:
+        """Number of steps to take at once, from `min_steps` to `max_steps`."""
+        each = max(self._each, 1e-9)
+        return max(min_steps, min(max_steps, max(int(BATCH_TIME / each), min(LEAST_STEPS, int(LONGEST_BATCH / each)))))
+
+    def record_duration(self, step_count: int, seconds: float) -> None:
+        """Record the duration of some steps."""
+        self._each = seconds / max(step_count, 1)
+
+    def will_finish_soon(self, step_count: int) -> bool:
+        """Whether so many steps take less than three times `BATCH_TIME`."""
+        return step_count * self._each < 3 * BATCH_TIME
+
+
+def change_nodes_if_due_and_find_next_step(recorder: Recorder, adaptation: NodeAdaptation, step: int) -> int:
+    """Let nodes change that are due after `step`; returns the step of the next look."""
+    change = (
+        adaptation.change_nodes(recorder.system, recorder.state, step)
+        if step % adaptation.steps_between_checks == 0
+        else None
+    )
+    if change is not None:
+        recorder.record_node_change(step, change)
+    return next_multiple(step, adaptation.steps_between_checks)
+
+
+def grow_cracks_if_due_and_find_next_step(recorder: Recorder, step: int, last_step: int) -> int:
+    """Let cracks due after `step` grow; returns the step of the next check, `last_step` without growing cracks."""
+    system = recorder.system
+    if system.crack_growth is None or system.crack_growth.every is None:
+        return last_step
+    if step % system.crack_growth.every == 0:
+        system.crack_growth.look(recorder.state, step + 1)
+    return next_multiple(step, system.crack_growth.every)
+
+
+def record_zone_motion(recorder: Recorder, since_step: int) -> None:
+    """Record the motion of a fine zone since the step `since_step`."""
+    change = (
+        find_zone_change_since_last_call(recorder.system, with_state=False)
+        if recorder.system.moving_zone_operator is not None
+        else None
+    )
+    if change is not None:
+        recorder.record_node_change(since_step, change)
+
+
+def next_multiple(step: int, interval: int) -> int:
+    """The next step that is a multiple of an interval."""
+    return (step // interval + 1) * interval
 
 
 def _advance_to_end(recorder: Recorder, writer: Behind, request: RunRequest) -> str:

@@ -14,8 +14,7 @@ from zoned_plates import struck
 
 from pdpost.measures.cracked_nodes import damage_with_pre_cracks_at
 from pdsolve.results import Results, writer
-from pdsolve.run.pace import StepBatchTimer
-from pdsolve.run.simulation import Options, Progress, resume, simulate
+from pdsolve.run.simulation import Options, Progress, StepBatchTimer, resume, simulate
 
 TESTS = Path(__file__).parent.parent
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from pdsolve.run.pace import BATCH_TIME, LEAST_STEPS, LONGEST_BATCH, StepBatchTimer
+from pdsolve.run.simulation import BATCH_TIME, LEAST_STEPS, LONGEST_BATCH, StepBatchTimer
 
 
 def test_a_piece_takes_no_longer_than_it_should() -> None:
