@@ -185,22 +185,20 @@ def _document(args: argparse.Namespace) -> Document:
             "." in name and name.partition(".")[0] in Settings.__struct_fields__ for name, _ in args.assignments
         )
         if len(assigned) == len(args.assignments) and all(are_settings):
-            return _with_settings(args.drawing, args.assignments)
+            # settings laid over those in the file, as the solver has them
+            import msgspec
+
+            from pdmesh.model.document import GridWarning, read_file
+            from pdsolve import read_model
+
+            document = read_file(args.drawing)
+            with warnings.catch_warnings():
+                warnings.simplefilter("ignore", GridWarning)  # it is read twice
+                settings = read_model(args.drawing, None, args.assignments).settings
+            return msgspec.structs.replace(
+                document, **{name: getattr(settings, name) for name in settings.__struct_fields__}
+            )
     return build_file(args.drawing, assigned, args.refine, args.trust, args.cracks).document
-
-
-def _with_settings(path: Path, assigned: Sequence[tuple[str, str]]) -> Document:
-    """The model in a .json file with settings laid over its own, as the solver has them."""
-    import msgspec
-
-    from pdmesh.model.document import GridWarning, read_file
-    from pdsolve import read_model
-
-    document = read_file(path)
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", GridWarning)  # it is read twice
-        settings = read_model(path, None, assigned).settings
-    return msgspec.structs.replace(document, **{name: getattr(settings, name) for name in settings.__struct_fields__})
 
 
 def _info(args: argparse.Namespace) -> int:

@@ -41,11 +41,6 @@ def read_abaqus(path: Path, trust: bool = False) -> Mesh:
     if model.unread:
         listed = ", ".join(f"*{name.capitalize()}" for name in model.unread)
         notes.append(f"not used: {listed} (values come from --set)")
-    return _mesh(model, tuple(notes))
-
-
-def _mesh(model: Model, notes: tuple[str, ...]) -> Mesh:
-    """The mesh of all that is in the assembly. Raises SceneError."""
     points: list[NDArray[np.float64]] = []
     every: list[tuple[Elements, Rows]] = []
     copies: list[Copy] = []

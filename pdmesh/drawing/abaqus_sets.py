@@ -93,32 +93,31 @@ class SetRows:
     def named(self, wanted: SetName) -> Rows:
         """The rows of a set of this name. Raises SceneError for a member that is not there, or for a set in itself."""
         if wanted not in self.rows_by_set:
-            self._resolve(wanted, self.copies[wanted.instance].sets[wanted.kind][wanted.name])
+            # without recursion, as chains of names may be long
+            begun = {wanted: self._begin(wanted, self.copies[wanted.instance].sets[wanted.kind][wanted.name])}
+            while begun:
+                name, resolution = next(reversed(begun.items()))
+                reference = next(
+                    (reference for reference in resolution.waiting if reference not in self.rows_by_set), None
+                )
+                if reference is None:
+                    self.rows_by_set[name] = _union(
+                        resolution.direct_rows, [self.rows_by_set[reference] for reference in resolution.others]
+                    )
+                    del begun[name]
+                elif reference in begun:
+                    keyword, line, word = resolution.others[reference]
+                    raise keyword.error(f"*{keyword.name}: '{word}' is defined by itself; list its members", line)
+                else:
+                    begun[reference] = self._begin(
+                        reference, self.copies[reference.instance].sets[reference.kind][reference.name]
+                    )
         return self.rows_by_set[wanted]
 
     def of_entry(self, kind: str, instance: str, entry: Entry) -> Rows:
         """The rows of one number or name on a line of data. Raises SceneError."""
         direct_rows, others = self._parts(SetName(instance, kind, ""), Members("", [entry]))
         return _union(direct_rows, [self.named(set_name) for set_name in others])
-
-    def _resolve(self, wanted: SetName, members: Members) -> None:
-        """Compute the rows of a set and of all that it names, without recursion: chains of names may be long."""
-        begun = {wanted: self._begin(wanted, members)}
-        while begun:
-            name, resolution = next(reversed(begun.items()))
-            reference = next((reference for reference in resolution.waiting if reference not in self.rows_by_set), None)
-            if reference is None:
-                self.rows_by_set[name] = _union(
-                    resolution.direct_rows, [self.rows_by_set[reference] for reference in resolution.others]
-                )
-                del begun[name]
-            elif reference in begun:
-                keyword, line, word = resolution.others[reference]
-                raise keyword.error(f"*{keyword.name}: '{word}' is defined by itself; list its members", line)
-            else:
-                begun[reference] = self._begin(
-                    reference, self.copies[reference.instance].sets[reference.kind][reference.name]
-                )
 
     def _begin(self, name: SetName, members: Members) -> _Resolution:
         direct_rows, others = self._parts(name, members)

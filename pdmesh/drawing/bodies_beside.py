@@ -1,4 +1,4 @@
-"""Bodies beside the first one in drawings of plates and of bodies in space: their groups, and their parameters."""
+"""Bodies beside the first one, and regions, in drawings of plates and of bodies in space: groups and parameters."""
 
 from __future__ import annotations
 
@@ -44,6 +44,18 @@ def with_bodies(scene: S, shapes: Mapping[str, Any], parameters: Parameters) -> 
             continue
         material = named.material(parameters, folder, scene.material) if parameter_names else None
         scene = scene.body(shape, name, spacing, material, velocity, spin)
+    return scene
+
+
+def with_regions(scene: S, materials: Mapping[str, Any], media: Mapping[str, Any], parameters: Parameters) -> S:
+    """The scene with these regions of other materials and of other media, by name. Raises SceneError."""
+    for name, shape in materials.items():
+        material = named.material(parameters, f"Materials/{name}", scene.material)
+        if material is None:
+            raise SceneError(f"parameter '{PREFIX}Materials/{name}/E' is missing; give a number")
+        scene = scene.region(shape, material, name)
+    for name, shape in media.items():
+        scene = scene.diffusivity(shape, parameters.number(f"Media/{name}/D"), name)
     return scene
 
 

@@ -30,7 +30,7 @@ import shapely
 
 from pdmesh.drawing import diffusion_conditions, mechanical_conditions
 from pdmesh.drawing import parameters as named
-from pdmesh.drawing.bodies_beside import with_bodies
+from pdmesh.drawing.bodies_beside import with_bodies, with_regions
 from pdmesh.drawing.group_names import Physical, meaning, picked
 from pdmesh.drawing.parameters import PREFIX, Parameters
 from pdmesh.drawing.shells import sheet_of, shell_of
@@ -111,17 +111,14 @@ def body_of(gmsh_output: Mapping[str, Any], values: Mapping[str, float | str], s
     body = mechanical_conditions.acted_on(body, places, parameters)
     gaps = {name: _points(group, parameters) for name, group in groups["gap"].items()}
     body = mechanical_conditions.monitored(body, gaps, parameters)
-    for name, group in groups["material"].items():
-        material = named.material(parameters, f"Materials/{name}", body.material)
-        if material is None:
-            raise SceneError(f"parameter '{PREFIX}Materials/{name}/E' is missing; give a number")
-        body = body.region(_shell(gmsh_output, group, parameters), material, name)
-    for name, group in groups["medium"].items():
-        body = body.diffusivity(_shell(gmsh_output, group, parameters), parameters.number(f"Media/{name}/D"), name)
-    for name, group in groups["solid"].items():
-        body = body.dissolve(_shell(gmsh_output, group, parameters), name)
-    body_shells = {name: _shell(gmsh_output, group, parameters) for name, group in groups["body"].items()}
-    body = with_bodies(body, body_shells, parameters)
+    shells = {
+        kind: {name: _shell(gmsh_output, group, parameters) for name, group in groups[kind].items()}
+        for kind in ("material", "medium", "solid", "body")
+    }
+    body = with_regions(body, shells["material"], shells["medium"], parameters)
+    for name, shell in shells["solid"].items():
+        body = body.dissolve(shell, name)
+    body = with_bodies(body, shells["body"], parameters)
     return diffusion_conditions.diffusing(body, places, parameters)
 
 

@@ -54,7 +54,17 @@ def read_geo(path: Path, assignments: Sequence[tuple[str, str]] = (), trust: boo
     values = {entry["name"]: _value(entry) for entry in gmsh_output["parameters"]}
     scene = _scene(path, gmsh_output, values, text)
     remarks = tuple(f"{path}: Gmsh says: {message}" for message in dict.fromkeys(gmsh_output["remarks"]))
-    return replace(scene, notes=(*scene.notes, *_notes(copies), *remarks))
+    # words of drawings that have no effect
+    notes = []
+    for copy in copies.values():
+        for words, what, why in (
+            (copy.unused, "not used", "nodes are as far apart as Zones/NAME/Spacing says"),
+            (copy.skipped, "left out", "a grid has no use for meshes, views and pictures of Gmsh"),
+        ):
+            if words:
+                listed = ", ".join(f"{word} (line {line})" for word, line in words.items())
+                notes.append(f"{copy.path}: {what}: {listed}; {why}")
+    return replace(scene, notes=(*scene.notes, *notes, *remarks))
 
 
 def _scene(path: Path, gmsh_output: Mapping[str, Any], values: Mapping[str, float | str], text: str) -> Scene | Body:
@@ -136,25 +146,21 @@ def read_outline(path: FilePath, spacing: float, unit: str = "m") -> Surface:
     return shapely.union_all([face(curves, str(path)) for curves in surfaces])
 
 
-def _notes(copies: Mapping[str, Copy]) -> tuple[str, ...]:
-    """Notes on words of drawings that have no effect."""
-    notes = []
-    for copy in copies.values():
-        for words, what, why in (
-            (copy.unused, "not used", "nodes are as far apart as Zones/NAME/Spacing says"),
-            (copy.skipped, "left out", "a grid has no use for meshes, views and pictures of Gmsh"),
-        ):
-            if words:
-                listed = ", ".join(f"{word} (line {line})" for word, line in words.items())
-                notes.append(f"{copy.path}: {what}: {listed}; {why}")
-    return tuple(notes)
-
-
 def _found(path: Path, assignments: Sequence[tuple[str, str]], copies: Mapping[str, Copy]) -> Mapping[str, Any]:
     """Output of Gmsh for a drawing: for its copies or, if there are none, for the trusted file. Raises SceneError."""
     named = [(full_name(name), text, unit_of_parameter(full_name(name))) for name, text in assignments]
     gmsh_output = read_copies(copies, named, TIME_LIMIT) if copies else read_trusted(path, named, TIME_LIMIT)
-    _refuse_unknown(path, gmsh_output)
+    # parameters that were set but are unknown to the drawing and to the mesher
+    drawing_names = {entry["name"] for entry in gmsh_output["parameters"]} - set(gmsh_output["supplied"])
+    try:
+        refuse_unknown(
+            [name for name in gmsh_output["supplied"] if not name.startswith(f"{PREFIX}{OWN}/")], from_drawing=True
+        )
+    except SceneError as error:
+        raise SceneError(f"{path}: {error}") from None
+    for name in gmsh_output["supplied"]:
+        if name.startswith(f"{PREFIX}{OWN}/"):
+            raise SceneError(f"{path}: {unknown(name, drawing_names)}")
     for name, text, use in gmsh_output["not numbers"]:
         raise SceneError(f"{path}: parameter '{name}' is '{text}'; use {use}")
     _refuse_messages(path, gmsh_output)
@@ -181,20 +187,6 @@ def _refuse_messages(path: Path, gmsh_output: Mapping[str, Any]) -> None:
         renumbered = " (Boolean operations number anew: Surface{:} is all, Surface In BoundingBox{...} some)"
         hint = renumbered if "unknown surface" in message or "unknown curve" in message else ""
         raise SceneError(f"{path}: Gmsh says: {message}{hint}")
-
-
-def _refuse_unknown(path: Path, gmsh_output: Mapping[str, Any]) -> None:
-    """Raise SceneError for a parameter that was set but is unknown to the drawing and to the mesher."""
-    drawing_names = {entry["name"] for entry in gmsh_output["parameters"]} - set(gmsh_output["supplied"])
-    try:
-        refuse_unknown(
-            [name for name in gmsh_output["supplied"] if not name.startswith(f"{PREFIX}{OWN}/")], from_drawing=True
-        )
-    except SceneError as error:
-        raise SceneError(f"{path}: {error}") from None
-    for name in gmsh_output["supplied"]:
-        if name.startswith(f"{PREFIX}{OWN}/"):
-            raise SceneError(f"{path}: {unknown(name, drawing_names)}")
 
 
 def _groups(gmsh_output: Mapping[str, Any]) -> list[Group]:

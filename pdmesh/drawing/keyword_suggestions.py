@@ -24,24 +24,20 @@ def known(error: BaseException, tree: ast.Module, names: Mapping[str, Any]) -> s
         methods = [name for name in dir(error.obj) if not name.startswith("_")]
         return f"; did you mean '{meant(error.name or '', methods, cutoff=0.0)}'?"
     said = UNKNOWN.search(str(error)) if isinstance(error, TypeError) else None
-    for words in _called_with(said[1], tree, names) if said else ():
-        near = meant(said[1], words) if said else ""
-        return f"; use one of {', '.join(words)}" + (f" (did you mean '{near}'?)" if near else "")
-    return ""
-
-
-def _called_with(word: str, tree: ast.Module, names: Mapping[str, Any]) -> Iterator[list[str]]:
-    """Keywords of each call in the program that passes the unknown `word`."""
-    for node in ast.walk(tree):
-        if not isinstance(node, ast.Call) or word not in {keyword.arg for keyword in node.keywords}:
+    if said is None:
+        return ""
+    for node in ast.walk(tree):  # each call that passes the unknown word
+        if not isinstance(node, ast.Call) or said[1] not in {keyword.arg for keyword in node.keywords}:
             continue
         for called in _meant(node.func, names):
             try:
                 words = [name for name in inspect.signature(called).parameters if name != "self"]
             except (TypeError, ValueError):  # not everything says what it takes
                 continue
-            if word not in words:
-                yield words
+            if said[1] not in words:
+                near = meant(said[1], words)
+                return f"; use one of {', '.join(words)}" + (f" (did you mean '{near}'?)" if near else "")
+    return ""
 
 
 def _meant(function: ast.expr, names: Mapping[str, Any]) -> Iterator[Any]:

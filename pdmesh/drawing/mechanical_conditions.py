@@ -47,7 +47,20 @@ def acted_on(scene: S, places: Mapping[str, Iterable[tuple[str, Any, str]]], par
             )
         scene = scene.load(where, name=name, **load_components, **_shared(parameters, folder))
     for name, where, folder in places["fix"]:
-        displacements = _held(parameters, folder, scene.AXES)
+        # displacements by axis, m; None for one that is free
+        component_choices = [
+            "".join(chosen) for count in range(len(scene.AXES), 0, -1) for chosen in combinations(scene.AXES, count)
+        ]
+        components = parameters.text(f"{folder}/Components", scene.AXES, of=component_choices)
+        displacements: dict[str, Any] = {}
+        for axis in scene.AXES:
+            value = parameters.of_place(f"{folder}/Displacement {axis}", is_length=True)
+            if value and axis not in components:
+                raise SceneError(
+                    f"parameter '{PREFIX}{folder}/Displacement {axis}' is for a component that is not held (Components"
+                    f" '{components}'); leave it out"
+                )
+            displacements[axis] = (value or 0.0) if axis in components else None
         scene = scene.fix(where, **displacements, name=name, **_shared(parameters, folder))
     for name, where, folder in places["move"]:
         moves = _given(parameters, folder, MOVES, scene.AXES)
@@ -97,18 +110,3 @@ def _given(parameters: Parameters, folder: str, words: Sequence[str], axes: str)
 def _filled(vectors: dict[str, Any]) -> dict[str, Any]:
     """The vectors with 0 for what is not given."""
     return {word: tuple(value or 0.0 for value in vector) for word, vector in vectors.items()}
-
-
-def _held(parameters: Parameters, folder: str, axes: str) -> dict[str, Any]:
-    """Displacements by axis, m; None for one that is free. Raises SceneError for a displacement of such a one."""
-    component_choices = ["".join(chosen) for count in range(len(axes), 0, -1) for chosen in combinations(axes, count)]
-    components, values = parameters.text(f"{folder}/Components", axes, of=component_choices), {}
-    for axis in axes:
-        value = parameters.of_place(f"{folder}/Displacement {axis}", is_length=True)
-        if value and axis not in components:
-            raise SceneError(
-                f"parameter '{PREFIX}{folder}/Displacement {axis}' is for a component that is not held (Components"
-                f" '{components}'); leave it out"
-            )
-        values[axis] = (value or 0.0) if axis in components else None
-    return values

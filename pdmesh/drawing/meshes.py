@@ -115,7 +115,14 @@ def _plate(
     plate = _union(faces.shapes)
     ends, apart = ends_of(mesh.of_dimension(2)[0], of_place)
     crack_lines = [shapely.union_all(lines.named(name)) for name in lines.sets if name.startswith("crack:")]
-    free = doubled(ends, of_place) | _of_parts(mesh, faces, ends, places)
+    # edges where a part of the mesh ends, of one that has parts
+    on_part_edge = np.zeros(len(ends), dtype=bool)
+    if mesh.parts is not None:
+        of_face = np.concatenate([mesh.parts[block.data[:, 0]] for block in mesh.of_dimension(2)[0]])
+        for part in np.unique(of_face).tolist():
+            part_edges = np.flatnonzero(mesh.parts[ends[:, 0]] == part)
+            on_part_edge[part_edges] = along(places, ends[part_edges], _union(faces.shapes[of_face == part]).boundary)
+    free = doubled(ends, of_place) | on_part_edge
     slit = slits(places, ends[free], plate, crack_lines)
     notes += ["no two cells have a node in common: those that touch are joined"] if apart else []
     notes += slit_remark(slit, str(values.get(f"{PREFIX}Units") or "m"))
@@ -128,17 +135,6 @@ def _plate(
     position, delta, areas = unit.metres(position), unit.metres(delta), unit.metres(unit.metres(areas))
     settings = settings_of(scene, position, delta)
     return grid_of_nodes(scene, position, delta, areas), settings, (*mesh.notes, *notes, *more, *remarks(scene))
-
-
-def _of_parts(mesh: Mesh, faces: _Cells, ends: Rows, places: NDArray[np.float64]) -> NDArray[np.bool_]:
-    """Which edges (k, 2) are where a part of the mesh ends; none if it has no parts."""
-    on_part_edge = np.zeros(len(ends), dtype=bool)
-    if mesh.parts is not None:
-        of_face = np.concatenate([mesh.parts[block.data[:, 0]] for block in mesh.of_dimension(2)[0]])
-        for part in np.unique(of_face).tolist():
-            part_edges = np.flatnonzero(mesh.parts[ends[:, 0]] == part)
-            on_part_edge[part_edges] = along(places, ends[part_edges], _union(faces.shapes[of_face == part]).boundary)
-    return on_part_edge
 
 
 def _groups(

@@ -40,9 +40,9 @@ import shapely
 
 from pdmesh.drawing import diffusion_conditions, mechanical_conditions
 from pdmesh.drawing import parameters as named
-from pdmesh.drawing.bodies_beside import with_bodies
+from pdmesh.drawing.bodies_beside import with_bodies, with_regions
 from pdmesh.drawing.group_names import Physical, meaning
-from pdmesh.drawing.parameters import PREFIX, Parameters
+from pdmesh.drawing.parameters import Parameters
 from pdmesh.drawing.plate_places import Group, in_metres, lines_of, places, point_of, surface_of
 from pdmesh.scene.plate import Refinement, Zone
 from pdmesh.scene.scene import Scene
@@ -129,8 +129,7 @@ def scene_of(
         {name: surface_of(f"body '{name}'", group) for name, group in named_groups["body"].items()},
         parameters,
     )
-    scene = _with_regions(_with_conditions(scene, named_groups, parameters), named_groups, parameters)
-    return _with_diffusion(scene, named_groups, parameters)
+    return _with_conditions(scene, named_groups, parameters)
 
 
 def _reaching_beyond(zones: Sequence[Zone]) -> tuple[str, ...]:
@@ -172,7 +171,8 @@ def _check_places(groups: dict[str, dict[str, Group]]) -> None:
 
 
 def _with_conditions(scene: Scene, groups: dict[str, dict[str, Group]], parameters: Parameters) -> Scene:
-    kinds = mechanical_conditions.KINDS
+    """The scene with regions of other materials and media, solids, and all that acts on it."""
+    kinds = (*mechanical_conditions.KINDS, *diffusion_conditions.KINDS)
     placed = {kind: places(scene, groups[kind], parameters, kind, str(GROUPS[kind][1])) for kind in kinds}
     scene = mechanical_conditions.acted_on(scene, placed, parameters)
     for name, where, folder in places(scene, groups["pin"], parameters, "pin", "Pins"):
@@ -180,25 +180,12 @@ def _with_conditions(scene: Scene, groups: dict[str, dict[str, Group]], paramete
     for name, where, folder in places(scene, groups["absorb"], parameters, "absorb", "Absorbs"):
         scene = scene.absorb(where, parameters.maybe_length(f"{folder}/Width"), name)
     gaps = {name: [point_of(curve) for curve in group.curves] for name, group in groups["gap"].items()}
-    return mechanical_conditions.monitored(scene, gaps, parameters)
-
-
-def _with_diffusion(scene: Scene, groups: dict[str, dict[str, Group]], parameters: Parameters) -> Scene:
-    """The scene with regions of other media, solids and the conditions of diffusion."""
-    for name, group in groups["medium"].items():
-        scene = scene.diffusivity(surface_of(f"medium '{name}'", group), parameters.number(f"Media/{name}/D"), name)
-    for name, group in groups["solid"].items():
-        scene = scene.solid(surface_of(f"solid '{name}'", group), name)
-    places_by_kind = {
-        kind: places(scene, groups[kind], parameters, kind, str(GROUPS[kind][1])) for kind in diffusion_conditions.KINDS
+    scene = mechanical_conditions.monitored(scene, gaps, parameters)
+    surfaces = {
+        kind: {name: surface_of(f"{kind} '{name}'", group) for name, group in groups[kind].items()}
+        for kind in ("material", "medium", "solid")
     }
-    return diffusion_conditions.diffusing(scene, places_by_kind, parameters)
-
-
-def _with_regions(scene: Scene, groups: dict[str, dict[str, Group]], parameters: Parameters) -> Scene:
-    for name, group in groups["material"].items():
-        material = named.material(parameters, f"Materials/{name}", scene.material)
-        if material is None:
-            raise SceneError(f"parameter '{PREFIX}Materials/{name}/E' is missing; give a number")
-        scene = scene.region(surface_of(f"material '{name}'", group), material, name)
-    return scene
+    scene = with_regions(scene, surfaces["material"], surfaces["medium"], parameters)
+    for name, surface in surfaces["solid"].items():
+        scene = scene.solid(surface, name)
+    return diffusion_conditions.diffusing(scene, placed, parameters)

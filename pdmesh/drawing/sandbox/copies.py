@@ -116,7 +116,15 @@ def drawing_copies(path: Path) -> dict[str, Copy]:
 
     Raises SceneError naming file, line, what was found and what was expected.
     """
-    return _Copies(path).written()
+    reader = _Copies(path)
+    drawing_names = set().union(*(names(drawing) for _, drawing in reader.drawings.values()))
+    for name, (drawing_path, drawing) in reader.drawings.items():
+        try:
+            data, origins = written(admitted(drawing, drawing_names))
+        except Refused as error:
+            raise _refused(drawing_path, error) from None
+        reader.copies[name] = Copy(drawing_path, data, origins, unused(drawing), reader.skipped[name])
+    return dict(sorted(reader.copies.items(), key=lambda item: item[0] != "0.geo"))
 
 
 class _Copies:
@@ -186,16 +194,6 @@ class _Copies:
             expected = OWN_FOLDER if included_path.exists() else "use a file of this name in the drawing's own folder"
         shown = f"{command}({token.text})" if command == "ShapeFromFile" else f"{command} {token.text}"
         raise SceneError(f"{path}: line {token.line}: '{shown}' cannot be read; {expected}")
-
-    def written(self) -> dict[str, Copy]:
-        drawing_names = set().union(*(names(drawing) for _, drawing in self.drawings.values()))
-        for name, (path, drawing) in self.drawings.items():
-            try:
-                data, origins = written(admitted(drawing, drawing_names))
-            except Refused as error:
-                raise _refused(path, error) from None
-            self.copies[name] = Copy(path, data, origins, unused(drawing), self.skipped[name])
-        return dict(sorted(self.copies.items(), key=lambda item: item[0] != "0.geo"))
 
 
 def _refused(path: Path, error: Refused) -> SceneError:

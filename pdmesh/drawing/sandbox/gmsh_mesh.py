@@ -60,7 +60,17 @@ def read(path: Path) -> meshio.Mesh:
         return np.asarray(order[np.searchsorted(tags, nodes, sorter=order)], dtype=np.int64)
 
     blocks, entities = _blocks(gmsh, rows)
-    groups = _groups(gmsh, path.suffix in BY_PROPERTY)
+    # names of groups, or their numbers, with the keys of their entities
+    if path.suffix in BY_PROPERTY:
+        groups = [(str(tag), [dimension * 2**40 + tag]) for dimension, tag in gmsh.model.getEntities() if dimension]
+    else:
+        groups = [
+            (
+                gmsh.model.getPhysicalName(dimension, tag).strip() or str(tag),
+                [dimension * 2**40 + int(entity) for entity in gmsh.model.getEntitiesForPhysicalGroup(dimension, tag)],
+            )
+            for dimension, tag in gmsh.model.getPhysicalGroups()
+        ]
     sets: dict[str, list[NDArray[np.int64]]] = {}
     for name, members in groups:
         chosen = [np.isin(of[0], members) if len(of[0]) else np.zeros(0, dtype=bool) for of in entities]
@@ -100,16 +110,3 @@ def _blocks(gmsh: Any, rows: Any) -> tuple[list[tuple[str, NDArray[np.int64]]], 
         first.append(int(number[0]))
     by_file = np.argsort(first, kind="stable")
     return [blocks[at] for at in by_file], [entities[at] for at in by_file]
-
-
-def _groups(gmsh: Any, by_property: bool) -> list[tuple[str, list[int]]]:
-    """Names of groups, or their numbers, with the keys of their entities."""
-    if by_property:
-        return [(str(tag), [dimension * 2**40 + tag]) for dimension, tag in gmsh.model.getEntities() if dimension]
-    return [
-        (
-            gmsh.model.getPhysicalName(dimension, tag).strip() or str(tag),
-            [dimension * 2**40 + int(entity) for entity in gmsh.model.getEntitiesForPhysicalGroup(dimension, tag)],
-        )
-        for dimension, tag in gmsh.model.getPhysicalGroups()
-    ]

@@ -34,19 +34,11 @@ def set_sizes(gmsh: Any, tolerance: float) -> None:
         mean = float((bent * length).sum() / length.sum()) if length.sum() > 0 else 0.0
         if mean > 0:
             curved[1, tag] = _size(mean, tolerance)
-    _ask_for({entity: size * max(1.0, (count / MOST) ** 0.5) for entity, size in curved.items()}, gmsh)
-
-
-def _size(curvature: float, tolerance: float) -> float:
-    """Length of the chords of an arc that are off by the tolerance, or turn by the largest angle."""
-    return float(max(min((8 * tolerance / curvature) ** 0.5, ANGLE / curvature), SMALLEST * tolerance))
-
-
-def _ask_for(sizes: dict[tuple[int, int], float], gmsh: Any) -> None:
-    """Set the sizes of surfaces and curves, by dimension and tag; those of surfaces are those of their curves too."""
+    # sizes of surfaces are those of their curves too
     classes: dict[int, list[tuple[int, int]]] = {}
-    for entity, size in sizes.items():
-        classes.setdefault(int(np.floor(CLASSES * np.log2(size))), []).append(entity)
+    coarser = max(1.0, (count / MOST) ** 0.5)
+    for entity, size in curved.items():
+        classes.setdefault(int(np.floor(CLASSES * np.log2(size * coarser))), []).append(entity)
     fields = []
     for number, entities in classes.items():
         field = gmsh.model.mesh.field.add("Constant")
@@ -58,6 +50,11 @@ def _ask_for(sizes: dict[tuple[int, int], float], gmsh: Any) -> None:
     least = gmsh.model.mesh.field.add("Min")
     gmsh.model.mesh.field.setNumbers(least, "FieldsList", fields)
     gmsh.model.mesh.field.setAsBackgroundMesh(least)
+
+
+def _size(curvature: float, tolerance: float) -> float:
+    """Length of the chords of an arc that are off by the tolerance, or turn by the largest angle."""
+    return float(max(min((8 * tolerance / curvature) ** 0.5, ANGLE / curvature), SMALLEST * tolerance))
 
 
 def _of_surface(gmsh: Any, tag: int) -> tuple[float, float]:

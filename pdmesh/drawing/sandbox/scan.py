@@ -150,32 +150,28 @@ def _listed(drawing: Drawing, place: int, drawing_names: Collection[str]) -> boo
     """Whether a word is harmless in its place. Raises Refused for an option that is not listed."""
     text = drawing.text(place)
     if drawing.text(place - 1) == ".":
-        return _is_option(drawing, place)
+        # an option that may be set; if not, it is a name, a member of a Struct
+        owner, member = drawing.text(place - 2), drawing.text(place)
+        listed: Collection[str]
+        if owner == "]" and drawing.text(drawing.partner[place - 2] - 1) == "Field":
+            listed = words.FIELD_OPTIONS
+        elif owner == "Color" and drawing.text(place - 3) == ".":
+            listed = words.OPTION_COLORS.get(drawing.text(place - 4), ())
+        elif owner in words.OPTIONS:
+            listed = words.OPTIONS[owner] | {"Color"}
+        elif drawing.kind(place - 2) == "word":
+            return member in words.PLAIN | words.ATTRIBUTES  # of a Struct
+        else:
+            listed = ()
+        if member not in listed:
+            owner = drawing.text(drawing.partner[place - 2] - 1) + "[...]" if owner == "]" else owner
+            raise Refused(drawing.tokens[place].line, f"'{owner}.{member}'", HARMLESS, trustable=True)
+        return True
     rule = KEYWORDS.get(text) or ROLES.get(text)
     if rule is not None and rule(drawing, place):
         either = text in words.ATTRIBUTES and drawing.text(place + 1) in ("-", ",", "}")
         return text in KEYWORDS or not (either and text in drawing_names)
     return text in words.COLORS and (text not in drawing_names or drawing.text(place - 1) == "Color")
-
-
-def _is_option(drawing: Drawing, place: int) -> bool:
-    """Whether the word behind a dot is an option that may be set; if not, it is a name, a member of a Struct."""
-    owner, member = drawing.text(place - 2), drawing.text(place)
-    listed: Collection[str]
-    if owner == "]" and drawing.text(drawing.partner[place - 2] - 1) == "Field":
-        listed = words.FIELD_OPTIONS
-    elif owner == "Color" and drawing.text(place - 3) == ".":
-        listed = words.OPTION_COLORS.get(drawing.text(place - 4), ())
-    elif owner in words.OPTIONS:
-        listed = words.OPTIONS[owner] | {"Color"}
-    elif drawing.kind(place - 2) == "word":
-        return member in words.PLAIN | words.ATTRIBUTES  # of a Struct
-    else:
-        listed = ()
-    if member not in listed:
-        owner = drawing.text(drawing.partner[place - 2] - 1) + "[...]" if owner == "]" else owner
-        raise Refused(drawing.tokens[place].line, f"'{owner}.{member}'", HARMLESS, trustable=True)
-    return True
 
 
 # ---- rules: whether the word at a place is harmless there
@@ -270,22 +266,10 @@ def _behind(drawing: Drawing, place: int) -> bool:
     return drawing.text(place) in words.BEHIND.get(drawing.text(place - 1), ())
 
 
-def _before(drawing: Drawing, place: int) -> bool:
-    return drawing.text(place + 1) == words.BEFORE[drawing.text(place)]
-
-
-def _arrangement(drawing: Drawing, place: int) -> bool:
-    return drawing.text(place - 1) in ("}", '"*"') and drawing.text(place + 1) == ";"
-
-
 def _attribute(drawing: Drawing, place: int) -> bool:
     """Whether a token is an attribute in a list, followed by a value or by nothing."""
     follows = drawing.kind(place + 1) in ("string", "number", "word") or drawing.text(place + 1) in ("{", "-", ",", "}")
     return drawing.depths[place] > 0 and drawing.text(place - 1) in (",", "[") and follows
-
-
-def _option(drawing: Drawing, place: int) -> bool:
-    return drawing.text(place + 1) == "."
 
 
 def _named(drawing: Drawing, place: int) -> bool:
@@ -318,10 +302,10 @@ KEYWORDS = _table(  # which no drawing can take for names
 )
 ROLES = _table(  # of words that are names elsewhere
     *((listed, _behind) for listed in words.BEHIND.values()),
-    (words.BEFORE, _before),
-    (words.ARRANGEMENTS, _arrangement),
+    (words.BEFORE, lambda drawing, at: drawing.text(at + 1) == words.BEFORE[drawing.text(at)]),
+    (words.ARRANGEMENTS, lambda drawing, at: drawing.text(at - 1) in ("}", '"*"') and drawing.text(at + 1) == ";"),
     (words.ATTRIBUTES, _attribute),
     (words.FIELDS, _kind_of_field),
-    (words.OPTIONS, _option),
+    (words.OPTIONS, lambda drawing, at: drawing.text(at + 1) == "."),
     (("SetName",), _named),
 )

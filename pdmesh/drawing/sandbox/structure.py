@@ -61,7 +61,17 @@ def heads(tokens: Sequence[Token], partner: dict[int, int], depths: Sequence[int
         last = _last(tokens, place, partner)
         head_ends.add(last)
         _nest(token, blocks)
-        _alone(tokens, last, token)
+        # nothing may follow a head on its line, as Gmsh would read it out of order
+        if token.text not in ("If", "ElseIf", "Else", "EndIf"):
+            next_place = last + 1
+            while token.text == "Call" and next_place < len(tokens) and tokens[next_place].text == "EndIf":
+                next_place += 1
+            if next_place < len(tokens) and tokens[next_place].row == tokens[last].row:
+                raise Refused(
+                    tokens[next_place].line,
+                    f"'{tokens[next_place].text[:40]}' behind '{token.text}'",
+                    "a new line (Gmsh goes on at the next line, not behind it)",
+                )
     if blocks:
         raise Refused(blocks[-1].line, f"'{blocks[-1].text}'", "its end after it")
     return head_ends
@@ -94,18 +104,3 @@ def _nest(token: Token, blocks: list[Token]) -> None:
             raise Refused(token.line, f"'{token.text}'", expected)
         if not kind.startswith("Else"):
             blocks.pop()
-
-
-def _alone(tokens: Sequence[Token], last: int, token: Token) -> None:
-    """Raise Refused if anything follows a head on its line, as Gmsh would read it out of order."""
-    if token.text in ("If", "ElseIf", "Else", "EndIf"):  # Gmsh reads on from there
-        return
-    next_place = last + 1
-    while token.text == "Call" and next_place < len(tokens) and tokens[next_place].text == "EndIf":
-        next_place += 1
-    if next_place < len(tokens) and tokens[next_place].row == tokens[last].row:
-        raise Refused(
-            tokens[next_place].line,
-            f"'{tokens[next_place].text[:40]}' behind '{token.text}'",
-            "a new line (Gmsh goes on at the next line, not behind it)",
-        )
