@@ -46,7 +46,19 @@ def build_scene(scene: Scene) -> tuple[Grid, Settings, tuple[Shift, ...]]:
         shifts += nodes.shifts
     grid = joined(grids, (REST, *(body.name for body in scene.bodies)))
     settings = settings_of(scene, grid.position, grid.delta, tuple(shifts))
-    regions, moves = _of_bodies(scene, grid)
+    # materials and motions of the bodies beside the plate
+    regions: list[Region] = []
+    moves: list[InitialVelocity | RigidBody] = []
+    assert grid.bodies is not None
+    for number, body in enumerate(scene.bodies, start=1):
+        node_ids = tuple(grid.ids[grid.bodies.number == number].tolist())
+        if body.material is not None:
+            regions.append(Region(name=body.name, material=body.material, nodes=node_ids))
+        if any(body.velocity) or body.spin:
+            x, y = map(float, body.velocity)
+            moves.append(InitialVelocity(name=body.name, x=x, y=y, spin=float(body.spin), nodes=node_ids))
+        if body.rigid is not None:
+            moves.append(msgspec.structs.replace(body.rigid, nodes=node_ids))
     settings = msgspec.structs.replace(
         settings,
         regions=(*regions, *settings.regions),
@@ -75,23 +87,6 @@ def joined(grids: list[Grid], names: tuple[str, ...]) -> Grid:
         cracks=np.concatenate([grid.cracks for grid in grids]),
         bodies=Bodies(np.repeat(np.arange(len(grids)), counts), names),
     )
-
-
-def _of_bodies(scene: Scene, grid: Grid) -> tuple[list[Region], list[InitialVelocity | RigidBody]]:
-    """Materials and motions of the bodies beside the plate."""
-    regions: list[Region] = []
-    moves: list[InitialVelocity | RigidBody] = []
-    assert grid.bodies is not None
-    for number, body in enumerate(scene.bodies, start=1):
-        nodes = tuple(grid.ids[grid.bodies.number == number].tolist())
-        if body.material is not None:
-            regions.append(Region(name=body.name, material=body.material, nodes=nodes))
-        if any(body.velocity) or body.spin:
-            x, y = map(float, body.velocity)
-            moves.append(InitialVelocity(name=body.name, x=x, y=y, spin=float(body.spin), nodes=nodes))
-        if body.rigid is not None:
-            moves.append(msgspec.structs.replace(body.rigid, nodes=nodes))
-    return regions, moves
 
 
 def each_alone(grid: Grid, settings: Settings) -> Iterator[tuple[Grid, Settings]]:

@@ -29,31 +29,25 @@ def shares(triangles: NDArray[np.float64], cubes: Cubes) -> NDArray[np.float64]:
     corners = corners[over_columns & (high[:, 2] > 0)]
     pieces = np.ceil(np.ptp(corners, axis=1)[:, :2] + 1).prod(axis=1)
     for polygons in np.split(corners, np.flatnonzero(np.diff(np.cumsum(pieces) // AT_ONCE)) + 1):
-        _add_prisms(polygons, cubes.size, cube_volumes, above)
+        # the prisms below pieces of polygons, and their bases: by cube, and one on top
+        column = np.zeros(len(polygons), dtype=np.int64)
+        for axis in range(2):
+            polygons, row, number = _sliced(polygons, axis, int(cubes.size[axis]))
+            column = column[row] * cubes.size[axis] + number
+        top = polygons[..., 2].min(axis=1) >= cubes.size[2]
+        _add_bases(polygons[top], column[top] * (cubes.size[2] + 1) + cubes.size[2], above)
+        polygons, column = polygons[~top], column[~top]
+        over = polygons[..., 2].max(axis=1) > cubes.size[2]
+        upper = _half(polygons[over], 2, np.full(over.sum(), float(cubes.size[2])), 1.0)
+        _add_bases(upper, column[over] * (cubes.size[2] + 1) + cubes.size[2], above)
+        polygons, row, number = _sliced(polygons, 2, int(cubes.size[2]))
+        column = column[row]
+        base, height = _bases(polygons)
+        _count(column * (cubes.size[2] + 1) + number, base, above)
+        _count(column * cubes.size[2] + number, base * (height - number), cube_volumes)
     above = above.reshape(-1, cubes.size[2] + 1)
     full = above[:, ::-1].cumsum(axis=1)[:, ::-1][:, 1:]  # below the pieces in the cubes above each one
     return np.asarray((cube_volumes + full.ravel()).reshape(cubes.size))
-
-
-def _add_prisms(
-    polygons: Polygons, size: NDArray[np.int64], cube_volumes: NDArray[np.float64], above: NDArray[np.float64]
-) -> None:
-    """Add the prisms below pieces of polygons to `cube_volumes`, their bases to `above`: by cube, and one on top."""
-    column = np.zeros(len(polygons), dtype=np.int64)
-    for axis in range(2):
-        polygons, row, number = _sliced(polygons, axis, int(size[axis]))
-        column = column[row] * size[axis] + number
-    top = polygons[..., 2].min(axis=1) >= size[2]
-    _add_bases(polygons[top], column[top] * (size[2] + 1) + size[2], above)
-    polygons, column = polygons[~top], column[~top]
-    over = polygons[..., 2].max(axis=1) > size[2]
-    upper = _half(polygons[over], 2, np.full(over.sum(), float(size[2])), 1.0)
-    _add_bases(upper, column[over] * (size[2] + 1) + size[2], above)
-    polygons, row, number = _sliced(polygons, 2, int(size[2]))
-    column = column[row]
-    base, height = _bases(polygons)
-    _count(column * (size[2] + 1) + number, base, above)
-    _count(column * size[2] + number, base * (height - number), cube_volumes)
 
 
 def _add_bases(polygons: Polygons, at: NDArray[np.int64], above: NDArray[np.float64]) -> None:

@@ -92,7 +92,16 @@ def place_nodes(body: Body) -> list[Cubic]:
             present &= ~refined[step]
         if not present.any():
             continue
-        level, orphans = _level(surface, cubes, *_trimmed(cubes, present))
+        # the bounding box of the cubes in `present`, widened by one cube on each side if possible
+        low, high = [], []
+        for axis in range(3):
+            along = np.flatnonzero(present.any(axis=tuple(other_axis for other_axis in range(3) if other_axis != axis)))
+            low.append(max(int(along[0]) - 1, 0))
+            high.append(min(int(along[-1]) + 2, present.shape[axis]))
+        corner = cubes.corner + np.array(low) * cubes.spacing
+        part = Cubes(corner, cubes.spacing, np.array(high) - np.array(low))
+        present_part = present[tuple(slice(first, last) for first, last in zip(low, high, strict=True))]
+        level, orphans = _level(surface, cubes, part, present_part)
         levels.append(level)
         lost.append(orphans)
     if not sum(len(level.at) for level in levels):
@@ -159,18 +168,6 @@ def _refined(body: Body) -> list[NDArray[np.bool_]]:
     return refined_masks[::-1]
 
 
-def _trimmed(cubes: Cubes, present: NDArray[np.bool_]) -> tuple[Cubes, NDArray[np.bool_]]:
-    """The bounding box of the cubes in `present`, widened by one cube on each side if possible."""
-    low, high = [], []
-    for axis in range(3):
-        along = np.flatnonzero(present.any(axis=tuple(other_axis for other_axis in range(3) if other_axis != axis)))
-        low.append(max(int(along[0]) - 1, 0))
-        high.append(min(int(along[-1]) + 2, present.shape[axis]))
-    corner = cubes.corner + np.array(low) * cubes.spacing
-    part = Cubes(corner, cubes.spacing, np.array(high) - np.array(low))
-    return part, present[tuple(slice(first, last) for first, last in zip(low, high, strict=True))]
-
-
 def _level(
     surface: NDArray[np.float64], every: Cubes, cubes: Cubes, present: NDArray[np.bool_]
 ) -> tuple[Cubic, tuple[NDArray[np.float64], NDArray[np.float64]]]:
@@ -178,7 +175,14 @@ def _level(
 
     `surface` are triangles (t, 3, 3), m, turned outward; `cubes` are a part of `every` cube.
     """
-    solid, share = inside(surface, cubes, "body", ON), _checked(shares(surface, cubes), cubes)
+    solid, raw_share = inside(surface, cubes, "body", ON), shares(surface, cubes)
+    share = np.clip(raw_share, 0.0, 1.0)
+    off = np.abs(raw_share - share)
+    if off.sum() > CROSSED * ((share > 0) & (share < FULL)).sum() + SLACK:
+        place = ", ".join(f"{value:g}" for value in cubes.middles(np.argwhere(off == off.max())[:1])[0])
+        raise SceneError(f"body: the surface crosses itself near ({place}) m; use the outside of one body")
+    share[share > FULL] = 1.0  # whole cubes have one volume, to the last bit
+    share[share < 1 - FULL] = 0.0
     is_node, is_lost = present & solid, present & ~solid & (share > 0)
     edge = np.zeros_like(is_node)
     around = np.pad(solid & (share > FULL), 1)
@@ -191,18 +195,6 @@ def _level(
     node_index, thin = tuple(at.T), _thin(solid, cubes, every)
     level = Cubic(cubes, at, share[node_index] * cube, (edge | (share <= FULL))[node_index], thin[node_index])
     return level, (cubes.middles(out), share[tuple(out.T)] * cube)
-
-
-def _checked(share: NDArray[np.float64], cubes: Cubes) -> NDArray[np.float64]:
-    """Shares of cubes from 0 to 1. Raises SceneError for a surface that crosses itself."""
-    proper = np.clip(share, 0.0, 1.0)
-    off = np.abs(share - proper)
-    if off.sum() > CROSSED * ((proper > 0) & (proper < FULL)).sum() + SLACK:
-        place = ", ".join(f"{value:g}" for value in cubes.middles(np.argwhere(off == off.max())[:1])[0])
-        raise SceneError(f"body: the surface crosses itself near ({place}) m; use the outside of one body")
-    proper[proper > FULL] = 1.0  # whole cubes have one volume, to the last bit
-    proper[proper < 1 - FULL] = 0.0
-    return proper
 
 
 def _places(cubes: NDArray[np.bool_]) -> NDArray[np.int64]:

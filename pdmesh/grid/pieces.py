@@ -22,18 +22,6 @@ def faces_of(plate: shapely.Geometry, grid: Grid) -> list[shapely.Polygon]:
     """The parts into which pre-cracks divide a grid's plate."""
     if not len(grid.cracks):
         return list(parts(plate))
-    lines = shapely.union_all([plate.boundary, *_chains(grid)])
-    least = SLIVER * float(grid.delta.min()) ** 2
-    shapely.prepare(plate)
-    faces = [face for face in parts(shapely.polygonize(shapely.get_parts(lines))) if face.area > least]
-    return [face for face in faces if plate.contains(face.representative_point())]
-
-
-def _chains(grid: Grid) -> list[shapely.LineString]:
-    """Pre-cracks of a grid as lines of many segments; their ends are slightly extended, to cross the edges they are on.
-
-    Segments that are extended one by one overlap where they are short, and overlaps take time squared.
-    """
     by = SLACK * float(grid.delta.min())
     merged = shapely.line_merge(shapely.multilinestrings(grid.cracks.reshape(-1, 2, 2)))
     chains = []
@@ -44,7 +32,11 @@ def _chains(grid: Grid) -> list[shapely.LineString]:
             length = float(np.hypot(*way))
             points[end] += by / length * way if length > 0 else 0.0
         chains.append(shapely.LineString(points))
-    return chains
+    lines = shapely.union_all([plate.boundary, *chains])
+    least = SLIVER * float(grid.delta.min()) ** 2
+    shapely.prepare(plate)
+    faces = [face for face in parts(shapely.polygonize(shapely.get_parts(lines))) if face.area > least]
+    return [face for face in faces if plate.contains(face.representative_point())]
 
 
 def pieces(grid: Grid, reach: float) -> NDArray[np.int64]:
@@ -53,29 +45,11 @@ def pieces(grid: Grid, reach: float) -> NDArray[np.int64]:
     A bond is at most `reach` mean spacings of its nodes long, as in the conservative mode, stays in the plate and
     crosses no pre-crack.
     """
-    neighbours = Neighbours(grid.position, grid.delta, reach * grid.delta, mutual=True)
-    number, rows_to_check = _islands(grid, neighbours, reach)
-    sight, links = sight_of(grid), [np.zeros((2, 0), dtype=np.int64)]
-    for chunk in np.array_split(rows_to_check, int(len(rows_to_check) * (2 * reach) ** 2 / PAIRS) + 1):
-        pairs = neighbours.pairs(chunk)
-        mean = (grid.delta[pairs.source] + grid.delta[pairs.target]) / 2
-        pairs = chosen(pairs, pairs.length <= reach * mean * (1 + ROUND_OFF))
-        in_sight = sight.inside(pairs) & ~sight.cut(pairs)
-        links.append(number[np.stack([pairs.source[in_sight], pairs.target[in_sight]])])
-    piece = connected(len(grid), *np.concatenate(links, axis=1))[number]
-    is_used = np.zeros(len(grid), dtype=bool)
-    is_used[piece] = True
-    return np.asarray((np.cumsum(is_used) - 1)[piece], dtype=np.int64)
-
-
-def _islands(grid: Grid, neighbours: Neighbours, reach: float) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Pieces (n,) from bonds that surely exist, and the rows whose bonds need checking.
-
-    Nodes within a spacing of an edge or a crack, and at a lattice's edge, need checking. The bonds of all others to the
-    next nodes, of at most two spacings, neither leave the plate nor cross a crack.
-    """
     from scipy.ndimage import label
 
+    neighbours = Neighbours(grid.position, grid.delta, reach * grid.delta, mutual=True)
+    # Pieces from bonds that surely exist: those of nodes farther than a spacing from edges and cracks to the next
+    # nodes, of at most two spacings. The bonds of all others, and of those at a lattice's edge, need checking.
     inner = ~(grid.border | near(grid.position, cracks_of(grid), grid.delta))
     number, needs_check = np.arange(len(grid)), np.ones(len(grid), dtype=bool)
     alone = np.ones(len(grid), dtype=bool)
@@ -99,4 +73,15 @@ def _islands(grid: Grid, neighbours: Neighbours, reach: float) -> tuple[NDArray[
         piece = connected(len(lone_rows), np.repeat(np.arange(len(lone_rows)), sure.sum(axis=1)), place[sure])
         largest = piece == np.bincount(piece).argmax()
         number[lone_rows[largest]], needs_check[lone_rows[largest]] = lone_rows[largest][0], False
-    return number, np.flatnonzero(needs_check)
+    rows_to_check = np.flatnonzero(needs_check)
+    sight, links = sight_of(grid), [np.zeros((2, 0), dtype=np.int64)]
+    for chunk in np.array_split(rows_to_check, int(len(rows_to_check) * (2 * reach) ** 2 / PAIRS) + 1):
+        pairs = neighbours.pairs(chunk)
+        mean = (grid.delta[pairs.source] + grid.delta[pairs.target]) / 2
+        pairs = chosen(pairs, pairs.length <= reach * mean * (1 + ROUND_OFF))
+        in_sight = sight.inside(pairs) & ~sight.cut(pairs)
+        links.append(number[np.stack([pairs.source[in_sight], pairs.target[in_sight]])])
+    piece = connected(len(grid), *np.concatenate(links, axis=1))[number]
+    is_used = np.zeros(len(grid), dtype=bool)
+    is_used[piece] = True
+    return np.asarray((np.cumsum(is_used) - 1)[piece], dtype=np.int64)

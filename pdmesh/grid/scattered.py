@@ -41,15 +41,11 @@ class Scattered(NamedTuple):
         low, high = shell.bounds
         candidates = np.flatnonzero(((self.position >= low) & (self.position <= high)).all(axis=1))
         for rows in np.array_split(candidates, len(candidates) * len(shell.triangles) // AT_ONCE + 1):
-            inside[rows] = np.abs(_solid_angles(self.position[rows], shell.triangles)) > np.pi  # on a face 2 pi
+            # the angle (k,) that the surface fills around each point (Van Oosterom and Strackee)
+            a, b, c = (shell.triangles[None, :, corner] - self.position[rows][:, None] for corner in range(3))
+            x, y, z = (np.linalg.norm(side, axis=2) for side in (a, b, c))
+            over = np.einsum("ktd,ktd->kt", a, np.cross(b, c))
+            under = x * y * z + x * np.einsum("ktd,ktd->kt", b, c)
+            under += y * np.einsum("ktd,ktd->kt", a, c) + z * np.einsum("ktd,ktd->kt", a, b)
+            inside[rows] = np.abs(2 * np.arctan2(over, under).sum(axis=1)) > np.pi  # on a face 2 pi
         return inside
-
-
-def _solid_angles(points: NDArray[np.float64], triangles: NDArray[np.float64]) -> NDArray[np.float64]:
-    """The angle (k,) that a surface fills around each point: 4 pi inside, 0 outside (Van Oosterom and Strackee)."""
-    a, b, c = (triangles[None, :, corner] - points[:, None] for corner in range(3))
-    x, y, z = (np.linalg.norm(side, axis=2) for side in (a, b, c))
-    over = np.einsum("ktd,ktd->kt", a, np.cross(b, c))
-    under = x * y * z + x * np.einsum("ktd,ktd->kt", b, c)
-    under += y * np.einsum("ktd,ktd->kt", a, c) + z * np.einsum("ktd,ktd->kt", a, b)
-    return np.asarray(2 * np.arctan2(over, under).sum(axis=1))

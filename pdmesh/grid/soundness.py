@@ -43,7 +43,15 @@ def remarks(grid: Grid, settings: Settings) -> tuple[str, ...]:
         return ()
     faces = faces_of(plate, grid)
     thin = ligaments(grid, faces)
-    piece_list = _pieces(grid, settings, faces)
+    materials = [settings.material, *(region.material for region in settings.regions)]
+    partial = any(material is not None and has_partial_cells(material) for material in materials)
+    number = pieces(grid, settings.horizon.ratio + 0.5 * partial)
+    order = np.argsort(number, kind="stable")
+    rows = np.split(order, np.cumsum(np.bincount(number))[:-1])
+    inner = [piece_rows[grid.border[piece_rows].argmin()] for piece_rows in rows]  # edges may be those of several faces
+    face = shapely.STRtree(faces).nearest(shapely.points(grid.position[inner]))
+    piece_list = [_Piece(piece_rows, int(at)) for piece_rows, at in zip(rows, face, strict=True)]
+    piece_list = sorted(piece_list, key=lambda piece: -len(piece.rows))
     said = [*_loose(grid, settings, piece_list, thin), *_bare(grid, piece_list, faces)]
     if len(faces) > len(shapely.get_parts(plate)):  # which may be intended
         parts = "; ".join(piece.describe(grid) for piece in _largest(piece_list).values())
@@ -63,19 +71,6 @@ def remarks(grid: Grid, settings: Settings) -> tuple[str, ...]:
     ]
     said += [f"warning: {len(thin) - MOST_SAID} more places are as thin"] * (len(thin) > MOST_SAID)
     return tuple(said)
-
-
-def _pieces(grid: Grid, settings: Settings, faces: list[shapely.Polygon]) -> list[_Piece]:
-    """The pieces, the largest first."""
-    materials = [settings.material, *(region.material for region in settings.regions)]
-    partial = any(material is not None and has_partial_cells(material) for material in materials)
-    number = pieces(grid, settings.horizon.ratio + 0.5 * partial)
-    order = np.argsort(number, kind="stable")
-    rows = np.split(order, np.cumsum(np.bincount(number))[:-1])
-    inner = [piece_rows[grid.border[piece_rows].argmin()] for piece_rows in rows]  # edges may be those of several faces
-    face = shapely.STRtree(faces).nearest(shapely.points(grid.position[inner]))
-    piece_list = [_Piece(piece_rows, int(at)) for piece_rows, at in zip(rows, face, strict=True)]
-    return sorted(piece_list, key=lambda piece: -len(piece.rows))
 
 
 def _largest(pieces: list[_Piece]) -> dict[int, _Piece]:

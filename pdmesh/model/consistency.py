@@ -37,26 +37,32 @@ def examine(grid: Grid, name: str = "grid") -> None:
     """
     plate = plate_of(grid, name) if grid.dimension == 2 else None
     if grid.outline and grid.lattice is None:
-        _total(grid, volume(grid.faces) if plate is None else float(plate.area), name)
+        size = volume(grid.faces) if plate is None else float(plate.area)
+        if grid.areas is not None:
+            total, unit = float(grid.areas.sum()), f"m^{grid.dimension}"
+            if abs(total - size) > SAME[grid.dimension] * size:
+                _warn(
+                    f"{name}: $.areas: their sum is {total:.9g} {unit}, and the outline has {size:.9g} {unit};"
+                    " correct one of them"
+                )
         _outside(grid, plate, name)
     elif grid.lattice is not None and grid.outline:
-        _ends(grid, name)
+        # the lattice, or the box of its cells, is the rectangle of the outline
+        out = 0.5 * float(grid.delta[0]) if grid.dimension == 3 else 0.0
+        first, last = grid.part(np.array([0, len(grid) - 1])).position
+        box = np.array([*(first - out), *(last + out)])
+        corners = np.concatenate(grid.outline)
+        expected = np.array([*corners.min(axis=0), *corners.max(axis=0)])
+        if np.abs(box - expected).max() > OFF * float(grid.delta[0]):
+            _warn(
+                f"{name}: $.lattice: it lies between {box.tolist()} m, and the outline between {expected.tolist()} m;"
+                " make them agree"
+            )
     _cracks(grid, name)
 
 
 def _warn(message: str) -> None:
     warnings.warn(message, GridWarning, stacklevel=4)
-
-
-def _total(grid: Grid, size: float, name: str) -> None:
-    if grid.areas is None:
-        return
-    total, unit = float(grid.areas.sum()), f"m^{grid.dimension}"
-    if abs(total - size) > SAME[grid.dimension] * size:
-        _warn(
-            f"{name}: $.areas: their sum is {total:.9g} {unit}, and the outline has {size:.9g} {unit}; correct one"
-            " of them"
-        )
 
 
 def _outside(grid: Grid, plate: shapely.Geometry | None, name: str) -> None:
@@ -126,20 +132,6 @@ def _met(grid: Grid, nodes: Array, corners: Array, row: Rows, face: Rows) -> tup
 def _cross(a: Array, b: Array) -> Array:
     """z components (p,) of the cross products of vectors (p, 2)."""
     return np.asarray(a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0])
-
-
-def _ends(grid: Grid, name: str) -> None:
-    """Warn of a lattice that is not the rectangle of the outline, or whose cells are not its box."""
-    out = 0.5 * float(grid.delta[0]) if grid.dimension == 3 else 0.0
-    first, last = grid.part(np.array([0, len(grid) - 1])).position
-    box = np.array([*(first - out), *(last + out)])
-    corners = np.concatenate(grid.outline)
-    expected = np.array([*corners.min(axis=0), *corners.max(axis=0)])
-    if np.abs(box - expected).max() > OFF * float(grid.delta[0]):
-        _warn(
-            f"{name}: $.lattice: it lies between {box.tolist()} m, and the outline between {expected.tolist()} m;"
-            " make them agree"
-        )
 
 
 def _cracks(grid: Grid, name: str) -> None:

@@ -58,7 +58,17 @@ def around(a: Array, b: Array, triangles: Array, edges: Array) -> Array:
     """
     shortest = np.full(len(a), np.inf)
     for edge in edges:
-        place = _bend(a, b, edge)
+        # the point on the edge of the shortest path from a to b: straight when unfolded about the edge
+        way = edge[1] - edge[0]
+        length = float(np.sqrt(way @ way))
+        unit = way / length
+        along, off = [], []
+        for end in (a, b):
+            along.append((end - edge[0]) @ unit)
+            off.append(np.sqrt(((end - edge[0] - along[-1][:, None] * unit) ** 2).sum(axis=1)))
+        total = np.maximum(off[0] + off[1], TOUCH * length)
+        at = np.clip((along[0] * off[1] + along[1] * off[0]) / total, 0.0, length)
+        place = np.asarray(edge[0] + at[:, None] * unit)
         far = np.sqrt(((place - a) ** 2).sum(axis=1)) + np.sqrt(((place - b) ** 2).sum(axis=1))
         better = np.flatnonzero(far < shortest)
         for end in (a, b):
@@ -66,20 +76,6 @@ def around(a: Array, b: Array, triangles: Array, edges: Array) -> Array:
             better = better[~parted(end[better], short, triangles)]
         shortest[better] = far[better]
     return shortest
-
-
-def _bend(a: Array, b: Array, edge: Array) -> Array:
-    """The point (p, 3) on an edge (2, 3) of the shortest path from a to b: straight when unfolded about the edge."""
-    way = edge[1] - edge[0]
-    length = float(np.sqrt(way @ way))
-    unit = way / length
-    along, off = [], []
-    for end in (a, b):
-        along.append((end - edge[0]) @ unit)
-        off.append(np.sqrt(((end - edge[0] - along[-1][:, None] * unit) ** 2).sum(axis=1)))
-    total = np.maximum(off[0] + off[1], TOUCH * length)
-    at = np.clip((along[0] * off[1] + along[1] * off[0]) / total, 0.0, length)
-    return np.asarray(edge[0] + at[:, None] * unit)
 
 
 def apart(a: Array, b: Array, triangles: Array, edges: Array, gamma: float | None, farthest: float) -> Array:

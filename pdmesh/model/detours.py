@@ -83,7 +83,20 @@ class Detours:
         shortest = np.full(len(first), np.inf)
         if not len(self._corners.vertex) or not len(first):
             return shortest
-        corner, far = self._table(places)
+        # corners (n, k) visible from places, -1 for none, and their distances, m, infinity for none
+        near = tree_of(places).sparse_distance_matrix(
+            tree_of(self._corners.place), self._farthest, output_type="ndarray"
+        )
+        near = near[np.lexsort((near["j"], near["i"]))]
+        row, near_corner, near_far = near["i"], near["j"], near["v"]
+        visible = self._in_sector(places[row], near_corner)
+        visible[visible] = ~self._blocked(places[row[visible]], self._corners.place[near_corner[visible]], False)
+        row, near_corner, near_far = row[visible], near_corner[visible], near_far[visible]
+        count = np.bincount(row, minlength=len(places))
+        column = np.arange(len(row)) - np.repeat(np.cumsum(count) - count, count)
+        corner = np.full((len(places), max(1, int(count.max(initial=0)))), -1, dtype=np.int64)
+        far = np.full(corner.shape, np.inf)
+        corner[row, column], far[row, column] = near_corner, near_far
         both = np.flatnonzero((corner[first, 0] >= 0) & (corner[second, 0] >= 0))
         for chunk in np.array_split(both, len(both) * corner.shape[1] ** 2 // TOGETHER + 1):
             start, end = first[chunk], second[chunk]
@@ -91,23 +104,6 @@ class Detours:
             total = far[start][:, :, None] + between + far[end][:, None, :]
             shortest[chunk] = total.min(axis=(1, 2), initial=np.inf)
         return shortest
-
-    def _table(self, places: NDArray[np.float64]) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
-        """Corners (n, k) visible from places (n, 2), -1 for none, and their distances, m, infinity for none."""
-        near = tree_of(places).sparse_distance_matrix(
-            tree_of(self._corners.place), self._farthest, output_type="ndarray"
-        )
-        near = near[np.lexsort((near["j"], near["i"]))]
-        row, corner, far = near["i"], near["j"], near["v"]
-        visible = self._in_sector(places[row], corner)
-        visible[visible] = ~self._blocked(places[row[visible]], self._corners.place[corner[visible]], False)
-        row, corner, far = row[visible], corner[visible], far[visible]
-        count = np.bincount(row, minlength=len(places))
-        column = np.arange(len(row)) - np.repeat(np.cumsum(count) - count, count)
-        which = np.full((len(places), max(1, int(count.max(initial=0)))), -1, dtype=np.int64)
-        length = np.full(which.shape, np.inf)
-        which[row, column], length[row, column] = corner, far
-        return which, length
 
     def _in_sector(self, places: NDArray[np.float64], corner: NDArray[np.int64]) -> NDArray[np.bool_]:
         """Mask (b,) of places (b, 2) in the sectors of corners (b,)."""

@@ -317,7 +317,23 @@ def read_file(path: Path) -> Document:
 
     Raises GridError; warns with GridWarning if it was edited.
     """
-    document = _read_file(path)
+    try:
+        data = read_bytes(path)
+    except OSError as error:
+        raise GridError(f"{path}: cannot be read: {error.strerror}") from None
+    if len(data) < LARGE:
+        document = read_document(data, str(path))
+        _compare(str(path), _matches(data))
+    else:
+        matches: list[bool] = []
+        digest = BackgroundThread("digest")  # which leaves Python to what reads
+        try:
+            digest.begin(lambda: matches.append(_matches(data)))
+            document = read_document(data, str(path))
+            digest.wait()
+        finally:
+            digest.end()
+        _compare(str(path), all(matches))
     conditions = tables_beside(document.conditions, path, 3 if document.version == SPACE_VERSION else 2)
     return msgspec.structs.replace(document, conditions=conditions)
 
@@ -328,27 +344,6 @@ def tables_beside(conditions: tuple[AnyCondition, ...], path: Path, dimension: i
         return with_tables(conditions, path.parent, dimension, "$.conditions")
     except PlaceError as error:
         raise GridError(f"{path}: {error}") from None
-
-
-def _read_file(path: Path) -> Document:
-    try:
-        data = read_bytes(path)
-    except OSError as error:
-        raise GridError(f"{path}: cannot be read: {error.strerror}") from None
-    if len(data) < LARGE:
-        document = read_document(data, str(path))
-        _compare(str(path), _matches(data))
-        return document
-    matches: list[bool] = []
-    digest = BackgroundThread("digest")  # which leaves Python to what reads
-    try:
-        digest.begin(lambda: matches.append(_matches(data)))
-        document = read_document(data, str(path))
-        digest.wait()
-    finally:
-        digest.end()
-    _compare(str(path), all(matches))
-    return document
 
 
 def encode(document: Document) -> bytes:

@@ -88,7 +88,15 @@ def integrals(
     fields = _turned(at, rows, tip, turn)
     q, slope = weight(fields.position, ring)
     z = fields.position[:, 0] + 1j * fields.position[:, 1]
-    J = _own(fields, q, slope)
+    # J in its area form
+    along = fields.gradient[:, :, 0]
+    energy = _product(fields.stress, fields.strain) / 2 if fields.work is None else fields.work
+    total = _pulled(fields.stress, along, slope)
+    if fields.motion is not None:
+        density, velocity, acceleration, rates = fields.motion
+        energy = energy + density * (velocity**2).sum(axis=1) / 2
+        total = total + density * q * (acceleration * along - velocity * rates[:, :, 0]).sum(axis=1)
+    J = float(fields.area @ (total - energy * slope[:, 0]))
     K1, K2, T = (
         plate.effective_modulus * share * _between(fields, field, q, slope)
         for field, share in (
@@ -127,18 +135,6 @@ def _turned(at: Sampled, rows: NDArray[np.int64], tip: NDArray[np.float64], turn
     place, work = (at.position[rows] - tip) @ turn.T, None if at.work is None else at.work[rows]
     gradient = turn @ at.gradient[rows] @ turn.T
     return Sampled(place, at.area[rows], gradient, tensor(at.strain), tensor(at.stress), motion, work)
-
-
-def _own(fields: Sampled, q: NDArray[np.float64], slope: NDArray[np.float64]) -> float:
-    """J, J/m^2, in its area form, from the fields sampled around a tip."""
-    along = fields.gradient[:, :, 0]
-    energy = _product(fields.stress, fields.strain) / 2 if fields.work is None else fields.work
-    total = _pulled(fields.stress, along, slope)
-    if fields.motion is not None:
-        density, velocity, acceleration, rates = fields.motion
-        energy = energy + density * (velocity**2).sum(axis=1) / 2
-        total = total + density * q * (acceleration * along - velocity * rates[:, :, 0]).sum(axis=1)
-    return float(fields.area @ (total - energy * slope[:, 0]))
 
 
 def _between(fields: Sampled, auxiliary: TipField, q: NDArray[np.float64], slope: NDArray[np.float64]) -> float:

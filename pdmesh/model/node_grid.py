@@ -52,7 +52,14 @@ def grid_of(document: Document, name: str) -> Grid:
     if document.areas is not None:
         if len(document.areas) != len(nodes):
             raise GridError(f"{name}: $.areas has {len(document.areas)} values; give {len(nodes)}, one for each node")
-        _check_areas(name, document.areas, delta[:, 0], d)
+        most = MOST_CELLS * delta[:, 0] ** d
+        for at in np.flatnonzero(np.array(document.areas) < LEAST).tolist():
+            raise GridError(f"{name}: $.areas[{at}] is {document.areas[at]:g}; use {LEAST:g} m^{d} or more")
+        for at in np.flatnonzero(np.array(document.areas) > most).tolist():
+            raise GridError(
+                f"{name}: $.areas[{at}] is {document.areas[at]:g}; use at most {most[at]:g} m^{d},"
+                f" {MOST_CELLS} cells of the spacing {delta[at, 0]:g} m"
+            )
     return Grid(
         ids=ids,
         position=position[:, :d].copy(),
@@ -115,17 +122,6 @@ def _check_nodes(name: str, position: NDArray[np.float64], delta: NDArray[np.flo
     refuse(delta[:, 0] != delta[:, 1], "delta", delta, "delta x equal to delta y")
     if dimension == 3:
         refuse(delta[:, 0] != delta[:, 2], "delta", delta, "delta z equal to delta x in a body")
-
-
-def _check_areas(name: str, areas: tuple[float, ...], delta: NDArray[np.float64], dimension: int) -> None:
-    most, small = MOST_CELLS * delta**dimension, np.array(areas) < LEAST
-    for at in np.flatnonzero(small).tolist():
-        raise GridError(f"{name}: $.areas[{at}] is {areas[at]:g}; use {LEAST:g} m^{dimension} or more")
-    for at in np.flatnonzero(np.array(areas) > most).tolist():
-        raise GridError(
-            f"{name}: $.areas[{at}] is {areas[at]:g}; use at most {most[at]:g} m^{dimension}, {MOST_CELLS} cells of"
-            f" the spacing {delta[at]:g} m"
-        )
 
 
 def _check_shapes(name: str, document: Document) -> None:

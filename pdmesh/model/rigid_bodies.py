@@ -43,7 +43,15 @@ def without_bonds(grid: Grid, settings: Settings, name: str) -> Grid:
         if grid.bodies is None or len(body_numbers) != 1 or node_count != len(rows) or body_numbers[0] in numbers:
             raise GridError(f"{name}: {place} has {len(rows)} nodes; give all those of one body")
         _refuse_radius(body, grid, rows, f"{name}: {place}")
-        _refuse_holds(settings, grid, rows, name, place)
+        # conditions that hold nodes of a rigid body
+        for held_number, condition in enumerate(settings.conditions):
+            if not isinstance(condition, Displacement | Velocity | Acceleration):
+                continue
+            if selection.selected(grid, condition.nodes, condition.box)[rows].any():
+                raise GridError(
+                    f"{name}: $.conditions[{held_number}] has nodes of the rigid body of {place}; leave them out:"
+                    " its own 'held' holds it"
+                )
         numbers.append(int(body_numbers[0]))
     assert grid.bodies is not None
     return replace(grid, bodies=grid.bodies._replace(rigid=tuple(numbers)))
@@ -72,18 +80,6 @@ def _refuse_radius(body: RigidBody, grid: Grid, rows: NDArray[np.int64], place: 
             f"{place}.radius is {body.radius:g} m; use {far:.4g} to {far + wide:.4g} m, as its nodes are up to"
             f" {far:.4g} m from their centre"
         )
-
-
-def _refuse_holds(settings: Settings, grid: Grid, rows: NDArray[np.int64], name: str, place: str) -> None:
-    """Raise GridError for a condition that holds nodes of a rigid body."""
-    for number, condition in enumerate(settings.conditions):
-        if not isinstance(condition, Displacement | Velocity | Acceleration):
-            continue
-        if selection.selected(grid, condition.nodes, condition.box)[rows].any():
-            raise GridError(
-                f"{name}: $.conditions[{number}] has nodes of the rigid body of {place}; leave them out: its own"
-                " 'held' holds it"
-            )
 
 
 def densities(grid: Grid, settings: Settings, rho: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -18,7 +18,15 @@ def ways_to(points: Array, triangles: Array, reach: float) -> tuple[Array, NDArr
     not beside its rim. Points further than `reach` (m) have NaN."""
     ways, length = np.full(points.shape, np.nan), np.full(len(points), np.inf)
     beyond_rim = np.zeros(len(points), dtype=bool)
-    low, high, on_rim = triangles.min(axis=1) - reach, triangles.max(axis=1) + reach, _rim(triangles)
+    # the sides (t, 3) of triangles that belong to no other one; side k begins at corner k
+    corners = triangles.reshape(-1, 3)
+    size = float(np.ptp(corners, axis=0).max()) * SAME
+    _, number = np.unique(np.rint((corners - corners.min(axis=0)) / size), axis=0, return_inverse=True)
+    ends = number.reshape(-1, 3)
+    sides = np.sort(np.stack([ends, np.roll(ends, -1, axis=1)], axis=2).reshape(-1, 2), axis=1)
+    _, which, count = np.unique(sides, axis=0, return_inverse=True, return_counts=True)
+    on_rim = np.asarray(count[which.reshape(-1)].reshape(-1, 3) == 1)
+    low, high = triangles.min(axis=1) - reach, triangles.max(axis=1) + reach
     for t, normal in enumerate(normals(triangles)):
         size = float(np.sqrt((normal**2).sum()))
         near = np.flatnonzero(((points >= low[t]) & (points <= high[t])).all(axis=1)) if size > 0 else ()
@@ -50,14 +58,3 @@ def _ways(points: Array, triangle: Array) -> tuple[Array, NDArray[np.int64]]:
         nearer = far < length
         ways[nearer], side[nearer], length[nearer] = way[nearer], number, far[nearer]
     return ways, side
-
-
-def _rim(triangles: Array) -> NDArray[np.bool_]:
-    """Mask (t, 3) of the sides of triangles that belong to no other one; side k begins at corner k."""
-    corners = triangles.reshape(-1, 3)
-    size = float(np.ptp(corners, axis=0).max()) * SAME
-    _, number = np.unique(np.rint((corners - corners.min(axis=0)) / size), axis=0, return_inverse=True)
-    ends = number.reshape(-1, 3)
-    sides = np.sort(np.stack([ends, np.roll(ends, -1, axis=1)], axis=2).reshape(-1, 2), axis=1)
-    _, which, count = np.unique(sides, axis=0, return_inverse=True, return_counts=True)
-    return np.asarray(count[which.reshape(-1)].reshape(-1, 3) == 1)

@@ -48,7 +48,20 @@ def orientation(triangles: NDArray[np.float64]) -> NDArray[np.float64]:
     triangles, number = triangles[distinct_corners], number[distinct_corners]
     if not len(triangles):
         return way
-    turned, part = _turned(number)
+    count = len(number)
+    ends = np.stack([number, np.roll(number, -1, axis=1)], axis=2).reshape(-1, 2)
+    edge = _edge_keys(ends)
+    order = np.argsort(edge, kind="stable")
+    _, shared = np.unique(edge[order], return_counts=True)
+    first, second = order[np.repeat(shared, shared) == 2].reshape(-1, 2).T
+    against = (ends[first, 0] == ends[second, 0]) * count
+    first_triangle, second_triangle = first // 3, second // 3
+    side = connected(
+        2 * count,
+        np.concatenate([first_triangle, first_triangle + count]),
+        np.concatenate([second_triangle + against, second_triangle + count - against]),
+    ).reshape(2, count)
+    turned, part = np.asarray(side[0] > side[1]), np.asarray(side.min(axis=0))
     triangles = np.where(turned[:, None, None], triangles[:, ::-1], triangles)
     area = (normals(triangles) ** 2).sum(axis=1)
     largest = np.lexsort((area, part))[np.append(np.flatnonzero(np.diff(np.sort(part))), len(part) - 1)]
@@ -67,28 +80,6 @@ def _corner_numbers(triangles: NDArray[np.float64]) -> NDArray[np.int64]:
     number = np.zeros(len(corners), dtype=np.int64)
     number[order[1:]] = np.cumsum(new)
     return number.reshape(-1, 3)
-
-
-def _turned(number: NDArray[np.int64]) -> tuple[NDArray[np.bool_], NDArray[np.int64]]:
-    """Mask of triangles, corners (t, 3), oriented opposite to the first of their edge-connected part, and the part.
-
-    Two triangles with a common edge agree if they run along it in opposite directions. Edges of more than two triangles
-    are ignored.
-    """
-    count = len(number)
-    ends = np.stack([number, np.roll(number, -1, axis=1)], axis=2).reshape(-1, 2)
-    edge = _edge_keys(ends)
-    order = np.argsort(edge, kind="stable")
-    _, shared = np.unique(edge[order], return_counts=True)
-    first, second = order[np.repeat(shared, shared) == 2].reshape(-1, 2).T
-    against = (ends[first, 0] == ends[second, 0]) * count
-    first_triangle, second_triangle = first // 3, second // 3
-    side = connected(
-        2 * count,
-        np.concatenate([first_triangle, first_triangle + count]),
-        np.concatenate([second_triangle + against, second_triangle + count - against]),
-    ).reshape(2, count)
-    return np.asarray(side[0] > side[1]), np.asarray(side.min(axis=0))
 
 
 def _edge_keys(ends: NDArray[np.int64]) -> NDArray[np.int64]:

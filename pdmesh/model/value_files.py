@@ -63,24 +63,21 @@ def read_table(words: str, folder: Path, dimension: int) -> Table:
     except OSError as error:
         raise PlaceError(f"{name}: cannot be read: {error.strerror or error}") from None
     header, rows = (None, _array(data, name)) if name.lower().endswith(".npy") else _columns(data, name)
-    table = _table(header or [*AXES[:dimension], "value"], rows, column, name)
+    header = header or [*AXES[:dimension], "value"]
+    if len(header) != rows.shape[1] or len(set(header)) != len(header):
+        raise PlaceError(f"{name} has {rows.shape[1]} columns; use {len(header)}, {', '.join(header)}, each once")
+    axes = "".join(axis for axis in AXES if axis in header)
+    value_names = [word for word in header if word not in AXES]
+    if not axes or not (column in value_names if column else len(value_names) == 1):
+        expected = f"{column} and " if column else "one column of values (or FILE.csv:COLUMN) and "
+        raise PlaceError(f"{name} has the columns {', '.join(header):.80}; use {expected}x, y or z")
+    places = rows[:, [header.index(axis) for axis in axes]]
+    column_values = rows[:, header.index(column or value_names[0])]
+    table = Table(tuple(map(tuple, places.tolist())), tuple(column_values.tolist()), axes)
     wrong = wrong_value(table, dimension)
     if wrong is not None:
         raise PlaceError(f"{name}: {wrong}")
     return table
-
-
-def _table(header: list[str], rows: NDArray[np.float64], column: str, name: str) -> Table:
-    """The table of named columns. Raises PlaceError for missing, repeated or unknown ones."""
-    if len(header) != rows.shape[1] or len(set(header)) != len(header):
-        raise PlaceError(f"{name} has {rows.shape[1]} columns; use {len(header)}, {', '.join(header)}, each once")
-    axes = "".join(axis for axis in AXES if axis in header)
-    values = [word for word in header if word not in AXES]
-    if not axes or not (column in values if column else len(values) == 1):
-        expected = f"{column} and " if column else "one column of values (or FILE.csv:COLUMN) and "
-        raise PlaceError(f"{name} has the columns {', '.join(header):.80}; use {expected}x, y or z")
-    places, column_values = rows[:, [header.index(axis) for axis in axes]], rows[:, header.index(column or values[0])]
-    return Table(tuple(map(tuple, places.tolist())), tuple(column_values.tolist()), axes)
 
 
 def _columns(data: bytes, name: str) -> tuple[list[str] | None, NDArray[np.float64]]:

@@ -103,7 +103,17 @@ def wrong_value(value: str | Table, dimension: int) -> str | None:
     """What is wrong with an expression or a table in a plate (2) or in space (3); None if nothing is."""
     try:
         if isinstance(value, Table):
-            _check_table(value, dimension)
+            axes = value.axes or AXES[:dimension]
+            if not set(axes) <= set(AXES[:dimension]):
+                raise PlaceError(f"a table goes along {axes}; use {', '.join(AXES[:dimension])} in a plate")
+            if not value.places or len(value.places) != len(value.values):
+                raise PlaceError(
+                    f"a table has {len(value.places)} places and {len(value.values)} values; use as many of each"
+                )
+            if any(len(place) != len(axes) for place in value.places):
+                raise PlaceError(f"places in a table have another number of coordinates; use {', '.join(axes)}")
+            if not all(abs(number) <= LARGEST for numbers in (*value.places, value.values) for number in numbers):
+                raise PlaceError(f"numbers in a table are not finite; use at most {LARGEST:g}")
         elif is_file(value):
             return f"the file '{value:.80}' was not read; give its values or an expression"
         else:
@@ -154,16 +164,3 @@ def _check_part(part: ast.AST, called: set[int]) -> None:
     text = ast.unparse(part) if isinstance(part, ast.expr) else type(part).__name__
     functions = ", ".join(sorted(FUNCTIONS))
     raise PlaceError(f"an expression has {text!r:.60}; use numbers, x, y, z, pi, + - * / ^ < > and {functions}")
-
-
-def _check_table(table: Table, dimension: int) -> None:
-    """Raise PlaceError for a table whose columns do not fit each other or the dimension."""
-    axes = table.axes or AXES[:dimension]
-    if not set(axes) <= set(AXES[:dimension]):
-        raise PlaceError(f"a table goes along {axes}; use {', '.join(AXES[:dimension])} in a plate")
-    if not table.places or len(table.places) != len(table.values):
-        raise PlaceError(f"a table has {len(table.places)} places and {len(table.values)} values; use as many of each")
-    if any(len(place) != len(axes) for place in table.places):
-        raise PlaceError(f"places in a table have another number of coordinates; use {', '.join(axes)}")
-    if not all(abs(number) <= LARGEST for numbers in (*table.places, table.values) for number in numbers):
-        raise PlaceError(f"numbers in a table are not finite; use at most {LARGEST:g}")
