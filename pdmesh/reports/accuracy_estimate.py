@@ -215,7 +215,14 @@ def feature(scene: Scene) -> tuple[float, str]:
         hole = shapely.Polygon(ring)
         sizes.append((float(np.sqrt(hole.area / np.pi)), "radius of a hole"))
     for shape, name in shapes:
-        away = _farther(shape, edge, scale)
+        # from the edge or, of a line that begins there, of its other end
+        if shape.distance(edge) > scale:
+            away = float(shape.distance(edge))
+        elif shape.geom_type != "LineString":
+            away = None
+        else:
+            ends = [float(shapely.Point(end).distance(edge)) for end in (shape.coords[0], shape.coords[-1])]
+            away = max(ends) if max(ends) > scale else None
         if away is not None:
             sizes.append((away, f"from {name} to the edge"))
     for (first_shape, first), (second_shape, second) in combinations(shapes, 2):
@@ -223,17 +230,6 @@ def feature(scene: Scene) -> tuple[float, str]:
         if away > scale:
             sizes.append((away, f"from {first} to {second}"))
     return min(sizes)
-
-
-def _farther(shape: shapely.Geometry, edge: shapely.Geometry, scale: float) -> float | None:
-    """Distance, m, of an interior shape from the edge, or of a line's other end if it begins there; None without
-    any."""
-    if shape.distance(edge) > scale:
-        return float(shape.distance(edge))
-    if shape.geom_type != "LineString":
-        return None
-    ends = [float(shapely.Point(end).distance(edge)) for end in (shape.coords[0], shape.coords[-1])]
-    return max(ends) if max(ends) > scale else None
 
 
 def changed(scene: Scene, finest: float, ratio: float, adapt: str = "none") -> Scene:

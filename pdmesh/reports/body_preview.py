@@ -75,7 +75,18 @@ def _section(
         axes.plot(
             *place[node_rows].T, "s", fillstyle="none", color=colour, markersize=1.3 * size, label=label, zorder=3
         )
-    lines = _crossed(grid.cracks.reshape(-1, 3, 3), across, float(middle[across]))[:, :, [a, b]] * 1e3
+    # segments (k, 2, 3) in which the plane cuts the cracks
+    segments = []
+    for triangle in grid.cracks.reshape(-1, 3, 3):
+        side = triangle[:, across] - float(middle[across])
+        ends = []
+        for p, q in ((0, 1), (1, 2), (2, 0)):
+            if side[p] * side[q] < 0 or (side[p] == 0) != (side[q] == 0):
+                share = side[p] / (side[p] - side[q])
+                ends.append(triangle[p] + share * (triangle[q] - triangle[p]))
+        if len(ends) >= 2:
+            segments.append(ends[:2])
+    lines = np.array(segments).reshape(-1, 2, 3)[:, :, [a, b]] * 1e3
     axes.add_collection(LineCollection(list(lines), colors=CRACK, linewidths=1.4, zorder=5))
     if named and len(grid.cracks):
         axes.plot([], [], color=CRACK, label="crack")
@@ -93,26 +104,22 @@ def marked(document: Document, grid: Grid) -> Iterator[tuple[str, str, NDArray[n
         yield f"{kind} '{for_legend(name)}': {int(rows.sum())} nodes{sums}", CONDITIONS[number % len(CONDITIONS)], rows
 
 
-def _crossed(triangles: NDArray[np.float64], across: int, at: float) -> NDArray[np.float64]:
-    """Segments (k, 2, 3) in which a plane cuts triangles (t, 3, 3)."""
-    segments = []
-    for triangle in triangles:
-        side = triangle[:, across] - at
-        ends = []
-        for p, q in ((0, 1), (1, 2), (2, 0)):
-            if side[p] * side[q] < 0 or (side[p] == 0) != (side[q] == 0):
-                share = side[p] / (side[p] - side[q])
-                ends.append(triangle[p] + share * (triangle[q] - triangle[p]))
-        if len(ends) >= 2:
-            segments.append(ends[:2])
-    return np.array(segments).reshape(-1, 2, 3)
-
-
 def _outline(axes: Any, document: Document, grid: Grid) -> None:
     """Draw the transparent surface, its sharp edges, the cracks, and the nodes with conditions."""
     faces, cracks = grid.faces * 1e3, grid.cracks.reshape(-1, 3, 3) * 1e3
     low, high = grid.position.min(axis=0) * 1e3, grid.position.max(axis=0) * 1e3
-    edges = _edges(faces)
+    # edges (k, 2, 3) at which triangles meet at a sharp angle
+    corners, number = np.unique(faces.reshape(-1, 3), axis=0, return_inverse=True)
+    number = number.reshape(-1, 3)
+    normal = np.cross(faces[:, 1] - faces[:, 0], faces[:, 2] - faces[:, 0])
+    normal /= np.maximum(np.sqrt((normal**2).sum(axis=1)), 1e-300)[:, None]
+    ends = np.sort(np.concatenate([number[:, [0, 1]], number[:, [1, 2]], number[:, [2, 0]]]), axis=1)
+    face = np.tile(np.arange(len(faces)), 3)
+    order = np.lexsort(ends.T)
+    ends, face = ends[order], face[order]
+    same = np.flatnonzero((ends[1:] == ends[:-1]).all(axis=1))
+    turn = np.abs((normal[face[same]] * normal[face[same + 1]]).sum(axis=1))
+    edges = np.asarray(corners[ends[same[turn < np.cos(SHARP)]]])
     if len(edges):  # a sphere has none
         sample = edges[:: len(edges) // MOST_EDGES + 1]
         axes.add_collection3d(Line3DCollection(sample, colors="#555555", linewidths=0.5))
@@ -130,18 +137,3 @@ def _outline(axes: Any, document: Document, grid: Grid) -> None:
         axis.set_major_locator(MaxNLocator(1 + round(6 * share)))
     axes.set_box_aspect(np.maximum(high - low, 1e-9), zoom=0.8)
     axes.tick_params(labelsize=6)
-
-
-def _edges(faces: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Edges (k, 2, 3) at which triangles (t, 3, 3) meet at a sharp angle."""
-    corners, number = np.unique(faces.reshape(-1, 3), axis=0, return_inverse=True)
-    number = number.reshape(-1, 3)
-    normal = np.cross(faces[:, 1] - faces[:, 0], faces[:, 2] - faces[:, 0])
-    normal /= np.maximum(np.sqrt((normal**2).sum(axis=1)), 1e-300)[:, None]
-    ends = np.sort(np.concatenate([number[:, [0, 1]], number[:, [1, 2]], number[:, [2, 0]]]), axis=1)
-    face = np.tile(np.arange(len(faces)), 3)
-    order = np.lexsort(ends.T)
-    ends, face = ends[order], face[order]
-    same = np.flatnonzero((ends[1:] == ends[:-1]).all(axis=1))
-    turn = np.abs((normal[face[same]] * normal[face[same + 1]]).sum(axis=1))
-    return np.asarray(corners[ends[same[turn < np.cos(SHARP)]]])

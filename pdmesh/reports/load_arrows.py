@@ -53,21 +53,17 @@ def symbols(axes: Axes, condition: AnyCondition, grid: Grid, rows: NDArray[np.in
     way = LENGTH * 1e3 * float(np.ptp(grid.position, axis=0).max()) * pull / np.hypot(*pull.T).max()
     outside = tree_of(grid.position).query((at + way) / 1e3)[0] > float(grid.delta.max())
     start = at if outside.mean() > 0.5 else at - way  # what pulls begins at its nodes, what pushes ends there
-    arrows = _arrows(start, way)
-    axes.add_collection(PolyCollection(list(arrows), facecolors=colour, linewidths=0, zorder=6))
-    ends = arrows.reshape(-1, 2)
-    axes.set_xlim(min(axes.get_xlim()[0], ends[:, 0].min()), max(axes.get_xlim()[1], ends[:, 0].max()))
-    axes.set_ylim(min(axes.get_ylim()[0], ends[:, 1].min()), max(axes.get_ylim()[1], ends[:, 1].max()))
-
-
-def _arrows(start: NDArray[np.float64], way: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Outlines (k, 7, 2) of arrows from `start` (k, 2) along `way` (k, 2), the widths in shares of the longest."""
+    # outlines (k, 7, 2), their widths in shares of the longest
     length = np.hypot(*way.T)[:, None]
     along = way / np.where(length > 0, length, 1.0)
     across, size = np.column_stack([-along[:, 1], along[:, 0]]), float(length.max())
     neck, half, head = start + way - HEAD * size * along, 0.025 * size * across, 0.1 * size * across
     corners = (start - half, neck - half, neck - head, start + way, neck + head, neck + half, start + half)
-    return np.stack(corners, axis=1)
+    arrows = np.stack(corners, axis=1)
+    axes.add_collection(PolyCollection(list(arrows), facecolors=colour, linewidths=0, zorder=6))
+    ends = arrows.reshape(-1, 2)
+    axes.set_xlim(min(axes.get_xlim()[0], ends[:, 0].min()), max(axes.get_xlim()[1], ends[:, 0].max()))
+    axes.set_ylim(min(axes.get_ylim()[0], ends[:, 1].min()), max(axes.get_ylim()[1], ends[:, 1].max()))
 
 
 def total(condition: AnyCondition, grid: Grid, rows: NDArray[np.int64]) -> str:

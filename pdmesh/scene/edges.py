@@ -59,7 +59,17 @@ def edge(shape: Surface, finest: float, words: str, place: str, unit: Unit = MET
             return _facing(shape, points[0], place)
         case "along":
             return _along(shape, finest, points, place)
-    return _bearing(shape, points, place)
+    # the half of a hole on the side to which a force points, cut at right angles to it through the hole's centre
+    hole = shapely.Polygon(_hole(shape, points[0], place))
+    (centre,), way = shapely.get_coordinates(hole.centroid), points[1] / np.hypot(*points[1])
+    across, reach = np.array([-way[1], way[0]]), 2 * float(np.hypot(*np.ptp(shapely.get_coordinates(hole), axis=0)))
+    side = centre + reach * across, centre - reach * across
+    half = shapely.Polygon([*side, *(corner + reach * way for corner in side[::-1])])
+    half_edge = shapely.line_merge(LineString(hole.exterior).intersection(half))
+    if not isinstance(half_edge, LineString):
+        x, y = centre
+        raise SceneError(f"{place}: the hole at ({x:g}, {y:g}) m has a half in pieces; use a round one")
+    return half_edge
 
 
 def point_in(text: str, dimension: int, place: str, unit: Unit) -> tuple[float, ...]:
@@ -187,17 +197,3 @@ def _along(shape: Surface, finest: float, ends: NDArray[np.float64], place: str)
     if not isinstance(straight, LineString) or not straight.length > 0:
         raise SceneError(f"{place}: the edge has length 0; use two places apart")
     return straight
-
-
-def _bearing(shape: Surface, points: NDArray[np.float64], place: str) -> LineString:
-    """The half of a hole on the side to which a force points, cut at right angles to it through the hole's centre."""
-    hole = shapely.Polygon(_hole(shape, points[0], place))
-    (centre,), way = shapely.get_coordinates(hole.centroid), points[1] / np.hypot(*points[1])
-    across, reach = np.array([-way[1], way[0]]), 2 * float(np.hypot(*np.ptp(shapely.get_coordinates(hole), axis=0)))
-    side = centre + reach * across, centre - reach * across
-    half = shapely.Polygon([*side, *(corner + reach * way for corner in side[::-1])])
-    half_edge = shapely.line_merge(LineString(hole.exterior).intersection(half))
-    if not isinstance(half_edge, LineString):
-        x, y = centre
-        raise SceneError(f"{place}: the hole at ({x:g}, {y:g}) m has a half in pieces; use a round one")
-    return half_edge

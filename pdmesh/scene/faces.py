@@ -40,18 +40,7 @@ def face(shell: Shell, words: str, place: str, unit: Unit = METRE) -> str | Shee
         if not is_facing.any():
             raise SceneError(f"{place}: no face faces {tuple(at.tolist())}; use another direction")
         return Sheet(triangles[is_facing])
-    patch = _patches(triangles, normal)
-    away = np.array([distances(points, triangles[patch == k], np.inf)[0] for k in range(patch.max() + 1)])
-    return Sheet(triangles[patch == away.argmin()])
-
-
-def parsed(words: str, place: str, unit: Unit = METRE) -> tuple[str, NDArray[np.float64]]:
-    """The first word of a choice that is no side, and the points (1, 3) behind it. Raises SceneError."""
-    return points_in(words, FORMS, 3, place, EXPECTED, unit)
-
-
-def _patches(triangles: NDArray[np.float64], normal: NDArray[np.float64]) -> NDArray[np.int64]:
-    """Number (t,) of the smooth part of the surface that each triangle belongs to."""
+    # number (t,) of the smooth part of the surface that each triangle belongs to
     size = float(np.ptp(triangles.reshape(-1, 3), axis=0).max())
     corner = np.unique(np.round(triangles.reshape(-1, 3) / (1e-9 * size)), axis=0, return_inverse=True)[1].reshape(
         -1, 3
@@ -62,4 +51,11 @@ def _patches(triangles: NDArray[np.float64], normal: NDArray[np.float64]) -> NDA
     same = (ends[order[1:]] == ends[order[:-1]]).all(axis=1)
     first, second = owner[order[:-1][same]], owner[order[1:][same]]
     smooth = (normal[first] * normal[second]).sum(axis=1) >= CORNER
-    return connected(len(triangles), first[smooth], second[smooth])
+    patch = connected(len(triangles), first[smooth], second[smooth])
+    away = np.array([distances(points, triangles[patch == k], np.inf)[0] for k in range(patch.max() + 1)])
+    return Sheet(triangles[patch == away.argmin()])
+
+
+def parsed(words: str, place: str, unit: Unit = METRE) -> tuple[str, NDArray[np.float64]]:
+    """The first word of a choice that is no side, and the points (1, 3) behind it. Raises SceneError."""
+    return points_in(words, FORMS, 3, place, EXPECTED, unit)
