@@ -67,8 +67,8 @@ MUTANTS = (
     ),
     Mutant(
         "pdpost/measures/cracked_nodes.py",
-        "np.minimum.at(cracked_step, born_row[cracked], cracked_step[died_row[cracked]])",
-        "cracked_step[born_row[cracked]] = birth[born_row[cracked]]",
+        "np.minimum.at(since, born_row[inherits], since[died_row[inherits]])",
+        "since[born_row[inherits]] = birth[born_row[inherits]]",
         "tests/unit/pdpost/measures/test_changing.py::test_a_node_that_is_born_cracked_is_so_since_the_one_before",
     ),
     Mutant(

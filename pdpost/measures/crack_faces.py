@@ -95,11 +95,24 @@ def find_opened_face_neighbours(results: Results, step: int, threshold: float = 
     np.maximum.at(parting_step, place[matched], when[matched])
     damage = NodeDamageHistory(nodes, ends[0], when)
     parted_rows = np.flatnonzero(parting_step != CLOSED)
-    parting_step[parted_rows] = np.maximum(
-        parting_step[parted_rows], _find_first_cracked_step_of_pairs(damage, pairs[parted_rows], step, threshold)
-    )
+    # the first step after which their mean damage is above `threshold`; `step` + 1 for none
+    first, second = pairs[parted_rows].T
+    low, high = np.zeros(len(first), dtype=np.int64), np.full(len(first), step + 1)
+    for _ in range(int(step + 1).bit_length()):
+        middle_step = (low + high) // 2
+        cracked = (damage.damage_at(first, middle_step) + damage.damage_at(second, middle_step)) / 2 > threshold
+        low = np.where(cracked, low, np.minimum(middle_step + 1, high))
+        high = np.where(cracked, np.minimum(middle_step, high), high)
+    parting_step[parted_rows] = np.maximum(parting_step[parted_rows], high)
     parting_step[parting_step > step] = CLOSED
-    parting_step[_pairs_cut_by_pre_cracks(nodes, pairs, results.cracks().reshape(-1, 3, 3))] = PRE_CRACK
+    triangles = results.cracks().reshape(-1, 3, 3)
+    if len(triangles):
+        a, b = (nodes.position[pairs[:, side]] for side in (0, 1))
+        reach = float(nodes.delta.max())
+        lowest, highest = triangles.min(axis=(0, 1)) - reach, triangles.max(axis=(0, 1)) + reach
+        near = np.flatnonzero(((a >= lowest) & (a <= highest)).all(axis=1))
+        near_pairs = Pairs(pairs[near, 0], pairs[near, 1], np.linalg.norm(b[near] - a[near], axis=1))
+        parting_step[near[Screen(triangles, nodes.position, nodes.delta).met(near_pairs)]] = PRE_CRACK
     return FaceNeighbourPairs(pairs, parting_step, damage_with_pre_cracks_at(results, step) <= threshold)
 
 
@@ -116,19 +129,6 @@ class NodeDamageHistory:
         last = first + step.clip(max=self._steps - 1)
         broken_count = np.searchsorted(self._keys, last, side="right") - np.searchsorted(self._keys, first)
         return np.asarray((self._nodes.cut[rows] + broken_count) / np.maximum(self._nodes.family[rows], 1))
-
-
-def _find_first_cracked_step_of_pairs(
-    damage: NodeDamageHistory, pairs: NDArray[np.int64], last_step: int, threshold: float
-) -> NDArray[np.int64]:
-    """The first step (k,) after which the mean damage of pairs (k, 2) is above `threshold`; `last_step` + 1 for
-    none."""
-    low, high = np.zeros(len(pairs), dtype=np.int64), np.full(len(pairs), last_step + 1)
-    for _ in range(int(last_step + 1).bit_length()):
-        step = (low + high) // 2
-        cracked = (damage.damage_at(pairs[:, 0], step) + damage.damage_at(pairs[:, 1], step)) / 2 > threshold
-        low, high = np.where(cracked, low, np.minimum(step + 1, high)), np.where(cracked, np.minimum(step, high), high)
-    return high
 
 
 def build_crack_surface(results: Results, step: int, neighbour_pairs: FaceNeighbourPairs) -> CrackSurface:
@@ -148,20 +148,6 @@ def triangles_of_grown_faces(cracks: CrackSurface) -> NDArray[np.float64]:
     """Two triangles (t, 9), m, for each face that opened during the run."""
     corners = cracks.corners[cracks.face_corners[cracks.face_opened_during_run]]
     return np.asarray(corners[:, [[0, 1, 2], [0, 2, 3]]].reshape(-1, 9))
-
-
-def _pairs_cut_by_pre_cracks(
-    nodes: Nodes, pairs: NDArray[np.int64], triangles: NDArray[np.float64]
-) -> NDArray[np.int64]:
-    """The pairs (rows of `pairs`) that the triangles (t, 3, 3) of pre-cracks part."""
-    if not len(triangles):
-        return np.zeros(0, dtype=np.int64)
-    a, b = (nodes.position[pairs[:, side]] for side in (0, 1))
-    reach = float(nodes.delta.max())
-    low, high = triangles.min(axis=(0, 1)) - reach, triangles.max(axis=(0, 1)) + reach
-    near = np.flatnonzero(((a >= low) & (a <= high)).all(axis=1))
-    near_pairs = Pairs(pairs[near, 0], pairs[near, 1], np.linalg.norm(b[near] - a[near], axis=1))
-    return np.asarray(near[Screen(triangles, nodes.position, nodes.delta).met(near_pairs)])
 
 
 def _pairs_are_inside_crack(nodes: Nodes, neighbour_pairs: FaceNeighbourPairs) -> NDArray[np.bool_]:
@@ -197,9 +183,14 @@ def mesh_faces_between_pairs(nodes: Nodes, pairs: NDArray[np.int64], opening_tim
     free = np.bincount(sides.ravel(), minlength=len(edges)) == 1
     cubes = NodeCubes(nodes)
     inside = _edges_are_inside_body(cubes, stairs[edges])
-    corners = _smooth_corners(
-        stairs, edges, free, _corners_are_fixed_in_smoothing(cubes, stairs, edges[free], inside[free])
-    )
+    # corners on edges of the body, and those where free edges inside meet others
+    reach, around = cubes.finest / 4, np.zeros(len(stairs), dtype=int)
+    for way in itertools.product((-reach, reach), repeat=3):
+        around += cubes.contain(stairs + way)
+    ends = np.zeros((2, len(stairs)), dtype=bool)
+    for corner_mask, edge_mask in zip(ends, (inside[free], ~inside[free]), strict=True):
+        corner_mask[edges[free][edge_mask]] = True
+    corners = _smooth_corners(stairs, edges, free, (around <= ON_EDGE) | ends.all(axis=0))
     return CrackSurface(
         corners, faces, opening_time, quadrilateral_areas(corners[faces]), edges, sides.reshape(-1, 4), inside
     )
@@ -231,19 +222,6 @@ def _edges_are_inside_body(cubes: NodeCubes, edges: NDArray[np.float64]) -> NDAr
         place[row, (axis + 2) % 3] += v * far
         inside &= cubes.contain(place)
     return inside
-
-
-def _corners_are_fixed_in_smoothing(
-    cubes: NodeCubes, corners: NDArray[np.float64], free_edges: NDArray[np.int64], edge_is_inside: NDArray[np.bool_]
-) -> NDArray[np.bool_]:
-    """Mask (p,) of corners on edges of the body, and of those where `free_edges` (k, 2) edges inside meet others."""
-    reach, around = cubes.finest / 4, np.zeros(len(corners), dtype=int)
-    for way in itertools.product((-reach, reach), repeat=3):
-        around += cubes.contain(corners + way)
-    ends = np.zeros((2, len(corners)), dtype=bool)
-    for row, edge_mask in zip(ends, (edge_is_inside, ~edge_is_inside), strict=True):
-        row[free_edges[edge_mask]] = True
-    return np.asarray((around <= ON_EDGE) | ends.all(axis=0))
 
 
 def _smooth_corners(

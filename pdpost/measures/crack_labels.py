@@ -11,7 +11,6 @@ ways. Nodes that crack in one step are added together, so that symmetric input g
 from __future__ import annotations
 
 import heapq
-from collections.abc import Iterator
 from itertools import groupby
 from typing import NamedTuple
 
@@ -59,8 +58,28 @@ def label_cracked_nodes(results: Results, step: int, threshold: float = CRACKED)
     near, far = near[close], far[close] / delta[near[close]].mean(axis=1)
     ends = near.T.ravel(), near[:, ::-1].T.ravel()
     links = csr_array((np.tile(far, 2), ends), (len(rows), len(rows)))
+    cracked_step = since[rows]
+    patches = _NodePatchUnionFind(position, delta, cracked_step)
+    roots = []
+    # pairs of touching nodes, grouped by the step from which both are cracked
+    touching = links.tocoo()
+    once = touching.row < touching.col
+    node, neighbour = touching.row[once], touching.col[once]
+    both_cracked = np.maximum(cracked_step[node], cracked_step[neighbour])
+    order = np.argsort(both_cracked, kind="stable")
+    steps_and_pairs = zip(both_cracked[order].tolist(), node[order].tolist(), neighbour[order].tolist(), strict=True)
+    for _, group in groupby(steps_and_pairs, key=lambda row: row[0]):
+        apart = {
+            (min(pair), max(pair))
+            for _, a, b in group
+            if len(pair := {patches.find_representative(a), patches.find_representative(b)}) > 1
+        }
+        for together in _connected_components_of_pairs(apart):
+            root = patches.join_patches(together)
+            if root is not None:
+                roots.append(root)
     spread = _label_nodes_by_first_arriving_crack(
-        links, since[rows], _find_crack_origins(links, position, delta, since[rows])
+        links, cracked_step, sorted(roots, key=lambda root: (root.first_cracked_step, min(root.origin_nodes)))
     )
     return CrackedNodes(position, delta, damage_with_pre_cracks_at(results, step)[rows], *spread, links)
 
@@ -118,42 +137,6 @@ class _NodePatchUnionFind:
         return [
             node for node, off in zip(first_nodes, far, strict=True) if off >= far.max() - ABREAST * self.delta[node]
         ]
-
-
-def _find_crack_origins(
-    touching_distances: csr_array,
-    position: NDArray[np.float64],
-    spacing: NDArray[np.float64],
-    cracked_step: NDArray[np.int64],
-) -> list[_CrackOrigin]:
-    """Origins of the cracks, oldest first."""
-    patches = _NodePatchUnionFind(position, spacing, cracked_step)
-    roots = []
-    for links in _group_touching_pairs_by_step(touching_distances, cracked_step):
-        pairs = {
-            (min(pair), max(pair))
-            for node, neighbour in links
-            if len(pair := {patches.find_representative(node), patches.find_representative(neighbour)}) > 1
-        }
-        for together in _connected_components_of_pairs(pairs):
-            root = patches.join_patches(together)
-            if root is not None:
-                roots.append(root)
-    return sorted(roots, key=lambda root: (root.first_cracked_step, min(root.origin_nodes)))
-
-
-def _group_touching_pairs_by_step(
-    touching_distances: csr_array, cracked_step: NDArray[np.int64]
-) -> Iterator[list[tuple[int, int]]]:
-    """Groups of pairs of touching nodes, one for each step from which both nodes are cracked."""
-    links = touching_distances.tocoo()
-    once = links.row < links.col
-    node, neighbour = links.row[once], links.col[once]
-    since = np.maximum(cracked_step[node], cracked_step[neighbour])
-    order = np.argsort(since, kind="stable")
-    rows = zip(since[order].tolist(), node[order].tolist(), neighbour[order].tolist(), strict=True)
-    for _, group in groupby(rows, key=lambda row: row[0]):
-        yield [(a, b) for _, a, b in group]
 
 
 def _connected_components_of_pairs(pairs: set[tuple[int, int]]) -> list[list[int]]:

@@ -21,7 +21,7 @@ from pdmesh.model.node_grid import Grid
 from pdmesh.model.output_fields import CRACKED
 from pdmesh.model.visibility import sight_of
 from pdpost.reading.embedded_model import read
-from pdsolve.results import Lives, Results
+from pdsolve.results import Results
 
 LINKED = 1.5  # spacings between two nodes of a crack
 ROUND_OFF = 1e-6
@@ -44,7 +44,21 @@ def damage_with_pre_cracks_at(results: Results, step: int) -> NDArray[np.float64
 def damage_without_pre_cracks_at(results: Results, step: int) -> NDArray[np.float64]:
     """Damage (n,) of the living nodes after any step, also between frames; see above."""
     family, broken_count = _count_bonds_and_broken_bonds_at(results, step)
-    cut = _count_pre_crack_cuts_of_living_nodes(results, step)
+    lives, rows, cracks = results.lives(), results.rows(step), results.cracks()
+    nodes, cut = results.nodes(step), lives.nodes.cut[rows]
+    # Nodes that are born during a run are also born without bonds that broke before; pre-cracks cut those of their
+    # pairs that cross one.
+    born = np.flatnonzero((lives.birth[rows] > 0) & (cut > 0))
+    if len(born):
+        crossing = np.zeros(len(rows), dtype=np.int64)
+        if len(cracks):
+            bonded, nowhere = read(results, _BondGridFileKeys), np.full(len(rows), -1)
+            margin = 0.5 if bonded.material is not None and has_partial_cells(bonded.material) else 0.0
+            around = Neighbours(nodes.position, nodes.delta, (bonded.horizon.ratio + margin) * nodes.delta, mutual=True)
+            grid = Grid(nodes.ids, nodes.position, nodes.delta, nowhere >= 0, nowhere, cracks)
+            pairs = around.pairs(born)
+            crossing = np.bincount(pairs.source[sight_of(grid).cut(pairs)], minlength=len(rows))
+        cut = np.where(lives.birth[rows] > 0, np.minimum(cut, crossing), cut)
     return np.asarray((broken_count - cut) / np.maximum(family - cut, 1))
 
 
@@ -55,28 +69,6 @@ def _count_bonds_and_broken_bonds_at(results: Results, step: int) -> tuple[NDArr
     row = lives.at(breaks.node[before], breaks.step[before])
     broken_count = lives.nodes.cut + np.bincount(row, minlength=len(lives.birth))
     return lives.nodes.family[rows], broken_count[rows]
-
-
-def _count_pre_crack_cuts_of_living_nodes(results: Results, step: int) -> NDArray[np.int64]:
-    """Bonds (n,) of the living nodes that pre-cracks cut.
-
-    Nodes that are born during a run are also born without bonds that broke before; pre-cracks cut those of their pairs
-    that cross one.
-    """
-    lives, rows, cracks = results.lives(), results.rows(step), results.cracks()
-    nodes, cut = results.nodes(step), lives.nodes.cut[rows]
-    born = np.flatnonzero((lives.birth[rows] > 0) & (cut > 0))
-    if not len(born):
-        return cut
-    crossing = np.zeros(len(rows), dtype=np.int64)
-    if len(cracks):
-        bonded, nowhere = read(results, _BondGridFileKeys), np.full(len(rows), -1)
-        margin = 0.5 if bonded.material is not None and has_partial_cells(bonded.material) else 0.0
-        around = Neighbours(nodes.position, nodes.delta, (bonded.horizon.ratio + margin) * nodes.delta, mutual=True)
-        grid = Grid(nodes.ids, nodes.position, nodes.delta, nowhere >= 0, nowhere, cracks)
-        pairs = around.pairs(born)
-        crossing = np.bincount(pairs.source[sight_of(grid).cut(pairs)], minlength=len(rows))
-    return np.where(lives.birth[rows] > 0, np.minimum(cut, crossing), cut)
 
 
 def first_cracked_step_of_nodes(
@@ -100,38 +92,26 @@ def first_cracked_step_of_nodes(
     broke = (further > 0) & (further <= count)
     since[broke] = breaks.step[order][(first + further - 1)[broke]]
     ends, hurt = np.argsort(lives.death, kind="stable"), count > 0
+    place, half, birth = nodes.position, nodes.delta / 2, lives.birth
+    # Nodes that are born cracked are so since the overlapping nodes that die at the same time were. If none of these
+    # was and none had lost bonds during the run, a pre-crack cut them: since step 0.
     for epoch in results.epochs()[1:].tolist():
         born, died = (slice(*np.searchsorted(steps, [epoch, epoch + 1])) for steps in (lives.birth, lives.death[ends]))
-        _inherit_cracked_step_of_replaced_nodes(lives, np.arange(len(since))[born], ends[died], since, hurt)
+        born_rows, died_rows = np.arange(len(since))[born], ends[died]
+        if len(born_rows) and len(died_rows):
+            reach = half[born_rows] + half[died_rows].max()
+            near = tree_of(place[died_rows]).query_ball_point(place[born_rows], reach * (1 + ROUND_OFF), p=np.inf)
+            overlaps = np.array([len(rows) for rows in near])
+            born_row = np.repeat(born_rows, overlaps)
+            died_row = died_rows[np.concatenate([np.zeros(0, dtype=np.int64), *near]).astype(np.int64)]
+            apart = np.abs(place[born_row] - place[died_row]).max(axis=1)
+            touch = apart < (half[born_row] + half[died_row]) * (1 - ROUND_OFF)
+            born_row, died_row = born_row[touch], died_row[touch]
+            hurt[born_row[hurt[died_row]]] = True
+            inherits = (since[died_row] >= 0) & (since[born_row] == birth[born_row])
+            np.minimum.at(since, born_row[inherits], since[died_row[inherits]])
+        since[born_rows[(since[born_rows] == birth[born_rows]) & ~hurt[born_rows]]] = 0
     return since[results.rows(step)]
-
-
-def _inherit_cracked_step_of_replaced_nodes(
-    lives: Lives,
-    born_rows: NDArray[np.int64],
-    died_rows: NDArray[np.int64],
-    cracked_step: NDArray[np.int64],
-    has_broken_bonds: NDArray[np.bool_],
-) -> None:
-    """For nodes born cracked, set `cracked_step` to that of the overlapping nodes that die at the same time.
-
-    If none of these was cracked and none had lost bonds during the run, a pre-crack cut them: since step 0.
-    `cracked_step` (r,) and `has_broken_bonds` (r,), of bonds that break during the run, cover all nodes that ever live.
-    """
-    place, half, birth = lives.nodes.position, lives.nodes.delta / 2, lives.birth
-    if len(born_rows) and len(died_rows):
-        reach = half[born_rows] + half[died_rows].max()
-        near = tree_of(place[died_rows]).query_ball_point(place[born_rows], reach * (1 + ROUND_OFF), p=np.inf)
-        count = np.array([len(rows) for rows in near])
-        born_row = np.repeat(born_rows, count)
-        died_row = died_rows[np.concatenate([np.zeros(0, dtype=np.int64), *near]).astype(np.int64)]
-        apart = np.abs(place[born_row] - place[died_row]).max(axis=1)
-        touch = apart < (half[born_row] + half[died_row]) * (1 - ROUND_OFF)
-        born_row, died_row = born_row[touch], died_row[touch]
-        has_broken_bonds[born_row[has_broken_bonds[died_row]]] = True
-        cracked = (cracked_step[died_row] >= 0) & (cracked_step[born_row] == birth[born_row])
-        np.minimum.at(cracked_step, born_row[cracked], cracked_step[died_row[cracked]])
-    cracked_step[born_rows[(cracked_step[born_rows] == birth[born_rows]) & ~has_broken_bonds[born_rows]]] = 0
 
 
 def find_free_pre_crack_tips(

@@ -69,11 +69,9 @@ def find_crack_events(
     if (since == 0).any():
         away, _ = cKDTree(nodes.position[since == 0]).query(nodes.position)
         begins &= away >= (ADVANCE - ROUND_OFF) * nodes.delta.min()
-    when, grown, ends = (
-        since,
-        since[begins],
-        (_largest_value_or_none(along[since == 0]), _largest_value_or_none(along[since >= 0])),
-    )
+    when = since
+    grown = since[begins]
+    ends = (_largest_value_or_none(along[since == 0]), _largest_value_or_none(along[since >= 0]))
     particles = results.particles()
     if len(particles.place):
         along, when = particles.place @ axis, particles.step

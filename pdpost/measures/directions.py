@@ -86,7 +86,13 @@ def _measure_branch_direction(
     points, spacing, along = branch.points[first:], branch.node_spacing[first:], branch.length_along_crack[first:]
     if len(points) < FEWEST:
         return None
-    count = _count_straight_points(points, spacing, along - along[0])
+    # all points within ten spacings, then as many as stay within one spacing of the line fitted through them
+    count = max(FEWEST, int(((along - along[0]) <= ARM * spacing[0]).sum()))
+    while count < len(points):
+        across = _distances_from_fitted_line(points[: count + 1])
+        if (np.abs(across) > STRAIGHT * spacing[: count + 1]).any():
+            break
+        count += 1
     line, free = points[:count], count - 2
     # the uncertainty is Student's, but not below the resolution of the nodes
     scatter = float(stdtrit(free, (1 + SURE) / 2)) * np.sqrt((_distances_from_fitted_line(line) ** 2).sum() / free)
@@ -95,20 +101,6 @@ def _measure_branch_direction(
     angle, off = _signed_angle_from_heading(fit_line_direction(line), heading), float(np.degrees(np.arctan(slope)))
     length, overall_angle = float(along[count - 1]), _signed_angle_from_heading(fit_line_direction(points), heading)
     return InitialCrackDirection(place, angle, angle - off, angle + off, length, overall_angle)
-
-
-def _count_straight_points(
-    points: NDArray[np.float64], spacing: NDArray[np.float64], distance_from_tip: NDArray[np.float64]
-) -> int:
-    """Number of leading points on a straight line: all within ten spacings, then as many as stay within one spacing of
-    the line fitted through them."""
-    count = max(FEWEST, int((distance_from_tip <= ARM * spacing[0]).sum()))
-    while count < len(points):
-        across = _distances_from_fitted_line(points[: count + 1])
-        if (np.abs(across) > STRAIGHT * spacing[: count + 1]).any():
-            break
-        count += 1
-    return count
 
 
 def _distances_from_fitted_line(points: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -138,11 +138,9 @@ def all_field_components(results: Results, field_name: str, step: int) -> dict[s
     if field_name == "stress" and "sxx" in results.stored(step):
         stress = vector(results, "stress", step)
     else:
-        strain, elastic, free = (
-            green(displacement_gradients(results, step)),
-            elastic_constants_of_nodes(results, step),
-            thermal_strain_of_nodes(results, step),
-        )
+        strain = green(displacement_gradients(results, step))
+        elastic = elastic_constants_of_nodes(results, step)
+        free = thermal_strain_of_nodes(results, step)
         if field_name == "strain":
             return {**_plane_tensor_components(strain), "zz": thinning(strain, elastic, free)}
         stress = hooke(strain, elastic, free)

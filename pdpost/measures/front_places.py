@@ -62,9 +62,19 @@ def crack_points_and_fronts_at(results: Results, step: int) -> CrackPointsAndFro
         for chain in chain_edges(number.reshape(-1, 2))
         for part in _line_parts_inside_body(nodes, places[chain], spacing)
     ]
-    return CrackPointsAndFronts(
-        _sample_triangles_in_bounding_box(nodes, triangles, spacing), sorted(lines, key=lambda line: -line_length(line))
-    )
+    # the middles of pieces no longer than a spacing
+    low, high = _bounding_box(nodes)
+    points = []
+    while len(triangles):
+        near = (triangles.max(axis=1) >= low).all(axis=1) & (triangles.min(axis=1) <= high).all(axis=1)
+        triangles = triangles[near]
+        turned = np.roll(triangles, -1, axis=1)
+        small = ((turned - triangles) ** 2).sum(axis=2).max(axis=1, initial=0.0) <= spacing**2
+        points.append(triangles[small].mean(axis=1))
+        corner, middle = triangles[~small], ((triangles + turned) / 2)[~small]
+        of_corners = [np.stack([corner[:, k], middle[:, k], middle[:, k - 1]], axis=1) for k in range(3)]
+        triangles = np.concatenate([middle, *of_corners])
+    return CrackPointsAndFronts(np.concatenate(points), sorted(lines, key=lambda line: -line_length(line)))
 
 
 def _line_parts_inside_body(nodes: Nodes, line: Polyline, spacing: float) -> list[Polyline]:
@@ -72,7 +82,17 @@ def _line_parts_inside_body(nodes: Nodes, line: Polyline, spacing: float) -> lis
     low, high = _bounding_box(nodes)
     pieces = []
     for a, b in itertools.pairwise(line):
-        piece = _clip_segment_to_box(a, b, low, high)
+        # the part (2, 3) of the segment in the box
+        way = b - a
+        with np.errstate(divide="ignore", invalid="ignore"):
+            at_low, at_high = (low - a) / way, (high - a) / way
+        still = way == 0
+        if (still & ((a < low) | (a > high))).any():
+            piece = None
+        else:
+            first = np.where(still, 0.0, np.minimum(at_low, at_high)).max(initial=0.0)
+            last = np.where(still, 1.0, np.maximum(at_low, at_high)).min(initial=1.0)
+            piece = np.array([a + first * way, a + last * way]) if first < last else None
         count = 0 if piece is None else int(np.ceil(2 * np.linalg.norm(piece[1] - piece[0]) / spacing))
         if piece is not None and count:
             pieces.append(piece[0] + np.arange(count + 1)[:, None] / count * (piece[1] - piece[0]))
@@ -87,42 +107,9 @@ def _line_parts_inside_body(nodes: Nodes, line: Polyline, spacing: float) -> lis
     return [part for part in inner_parts if len(part) > 1]
 
 
-def _clip_segment_to_box(
-    start: NDArray[np.float64], end: NDArray[np.float64], low: NDArray[np.float64], high: NDArray[np.float64]
-) -> NDArray[np.float64] | None:
-    """The part (2, 3) of a segment in a box; None if there is none."""
-    way = end - start
-    with np.errstate(divide="ignore", invalid="ignore"):
-        at_low, at_high = (low - start) / way, (high - start) / way
-    still = way == 0
-    if (still & ((start < low) | (start > high))).any():
-        return None
-    first = np.where(still, 0.0, np.minimum(at_low, at_high)).max(initial=0.0)
-    last = np.where(still, 1.0, np.maximum(at_low, at_high)).min(initial=1.0)
-    return np.array([start + first * way, start + last * way]) if first < last else None
-
-
 def _bounding_box(nodes: Nodes) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     half = nodes.delta[:, None] / 2
     return (nodes.position - half).min(axis=0), (nodes.position + half).max(axis=0)
-
-
-def _sample_triangles_in_bounding_box(
-    nodes: Nodes, triangles: NDArray[np.float64], spacing: float
-) -> NDArray[np.float64]:
-    """Points (p, 3) of triangles in the box of the nodes: the middles of pieces no longer than a spacing."""
-    low, high = _bounding_box(nodes)
-    points = []
-    while len(triangles):
-        near = (triangles.max(axis=1) >= low).all(axis=1) & (triangles.min(axis=1) <= high).all(axis=1)
-        triangles = triangles[near]
-        turned = np.roll(triangles, -1, axis=1)
-        small = ((turned - triangles) ** 2).sum(axis=2).max(axis=1, initial=0.0) <= spacing**2
-        points.append(triangles[small].mean(axis=1))
-        corner, middle = triangles[~small], ((triangles + turned) / 2)[~small]
-        of_corners = [np.stack([corner[:, k], middle[:, k], middle[:, k - 1]], axis=1) for k in range(3)]
-        triangles = np.concatenate([middle, *of_corners])
-    return np.concatenate(points)
 
 
 def sample_front_points(
@@ -151,7 +138,24 @@ def sample_front_points(
         near_crack = cracks.surface_points[surface_tree.query_ball_point(point, WINDOW * horizon_ratio * spacing)]
         if len(near_front) < FEWEST or len(near_crack) < FEWEST:
             continue
-        place = _fit_front_arc(point, near_front, near_crack, before)
+        # a circle through the points of the front, in the plane of those and of the crack; the normal is on the side
+        # of the one before, of the first one along its longest component
+        normal = np.linalg.svd(np.concatenate([near_crack, near_front]) - point, full_matrices=False)[2][2]
+        side = normal if before is None else before
+        normal = normal * np.sign((normal @ side) if before is not None else normal[np.abs(normal).argmax()])
+        tangent = np.linalg.svd(near_front - near_front.mean(axis=0), full_matrices=False)[2][0]
+        tangent -= (tangent @ normal) * normal
+        tangent /= np.linalg.norm(tangent)
+        growth = np.cross(normal, tangent)
+        if growth @ (near_crack.mean(axis=0) - near_front.mean(axis=0)) > 0:
+            growth, tangent = -growth, -tangent
+        x, w = (near_front - point) @ growth, (near_front - point) @ tangent
+        unit = float(np.abs(w).max())
+        terms = np.column_stack([-(x * x + w * w) / (2 * unit**2), w / unit, np.ones(len(x))])
+        bend, slant, shift = np.linalg.lstsq(terms, x / unit, rcond=None)[0]
+        tangent = (tangent + slant * growth) / np.hypot(1.0, slant)
+        frame = np.array([np.cross(normal, tangent), normal, tangent])
+        place = FrontPlace(point + shift * unit * growth, frame, float(bend / unit))
         before = place.frame[1]
         arc_lengths.append(s)
         places.append(place)
@@ -163,32 +167,3 @@ def _interpolate_points_along_line(
     line: Polyline, length_at_corners: NDArray[np.float64], lengths: NDArray[np.float64]
 ) -> NDArray[np.float64]:
     return np.column_stack([np.interp(lengths, length_at_corners, column) for column in line.T])
-
-
-def _fit_front_arc(
-    point: NDArray[np.float64],
-    near_front: NDArray[np.float64],
-    near_crack: NDArray[np.float64],
-    previous_normal: NDArray[np.float64] | None,
-) -> FrontPlace:
-    """The arc at a point: a circle through points `near_front` of the front, in the plane of those and points
-    `near_crack` of the crack.
-
-    The normal is on the side of that of the point `previous_normal`, of the first one along its longest component.
-    """
-    normal = np.linalg.svd(np.concatenate([near_crack, near_front]) - point, full_matrices=False)[2][2]
-    side = normal if previous_normal is None else previous_normal
-    normal = normal * np.sign((normal @ side) if previous_normal is not None else normal[np.abs(normal).argmax()])
-    tangent = np.linalg.svd(near_front - near_front.mean(axis=0), full_matrices=False)[2][0]
-    tangent -= (tangent @ normal) * normal
-    tangent /= np.linalg.norm(tangent)
-    growth = np.cross(normal, tangent)
-    if growth @ (near_crack.mean(axis=0) - near_front.mean(axis=0)) > 0:
-        growth, tangent = -growth, -tangent
-    x, w = (near_front - point) @ growth, (near_front - point) @ tangent
-    unit = float(np.abs(w).max())
-    terms = np.column_stack([-(x * x + w * w) / (2 * unit**2), w / unit, np.ones(len(x))])
-    bend, slant, shift = np.linalg.lstsq(terms, x / unit, rcond=None)[0]
-    tangent = (tangent + slant * growth) / np.hypot(1.0, slant)
-    frame = np.array([np.cross(normal, tangent), normal, tangent])
-    return FrontPlace(point + shift * unit * growth, frame, float(bend / unit))

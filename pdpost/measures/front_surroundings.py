@@ -7,17 +7,14 @@ of the arc. Only what is beside the piece of front that a tube belongs to counts
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from pdmesh.model.front_integrals import FrontPlace, across
-from pdmesh.model.selection import selected
 from pdpost.measures.front_places import CrackPointsAndFronts
 from pdpost.measures.lattice_neighbours import NEAR, face_neighbour_pairs
 from pdpost.measures.strain import elastic_constants_of_nodes
-from pdpost.measures.tip_surroundings import FREE, ConditionGridFileKeys, UndisturbedRoom
-from pdpost.reading.embedded_model import read
-from pdsolve.results import Nodes, Results
+from pdpost.measures.tip_surroundings import UndisturbedRoom, nodes_of_loads_and_grips
+from pdsolve.results import Results
 
 BESIDE, SLANT = 1.5, 0.1  # spacings beside an arc's plane or circle, and of the distance: what is nearer is on it
 AXIS = 0.95  # of an arc's radius
@@ -30,11 +27,21 @@ class FrontObstacles:
         nodes = results.nodes(step)
         self._nodes, self._cracks, self._tree = nodes, cracks, cKDTree(nodes.position)
         self._elastic = elastic_constants_of_nodes(results, step)
-        acted_on = np.zeros(len(nodes.ids), dtype=bool)
-        for condition in read(results, ConditionGridFileKeys).conditions:
-            if condition["kind"] not in FREE:
-                acted_on |= selected(nodes, condition.get("nodes"), condition.get("box"))
-        self._held, self._surface = acted_on, _body_surface_face_centres(nodes)
+        # those faces of nodes' cubes that other cubes do not cover
+        pairs, count = face_neighbour_pairs(nodes), len(nodes.ids)
+        way = nodes.position[pairs[:, 1]] - nodes.position[pairs[:, 0]]
+        axis = np.abs(way).argmax(axis=1)
+        ahead = way[np.arange(len(pairs)), axis] > 0
+        shared = nodes.delta[pairs].min(axis=1) ** 2
+        covered = np.zeros((6, count))
+        for side in range(6):
+            for end in (0, 1):
+                side_pairs = (axis == side % 3) & (ahead == ((side < 3) == (end == 0)))
+                covered[side] += np.bincount(pairs[side_pairs, end], shared[side_pairs], count)
+        sides, row = np.nonzero(covered < (1 - NEAR) * nodes.delta**2)
+        middles = nodes.position[row]
+        middles[np.arange(len(row)), sides % 3] += np.where(sides < 3, 0.5, -0.5) * nodes.delta[row]
+        self._held, self._surface = nodes_of_loads_and_grips(results, nodes), middles
 
     def find_undisturbed_room(
         self, front_place: FrontPlace, half_length: float, largest_radius: float
@@ -71,21 +78,3 @@ class FrontObstacles:
             if in_tube.any():
                 rooms.append(UndisturbedRoom(float(np.hypot(x, y)[in_tube].min()), what))
         return min(rooms)
-
-
-def _body_surface_face_centres(nodes: Nodes) -> NDArray[np.float64]:
-    """The middles (k, 3) of those faces of nodes' cubes that other cubes do not cover: the surface of the body."""
-    pairs, count = face_neighbour_pairs(nodes), len(nodes.ids)
-    way = nodes.position[pairs[:, 1]] - nodes.position[pairs[:, 0]]
-    axis = np.abs(way).argmax(axis=1)
-    ahead = way[np.arange(len(pairs)), axis] > 0
-    shared = nodes.delta[pairs].min(axis=1) ** 2
-    covered = np.zeros((6, count))
-    for side in range(6):
-        for end in (0, 1):
-            side_pairs = (axis == side % 3) & (ahead == ((side < 3) == (end == 0)))
-            covered[side] += np.bincount(pairs[side_pairs, end], shared[side_pairs], count)
-    sides, row = np.nonzero(covered < (1 - NEAR) * nodes.delta**2)
-    middles = nodes.position[row]
-    middles[np.arange(len(row)), sides % 3] += np.where(sides < 3, 0.5, -0.5) * nodes.delta[row]
-    return middles

@@ -11,12 +11,10 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Sequence
 from typing import NamedTuple
 
-import msgspec
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from pdmesh.model.document import Horizon, Material
 from pdmesh.model.domain_integrals import SampledMotion
 from pdmesh.model.front_integrals import FrontFieldSamples, FrontParameters, Tube, front_integrals
 from pdmesh.model.gradients import PAIRS, gradients_of, green, hooke
@@ -30,7 +28,7 @@ from pdpost.measures.front_places import (
 )
 from pdpost.measures.front_surroundings import FrontObstacles
 from pdpost.measures.strain import elastic_constants_of_nodes, families_without_broken_bonds, stress_work_if_yielded
-from pdpost.measures.stress_intensities import CRUMB
+from pdpost.measures.stress_intensities import CRUMB, FractureGridFileKeys
 from pdpost.measures.tip_surroundings import UndisturbedRoom
 from pdpost.reading.embedded_model import at_rest, read
 from pdpost.reading.stored_fields import vector
@@ -40,13 +38,6 @@ LEAST, MOST = 2.0, 3.5  # horizons of room that are needed, and that are used
 HALF = 1.5  # horizons of a tube to both sides of its point
 TUBES = ((1.0, 0.8), (1.0, 1.0), (1.4, 1.0))  # inner radii in horizons, outer ones of the room; the second is the value
 NAMES = ("J", "K1", "K2", "K3", "angle")
-
-
-class _FractureGridFileKeys(msgspec.Struct):
-    """The keys of the grid file that fracture parameters need."""
-
-    material: Material
-    horizon: Horizon = Horizon()
 
 
 class FrontIntensities(NamedTuple):
@@ -105,7 +96,7 @@ def compute_front_intensities(
     front is inside the body, if no point of any has room for a tube, and for frames that lack fields.
     """
     cracks, nodes = crack_points_and_fronts_at(results, step), results.nodes(step)
-    ratio = read(results, _FractureGridFileKeys).horizon.ratio
+    ratio = read(results, FractureGridFileKeys).horizon.ratio
     lines = cracks.front_lines
     if near is not None:
         place = np.array(near)
@@ -143,8 +134,8 @@ def compute_front_intensities(
             for front_place, wide, solid in zip(points.front_places, per_point, solids, strict=True)
         ]
         refused = _no_room_reasons(points, room, ratio, tube_radii)
-        found_here = _collect_intensities(results, step, f"front {number}", points, got, solids, refused)
-        series.append(found_here if at.work is None else _keep_only_J(found_here))
+        has_yielded = at.work is not None
+        series.append(_collect_intensities(results, step, f"front {number}", points, got, solids, refused, has_yielded))
     return series
 
 
@@ -155,7 +146,7 @@ def _find_undisturbed_rooms(
     fronts: list[FrontPoints],
     tube_radii: tuple[float, float] | None,
 ) -> list[list[UndisturbedRoom]]:
-    obstacles, ratio = FrontObstacles(results, step, cracks), read(results, _FractureGridFileKeys).horizon.ratio
+    obstacles, ratio = FrontObstacles(results, step, cracks), read(results, FractureGridFileKeys).horizon.ratio
     return [
         [
             obstacles.find_undisturbed_room(
@@ -221,7 +212,7 @@ def _sample_fields_of_nodes(results: Results, step: int, rows: NDArray[np.int64]
     motion = None
     if not at_rest(results):
         velocity, acceleration = (vector(results, name, step) for name in ("velocity", "acceleration"))
-        density = read(results, _FractureGridFileKeys).material.rho
+        density = read(results, FractureGridFileKeys).material.rho
         rates = gradients_of(nodes.position, nodes.area, velocity, start, neighbour, rows)
         motion = SampledMotion(density, velocity[rows], acceleration[rows], rates)
     work = stress_work_if_yielded(results, step)
@@ -250,29 +241,28 @@ def _collect_intensities(
     tube_integrals: list[list[FrontParameters]],
     solids: list[Elastic],
     no_room_reasons: tuple[str, ...],
+    has_yielded: bool,
 ) -> FrontIntensities:
+    """The values of a front; of a body that has yielded, J alone has a meaning."""
     columns = {quantity: np.full((3, len(tube_integrals)), np.nan) for quantity in NAMES}
     of_K = np.full(len(tube_integrals), np.nan)
     for at, (tubes, solid) in enumerate(zip(tube_integrals, solids, strict=True)):
         if not tubes:
             continue
-        for quantity in NAMES:
+        for quantity in NAMES[:1] if has_yielded else NAMES:
             tube_values = [float(getattr(tube, quantity)) for tube in tubes]
             columns[quantity][:, at] = tube_values[1], min(tube_values), max(tube_values)
-        _, K1, K2, K3 = tubes[1]
-        of_K[at] = (K1**2 + K2**2) / solid.effective_modulus + K3**2 / (2 * solid.shear)
+        if not has_yielded:
+            _, K1, K2, K3 = tubes[1]
+            of_K[at] = (K1**2 + K2**2) / solid.effective_modulus + K3**2 / (2 * solid.shear)
     value, low, high = ({quantity: column[row] for quantity, column in columns.items()} for row in range(3))
     frames = np.array([front_place.frame for front_place in points.front_places])
-    place, time = (
-        np.array([front_place.place for front_place in points.front_places]),
-        step * float(results.meta()["time_step"]),
-    )
     return FrontIntensities(
         name,
         step,
-        time,
+        step * float(results.meta()["time_step"]),
         points.length_along_front,
-        place,
+        np.array([front_place.place for front_place in points.front_places]),
         frames[:, 0],
         frames[:, 1],
         value,
@@ -281,12 +271,3 @@ def _collect_intensities(
         of_K,
         no_room_reasons,
     )
-
-
-def _keep_only_J(front: FrontIntensities) -> FrontIntensities:
-    """A front of a body that has yielded, of which J alone has a meaning."""
-    value, low, high = (
-        {name: numbers if name == "J" else np.full_like(numbers, np.nan) for name, numbers in columns.items()}
-        for columns in (front.value, front.low, front.high)
-    )
-    return front._replace(value=value, low=low, high=high, J_from_K=np.full_like(front.J_from_K, np.nan))

@@ -38,10 +38,8 @@ def mean_and_hausdorff_distance(
     """
     if not first_lines or not second_lines:
         raise PathError("one of the runs has no path of a crack; compare runs with cracks")
-    forward, back = (
-        _mean_and_largest_distance(first_lines, second_lines),
-        _mean_and_largest_distance(second_lines, first_lines),
-    )
+    forward = _mean_and_largest_distance(first_lines, second_lines)
+    back = _mean_and_largest_distance(second_lines, first_lines)
     return (forward[0] + back[0]) / 2, max(forward[1], back[1])
 
 
@@ -61,26 +59,22 @@ def main_growth_direction_name(lines: Sequence[Polyline]) -> str:
 
 def _mean_and_largest_distance(lines: Sequence[Polyline], target_lines: Sequence[Polyline]) -> tuple[float, float]:
     """Mean and largest distance from points of `lines` to the nearest points of `target_lines`, m."""
-    points, weight = _sample_points_and_lengths(lines)
-    start = np.concatenate([line[:-1] if len(line) > 1 else line for line in target_lines])
-    end = np.concatenate([line[1:] if len(line) > 1 else line for line in target_lines])
-    nearest = distances_to_nearest_segment(points, start, end)
-    return float(np.average(nearest, weights=weight)), float(nearest.max())
-
-
-def _sample_points_and_lengths(lines: Sequence[Polyline]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Sample points of lines, including their corners, and the length that each stands for, m."""
     pieces = [np.hypot(*np.diff(line, axis=0).T) for line in lines]
     total_length = sum(float(piece.sum()) for piece in pieces)
     if total_length == 0:
         points = np.concatenate(list(lines))
-        return points, np.ones(len(points))
-    samples, weights = [], []
-    for line, lengths in zip(lines, pieces, strict=True):
-        for start, end, length in zip(line[:-1], line[1:], lengths, strict=True):
-            parts = max(1, int(np.ceil(SAMPLES * length / total_length)))
-            samples.append(start + np.linspace(0, 1, parts + 1)[:, None] * (end - start))
-            weight = np.full(parts + 1, length / parts)
-            weight[[0, -1]] /= 2
-            weights.append(weight)
-    return np.concatenate(samples), np.concatenate(weights)
+        weight = np.ones(len(points))
+    else:
+        samples, weights = [], []
+        for line, lengths in zip(lines, pieces, strict=True):
+            for start, end, length in zip(line[:-1], line[1:], lengths, strict=True):
+                parts = max(1, int(np.ceil(SAMPLES * length / total_length)))
+                samples.append(start + np.linspace(0, 1, parts + 1)[:, None] * (end - start))
+                weight = np.full(parts + 1, length / parts)
+                weight[[0, -1]] /= 2
+                weights.append(weight)
+        points, weight = np.concatenate(samples), np.concatenate(weights)
+    start = np.concatenate([line[:-1] if len(line) > 1 else line for line in target_lines])
+    end = np.concatenate([line[1:] if len(line) > 1 else line for line in target_lines])
+    nearest = distances_to_nearest_segment(points, start, end)
+    return float(np.average(nearest, weights=weight)), float(nearest.max())

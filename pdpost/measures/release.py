@@ -64,9 +64,14 @@ def energy_release_over_crack_length(
     time: NDArray[np.float64], dissipated: NDArray[np.float64], branches: Sequence[CrackBranch], G0: float
 ) -> EnergyRelease:
     """dD/da, where D is the energy `dissipated` (t,) at times (t,), s, and a the length of all `branches` together."""
-    length = (
-        np.sum([_branch_length_at(branch, time) for branch in branches], axis=0) if branches else np.zeros(len(time))
-    )
+    lengths = [np.zeros(len(time))]
+    for branch in branches:
+        last = np.append(np.diff(branch.passing_time) > 0, True)  # of several points at one time, the last counts
+        at, far = branch.passing_time[last], branch.length_along_crack[last] - branch.length_along_crack[0]
+        if at[0] > branch.passing_time[0]:
+            at, far = np.insert(at, 0, branch.passing_time[0]), np.insert(far, 0, 0.0)
+        lengths.append(np.interp(time, at, far))
+    length = np.sum(lengths, axis=0)
     grew = np.flatnonzero(np.diff(length) > 0)
     if not len(grew):
         return EnergyRelease(time[:0], time[:0], time[:0], G0)
@@ -79,12 +84,3 @@ def energy_release_over_crack_length(
     within = (ends[0] >= unique[0]) & (ends[1] <= unique[-1])
     value = np.where(within, np.diff(np.interp(ends, unique, mean), axis=0)[0] / (2 * half), np.nan)
     return EnergyRelease(time, length, value, G0, float(dissipated[0]), float(dissipated[-1] / length[-1]))
-
-
-def _branch_length_at(branch: CrackBranch, time: NDArray[np.float64]) -> NDArray[np.float64]:
-    """The length (t,) of a branch at times (t,), s, in m; of several points at one time, the last counts."""
-    keep = np.append(np.diff(branch.passing_time) > 0, True)
-    at, far = branch.passing_time[keep], branch.length_along_crack[keep] - branch.length_along_crack[0]
-    if at[0] > branch.passing_time[0]:
-        at, far = np.insert(at, 0, branch.passing_time[0]), np.insert(far, 0, 0.0)
-    return np.asarray(np.interp(time, at, far))

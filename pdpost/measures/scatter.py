@@ -84,30 +84,24 @@ def choose_measures_and_parameter(
     parameters = [name for name, kind in kinds.items() if kind != "measure"]
     if parameter is not None and parameter not in parameters:
         raise StudyError(f"--over is '{parameter}'; use one of {', '.join(parameters) or 'none'}")
-    return list(measures) or _choose_informative_measures(study), parameter or _choose_parameter(study)
+    if not parameter:  # the one with the most values, numeric ones preferred; of several, the first that was varied
+        values = {name: {row.values[name] for row in study.rows} - {None} for name in study.varied}
+        numbers = [name for name in values if all(isinstance(value, int | float) for value in values[name])]
+        parameter = max(numbers or values, key=lambda name: len(values[name]), default=None)
+    if not measures:  # those that differ between runs, first those known in at least half of the runs
+        candidates = ["wall_time"] if set(HOW) & set(study.varied) else []
+        candidates += [name for name in FIRST if name in study.columns]
+        known = {name: [value for row in study.rows if (value := row.values[name]) is not None] for name in candidates}
+        nonempty = [name for name in candidates if known[name]]
+        differing = [name for name in nonempty if len(set(known[name])) > 1] or nonempty
+        measures = sorted(differing, key=lambda name: 2 * len(known[name]) < len(study.rows))[:PANELS]
+    return list(measures), parameter
 
 
 def measures_without_values(study: Read, measures: Sequence[str]) -> list[str]:
     """Measures without a value in any run, of those given or else of those drawn if present."""
     names = measures or [name for name in FIRST if name in study.columns]
     return [name for name in names if all(row.values[name] is None for row in study.rows)]
-
-
-def _choose_informative_measures(study: Read) -> list[str]:
-    """The most informative measures: those that differ between runs, first those known in at least half of the runs."""
-    candidates = ["wall_time"] if set(HOW) & set(study.varied) else []
-    candidates += [name for name in FIRST if name in study.columns]
-    values = {name: [value for row in study.rows if (value := row.values[name]) is not None] for name in candidates}
-    nonempty = [name for name in candidates if values[name]]
-    differing = [name for name in nonempty if len(set(values[name])) > 1] or nonempty
-    return sorted(differing, key=lambda name: 2 * len(values[name]) < len(study.rows))[:PANELS]
-
-
-def _choose_parameter(study: Read) -> str | None:
-    """The parameter with the most values, numeric ones preferred; of several, the first that was varied."""
-    values = {name: {row.values[name] for row in study.rows} - {None} for name in study.varied}
-    numbers = [name for name in values if all(isinstance(value, int | float) for value in values[name])]
-    return max(numbers or values, key=lambda name: len(values[name]), default=None)
 
 
 def _parameter_sort_key(value: Any) -> tuple[int, float, str]:

@@ -31,10 +31,8 @@ class CrackSkeleton:
     def __init__(self, cracked: CrackedNodes) -> None:
         mine = np.flatnonzero(cracked.crack_number >= 0)
         self.level = cracked.spacings_from_origin
-        slab, crack = (
-            np.floor((cracked.spacings_from_origin[mine] + ROUND_OFF) / SLAB).astype(np.int64),
-            cracked.crack_number[mine],
-        )
+        slab = np.floor((cracked.spacings_from_origin[mine] + ROUND_OFF) / SLAB).astype(np.int64)
+        crack = cracked.crack_number[mine]
         links = cracked.touching_distances[mine][:, mine].tocoo()
         node, neighbour = links.coords
         of_one_crack = crack[node] == crack[neighbour]

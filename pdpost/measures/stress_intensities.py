@@ -79,7 +79,7 @@ class TipIntensityHistory(NamedTuple):
 NAMES = ("J", "K1", "K2", "T", "angle")
 
 
-class _FractureGridFileKeys(msgspec.Struct):
+class FractureGridFileKeys(msgspec.Struct):
     """The keys of the grid file that fracture parameters need."""
 
     material: Material
@@ -100,9 +100,17 @@ def follow_tip_intensities(
     """
     every = tip_histories(results, max(steps))
     time_step = float(results.meta()["time_step"])
-    chosen = every if near is None else [_nearest_tip(every, steps, time_step, near)] if every else []
-    if not chosen:
+    if not every:
         raise ResultsError(f"{results.name}: no tip of a crack is inside the plate; use a frame with one")
+    chosen = every
+    if near is not None:
+        target = np.array(near)
+
+        def distance_to_tip(front: TipHistory) -> float:
+            places = [tip.place for step in steps if (tip := front.tip_at(step * time_step)) is not None]
+            return min((float(np.hypot(*(place - target))) for place in places), default=np.inf)
+
+        chosen = [min(every, key=distance_to_tip)]
     obstacles = TipObstacles(results, every)
     state = CachedFrameFields(results)
     got: list[list[TipRingIntegrals | None]] = [[] for _ in chosen]
@@ -134,7 +142,7 @@ class CachedFrameFields:
         self._results, self._rest = results, at_rest(results)
         self._step = -1
         self._sampled: Sampled | None = None
-        self._model = read(results, _FractureGridFileKeys)
+        self._model = read(results, FractureGridFileKeys)
 
     def integrate_around_tip(self, step: int, tip: TipPosition, rings: tuple[Ring, ...]) -> TipRingIntegrals:
         """Fracture parameters of a tip on rings after a step."""
@@ -163,16 +171,6 @@ class CachedFrameFields:
         )
 
 
-def _nearest_tip(
-    tips: list[TipHistory], steps: Sequence[int], time_step: float, near: tuple[float, float]
-) -> TipHistory:
-    def distance_to_tip(front: TipHistory) -> float:
-        places = [tip.place for step in steps if (tip := front.tip_at(step * time_step)) is not None]
-        return min((float(np.hypot(*(place - near))) for place in places), default=np.inf)
-
-    return min(tips, key=distance_to_tip)
-
-
 def _spacing_at_tip(results: Results, step: int, tip: TipPosition) -> float:
     """The spacing of the node nearest to a tip, m."""
     nodes = results.nodes(step)
@@ -182,7 +180,7 @@ def _spacing_at_tip(results: Results, step: int, tip: TipPosition) -> float:
 def _no_room_reason(results: Results, step: int, tip: TipPosition, room: UndisturbedRoom, ring: Ring | None) -> str:
     """Why a tip has no room for rings, and the spacing that would give it room; "" if it has."""
     x, y = tip.place
-    spacing, ratio = _spacing_at_tip(results, step, tip), read(results, _FractureGridFileKeys).horizon.ratio
+    spacing, ratio = _spacing_at_tip(results, step, tip), read(results, FractureGridFileKeys).horizon.ratio
     if ring is not None and ring.outer - ring.inner < spacing:
         wide = f"{ring.outer - ring.inner:.3g} m wide; use at least a spacing, {spacing:.3g} m"
         return f"the ring around the tip at ({x:.4g}, {y:.4g}) m is {wide}"
@@ -207,7 +205,7 @@ def _choose_rings(
     if ring is not None:
         quarter = (ring.outer - ring.inner) / 4
         return Ring(ring.inner, ring.outer - quarter), ring, Ring(ring.inner + quarter, ring.outer)
-    horizon = read(results, _FractureGridFileKeys).horizon.ratio * _spacing_at_tip(results, step, tip)
+    horizon = read(results, FractureGridFileKeys).horizon.ratio * _spacing_at_tip(results, step, tip)
     least = max(BLURRED * horizon, 0.2 * room.radius)
     span = 0.8 * room.radius - least
     return tuple(Ring(least + inner * span, outer * room.radius) for inner, outer in RINGS)

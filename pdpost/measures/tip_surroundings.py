@@ -108,11 +108,9 @@ def _last_time_of_tip(results: Results, branch: CrackBranch, branches: Sequence[
         return float(branch.passing_time[-1]) if arms or met else np.inf
     if arms:
         return float(np.nextafter(arms[0].passing_time[0], 0))
-    end, spacing, shape = (
-        shapely.Point(branch.points[-1]),
-        branch.node_spacing[-1],
-        read_plate_geometry(results).plate_shape,
-    )
+    end = shapely.Point(branch.points[-1])
+    spacing = branch.node_spacing[-1]
+    shape = read_plate_geometry(results).plate_shape
     arm_segments = (np.stack([any_branch.points[:-1], any_branch.points[1:]], axis=1) for any_branch in branches)
     every = shapely.linestrings(np.concatenate([results.cracks().reshape(-1, 2, 2), *arm_segments]))
     on_another = shapely.dwithin(every, end, TOUCHES * spacing).sum() > 1  # its own last arm is one
@@ -147,7 +145,6 @@ class TipObstacles:
     def __init__(self, results: Results, tips: Sequence[TipHistory]) -> None:
         self._results, self._fronts = results, tips
         self._edge = read_plate_geometry(results).plate_shape.boundary
-        self._conditions = read(results, ConditionGridFileKeys).conditions
 
     def find_undisturbed_room(self, tip: TipPosition, step: int, time: float) -> UndisturbedRoom:
         """The room around a tip after a step."""
@@ -157,23 +154,9 @@ class TipObstacles:
         other_material = (elastic.E[near] != elastic.E) | (elastic.nu[near] != elastic.nu)
         tips = [at.place for front in self._fronts if (at := front.tip_at(time)) is not None]
         other_tips = np.array([place for place in tips if not np.array_equal(place, tip.place)]).reshape(-1, 2)
-        acted_on = np.zeros(len(nodes.ids), dtype=bool)
-        for condition in self._conditions:
-            if condition["kind"] not in FREE:
-                acted_on |= selected(nodes, condition.get("nodes"), condition.get("box"))
         rooms = [UndisturbedRoom(float(self._edge.distance(shapely.Point(tip.place))), "the edge of the plate")]
-        for places, what in (
-            (other_tips, "another tip"),
-            (self._points_of_other_cracks(tip, time, float(nodes.delta[near])), "another crack or a bend of this one"),
-            (nodes.position[acted_on], "nodes of a load or grip"),
-            (nodes.position[other_material], "another material"),
-        ):
-            if len(places):
-                rooms.append(UndisturbedRoom(float(np.hypot(*(places - tip.place).T).min()), what))
-        return min(rooms)
-
-    def _points_of_other_cracks(self, tip: TipPosition, time: float, spacing: float) -> NDArray[np.float64]:
-        """Points of all cracks except those on the line behind the tip."""
+        # points of all cracks except those on the line behind the tip
+        spacing = float(nodes.delta[near])
         segments = [self._results.cracks().reshape(-1, 2, 2)]
         for front in self._fronts:
             if front.branch is not None and time >= front.branch.passing_time[0]:
@@ -186,10 +169,27 @@ class TipObstacles:
         away = start + share[:, None] * (end - start) - tip.place
         along, across = away @ tip.direction, away @ np.array([-tip.direction[1], tip.direction[0]])
         behind_tip = (along < spacing) & (np.abs(across) <= np.maximum(BESIDE * spacing, SLANT * np.abs(along)))
-        return np.asarray((away + tip.place)[~behind_tip])
+        for places, what in (
+            (other_tips, "another tip"),
+            ((away + tip.place)[~behind_tip], "another crack or a bend of this one"),
+            (nodes.position[nodes_of_loads_and_grips(self._results, nodes)], "nodes of a load or grip"),
+            (nodes.position[other_material], "another material"),
+        ):
+            if len(places):
+                rooms.append(UndisturbedRoom(float(np.hypot(*(places - tip.place).T).min()), what))
+        return min(rooms)
 
 
-class ConditionGridFileKeys(msgspec.Struct):
+class _ConditionGridFileKeys(msgspec.Struct):
     """The keys of the grid file that hold its conditions."""
 
     conditions: list[dict[str, Any]] = []
+
+
+def nodes_of_loads_and_grips(results: Results, nodes: Nodes) -> NDArray[np.bool_]:
+    """Mask (n,) of the nodes on which conditions act after the start."""
+    acted_on = np.zeros(len(nodes.ids), dtype=bool)
+    for condition in read(results, _ConditionGridFileKeys).conditions:
+        if condition["kind"] not in FREE:
+            acted_on |= selected(nodes, condition.get("nodes"), condition.get("box"))
+    return acted_on

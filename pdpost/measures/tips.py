@@ -125,25 +125,16 @@ def crack_branches(results: Results, step: int | None = None, threshold: float =
         arrival = float(branch.passing_time[-1]), float(branch.length_along_crack[-1])
         reached[chain[-1]] = min(arrival, reached.get(chain[-1], arrival))
     if branches:
-        edges, ratio = (
-            read_plate_geometry(results).plate_shape.boundary,
-            read(results, _HorizonGridFileKeys).horizon.ratio,
-        )
-        branches = [
-            replace(branch, point_count_before_edge=_count_points_before_edge(branch, edges, ratio))
-            for branch in branches
-        ]
+        edges = read_plate_geometry(results).plate_shape.boundary
+        ratio = read(results, _HorizonGridFileKeys).horizon.ratio
+        for number, branch in enumerate(branches):
+            # points before its tip is a horizon, `ratio` spacings, from the edge it runs into
+            distance = shapely.distance(edges, shapely.points(branch.points))
+            away = distance > ratio * branch.node_spacing * (1 - ROUND_OFF)
+            before = int(np.flatnonzero(away).max(initial=0)) + 1
+            if before < len(away) and branch.passing_time[before - 1] > branch.passing_time[0]:
+                branches[number] = replace(branch, point_count_before_edge=before)
     return sorted(branches, key=lambda branch: -branch.length)
-
-
-def _count_points_before_edge(branch: CrackBranch, edges: shapely.Geometry, horizon_ratio: float) -> int | None:
-    """Points of a branch before its tip is a horizon, `horizon_ratio` spacings, from the edge it runs into; None:
-    all."""
-    away = shapely.distance(edges, shapely.points(branch.points)) > horizon_ratio * branch.node_spacing * (
-        1 - ROUND_OFF
-    )
-    before = int(np.flatnonzero(away).max(initial=0)) + 1
-    return before if before < len(away) and branch.passing_time[before - 1] > branch.passing_time[0] else None
 
 
 def find_forks(branches: Sequence[CrackBranch]) -> list[CrackFork]:

@@ -18,7 +18,7 @@ from pdmesh.model.output_fields import CRACKED
 from pdpost.measures.balance import damped_energy
 from pdpost.measures.cracked_nodes import damage_with_pre_cracks_at
 from pdpost.measures.cracks import DIRECTIONS, CrackEvent, find_crack_events
-from pdpost.measures.paths import Polyline, crack_paths, main_growth_direction_name, mean_and_hausdorff_distance
+from pdpost.measures.paths import crack_paths, main_growth_direction_name, mean_and_hausdorff_distance
 from pdpost.measures.plate_geometry import expect_same_plate
 from pdpost.reading.frame_steps import frames
 from pdpost.reading.stored_fields import vector
@@ -79,12 +79,18 @@ def relative_run_errors(results: Results, reference: Results) -> RelativeErrors:
     """Errors of a run against its reference. Raises ResultsError if the scenes differ or a frame is missing."""
     expect_same_plate(results, reference)
     time = _last_common_time(results, reference)
-    lines = [crack_paths(run, _step_at_time(run, time)) for run in (results, reference)]
-    direction = DIRECTIONS[main_growth_direction_name(lines[1])]
+    lines, expected_lines = (crack_paths(run, _step_at_time(run, time)) for run in (results, reference))
+    direction = DIRECTIONS[main_growth_direction_name(expected_lines)]
     run_growth, expected = find_crack_events(results, direction), find_crack_events(reference, direction)
+    path: float | None = None
+    length = sum(float(np.hypot(*np.diff(line, axis=0).T).sum()) for line in expected_lines)
+    if expected_lines and not lines:
+        path = float("inf")
+    elif length > 0:
+        path = mean_and_hausdorff_distance(lines, expected_lines)[0] / length
     return RelativeErrors(
         displacement=relative_displacement_error(results, reference),
-        path=_relative_path_error(*lines),
+        path=path,
         start=_relative_event_time_error(run_growth.start, expected.start),
         branching=_relative_event_time_error(run_growth.branching, expected.branching),
         energy=_relative_error(_total_energy_at(results, time), _total_energy_at(reference, time)),
@@ -171,15 +177,6 @@ def _interpolate_displacement_at(results: Results, time: float) -> NDArray[np.fl
     if results.epoch(first) != results.epoch(last):
         old = LinearNDInterpolator(results.nodes(first).position, old)(results.nodes(last).position)
     return np.asarray((1 - share) * old + share * new)
-
-
-def _relative_path_error(run_paths: list[Polyline], expected: list[Polyline]) -> float | None:
-    if not expected:
-        return None
-    if not run_paths:
-        return float("inf")
-    length = sum(float(np.hypot(*np.diff(line, axis=0).T).sum()) for line in expected)
-    return mean_and_hausdorff_distance(run_paths, expected)[0] / length if length > 0 else None
 
 
 def _relative_event_time_error(event: CrackEvent | None, expected: CrackEvent | None) -> float | None:
