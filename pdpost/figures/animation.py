@@ -143,7 +143,13 @@ def gif(
     how: dict[str, Any] = {"part": part, "scale": scale, "largest": largest, "every": every, "window": window}
     shots: Iterable[Pixels] = frames(results, name, dpi=dpi, progress=progress, hide=hide, clip=clip, **how)
     if clip is None:
-        palette = _palette(name, fields.choose_component(name, part, results.dimension))
+        # the colours of the field, then greys for text
+        shown = colours.colours(name, fields.choose_component(name, part, results.dimension), np.zeros(1), 1.0)
+        field = colormaps[shown.cmap](np.linspace(0, 1, SHADES))[:, :3]
+        unknown = np.array([matplotlib.colors.to_rgb(colour) for colour in (UNKNOWN, TORN, EDGE)])
+        greys = np.repeat(np.linspace(0, 1, 253 - SHADES)[:, None], 3, axis=1)
+        palette = Image.new("P", (1, 1))
+        palette.putpalette((np.concatenate([field, unknown, greys]) * 255).round().astype(int).ravel().tolist())
     else:  # shades, and the colours of cracks
         shots = list(shots)
         palette = Image.fromarray(shots[-1]).quantize(256)
@@ -218,17 +224,6 @@ def check_format(path: Path) -> str:
     if kind == "mp4":
         ffmpeg()
     return kind
-
-
-def _palette(name: str, part: str) -> Image.Image:
-    """256 colours: those of the field, then greys for text."""
-    shown = colours.colours(name, part, np.zeros(1), 1.0)
-    field = colormaps[shown.cmap](np.linspace(0, 1, SHADES))[:, :3]
-    unknown = np.array([matplotlib.colors.to_rgb(colour) for colour in (UNKNOWN, TORN, EDGE)])
-    greys = np.repeat(np.linspace(0, 1, 253 - SHADES)[:, None], 3, axis=1)
-    palette = Image.new("P", (1, 1))
-    palette.putpalette((np.concatenate([field, unknown, greys]) * 255).round().astype(int).ravel().tolist())
-    return palette
 
 
 def _range(results: Results, name: str, step: int, part: str, box: Box) -> tuple[float, float, float]:

@@ -11,7 +11,7 @@ from pdmesh.plain_figure import Figure
 from pdpost.figures import field_figure, raster, sheets
 from pdpost.figures.colours import at
 from pdpost.figures.raster import Box
-from pdpost.figures.sheets import Shape, Sheet, box_of, legend, mark, seen, shape, sheet
+from pdpost.figures.sheets import box_of, legend, mark, seen, shape, sheet
 from pdpost.figures.style import SKY_BLUE, VERMILION
 from pdpost.measures.bond_pairs import BondPairs, read_bond_pairs
 from pdpost.reading.frame_steps import last_frame
@@ -45,40 +45,34 @@ def bonds(
     many = len(visible_pairs.is_broken) > LINES
     on = sheet(box, bar=many)
     if many:
-        _count(on, where, visible_pairs)
+        # the share of broken bonds among those with their middle in a pixel; pixels are no finer than the nodes
+        middle = where.position[visible_pairs.node_rows].mean(axis=1)
+        x0, _, x1, _ = on.box
+        columns = int(np.clip((x1 - x0) / where.delta.min(), 16, sheets.pixels(on)))
+        share, _ = raster.averages(
+            middle, np.zeros(len(middle)), visible_pairs.is_broken.astype(float), on.box, columns
+        )
+        cmap = LinearSegmentedColormap.from_list("broken", [FEW, BROKEN]).with_extremes(under=INTACT, bad="#ffffff00")
+        shares = ScalarMappable(Normalize(1e-9, 1.0), cmap)
+        sheets.show(on, shares.to_rgba(np.ma.masked_invalid(share), bytes=True), where)
+        on.figure.colorbar(shares, cax=field_figure.beside(on), label="share of broken bonds", extend="min")
+        for broken, colour, word in ((False, INTACT, "intact"), (True, BROKEN, "broken")):
+            count = int((visible_pairs.is_broken == broken).sum())
+            on.axes.plot([], [], "s", color=colour, label=f"{count} bonds {word}")
     else:
-        _draw_lines(on, where, visible_pairs)
+        width = float(np.clip(INK / np.sqrt(max(len(visible_pairs.is_broken), 1)), 0.15, 0.8))
+        for broken, colour, word, order in ((False, INTACT, "intact", 1), (True, BROKEN, "broken", 2)):
+            ends = visible_pairs.node_rows[visible_pairs.is_broken == broken]
+            lines = LineCollection(
+                list(where.position[ends] * on.factor),
+                colors=colour,
+                linewidths=width * (1.5 if broken else 1),
+                zorder=order,
+                rasterized=len(visible_pairs.is_broken) > SHARP,
+            )
+            on.axes.add_collection(lines, autolim=False)
+            on.axes.plot([], [], color=colour, linewidth=1.5, label=f"{len(ends)} bonds {word}")
     mark(on, where)
     legend(on)
     on.axes.set_title(f"Bonds {at(results, step, scale)}")
     return on.figure
-
-
-def _draw_lines(on: Sheet, where: Shape, bond_pairs: BondPairs) -> None:
-    width = float(np.clip(INK / np.sqrt(max(len(bond_pairs.is_broken), 1)), 0.15, 0.8))
-    for broken, colour, word, order in ((False, INTACT, "intact", 1), (True, BROKEN, "broken", 2)):
-        ends = bond_pairs.node_rows[bond_pairs.is_broken == broken]
-        lines = LineCollection(
-            list(where.position[ends] * on.factor),
-            colors=colour,
-            linewidths=width * (1.5 if broken else 1),
-            zorder=order,
-            rasterized=len(bond_pairs.is_broken) > SHARP,
-        )
-        on.axes.add_collection(lines, autolim=False)
-        on.axes.plot([], [], color=colour, linewidth=1.5, label=f"{len(ends)} bonds {word}")
-
-
-def _count(on: Sheet, where: Shape, bond_pairs: BondPairs) -> None:
-    """Draw the share of broken bonds among those with their middle in a pixel; pixels are no finer than the nodes."""
-    middle = where.position[bond_pairs.node_rows].mean(axis=1)
-    x0, _, x1, _ = on.box
-    columns = int(np.clip((x1 - x0) / where.delta.min(), 16, sheets.pixels(on)))
-    share, _ = raster.averages(middle, np.zeros(len(middle)), bond_pairs.is_broken.astype(float), on.box, columns)
-    cmap = LinearSegmentedColormap.from_list("broken", [FEW, BROKEN]).with_extremes(under=INTACT, bad="#ffffff00")
-    colours = ScalarMappable(Normalize(1e-9, 1.0), cmap)
-    sheets.show(on, colours.to_rgba(np.ma.masked_invalid(share), bytes=True), where)
-    on.figure.colorbar(colours, cax=field_figure.beside(on), label="share of broken bonds", extend="min")
-    for broken, colour, word in ((False, INTACT, "intact"), (True, BROKEN, "broken")):
-        count = int((bond_pairs.is_broken == broken).sum())
-        on.axes.plot([], [], "s", color=colour, label=f"{count} bonds {word}")

@@ -29,7 +29,11 @@ def fatigue(runs: Sequence[FatigueLife]) -> Figure:
     figure = Figure(figsize=(WIDTH * max(panels, 1.2) / 2, 3.4), layout="constrained")
     axes = figure.subplots(1, panels, squeeze=False)[0].tolist()
     if cracked:
-        _lengths(axes[0], cracked, len(runs) > 1)
+        for number, (run, growth) in enumerate(_tips(cracked)):
+            label = f"{for_legend(run.name)}, {growth.name}" if len(runs) > 1 else growth.name
+            axes[0].plot(growth.cycles, growth.grown_length * 1e3, marker=".", lw=1.2, label=label, **look(number))
+        axes[0].set(xlabel="cycles", ylabel="growth of the crack, mm")
+        axes[0].legend(frameon=False, fontsize="small")
         _growth(axes[1], cracked, len(runs) > 1)
     if smooth:
         _lives(axes[-1], smooth)
@@ -40,14 +44,6 @@ def fatigue(runs: Sequence[FatigueLife]) -> Figure:
 
 def _tips(runs: Sequence[FatigueLife]) -> list[tuple[FatigueLife, TipFatigueGrowth]]:
     return [(run, growth) for run in runs for growth in run.tip_growths]
-
-
-def _lengths(axes: Axes, runs: Sequence[FatigueLife], named: bool) -> None:
-    for number, (run, growth) in enumerate(_tips(runs)):
-        label = f"{for_legend(run.name)}, {growth.name}" if named else growth.name
-        axes.plot(growth.cycles, growth.grown_length * 1e3, marker=".", lw=1.2, label=label, **look(number))
-    axes.set(xlabel="cycles", ylabel="growth of the crack, mm")
-    axes.legend(frameon=False, fontsize="small")
 
 
 def _growth(axes: Axes, runs: Sequence[FatigueLife], named: bool) -> None:

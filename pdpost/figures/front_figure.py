@@ -38,7 +38,20 @@ def along_fronts(front_states: list[FrontIntensities]) -> Figure:
     energy.legend(frameon=False, fontsize="small")
     intensity.legend(frameon=False, fontsize="small")
     if several:
-        _over_time(figure.add_subplot(grid[1, :]), front_states)
+        # the means of the intensities of each front over time
+        axes = figure.add_subplot(grid[1, :])
+        second, seconds = scaled([np.array([state.time for state in front_states])], "s")
+        factor, unit = scaled((_means(front_states, name) for name in INTENSITIES), "Pa√m")
+        fronts = list(dict.fromkeys(state.name for state in front_states))[:SHOWN]
+        for number, front_name in enumerate(fronts):
+            of_front = [state for state in front_states if state.name == front_name]
+            times = np.array([state.time for state in of_front]) * second
+            for order, name in enumerate(INTENSITIES):
+                style = look(len(INTENSITIES) * number + order)
+                axes.plot(times, _means(of_front, name) * factor, lw=1.3, label=f"{name}, {front_name}", **style)
+        axes.set(xlabel=f"time, {seconds}", ylabel=f"in the mean, {unit}")
+        axes.legend(frameon=False, fontsize="small")
+        plain(axes)
     return figure
 
 
@@ -64,22 +77,6 @@ def _curves(axes: Axes, last: list[FrontIntensities], names: tuple[str, ...], un
     axes.set(xlabel=f"along the front, {metres}", ylabel=f"{label}, {shown}")
     plain(axes)
     return factor
-
-
-def _over_time(axes: Axes, front_states: list[FrontIntensities]) -> None:
-    """Draw the means of the intensities of each front over time."""
-    second, seconds = scaled([np.array([state.time for state in front_states])], "s")
-    factor, unit = scaled((_means(front_states, name) for name in INTENSITIES), "Pa√m")
-    fronts = list(dict.fromkeys(state.name for state in front_states))[:SHOWN]
-    for number, front in enumerate(fronts):
-        of_front = [state for state in front_states if state.name == front]
-        times = np.array([state.time for state in of_front]) * second
-        for order, name in enumerate(INTENSITIES):
-            style = look(len(INTENSITIES) * number + order)
-            axes.plot(times, _means(of_front, name) * factor, lw=1.3, label=f"{name}, {front}", **style)
-    axes.set(xlabel=f"time, {seconds}", ylabel=f"in the mean, {unit}")
-    axes.legend(frameon=False, fontsize="small")
-    plain(axes)
 
 
 def _means(front_states: list[FrontIntensities], name: str) -> NDArray[np.float64]:

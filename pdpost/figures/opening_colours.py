@@ -25,10 +25,8 @@ class Opening(NamedTuple):
 
 def opening_colours(surface: CrackSurface) -> Opening:
     """Colours from the first opening until nearly all of the area was open."""
-    time, area = (
-        surface.opening_time[surface.face_opened_during_run],
-        np.cumsum(surface.face_area[surface.face_opened_during_run]),
-    )
+    time = surface.opening_time[surface.face_opened_during_run]
+    area = np.cumsum(surface.face_area[surface.face_opened_during_run])
     factor, unit = scaled([time], "s")
     first, last = 0.0, 1.0
     if len(time):

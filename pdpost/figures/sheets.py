@@ -244,7 +244,15 @@ def border(on: Sheet, nodes: Shape) -> list[Artist]:
     if not nodes.plate.has_moving_zone or not finer.any():
         return []
     reach = nodes.delta[finer]
-    fine_area = shapely.union_all(_rows(nodes.reference[finer], reach))  # over coarse ones on its edge
+    # boxes that cover the squares of fine nodes: one for those that meet in a row
+    x, y = nodes.reference[finer].T
+    order = np.lexsort((x, y, reach))
+    x, y, reach = x[order], y[order], reach[order]
+    apart = (np.diff(y) != 0) | (np.diff(reach) != 0) | (np.diff(x) > 2 * reach[1:])
+    first = np.concatenate([[0], np.flatnonzero(apart) + 1])
+    last = np.concatenate([first[1:] - 1, [len(x) - 1]])
+    boxes = shapely.box((x - reach)[first], (y - reach)[first], (x + reach)[last], (y + reach)[last])
+    fine_area = shapely.union_all(boxes)  # over coarse ones on its edge
     zone = fine_area.buffer(-float(reach.max()) / 2, join_style="mitre")
     zone = shapely.intersection(zone, nodes.plate.plate_shape).segmentize(coarsest)
     rings = [shapely.get_coordinates(ring) for ring in shapely.get_rings(shapely.get_parts(zone))]
@@ -258,17 +266,6 @@ def border(on: Sheet, nodes: Shape) -> list[Artist]:
         lines = LineCollection(list(sides * on.factor), colors=colour, linewidths=width, zorder=2, label=label)
         artists.append(on.axes.add_collection(lines, autolim=False))
     return artists
-
-
-def _rows(place: NDArray[np.float64], reach: NDArray[np.float64]) -> NDArray[np.object_]:
-    """Boxes that cover the squares (n,) with these middles and half sides, m: one for those that meet in a row."""
-    x, y = place.T
-    order = np.lexsort((x, y, reach))
-    x, y, reach = x[order], y[order], reach[order]
-    apart = (np.diff(y) != 0) | (np.diff(reach) != 0) | (np.diff(x) > 2 * reach[1:])
-    first = np.concatenate([[0], np.flatnonzero(apart) + 1])
-    last = np.concatenate([first[1:] - 1, [len(x) - 1]])
-    return np.asarray(shapely.box((x - reach)[first], (y - reach)[first], (x + reach)[last], (y + reach)[last]))
 
 
 def legend(on: Sheet, *patches: tuple[str, str], columns: int = 3) -> None:

@@ -14,7 +14,7 @@ from pdpost.figures.charts import WIDTH, look, plain
 from pdpost.figures.crack_figure import on_grey_plate
 from pdpost.figures.labels import scaled
 from pdpost.figures.raster import Box
-from pdpost.figures.sheets import Sheet, box_of, shape
+from pdpost.figures.sheets import box_of, shape
 from pdpost.measures.cracked_nodes import damage_without_pre_cracks_at
 from pdpost.measures.release import EnergyRelease
 from pdpost.measures.stress_intensities import TipIntensityHistory
@@ -39,7 +39,17 @@ def sif(
     plate, intensity, energy = (figure.add_subplot(place) for place in (grid[0, :], grid[1, 0], grid[1, 1]))
     on = on_grey_plate(plate, box, where, damage_without_pre_cracks_at(results, step))
     for series in shown:
-        _rings(on, series, str(look(series.tip_history.branch_number)["color"]))
+        colour = str(look(series.tip_history.branch_number)["color"])
+        assert series.last_integrals is not None
+        place = series.last_integrals.tip.place * on.factor
+        ring = series.last_integrals.rings[1]
+        outer, wide = ring.outer * on.factor, (ring.outer - ring.inner) * on.factor
+        on.axes.add_patch(Annulus(tuple(place), outer, wide, fc=colour, alpha=0.25, lw=0, zorder=4))
+        for tip_ring in series.last_integrals.rings:
+            for radius in tip_ring:
+                circle = radius * on.factor * np.exp(1j * np.linspace(0, 2 * np.pi, 181))
+                on.axes.plot(place[0] + circle.real, place[1] + circle.imag, color=colour, lw=0.5, zorder=5)
+        on.axes.plot(*place, "+", color=colour, ms=7, zorder=6)
     when = time_text(float(tip_series[0].time[-1]), micro="µs")
     plate.set_title(f"Damage at {when} and the rings of the tips, the last they had", fontsize="medium")
     _curves(intensity, shown, ("K1", "K2"), "Pa√m", "stress intensity")
@@ -52,19 +62,6 @@ def sif(
     energy.legend(frameon=False)
     figure.legend(*intensity.get_legend_handles_labels(), loc="outside lower center", ncols=4, frameon=False)
     return figure
-
-
-def _rings(on: Sheet, series: TipIntensityHistory, colour: str) -> None:
-    assert series.last_integrals is not None
-    place = series.last_integrals.tip.place * on.factor
-    ring = series.last_integrals.rings[1]
-    outer, wide = ring.outer * on.factor, (ring.outer - ring.inner) * on.factor
-    on.axes.add_patch(Annulus(tuple(place), outer, wide, fc=colour, alpha=0.25, lw=0, zorder=4))
-    for tip_ring in series.last_integrals.rings:
-        for radius in tip_ring:
-            circle = radius * on.factor * np.exp(1j * np.linspace(0, 2 * np.pi, 181))
-            on.axes.plot(place[0] + circle.real, place[1] + circle.imag, color=colour, lw=0.5, zorder=5)
-    on.axes.plot(*place, "+", color=colour, ms=7, zorder=6)
 
 
 def _curves(axes: Axes, shown: list[TipIntensityHistory], names: tuple[str, ...], unit: str, label: str) -> None:

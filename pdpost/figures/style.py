@@ -158,27 +158,24 @@ def written(figure: Figure, kind: str, dpi: float | None = None) -> bytes:
     """Bytes of a figure in a format such as "png", reproducible; `dpi` overrides the style's."""
     picture = io.BytesIO()
     more: dict[str, Any] = {} if dpi is None else {"dpi": dpi}
-    tight = matplotlib.rcParams["savefig.bbox"] == "tight"
+    box: Bbox | str = "tight"
     with matplotlib.rc_context({"svg.hashsalt": "pdpost"}):
-        cut = "tight" if tight else _as_wide(figure, matplotlib.rcParams["figure.figsize"][0])
-        figure.savefig(picture, format=kind, bbox_inches=cut, metadata=UNDATED.get(kind), **more)
+        if matplotlib.rcParams["savefig.bbox"] != "tight":  # exactly as wide as the style says, with all that is in it
+            width = matplotlib.rcParams["figure.figsize"][0]
+            wide, tall = figure.get_size_inches()
+            if figure.get_layout_engine() is not None:  # which finds room for words of any size
+                figure.set_size_inches(width, tall * (width / wide) ** FLATTER)
+            canvas, room = FigureCanvasAgg(figure), width - 2 * EDGING
+            for _ in range(TRIALS):
+                figure.draw_without_rendering()
+                bounds = figure.get_tightbbox(canvas.get_renderer())
+                if bounds.width <= room:
+                    break
+                figure.set_size_inches(*(figure.get_size_inches() * room / bounds.width).tolist())
+            middle = (bounds.x0 + bounds.x1) / 2
+            box = Bbox.from_extents(middle - width / 2, bounds.y0 - EDGING, middle + width / 2, bounds.y1 + EDGING)
+        figure.savefig(picture, format=kind, bbox_inches=box, metadata=UNDATED.get(kind), **more)
     return picture.getvalue()
-
-
-def _as_wide(figure: Figure, width: float) -> Bbox:
-    """Bounding box, inches, of exactly this width that contains everything; the figure is resized to fit."""
-    wide, tall = figure.get_size_inches()
-    if figure.get_layout_engine() is not None:  # which finds room for words of any size
-        figure.set_size_inches(width, tall * (width / wide) ** FLATTER)
-    canvas, room = FigureCanvasAgg(figure), width - 2 * EDGING
-    for _ in range(TRIALS):
-        figure.draw_without_rendering()
-        bounds = figure.get_tightbbox(canvas.get_renderer())
-        if bounds.width <= room:
-            break
-        figure.set_size_inches(*(figure.get_size_inches() * room / bounds.width).tolist())
-    middle = (bounds.x0 + bounds.x1) / 2
-    return Bbox.from_extents(middle - width / 2, bounds.y0 - EDGING, middle + width / 2, bounds.y1 + EDGING)
 
 
 def check_format(path: Path) -> str:
