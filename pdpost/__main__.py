@@ -87,26 +87,21 @@ def main(argv: Sequence[str] | None = None) -> int:
                 if Path(f"{os.path.realpath(path)}-wal").exists() and (warning := state_of(path).warning):
                     commandline.warn(f"pdpost: warning: {path}: {warning}")  # how far a killed run's log can be read
         if args.command in OF_PLATES:
-            _refuse_bodies(args)
+            # a file that cannot be opened is left to the command to report
+            from pdpost.reading.studies import StudyError, stands_for
+            from pdsolve.results import Results, ResultsError
+
+            for path in commandline.paths_of(args, "results"):
+                dimension = 2
+                with suppress(ResultsError, StudyError, OSError), Results.open(stands_for([path])[0].path) as results:
+                    dimension = results.dimension
+                if dimension == 3:
+                    raise ResultsError(
+                        f"{path} is a body in space, and this command draws plates; {OF_BODIES} show bodies"
+                    )
         return int(args.run(args))
 
     return commandline.run("pdpost", command, _exits)
-
-
-def _refuse_bodies(args: argparse.Namespace) -> None:
-    """Raise ResultsError for results of bodies in space.
-
-    A file that cannot be opened is left to the command to report.
-    """
-    from pdpost.reading.studies import StudyError, stands_for
-    from pdsolve.results import Results, ResultsError
-
-    for path in commandline.paths_of(args, "results"):
-        dimension = 2
-        with suppress(ResultsError, StudyError, OSError), Results.open(stands_for([path])[0].path) as results:
-            dimension = results.dimension
-        if dimension == 3:
-            raise ResultsError(f"{path} is a body in space, and this command draws plates; {OF_BODIES} show bodies")
 
 
 def _exits() -> dict[type[Exception], int]:

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 from pdmesh import commandline
 from pdpost.commands.pictures import FIELDS
 from pdpost.commands.shared import (
+    MATPLOTLIB,
     add_clip,
     add_colours,
     add_every,
@@ -54,9 +55,7 @@ def _patience(text: str) -> float:
 
 def _add_field(command: argparse.ArgumentParser, output: str) -> None:
     add_results(command)
-    commandline.add_common_options(
-        command, output=output, assignment="override a matplotlib setting, such as savefig.dpi=300 or font.size=11"
-    )
+    commandline.add_common_options(command, output=output, assignment=MATPLOTLIB)
     command.add_argument(
         "--field",
         choices=FIELDS,

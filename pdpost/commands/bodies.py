@@ -10,7 +10,7 @@ from pdpost.commands.shared import (
     add_csv,
     add_frame,
     add_largest,
-    add_results,
+    add_picture_command,
     chosen_frame,
     largest_of,
     picture_path,
@@ -27,15 +27,7 @@ if TYPE_CHECKING:
 
 def add(commands: Commands) -> None:
     """Put `slice` and `render` on the command line."""
-    about = "draw a field of a body on a plane through it"
-    command = commands.add_parser("slice", help=about, description=f"{about[0].upper()}{about[1:]}.")
-    add_results(command)
-    commandline.add_common_options(
-        command,
-        output="the picture, in the format of its suffix (default: the results' name with .slice.png)",
-        assignment="override a matplotlib setting, such as savefig.dpi=300",
-    )
-    _add_shared(command)
+    command = _add_body_command(commands, "slice", "draw a field of a body on a plane through it")
     command.add_argument(
         "--plane",
         type=plane,
@@ -46,14 +38,7 @@ def add(commands: Commands) -> None:
     add_csv(command)
     command.set_defaults(run=_slice)
     about = "draw a body in perspective, without a window (needs the extra render: pip install 'pdsuite[render]')"
-    command = commands.add_parser("render", help=about, description=f"{about[0].upper()}{about[1:]}.")
-    add_results(command)
-    commandline.add_common_options(
-        command,
-        output="the picture, in the format of its suffix (default: the results' name with .render.png)",
-        assignment="override a matplotlib setting, such as savefig.dpi=300",
-    )
-    _add_shared(command)
+    command = _add_body_command(commands, "render", about)
     command.add_argument(
         "--level", type=float, metavar="N", help="draw the surface where the field has this value, SI units"
     )
@@ -68,13 +53,16 @@ def add(commands: Commands) -> None:
     command.set_defaults(run=_render)
 
 
-def _add_shared(command: argparse.ArgumentParser) -> None:
+def _add_body_command(commands: Commands, name: str, about: str) -> argparse.ArgumentParser:
+    setting = "override a matplotlib setting, such as savefig.dpi=300"
+    command = add_picture_command(commands, name, about, assignment=setting)
     add_frame(command)
     add_largest(command)
     command.add_argument(
         "--field", metavar="NAME", help="field to draw (default: damage; in models of diffusion content)"
     )
     command.add_argument("--component", metavar="NAME", help="component of a vector: magnitude (default), x, y, z")
+    return command
 
 
 def _slice(args: argparse.Namespace) -> int:

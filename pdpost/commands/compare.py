@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 from pdmesh import commandline
 from pdpost.commands.pictures import FIELDS
 from pdpost.commands.shared import (
+    MATPLOTLIB,
     add_colours,
     add_frame,
     add_journal,
@@ -43,7 +44,7 @@ def add(commands: Commands) -> None:
     commandline.add_common_options(
         compare,
         output="the picture, in the format of its suffix (default: compare.png)",
-        assignment="override a matplotlib setting, such as savefig.dpi=300 or font.size=11",
+        assignment=MATPLOTLIB,
     )
     add_journal(compare)
     add_frame(compare)

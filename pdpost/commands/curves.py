@@ -201,11 +201,9 @@ def _balance(args: argparse.Namespace) -> int:
 
     path = picture_path(args, ".balance.png")
     with number_options.styled(path, dict(args.assignments)), Results.open(args.results) as results:
-        books, per, said = (
-            energy_balance(results),
-            thickness_unit_suffix(results),
-            energy_loss_warnings(results),
-        )
+        books = energy_balance(results)
+        per = thickness_unit_suffix(results)
+        said = energy_loss_warnings(results)
         if path is not None:
             from pdpost.figures import charts, style
 

@@ -10,7 +10,12 @@ from typing import TYPE_CHECKING, Any
 
 from pdmesh import commandline
 from pdmesh.plain_text import for_csv
-from pdpost.commands.shared import add_csv, add_journal, add_results, write_csv
+from pdpost.commands.shared import (
+    add_csv,
+    add_journal,
+    add_picture_command,
+    write_csv,
+)
 
 if TYPE_CHECKING:
     from pdpost.commands.shared import Commands
@@ -18,14 +23,7 @@ if TYPE_CHECKING:
 
 def add_command(commands: Commands, name: str, about: str) -> argparse.ArgumentParser:
     """Add a command that reads results, draws a picture and prints its numbers."""
-    command = commands.add_parser(name, help=about, description=f"{about[0].upper()}{about[1:]}.")
-    add_results(command)
-    commandline.add_common_options(
-        command,
-        output=f"the picture, in the format of its suffix (default: the results' name with .{name}.png; none with"
-        " --json or --csv alone)",
-        assignment="override a matplotlib setting, such as savefig.dpi=300 or font.size=11",
-    )
+    command = add_picture_command(commands, name, about, "; none with --json or --csv alone")
     add_journal(command)
     add_csv(command)
     return command

@@ -13,7 +13,7 @@ from pdpost.commands.shared import (
     add_csv,
     add_frame,
     add_journal,
-    add_results,
+    add_picture_command,
     add_scale,
     add_window,
     check_window,
@@ -87,13 +87,7 @@ def add(commands: Commands) -> None:
 def _add_picture(
     commands: Commands, name: str, does: str, default: str, several: bool = False
 ) -> argparse.ArgumentParser:
-    picture = commands.add_parser(name, help=does, description=f"{does[0].upper()}{does[1:]}.")
-    add_results(picture)
-    commandline.add_common_options(
-        picture,
-        output=f"the picture, in the format of its suffix (default: the results' name with .{name}.png)",
-        assignment="override a matplotlib setting, such as savefig.dpi=300 or font.size=11",
-    )
+    picture = add_picture_command(commands, name, does)
     add_journal(picture)
     add_frame(picture, several)
     add_scale(picture, default)

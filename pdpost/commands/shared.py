@@ -18,12 +18,27 @@ if TYPE_CHECKING:
     Commands = argparse._SubParsersAction[argparse.ArgumentParser]
 
 SMALLEST = 1e-3  # share of a window that the plate fills: 30 by 30 of 1000 by 1000 pixels
+MATPLOTLIB = "override a matplotlib setting, such as savefig.dpi=300 or font.size=11"  # with --set
 YIELDS = "K means nothing here, as the body yields"
 
 
 def add_results(command: argparse.ArgumentParser) -> None:
     """The database that every command reads."""
     command.add_argument("results", type=Path, help="a database written by pdsolve")
+
+
+def add_picture_command(
+    commands: Commands, name: str, about: str, no_picture: str = "", assignment: str = MATPLOTLIB
+) -> argparse.ArgumentParser:
+    """Add a command that reads results and draws a picture; `no_picture` says when it does not."""
+    command = commands.add_parser(name, help=about, description=f"{about[0].upper()}{about[1:]}.")
+    add_results(command)
+    commandline.add_common_options(
+        command,
+        f"the picture, in the format of its suffix (default: the results' name with .{name}.png{no_picture})",
+        assignment,
+    )
+    return command
 
 
 def add_journal(command: argparse.ArgumentParser) -> None:

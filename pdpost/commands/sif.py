@@ -67,6 +67,7 @@ def _sif(args: argparse.Namespace) -> int:
     from pdpost.measures.release import measure_energy_release
     from pdpost.measures.tips import crack_branches
     from pdpost.reading.embedded_model import expect_mechanics
+    from pdpost.reading.frame_steps import chosen
     from pdsolve.results import Results
 
     path = picture_path(args, ".sif.png")
@@ -74,7 +75,15 @@ def _sif(args: argparse.Namespace) -> int:
     with number_options.styled(path, dict(args.assignments)), Results.open(args.results) as results:
         expect_mechanics(results)
         check_window(results, args)
-        steps = _steps(results, args)
+        if args.frame is None and args.step is None and args.time is None:
+            steps = chosen(results, chosen_stride(results, args))
+        elif args.every is not None or args.stride is not None:
+            raise commandline.UsageError(
+                "--every and --stride cannot be combined with --frame, --step or --time, which are one frame;"
+                " use one of them"
+            )
+        else:
+            steps = [chosen_frame(results, args)[0]]
         if results.dimension == 3:
             return sif_in_space.deliver_fronts(args, results, steps, path)
         if args.tip is not None and len(args.tip) != 2:
@@ -99,7 +108,11 @@ def _sif(args: argparse.Namespace) -> int:
     }
     names = [f"{name}{end}, {unit}" for name, unit in UNITS.items() for end in ("", " at least", " at most")]
     header = ("tip", "step", "time, s", "x, m", "y, m", *names, "dD/da, J/m^2")
-    rows = (row for series in tip_series for row in _rows(series, release_rates))
+    rows = []
+    for series in tip_series:
+        columns = [side[name] for name in UNITS for side in (series.value, series.low, series.high)]
+        points = zip(series.step, series.time, *series.tip_place.T, *columns, release_rates, strict=True)
+        rows += [(series.tip_history.name, *point) for point in points]
     return number_options.deliver(args, result, lines, header, rows, path)
 
 
@@ -120,20 +133,6 @@ def _expect_on_plate(results: Results, place: tuple[float, float] | None) -> Non
         )
 
 
-def _steps(results: Results, args: argparse.Namespace) -> list[int]:
-    """Steps of the frames asked for."""
-    from pdpost.reading.frame_steps import chosen
-
-    if args.frame is None and args.step is None and args.time is None:
-        return chosen(results, chosen_stride(results, args))
-    if args.every is not None or args.stride is not None:
-        raise commandline.UsageError(
-            "--every and --stride cannot be combined with --frame, --step or --time, which are one frame; use one of"
-            " them"
-        )
-    return [chosen_frame(results, args)[0]]
-
-
 def _told(series: TipIntensityHistory, release_rates: Any) -> dict[str, Any]:
     rings: list[Ring] = [] if series.last_integrals is None else list(series.last_integrals.rings)
     return {
@@ -148,12 +147,6 @@ def _told(series: TipIntensityHistory, release_rates: Any) -> dict[str, Any]:
         "rings": [ring._asdict() for ring in rings],
         "left_out": series.no_room_reason,
     }
-
-
-def _rows(series: TipIntensityHistory, release_rates: Any) -> Any:
-    columns = [side[name] for name in UNITS for side in (series.value, series.low, series.high)]
-    for row in zip(series.step, series.time, *series.tip_place.T, *columns, release_rates, strict=True):
-        yield (series.tip_history.name, *row)
 
 
 def _words(series: TipIntensityHistory) -> str:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 from collections import Counter
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from pdmesh import commandline
 from pdpost.commands import number_options
@@ -36,7 +36,27 @@ def deliver_fronts(args: argparse.Namespace, results: Results, steps: list[int],
             said = f"{sum(left_out.values())} of {len(front.length_along_front)} points left out: {reasons}"
             commandline.warn(f"{args.results}: {front.name}: {said}")
     lines = [_words(front) for front in last if len(front.points_with_values)]
-    result = {"steps": steps, "units": UNITS, "fronts": [_told(front) for front in front_states]}
+    result = {
+        "steps": steps,
+        "units": UNITS,
+        "fronts": [
+            {
+                "name": front.name,
+                "step": front.step,
+                "time": front.time,
+                "along": front.length_along_front,
+                "place": front.points,
+                "growth": front.growth_direction,
+                "normal": front.crack_normal,
+                **front.value,
+                "of_K": front.J_from_K,
+                "at_least": front.low,
+                "at_most": front.high,
+                "left_out": front.no_room_reasons,
+            }
+            for front in front_states
+        ],
+    }
     names = [f"{name}{end}, {unit}" for name, unit in UNITS.items() for end in ("", " at least", " at most")]
     header = ("front", "step", "time, s", "along, m", "x, m", "y, m", "z, m", *names)
     rows = []
@@ -45,23 +65,6 @@ def deliver_fronts(args: argparse.Namespace, results: Results, steps: list[int],
         points = zip(front.length_along_front, *front.points.T, *columns, strict=True)
         rows += [(front.name, front.step, front.time, *point) for point in points]
     return number_options.deliver(args, result, lines, header, rows, path)
-
-
-def _told(front: FrontIntensities) -> dict[str, Any]:
-    return {
-        "name": front.name,
-        "step": front.step,
-        "time": front.time,
-        "along": front.length_along_front,
-        "place": front.points,
-        "growth": front.growth_direction,
-        "normal": front.crack_normal,
-        **front.value,
-        "of_K": front.J_from_K,
-        "at_least": front.low,
-        "at_most": front.high,
-        "left_out": front.no_room_reasons,
-    }
 
 
 def _words(front: FrontIntensities) -> str:

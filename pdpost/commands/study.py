@@ -8,7 +8,12 @@ from typing import TYPE_CHECKING, Any
 
 from pdmesh import commandline
 from pdpost.commands import number_options
-from pdpost.commands.shared import add_csv, add_journal, picture_path
+from pdpost.commands.shared import (
+    MATPLOTLIB,
+    add_csv,
+    add_journal,
+    picture_path,
+)
 
 if TYPE_CHECKING:
     from pdpost.commands.shared import Commands
@@ -34,7 +39,7 @@ def add(commands: Commands) -> None:
         study,
         output="the picture, in the format of its suffix (default: the table's name with .study.png; none with --json"
         " or --csv alone)",
-        assignment="override a matplotlib setting, such as savefig.dpi=300 or font.size=11",
+        assignment=MATPLOTLIB,
     )
     add_journal(study)
     add_csv(study)

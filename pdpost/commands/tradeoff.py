@@ -8,7 +8,12 @@ from typing import TYPE_CHECKING
 
 from pdmesh import commandline
 from pdpost.commands import number_options
-from pdpost.commands.shared import add_csv, add_journal, check_csv
+from pdpost.commands.shared import (
+    MATPLOTLIB,
+    add_csv,
+    add_journal,
+    check_csv,
+)
 
 if TYPE_CHECKING:
     from pdpost.commands.shared import Commands
@@ -43,7 +48,7 @@ def add(commands: Commands) -> None:
         tradeoff,
         output="the chart, in the format of its suffix, with its numbers in a .tradeoff.json beside it (default:"
         " tradeoff.png and tradeoff.json)",
-        assignment="override a matplotlib setting, such as savefig.dpi=300 or font.size=11",
+        assignment=MATPLOTLIB,
     )
     add_journal(tradeoff)
     add_csv(tradeoff)
