@@ -92,20 +92,18 @@ class Parser(argparse.ArgumentParser):
     def parse_args(self, args: Any = None, namespace: Any = None) -> Any:  # argparse types it in two ways
         arguments, surplus = self.parse_known_args(args, namespace)
         if surplus:
-            self.error(f"unknown argument '{surplus[0]}'; {self._instead(surplus[0].partition('=')[0], arguments)}")
+            word, instead = surplus[0].partition("=")[0], "leave it out"
+            if word.startswith("-"):
+                options = list(self._option_string_actions)
+                for action in self._actions:
+                    if isinstance(action, argparse._SubParsersAction):  # the options of the chosen command too
+                        options += action.choices[getattr(arguments, action.dest)]._option_string_actions
+                options = [option for option in options if option.startswith("--")]
+                meant_option = meant(word, options, cutoff=1.0) or (self.set_by and self.set_by(word))
+                if option_name := meant_option or meant(word, options):
+                    instead = f"did you mean {option_name}?"
+            self.error(f"unknown argument '{surplus[0]}'; {instead}")
         return arguments
-
-    def _instead(self, word: str, arguments: argparse.Namespace) -> str:
-        """What to do about an unknown argument."""
-        if not word.startswith("-"):
-            return "leave it out"
-        options = list(self._option_string_actions)
-        for action in self._actions:
-            if isinstance(action, argparse._SubParsersAction):  # the options of the chosen command too
-                options += action.choices[getattr(arguments, action.dest)]._option_string_actions
-        options = [option for option in options if option.startswith("--")]
-        option_name = meant(word, options, cutoff=1.0) or (self.set_by and self.set_by(word)) or meant(word, options)
-        return f"did you mean {option_name}?" if option_name else "leave it out"
 
     def _check_value(self, action: argparse.Action, value: Any) -> None:
         if action.choices is None or value in action.choices:

@@ -26,11 +26,9 @@ from pdmesh.scene.shapes import SceneError
 
 S = TypeVar("S", Scene, Body)
 KINDS = ("load", "fix", "move", "spring")
-LOADS, MOVES, SPRINGS = (
-    ("Traction", "Body force", "Force"),
-    MOTIONS,
-    ("Stiffness", "Body stiffness"),
-)
+LOADS = ("Traction", "Body force", "Force")
+MOVES = MOTIONS
+SPRINGS = ("Stiffness", "Body stiffness")
 
 
 def acted_on(scene: S, places: Mapping[str, Iterable[tuple[str, Any, str]]], parameters: Parameters) -> S:

@@ -319,10 +319,8 @@ def either(parameters: Parameters, folder: str, *names: str) -> tuple[float | st
     """The one of these parameters that is given, and its name. Raises SceneError for none and for several."""
     values = [(value, name) for name in names if (value := parameters.of_place(f"{folder}/{name}")) is not None]
     if len(values) != 1:
-        present_names, expected_names = (
-            ", ".join(name for _, name in values) or "none",
-            " and ".join([", ".join(names[:-1]), names[-1]]),
-        )
+        present_names = ", ".join(name for _, name in values) or "none"
+        expected_names = " and ".join([", ".join(names[:-1]), names[-1]])
         raise SceneError(
             f"parameter '{PREFIX}{folder}/{names[0]}': {present_names} given; give one of {expected_names}"
         )

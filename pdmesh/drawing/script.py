@@ -73,7 +73,19 @@ def _assigned(path: Path, parameters: list[Parameter], assignments: Sequence[tup
     for name, word in assignments:
         if name not in values:
             raise SceneError(f"{path}: {unknown(name, values)}")
-        values[name] = replace(values[name], value=_converted(values[name], word, path))
+        parameter = values[name]
+        if isinstance(parameter.value, str):
+            values[name] = replace(parameter, value=word)
+            continue
+        is_integer, use = isinstance(parameter.value, int), "a finite number"
+        try:
+            value = number_in(word, parameter.unit)
+        except ValueError as error:
+            value, use = float("nan"), str(error)
+        if not math.isfinite(value) or (is_integer and value != round(value)):
+            use = "a whole number" if is_integer else use
+            raise SceneError(f"{path}: parameter '{name}' is '{word}'; use {use}")
+        values[name] = replace(parameter, value=round(value) if is_integer else value)
     return list(values.values())
 
 
@@ -196,20 +208,6 @@ def _parameters(text: str, tree: ast.Module) -> list[Parameter]:
                 unit, meaning = "", unit
             parameters.append(Parameter(name, value, unit.strip(), meaning.strip()))
     return parameters
-
-
-def _converted(parameter: Parameter, word: str, path: Path) -> float | str:
-    if isinstance(parameter.value, str):
-        return word
-    is_integer, use = isinstance(parameter.value, int), "a finite number"
-    try:
-        value = number_in(word, parameter.unit)
-    except ValueError as error:
-        value, use = float("nan"), str(error)
-    if not math.isfinite(value) or (is_integer and value != round(value)):
-        use = "a whole number" if is_integer else use
-        raise SceneError(f"{path}: parameter '{parameter.name}' is '{word}'; use {use}")
-    return round(value) if is_integer else value
 
 
 class _Constants(ast.NodeTransformer):

@@ -13,9 +13,8 @@ import numpy as np
 import shapely
 
 from pdmesh.grid.lattice import build_grid, segments
-from pdmesh.model.document import ON_ONE_LATTICE, AnyCondition, Horizon, Lattice, Settings
+from pdmesh.model.document import ON_ONE_LATTICE, Horizon, Lattice, Settings
 from pdmesh.model.node_grid import Grid, places, whole_lattice
-from pdmesh.scene.conditions import PlacedCondition
 from pdmesh.scene.scene import Scene
 
 MANY = 50_000  # nodes
@@ -49,29 +48,28 @@ def build(scene: Scene, lattice: Lattice) -> tuple[Grid, Settings]:
         parameters=scene.parameters,
         drawing=scene.drawing,
     )
+    conditions = []
+    for condition in scene.conditions:  # whose nodes are searched only near its place
+        h, reach = lattice.spacing, condition.place.rows + 1
+        low, high = np.reshape(condition.place.shape.bounds, (2, 2))
+        most = np.array([lattice.columns, lattice.rows])
+        first = np.clip(np.floor((low - lattice.origin) / h).astype(int) - reach, 0, most)
+        last = np.clip(np.ceil((high - lattice.origin) / h).astype(int) + reach + 1, 0, most)
+        columns, rows = (np.arange(begin, end) for begin, end in zip(first, last, strict=True))
+        x, y = (places(begin, h, numbers) for begin, numbers in zip(lattice.origin, (columns, rows), strict=True))
+        position = np.column_stack([np.tile(x, len(y)), np.repeat(y, len(x))])
+        ids = (rows[:, None] * lattice.columns + columns + 1).ravel()
+        placed = condition.on(position, np.full(len(position), h))
+        node_ids = tuple(ids[np.array(placed.nodes) - 1].tolist())
+        conditions.append(msgspec.structs.replace(placed, nodes=node_ids))
     settings = Settings(
         material=scene.material,
         horizon=Horizon(ratio=float(scene.horizon)),
-        conditions=tuple(_on(lattice, condition) for condition in scene.conditions),
+        conditions=tuple(conditions),
         area_rule=scene.area_rule,
         run=scene.run,
     )
     return grid, settings
-
-
-def _on(lattice: Lattice, condition: PlacedCondition) -> AnyCondition:
-    """The condition with its nodes, searched only near its place."""
-    h, reach = lattice.spacing, condition.place.rows + 1
-    low, high = np.reshape(condition.place.shape.bounds, (2, 2))
-    most = np.array([lattice.columns, lattice.rows])
-    first = np.clip(np.floor((low - lattice.origin) / h).astype(int) - reach, 0, most)
-    last = np.clip(np.ceil((high - lattice.origin) / h).astype(int) + reach + 1, 0, most)
-    columns, rows = (np.arange(begin, end) for begin, end in zip(first, last, strict=True))
-    x, y = (places(begin, h, numbers) for begin, numbers in zip(lattice.origin, (columns, rows), strict=True))
-    position = np.column_stack([np.tile(x, len(y)), np.repeat(y, len(x))])
-    ids = (rows[:, None] * lattice.columns + columns + 1).ravel()
-    placed_condition = condition.on(position, np.full(len(position), h))
-    return msgspec.structs.replace(placed_condition, nodes=tuple(ids[np.array(placed_condition.nodes) - 1].tolist()))
 
 
 def stand_in(scene: Scene) -> tuple[Grid, Settings]:

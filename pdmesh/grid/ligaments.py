@@ -50,7 +50,16 @@ def ligaments(grid: Grid, faces: list[shapely.Polygon]) -> list[Ligament]:
     cracks = shapely.simplify(cracks, EXACT * THINNEST / 2 * float(sizes[0]), preserve_topology=False)
     if len(sizes) > MOST_SIZES:
         sizes = np.exp2(np.unique(np.ceil(np.log2(sizes))))
-    gaps = list(_between(faces, cracks, THINNEST * float(sizes[-1])))
+    # gaps between two edges, holes or cracks that do not touch each other
+    lines = shapely.get_parts(shapely.union_all([cracks, *(face.boundary for face in faces)]))
+    number = connected(len(lines), *shapely.STRtree(lines).query(lines, predicate="intersects"))  # of those that touch
+    edges = np.array([shapely.multilinestrings(lines[number == group]) for group in range(number.max() + 1)])
+    plate, widest, gaps = shapely.union_all(faces), THINNEST * float(sizes[-1]), list[_Gap]()
+    for first, second in shapely.STRtree(edges).query(edges, predicate="dwithin", distance=widest).T:
+        line = shapely.shortest_line(edges[first], edges[second])
+        middle = line.interpolate(0.5, normalized=True)
+        if first < second and plate.contains(middle):
+            gaps.append(_Gap(float(line.length), shapely.get_coordinates(middle)))
     lines = shapely.get_parts(cracks)
     tree = shapely.STRtree(lines)
     for face in faces:
@@ -80,19 +89,6 @@ def _thin(gaps: list[_Gap], grid: Grid) -> Iterator[Ligament]:
         if gap.width < THINNEST * delta[at] * (1 - 2 * EXACT):
             x, y = gap.middle[at].tolist()
             yield Ligament((x, y), gap.width, float(delta[at]))
-
-
-def _between(faces: list[shapely.Polygon], cracks: shapely.Geometry, widest: float) -> Iterator[_Gap]:
-    """Gaps between two edges, holes or cracks that do not touch each other."""
-    lines = shapely.get_parts(shapely.union_all([cracks, *(face.boundary for face in faces)]))
-    number = connected(len(lines), *shapely.STRtree(lines).query(lines, predicate="intersects"))  # of those that touch
-    edges = np.array([shapely.multilinestrings(lines[number == group]) for group in range(number.max() + 1)])
-    plate = shapely.union_all(faces)
-    for first, second in shapely.STRtree(edges).query(edges, predicate="dwithin", distance=widest).T:
-        line = shapely.shortest_line(edges[first], edges[second])
-        middle = line.interpolate(0.5, normalized=True)
-        if first < second and plate.contains(middle):
-            yield _Gap(float(line.length), shapely.get_coordinates(middle))
 
 
 def _necks(face: shapely.Polygon, cracks: shapely.Geometry, radius: float) -> Iterator[_Gap]:

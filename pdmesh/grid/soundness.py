@@ -91,25 +91,21 @@ def _loose(grid: Grid, settings: Settings, pieces: list[_Piece], thin: list[Liga
     for piece in pieces:
         if piece is largest[piece.face]:
             continue
-        said = f"no bond joins {piece.describe(grid)} to the rest of the plate, {_where(grid, piece, thin)}"
+        nodes = shapely.multipoints(grid.position[piece.rows])
+        reach = THINNEST * float(grid.delta[piece.rows].max())
+        near_by = [ligament for ligament in thin if nodes.distance(shapely.Point(ligament.place)) <= reach]
+        where = "which is too thin there; use finer nodes, or a gap or a crack that parts them"
+        if near_by:
+            (x, y), width, spacing = near_by[0]
+            where = (
+                f"which is {width:.2g} m wide at ({x:.6g}, {y:.6g}) m, where nodes are {spacing:g} m apart; use"
+                f" {width / THINNEST:.2g} m there, or a gap or a crack that parts them"
+            )
+        said = f"no bond joins {piece.describe(grid)} to the rest of the plate, {where}"
         if len(piece.rows) >= CRUMB or acted_on[piece.rows].any():
             raise SceneError(f"plate: {said}")
         warnings.append(f"warning: {said}")
     return warnings
-
-
-def _where(grid: Grid, piece: _Piece, thin: list[Ligament]) -> str:
-    """Where a piece should be connected to the rest, and how to achieve it."""
-    nodes = shapely.multipoints(grid.position[piece.rows])
-    reach = THINNEST * float(grid.delta[piece.rows].max())
-    near_by = [ligament for ligament in thin if nodes.distance(shapely.Point(ligament.place)) <= reach]
-    if not near_by:
-        return "which is too thin there; use finer nodes, or a gap or a crack that parts them"
-    (x, y), width, spacing = near_by[0]
-    return (
-        f"which is {width:.2g} m wide at ({x:.6g}, {y:.6g}) m, where nodes are {spacing:g} m apart; use"
-        f" {width / THINNEST:.2g} m there, or a gap or a crack that parts them"
-    )
 
 
 def _bare(grid: Grid, pieces: list[_Piece], faces: list[shapely.Polygon]) -> list[str]:

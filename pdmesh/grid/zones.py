@@ -12,7 +12,7 @@ import numpy as np
 import shapely
 
 from pdmesh.scene.checks import limit_nodes
-from pdmesh.scene.plate import Refinement, Zone
+from pdmesh.scene.plate import Zone
 from pdmesh.scene.scene import Scene
 from pdmesh.scene.shapes import SceneError, Surface, concave_points, grown, parts
 
@@ -34,7 +34,17 @@ def levels(scene: Scene) -> tuple[Level, ...]:
     A level consists of the zones that ask for it and of the finer levels and growing zones, grown by the horizon of the
     next coarser spacing. Grown shapes end on lines of the coarser lattice.
     """
-    zones = [*scene.zones, *(_zone(request, scene) for request in scene.refinements)]
+    zones = [*scene.zones]
+    for request in scene.refinements:
+        target = {
+            "crack": lambda: shapely.union_all([slit.line for slit in scene.slits]),
+            "notch": lambda: shapely.multipoints(concave_points(scene.shape)),
+            "hole": lambda: shapely.union_all([hole.exterior for hole in scene.holes]),
+        }[request.target]()
+        if target.is_empty:
+            raise SceneError(f"refine {request.target}: the scene has none; add one, or leave it out")
+        refined = grown(target, request.distance)
+        zones.append(Zone(f"around {request.target}", refined, request.spacing or scene.finest))
     steps = [round(float(np.log2(scene.spacing / zone.spacing))) for zone in zones]
     finer: Surface = shapely.Polygon()
     level_list: list[Level] = []
@@ -57,18 +67,6 @@ def levels(scene: Scene) -> tuple[Level, ...]:
 def _level(spacing: float, shape: Surface, finer: Surface) -> Level:
     remainder = [part for part in parts(shape.difference(finer)) if part.area > SLIVER * spacing**2]
     return Level(spacing, shapely.union_all(remainder) if remainder else shapely.Polygon())
-
-
-def _zone(request: Refinement, scene: Scene) -> Zone:
-    """The zone within a distance of the refined features. Raises SceneError if the scene has none of them."""
-    target = {
-        "crack": lambda: shapely.union_all([slit.line for slit in scene.slits]),
-        "notch": lambda: shapely.multipoints(concave_points(scene.shape)),
-        "hole": lambda: shapely.union_all([hole.exterior for hole in scene.holes]),
-    }[request.target]()
-    if target.is_empty:
-        raise SceneError(f"refine {request.target}: the scene has none; add one, or leave it out")
-    return Zone(f"around {request.target}", grown(target, request.distance), request.spacing or scene.finest)
 
 
 def _reached(shape: Surface, scene: Scene, spacing: float) -> Surface:

@@ -6,6 +6,7 @@ A file without an outline or without areas is checked for less.
 from __future__ import annotations
 
 import warnings
+from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -35,17 +36,22 @@ def examine(grid: Grid, name: str = "grid") -> None:
 
     Raises GridError if most nodes are outside the shapes, and for an invalid outline.
     """
+    for message in _inconsistencies(grid, name):
+        warnings.warn(message, GridWarning, stacklevel=2)
+
+
+def _inconsistencies(grid: Grid, name: str) -> Iterator[str]:
     plate = plate_of(grid, name) if grid.dimension == 2 else None
     if grid.outline and grid.lattice is None:
         size = volume(grid.faces) if plate is None else float(plate.area)
         if grid.areas is not None:
             total, unit = float(grid.areas.sum()), f"m^{grid.dimension}"
             if abs(total - size) > SAME[grid.dimension] * size:
-                _warn(
+                yield (
                     f"{name}: $.areas: their sum is {total:.9g} {unit}, and the outline has {size:.9g} {unit};"
                     " correct one of them"
                 )
-        _outside(grid, plate, name)
+        yield from _outside(grid, plate, name)
     elif grid.lattice is not None and grid.outline:
         # the lattice, or the box of its cells, is the rectangle of the outline
         out = 0.5 * float(grid.delta[0]) if grid.dimension == 3 else 0.0
@@ -54,19 +60,23 @@ def examine(grid: Grid, name: str = "grid") -> None:
         corners = np.concatenate(grid.outline)
         expected = np.array([*corners.min(axis=0), *corners.max(axis=0)])
         if np.abs(box - expected).max() > OFF * float(grid.delta[0]):
-            _warn(
+            yield (
                 f"{name}: $.lattice: it lies between {box.tolist()} m, and the outline between {expected.tolist()} m;"
                 " make them agree"
             )
-    _cracks(grid, name)
+    yield from _cracks(grid, name)
 
 
-def _warn(message: str) -> None:
-    warnings.warn(message, GridWarning, stacklevel=4)
+def _outside(grid: Grid, plate: shapely.Geometry | None, name: str) -> Iterator[str]:
+    if plate is None:
+        away = _beside_body(grid)
+    else:
+        import shapely
 
-
-def _outside(grid: Grid, plate: shapely.Geometry | None, name: str) -> None:
-    away = _beside_body(grid) if plate is None else _beside_plate(grid, plate)
+        shapely.prepare(plate)
+        away = np.zeros(len(grid))
+        out = np.flatnonzero(~shapely.intersects_xy(plate, grid.position))
+        away[out] = shapely.distance(plate, shapely.points(grid.position[out]))
     off = np.flatnonzero(away > OFF * grid.delta)
     if not len(off):
         return
@@ -78,18 +88,7 @@ def _outside(grid: Grid, plate: shapely.Geometry | None, name: str) -> None:
     )
     if 2 * len(off) > len(grid):
         raise GridError(f"{message}: most nodes are not of these shapes")
-    _warn(message)
-
-
-def _beside_plate(grid: Grid, plate: shapely.Geometry) -> Array:
-    """Distance (n,) of nodes outside the plate, m; 0 inside."""
-    import shapely
-
-    shapely.prepare(plate)
-    away = np.zeros(len(grid))
-    out = np.flatnonzero(~shapely.intersects_xy(plate, grid.position))
-    away[out] = shapely.distance(plate, shapely.points(grid.position[out]))
-    return away
+    yield message
 
 
 def _beside_body(grid: Grid) -> Array:
@@ -116,11 +115,9 @@ def _beside_body(grid: Grid) -> Array:
 
 def _met(grid: Grid, nodes: Array, corners: Array, row: Rows, face: Rows) -> tuple[Rows, int]:
     """Rows whose rays meet these faces above the node, and 1; `nodes` and `corners` are projected along the rays."""
-    first_edge, second_edge, from_first = (
-        corners[face, 1] - corners[face, 0],
-        corners[face, 2] - corners[face, 0],
-        nodes[row] - corners[face, 0],
-    )
+    first_edge = corners[face, 1] - corners[face, 0]
+    second_edge = corners[face, 2] - corners[face, 0]
+    from_first = nodes[row] - corners[face, 0]
     area = _cross(first_edge, second_edge)
     z = grid.faces[face, :, 2]
     with np.errstate(divide="ignore", invalid="ignore"):  # faces along the rays, which none meets
@@ -134,8 +131,8 @@ def _cross(a: Array, b: Array) -> Array:
     return np.asarray(a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0])
 
 
-def _cracks(grid: Grid, name: str) -> None:
-    """Warn of cracks that separate no neighbours."""
+def _cracks(grid: Grid, name: str) -> Iterator[str]:
+    """What there is to say of cracks that separate no neighbours."""
     if not len(grid.cracks):
         return
     corners = grid.cracks.reshape(len(grid.cracks), -1, grid.dimension)
@@ -150,7 +147,7 @@ def _cracks(grid: Grid, name: str) -> None:
             _size(corner) < LONG * spacing or _parts(nearby_nodes.position, AROUND_ONE * nearby_nodes.delta, corner)
         ):
             continue
-        _warn(
+        yield (
             f"{name}: $.notch[{number}]: the crack parts no neighbouring nodes; put it between some (is it outside"
             " the plate, or along its edge?)"
         )

@@ -84,15 +84,15 @@ def contradictions(case: Case) -> Iterator[Impossible]:
 
 def of_material(material: Material, place: str) -> Iterator[Impossible]:
     """What a material cannot be, or says to a kind that it means nothing to."""
-    for refusals in (_unused_by_kind(material), KINDS[material.model].wrong(material), _missing(material)):
-        for name, expected in refusals:
-            value = getattr(material, name)
-            value_text = "none" if value is None else f"{value:g}" if isinstance(value, float) else f"'{value}'"
-            yield Impossible(f"{place}.{name}", value_text, expected)
+    for name, expected in _refusals(material):
+        value = getattr(material, name)
+        value_text = "none" if value is None else f"{value:g}" if isinstance(value, float) else f"'{value}'"
+        yield Impossible(f"{place}.{name}", value_text, expected)
 
 
-def _unused_by_kind(material: Material) -> Refusals:
-    """Settings that a material's kind does not use."""
+def _refusals(material: Material) -> Refusals:
+    """Settings that a material's kind does not use or refuses, and parameters that a word asks for and that are not
+    given."""
     kind = KINDS[material.model]
     for name, usual in refused_by(kind.name):
         if getattr(material, name) != usual:
@@ -101,11 +101,8 @@ def _unused_by_kind(material: Material) -> Refusals:
         yield Refusal("gamma", "none with sight 'visibility'")
     if material.failure not in kind.failures:
         yield Refusal("failure", f"one of {', '.join(kind.failures)} with model '{kind.name}'")
-
-
-def _missing(material: Material) -> Refusals:
-    """Parameters that a word of the material asks for and that are not given."""
-    for struct in KINDS[material.model].structs:
+    yield from kind.wrong(material)
+    for struct in kind.structs:
         switch = switch_of(struct)
         if switch is not None and getattr(material, switch[0]) == switch[1]:
             for name, needed in missing(material, struct):

@@ -91,7 +91,17 @@ class _Around(NamedTuple):
 def front_integrals(at: FrontFieldSamples, front_place: FrontPlace, tube: Tube, solid: Elastic) -> FrontParameters:
     """J and stress intensities at a point of a front; `solid` is in plane strain."""
     around = _around(at, front_place, tube)
-    J = _own(around) / tube.half
+    # J times the length of the front that q counts, J/m
+    _, bend, q, slope, sampled = around
+    H, s = sampled.gradient, sampled.stress
+    energy = np.einsum("nij,nij->n", s, sampled.strain) / 2 if sampled.work is None else sampled.work
+    total = np.einsum("nij,ni,nj->n", s, H[:, :, 0], slope)
+    if sampled.motion is not None:
+        density, v, a, rates = sampled.motion
+        energy = energy + density * (v * v).sum(axis=1) / 2
+        total += density * q * (a * H[:, :, 0] - v * rates[:, :, 0]).sum(axis=1)
+    total += ((s[:, :, 2] * H[:, :, 2]).sum(axis=1) - energy) * q * bend - energy * slope[:, 0]
+    J = float(sampled.volume @ total) / tube.half
     factors = (solid.effective_modulus / 2, solid.effective_modulus / 2, solid.shear)
     K1, K2, K3 = (
         factor * _between(around, front_field(around.z, solid, *mode)) / tube.half
@@ -158,20 +168,6 @@ def _step(share: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.f
     """A cubic (n,) that falls from 1 to 0 between the shares 0 and 1, without slope at both, and its derivative."""
     t = share.clip(0, 1)
     return 1 - t * t * (3 - 2 * t), -6 * t * (1 - t)
-
-
-def _own(around: _Around) -> float:
-    """J times the length of the front that q counts, J/m."""
-    _, bend, q, slope, at = around
-    H, s = at.gradient, at.stress
-    energy = np.einsum("nij,nij->n", s, at.strain) / 2 if at.work is None else at.work
-    total = np.einsum("nij,ni,nj->n", s, H[:, :, 0], slope)
-    if at.motion is not None:
-        density, v, a, rates = at.motion
-        energy = energy + density * (v * v).sum(axis=1) / 2
-        total += density * q * (a * H[:, :, 0] - v * rates[:, :, 0]).sum(axis=1)
-    total += ((s[:, :, 2] * H[:, :, 2]).sum(axis=1) - energy) * q * bend - energy * slope[:, 0]
-    return float(at.volume @ total)
 
 
 def _between(around: _Around, auxiliary: FrontField) -> float:

@@ -45,10 +45,8 @@ def contradiction(run: Run, conditions: Sequence[str]) -> str | None:
     for number, cell in enumerate(run.load_cells):
         missing = [name for name in cell.of if name not in conditions]
         if missing or not cell.of:
-            actual, condition_names = (
-                f"'{missing[0]}'" if missing else "none",
-                ", ".join(filter(None, conditions)) or "a name",
-            )
+            actual = f"'{missing[0]}'" if missing else "none"
+            condition_names = ", ".join(filter(None, conditions)) or "a name"
             return f"load_cells[{number}].of has {actual}; use names of conditions: {condition_names}"
     return _of_control(run, gaps)
 

@@ -102,27 +102,23 @@ def _default(field: inspection.Field) -> str:
 @cache
 def _comments(struct: type[msgspec.Struct]) -> dict[str, str]:
     """The comment beside each field of a struct, in its source."""
-    every = (Elastic, *CHOSEN) if struct is Material else (struct,)
-    return {name: words for each in every for name, words in _own_comments(each).items()}
-
-
-def _own_comments(struct: type[msgspec.Struct]) -> dict[str, str]:
-    source = textwrap.dedent(inspect.getsource(struct))
-    comments, alone = dict[int, str](), set[int]()
-    for token in tokenize.generate_tokens(io.StringIO(source).readline):
-        if token.type == tokenize.COMMENT and not token.string.startswith("# type:"):
-            comments[token.start[0]] = token.string.removeprefix("#").split("  # type:")[0].strip()
-            if not token.line[: token.start[1]].strip():
-                alone.add(token.start[0])
-    (declared,) = (node for node in ast.walk(ast.parse(source)) if isinstance(node, ast.ClassDef))
     comment_by_field = {}
-    for node in declared.body:
-        if isinstance(node, ast.AnnAssign) and isinstance(node.target, ast.Name):
-            last = node.end_lineno or node.lineno
-            lines = [line for line in range(node.lineno, last + 1) if line in comments]
-            while lines and last + 1 in alone:
-                last += 1
-                lines.append(last)
-            lines = lines or [line for line in (node.lineno - 1,) if line in alone]
-            comment_by_field[node.target.id] = " ".join(comments[line] for line in lines)
+    for each in (Elastic, *CHOSEN) if struct is Material else (struct,):
+        source = textwrap.dedent(inspect.getsource(each))
+        comments, alone = dict[int, str](), set[int]()
+        for token in tokenize.generate_tokens(io.StringIO(source).readline):
+            if token.type == tokenize.COMMENT and not token.string.startswith("# type:"):
+                comments[token.start[0]] = token.string.removeprefix("#").split("  # type:")[0].strip()
+                if not token.line[: token.start[1]].strip():
+                    alone.add(token.start[0])
+        (declared,) = (node for node in ast.walk(ast.parse(source)) if isinstance(node, ast.ClassDef))
+        for node in declared.body:
+            if isinstance(node, ast.AnnAssign) and isinstance(node.target, ast.Name):
+                last = node.end_lineno or node.lineno
+                lines = [line for line in range(node.lineno, last + 1) if line in comments]
+                while lines and last + 1 in alone:
+                    last += 1
+                    lines.append(last)
+                lines = lines or [line for line in (node.lineno - 1,) if line in alone]
+                comment_by_field[node.target.id] = " ".join(comments[line] for line in lines)
     return comment_by_field

@@ -101,20 +101,20 @@ def _strength(
 
 def lines(zones: list[dict[str, Any]]) -> list[str]:
     """The strengths of a model's zones in one line; none without zones."""
-    return ["strength: " + "; ".join(_words(zone) for zone in zones)] if zones else []
-
-
-def _words(zone: dict[str, Any]) -> str:
-    body, spacing, _, share, critical, strength = zone.values()
-    if share is None:
-        return f"no breaking bonds at {spacing:g} m{of_body(body)}"
-    said = [
-        f"{strength:.4g} Pa" if strength is not None else "",
-        f"critical stretch {critical:.4g}" if critical is not None else "",
-        f"{share:.3g} of the finest zone's" if share != 1 or strength is None else "",
-    ]
-    more = ", ".join(filter(None, said[1:]))
-    return f"{said[0]} at {spacing:g} m{of_body(body)}".strip() + (f" ({more})" if more else "")
+    words = []
+    for zone in zones:
+        body, spacing, _, share, critical, strength = zone.values()
+        if share is None:
+            words.append(f"no breaking bonds at {spacing:g} m{of_body(body)}")
+            continue
+        said = [
+            f"{strength:.4g} Pa" if strength is not None else "",
+            f"critical stretch {critical:.4g}" if critical is not None else "",
+            f"{share:.3g} of the finest zone's" if share != 1 or strength is None else "",
+        ]
+        more = ", ".join(filter(None, said[1:]))
+        words.append(f"{said[0]} at {spacing:g} m{of_body(body)}".strip() + (f" ({more})" if more else ""))
+    return ["strength: " + "; ".join(words)] if zones else []
 
 
 def described(zones: list[ZoneStrength]) -> list[dict[str, Any]]:

@@ -6,7 +6,6 @@ import os
 import shutil
 import subprocess
 import sys
-from collections.abc import Iterator
 from importlib import metadata
 from importlib.util import find_spec
 from typing import NamedTuple
@@ -66,7 +65,12 @@ def findings() -> list[Finding]:
     place, stays = trust.private_folder()
     cure = "each run compiles anew, some ten seconds: set NUMBA_CACHE_DIR to a folder that may be written to"
     kernels = Finding("compiled kernels", stays, f"kept in {place}" if stays else "kept nowhere", cure, needed=False)
-    return [python, *packages, _gmsh(), _walls(), ffmpeg, cores, kernels, _devices(), *_extras()]
+    extras = []
+    for name, (use, cure) in EXTRAS.items():
+        installed = find_spec(name) is not None
+        version = metadata.version(name) if installed else f"not installed ({use})"
+        extras.append(Finding(name, installed, version, cure, needed=False))
+    return [python, *packages, _gmsh(), _walls(), ffmpeg, cores, kernels, _devices(), *extras]
 
 
 def lines(findings: list[Finding]) -> list[str]:
@@ -105,13 +109,6 @@ def _devices() -> Finding:
     devices, ended = _child(DEVICES)
     cure = "pdsolve --device opencl needs one; all else works"
     return Finding("OpenCL", not ended, devices or ended.removeprefix("device: "), cure, needed=False)
-
-
-def _extras() -> Iterator[Finding]:
-    for name, (use, cure) in EXTRAS.items():
-        installed = find_spec(name) is not None
-        version = metadata.version(name) if installed else f"not installed ({use})"
-        yield Finding(name, installed, version, cure, needed=False)
 
 
 def _child(code: str, *words: str) -> tuple[str, str]:

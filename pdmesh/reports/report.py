@@ -405,10 +405,8 @@ def _priced(
         return _cost(spacings, nodes, bonds, None)
     from pdsolve import Options, estimate_size
 
-    steps, run = (
-        (scene_plan.time_step, scene_plan.stable_time_step),
-        msgspec.structs.replace(settings.run, steps=scene_plan.steps),
-    )
+    steps = (scene_plan.time_step, scene_plan.stable_time_step)
+    run = msgspec.structs.replace(settings.run, steps=scene_plan.steps)
     settings = msgspec.structs.replace(settings, run=run)
     return _cost(
         spacings,

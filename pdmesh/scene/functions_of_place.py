@@ -58,26 +58,23 @@ def sampled(condition: C, functions: Sequence[Function], position: NDArray[np.fl
     """The condition with tables of its functions at the places (k, d) of its nodes, m. Raises SceneError."""
     places = tuple(map(tuple, position.tolist()))
     for function in functions:
-        values = tuple(_number(function, at, place) for at in places)
-        condition = replaced(condition, function.name, function.number, Table(places, values))
+        values = []
+        for at in places:
+            try:
+                output = function.value(*at)
+                value = float(output if function.component is None else output[function.component])
+            except Exception as error:  # a user's program may raise anything
+                where = ", ".join(f"{number:g}" for number in at)
+                raise SceneError(
+                    f"{place}: {function.name}: the function raises {type(error).__name__} at ({where}) m ({error});"
+                    f" return a number for each place ({', '.join(AXES[: len(at)])})"
+                ) from None
+            if not abs(value) <= LARGEST:
+                where = ", ".join(f"{number:g}" for number in at)
+                raise SceneError(f"{place}: {function.name} is {value:g} at ({where}) m; use finite numbers")
+            values.append(value if abs(value) >= LEAST else 0.0)
+        condition = replaced(condition, function.name, function.number, Table(places, tuple(values)))
     return condition
-
-
-def _number(function: Function, at: tuple[float, ...], place: str) -> float:
-    """What a function gives at a place, m. Raises SceneError for anything but a finite number."""
-    try:
-        output = function.value(*at)
-        value = float(output if function.component is None else output[function.component])
-    except Exception as error:  # a user's program may raise anything
-        where = ", ".join(f"{number:g}" for number in at)
-        raise SceneError(
-            f"{place}: {function.name}: the function raises {type(error).__name__} at ({where}) m ({error}); return a"
-            f" number for each place ({', '.join(AXES[: len(at)])})"
-        ) from None
-    if not abs(value) <= LARGEST:
-        where = ", ".join(f"{number:g}" for number in at)
-        raise SceneError(f"{place}: {function.name} is {value:g} at ({where}) m; use finite numbers")
-    return value if abs(value) >= LEAST else 0.0
 
 
 def divided(value: ValueOfPlace, by: float) -> ValueOfPlace:

@@ -75,7 +75,18 @@ def _slit(crack: Crack, around: _Around) -> Slit:
             f"crack '{crack.name}' runs along the plate's edge from ({x0:g}, {y0:g}) to ({x1:g}, {y1:g}) m; put it"
             " inside the plate"
         )
-    points = shapely.get_coordinates(line if around.inside.covers(line) else _trimmed(crack, around))
+    if not around.inside.covers(line):  # no more than its ends may be outside
+        longest, ends = OVERSHOOT * crack.line.length, shapely.points(shapely.get_coordinates(crack.line)[[0, -1]])
+        inside_parts = [part for part in shapely.get_parts(crack.line.intersection(around.plate)) if part.length > 0]
+        for part in shapely.get_parts(crack.line.difference(around.inside)):
+            if part.length > longest or shapely.distance(part, ends).min() > 0 or len(inside_parts) != 1:
+                x, y = shapely.get_coordinates(part)[-1]
+                raise SceneError(
+                    f"crack '{crack.name}' is at ({x:g}, {y:g}) m outside the plate; put all of it inside, but for"
+                    f" ends of at most {longest:g} m"
+                )
+        line = inside_parts[0]
+    points = shapely.get_coordinates(line)
     for end, before in ((0, 1), (-1, -2)):
         if on < edge.distance(shapely.Point(points[end])) <= missed:
             way = points[end] - points[before]  # straight ahead, else to the nearest place
@@ -90,18 +101,3 @@ def _slit(crack: Crack, around: _Around) -> Slit:
         if np.hypot(*(points[end] - drawn[end])) > on
     )
     return Slit(crack.name, LineString(points), notes)
-
-
-def _trimmed(crack: Crack, around: _Around) -> LineString:
-    """The crack without its ends outside. Raises SceneError if more than the ends are outside."""
-    line, longest = crack.line, OVERSHOOT * crack.line.length
-    ends = shapely.points(shapely.get_coordinates(line)[[0, -1]])
-    inside_parts = [part for part in shapely.get_parts(line.intersection(around.plate)) if part.length > 0]
-    for part in shapely.get_parts(line.difference(around.inside)):
-        if part.length > longest or shapely.distance(part, ends).min() > 0 or len(inside_parts) != 1:
-            x, y = shapely.get_coordinates(part)[-1]
-            raise SceneError(
-                f"crack '{crack.name}' is at ({x:g}, {y:g}) m outside the plate; put all of it inside, but for ends"
-                f" of at most {longest:g} m"
-            )
-    return inside_parts[0]

@@ -59,7 +59,16 @@ def read_copies(
         gmsh_output = _run(copies[first].path, job, limit, folder)
     if job["walls"]:
         warn_of_missing(copies[first].path, gmsh_output["walls"])
-    gmsh_output["messages"] = [_in_originals(message, copies) for message in gmsh_output["messages"]]
+
+    def original(match: re.Match[str]) -> str:
+        """The user's file name and line."""
+        copy, line = copies.get(match[1]), int(match[2] or 0)
+        if copy is None:
+            return match[0]
+        has_origin = 0 < line <= len(copy.origins)
+        return f"'{copy.path}'" + (f", line {copy.origins[line - 1] if has_origin else line}" if line else "")
+
+    gmsh_output["messages"] = [PLACE.sub(original, message).replace(OWN, "") for message in gmsh_output["messages"]]
     return gmsh_output
 
 
@@ -152,16 +161,3 @@ def _stage(said: Path) -> str:
     """What a reader said last that it does."""
     lines = said.read_bytes().decode(errors="replace").splitlines()
     return next((line.removeprefix(STAGE) for line in reversed(lines) if line.startswith(STAGE)), "reading")
-
-
-def _in_originals(message: str, copies: Mapping[str, Copy]) -> str:
-    """Gmsh's message with the user's file names and lines, and the names of the drawing."""
-
-    def place(match: re.Match[str]) -> str:
-        copy, line = copies.get(match[1]), int(match[2] or 0)
-        if copy is None:
-            return match[0]
-        has_origin = 0 < line <= len(copy.origins)
-        return f"'{copy.path}'" + (f", line {copy.origins[line - 1] if has_origin else line}" if line else "")
-
-    return PLACE.sub(place, message).replace(OWN, "")

@@ -73,7 +73,14 @@ def _read(job: dict[str, Any], file: TextIO) -> None:
                 gmsh.model.addPhysicalGroup(3, volumes, name="zone:body")
                 gmsh_output |= _spatial_groups(gmsh, job, job["tolerance"])
             else:
-                gmsh_output["groups"] = _cad_groups(gmsh, job["tolerance"])
+                tolerance = max(job["tolerance"] or 1e-4 * _size(gmsh), LEAST_TOLERANCE * _size(gmsh))
+                surfaces = [
+                    [_sample(gmsh, curve, tolerance) for curve in _bounds(gmsh, [surface])]
+                    for _, surface in gmsh.model.getEntities(2)
+                ]
+                gmsh_output["groups"] = [
+                    {"name": PLATE, "dimension": 2, "number": 1, "curves": [], "surfaces": surfaces}
+                ]
         else:
             _open(gmsh, job, gmsh_output)
     except Exception as error:  # gmsh raises bare Exception
@@ -214,15 +221,6 @@ def _spacings(parameters: list[dict[str, Any]]) -> dict[str, float]:
 
 def _finest(spacings: dict[str, float]) -> float:
     return min([value for value in spacings.values() if value > 0], default=1e-3)
-
-
-def _cad_groups(gmsh: Any, tolerance: float) -> list[dict[str, Any]]:
-    tolerance = max(tolerance or 1e-4 * _size(gmsh), LEAST_TOLERANCE * _size(gmsh))
-    surfaces = [
-        [_sample(gmsh, curve, tolerance) for curve in _bounds(gmsh, [surface])]
-        for _, surface in gmsh.model.getEntities(2)
-    ]
-    return [{"name": PLATE, "dimension": 2, "number": 1, "curves": [], "surfaces": surfaces}]
 
 
 def _size(gmsh: Any) -> float:

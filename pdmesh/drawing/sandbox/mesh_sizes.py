@@ -23,7 +23,20 @@ Array = NDArray[np.float64]
 
 def set_sizes(gmsh: Any, tolerance: float) -> None:
     """Set sizes with which chords of surfaces and curves are off them by about `tolerance`."""
-    curvature = {(2, tag): _of_surface(gmsh, tag) for _, tag in gmsh.model.getEntities(2)}
+    curvature: dict[tuple[int, int], tuple[float, float]] = {}
+    for _, tag in gmsh.model.getEntities(2):
+        (u0, v0), (u1, v1) = gmsh.model.getParametrizationBounds(2, tag)
+        shares = np.linspace(0, 1, 2 * CELLS + 1)
+        u, v = np.meshgrid(u0 + (u1 - u0) * shares, v0 + (v1 - v0) * shares, indexing="ij")
+        values = gmsh.model.getValue(2, tag, np.stack([u, v], axis=2).ravel())
+        at = np.array(values).reshape(*u.shape, 3)
+        first_curvature, along = _bent(at[:, 1::2])
+        second_curvature, across = _bent(at[1::2].transpose(1, 0, 2))
+        area = np.linalg.norm(np.cross(along, across.transpose(1, 0, 2)), axis=2)
+        total = float(area.sum())
+        # the larger one of its two directions, 1/m, in the mean, and its area, untrimmed, m^2
+        mean = float((np.maximum(first_curvature, second_curvature.T) * area).sum()) / total if total > 0 else 0.0
+        curvature[2, tag] = mean, total
     curved = {entity: _size(of, tolerance) for entity, (of, _) in curvature.items() if of > 0}
     count = sum(curvature[entity][1] / (np.sqrt(3) / 4 * size**2) for entity, size in curved.items())
     for _, tag in gmsh.model.getEntities(1):
@@ -55,20 +68,6 @@ def set_sizes(gmsh: Any, tolerance: float) -> None:
 def _size(curvature: float, tolerance: float) -> float:
     """Length of the chords of an arc that are off by the tolerance, or turn by the largest angle."""
     return float(max(min((8 * tolerance / curvature) ** 0.5, ANGLE / curvature), SMALLEST * tolerance))
-
-
-def _of_surface(gmsh: Any, tag: int) -> tuple[float, float]:
-    """The mean curvature of a surface, of its two directions the larger one, 1/m, and its area, untrimmed, m^2."""
-    (u0, v0), (u1, v1) = gmsh.model.getParametrizationBounds(2, tag)
-    shares = np.linspace(0, 1, 2 * CELLS + 1)
-    u, v = np.meshgrid(u0 + (u1 - u0) * shares, v0 + (v1 - v0) * shares, indexing="ij")
-    places = gmsh.model.getValue(2, tag, np.stack([u, v], axis=2).ravel())
-    at = np.array(places).reshape(*u.shape, 3)
-    first_curvature, along = _bent(at[:, 1::2])
-    second_curvature, across = _bent(at[1::2].transpose(1, 0, 2))
-    area = np.linalg.norm(np.cross(along, across.transpose(1, 0, 2)), axis=2)
-    total = float(area.sum())
-    return (float((np.maximum(first_curvature, second_curvature.T) * area).sum()) / total if total > 0 else 0.0), total
 
 
 def _bent(at: Array) -> tuple[Array, Array]:
