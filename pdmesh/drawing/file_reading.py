@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from functools import partial
 from pathlib import Path
 
 from pdmesh.drawing.additions import ADAPT, adapted, added, sorted_out
@@ -18,7 +17,7 @@ from pdmesh.model.document import read_file
 from pdmesh.scene.body import Body
 from pdmesh.scene.files_of_values import with_files
 from pdmesh.scene.scene import Scene
-from pdmesh.scene.shapes import SceneError
+from pdmesh.scene.shapes import SceneError, errors_at
 
 
 def read_scene(
@@ -36,10 +35,8 @@ def read_scene(
     """
     path = Path(path)
     scene = _read_scene(path, assignments, refine, trust, cracks)
-    try:
+    with errors_at(path):
         return with_files(scene, path.parent)
-    except SceneError as error:
-        raise SceneError(f"{path}: {error}") from None
 
 
 def _read_scene(
@@ -48,18 +45,13 @@ def _read_scene(
     if path.suffix.lower() == ".json":
         return _again(path, assignments, refine, trust, cracks)
     scene = _read(path, [(name, value) for name, value in assignments if name != ADAPT], trust)
-    if isinstance(scene, Body):
-        for option, option_value in (("--refine", refine), ("--crack", cracks)):
-            if option_value:
-                raise SceneError(f"{path}: {option} is for plates; leave it out for a body in space")
-        try:
+    with errors_at(path):
+        if isinstance(scene, Body):
+            for option, option_value in (("--refine", refine), ("--crack", cracks)):
+                if option_value:
+                    raise SceneError(f"{option} is for plates; leave it out for a body in space")
             return adapted(scene, dict(assignments).get(ADAPT))
-        except SceneError as error:
-            raise SceneError(f"{path}: {error}") from None
-    try:
         return added(scene, refine, cracks, dict(assignments).get(ADAPT))
-    except SceneError as error:
-        raise SceneError(f"{path}: {error}") from None
 
 
 def build_file(
@@ -80,21 +72,17 @@ def build_file(
         adapt = dict(assignments).get(ADAPT)
         mesh_assignments = [(name, value) for name, value in assignments if name != ADAPT]
         plate_or_body = read_mesh(path, mesh_assignments, cracks, trust)
-        solid = isinstance(plate_or_body, Body)
-        for option, option_value in (("--refine", refine), (ADAPT, not solid and adapt)):
+        for option, option_value in (("--refine", refine), (ADAPT, not isinstance(plate_or_body, Body) and adapt)):
             if option_value:
                 raise SceneError(f"{path}: {option} is for drawings; leave it out for a mesh")
-        finished = (
-            partial(building.build, adapted(plate_or_body, adapt))
-            if isinstance(plate_or_body, Body)
-            else partial(looked_at, Built(*plate_or_body))
-        )
+        if not isinstance(plate_or_body, Body):
+            with errors_at(path):
+                return looked_at(Built(*plate_or_body))
+        scene: Scene | Body = adapted(plate_or_body, adapt)
     else:
-        finished = partial(building.build, read_scene(path, assignments, refine, trust, cracks))
-    try:
-        return finished()
-    except SceneError as error:
-        raise SceneError(f"{path}: {error}") from None
+        scene = read_scene(path, assignments, refine, trust, cracks)
+    with errors_at(path):
+        return building.build(scene)
 
 
 def file_parameters(

@@ -34,7 +34,7 @@ from pdmesh.files import FilePath
 from pdmesh.quantities import UNITS
 from pdmesh.scene.body import Body
 from pdmesh.scene.scene import Scene
-from pdmesh.scene.shapes import CHORD_TOLERANCE, SceneError, Surface
+from pdmesh.scene.shapes import CHORD_TOLERANCE, SceneError, Surface, errors_at
 
 TIME_LIMIT = 60.0  # s, for a drawing
 CAD_SECONDS, CAD_SECONDS_PER_BYTE = 60.0, 1e-5  # a broken file may never end
@@ -68,12 +68,10 @@ def read_geo(path: Path, assignments: Sequence[tuple[str, str]] = (), trust: boo
 
 
 def _scene(path: Path, gmsh_output: Mapping[str, Any], values: Mapping[str, float | str], text: str) -> Scene | Body:
-    try:
+    with errors_at(path):
         if "points" in gmsh_output:
             return body_of(gmsh_output, values, path.name, text)
         return scene_of(_groups(gmsh_output), values, path.name, text, gmsh_output["zones"])
-    except SceneError as error:
-        raise SceneError(f"{path}: {error}") from None
 
 
 def read_parameters(path: Path, assignments: Sequence[tuple[str, str]] = (), trust: bool = False) -> list[Parameter]:
@@ -91,11 +89,9 @@ def read_cad(path: Path, assignments: Sequence[tuple[str, str]] = ()) -> Scene |
     Parameters are those of a .geo file. A STEP file names the unit of its coordinates; those of a BREP file are in the
     unit of the parameters. Raises SceneError.
     """
-    try:
+    with errors_at(path):
         values = given(assignments)
         unit_of(values)
-    except SceneError as error:
-        raise SceneError(f"{path}: {error}") from None
     spacings = [
         values[f"{PREFIX}Zones/{name}/Spacing"]
         for name in ("plate", "body")
@@ -111,11 +107,9 @@ def cad_parameters(path: Path, assignments: Sequence[tuple[str, str]] = ()) -> l
 
     Raises SceneError.
     """
-    try:
+    with errors_at(path):
         values = given(assignments)
         unit_of(values)
-    except SceneError as error:
-        raise SceneError(f"{path}: {error}") from None
     unit = str(values.get(f"{PREFIX}Units") or "m")
     gmsh_output = _shapes(path, 0.0, unit)
     zone = "body" if "points" in gmsh_output else "plate"
@@ -152,12 +146,10 @@ def _found(path: Path, assignments: Sequence[tuple[str, str]], copies: Mapping[s
     gmsh_output = read_copies(copies, named, TIME_LIMIT) if copies else read_trusted(path, named, TIME_LIMIT)
     # parameters that were set but are unknown to the drawing and to the mesher
     drawing_names = {entry["name"] for entry in gmsh_output["parameters"]} - set(gmsh_output["supplied"])
-    try:
+    with errors_at(path):
         refuse_unknown(
             [name for name in gmsh_output["supplied"] if not name.startswith(f"{PREFIX}{OWN}/")], from_drawing=True
         )
-    except SceneError as error:
-        raise SceneError(f"{path}: {error}") from None
     for name in gmsh_output["supplied"]:
         if name.startswith(f"{PREFIX}{OWN}/"):
             raise SceneError(f"{path}: {unknown(name, drawing_names)}")

@@ -33,7 +33,7 @@ from pdmesh.model.document import Settings
 from pdmesh.model.node_grid import Grid
 from pdmesh.scene.body import Body
 from pdmesh.scene.checks import remarks
-from pdmesh.scene.shapes import SceneError, parts
+from pdmesh.scene.shapes import SceneError, errors_at, parts
 
 OVERLAP = 1e-6  # of the area
 FLAT = 1e-9  # of the size of a mesh: z that still counts as one
@@ -74,7 +74,7 @@ def read_mesh(
     `cracks` are added to a plate, ``x0,y0,x1,y1``. Raises SceneError.
     """
     mesh = mesh_checks.read(path, trust)
-    try:
+    with errors_at(path):
         for row, axis in np.argwhere(~(np.abs(mesh.points) < FARTHEST))[:1].tolist():
             value = f"{mesh.points[row, axis]:g}"  # of which no area or distance can be computed
             raise SceneError(f"points: point {row} has the coordinate {value}; use a finite one below {FARTHEST:g}")
@@ -86,8 +86,6 @@ def read_mesh(
                 raise SceneError("--crack is for plates; leave it out for a body in space")
             return (body_of_points if cloud else body_of_mesh)(mesh, values, path.name)
         return _plate(mesh, values, path, cracks)
-    except SceneError as error:
-        raise SceneError(f"{path}: {error}") from None
 
 
 def _plate(

@@ -30,7 +30,7 @@ from pdmesh.files import read_bytes
 from pdmesh.quantities import KINDS, number_in
 from pdmesh.scene.body import Body
 from pdmesh.scene.scene import Scene
-from pdmesh.scene.shapes import SceneError, UntrustedError
+from pdmesh.scene.shapes import SceneError, UntrustedError, errors_at
 
 
 def read_script(path: Path, assignments: Sequence[tuple[str, str]] = (), trust: bool = False) -> Scene | Body:
@@ -44,15 +44,13 @@ def read_script(path: Path, assignments: Sequence[tuple[str, str]] = (), trust: 
     kind, parts = _in_child(path, values)
     more: dict[str, Any] = {"source": path.name, "drawing": text, "parameters": tuple(values.items())}
     scene: Scene | Body
-    try:
+    with errors_at(path):
         if kind == Body.__name__:
             from pdmesh.drawing.solids import meshed
 
             scene = meshed(Body(**parts | more))
         else:
             scene = replace(Scene(**parts), **more)
-    except SceneError as error:
-        raise SceneError(f"{path}: {error}") from None
     named: list[Any] = [*scene.zones, *scene.cracks]
     named += [part.region for part in scene.regions] + [condition.action for condition in scene.conditions]
     for word in [*(part.name for part in named), *(word for pair in scene.parameters for word in pair)]:

@@ -39,7 +39,7 @@ from pdmesh.scene.conditions import describe
 from pdmesh.scene.faces import SIDES, face
 from pdmesh.scene.functions_of_place import sampled
 from pdmesh.scene.heat import medium_of
-from pdmesh.scene.shapes import SceneError
+from pdmesh.scene.shapes import SceneError, errors_at
 from pdmesh.scene.solids import Sheet, Shell
 
 S = TypeVar("S", bound=Selection)
@@ -81,10 +81,8 @@ def _beside(body: Body) -> tuple[Grid, Settings, tuple[str, ...]]:
     """Grid, settings and remarks of a body and of those beside it."""
     every = [_alone(replace(body, bodies=()), lists=True)]
     for other_body in body.bodies:
-        try:
+        with errors_at(f"body '{other_body.name}'"):
             every.append(_alone(replace(other_body.body, run=body.run), lists=True))
-        except SceneError as error:
-            raise SceneError(f"body '{other_body.name}': {error}") from None
     _refuse_overlap(
         [(REST, replace(body, bodies=())), *((other_body.name, other_body.body) for other_body in body.bodies)]
     )

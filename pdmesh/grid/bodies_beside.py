@@ -15,7 +15,7 @@ from pdmesh.model.document import InitialVelocity, Region, RigidBody, Settings
 from pdmesh.model.node_grid import Bodies, Grid
 from pdmesh.scene.conditions import Shift
 from pdmesh.scene.scene import Scene
-from pdmesh.scene.shapes import SceneError
+from pdmesh.scene.shapes import errors_at
 
 MIDDLES = (0.5, 0.5)  # of a spacing: nodes are in the middle of their squares
 
@@ -32,10 +32,8 @@ def build_scene(scene: Scene) -> tuple[Grid, Settings, tuple[Shift, ...]]:
     alone = [replace(scene, bodies=(), regions=(), media=(), conditions=(), run=run)]
     for body in scene.bodies:
         material = body.material or scene.material
-        try:
+        with errors_at(f"body '{body.name}'"):
             plate = Scene(body.shape, body.spacing, material, scene.horizon, units=scene.units, medium=scene.medium)
-        except SceneError as error:
-            raise SceneError(f"body '{body.name}': {error}") from None
         alone.append(plate)
     grids: list[Grid] = []
     shifts: list[Shift] = []

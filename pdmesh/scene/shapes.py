@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import TypeAlias
 
@@ -31,6 +32,15 @@ class SceneError(ValueError):
 
 class UntrustedError(SceneError):
     """A program in place of a scene, without permission to run it; it was not run."""
+
+
+@contextmanager
+def errors_at(place: object) -> Iterator[None]:
+    """A context whose SceneErrors begin with a place, such as the file that is read."""
+    try:
+        yield
+    except SceneError as error:
+        raise SceneError(f"{place}: {error}") from None
 
 
 @dataclass(frozen=True)

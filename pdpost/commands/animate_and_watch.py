@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from pdmesh import commandline
 from pdpost.commands.pictures import FIELDS
@@ -20,7 +20,7 @@ from pdpost.commands.shared import (
     chosen_scale,
     chosen_stride,
     counted,
-    largest_of,
+    drawing_options,
     positive,
     seconds,
 )
@@ -90,10 +90,7 @@ def _animate(args: argparse.Namespace) -> int:
         stride = chosen_stride(results, args)
         how = {
             "part": args.component,
-            "scale": chosen_scale(results, int(steps[-1]), args),
-            "largest": largest_of(args, field),
-            "window": args.window,
-            "hide": args.hide,
+            **drawing_options(args, field, chosen_scale(results, int(steps[-1]), args)),
             "clip": args.clip,
             "every": stride,
             "dpi": animation.DPI if dpi == "figure" else float(dpi),
@@ -136,12 +133,7 @@ def _watch(args: argparse.Namespace) -> int:
                 check_window(results, args)
                 field = field or default_field_name(results, step)
                 path = path or chosen(field)
-                how: dict[str, Any] = {
-                    "scale": scale,
-                    "largest": largest_of(args, field),
-                    "window": args.window,
-                    "hide": args.hide,
-                }
+                how = drawing_options(args, field, scale)
                 figure = field_figure.field(results, field, step, part=args.component, **how)
             style.save(figure, path)
             frame_count += 1

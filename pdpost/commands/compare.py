@@ -19,7 +19,7 @@ from pdpost.commands.shared import (
     check_window,
     chosen_frame,
     chosen_scale,
-    largest_of,
+    drawing_options,
     picture_path,
 )
 
@@ -86,15 +86,9 @@ def _compare(args: argparse.Namespace) -> int:
             compared_frames.append({"results": str(file), "title": title, "step": step, "time": time})
         check_window(runs[0], args)
         scale = chosen_scale(runs[0], panels[0].step, args)
-        how = {
-            "part": part or None,
-            "scale": scale,
-            "largest": largest_of(args, args.field),
-            "window": args.window,
-            "hide": args.hide,
-        }
+        how = drawing_options(args, args.field, scale)
         if path is not None:
-            style.save(frames_figure.panels(panels, args.field, **how), path)
+            style.save(frames_figure.panels(panels, args.field, part=part or None, **how), path)
     result = {
         "output": None if path is None else str(path),
         "field": args.field,

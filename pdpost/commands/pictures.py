@@ -20,7 +20,7 @@ from pdpost.commands.shared import (
     chosen_frame,
     chosen_frames,
     chosen_scale,
-    largest_of,
+    drawing_options,
     numbers,
     picture_path,
     write_csv,
@@ -108,15 +108,13 @@ def _field(args: argparse.Namespace) -> int:
 
     def show(results: Results, step: int, scale: float) -> Drawn:
         part = fields.choose_component(name, args.component, results.dimension)
-        shown, largest = field_figure.values_of(results, name, step, part), largest_of(args, name)
-        how: dict[str, Any] = {"part": part or None, "scale": scale, "largest": largest, "window": args.window}
-        how["hide"] = args.hide
+        shown, how = field_figure.values_of(results, name, step, part), drawing_options(args, name, scale)
         if _cut_open(results, name, args):
             from pdpost.figures import crack_render
 
-            figure = crack_render.frame_cut_open(results, name, part, step, args.clip, largest)
+            figure = crack_render.frame_cut_open(results, name, part, step, args.clip, how["largest"])
         else:
-            figure = field_figure.field(results, name, step, shown=shown, **how)
+            figure = field_figure.field(results, name, step, shown=shown, part=part or None, **how)
         unit = fields.FIELDS[name].unit
         reported = {"component": part or None, **numbers(shown), "unit": unit}
         low, high = reported["smallest"], reported["largest"]
@@ -159,12 +157,7 @@ def _sheet(args: argparse.Namespace, name: str, part: str) -> int:
         steps = chosen_frames(results, args)
         check_window(results, args)
         scale = chosen_scale(results, steps[-1], args)
-        how: dict[str, Any] = {
-            "scale": scale,
-            "largest": largest_of(args, name),
-            "window": args.window,
-            "hide": args.hide,
-        }
+        how = drawing_options(args, name, scale)
         if path is not None:
             style.save(frames_figure.frames(results, name, steps, part=part or None, **how), path)
     result = {"output": None if path is None else str(path), "component": part or None, "steps": steps, "scale": scale}

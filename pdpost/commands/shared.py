@@ -6,7 +6,7 @@ import argparse
 import sys
 from collections.abc import Callable, Iterable
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from pdmesh import commandline
 from pdmesh.printing import print_text
@@ -324,6 +324,12 @@ def largest_of(args: argparse.Namespace, field: str) -> float | None:
         raise commandline.UsageError(
             f"--largest: cannot use '{args.largest}' for {field}; use a number above 0{usable}"
         ) from None
+
+
+def drawing_options(args: argparse.Namespace, field: str, scale: float) -> dict[str, Any]:
+    """What the options of a command say of a picture of a field, as arguments of the figure."""
+    largest = largest_of(args, field)
+    return {"scale": scale, "largest": largest, "window": args.window, "hide": args.hide}
 
 
 def positive(text: str) -> float:
