@@ -14,8 +14,9 @@ import numpy as np
 from pdmesh.model.document import ADAPTS, Contact, Run, Settings
 from pdmesh.model.material import DECLARED, Material
 from pdmesh.model.medium import Medium
-from pdmesh.model.suggestions import dotted_names, explained
+from pdmesh.model.suggestions import dotted_names
 from pdmesh.quantities import UNITS, Unit, number_in
+from pdmesh.scene.actions import converted
 from pdmesh.scene.conditions import Profile, parse_profile
 from pdmesh.scene.heat import Heat
 from pdmesh.scene.shapes import SceneError
@@ -307,7 +308,7 @@ def material(parameters: Parameters, folder: str, base: Material | None) -> Mate
     for name in ("E", "rho", "G0"):
         if name not in settings and not (name == "G0" and "critical_stretch" in settings):
             raise SceneError(f"parameter '{PREFIX}{folder}/{name}' is missing; give a number")
-    return _converted(settings, Material, folder)
+    return converted(settings, Material, f"{PREFIX}{folder}")
 
 
 def content(parameters: Parameters, folder: str) -> float | str:
@@ -350,7 +351,7 @@ def medium(parameters: Parameters) -> Medium | Heat | None:
         settings["capped"] = parameters.flag("Medium/Capped", True)
     if parameters.maybe("Medium/Surface correction") is not None:
         settings["surface_correction"] = parameters.flag("Medium/Surface correction", True)
-    return _converted(settings, Medium, "Medium")
+    return converted(settings, Medium, f"{PREFIX}Medium")
 
 
 def run(parameters: Parameters) -> Run:
@@ -381,18 +382,11 @@ def run(parameters: Parameters) -> Run:
         settings["steps"] = round(duration / step)
     elif duration is not None:
         settings["duration"] = duration  # in steps that the solver knows
-    return _converted(settings, Run, "Run")
+    return converted(settings, Run, f"{PREFIX}Run")
 
 
 def contact(parameters: Parameters) -> Contact | None:
     """How bodies touch; None if no parameter is given."""
     settings = {name: parameters.maybe(f"Contact/{parameter_name}") for name, parameter_name in CONTACT.items()}
     settings = {name: value for name, value in settings.items() if value is not None}
-    return _converted(settings, Contact, "Contact") if settings else None
-
-
-def _converted(fields: dict[str, Any], kind: type[T], place: str) -> T:
-    try:
-        return msgspec.convert(fields, kind)
-    except msgspec.ValidationError as error:
-        raise SceneError(f"{PREFIX}{place}: {explained(error, kind, lambda: fields)}") from None
+    return converted(settings, Contact, f"{PREFIX}Contact") if settings else None

@@ -61,7 +61,17 @@ class Detours:
         _, first, number = np.unique(connected(len(ends), *pairs.T), return_index=True, return_inverse=True)
         place, arms = ends[first], number.reshape(-1, 2)  # vertices, and those of the two ends of each line
         arms = arms[arms[:, 0] != arms[:, 1]]
-        passed = _passed(place, arms, lines, slack, inside)
+        # vertices that paths can pass: not tips on an edge, nor ends that miss another crack by round-off
+        arm_count = np.bincount(arms.ravel(), minlength=len(place))
+        heading = np.zeros(place.shape)
+        for near, far in (arms.T, arms.T[::-1]):
+            heading[near] = place[near] - place[far]
+        heading[arm_count != 1] = 0
+        passed = inside(place, heading / np.maximum(np.hypot(*heading.T), slack)[:, None])
+        parts = shapely.get_parts(lines)
+        tips = np.flatnonzero(arm_count == 1)
+        within = shapely.dwithin(shapely.points(place[tips])[:, None], parts[None, :], slack).sum(axis=1)
+        passed[tips[within > 1]] = False
         barriers = place[arms]
         way = barriers[:, 1] - barriers[:, 0]
         longer = slack * way / np.hypot(*way.T)[:, None]  # at vertices that cannot be passed
@@ -141,29 +151,6 @@ class Detours:
         passable = along | free
         graph = coo_array((length[passable], (first[passable], second[passable])), shape=(count, count)).tocsr()
         return np.asarray(dijkstra(graph, directed=False, limit=self._farthest))
-
-
-def _passed(
-    place: NDArray[np.float64],
-    arms: NDArray[np.int64],
-    lines: shapely.Geometry,
-    slack: float,
-    inside: Inside,
-) -> NDArray[np.bool_]:
-    """Mask (v,) of vertices that paths can pass: not tips on an edge, nor ends that miss another crack by round-off."""
-    import shapely
-
-    count = np.bincount(arms.ravel(), minlength=len(place))
-    heading = np.zeros(place.shape)
-    for near, far in (arms.T, arms.T[::-1]):
-        heading[near] = place[near] - place[far]
-    heading[count != 1] = 0
-    passed = inside(place, heading / np.maximum(np.hypot(*heading.T), slack)[:, None])
-    parts = shapely.get_parts(lines)
-    tips = np.flatnonzero(count == 1)
-    within = shapely.dwithin(shapely.points(place[tips])[:, None], parts[None, :], slack).sum(axis=1)
-    passed[tips[within > 1]] = False
-    return passed
 
 
 def _corners(place: NDArray[np.float64], arms: NDArray[np.int64], passed: NDArray[np.bool_]) -> Corners:

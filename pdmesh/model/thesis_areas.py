@@ -11,7 +11,7 @@ from pdmesh.model.kd_trees import tree_of
 from pdmesh.model.neighbours import ROUND_OFF
 
 if TYPE_CHECKING:
-    from scipy.spatial import cKDTree
+    pass
 
 ROWS = 16384  # whose surroundings are looked at together
 NEAREST = 24  # nodes looked at to find the four next ones; an interface of ratio 2 needs 13
@@ -29,28 +29,21 @@ def thesis_areas(
     if len(position) < 2:
         return delta**2
     tree = tree_of(position)
-    chunks = (np.arange(first, min(first + ROWS, len(position))) for first in range(0, len(position), ROWS))
-    return np.concatenate([_thesis_areas_of(rows, tree, position, delta, horizon) for rows in chunks])
-
-
-def _thesis_areas_of(
-    rows: NDArray[np.int64],
-    tree: cKDTree,
-    position: NDArray[np.float64],
-    delta: NDArray[np.float64],
-    horizon: NDArray[np.float64],
-) -> NDArray[np.float64]:
-    distance, near = tree.query(position[rows], k=min(NEAREST, len(position) - 1) + 1)
-    distance, near = distance[:, 1:], near[:, 1:]
-    offset = position[near] - position[rows, None, :]
-    within_horizon = distance <= horizon[rows, None] * (1 + ROUND_OFF)
-    sums = []
-    for axis in (0, 1):
-        along, across = offset[..., axis], np.abs(offset[..., 1 - axis])
-        total = np.zeros(len(rows))
-        for side in (along, -along):
-            on_side = within_horizon & (side > across * (1 - 1e-9)) & (side > 0)
-            first = on_side.argmax(axis=1)
-            total += np.where(on_side.any(axis=1), delta[near[np.arange(len(near)), first]], delta[rows])
-        sums.append(total / 2)
-    return np.asarray(sums[0] * sums[1])
+    areas = []
+    for begin in range(0, len(position), ROWS):
+        rows = np.arange(begin, min(begin + ROWS, len(position)))
+        distance, near = tree.query(position[rows], k=min(NEAREST, len(position) - 1) + 1)
+        distance, near = distance[:, 1:], near[:, 1:]
+        offset = position[near] - position[rows, None, :]
+        within_horizon = distance <= horizon[rows, None] * (1 + ROUND_OFF)
+        sums = []
+        for axis in (0, 1):
+            along, across = offset[..., axis], np.abs(offset[..., 1 - axis])
+            total = np.zeros(len(rows))
+            for side in (along, -along):
+                on_side = within_horizon & (side > across * (1 - 1e-9)) & (side > 0)
+                first = on_side.argmax(axis=1)
+                total += np.where(on_side.any(axis=1), delta[near[np.arange(len(near)), first]], delta[rows])
+            sums.append(total / 2)
+        areas.append(sums[0] * sums[1])
+    return np.concatenate(areas)

@@ -146,8 +146,18 @@ class Sight:
         Without an outline, the nodes define the plate: a bond of a node marked as border or as near a hole must not
         pass through a place that no node's cell covers.
         """
-        parted = _parted(self._grid.bodies, pairs)
-        return ~(parted | (self._uncovered(pairs) if self._void is None else self._meet(pairs, self._void)))
+        grid, parted = self._grid, _parted(self._grid.bodies, pairs)
+        if self._void is not None:
+            return ~(parted | self._meet(pairs, self._void))
+        marked = grid.border | (grid.hole_id >= 0)
+        candidates = np.flatnonzero(marked[pairs.source] | marked[pairs.target])
+        if len(candidates):
+            i, j = np.sort(np.column_stack([pairs.source[candidates], pairs.target[candidates]]), axis=1).T
+            widest = np.maximum(grid.delta[i], grid.delta[j])
+            for share in np.linspace(0, 1, LOOKS + 2)[1:-1]:
+                distance, _ = self._tree.query(grid.position[i] + share * (grid.position[j] - grid.position[i]))
+                parted[candidates] |= distance > COVERED * widest
+        return ~parted
 
     def parted(self, pairs: Pairs, segments: NDArray[np.float64]) -> NDArray[np.bool_]:
         """Mask (b,) of pairs that the segments (k, 4) of a crack separate; segments are extended by a slack at both
@@ -210,20 +220,6 @@ class Sight:
         ends = np.sort(np.column_stack([pairs.source[candidates], pairs.target[candidates]]), axis=1)
         met[candidates] = shapely.intersects(obstacle, shapely.linestrings(position[ends]))
         return met
-
-    def _uncovered(self, pairs: Pairs) -> NDArray[np.bool_]:
-        grid = self._grid
-        marked = grid.border | (grid.hole_id >= 0)
-        candidates = np.flatnonzero(marked[pairs.source] | marked[pairs.target])
-        void = np.zeros(len(pairs.source), dtype=bool)
-        if not len(candidates):
-            return void
-        i, j = np.sort(np.column_stack([pairs.source[candidates], pairs.target[candidates]]), axis=1).T
-        widest = np.maximum(grid.delta[i], grid.delta[j])
-        for share in np.linspace(0, 1, LOOKS + 2)[1:-1]:
-            distance, _ = self._tree.query(grid.position[i] + share * (grid.position[j] - grid.position[i]))
-            void[candidates] |= distance > COVERED * widest
-        return void
 
 
 def _parted(bodies: Bodies | None, pairs: Pairs) -> NDArray[np.bool_]:
