@@ -78,9 +78,13 @@ class CrackSkeleton:
             touched: dict[int, float] = {}
             for length, chain, way in short:
                 ends = chain[0], chain[-1]
-                if all(abs(touched.get(end, length) - length) <= ROUND_OFF for end in ends):
-                    touched |= dict.fromkeys(ends, length)
-                    self._merge_chain_into(chain, way) if way else self._unlink_chain(chain)
+                if any(abs(touched.get(end, length) - length) > ROUND_OFF for end in ends):
+                    continue
+                touched |= dict.fromkeys(ends, length)
+                self._unlink_chain(chain)
+                if way:  # where its nodes go, slab by slab
+                    for part, into in zip(chain[1:-1], way[1:-1], strict=True):
+                        self.members[into] = np.concatenate([self.members[into], self.members[part]])
         for chain in self.find_chains_between_joints():
             if (
                 len(self.links[chain[0]]) == 1
@@ -113,9 +117,3 @@ class CrackSkeleton:
         for part, next_part in pairwise(chain):
             self.links[part].discard(next_part)
             self.links[next_part].discard(part)
-
-    def _merge_chain_into(self, chain: Chain, target_chain: Chain) -> None:
-        """Move the nodes of a chain to another between the same joints, slab by slab."""
-        self._unlink_chain(chain)
-        for part, into in zip(chain[1:-1], target_chain[1:-1], strict=True):
-            self.members[into] = np.concatenate([self.members[into], self.members[part]])
